@@ -1,0 +1,60 @@
+# `make demo` and `make test` do all the set-up themselves: they find a Python 3.10 and build .venv with pinned versions.
+SHELL := /bin/sh
+BIN := .venv/bin
+STAMP := .venv/.installed
+
+.PHONY: help demo test test-slow test-all lint format bench recall peers wheel clean
+.DEFAULT_GOAL := help
+
+help: ## What there is to make
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/' | expand -t 20
+
+$(STAMP): pyproject.toml requirements/lock.txt scripts/find_python.sh
+	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh) && echo "using $$python" && "$$python" -m venv --clear .venv
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements/lock.txt
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
+	@touch $(STAMP)
+
+demo: $(STAMP) ## The main job on built-in synthetic data; ends with a table and a report
+	@$(BIN)/lava-vpr demo --out demo
+
+test: $(STAMP) ## The tests (real images too if LAVA_VPR_DATA names them)
+	@$(BIN)/python -m pytest -m "not slow"
+
+test-slow: $(STAMP) ## The minutes-long tests only
+	@$(BIN)/python -m pytest -m slow --timeout 1800
+
+test-all: $(STAMP) ## The tests, the minutes-long ones included
+	@$(BIN)/python -m pytest --timeout 1800
+
+lint: $(STAMP) ## ruff and mypy
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@mkdir -p .typing/lava_vpr && for f in lava_vpr/*; do ln -sfn "../../$$f" ".typing/lava_vpr/$${f##*/}"; done
+	@ln -sfn ../../processes .typing/lava_vpr/processes && ln -sfn ../../deploy .typing/lava_vpr/deploy
+	@$(BIN)/mypy .typing/lava_vpr
+
+format: $(STAMP) ## Format the code
+	@$(BIN)/ruff format . && $(BIN)/ruff check --fix .
+
+bench: recall ## All benchmarks that need nothing beyond real images
+	@$(BIN)/python -m benchmarks.speed
+
+recall: $(STAMP) ## Recall on real images (LAVA_VPR_DATA)
+	@$(BIN)/python -m benchmarks.recall
+
+.venv-peers/.installed: pyproject.toml requirements/lock.txt
+	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh) && "$$python" -m venv --clear .venv-peers
+	@.venv-peers/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/lock.txt -r requirements/peers.txt
+	@.venv-peers/bin/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
+	@touch .venv-peers/.installed
+
+peers: .venv-peers/.installed ## Side by side with the reference network in Brian2 (an environment of its own)
+	@.venv-peers/bin/python -m benchmarks.peers
+
+wheel: $(STAMP) ## Build the wheel into dist/
+	@rm -rf dist build && $(BIN)/python -m build --quiet --no-isolation --wheel .
+
+clean: ## Remove everything made here, the environment too
+	rm -rf .venv .venv-peers .typing demo dist build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

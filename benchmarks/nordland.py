@@ -1,0 +1,49 @@
+"""The real images that benchmarks and long tests use, encoded once."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.config import EncoderConfig
+from lava_vpr.encoding import EncodedTraverse, encode_traverse
+from lava_vpr.errors import InputError
+from lava_vpr.traverse import open_traverse
+
+SECTIONS = tuple((start, start + 100) for start in range(0, 500, 100))
+
+
+def folder(season: str) -> Path:
+    """The images of one season (reference summer, query winter).
+
+    Raises:
+        InputError: LAVA_VPR_DATA does not name them.
+    """
+    root = Path(os.environ.get("LAVA_VPR_DATA", "")) / "data" / "nordland" / season
+    if not os.environ.get("LAVA_VPR_DATA") or not root.is_dir():
+        raise InputError(f"{root}: no images; set LAVA_VPR_DATA to the folder that holds data/nordland/{season}")
+    return root
+
+
+@lru_cache(maxsize=8)
+def encoded(season: str, encoder: EncoderConfig) -> EncodedTraverse:
+    """All 500 images of a season."""
+    return encode_traverse(open_traverse(folder(season)), encoder)
+
+
+def part(traverse: EncodedTraverse, chosen: slice | NDArray[np.int64]) -> EncodedTraverse:
+    """Some images of an encoded traverse, with their absolute indices."""
+    order = np.arange(len(traverse))[chosen]
+    return dataclasses.replace(
+        traverse,
+        names=tuple(traverse.names[i] for i in order),
+        indices=traverse.indices[order],
+        patches=traverse.patches[order],
+        activity=traverse.activity[order],
+        thumbnails=traverse.thumbnails[order],
+    )

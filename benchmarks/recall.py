@@ -1,0 +1,169 @@
+"""Recall on real images: Nordland, summer learned, winter recognised, exact matches only.
+
+    LAVA_VPR_DATA=... python -m benchmarks.recall [--seeds 0,1,2] [--bits]
+
+Places 0:200 chose the settings, 200:500 did not: they are printed apart. Every row is the mean over its sections and
+seeds; each seed draws its own start weights and its own noise in training, in the references' responses and in queries.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.nordland import SECTIONS, encoded, part
+from lava_vpr.config import Config, preset, update
+from lava_vpr.engine.threads import cores
+from lava_vpr.evaluation import Metrics
+from lava_vpr.model import Model
+from lava_vpr.recognition import Recognition, recognise
+from lava_vpr.training import train
+
+Figures = dict[str, Metrics]
+console = Console(highlight=False, width=110)
+
+
+def learn(places: tuple[int, int], config: Config) -> Model:
+    """A model of the summer images ``places``."""
+    return train([part(encoded("summer", config.encoder), slice(*places))], config, route_images=500, jobs=cores())
+
+
+def answer(model: Model, places: tuple[int, int], **options: Any) -> Recognition:
+    """What ``model`` makes of the winter images ``places``."""
+    queries = part(encoded("winter", model.config.encoder), slice(*places))
+    return recognise(model, queries, np.eye(len(queries), dtype=bool), threads=cores(), **options)
+
+
+def shuffled(model: Model, places: tuple[int, int], seed: int) -> Recognition:
+    """The same queries in random order under new numbers, so with other noise."""
+    order = np.random.default_rng(seed).permutation(np.arange(*places))
+    queries = part(encoded("winter", model.config.encoder), order)
+    queries = dataclasses.replace(queries, indices=np.arange(len(order)) + 100_000 * (seed + 1))
+    truth = order[:, None] == np.arange(*places)[None, :]
+    return recognise(model, queries, truth, threads=cores(), rivals=())
+
+
+def mean(results: Iterable[Metrics]) -> tuple[float, float, float]:
+    """Mean R@1, R@100P and AUC."""
+    rows = [(m.recall_at_1, m.recall_at_100_precision, m.auc) for m in results]
+    a, b, c = np.mean(rows, axis=0)
+    return float(a), float(b), float(c)
+
+
+def sections(config: Config, seeds: Sequence[int]) -> dict[tuple[int, int], list[Recognition]]:
+    """Every section learned and recognised with every seed: results[section][seed number]."""
+    results: dict[tuple[int, int], list[Recognition]] = {}
+    for section in SECTIONS:
+        for seed in seeds:
+            model = learn(section, dataclasses.replace(config, seed=seed))
+            results.setdefault(section, []).append(answer(model, section))
+    return results
+
+
+def _row(table: Table, name: str, figures: Iterable[Metrics]) -> None:
+    table.add_row(name, *(f"{100 * value:.1f}" for value in mean(figures)))
+
+
+def _table(title: str) -> Table:
+    table = Table(title=title, title_justify="left")
+    table.add_column("", no_wrap=True)
+    for name in ("R@1", "R@100P", "AUC"):
+        table.add_column(name, justify="right")
+    return table
+
+
+def print_sections(config: Config, seeds: Sequence[int]) -> None:
+    """The main table: default decoder by part and seed, the other decoders, the baselines."""
+    results = sections(config, seeds)
+    table = _table(f"five sections of 100 places, preset {config.preset}, seeds {', '.join(map(str, seeds))}, percent")
+    every = [r for rows in results.values() for r in rows]
+    default = every[0].default
+    _row(table, f"all sections, {default}", (r.metrics[default] for r in every))
+    parts = {"0:200 (chose the settings)": SECTIONS[:2], "200:500 (did not)": SECTIONS[2:]}
+    for name, chosen in parts.items():
+        _row(table, name, (r.metrics[default] for section in chosen for r in results[section]))
+    for k, seed in enumerate(seeds):
+        _row(table, f"seed {seed}", (rows[k].metrics[default] for rows in results.values()))
+    for section, rows in results.items():
+        _row(table, f"section {section[0]}:{section[1]}", (r.metrics[default] for r in rows))
+    table.add_section()
+    for name in every[0].metrics:
+        if name != default:
+            _row(table, name, (r.metrics[name] for r in every))
+    console.print(table)
+
+
+def print_shuffled(config: Config, seeds: Sequence[int]) -> None:
+    """Queries in order, and shuffled and renumbered."""
+    table = _table("queries shuffled and renumbered, five sections")
+    models = [(s, learn(s, dataclasses.replace(config, seed=seed))) for s in SECTIONS for seed in seeds]
+    name = config.decoder.default
+    _row(table, "in order", (answer(model, s, rivals=()).metrics[name] for s, model in models))
+    for shuffle in range(2):
+        _row(table, f"shuffle {shuffle}", (shuffled(model, s, shuffle).metrics[name] for s, model in models))
+    console.print(table)
+
+
+def print_joined(config: Config, seeds: Sequence[int]) -> None:
+    """All 500 places in one model."""
+    table = _table("places 0:500 in one model")
+    collected: dict[str, list[Metrics]] = {}
+    for seed in seeds:
+        started = time.perf_counter()
+        model = learn((0, 500), dataclasses.replace(config, seed=seed))
+        console.print(f"seed {seed}: 500 places learned in {time.perf_counter() - started:.2f} s on {cores()} cores")
+        for length in (1, 5, 10):
+            result = answer(model, (0, 500), sequence=length)
+            label = "" if length == 1 else f", sequences of {length}"
+            for name in (result.default, "sad", "cosine"):
+                collected.setdefault(name + label, []).append(result.metrics[name])
+    for name, figures in collected.items():
+        _row(table, name, figures)
+    console.print(table)
+
+
+def print_bits(config: Config, seeds: Sequence[int]) -> None:
+    """Every width of the weights."""
+    table = _table("weight bits, five sections")
+    for bits in range(1, 9):
+        results = sections(update(config, {"network": {"weight_bits": bits}}), seeds)
+        _row(table, f"{bits} bits", (r.metrics[r.default] for rows in results.values() for r in rows))
+    console.print(table)
+
+
+def print_inputs(config: Config, seeds: Sequence[int]) -> None:
+    """Every kind of input."""
+    table = _table("input kinds, five sections")
+    for kind in ("orientation", "onoff", "pixels"):
+        results = sections(update(config, {"encoder": {"kind": kind}}), seeds)
+        _row(table, f"{kind}, network", (r.metrics[r.default] for rows in results.values() for r in rows))
+        _row(table, f"{kind}, cosine", (r.metrics["cosine"] for rows in results.values() for r in rows))
+    console.print(table)
+
+
+@click.command()
+@click.option("--seeds", default="0,1,2", show_default=True, help="Seeds, separated by commas.")
+@click.option("--bits", is_flag=True, help="Also every width of the weights.")
+@click.option("--inputs", is_flag=True, help="Also every kind of input.")
+@click.option("--preset", "preset_name", default="loihi", show_default=True)
+def main(seeds: str, bits: bool, inputs: bool, preset_name: str) -> None:
+    """Print recall on real images."""
+    config, chosen = preset(preset_name), [int(seed) for seed in seeds.split(",")]
+    print_sections(config, chosen)
+    print_shuffled(config, chosen)
+    print_joined(config, chosen)
+    if bits:
+        print_bits(config, chosen)
+    if inputs:
+        print_inputs(config, chosen)
+
+
+if __name__ == "__main__":
+    main()

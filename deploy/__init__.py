@@ -1,0 +1,1 @@
+"""From a model to what a board runs: partition, bundle, drivers (import as `lava_vpr.deploy`)."""

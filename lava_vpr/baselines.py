@@ -1,0 +1,209 @@
+"""What simpler matchers reach on the same images: SAD, cosine of the input rates, and descriptors from elsewhere.
+
+* ``sad``: mean absolute difference of patch-normalised images, the paper's baseline (Hussaini et al. 2022, section
+  VI.B, after SeqSLAM, Milford and Wyeth 2012). Scores are the distances, negated; the best one is the confidence.
+* ``cosine``: of the network's own input rates: what its encoding allows without spikes.
+* ``descriptors``: cosine of descriptors that another program computed (NetVLAD, for instance), from .npy files.
+
+A place with several reference images is as near as its nearest. Results are built block by block: beside inputs and
+result less than 100 MB are needed.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
+
+from lava_vpr.errors import InputError
+
+Scores = NDArray[np.float64]
+BLOCK_BYTES = 16_000_000  # of one float64 block: queries, references or their distances
+BLOCK_ROWS = 1024
+
+
+def _grouped(labels: NDArray[Any] | None, n_references: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Order that brings each place's references together, and the place of each in that order."""
+    if labels is None:
+        same = np.arange(n_references, dtype=np.int64)
+        return same, same
+    places = np.asarray(labels)
+    if places.shape != (n_references,) or places.dtype.kind not in "iu":
+        raise InputError(
+            f"labels: shape {places.shape}, must be one place number for each of {n_references} references"
+        )
+    order = np.argsort(places, kind="stable")
+    ordered = places[order].astype(np.int64)
+    present = np.unique(ordered)
+    if not np.array_equal(present, np.arange(len(present))):
+        gap = int(np.flatnonzero(present != np.arange(len(present)))[0])
+        wrong = f"{present[0]} is negative" if present[0] < 0 else f"place {gap} has no reference image"
+        raise InputError(f"labels: {wrong}; number the places 0, 1, 2 .. without gaps")
+    return order, ordered
+
+
+def _row_blocks(n: int, width: int) -> Iterator[slice]:
+    rows = max(1, min(BLOCK_ROWS, BLOCK_BYTES // (8 * max(1, width))))
+    return (slice(start, min(n, start + rows)) for start in range(0, n, rows))
+
+
+def _nearest(
+    references: NDArray[Any],
+    queries: NDArray[Any],
+    labels: NDArray[Any] | None,
+    compare: Callable[[NDArray[Any], NDArray[Any]], Scores],
+    nearer: np.ufunc,
+) -> Scores:
+    """``compare`` (queries, references) -> (q, r), block by block; ``nearer`` picks among a place's references.
+
+    Returns:
+        float64 (n_queries, n_places).
+    """
+    order, places = _grouped(labels, len(references))
+    n_places = int(places[-1]) + 1 if len(places) else 0
+    result = np.full((len(queries), n_places), np.inf if nearer is np.minimum else -np.inf)
+    width = references.shape[1]
+    for rows in _row_blocks(len(references), width):
+        block = references[order[rows]]
+        own, starts = np.unique(places[rows], return_index=True)
+        for part in _row_blocks(len(queries), max(width, len(block))):
+            values = nearer.reduceat(compare(queries[part], block), starts, axis=1)
+            columns = slice(int(own[0]), int(own[-1]) + 1)  # places are sorted and without gaps
+            nearer(result[part, columns], values, out=result[part, columns])
+    return result
+
+
+def sad_distances(
+    references: NDArray[np.uint8], queries: NDArray[np.uint8], labels: NDArray[Any] | None = None
+) -> Scores:
+    """Mean absolute difference of images, in grey levels.
+
+    Args:
+        references: Patch-normalised images, uint8 (n_references, h, w).
+        queries: The same, uint8 (n_queries, h, w).
+        labels: Place of each reference image, int (n_references,), 0 .. n_places - 1; None: each is its own place.
+    Returns:
+        Distances (n_queries, n_places), 0..255, the smallest over a place's images; exact to the last bit. Negate
+        them to get scores.
+    Raises:
+        InputError: images of different sizes, or labels with gaps.
+    """
+    for name, images in (("reference", references), ("query", queries)):
+        if images.ndim != 3 or images.dtype != np.uint8:
+            raise InputError(f"{name} images: {images.dtype} of shape {images.shape}, must be uint8 (images, h, w)")
+    if references.shape[1:] != queries.shape[1:]:
+        sizes = " and ".join(f"{images.shape[1]}x{images.shape[2]}" for images in (references, queries))
+        raise InputError(f"reference and query images are {sizes} pixels; preprocess both alike")
+    pixels = references.shape[1] * references.shape[2]
+
+    def compare(q: NDArray[Any], r: NDArray[Any]) -> Scores:
+        return np.asarray(cdist(q.astype(np.float64), r.astype(np.float64), "cityblock"))
+
+    flat = references.reshape(len(references), pixels), queries.reshape(len(queries), pixels)
+    return _nearest(*flat, labels, compare, np.minimum) / pixels
+
+
+def _unit_free(q: NDArray[Any], r: NDArray[Any]) -> Scores:
+    """Cosine similarities (n_q, n_r); 0 where either is blank."""
+    a, b = q.astype(np.float64), r.astype(np.float64)
+    lengths = np.sqrt((a * a).sum(axis=1))[:, None] * np.sqrt((b * b).sum(axis=1))[None, :]
+    products = a @ b.T
+    return np.divide(products, lengths, out=np.zeros_like(products), where=lengths > 0)
+
+
+def cosine_similarities(references: NDArray[Any], queries: NDArray[Any], labels: NDArray[Any] | None = None) -> Scores:
+    """Cosine similarity of input rates (or of any vectors).
+
+    Args:
+        references: Rates or descriptors, (n_references, n), any real type.
+        queries: The same, (n_queries, n).
+        labels: As in `sad_distances`.
+    Returns:
+        Similarities (n_queries, n_places), the largest over a place's images; 0 for a blank row. uint16 rates give
+        the same bits in any batch and on any machine, since their products add up below 2^53.
+    Raises:
+        InputError: vectors of different lengths, or labels with gaps.
+    """
+    for name, rates in (("reference", references), ("query", queries)):
+        if rates.ndim != 2:
+            raise InputError(f"{name} vectors: shape {rates.shape}, must be (images, n)")
+    if references.shape[1] != queries.shape[1]:
+        raise InputError(
+            f"vectors have {references.shape[1]} (reference) and {queries.shape[1]} (query) elements; encode both alike"
+        )
+    return _nearest(references, queries, labels, _unit_free, np.maximum)
+
+
+def load_descriptors(path: Path | str, n_images: int | None = None) -> NDArray[Any]:
+    """Descriptors from a .npy file, one row for each image.
+
+    Args:
+        path: File written by ``numpy.save``: real numbers, shape (n_images, dimensions).
+        n_images: How many rows it must have, if known.
+    Returns:
+        The array as stored.
+    Raises:
+        InputError: the file is missing, no .npy file, holds pickled objects or other than finite real numbers, or has
+            the wrong shape.
+    """
+    remedy = "write it with numpy.save, one row of floats for each image"
+    try:
+        with open(path, "rb") as file:
+            # Looked at first: numpy.load would take an archive too, and call anything foreign "pickled data".
+            foreign = file.read(6) != b"\x93NUMPY"
+            file.seek(0, os.SEEK_SET)
+            array = None if foreign else np.load(file, allow_pickle=False)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error}); give an existing .npy file") from None
+    except Exception as error:  # a damaged header gets numpy to raise tokenize, syntax, type, memory errors and more
+        why = "pickled objects" if "allow_pickle" in str(error) else "damaged contents"
+        raise InputError(f"{path}: holds {why}; {remedy}") from None
+    if array is None:
+        raise InputError(f"{path}: not a .npy file; {remedy}")
+    if array.dtype.kind not in "fiu":
+        raise InputError(f"{path}: holds {array.dtype}, not real numbers; {remedy}")
+    if array.ndim != 2 or array.shape[1] < 1:
+        raise InputError(f"{path}: has shape {array.shape}, not (images, dimensions); {remedy}")
+    if n_images is not None and len(array) != n_images:
+        raise InputError(
+            f"{path}: has {len(array)} rows for {n_images} images; give one row for each image, in their order"
+        )
+    for rows in _row_blocks(len(array), array.shape[1]):
+        bad = np.flatnonzero(~np.isfinite(array[rows]).all(axis=1))
+        if len(bad):
+            raise InputError(f"{path}: row {rows.start + bad[0]} holds NaN or infinite values; compute it again")
+    return np.asarray(array)
+
+
+def descriptor_similarities(
+    ref_npy: Path | str,
+    query_npy: Path | str,
+    *,
+    n_references: int | None = None,
+    n_queries: int | None = None,
+    labels: NDArray[Any] | None = None,
+) -> Scores:
+    """Cosine similarity of descriptors in two .npy files.
+
+    Args:
+        ref_npy: File with one row for each reference image.
+        query_npy: File with one row for each query.
+        n_references, n_queries: How many rows each must have, if known.
+        labels: As in `sad_distances`.
+    Returns:
+        Similarities (n_queries, n_places), the largest over a place's images; 0 for an all-zero descriptor.
+    Raises:
+        InputError: as `load_descriptors`, naming the file; or descriptors of different dimensions.
+    """
+    references, queries = load_descriptors(ref_npy, n_references), load_descriptors(query_npy, n_queries)
+    if references.shape[1] != queries.shape[1]:
+        raise InputError(
+            f"{query_npy}: descriptors of {queries.shape[1]} dimensions, but {ref_npy} has {references.shape[1]}; "
+            "compute both with the same network"
+        )
+    return cosine_similarities(references, queries, labels)

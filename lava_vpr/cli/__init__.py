@@ -1,0 +1,36 @@
+"""The command line: each command parses, calls one function and prints.
+
+Exit codes: 0 done, 1 the data or the result is at fault (the message says which file, what, and the remedy), 2 wrong
+usage.
+"""
+
+from __future__ import annotations
+
+import click
+
+from lava_vpr import __version__
+from lava_vpr.cli.common import OneLineGroup
+from lava_vpr.cli.demo import demo, synth
+from lava_vpr.cli.doctor import doctor
+from lava_vpr.cli.evaluate import evaluate
+from lava_vpr.cli.query import query
+from lava_vpr.cli.train import train
+
+
+@click.group(cls=OneLineGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.version_option(__version__, prog_name="lava-vpr")
+def main() -> None:
+    """Visual place recognition with spiking networks for Intel's Loihi.
+
+    A route is learned from a folder of images; later, in another season or light, a query image is recognised.
+
+    \b
+    lava-vpr demo                                      see it work on a built-in synthetic world
+    lava-vpr train SUMMER/ -o route.lvpr               learn a route
+    lava-vpr eval route.lvpr WINTER/ --report report   recall, precision, plots
+    lava-vpr query route.lvpr TODAY/ -o matches.csv    where was each image taken?
+    """
+
+
+for command in (demo, synth, train, evaluate, query, doctor):
+    main.add_command(command)

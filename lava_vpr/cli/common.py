@@ -1,0 +1,144 @@
+"""What all commands share: errors as one line, options, progress, output files."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from lava_vpr.config import EncoderConfig
+from lava_vpr.container import write_atomically
+from lava_vpr.encoding import EncodedTraverse, encode_traverse
+from lava_vpr.errors import InputError, LavaVprError
+from lava_vpr.traverse import Traverse
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+class OneLineGroup(click.Group):
+    """Turns every error that a user can cause into one line on stderr and exit code 1."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except LavaVprError as error:
+            raise _Failure(str(error)) from None
+        except BrokenPipeError:
+            # The reader of our output went away (`lava-vpr eval ... | head`): not an error of ours or theirs.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            raise SystemExit(0) from None
+        except OSError as error:
+            where = f"{error.filename}: " if error.filename else ""
+            remedy = "free some space" if error.errno == errno.ENOSPC else "check the path and its permissions"
+            raise _Failure(f"{where}{error.strerror or error}; {remedy}") from None
+        except MemoryError:
+            raise _Failure("not enough memory; use fewer images at a time (--places A:B)") from None
+
+
+class _Failure(click.ClickException):
+    """A message on one line, whatever file names it holds."""
+
+    exit_code = 1
+
+    def show(self, file: Any = None) -> None:
+        text = " ".join(self.format_message().split())
+        click.echo(f"lava-vpr: error: {text}", err=True)
+
+
+class Places(click.ParamType):
+    """``A:B``, images A..B-1 of a naturally sorted sequence."""
+
+    name = "A:B"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+        if isinstance(value, tuple):
+            return value
+        first, colon, end = str(value).partition(":")
+        if not (colon and first.isascii() and end.isascii() and first.isdigit() and end.isdigit()):
+            self.fail(f"{value!r} is not of the form A:B, for instance 0:100", param, ctx)
+        if int(first) >= int(end):
+            self.fail(f"{value!r} holds no place; A must be below B", param, ctx)
+        return int(first), int(end)
+
+
+def places_option(help: str) -> Callable[[F], F]:
+    """``--places A:B``."""
+    return click.option("--places", type=Places(), default=None, help=help)
+
+
+seed_type = click.IntRange(0, 2**63 - 1)
+PATH = click.Path(path_type=Path)
+console = Console(highlight=False, soft_wrap=True)
+stderr = Console(stderr=True, highlight=False, soft_wrap=True)
+
+
+@contextmanager
+def progress_bar(text: str, total: int) -> Iterator[Callable[[int, str], None]]:
+    """A bar on a terminal, nothing in a pipe; yields ``advance(by, note)``."""
+    if not stderr.is_terminal:
+        yield lambda by, note: None
+        return
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[note]}"),
+    )
+    with Progress(*columns, console=stderr, transient=True) as bar:
+        task = bar.add_task(text, total=total, note="")
+
+        def advance(by: int, note: str) -> None:
+            if note:
+                bar.update(task, advance=by, note=note)
+            else:
+                bar.advance(task, by)
+
+        yield advance
+
+
+def encode(traverse: Traverse, encoder: EncoderConfig) -> EncodedTraverse:
+    """Read and encode a traverse, with a progress bar."""
+    with progress_bar(f"reading {traverse.source}", len(traverse)) as advance:
+        return encode_traverse(traverse, encoder, lambda n: advance(n, ""))
+
+
+def check_writable(path: Path) -> None:
+    """Refuse an output that cannot be written before any work is done.
+
+    Raises:
+        InputError: its folder is missing or closed to us, or it is a folder itself.
+    """
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder; name a file")
+    folder = path.parent
+    if not folder.is_dir():
+        raise InputError(f"{path}: the folder {folder} does not exist; create it first")
+    if not os.access(folder, os.W_OK):
+        raise InputError(f"{path}: no permission to write in {folder}; choose another place")
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file in one step.
+
+    Raises:
+        InputError: it cannot be written; what was there still is.
+    """
+    try:
+        write_atomically(path, lambda file: file.write(text.encode()))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror}); free space or choose another place") from None
+
+
+def write_json(path: Path, values: dict[str, Any]) -> None:
+    """Write JSON so that equal values give equal bytes."""
+    write_text(path, json.dumps(values, indent=2, allow_nan=False) + "\n")

@@ -1,0 +1,59 @@
+"""``lava-vpr demo`` and ``lava-vpr synth``: the built-in synthetic world."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import click
+
+from lava_vpr import model as model_file
+from lava_vpr.cli.common import PATH, console, encode, seed_type, write_json
+from lava_vpr.cli.evaluate import choose_queries, ground_truth, print_table
+from lava_vpr.config import preset
+from lava_vpr.engine.threads import cores
+from lava_vpr.recognition import as_json, recognise
+from lava_vpr.report import write_report
+from lava_vpr.report.build import report_data
+from lava_vpr.synthetic import write_traverses
+from lava_vpr.training import train as train_model
+from lava_vpr.traverse import open_traverse
+
+
+@click.command()
+@click.argument("folder", metavar="DIR", type=PATH)
+@click.option(
+    "--places", type=click.IntRange(2, 10_000), default=100, show_default=True, help="Places along the route."
+)
+@click.option("--seed", type=seed_type, default=0, show_default=True, help="Seed of the world.")
+def synth(folder: Path, places: int, seed: int) -> None:
+    """Draw a synthetic route: DIR/reference in summer, DIR/query in winter."""
+    write_traverses(folder, places, seed)
+    console.print(f"{places} places: {folder}/reference, {folder}/query", markup=False)
+
+
+@click.command()
+@click.option(
+    "--out", type=PATH, default=Path("demo"), show_default=True, metavar="DIR", help="Folder for the results."
+)
+def demo(out: Path) -> None:
+    """Draw a synthetic route, learn it in summer, recognise it in winter, write a report."""
+    write_traverses(out, 100, 0)
+    console.print(f"drew 100 places in summer and winter: {out}/reference, {out}/query", markup=False)
+    config = preset("loihi")
+    reference = open_traverse(out / "reference")
+    started = time.perf_counter()
+    model = train_model([encode(reference, config.encoder)], config, jobs=cores())
+    console.print(
+        f"learned them in {time.perf_counter() - started:.1f} s with {model.neurons} neurons and "
+        f"{model.weight_bits}-bit weights: {out}/model.lvpr",
+        markup=False,
+    )
+    model_file.save(model, out / "model.lvpr")
+    traverse = choose_queries(model, open_traverse(out / "query"), None, aligned=True)
+    queries = encode(traverse, config.encoder)
+    result = recognise(model, queries, ground_truth(model, traverse, None, None, None, 0), threads=cores())
+    print_table(model, result)
+    write_json(out / "figures.json", as_json(model, result))
+    page = write_report(report_data(model, queries, result, "lava-vpr demo", 1, None), out / "report")
+    console.print(f"report to open in a browser: {page}", markup=False)

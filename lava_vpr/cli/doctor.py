@@ -1,0 +1,71 @@
+"""``lava-vpr doctor``."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import importlib.util
+import platform
+import shutil
+
+import click
+from rich.table import Table
+
+from lava_vpr import __version__, backends
+from lava_vpr.cli.common import console
+from lava_vpr.engine.threads import cores
+
+NEEDED = {
+    "numpy": "arrays",
+    "numba": "compiles the host engine",
+    "opencv-python-headless": "reads and resizes images",
+    "scipy": "distances of the baselines",
+    "matplotlib": "plots of the report",
+    "lava-nc": "Intel's Lava: Processes and the Loihi simulation",
+}
+OPTIONAL = {
+    "brian2": ("peers", "runs the reference network beside ours: pip install 'lava-vpr[peers]'"),
+    "lava-dl": ("dl", "Lava's deep-learning library, pulls torch (5.6 GB): pip install 'lava-vpr[dl]'"),
+    "lava-loihi": ("vendor", "Intel's closed package that drives Loihi 2; from Intel's research cloud"),
+    "nxsdk": ("vendor", "Intel's closed package that drives Kapoho Bay; from Intel's research cloud"),
+}
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+
+
+def version(package: str) -> str | None:
+    """Installed version of a distribution, or None."""
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+@click.command()
+def doctor() -> None:
+    """Say what is installed, what each optional part is for, and which backends can run."""
+    console.print(
+        f"lava-vpr {__version__}, Python {platform.python_version()}, {platform.machine()}, {cores()} processors",
+        markup=False,
+    )
+    table = Table(show_header=True, title="packages", title_justify="left")
+    for column in ("package", "version", "what for"):
+        table.add_column(column, no_wrap=column != "what for")
+    missing = []
+    for package, purpose in NEEDED.items():
+        found = version(package)
+        missing += [package] if found is None else []
+        table.add_row(package, found or "[bold red]missing[/]", purpose)
+    for package, (extra, purpose) in OPTIONAL.items():
+        table.add_row(
+            package, version(package) or "not installed", f"optional ({extra}): {purpose}".replace("[", r"\[")
+        )
+    browser = next((name for name in BROWSERS if shutil.which(name)), None)
+    table.add_row("Chromium", browser or "not installed", "optional: the test that opens a report in a real browser")
+    console.print(table)
+    names = Table(title="backends", title_justify="left")
+    for column in ("backend", "can run", "what"):
+        names.add_column(column)
+    for name, what in backends.BACKENDS.items():
+        names.add_row(name, "no" if missing else "yes", what)
+    console.print(names)
+    if missing:
+        raise click.ClickException(f"{', '.join(missing)} missing; install lava-vpr again: pip install lava-vpr")

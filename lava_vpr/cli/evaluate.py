@@ -1,0 +1,236 @@
+"""``lava-vpr eval``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+import numpy as np
+from numpy.typing import NDArray
+from rich.table import Table
+
+from lava_vpr import backends
+from lava_vpr import model as model_file
+from lava_vpr.cli.common import PATH, check_writable, console, encode, places_option, seed_type, write_json
+from lava_vpr.engine.threads import cores
+from lava_vpr.errors import InputError
+from lava_vpr.evaluation import Metrics, truth_from_indices, truth_from_positions
+from lava_vpr.model import Model
+from lava_vpr.recognition import BASELINES, Recognition, as_json, recognise
+from lava_vpr.report import write_report
+from lava_vpr.report.build import report_data
+from lava_vpr.traverse import Traverse, open_traverse, read_ground_truth, read_positions_pair
+
+
+@click.command("eval")
+@click.argument("model_path", metavar="MODEL", type=PATH)
+@click.argument("query", type=str)
+@places_option("Query images A..B-1 (default: the model's own range).")
+@click.option(
+    "--every",
+    type=float,
+    default=1.0,
+    show_default=True,
+    metavar="SECONDS",
+    help="From a video, one frame every so often.",
+)
+@click.option(
+    "--gt", "gt", type=PATH, default=None, metavar="FILE", help="Correct places of each query: txt, csv, json or npy."
+)
+@click.option(
+    "--positions",
+    type=(PATH, PATH),
+    default=None,
+    metavar="REF.csv QUERY.csv",
+    help="Positions of all images; with --radius.",
+)
+@click.option(
+    "--radius", type=click.FloatRange(min=0), default=None, metavar="M", help="Metres within which a place is correct."
+)
+@click.option(
+    "--tolerance", type=click.IntRange(min=0), default=0, show_default=True, help="Places off that still count."
+)
+@click.option(
+    "--sequence", type=click.IntRange(min=1), default=1, show_default=True, help="Consecutive queries matched together."
+)
+@click.option(
+    "--baseline", "rivals", type=click.Choice(BASELINES), multiple=True, help="Baseline to compute (default: all)."
+)
+@click.option(
+    "--descriptors",
+    type=(PATH, PATH),
+    default=None,
+    metavar="REF.npy QUERY.npy",
+    help="Descriptors of another method, one row an image.",
+)
+@click.option(
+    "--backend",
+    type=click.Choice(list(backends.BACKENDS)),
+    default="host",
+    show_default=True,
+    help="Where the network runs.",
+)
+@click.option("--seed", type=seed_type, default=None, help="Seed of the queries' spikes (default: the model's).")
+@click.option("--json", "json_path", type=PATH, default=None, metavar="FILE", help="Write the figures as JSON.")
+@click.option("--report", "report_folder", type=PATH, default=None, metavar="DIR", help="Write DIR/report.html.")
+@click.pass_context
+def evaluate(
+    ctx: click.Context,
+    model_path: Path,
+    query: str,
+    places: tuple[int, int] | None,
+    every: float,
+    gt: Path | None,
+    positions: tuple[Path, Path] | None,
+    radius: float | None,
+    tolerance: int,
+    sequence: int,
+    rivals: tuple[str, ...],
+    descriptors: tuple[Path, Path] | None,
+    backend: str,
+    seed: int | None,
+    json_path: Path | None,
+    report_folder: Path | None,
+) -> None:
+    """Recognise the images of QUERY and print recall, precision and baselines.
+
+    Without --gt or --positions, query i shows place i, and both must be equally many.
+    """
+    if positions is not None and (radius is None or gt is not None):
+        raise click.UsageError("--positions needs --radius M, and excludes --gt")
+    if radius is not None and positions is None:
+        raise click.UsageError("--radius needs --positions REF.csv QUERY.csv")
+    if tolerance and (gt is not None or positions is not None):
+        raise click.UsageError(
+            "--tolerance counts places along the route; --gt and --positions say themselves what is correct"
+        )
+    if json_path is not None:
+        check_writable(json_path)
+    model = model_file.load(model_path)
+    traverse = choose_queries(
+        model, open_traverse(query, every=every), places, aligned=gt is None and positions is None
+    )
+    truth = ground_truth(model, traverse, gt, positions, radius, tolerance)
+    queries = encode(traverse, model.config.encoder)
+    result = recognise(
+        model,
+        queries,
+        truth,
+        backend=backend,
+        seed=seed,
+        sequence=sequence,
+        rivals=rivals or BASELINES,
+        descriptors=descriptors,
+        threads=cores(),
+    )
+    print_table(model, result, sequence)
+    if json_path is not None:
+        write_json(json_path, as_json(model, result))
+    if report_folder is not None:
+        path = write_report(report_data(model, queries, result, command_line(ctx), sequence, seed), report_folder)
+        console.print(f"report: {path}", markup=False)
+
+
+def choose_queries(model: Model, whole: Traverse, places: tuple[int, int] | None, *, aligned: bool) -> Traverse:
+    """The queries to answer: ``places``, else the model's own range if query i shows place i, else all.
+
+    Raises:
+        InputError: the range exceeds the images, or nothing says which query belongs to which place.
+    """
+    if places is not None:
+        chosen = whole.between(*places)
+        if aligned and len(chosen) != model.places:
+            raise InputError(
+                f"{whole.source}: --places {places[0]}:{places[1]} are {len(chosen)} queries for {model.places} "
+                "places; take as many, or say with --gt or --positions which place each query shows"
+            )
+        return chosen
+    if not aligned:
+        return whole
+    if len(whole) != model.route_images:
+        raise InputError(
+            f"{whole.source}: has {len(whole)} queries, the references {model.route_images}: nothing says which "
+            "place a query shows; give --gt FILE, --positions, or --places A:B"
+        )
+    return whole.between(int(model.place_indices[0]), int(model.place_indices[-1]) + 1)
+
+
+def ground_truth(
+    model: Model,
+    queries: Traverse,
+    gt: Path | None,
+    positions: tuple[Path, Path] | None,
+    radius: float | None,
+    tolerance: int,
+) -> NDArray[np.bool_]:
+    """Which places are correct for which query, bool (queries, places)."""
+    if gt is not None:
+        return read_ground_truth(gt, queries.indices, model.place_indices)
+    if positions is not None and radius is not None:
+        reference, query = read_positions_pair(*positions)
+        for path, rows, indices in (
+            (positions[0], reference, model.place_indices),
+            (positions[1], query, queries.indices),
+        ):
+            if len(rows) <= int(indices.max()):
+                raise InputError(
+                    f"{path}: has {len(rows)} positions, image {int(indices.max())} has none; give one a line"
+                )
+        return truth_from_positions(reference[model.place_indices], query[queries.indices], radius)
+    # Query and reference numbers may start elsewhere (`--places`): what counts is the order along the route.
+    return truth_from_indices(np.arange(len(queries)), np.arange(model.places), tolerance)
+
+
+def _percent(value: float) -> str:
+    return "-" if np.isnan(value) else f"{100 * value:.1f}"
+
+
+def print_table(model: Model, result: Recognition, sequence: int = 1) -> None:
+    """The figures of every matcher in percent, the default decoder first and marked."""
+    title = f"{len(result.counts)} queries, {model.places} places, {model.neurons} neurons"
+    if sequence > 1:
+        title += f", sequences of {sequence}"
+    table = Table(
+        title=title, title_justify="left", caption="percent; * the decoder that answers", caption_justify="left"
+    )
+    table.add_column("matcher", no_wrap=True)
+    for name in ("R@1", "R@5", "R@10", "R@100P", "P@100R", "AUC"):
+        table.add_column(name, justify="right", no_wrap=True)
+    names = [result.default, *(name for name in result.metrics if name != result.default)]
+    for name in names:
+        table.add_row(name + (" *" if name == result.default else ""), *_row(result.metrics[name]))
+    console.print(table)
+
+
+def _row(metrics: Metrics) -> list[str]:
+    values = (
+        metrics.recall_at_1,
+        metrics.recall_at_n[5],
+        metrics.recall_at_n[10],
+        metrics.recall_at_100_precision,
+        metrics.precision_at_100_recall,
+        metrics.auc,
+    )
+    return [_percent(value) for value in values]
+
+
+def command_line(ctx: click.Context) -> str:
+    """How to repeat this command, file names without their folders (reports carry no paths)."""
+    words = ["lava-vpr", ctx.info_name or ""]
+    for param in ctx.command.params:
+        value = ctx.params.get(param.name or "")
+        if value is None or value == () or value == param.default or param.name in ("json_path", "report_folder"):
+            continue
+        values = value if isinstance(value, tuple) else (value,)
+        if param.name == "places":
+            values = (f"{values[0]}:{values[1]}",)
+        shown = [Path(v).name if isinstance(v, Path) or param.name == "query" else str(v) for v in values]
+        if isinstance(param, click.Argument):
+            words += shown
+        elif param.multiple:
+            words += [word for one in shown for word in (param.opts[-1], one)]
+        else:
+            words += [param.opts[-1], *shown]
+    return " ".join(words)
+
+

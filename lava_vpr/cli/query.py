@@ -1,0 +1,123 @@
+"""``lava-vpr query``."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+import click
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr import backends, decoding, matching
+from lava_vpr import model as model_file
+from lava_vpr.cli.common import PATH, check_writable, console, encode, places_option, seed_type, write_text
+from lava_vpr.engine.threads import cores
+from lava_vpr.errors import InputError
+from lava_vpr.model import Model
+from lava_vpr.recognition import count_query_spikes, decode
+from lava_vpr.traverse import open_traverse
+
+COLUMNS = ("query", "query_name", "place", "place_name", "confidence", "accepted")
+
+
+@click.command()
+@click.argument("model_path", metavar="MODEL", type=PATH)
+@click.argument("images", type=str)
+@click.option("-o", "--output", type=PATH, required=True, metavar="matches.csv", help="CSV file to write.")
+@places_option("Images A..B-1 only (default: all).")
+@click.option(
+    "--every",
+    type=float,
+    default=1.0,
+    show_default=True,
+    metavar="SECONDS",
+    help="From a video, one frame every so often.",
+)
+@click.option(
+    "--backend",
+    type=click.Choice(list(backends.BACKENDS)),
+    default="host",
+    show_default=True,
+    help="Where the network runs.",
+)
+@click.option(
+    "--sequence",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="Match each image together with those before it.",
+)
+@click.option(
+    "--min-confidence",
+    type=float,
+    default=None,
+    metavar="C",
+    help="Accept matches of at least this confidence (default: all).",
+)
+@click.option("--seed", type=seed_type, default=None, help="Seed of the queries' spikes (default: the model's).")
+def query(
+    model_path: Path,
+    images: str,
+    output: Path,
+    places: tuple[int, int] | None,
+    every: float,
+    backend: str,
+    sequence: int,
+    min_confidence: float | None,
+    seed: int | None,
+) -> None:
+    """Say for each of IMAGES (a folder, list, video or single image) which place it shows.
+
+    Places are given by their index and file name in the reference traverse; -1 is no match.
+    """
+    if min_confidence is not None and np.isnan(min_confidence):
+        raise click.UsageError("--min-confidence is not a number")
+    check_writable(output)
+    model = model_file.load(model_path)
+    whole = open_traverse(images, every=every)
+    traverse = whole.between(*places) if places else whole
+    if sequence > len(traverse):
+        raise InputError(
+            f"{images}: has {len(traverse)} images, fewer than --sequence {sequence}; use a shorter sequence"
+        )
+    queries = encode(traverse, model.config.encoder)
+    counts, _ = count_query_spikes(model, queries, backend=backend, seed=seed, threads=cores())
+    matches, confidence = answer(model, counts, sequence)
+    accepted = (matches >= 0) & (confidence >= (-np.inf if min_confidence is None else min_confidence))
+    write_text(output, table(model, queries.names, queries.indices, matches, confidence, accepted))
+    console.print(f"{len(queries)} images, {int(accepted.sum())} recognised: {output}", markup=False)
+
+
+def answer(model: Model, counts: NDArray[np.int32], sequence: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Place (-1: none) and confidence of each query; with sequences looking back, the first ones have none."""
+    name = model.config.decoder.default
+    scores = decode(model, counts, name)
+    if sequence == 1:
+        return decoding.best(scores), decoding.confidence(name, scores)
+    windows = matching.causal_sequence_scores(scores, sequence)
+    matches = np.full(len(counts), -1, np.int64)
+    confidence = np.full(len(counts), -np.inf)
+    best = decoding.best(windows)
+    matches[sequence - 1 :] = np.where(best >= 0, best + sequence - 1, -1)
+    confidence[sequence - 1 :] = decoding.confidence("sequence", windows)
+    return matches, confidence
+
+
+def table(
+    model: Model,
+    names: tuple[str, ...],
+    indices: NDArray[np.int64],
+    matches: NDArray[np.int64],
+    confidence: NDArray[np.float64],
+    accepted: NDArray[np.bool_],
+) -> str:
+    """The answers as CSV text; a query without match has place -1, no name and no confidence."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for name, index, match, sure, good in zip(names, indices, matches, confidence, accepted, strict=True):
+        place = (int(model.place_indices[match]), model.place_names[match]) if match >= 0 else (-1, "")
+        writer.writerow((int(index), name, *place, f"{sure:.6g}" if match >= 0 else "", str(bool(good)).lower()))
+    return text.getvalue()

@@ -1,0 +1,178 @@
+"""``lava-vpr train``."""
+
+from __future__ import annotations
+
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import click
+
+from lava_vpr import model as model_file
+from lava_vpr.cli.common import (
+    PATH,
+    check_writable,
+    console,
+    encode,
+    places_option,
+    progress_bar,
+    seed_type,
+    stderr,
+)
+from lava_vpr.config import INPUT_KINDS, PRESETS, Config, preset, read_toml, update
+from lava_vpr.engine.threads import cores
+from lava_vpr.errors import ModelFileError
+from lava_vpr.model import Model
+from lava_vpr.training import Progress, check_references, split
+from lava_vpr.training import train as train_model
+from lava_vpr.traverse import open_traverse
+
+
+@click.command()
+@click.argument("references", nargs=-1, required=True, type=str, metavar="REFERENCE...")
+@click.option("-o", "--output", required=True, type=PATH, metavar="MODEL", help="File to write (.lvpr).")
+@click.option(
+    "--preset",
+    "preset_name",
+    type=click.Choice(list(PRESETS)),
+    default=None,
+    help="loihi: integer network for the chip (default); paper: VPRSNN's conductance model.",
+)
+@click.option("--config", "config_file", type=PATH, default=None, metavar="FILE", help="Settings in TOML.")
+@places_option("Images A..B-1 of each REFERENCE (default: all).")
+@click.option(
+    "--every",
+    type=float,
+    default=1.0,
+    show_default=True,
+    metavar="SECONDS",
+    help="From a video, one frame every so often.",
+)
+@click.option("--input", "input_kind", type=click.Choice(INPUT_KINDS), default=None, help="What the inputs encode.")
+@click.option("--epochs", type=click.IntRange(1, 10_000), default=None, help="Times that every image is shown.")
+@click.option("--neurons", type=click.IntRange(1, 100_000), default=None, help="Excitatory neurons of each stretch.")
+@click.option(
+    "--stretch",
+    type=click.IntRange(0, 1_000_000),
+    default=None,
+    help="Most places that are learned together; 0: the whole route at once.  [default: 100]",
+)
+@click.option("--weight-bits", type=click.IntRange(1, 8), default=None, help="Bits of one weight.")
+@click.option("--jobs", type=click.IntRange(1, 1024), default=None, help="Threads (default: all processors).")
+@click.option("--seed", type=seed_type, default=None, help="Seed of start weights and spikes.  [default: 0]")
+@click.option("--resume", is_flag=True, help="Go on from the checkpoint of a training that was interrupted.")
+def train(
+    references: tuple[str, ...],
+    output: Path,
+    preset_name: str | None,
+    config_file: Path | None,
+    places: tuple[int, int] | None,
+    every: float,
+    jobs: int | None,
+    resume: bool,
+    **options: Any,
+) -> None:
+    """Learn the places of a route.
+
+    REFERENCE is a folder of images (naturally sorted), a text or CSV list of image files, or a video; several are
+    several traverses of the same route, where image i of each shows place i. While it learns, progress is kept beside
+    MODEL in a .checkpoint file, from which --resume goes on.
+    """
+    config = settings(preset_name, config_file, options)
+    check_writable(output)
+    checkpoint = output.with_name(output.name + ".checkpoint")
+    if checkpoint.exists() and not resume:
+        raise ModelFileError(
+            f"{checkpoint}: an interrupted training can go on from here; add --resume, or delete the file to start over"
+        )
+    whole = [open_traverse(source, every=every) for source in references]
+    chosen = [traverse.between(*places) if places else traverse for traverse in whole]
+    encoded = [encode(traverse, config.encoder) for traverse in chosen]
+    check_references(encoded)
+    started = time.perf_counter()
+    model = _with_progress(encoded, config, len(whole[0]), jobs or cores(), checkpoint, resume)
+    seconds = time.perf_counter() - started
+    model_file.save(model, output)
+    checkpoint.unlink(missing_ok=True)
+    _report(model, output, seconds)
+
+
+def settings(preset_name: str | None, config_file: Path | None, options: dict[str, Any]) -> Config:
+    """The preset, then the file, then single options.
+
+    Raises:
+        ConfigError: a setting that is unknown, out of range, or contradicts another.
+    """
+    base = preset(preset_name) if preset_name else None
+    if config_file is not None:
+        config = read_toml(config_file, base)
+    else:
+        config = base or preset("loihi")
+    changes: dict[str, Any] = {}
+    for name, section, key in (
+        ("input_kind", "encoder", "kind"),
+        ("epochs", "learning", "epochs"),
+        ("neurons", "network", "neurons"),
+        ("weight_bits", "network", "weight_bits"),
+    ):
+        if options.get(name) is not None:
+            changes.setdefault(section, {})[key] = options[name]
+    changes.update({name: options[name] for name in ("seed", "stretch") if options.get(name) is not None})
+    return update(config, changes)
+
+
+def _with_progress(
+    encoded: list[Any], config: Config, route_images: int, jobs: int, checkpoint: Path, resume: bool
+) -> Model:
+    """Train under a progress bar that tells spikes per image, neurons used and places covered."""
+    epochs, per_epoch = config.learning.epochs, len(encoded[0]) * len(encoded)
+    stretches = split(len(encoded[0]), config)
+    lock = threading.Lock()
+    pending = [0, time.monotonic()]
+    with progress_bar("learning", epochs * per_epoch) as advance:
+
+        def show(state: Progress) -> None:
+            with lock:
+                pending[0] += 1
+                now = time.monotonic()
+                if state.neurons_used < 0 and now - pending[1] < 0.1:
+                    return
+                note = ""
+                if state.neurons_used >= 0:
+                    part = stretches[state.stretch]
+                    where = f"stretch {state.stretch + 1}/{len(stretches)}, " if len(stretches) > 1 else ""
+                    note = (
+                        f"{where}epoch {state.epoch + 1}/{epochs}: {state.spikes_per_image:.1f} spikes/image, "
+                        f"{state.neurons_used}/{part.neurons} neurons, {state.places_covered}/{part.places} places"
+                    )
+                advance(int(pending[0]), note)
+                pending[0], pending[1] = 0, now
+
+        def resumed(done: dict[int, int]) -> None:
+            advance(sum(stretches[k].places * len(encoded) * epoch for k, epoch in done.items()), "")
+            finished = ", ".join(f"stretch {k + 1}: {epoch} of {epochs}" for k, epoch in sorted(done.items()))
+            stderr.print(f"resuming from {checkpoint}; epochs done: {finished}", markup=False)
+
+        return train_model(
+            encoded,
+            config,
+            route_images=route_images,
+            jobs=jobs,
+            checkpoint=checkpoint,
+            resume=resume,
+            progress=show,
+            resumed=resumed,
+        )
+
+
+def _report(model: Model, output: Path, seconds: float) -> None:
+    figures = model.training
+    bits = f"{model.weight_bits}-bit weights" if model.weight_bits else "float weights"
+    parts = f" in {len(model.stretches)} stretches" if len(model.stretches) > 1 else ""
+    console.print(
+        f"learned {model.places} places{parts} in {seconds:.1f} s: {model.neurons} neurons, {bits}, "
+        f"{figures['spikes_per_image']:.1f} spikes per image, {figures['neurons_used']:.0f} neurons used, "
+        f"{figures['places_covered']:.0f} of {model.places} places covered\nmodel: {output}",
+        markup=False,
+    )

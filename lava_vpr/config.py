@@ -1,0 +1,418 @@
+"""Frozen, self-checking settings of encoder, network, learning and decoder; the presets; TOML in and out.
+
+One `Config` plus the learned weights says everything about a network; every backend runs that and has no parameters
+of its own. Units stand in the names. Sources: ``docs/network.md`` for the ``loihi`` preset, Hussaini et al. 2022
+(doi 10.1109/LRA.2022.3149030) and its released code for ``paper``.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import typing
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import tomli
+import tomli_w
+
+from lava_vpr.errors import ConfigError
+
+InputKind = Literal["orientation", "onoff", "pixels"]
+INPUT_KINDS: tuple[str, ...] = typing.get_args(InputKind)
+DECODERS = ("contrast", "standard", "weighted", "probability", "weighted_probability")
+
+
+def _need(condition: bool, name: str, value: object, limit: str) -> None:
+    """Refuse a setting outside its range, naming it, its value and its range (NaN fails every comparison)."""
+    if not condition:
+        raise ConfigError(f"{name} is {value!r}, but must be {limit}; change it in the options or the --config file")
+
+
+@dataclass(frozen=True)
+class EncoderConfig:
+    """How an image becomes spike probabilities.
+
+    Attributes:
+        kind: ``orientation`` (complex-cell edge channels), ``onoff`` or ``pixels`` (the paper's patch-normalised ones).
+        image_size: Side in pixels of the square image that the orientation channels are computed on.
+        cell: Side in pixels of one pooling cell; ``image_size`` must be a multiple of it.
+        orientations: Number of orientations, evenly spaced over 180 degrees.
+        window: Side in pixels of the divisive-normalisation window, odd.
+        train_spikes: Expected input spikes per step while training ("tot"), all inputs together.
+        query_spikes: The same while answering a query.
+        max_rate_hz: ``pixels`` under the ``paper`` preset: rate of a white pixel, in Hz.
+    """
+
+    kind: InputKind = "orientation"
+    image_size: int = 56
+    cell: int = 4
+    orientations: int = 4
+    window: int = 15
+    train_spikes: float = 12.0
+    query_spikes: float = 6.0
+    max_rate_hz: float = 63.75
+
+    def __post_init__(self) -> None:
+        _need(self.kind in INPUT_KINDS, "encoder.kind", self.kind, "one of " + ", ".join(INPUT_KINDS))
+        _need(8 <= self.image_size <= 512, "encoder.image_size", self.image_size, "in 8..512")
+        _need(1 <= self.cell <= self.image_size, "encoder.cell", self.cell, "in 1..image_size")
+        _need(self.image_size % self.cell == 0, "encoder.image_size", self.image_size, f"a multiple of {self.cell}")
+        _need(2 <= self.orientations <= 16, "encoder.orientations", self.orientations, "in 2..16")
+        _need(3 <= self.window <= 255 and self.window % 2 == 1, "encoder.window", self.window, "odd, in 3..255")
+        _need(0 < self.train_spikes <= 1000, "encoder.train_spikes", self.train_spikes, "above 0, at most 1000")
+        _need(0 < self.query_spikes <= 1000, "encoder.query_spikes", self.query_spikes, "above 0, at most 1000")
+        _need(0 < self.max_rate_hz <= 1000, "encoder.max_rate_hz", self.max_rate_hz, "above 0, at most 1000")
+
+    @property
+    def inputs(self) -> int:
+        """Number of input neurons."""
+        if self.kind == "orientation":
+            return self.orientations * (self.image_size // self.cell) ** 2
+        return 2 * 28 * 28 if self.kind == "onoff" else 28 * 28
+
+
+@dataclass(frozen=True)
+class LifNetwork:
+    """The integer network that Loihi runs: current-based LIF, one threshold, relayed lateral inhibition.
+
+    Thresholds and inhibition are given in the float units of training, where the drive of a mean weight is 0.69 per
+    step whatever the number of input spikes; `lava_vpr.engine.quantise` turns them into the chip's integers.
+
+    Attributes:
+        neurons: Excitatory neurons of one stretch; 0 means `neurons_per_place` for each place.
+        neurons_per_place: Used when ``neurons`` is 0.
+        steps: Steps of 1 ms with input in one presentation.
+        weight_bits: Bits of one unsigned weight, 1..8.
+        threshold: Firing threshold of every excitatory neuron.
+        inhibition: What one spike takes from every other neuron, one stretch.
+        joined_inhibition: The same when several stretches are joined into one network.
+        tau_membrane: Membrane time constant, in steps.
+        drive: Drive per step of a neuron whose weights are all at the mean.
+    """
+
+    model: Literal["lif"] = "lif"
+    neurons: int = 0
+    neurons_per_place: float = 1.0
+    steps: int = 350
+    weight_bits: int = 3
+    threshold: float = 10.0
+    inhibition: float = 10.0
+    joined_inhibition: float = 5.0
+    tau_membrane: float = 30.0
+    drive: float = 0.69
+
+    def __post_init__(self) -> None:
+        _need(self.model == "lif", "network.model", self.model, "lif")
+        _need(0 <= self.neurons <= 100_000, "network.neurons", self.neurons, "in 0..100000")
+        _need(0 < self.neurons_per_place <= 100, "network.neurons_per_place", self.neurons_per_place, "in (0, 100]")
+        _need(1 <= self.steps <= 100_000, "network.steps", self.steps, "in 1..100000")
+        _need(1 <= self.weight_bits <= 8, "network.weight_bits", self.weight_bits, "in 1..8")
+        _need(0 < self.threshold <= 1e4, "network.threshold", self.threshold, "above 0, at most 10000")
+        _need(0 <= self.inhibition <= 1e4, "network.inhibition", self.inhibition, "in 0..10000")
+        _need(0 <= self.joined_inhibition <= 1e4, "network.joined_inhibition", self.joined_inhibition, "in 0..10000")
+        _need(1 <= self.tau_membrane <= 4096, "network.tau_membrane", self.tau_membrane, "in 1..4096")
+        _need(0 < self.drive <= 100, "network.drive", self.drive, "above 0, at most 100")
+
+
+@dataclass(frozen=True)
+class StdpLearning:
+    """The paper's STDP rule with homeostasis and normalisation (its equation for the weight change, mu = ``mu``).
+
+    On a postsynaptic spike ``w += eta (x_pre - x_target) (w_max - w)^mu``, w in [0, w_max].
+
+    Attributes:
+        arithmetic: ``float``; the result is quantised afterwards.
+        epochs: Times that every reference image is shown.
+        steps: Steps of 1 ms of one training presentation.
+        threshold, theta_plus: Threshold at the start, and what each spike adds to it for good.
+        inhibition, tau_membrane, floor: As in `LifNetwork`, while training; ``floor`` bounds the membrane from below.
+        hold_steps: Steps after a spike in which the membrane stays at 0.
+        tau_trace: Decay of the presynaptic trace, in steps.
+        mean_weight: What each neuron's weights are normalised to before every presentation.
+        start_weight: Start weights are ``start_weight * (U[0, 1) + 0.01)``.
+    """
+
+    rule: Literal["stdp"] = "stdp"
+    arithmetic: Literal["float"] = "float"
+    epochs: int = 6
+    steps: int = 350
+    eta: float = 0.1
+    x_target: float = 0.2
+    w_max: float = 2.0
+    mu: float = 0.0
+    tau_trace: float = 20.0
+    threshold: float = 10.0
+    theta_plus: float = 0.58
+    inhibition: float = 30.0
+    tau_membrane: float = 20.0
+    floor: float = -15.0
+    hold_steps: int = 1
+    mean_weight: float = 0.1
+    start_weight: float = 0.3
+
+    def __post_init__(self) -> None:
+        _need(self.rule == "stdp", "learning.rule", self.rule, "stdp with the lif network")
+        _need(self.arithmetic == "float", "learning.arithmetic", self.arithmetic, "float")
+        _need(1 <= self.epochs <= 10_000, "learning.epochs", self.epochs, "in 1..10000")
+        _need(1 <= self.steps <= 100_000, "learning.steps", self.steps, "in 1..100000")
+        _need(0 <= self.eta <= 10, "learning.eta", self.eta, "in 0..10")
+        _need(0 <= self.x_target <= 1, "learning.x_target", self.x_target, "in 0..1")
+        _need(0 < self.w_max <= 1e3, "learning.w_max", self.w_max, "above 0, at most 1000")
+        _need(0 <= self.mu <= 8, "learning.mu", self.mu, "in 0..8")
+        _need(1 <= self.tau_trace <= 1e4, "learning.tau_trace", self.tau_trace, "in 1..10000")
+        _need(0 < self.threshold <= 1e4, "learning.threshold", self.threshold, "above 0, at most 10000")
+        _need(0 <= self.theta_plus <= 1e3, "learning.theta_plus", self.theta_plus, "in 0..1000")
+        _need(0 <= self.inhibition <= 1e4, "learning.inhibition", self.inhibition, "in 0..10000")
+        _need(1 <= self.tau_membrane <= 4096, "learning.tau_membrane", self.tau_membrane, "in 1..4096")
+        _need(-1e6 <= self.floor <= 0, "learning.floor", self.floor, "in -1e6..0")
+        _need(0 <= self.hold_steps <= 1000, "learning.hold_steps", self.hold_steps, "in 0..1000")
+        _need(0 < self.mean_weight < self.w_max, "learning.mean_weight", self.mean_weight, "above 0, below w_max")
+        _need(0 < self.start_weight <= self.w_max, "learning.start_weight", self.start_weight, "in (0, w_max]")
+
+
+@dataclass(frozen=True)
+class ConductanceNetwork:
+    """VPRSNN's conductance model as coded; times in ms, potentials in mV, conductances without unit.
+
+    Attributes:
+        neurons: Excitatory neurons (as many inhibitory ones).
+        steps: Steps of ``dt_ms`` with input; ``rest_steps`` without follow.
+        tau_gi_ms: 2.0 in the 2022 release, 0.5 in the later one.
+        delay_max_ms: Input delays are drawn once from U(0, delay_max_ms) and saved with the model.
+        timer_rate: The released code's refractory timer advances at this share of real time, which makes its 5 ms
+            an effective 50 ms.
+    """
+
+    model: Literal["conductance"] = "conductance"
+    neurons: int = 400
+    dt_ms: float = 0.1
+    steps: int = 3500
+    rest_steps: int = 1500
+    tau_ge_ms: float = 1.0
+    tau_gi_ms: float = 2.0
+    delay_max_ms: float = 10.0
+    timer_rate: float = 0.1
+
+    def __post_init__(self) -> None:
+        _need(self.model == "conductance", "network.model", self.model, "conductance")
+        _need(1 <= self.neurons <= 100_000, "network.neurons", self.neurons, "in 1..100000")
+        _need(0.01 <= self.dt_ms <= 1, "network.dt_ms", self.dt_ms, "in 0.01..1")
+        _need(1 <= self.steps <= 1_000_000, "network.steps", self.steps, "in 1..1000000")
+        _need(0 <= self.rest_steps <= 1_000_000, "network.rest_steps", self.rest_steps, "in 0..1000000")
+        _need(0.1 <= self.tau_ge_ms <= 1e3, "network.tau_ge_ms", self.tau_ge_ms, "in 0.1..1000")
+        _need(0.1 <= self.tau_gi_ms <= 1e3, "network.tau_gi_ms", self.tau_gi_ms, "in 0.1..1000")
+        _need(0 <= self.delay_max_ms <= 100, "network.delay_max_ms", self.delay_max_ms, "in 0..100")
+        _need(0 < self.timer_rate <= 1, "network.timer_rate", self.timer_rate, "in (0, 1]")
+
+
+@dataclass(frozen=True)
+class ConductanceLearning:
+    """How the conductance model learns: the released code's ``triplet`` rule, or the ``paper``'s equation.
+
+    ``triplet``: pre spike ``w += eta_pre post1``; post spike ``w += eta_post x_pre post2``. ``paper``:
+    ``w += eta_post (x_pre - x_target) (w_max - w)^mu`` on a post spike. `label_epochs`: S^R is the spike counts of
+    that many last epochs, plasticity still on.
+    """
+
+    rule: Literal["triplet", "paper"] = "triplet"
+    arithmetic: Literal["float"] = "float"
+    epochs: int = 60
+    label_epochs: int = 3
+    eta_pre: float = 1e-4
+    eta_post: float = 1e-2
+    x_target: float = 0.4
+    mu: float = 0.2
+    w_max: float = 1.0
+    weight_sum: float = 78.0
+    theta_start_mv: float = 20.0
+    theta_plus_mv: float = 0.05
+    tau_theta_ms: float = 1e7
+
+    def __post_init__(self) -> None:
+        _need(self.rule in ("triplet", "paper"), "learning.rule", self.rule, "triplet or paper with this network")
+        _need(self.arithmetic == "float", "learning.arithmetic", self.arithmetic, "float with the paper preset")
+        _need(1 <= self.epochs <= 10_000, "learning.epochs", self.epochs, "in 1..10000")
+        _need(1 <= self.label_epochs, "learning.label_epochs", self.label_epochs, "at least 1")
+        _need(0 <= self.eta_pre <= 1, "learning.eta_pre", self.eta_pre, "in 0..1")
+        _need(0 <= self.eta_post <= 1, "learning.eta_post", self.eta_post, "in 0..1")
+        _need(0 <= self.x_target <= 1, "learning.x_target", self.x_target, "in 0..1")
+        _need(0 <= self.mu <= 8, "learning.mu", self.mu, "in 0..8")
+        _need(0 < self.w_max <= 1e3, "learning.w_max", self.w_max, "above 0, at most 1000")
+        _need(0 < self.weight_sum <= 1e6, "learning.weight_sum", self.weight_sum, "above 0, at most 1e6")
+        _need(0 < self.theta_start_mv <= 1e3, "learning.theta_start_mv", self.theta_start_mv, "in (0, 1000]")
+        _need(0 <= self.theta_plus_mv <= 1e2, "learning.theta_plus_mv", self.theta_plus_mv, "in 0..100")
+        _need(self.tau_theta_ms >= 1, "learning.tau_theta_ms", self.tau_theta_ms, "at least 1")
+
+
+@dataclass(frozen=True)
+class DecoderConfig:
+    """Which decoder answers queries, and the paper's gamma (share of the places, 2 %)."""
+
+    default: str = "contrast"
+    gamma: float = 0.02
+
+    def __post_init__(self) -> None:
+        _need(self.default in DECODERS, "decoder.default", self.default, "one of " + ", ".join(DECODERS))
+        _need(0 <= self.gamma <= 1, "decoder.gamma", self.gamma, "in 0..1")
+
+
+@dataclass(frozen=True)
+class Config:
+    """Everything that decides a model, apart from the images: settings, the length of a stretch, and the seed."""
+
+    preset: str = "loihi"
+    seed: int = 0
+    stretch: int = 100
+    encoder: EncoderConfig = field(default_factory=EncoderConfig)
+    network: LifNetwork | ConductanceNetwork = field(default_factory=LifNetwork)
+    learning: StdpLearning | ConductanceLearning = field(default_factory=StdpLearning)
+    decoder: DecoderConfig = field(default_factory=DecoderConfig)
+
+    def __post_init__(self) -> None:
+        _need(0 <= self.seed < 2**63, "seed", self.seed, "in 0..2^63-1")
+        _need(0 <= self.stretch <= 1_000_000, "stretch", self.stretch, "in 0..1000000 (0: the whole route at once)")
+        if isinstance(self.network, LifNetwork) != isinstance(self.learning, StdpLearning):
+            raise ConfigError(
+                f"network.model {self.network.model!r} does not go with learning.rule {self.learning.rule!r}; "
+                "use lif with stdp, or conductance with triplet or paper"
+            )
+        if isinstance(self.network, ConductanceNetwork) and self.encoder.kind != "pixels":
+            raise ConfigError(f"the conductance network takes encoder.kind 'pixels', not {self.encoder.kind!r}")
+
+    def neurons_for(self, places: int) -> int:
+        """Excitatory neurons of one stretch of ``places`` places."""
+        if isinstance(self.network, LifNetwork) and self.network.neurons == 0:
+            return max(1, round(self.network.neurons_per_place * places))
+        return self.network.neurons
+
+
+def _loihi() -> Config:
+    return Config()
+
+
+def _paper() -> Config:
+    return Config(
+        preset="paper",
+        stretch=0,
+        encoder=EncoderConfig(kind="pixels"),
+        network=ConductanceNetwork(),
+        learning=ConductanceLearning(),
+        decoder=DecoderConfig(default="weighted_probability"),
+    )
+
+
+PRESETS: dict[str, typing.Callable[[], Config]] = {"loihi": _loihi, "paper": _paper}
+
+
+def preset(name: str) -> Config:
+    """The named preset's settings.
+
+    Raises:
+        ConfigError: no preset has that name.
+    """
+    if name not in PRESETS:
+        raise ConfigError(f"there is no preset {name!r}; choose from {', '.join(PRESETS)}")
+    return PRESETS[name]()
+
+
+def to_dict(config: Config) -> dict[str, Any]:
+    """``config`` as nested plain dictionaries, ready for TOML or JSON."""
+    return dataclasses.asdict(config)
+
+
+def _checked(value: object, annotation: Any, name: str) -> object:
+    """``value`` as the annotated scalar type, refusing what TOML typed differently."""
+    origin = typing.get_origin(annotation)
+    if origin is Literal:
+        return value  # __post_init__ says which words are allowed
+    wanted = {"int": int, "float": float, "str": str}[getattr(annotation, "__name__", "str")]
+    if wanted is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if not isinstance(value, wanted) or isinstance(value, bool):
+        raise ConfigError(f"{name} is {value!r}, but must be of type {wanted.__name__}")
+    return value
+
+
+def _section(base: Any, values: object, name: str) -> Any:
+    """Dataclass ``base`` with the settings in ``values`` replaced, unknown names refused."""
+    if not isinstance(values, dict):
+        raise ConfigError(f"[{name}] must be a table of settings, not {values!r}")
+    hints = typing.get_type_hints(type(base))
+    changes = {}
+    for key, value in values.items():
+        if key not in hints:
+            raise ConfigError(f"{name}.{key} is not a setting; known are {', '.join(hints)}")
+        changes[key] = _checked(value, hints[key], f"{name}.{key}")
+    return replace(base, **changes)
+
+
+_SECTIONS = ("encoder", "network", "learning", "decoder")
+
+
+def update(base: Config, values: dict[str, Any]) -> Config:
+    """``base`` with the (nested) settings in ``values`` replaced.
+
+    Raises:
+        ConfigError: an unknown setting, a wrong type or a value outside its range.
+    """
+    changes: dict[str, Any] = {}
+    for key, value in values.items():
+        if key in _SECTIONS:
+            changes[key] = _section(getattr(base, key), value, key)
+        elif key in ("preset", "seed", "stretch"):
+            changes[key] = _checked(value, {"preset": str, "seed": int, "stretch": int}[key], key)
+        else:
+            raise ConfigError(f"{key!r} is not a setting; known are preset, seed, stretch, [{'], ['.join(_SECTIONS)}]")
+    return replace(base, **changes)
+
+
+def from_dict(values: dict[str, Any]) -> Config:
+    """The inverse of `to_dict`; starts from the preset that ``values`` names (default ``loihi``)."""
+    name = values.get("preset", "loihi")
+    if not isinstance(name, str):
+        raise ConfigError(f"preset is {name!r}, but must be a name")
+    return update(preset(name), values)
+
+
+def read_toml(path: Path, base: Config | None = None) -> Config:
+    """Settings from a TOML file, over ``base`` (default: the preset that the file names).
+
+    Raises:
+        ConfigError: the file is missing, no TOML, or holds a setting that is unknown or out of range.
+    """
+    try:
+        values = tomli.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read ({error.strerror}); give an existing TOML file") from None
+    except (tomli.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: not a TOML file ({error}); see docs/configuration.md") from None
+    try:
+        return from_dict(values) if base is None or "preset" in values else update(base, values)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from None
+
+
+def to_toml(config: Config) -> str:
+    """``config`` as TOML text that `read_toml` reads back to the equal value."""
+    return tomli_w.dumps(to_dict(config))
+
+
+__all__ = [
+    "DECODERS",
+    "INPUT_KINDS",
+    "ConductanceLearning",
+    "ConductanceNetwork",
+    "Config",
+    "DecoderConfig",
+    "EncoderConfig",
+    "InputKind",
+    "LifNetwork",
+    "StdpLearning",
+    "from_dict",
+    "preset",
+    "read_toml",
+    "to_dict",
+    "to_toml",
+    "update",
+]

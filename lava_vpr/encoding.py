@@ -1,0 +1,125 @@
+"""Images to spike probabilities, and the plain definition of the spikes drawn from them.
+
+Rates are the probability of a spike in one step: uint16 in units of 2^-16 for steps of 1 ms, uint32 in units of 2^-32
+for the ``paper`` preset's 0.1 ms. An input spikes when its draw of the same width is below its rate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.config import ConductanceNetwork, Config, EncoderConfig
+from lava_vpr.engine.random import draws
+from lava_vpr.preprocess import on_off, orientation_channels, patch_normalised
+from lava_vpr.traverse import Traverse
+
+THUMBNAIL = (64, 48)
+"""Width and height in pixels of the small colour images kept for reports."""
+
+
+@dataclass(frozen=True)
+class EncodedTraverse:
+    """What is kept of a traverse once its images are read.
+
+    Attributes:
+        names: File name of each image.
+        indices: Absolute index of each image in its sequence, int64 (n,).
+        patches: Patch-normalised images, uint8 (n, 28, 28).
+        activity: Responses of the input channels, float32 (n, inputs), at least 0.
+        thumbnails: Small BGR images for reports, uint8 (n, 48, 64, 3).
+    """
+
+    names: tuple[str, ...]
+    indices: NDArray[np.int64]
+    patches: NDArray[np.uint8]
+    activity: NDArray[np.float32]
+    thumbnails: NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+def activity_of(image: NDArray[np.uint8], patch: NDArray[np.uint8], encoder: EncoderConfig) -> NDArray[np.float32]:
+    """Input channels' responses to one image, float32 (inputs,)."""
+    if encoder.kind == "orientation":
+        return orientation_channels(image, encoder.image_size, encoder.cell, encoder.orientations, encoder.window)
+    if encoder.kind == "onoff":
+        return on_off(patch[None])[0]
+    return patch.reshape(-1).astype(np.float32)
+
+
+def encode_traverse(
+    traverse: Traverse, encoder: EncoderConfig, progress: Callable[[int], None] | None = None
+) -> EncodedTraverse:
+    """Read every image once, one at a time, and keep only what the network, baselines and report need.
+
+    Args:
+        traverse: The images.
+        encoder: Settings.
+        progress: Called with 1 after every image.
+    Raises:
+        InputError: an image cannot be read.
+    """
+    n = len(traverse)
+    patches = np.empty((n, 28, 28), np.uint8)
+    activity = np.empty((n, encoder.inputs), np.float32)
+    thumbnails = np.empty((n, THUMBNAIL[1], THUMBNAIL[0], 3), np.uint8)
+    for i, image in enumerate(traverse.images()):
+        patches[i] = patch_normalised(image)
+        activity[i] = activity_of(image, patches[i], encoder)
+        small = cv2.resize(image, THUMBNAIL, interpolation=cv2.INTER_AREA)
+        thumbnails[i] = small if small.ndim == 3 else small[:, :, None]
+        if progress is not None:
+            progress(1)
+    return EncodedTraverse(traverse.names, traverse.indices, patches, activity, thumbnails)
+
+
+def rates16(activity: NDArray[np.float32], spikes_per_step: float) -> NDArray[np.uint16]:
+    """Spike probabilities that bring every image the same expected number of input spikes per step.
+
+    Args:
+        activity: Responses, float32 (n, inputs); an image without any response stays silent.
+        spikes_per_step: Expected spikes of all inputs together in one step.
+    Returns:
+        uint16 (n, inputs) in units of 2^-16; a probability is at most 65535 / 65536.
+    """
+    values = activity.astype(np.float64)
+    total = values.sum(axis=1, keepdims=True)
+    share = np.divide(values, total, out=np.zeros_like(values), where=total > 0)
+    return np.minimum(np.round(share * (spikes_per_step * 65536.0)), 65535.0).astype(np.uint16)
+
+
+def rates32(activity: NDArray[np.float32], max_rate_hz: float, dt_ms: float) -> NDArray[np.uint32]:
+    """The paper's rates: a pixel of 255 fires at ``max_rate_hz``; uint32 (n, inputs), units of 2^-32 per step."""
+    probability = activity.astype(np.float64) * (max_rate_hz * dt_ms / 1000.0 / 255.0)
+    return np.minimum(np.round(probability * 2.0**32), 2.0**32 - 1).astype(np.uint32)
+
+
+def training_rates(activity: NDArray[np.float32], config: Config) -> NDArray[np.uint16] | NDArray[np.uint32]:
+    """Rates of a training presentation, as the network of ``config`` takes them."""
+    if isinstance(config.network, ConductanceNetwork):
+        return rates32(activity, config.encoder.max_rate_hz, config.network.dt_ms)
+    return rates16(activity, config.encoder.train_spikes)
+
+
+def query_rates(activity: NDArray[np.float32], config: Config) -> NDArray[np.uint16] | NDArray[np.uint32]:
+    """Rates of a query (and of the references when their responses are measured)."""
+    if isinstance(config.network, ConductanceNetwork):
+        return rates32(activity, config.encoder.max_rate_hz, config.network.dt_ms)
+    return rates16(activity, config.encoder.query_spikes)
+
+
+def draw_spikes(rates: NDArray[np.uint16] | NDArray[np.uint32], key: int, steps: int) -> NDArray[np.bool_]:
+    """The input spikes of one presentation, bool (steps, inputs); plain numpy, the definition of every backend's input.
+
+    Args:
+        rates: uint16 or uint32 (inputs,), units of 2^-16 or 2^-32.
+        key: From `lava_vpr.engine.random.presentation_key`.
+        steps: Steps with input.
+    """
+    return draws(key, steps, len(rates), bits=rates.dtype.itemsize * 8) < rates[None, :]

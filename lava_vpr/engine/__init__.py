@@ -1,0 +1,1 @@
+"""The host engine: compiled kernels for the integer network, its training, and VPRSNN's conductance model."""

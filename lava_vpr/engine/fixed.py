@@ -1,0 +1,270 @@
+"""The inference network in Loihi's integer arithmetic, as Lava's bit-accurate models compute it.
+
+Per step, in the units and with the truncations of lava-nc 0.10 (``proc/lif/models.py``, ``proc/dense/models.py``)::
+
+    a  = (sum of weights of the inputs that spiked one step ago) >> shift
+         - inhibition (number of *other* neurons that spiked two steps ago)
+    u  = a << 6, wrapped into 24 bits         (du = 4095: currents have no memory)
+    v  = clip(sign(v) (|v| (4096 - dv) >> 12) + u, +-(2^23 - 1))
+    spike if v > vth << 6, then v = 0
+
+An excitatory spike makes its inhibitory relay fire one step later, which reaches every other neuron after one more. A
+presentation is ``steps`` steps with input and `SILENT_STEPS` without, after which nothing is in flight.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.engine.draw import LANES, draw_block, prepare_draws
+from lava_vpr.engine.threads import share
+from lava_vpr.errors import NetworkLimitError
+from lava_vpr.loihi import INPUT_LIMIT, STATE_LIMIT, THRESHOLD_LIMIT, WEIGHT_LIMIT
+
+SILENT_STEPS = 3
+"""After the last input: to exc (1), to its relay (2), to the others (3)."""
+
+EVENT_NAMES = (
+    "synaptic_operations",
+    "synaptic_operations_dense",
+    "neuron_updates",
+    "input_spikes",
+    "exc_spikes",
+    "inh_spikes",
+    "messages",
+    "steps",
+)
+
+
+@dataclass(frozen=True)
+class FixedNetwork:
+    """Everything about the inference network, in integers; every fixed-point backend runs exactly this.
+
+    Attributes:
+        weights: Unsigned weights k < 2^bits, uint8 (inputs, neurons).
+        bits: Bits of a weight, 1..8. Lava stores k << (8 - bits).
+        shift: Right shift of the input sum; Lava's weight_exp is ``bits - 8 - shift``.
+        threshold: vth, compared with v >> 6.
+        inhibition: What a spike takes from every other neuron, mantissa of the lateral synapses (<= 255 x 2^exponent).
+        inhibition_exponent: See ``inhibition``.
+        decay: dv in units of 2^-12.
+        steps: Steps with input in one presentation.
+    """
+
+    weights: NDArray[np.uint8]
+    bits: int
+    shift: int
+    threshold: int
+    inhibition: int
+    inhibition_exponent: int
+    decay: int
+    steps: int
+
+    @property
+    def inputs(self) -> int:
+        """Number of inputs."""
+        return int(self.weights.shape[0])
+
+    @property
+    def neurons(self) -> int:
+        """Number of excitatory neurons."""
+        return int(self.weights.shape[1])
+
+    @property
+    def lateral(self) -> int:
+        """Inhibition of one spike in units of the input sum."""
+        return self.inhibition << self.inhibition_exponent
+
+    def check(self, limit: int = INPUT_LIMIT, target: str = "Loihi's 24-bit current") -> None:
+        """Refuse a network whose input sum of one step could overflow ``limit``.
+
+        Raises:
+            NetworkLimitError: naming need, limit and remedy.
+        """
+        if not 1 <= self.bits <= 8 or (self.weights.size and int(self.weights.max()) >= 1 << self.bits):
+            raise NetworkLimitError(f"weights need {self.bits} bits to hold {int(self.weights.max())}; use 1 to 8 bits")
+        if not 0 < self.threshold < THRESHOLD_LIMIT:
+            raise NetworkLimitError(
+                f"threshold {self.threshold} does not fit 1..{THRESHOLD_LIMIT - 1}; use fewer input spikes per step, or lower it"
+            )
+        if not 0 <= self.inhibition <= WEIGHT_LIMIT:
+            raise NetworkLimitError(f"inhibition mantissa {self.inhibition} does not fit 0..{WEIGHT_LIMIT}; raise its exponent")
+        need = (self.neurons - 1) * self.lateral
+        if need >= limit:
+            most = (limit - 1) // max(1, self.lateral) + 1
+            raise NetworkLimitError(
+                f"lateral inhibition of {self.neurons} neurons can reach {need:,}, but {target} holds less than "
+                f"{limit:,}; lower network.inhibition (or joined_inhibition) or use at most {most} neurons"
+            )
+        excitation = int(self.weights.sum(axis=0, dtype=np.int64).max(initial=0)) >> self.shift
+        if excitation >= limit:
+            raise NetworkLimitError(
+                f"the weights of one neuron sum to {excitation:,}, but {target} holds less than {limit:,}; "
+                "use fewer weight bits or fewer inputs"
+            )
+
+
+@nb.njit(cache=True, inline="always")
+def _integrate(v: NDArray[np.int32], drive: NDArray[np.int32], shift: np.int32, keep: np.int32) -> np.int32:
+    """One membrane step of all neurons from ``drive`` >> ``shift``; returns the highest membrane.
+
+    sign(v) (|v| keep >> 12) stays within 32 bits because |v| = 4096 h + l: h keep + (l keep >> 12).
+    """
+    top, span, low = np.int32(STATE_LIMIT), np.int32(2 * STATE_LIMIT), np.int32(4095)
+    ceiling, bottom = np.int32(STATE_LIMIT - 1), np.int32(1 - STATE_LIMIT)
+    highest = bottom
+    for i in range(v.size):
+        u = np.int32(np.int32(np.int32(drive[i]) >> shift) << np.int32(6))
+        u = np.int32(u - span) if u > top else u
+        u = np.int32(u + span) if u <= -top else u
+        x = v[i]
+        sign = np.int32(x >> np.int32(31))
+        size = np.int32(np.int32(x ^ sign) - sign)
+        size = np.int32(
+            np.int32(np.int32(size >> np.int32(12)) * keep)
+            + np.int32(np.int32(np.int32(size & low) * keep) >> np.int32(12))
+        )
+        x = np.int32(np.int32(np.int32(size ^ sign) - sign) + u)
+        x = ceiling if x > ceiling else x
+        x = bottom if x < bottom else x
+        v[i] = x
+        highest = x if x > highest else highest
+    return highest
+
+
+@nb.njit(cache=True, nogil=True)
+def _present(
+    weights: NDArray[np.uint8],
+    row_sizes: NDArray[np.int64],
+    params: NDArray[np.int64],
+    rates: NDArray[np.uint16],
+    keys: NDArray[np.uint64],
+    acc: NDArray[np.int32],
+    counts: NDArray[np.int32],
+    events: NDArray[np.int64],
+    raster: NDArray[np.uint8],
+) -> None:
+    """All presentations of ``rates`` (n, inputs); fills ``counts`` (n, neurons), adds to ``events``.
+
+    ``params``: shift, threshold, lateral, decay, steps. ``acc`` (neurons,) is scratch, int16 where no input sum can
+    leave it, else int32. ``raster`` (n, steps + 3, neurons) is filled if not empty.
+    """
+    shift, threshold, lateral = np.int32(params[0]), np.int32(params[1] << 6), np.int32(params[2])
+    keep, steps = np.int32(4096 - params[3]), int(params[4])
+    inputs, neurons = weights.shape
+    active = np.empty(inputs + 1, np.int32)
+    offsets = np.empty(inputs + 1, np.uint64)
+    rates4 = np.empty(LANES * (inputs + 1), np.uint16)
+    words = np.empty(inputs + 1, np.uint64)
+    mask = np.empty((LANES * (inputs + 1) + 7) // 8 * 8, np.uint8)
+    occupied = np.empty(inputs // 2 + 2, np.int32)
+    spikes = np.empty((LANES, inputs + 1), np.int32)
+    spike_counts = np.zeros(LANES, np.int64)
+    drive = np.zeros(neurons, np.int32)
+    v = np.zeros(neurons, np.int32)
+    fired = np.zeros((3, neurons), np.int32)
+    n_fired = np.zeros(3, np.int64)
+    operations, input_spikes, exc_spikes = 0, 0, 0
+    for q in range(rates.shape[0]):
+        n = prepare_draws(rates[q], keys[q], active, offsets, rates4)
+        v[:] = 0
+        n_fired[:] = 0
+        # Input drawn at step t reaches the neurons at their step t + 1.
+        for step in range(1, steps + SILENT_STEPS):
+            lane = (step - 1) & 3
+            if step > steps:
+                spike_counts[lane] = 0
+            elif lane == 0:
+                draw_block((step - 1) >> 2, n, active, offsets, rates4, words, mask, occupied, spikes, spike_counts)
+            acc[:] = 0
+            for s in range(spike_counts[lane]):
+                row = np.uint64(spikes[lane, s])
+                operations += row_sizes[row]
+                for i in range(neurons):
+                    acc[i] += weights[row, i]
+            input_spikes += spike_counts[lane]
+            now, before = step % 3, (step + 1) % 3  # (step - 2) mod 3
+            if n_fired[before] == 0:
+                highest = _integrate(v, acc, shift, keep)
+            else:
+                pull = np.int32(lateral * np.int32(n_fired[before]))
+                for i in range(neurons):
+                    drive[i] = np.int32(np.int32(np.int32(acc[i]) >> shift) - pull)
+                for s in range(n_fired[before]):
+                    drive[fired[before, s]] += lateral
+                highest = _integrate(v, drive, np.int32(0), keep)
+            n_fired[now] = 0
+            if highest > threshold:
+                for i in range(neurons):
+                    if v[i] > threshold:
+                        v[i] = 0
+                        fired[now, n_fired[now]] = i
+                        n_fired[now] += 1
+                        counts[q, i] += 1
+                        if raster.size > 0:
+                            raster[q, step, i] = 1
+                exc_spikes += n_fired[now]
+    events[0], events[1], events[2] = operations, input_spikes, exc_spikes
+
+
+def _events(raw: NDArray[np.int64], network: FixedNetwork, n: int) -> dict[str, int]:
+    """Named events of ``n`` presentations from the kernel's counters.
+
+    A neuron counts as updated when it has a reason to: excitatory ones in every step from the first that input can
+    reach, inhibitory ones when hit. Every spike of the inputs and of both populations is one message (to one core).
+    """
+    input_spikes, exc = int(raw[1]), int(raw[2])
+    lateral = exc * (network.neurons - 1)
+    return {
+        "synaptic_operations": int(raw[0]) + exc + lateral,
+        "synaptic_operations_dense": input_spikes * network.neurons + exc + exc * network.neurons,
+        "neuron_updates": n * network.neurons * (network.steps + SILENT_STEPS - 1) + exc,
+        "input_spikes": input_spikes,
+        "exc_spikes": exc,
+        "inh_spikes": exc,
+        "messages": input_spikes + 2 * exc,
+        "steps": n * (network.steps + SILENT_STEPS),
+    }
+
+
+def count_spikes(
+    network: FixedNetwork,
+    rates: NDArray[np.uint16],
+    keys: NDArray[np.uint64],
+    *,
+    threads: int = 1,
+    raster: bool = False,
+) -> tuple[NDArray[np.int32], dict[str, int], NDArray[np.uint8]]:
+    """Present every image to the network.
+
+    Args:
+        network: The network, checked (`FixedNetwork.check`).
+        rates: Spike probabilities in units of 2^-16, uint16 (n, inputs).
+        keys: One key per presentation (`lava_vpr.engine.random.presentation_keys`), uint64 (n,).
+        threads: Threads that share the images; the result does not depend on it.
+        raster: Also record every excitatory spike.
+    Returns:
+        Spike counts int32 (n, neurons); events by name, summed; raster uint8 (n, steps + 3, neurons) or empty.
+    """
+    n = len(rates)
+    counts = np.zeros((n, network.neurons), np.int32)
+    film = np.zeros((n, network.steps + SILENT_STEPS, network.neurons) if raster else (0, 0, 0), np.uint8)
+    weights = np.ascontiguousarray(network.weights)
+    narrow = int(weights.sum(axis=0, dtype=np.int64).max(initial=0)) < 1 << 15
+    row_sizes = np.count_nonzero(weights, axis=1).astype(np.int64)
+    params = np.array([network.shift, network.threshold, network.lateral, network.decay, network.steps], np.int64)
+    rates = np.ascontiguousarray(rates, dtype=np.uint16)
+
+    def run(part: slice) -> NDArray[np.int64]:
+        events = np.zeros(3, np.int64)
+        acc = np.zeros(network.neurons, np.int16 if narrow else np.int32)
+        _present(weights, row_sizes, params, rates[part], keys[part], acc, counts[part], events, film[part])
+        return events
+
+    totals = share(run, n, threads)
+    raw = np.sum(totals, axis=0, dtype=np.int64) if totals else np.zeros(3, np.int64)
+    return counts, _events(raw, network, n), film

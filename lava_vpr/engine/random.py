@@ -1,0 +1,90 @@
+"""Counter-based random numbers: the same spikes on every backend, batch size, thread count and machine.
+
+A presentation has a 64-bit key made of (seed, role, epoch, image id). Block ``b`` of input ``j`` is one 64-bit hash
+``mix(key + G (b 2^32 + j))``: the finaliser of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014, with Stafford's
+constants, variant 13) over an injective counter. That one hash gives four 16-bit draws, for steps 4b .. 4b + 3, or two
+32-bit draws, for steps 2b and 2b + 1. An input spikes when its draw is below its rate. Inputs of rate 0 need no draw.
+"""
+
+from __future__ import annotations
+
+import zlib
+
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+_MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
+_MIX_2 = np.uint64(0x94D049BB133111EB)
+_S27, _S30, _S31, _S32 = np.uint64(27), np.uint64(30), np.uint64(31), np.uint64(32)
+_MASK = (1 << 64) - 1
+
+ROLES = ("train", "response", "query", "start", "delay")
+
+
+@nb.njit(nb.uint64(nb.uint64), inline="always", cache=True)
+def mix(x: np.uint64) -> np.uint64:
+    """SplitMix64's finaliser, a bijection of 64-bit words."""
+    x = (x ^ (x >> _S30)) * _MIX_1
+    x = (x ^ (x >> _S27)) * _MIX_2
+    return x ^ (x >> _S31)
+
+
+def _mix(x: int) -> int:
+    """`mix` in Python integers."""
+    x = ((x ^ (x >> 30)) * int(_MIX_1)) & _MASK
+    x = ((x ^ (x >> 27)) * int(_MIX_2)) & _MASK
+    return x ^ (x >> 31)
+
+
+def presentation_key(seed: int, role: str, image_id: int, epoch: int = 0) -> int:
+    """The 64-bit key of one presentation.
+
+    Args:
+        seed: Seed of the run, in [0, 2^63).
+        role: One of `ROLES`; ``train`` (with its epoch), ``response`` (the frozen network on the references) and
+            ``query`` keep their noise apart.
+        image_id: Absolute number of the image, of any size.
+        epoch: Epoch of a training presentation.
+    """
+    if role not in ROLES:
+        raise ValueError(f"role is {role!r}, but must be one of {', '.join(ROLES)}")
+    key = _mix((seed + int(GOLDEN)) & _MASK)
+    for word in (zlib.crc32(role.encode()), epoch, image_id):
+        key = _mix((key ^ (word & _MASK)) + int(GOLDEN) & _MASK)
+    return key
+
+
+def presentation_keys(seed: int, role: str, image_ids: NDArray[np.int64], epoch: int = 0) -> NDArray[np.uint64]:
+    """`presentation_key` of many images, shape (n,)."""
+    return np.array([presentation_key(seed, role, int(i), epoch) for i in image_ids], dtype=np.uint64)
+
+
+def hashes(key: int, blocks: NDArray[np.int64], inputs: NDArray[np.int64]) -> NDArray[np.uint64]:
+    """The 64-bit hashes of all (block, input) pairs, shape (len(blocks), len(inputs)); plain numpy."""
+    with np.errstate(over="ignore"):
+        counter = (blocks.astype(np.uint64)[:, None] << _S32) + inputs.astype(np.uint64)[None, :]
+        x = np.uint64(key) + counter * GOLDEN
+        x = (x ^ (x >> _S30)) * _MIX_1
+        x = (x ^ (x >> _S27)) * _MIX_2
+        return x ^ (x >> _S31)
+
+
+def draws(key: int, steps: int, inputs: int, bits: int = 16) -> NDArray[np.uint64]:
+    """All draws of one presentation, shape (steps, inputs), each of ``bits`` (16 or 32) bits; plain numpy.
+
+    This is the definition that the compiled kernels are held against.
+    """
+    per_hash = 64 // bits
+    blocks = np.arange(-(-steps // per_hash))
+    words = hashes(key, blocks, np.arange(inputs))
+    shifts = (np.arange(per_hash) * bits).astype(np.uint64)
+    lanes = (words[:, None, :] >> shifts[None, :, None]) & np.uint64((1 << bits) - 1)
+    return lanes.reshape(-1, inputs)[:steps]
+
+
+def uniform(key: int, size: int) -> NDArray[np.float64]:
+    """``size`` uniform numbers in [0, 1) with 53 bits, one hash each (start weights, delays)."""
+    words = hashes(key, np.zeros(1, dtype=np.int64), np.arange(size))[0]
+    return (words >> np.uint64(11)).astype(np.float64) * 2.0**-53

@@ -1,0 +1,221 @@
+"""Learning places by STDP: one training presentation of the current-based network, in float32.
+
+The rule is the paper's (Hussaini et al. 2022, the equation of the weight change): when a neuron spikes,
+``w += eta (x_pre - x_target) (w_max - w)^mu``, clipped to [0, w_max]. The presynaptic trace ``x_pre`` is set to 1 by an
+input spike and decays by exp(-1 / tau_trace) a step. Homeostasis raises a neuron's threshold by ``theta_plus`` for each
+spike, for good; before a presentation every neuron's weights are normalised to the same mean.
+
+All arithmetic is elementwise or summed in a fixed order, without fused or reordered operations, so that every machine
+and every vector width computes the same bits.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.config import StdpLearning
+from lava_vpr.engine.draw import LANES, draw_block, prepare_draws
+from lava_vpr.engine.random import presentation_key, uniform
+
+
+@dataclass
+class PlasticState:
+    """What training changes: ``weights`` float32 (inputs, neurons), ``theta`` float32 (neurons,), thresholds."""
+
+    weights: NDArray[np.float32]
+    theta: NDArray[np.float32]
+
+
+def initial_state(inputs: int, neurons: int, learning: StdpLearning, seed: int, stretch: int = 0) -> PlasticState:
+    """Random start weights ``start_weight (U[0, 1) + 0.01)``; every stretch of a route draws its own."""
+    draws = uniform(presentation_key(seed, "start", stretch), inputs * neurons).reshape(inputs, neurons)
+    weights = (learning.start_weight * (draws + 0.01)).astype(np.float32)
+    return PlasticState(weights, np.full(neurons, learning.threshold, np.float32))
+
+
+def normalise(weights: NDArray[np.float32], mean: float) -> None:
+    """Scale each neuron's weights (a column) in place to ``mean``; the sum runs over inputs in order."""
+    _normalise(weights, np.float32(mean))
+
+
+def trace_table(steps: int, tau: float) -> NDArray[np.float32]:
+    """Trace k steps after its input's spike, k < steps; by repeated multiplication, the same on every machine."""
+    decay = round(math.exp(-1.0 / tau), 12)
+    table = np.empty(steps + 1, np.float64)
+    value = 1.0
+    for k in range(steps + 1):
+        table[k] = value
+        value *= decay
+    return table.astype(np.float32)
+
+
+@nb.njit(cache=True, nogil=True)
+def _normalise(weights: NDArray[np.float32], mean: np.float32) -> None:
+    inputs, neurons = weights.shape
+    total = np.zeros(neurons, np.float32)
+    for j in range(inputs):
+        for i in range(neurons):
+            total[i] += weights[j, i]
+    for i in range(neurons):
+        total[i] = mean * np.float32(inputs) / total[i] if total[i] > 0 else np.float32(0)
+    for j in range(inputs):
+        for i in range(neurons):
+            weights[j, i] *= total[i]
+
+
+@nb.njit(cache=True, inline="always")
+def _learn(
+    column: int,
+    weights: NDArray[np.float32],
+    last: NDArray[np.int32],
+    now: int,
+    trace: NDArray[np.float32],
+    eta: np.float32,
+    target: np.float32,
+    w_max: np.float32,
+    mu: np.float32,
+) -> None:
+    """The weight change of all synapses of neuron ``column``, which spikes at step ``now``."""
+    for j in range(last.size):
+        x = trace[now - last[j]] if last[j] >= 0 else np.float32(0)
+        w = weights[j, column]
+        change = eta * (x - target)
+        if mu != 0:
+            change *= (w_max - w) ** mu
+        w = np.float32(w + change)
+        weights[j, column] = min(max(w, np.float32(0)), w_max)
+
+
+@nb.njit(cache=True, nogil=True)
+def _train(
+    weights: NDArray[np.float32],
+    theta: NDArray[np.float32],
+    rates: NDArray[np.uint16],
+    key: np.uint64,
+    params: NDArray[np.float32],
+    steps: int,
+    hold_steps: int,
+    trace: NDArray[np.float32],
+    counts: NDArray[np.int32],
+    events: NDArray[np.int64],
+) -> None:
+    """One presentation; changes ``weights`` and ``theta``, fills ``counts`` (neurons,), adds to ``events``."""
+    eta, target, w_max, mu = params[0], params[1], params[2], params[3]
+    theta_plus, inhibition, keep, gain, floor = params[4], params[5], params[6], params[7], params[8]
+    inputs, neurons = weights.shape
+    active = np.empty(inputs + 1, np.int32)
+    offsets = np.empty(inputs + 1, np.uint64)
+    rates4 = np.empty(LANES * (inputs + 1), np.uint16)
+    words = np.empty(inputs + 1, np.uint64)
+    mask = np.empty((LANES * (inputs + 1) + 7) // 8 * 8, np.uint8)
+    occupied = np.empty(inputs // 2 + 2, np.int32)
+    spikes = np.empty((LANES, inputs + 1), np.int32)
+    spike_counts = np.zeros(LANES, np.int64)
+    n = prepare_draws(rates, key, active, offsets, rates4)
+    last = np.full(inputs, -1, np.int32)
+    free_from = np.zeros(neurons, np.int32)
+    drive = np.zeros(neurons, np.float32)
+    v = np.zeros(neurons, np.float32)
+    fired = np.zeros((3, neurons), np.int32)
+    n_fired = np.zeros(3, np.int64)
+    for step in range(steps):
+        lane = step & 3
+        if lane == 0:
+            draw_block(step >> 2, n, active, offsets, rates4, words, mask, occupied, spikes, spike_counts)
+        drive[:] = 0
+        for s in range(spike_counts[lane]):
+            row = np.uint64(spikes[lane, s])
+            last[row] = step
+            for i in range(neurons):
+                drive[i] += weights[row, i]
+        events[0] += spike_counts[lane]
+        now, before = step % 3, (step + 1) % 3  # (step - 2) mod 3
+        for i in range(neurons):
+            drive[i] *= gain
+        if n_fired[before] > 0:
+            pull = np.float32(inhibition * np.float32(n_fired[before]))
+            for i in range(neurons):
+                drive[i] -= pull
+            for s in range(n_fired[before]):
+                drive[fired[before, s]] += inhibition
+        above = False
+        for i in range(neurons):
+            x = np.float32(np.float32(v[i] * keep) + drive[i])
+            x = floor if x < floor else x
+            x = np.float32(0) if step < free_from[i] else x
+            v[i] = x
+            above |= x > theta[i]
+        n_fired[now] = 0
+        if above:
+            for i in range(neurons):
+                if v[i] > theta[i]:
+                    v[i] = 0
+                    theta[i] += theta_plus
+                    free_from[i] = step + 1 + hold_steps
+                    fired[now, n_fired[now]] = i
+                    n_fired[now] += 1
+                    counts[i] += 1
+                    _learn(i, weights, last, step, trace, eta, target, w_max, mu)
+            events[1] += n_fired[now]
+
+
+class Trainer:
+    """One stretch's plastic network, ready to be shown images.
+
+    Args:
+        state: Start weights and thresholds, changed in place.
+        learning: Settings of the rule.
+        spikes_per_step: Expected input spikes per step ("tot") of the rates that will be shown.
+        drive: Drive per step of a neuron whose weights are all at the mean (`LifNetwork.drive`).
+    """
+
+    def __init__(self, state: PlasticState, learning: StdpLearning, spikes_per_step: float, drive: float) -> None:
+        self.state, self.learning = state, learning
+        self._trace = trace_table(learning.steps, learning.tau_trace)
+        gain = drive / (learning.mean_weight * spikes_per_step)
+        self._params = np.array(
+            [
+                learning.eta,
+                learning.x_target,
+                learning.w_max,
+                learning.mu,
+                learning.theta_plus,
+                learning.inhibition,
+                1.0 - 1.0 / learning.tau_membrane,
+                gain,
+                learning.floor,
+            ],
+            np.float32,
+        )
+
+    def present(self, rates: NDArray[np.uint16], key: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+        """Normalise, show one image, learn.
+
+        Args:
+            rates: Spike probabilities in units of 2^-16, uint16 (inputs,).
+            key: The presentation's key (`lava_vpr.engine.random.presentation_key`).
+        Returns:
+            Spike counts int32 (neurons,); numbers of input and excitatory spikes, int64 (2,).
+        """
+        state, learning = self.state, self.learning
+        counts = np.zeros(len(state.theta), np.int32)
+        events = np.zeros(2, np.int64)
+        normalise(state.weights, learning.mean_weight)
+        _train(
+            state.weights,
+            state.theta,
+            rates,
+            np.uint64(key),
+            self._params,
+            learning.steps,
+            learning.hold_steps,
+            self._trace,
+            counts,
+            events,
+        )
+        return counts, events

@@ -1,0 +1,30 @@
+"""Every error that a user can cause, as one line that says what is wrong, with what, and what to do.
+
+The command line turns a `LavaVprError` into that line and exit code 1; anything else is a defect of ours.
+"""
+
+from __future__ import annotations
+
+
+class LavaVprError(Exception):
+    """Base of all errors whose cause lies outside this program."""
+
+
+class InputError(LavaVprError):
+    """Images, lists, videos, ground truth or descriptors that cannot be used."""
+
+
+class ConfigError(LavaVprError):
+    """A setting outside its range, or settings that contradict each other."""
+
+
+class ModelFileError(LavaVprError):
+    """A model or checkpoint file that is missing, damaged, foreign or does not fit what it is used for."""
+
+
+class NetworkLimitError(LavaVprError):
+    """A network that would overflow the chip's registers, or exceed another of its limits."""
+
+
+class BackendUnavailableError(LavaVprError):
+    """A backend whose software or device is not here."""

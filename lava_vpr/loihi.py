@@ -1,0 +1,28 @@
+"""Loihi's numbers, each with unit and source. Nothing else in the project writes one down."""
+
+from __future__ import annotations
+
+STATE_BITS = 24
+"""Current u and voltage v: 23 bits and sign. Source: lava-nc 0.10, ``AbstractPyLifModelFixed.ds_offset`` and following;
+nengo-loihi 1.1.0, ``discretize.py:19``."""
+
+STATE_LIMIT = 1 << (STATE_BITS - 1)
+"""u wraps beyond +-2^23, v is clipped to +-(2^23 - 1)."""
+
+INPUT_SHIFT = 6
+"""Inputs and thresholds are 2^6 units of u and v. Source: lava-nc 0.10, ``proc/lif/models.py``."""
+
+INPUT_LIMIT = STATE_LIMIT >> INPUT_SHIFT
+"""Input sums of one step beyond this (131,072 weight units) wrap u."""
+
+THRESHOLD_LIMIT = 1 << 17
+"""Threshold mantissas stay below. Source: nengo-loihi 1.1.0, ``discretize.py:10``."""
+
+DECAY_BITS = 12
+"""Decays are in units of 2^-12. Source: lava-nc 0.10, ``proc/lif/models.py``."""
+
+WEIGHT_BITS = 8
+"""Widest weight. Source: lava-nc 0.10, ``proc/dense/models.py``."""
+
+WEIGHT_LIMIT = (1 << WEIGHT_BITS) - 1
+"""Largest unsigned weight (or mantissa of an inhibitory one)."""

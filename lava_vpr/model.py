@@ -1,0 +1,157 @@
+"""A trained model, and its file (``.lvpr``)."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr import __version__, container
+from lava_vpr.config import Config, LifNetwork, from_dict, to_dict
+from lava_vpr.engine.conductance import ConductanceState
+from lava_vpr.engine.fixed import FixedNetwork
+from lava_vpr.errors import LavaVprError, ModelFileError
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Part of a route learned by neurons of its own: ``places`` and ``neurons`` count from ``first_*``."""
+
+    first_place: int
+    places: int
+    first_neuron: int
+    neurons: int
+
+
+@dataclass(frozen=True)
+class Model:
+    """Everything that answers a query, and what baselines and reports need of the references.
+
+    Attributes:
+        config: Settings that it was trained with.
+        network: What runs: integers for preset ``loihi``, the conductance model's state for ``paper``.
+        learned: Float weights as STDP left them, float32 (inputs, neurons); to quantise anew. Empty for ``paper``.
+        responses: S^R, spikes of each neuron for each place, int32 (neurons, places).
+        stretches: Parts of the route, in order.
+        place_indices: Absolute index of each place in its traverse, int64 (places,).
+        place_names: File name of each place's image in the first traverse.
+        route_images: Images in the whole first traverse, of which the places may be a part.
+        labels: Place of each reference image, int64 (images,): one image per place and traverse.
+        patches: Patch-normalised reference images, uint8 (images, 28, 28).
+        activity: Input responses to the reference images, float32 (images, inputs).
+        thumbnails: First traverse's images, small, uint8 (places, 48, 64, 3) BGR.
+        training: Figures of the training run: spikes per image, neurons used, places covered.
+    """
+
+    config: Config
+    network: FixedNetwork | ConductanceState
+    learned: NDArray[np.float32]
+    responses: NDArray[np.int32]
+    stretches: tuple[Stretch, ...]
+    place_indices: NDArray[np.int64]
+    place_names: tuple[str, ...]
+    route_images: int
+    labels: NDArray[np.int64]
+    patches: NDArray[np.uint8]
+    activity: NDArray[np.float32]
+    thumbnails: NDArray[np.uint8]
+    training: dict[str, float]
+
+    @property
+    def places(self) -> int:
+        """Number of places."""
+        return len(self.place_names)
+
+    @property
+    def neurons(self) -> int:
+        """Number of excitatory neurons, all stretches together."""
+        return int(self.responses.shape[0])
+
+    @property
+    def weight_bits(self) -> int | None:
+        """Bits of a weight; None for the float model."""
+        return self.network.bits if isinstance(self.network, FixedNetwork) else None
+
+    def neuron_places(self) -> NDArray[np.int64]:
+        """Place to which each neuron responds most, int64 (neurons,); -1 for a neuron silent on all references."""
+        best = self.responses.argmax(axis=1)
+        return np.where(self.responses.any(axis=1), best, -1)
+
+
+_ARRAYS = ("learned", "responses", "place_indices", "labels", "patches", "activity", "thumbnails")
+_FIXED = ("bits", "shift", "threshold", "inhibition", "inhibition_exponent", "decay", "steps")
+
+
+def save(model: Model, path: Path) -> None:
+    """Write ``model`` to ``path``; the file appears complete or not at all.
+
+    Raises:
+        ModelFileError: it cannot be written.
+    """
+    arrays: dict[str, NDArray[Any]] = {name: getattr(model, name) for name in _ARRAYS}
+    header: dict[str, Any] = {
+        "version": __version__,
+        "config": to_dict(model.config),
+        "stretches": [dataclasses.astuple(s) for s in model.stretches],
+        "place_names": list(model.place_names),
+        "route_images": model.route_images,
+        "training": model.training,
+    }
+    if isinstance(model.network, FixedNetwork):
+        header["fixed"] = {name: int(getattr(model.network, name)) for name in _FIXED}
+        arrays["network.weights"] = model.network.weights
+    else:
+        for field in dataclasses.fields(model.network):
+            arrays[f"network.{field.name}"] = getattr(model.network, field.name)
+    container.save(path, "model", header, arrays)
+
+
+def load(path: Path) -> Model:
+    """The model in the file at ``path``.
+
+    Raises:
+        ModelFileError: missing, foreign, damaged, or inconsistent.
+    """
+    header, arrays = container.load(path, "model")
+    try:
+        return _assemble(header, arrays)
+    except LavaVprError as error:
+        raise ModelFileError(f"{path}: the model cannot be used ({error})") from None
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise ModelFileError(
+            f"{path}: the model lacks or garbles {error}; it was written by another version, train it again"
+        ) from None
+
+
+def _assemble(header: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Model:
+    config = from_dict(header["config"])
+    network: FixedNetwork | ConductanceState
+    if isinstance(config.network, LifNetwork):
+        network = FixedNetwork(weights=arrays["network.weights"], **{n: int(header["fixed"][n]) for n in _FIXED})
+        network.check()
+    else:
+        names = [field.name for field in dataclasses.fields(ConductanceState)]
+        network = ConductanceState(**{name: arrays[f"network.{name}"] for name in names})
+    model = Model(
+        config=config,
+        network=network,
+        stretches=tuple(Stretch(*part) for part in header["stretches"]),
+        place_names=tuple(header["place_names"]),
+        route_images=int(header["route_images"]),
+        training=dict(header["training"]),
+        **{name: arrays[name] for name in _ARRAYS},
+    )
+    places, inputs = model.places, config.encoder.inputs
+    for name, shape in {
+        "place_indices": (places,),
+        "responses": (network.weights.shape[1], places),
+        "activity": (len(model.labels), inputs),
+        "patches": (len(model.labels), 28, 28),
+    }.items():
+        if getattr(model, name).shape != shape:
+            raise ValueError(f"{name} of shape {getattr(model, name).shape} instead of {shape}")
+    return model

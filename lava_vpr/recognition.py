@@ -1,0 +1,148 @@
+"""Queries through a trained model: spike counts, scores by every decoder and baseline, figures against the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr import backends, baselines, decoding, matching
+from lava_vpr.config import DECODERS, Config
+from lava_vpr.encoding import EncodedTraverse, query_rates
+from lava_vpr.errors import InputError
+from lava_vpr.evaluation import Metrics, evaluate
+from lava_vpr.model import Model
+
+BASELINES = ("sad", "cosine")
+
+
+@dataclass(frozen=True)
+class Recognition:
+    """What a model and its rivals made of a set of queries.
+
+    Attributes:
+        default: Name of the decoder that answers.
+        scores: Scores by matcher, float64 (n, places), higher is better. With sequences, row and column are the first
+            query and place of each window.
+        metrics: Figures by matcher.
+        truth: bool (n, places).
+        matches: The default decoder's place of each query, -1 for none, int64 (n,).
+        confidence: Confidence of those matches, float64 (n,).
+        counts: Spike counts of all queries, int32 (queries, neurons).
+        events: Counted events, summed over all queries.
+    """
+
+    default: str
+    scores: dict[str, NDArray[np.float64]] = field(repr=False)
+    metrics: dict[str, Metrics]
+    truth: NDArray[np.bool_] = field(repr=False)
+    matches: NDArray[np.int64] = field(repr=False)
+    confidence: NDArray[np.float64] = field(repr=False)
+    counts: NDArray[np.int32] = field(repr=False)
+    events: dict[str, int]
+
+
+def decoder_variant(config: Config) -> str:
+    """Which reading of the four decoders a preset uses: ``paper`` the released code's, others the printed equations."""
+    return "vprsnn2022" if config.preset == "paper" else "paper"
+
+
+def count_query_spikes(
+    model: Model, queries: EncodedTraverse, *, backend: str = "host", seed: int | None = None, threads: int = 1
+) -> tuple[NDArray[np.int32], dict[str, int]]:
+    """Spike counts of every query, int32 (n, neurons), and the run's events; ``seed`` defaults to the model's."""
+    if queries.activity.shape[1] != model.config.encoder.inputs:
+        raise InputError(
+            f"queries have {queries.activity.shape[1]} inputs, the model {model.config.encoder.inputs}; encode them "
+            "with the model's own settings"
+        )
+    return backends.get(backend, threads).count_spikes(
+        model,
+        query_rates(queries.activity, model.config),
+        image_ids=queries.indices,
+        role="query",
+        seed=model.config.seed if seed is None else seed,
+    )
+
+
+def decode(model: Model, counts: NDArray[np.int32], name: str) -> NDArray[np.float64]:
+    """Scores float64 (n, places) of spike counts by the decoder ``name``."""
+    return decoding.decode(
+        name, model.responses, counts, variant=decoder_variant(model.config), gamma=model.config.decoder.gamma
+    )
+
+
+def recognise(
+    model: Model,
+    queries: EncodedTraverse,
+    truth: NDArray[np.bool_],
+    *,
+    backend: str = "host",
+    seed: int | None = None,
+    sequence: int = 1,
+    rivals: Sequence[str] = BASELINES,
+    descriptors: tuple[Path, Path] | None = None,
+    threads: int = 1,
+) -> Recognition:
+    """Answer every query and hold the answers against the truth.
+
+    Args:
+        model: A trained model.
+        queries: Encoded with the model's settings.
+        truth: bool (n_queries, places).
+        backend: Name in `lava_vpr.backends.BACKENDS`.
+        seed: Of the queries' noise; None: the model's.
+        sequence: Queries that are matched together; 1: each alone.
+        rivals: Baselines to compute, of `BASELINES`.
+        descriptors: .npy files of reference and query descriptors, one row per image in use.
+        threads: Does not change the result.
+    """
+    counts, events = count_query_spikes(model, queries, backend=backend, seed=seed, threads=threads)
+    scores = {name: decode(model, counts, name) for name in DECODERS}
+    if "sad" in rivals:
+        scores["sad"] = -baselines.sad_distances(model.patches, queries.patches, model.labels)
+    if "cosine" in rivals:
+        scores["cosine"] = baselines.cosine_similarities(
+            query_rates(model.activity, model.config), query_rates(queries.activity, model.config), model.labels
+        )
+    if descriptors is not None:
+        scores["descriptors"] = baselines.descriptor_similarities(
+            *descriptors, n_references=len(model.labels), n_queries=len(queries), labels=model.labels
+        )
+    if sequence > 1:
+        scores = {name: matching.sequence_scores(matrix, sequence) for name, matrix in scores.items()}
+        truth = matching.sequence_truth(truth, sequence)
+    sure = {name: decoding.confidence("sequence" if sequence > 1 else name, matrix) for name, matrix in scores.items()}
+    metrics = {name: evaluate(matrix, sure[name], truth) for name, matrix in scores.items()}
+    default = model.config.decoder.default
+    return Recognition(
+        default=default,
+        scores=scores,
+        metrics=metrics,
+        truth=truth,
+        matches=decoding.best(scores[default]),
+        confidence=sure[default],
+        counts=counts,
+        events=events,
+    )
+
+
+def as_json(model: Model, result: Recognition) -> dict[str, Any]:
+    """The figures in the layout that scripts rely on (``lava-vpr eval --json``)."""
+    order = (*(name for name in DECODERS if name != result.default), result.default)
+    return {
+        "places": model.places,
+        "queries": len(result.counts),
+        "network": {
+            "neurons": model.neurons,
+            "weight_bits": model.weight_bits,
+            "steps": model.config.network.steps,
+        },
+        "default_decoder": result.default,
+        "decoders": {name: result.metrics[name].as_json() for name in order},
+        "baselines": {name: metrics.as_json() for name, metrics in result.metrics.items() if name not in DECODERS},
+    }

@@ -1,0 +1,46 @@
+"""The evaluation report: one HTML file that needs nothing else, from plain arrays.
+
+`ReportData` in, ``report.html`` out. Everything is drawn here and nothing is computed that `lava_vpr.evaluation` has
+not computed already, so that the report and the JSON never disagree.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from pathlib import Path
+
+from lava_vpr.errors import InputError
+from lava_vpr.report.data import Figures, Raster, ReportData
+from lava_vpr.report.html import page
+
+
+def write_report(data: ReportData, folder: Path) -> Path:
+    """Write ``folder/report.html``, complete or not at all; equal data give equal bytes.
+
+    Args:
+        data: What to show.
+        folder: Created if it is missing; an older report in it is replaced when the new one is complete.
+    Returns:
+        The file.
+    Raises:
+        InputError: the folder cannot be made or written.
+    """
+    content = page(data).encode("utf-8", "replace")
+    target = folder / "report.html"
+    temporary = folder / f".report.html.{os.getpid()}.tmp"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        temporary.write_bytes(content)
+        os.replace(temporary, target)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
+        raise InputError(
+            f"{target}: the report cannot be written ({error.strerror or error}); "
+            "give a folder that can be written and has space left"
+        ) from None
+    return target
+
+
+__all__ = ["Figures", "Raster", "ReportData", "write_report"]

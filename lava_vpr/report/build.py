@@ -1,0 +1,98 @@
+"""From a model and its answers to the report's data."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.config import to_toml
+from lava_vpr.encoding import EncodedTraverse, query_rates
+from lava_vpr.engine import fixed
+from lava_vpr.engine.random import presentation_keys
+from lava_vpr.model import Model
+from lava_vpr.recognition import Recognition
+from lava_vpr.report.data import Raster, ReportData
+
+RASTERS = 2
+"""Rasters of right answers, and as many of wrong ones."""
+
+
+def report_data(
+    model: Model, queries: EncodedTraverse, result: Recognition, command: str, sequence: int, seed: int | None
+) -> ReportData:
+    """Everything that the report shows; with sequences, images stand for the first of their window."""
+    n, places = result.truth.shape
+    config = model.config
+    grid = config.encoder.image_size // config.encoder.cell if config.encoder.kind == "orientation" else 28
+    summary = {
+        "places": str(model.places),
+        "queries": str(len(queries)),
+        "neurons": str(model.neurons),
+        "weights": f"{model.weight_bits} bits" if model.weight_bits else "float",
+        "steps": str(config.network.steps),
+        "input": f"{config.encoder.inputs} ({config.encoder.kind})",
+        "preset": config.preset,
+        "seed": str(config.seed),
+    }
+    if sequence > 1:
+        summary["sequences of"] = str(sequence)
+    return ReportData(
+        title="Visual place recognition",
+        command=command,
+        summary=summary,
+        default_decoder=result.default,
+        metrics=result.metrics,
+        matrices={name: result.scores[name] for name in (result.default, "sad", "cosine") if name in result.scores},
+        truth=result.truth,
+        matches=result.matches,
+        confidence=result.confidence,
+        place_names=model.place_names[:places],
+        query_names=queries.names[:n],
+        place_thumbnails=model.thumbnails[:places],
+        query_thumbnails=queries.thumbnails[:n],
+        input_kind=config.encoder.kind,
+        orientations=config.encoder.orientations,
+        grid=grid,
+        weights=model.network.weights,
+        neuron_places=np.where(model.neuron_places() < places, model.neuron_places(), -1),
+        rasters=_rasters(model, queries, result, config.seed if seed is None else seed),
+        events={name: value / max(1, len(queries)) for name, value in result.events.items()},
+        config_toml=to_toml(config),
+    )
+
+
+def _chosen(result: Recognition) -> NDArray[np.int64]:
+    """A few queries: the surest right ones and the surest wrong ones."""
+    order = np.argsort(-result.confidence, kind="stable")
+    matched = order[result.matches[order] >= 0]
+    right = result.truth[matched, result.matches[matched]]
+    return np.concatenate([matched[right][:RASTERS], matched[~right][:RASTERS]])
+
+
+def _rasters(model: Model, queries: EncodedTraverse, result: Recognition, seed: int) -> tuple[Raster, ...]:
+    """Spikes of a few queries, run once more; only the integer network records them."""
+    if not isinstance(model.network, fixed.FixedNetwork):
+        return ()
+    chosen = _chosen(result)
+    rates = query_rates(queries.activity[chosen], model.config)
+    keys = presentation_keys(seed, "query", queries.indices[chosen])
+    rasters = []
+    for k, query in enumerate(chosen):
+        counts, events, film = fixed.count_spikes(model.network, rates[k : k + 1], keys[k : k + 1], raster=True)
+        if not np.array_equal(counts[0], result.counts[query]):
+            continue  # counted by another backend that does not spike the same (a float one): show nothing false
+        steps, neurons = np.nonzero(film[0])
+        true = np.flatnonzero(result.truth[query])
+        rasters.append(
+            Raster(
+                query=int(query),
+                place=int(result.matches[query]),
+                true_place=int(true[0]) if len(true) else None,
+                steps=film.shape[1],
+                neurons=model.neurons,
+                spike_steps=steps,
+                spike_neurons=neurons,
+                input_spikes=events["input_spikes"],
+            )
+        )
+    return tuple(rasters)

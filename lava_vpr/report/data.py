@@ -1,0 +1,132 @@
+"""What an evaluation report is made of: plain arrays and texts, checked once, with no way back to files or models."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Figures(Protocol):
+    """One matcher's figures, fractions in 0..1; `lava_vpr.evaluation.Metrics` is one. None or NaN: not computable."""
+
+    @property
+    def recall_at_1(self) -> float | None: ...
+    @property
+    def recall_at_n(self) -> Mapping[int, float | None]: ...
+    @property
+    def recall_at_100_precision(self) -> float | None: ...
+    @property
+    def precision_at_100_recall(self) -> float | None: ...
+    @property
+    def auc(self) -> float | None: ...
+    @property
+    def precision(self) -> Any: ...
+    @property
+    def recall(self) -> Any: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Raster:
+    """The excitatory spikes of one query.
+
+    Attributes:
+        query: Index of the query.
+        place: Index of the matched place, -1 for none.
+        true_place: Index of the place where the query was taken, None if there is none.
+        steps: Steps of the presentation, the silent ones included.
+        neurons: Excitatory neurons.
+        spike_steps, spike_neurons: Step (0..steps - 1) and neuron of every spike, int, shape (spikes,).
+        input_spikes: Input spikes of the presentation.
+    """
+
+    query: int
+    place: int
+    true_place: int | None
+    steps: int
+    neurons: int
+    spike_steps: NDArray[np.integer[Any]]
+    spike_neurons: NDArray[np.integer[Any]]
+    input_spikes: int
+
+
+@dataclass(frozen=True, eq=False)
+class ReportData:
+    """Everything that the report shows.
+
+    Attributes:
+        title: Heading of the page.
+        command: Command line that reproduces the figures.
+        summary: Short facts by name ("neurons": "100"), in order.
+        default_decoder: Key of `metrics` and of `matrices` whose matches the report is about.
+        metrics: Figures by matcher: the decoders, and the baselines ``sad``, ``cosine``, ``descriptors``.
+        matrices: Scores by matcher, shape (n_queries, n_places), higher is better.
+        truth: Where each query was taken, bool, shape (n_queries, n_places).
+        matches: Place that the default decoder gives each query, -1 for none, int, shape (n_queries,).
+        confidence: Confidence of those matches, shape (n_queries,).
+        place_names, query_names: File names, or whatever tells images apart.
+        place_thumbnails, query_thumbnails: uint8 (n, h, w, 3), BGR.
+        input_kind: ``orientation``, ``onoff`` or ``pixels``.
+        orientations: Orientation channels (``orientation`` only).
+        grid: Side of the square grid of inputs.
+        weights: Shape (inputs, n_exc), or None if the weights are not to be shown. Inputs are ordered channel, row,
+            column. Orientation channel k belongs to a gradient at 180 k / orientations degrees, the y axis pointing
+            down; ``onoff`` has the ON channel first.
+        neuron_places: The place that each excitatory neuron represents most, -1 for none, int, shape (n_exc,).
+        rasters: Spikes of a few queries.
+        events: Counted events per query, by the names of ``lava-vpr bench``.
+        config_toml: The model's configuration.
+    """
+
+    title: str
+    command: str
+    summary: dict[str, str]
+    default_decoder: str
+    metrics: Mapping[str, Figures]
+    matrices: Mapping[str, NDArray[Any]]
+    truth: NDArray[np.bool_]
+    matches: NDArray[np.integer[Any]]
+    confidence: NDArray[Any]
+    place_names: tuple[str, ...]
+    query_names: tuple[str, ...]
+    place_thumbnails: NDArray[np.uint8]
+    query_thumbnails: NDArray[np.uint8]
+    input_kind: str
+    orientations: int
+    grid: int
+    weights: NDArray[Any] | None
+    neuron_places: NDArray[np.integer[Any]]
+    rasters: tuple[Raster, ...]
+    events: Mapping[str, float]
+    config_toml: str
+
+    def __post_init__(self) -> None:
+        queries, places = len(self.query_names), len(self.place_names)
+        _check("metrics", self.default_decoder in self.metrics, f"must hold {self.default_decoder!r}")
+        _check("truth", self.truth.shape == (queries, places), f"must have shape {(queries, places)}")
+        for name, matrix in self.matrices.items():
+            _check(f"matrices[{name!r}]", matrix.shape == (queries, places), f"must have shape {(queries, places)}")
+        for name, length in (("matches", queries), ("confidence", queries)):
+            _check(name, getattr(self, name).shape == (length,), f"must have shape {(length,)}")
+        in_range = bool(np.all((self.matches >= -1) & (self.matches < places)))
+        _check("matches", in_range, f"must lie in -1..{places - 1}")
+        for name, images, count in (
+            ("query_thumbnails", self.query_thumbnails, queries),
+            ("place_thumbnails", self.place_thumbnails, places),
+        ):
+            good = images.ndim == 4 and len(images) == count and images.shape[3] == 3 and images.dtype == np.uint8
+            _check(name, good, f"must be uint8 of shape ({count}, h, w, 3)")
+        if self.weights is not None:
+            channels = {"orientation": self.orientations, "onoff": 2, "pixels": 1}.get(self.input_kind, 0)
+            _check("input_kind", channels > 0, "must be orientation, onoff or pixels")
+            shape = (channels * self.grid**2, len(self.neuron_places))
+            _check("weights", self.weights.shape == shape, f"must have shape {shape}")
+
+
+def _check(name: str, condition: bool, requirement: str) -> None:
+    """Refuse arrays that do not belong together; a caller's defect, nothing a user can cause."""
+    if not condition:
+        raise ValueError(f"ReportData.{name} {requirement}")

@@ -1,0 +1,187 @@
+"""The page: its frame, the head line, the table of figures, and the sections in order."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import math
+from typing import Any
+
+import numpy as np
+
+from lava_vpr import __version__
+from lava_vpr.config import DECODERS
+from lava_vpr.report import sections
+from lava_vpr.report.assets import SCRIPT, STYLE
+from lava_vpr.report.data import Figures, ReportData
+from lava_vpr.report.plots import precision_recall, series_style
+from lava_vpr.report.text import fraction, is_number, label, plain, safe
+
+_COLUMNS = ("R@1", "R@5", "R@10", "R@100P", "P@100R", "AUC")
+
+
+def is_baseline(name: str, default: str) -> bool:
+    """Whether matcher ``name`` works without the network's spikes."""
+    return name != default and name not in DECODERS
+
+
+def _figures(figures: Figures) -> tuple[float | None, ...]:
+    """The table's columns, in the order of `_COLUMNS`."""
+    at = figures.recall_at_n
+    return (
+        figures.recall_at_1,
+        at.get(5),
+        at.get(10),
+        figures.recall_at_100_precision,
+        figures.precision_at_100_recall,
+        figures.auc,
+    )
+
+
+def _header(data: ReportData) -> str:
+    """Title, the one sentence that matters, and how far the baselines get."""
+    correct, queries = int(sections.correct_queries(data).sum()), len(data.query_names)
+    default = data.metrics[data.default_decoder]
+    compared = [n for n in data.metrics if n == data.default_decoder or is_baseline(n, data.default_decoder)]
+    count = f'<b class="num">{correct} of {queries}</b>'
+    same = queries == len(data.place_names)
+    statement = f"Recognised {count} places" if same else f"Recognised the place in {count} queries"
+    bars = []
+    for name in compared:
+        value = data.metrics[name].recall_at_1
+        share = 100 * value if is_number(value) else 0.0
+        first = " first" if name == data.default_decoder else ""
+        text = "this network" if first else label(name)
+        bars.append(
+            f'<dt class="{first.strip()}">{safe(text)}</dt><dd class="track{first}" aria-hidden="true">'
+            f'<i style="width:{share:.4g}%"></i></dd><dd class="num{first}">{fraction(value, 2)}</dd>'
+        )
+    facts = "".join(f"<div><dt>{safe(k)}</dt><dd>{safe(v)}</dd></div>" for k, v in data.summary.items())
+    others = ", ".join(
+        f"{label(n)} {fraction(data.metrics[n].recall_at_1, 2)}" for n in compared if n != data.default_decoder
+    )
+    against = f"; without spikes: {safe(others)}" if others else ""
+    return f"""<header><h1>{safe(data.title)}</h1>
+<div class="hero"><div><p class="big">{statement}</p>
+<p class="note">R@1 {fraction(default.recall_at_1, 2)} with the <em>{safe(label(data.default_decoder))}</em>
+decoder{against}.</p></div>
+<dl class="bars" aria-label="Recall at 1">{"".join(bars)}</dl></div>
+<dl class="facts">{facts}</dl></header>"""
+
+
+def _table(data: ReportData) -> str:
+    """One row for each matcher; the best figure of every column is bold."""
+    rows = {name: _figures(figures) for name, figures in data.metrics.items()}
+    best = [
+        max((value for value in column if is_number(value)), default=math.inf)
+        for column in zip(*rows.values(), strict=True)
+    ]
+    body, mark = [], ' class="best"'
+    for name, values in rows.items():
+        default = name == data.default_decoder
+        kind = "default decoder" if default else "baseline" if is_baseline(name, data.default_decoder) else "decoder"
+        cells = "".join(
+            f'<td data-value="{v if is_number(v) else ""}"{mark if v == best[c] else ""}>{fraction(v, 3)}</td>'
+            for c, v in enumerate(values)
+        )
+        body.append(
+            f'<tr{" class=default" if default else ""}><th scope="row" data-value="{safe(label(name))}">'
+            f'{safe(label(name))}<span class="tag{" default" if default else ""}">{kind}</span></th>{cells}</tr>'
+        )
+    heads = "".join(f'<th scope="col"><button type="button">{c}</button></th>' for c in ("Matcher", *_COLUMNS))
+    return f"""<section id="figures"><h2>Figures</h2>
+<p class="note">A rejected query counts as not recalled. R@N: a true place is among the N best. R@100P: the largest
+recall without a single wrong match. P@100R: precision when every query is answered. Best of each column in bold;
+a click on a heading sorts.</p>
+<div class="panel scroll"><table class="sortable"><caption class="unseen">Figures by matcher</caption>
+<thead><tr>{heads}</tr></thead><tbody>{"".join(body)}</tbody></table></div></section>"""
+
+
+def _curves(data: ReportData) -> str:
+    """Precision-recall curves with a legend that is also their switch."""
+    baselines = [name for name in data.metrics if is_baseline(name, data.default_decoder)]
+    areas = "; ".join(f"{label(n)} {fraction(m.auc, 2)}" for n, m in data.metrics.items())
+    alt = safe(f"Precision over recall of {len(data.metrics)} matchers; areas under the curves: {areas}")
+    drawing = precision_recall(data.metrics, data.default_decoder, baselines, alt)
+    items = []
+    for k, (name, figures) in enumerate(data.metrics.items()):
+        default = name == data.default_decoder
+        colour, dash = series_style(k, default, name in baselines)
+        items.append(
+            f'<li data-curve="{k}"><label><input type="checkbox" checked><svg viewBox="0 0 34 12" aria-hidden="true">'
+            f'<line x1="0" x2="34" y1="6" y2="6" stroke="var(--{colour})" stroke-width="{3 if default else 2}" '
+            f'stroke-dasharray="{dash}"/></svg><span>{safe(label(name))}</span>'
+            f'<span class="num">{fraction(figures.auc, 2)}</span></label></li>'
+        )
+    return f"""<section id="curves"><h2>Precision and recall</h2>
+<p class="note">Queries are accepted from the most confident on. Marks are the exact points; queries of equal
+confidence form one point. The number after each name is the area under its curve.</p>
+<div class="panel pr"><div>{drawing}</div><ul class="legend">{"".join(items)}</ul></div></section>"""
+
+
+def _payload(data: ReportData, sheets: dict[str, Any]) -> str:
+    """What the script needs, as JSON that cannot end its own element."""
+    correct = sections.correct_queries(data)
+    wrong = np.flatnonzero(~correct)
+    content = {
+        "queries": [plain(n) for n in data.query_names],
+        "places": [plain(n) for n in data.place_names],
+        "match": [int(m) for m in data.matches],
+        "truth": [sections.true_place(data, q) for q in range(len(data.query_names))],
+        "right": [bool(r) for r in correct],
+        "confidence": [f"{c:.3g}" for c in data.confidence.tolist()],
+        "first": int(wrong[np.argmax(np.nan_to_num(data.confidence[wrong], nan=-np.inf))]) if len(wrong) else 0,
+        **sheets,
+    }
+    return json.dumps(content, ensure_ascii=True, separators=(",", ":")).replace("<", "\\u003c")
+
+
+_NAVIGATION = {
+    "figures": "Figures",
+    "curves": "Precision and recall",
+    "route": "Along the route",
+    "scores": "Scores",
+    "fields": "Receptive fields",
+    "spikes": "Spikes",
+    "matches": "Matches",
+    "cost": "Cost",
+    "setup": "Configuration",
+}
+
+
+def page(data: ReportData) -> str:
+    """The whole report as HTML text; equal data give equal text."""
+    correct = sections.correct_queries(data)
+    route, sheets, sheet_style = sections.route(data, correct)
+    parts = [
+        _table(data),
+        _curves(data),
+        route,
+        sections.scores(data),
+        sections.receptive_fields(data),
+        sections.spikes(data),
+        sections.matches(data, correct),
+        sections.cost(data),
+        sections.setup(data),
+    ]
+    links = "".join(
+        f'<li><a href="#{name}">{text}</a></li>'
+        for (name, text), part in zip(_NAVIGATION.items(), parts, strict=True)
+        if part
+    )
+    digest = base64.b64encode(hashlib.sha256(SCRIPT.encode()).digest()).decode()
+    policy = f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{digest}'"
+    return f"""<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8">
+<meta http-equiv="Content-Security-Policy" content="{policy}">
+<meta name="viewport" content="width=device-width,initial-scale=1">
+<link rel="icon" href="data:,"><title>{safe(data.title)}</title>
+<style>{STYLE}{sheet_style}</style></head><body>
+{_header(data)}
+<nav aria-label="Sections"><ul>{links}</ul></nav>
+<main>{"".join(parts)}</main>
+<footer>Written by lava-vpr {__version__}. One file, no network needed.</footer>
+<script type="application/json" id="report-data">{_payload(data, sheets)}</script>
+<script>{SCRIPT}</script></body></html>
+"""

@@ -1,0 +1,65 @@
+"""Images as data URIs: thumbnails, contact sheets of many thumbnails, grey-level maps."""
+
+from __future__ import annotations
+
+import base64
+import math
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+# Below this many pixels PNG costs little and keeps every pixel of what the network sees.
+_LOSSLESS_PIXELS = 4096
+_JPEG_QUALITY = 88
+
+
+def data_uri(image: NDArray[np.uint8], lossless: bool = False) -> str:
+    """``image`` (h, w) or (h, w, 3) BGR as a ``data:`` URI, PNG when small or ``lossless``, else JPEG."""
+    small = lossless or image.shape[0] * image.shape[1] <= _LOSSLESS_PIXELS
+    if small:
+        _, data = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    else:
+        _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+    return f"data:image/{'png' if small else 'jpeg'};base64,{base64.b64encode(data.tobytes()).decode('ascii')}"
+
+
+def shrunk(image: NDArray[np.uint8], longest: int) -> NDArray[np.uint8]:
+    """``image`` with no side above ``longest`` pixels, averaged down when it was larger."""
+    height, width = image.shape[:2]
+    factor = longest / max(height, width)
+    if factor >= 1:
+        return image
+    size = (max(1, round(width * factor)), max(1, round(height * factor)))
+    return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+
+
+def contact_sheet(images: NDArray[np.uint8], budget: int = 2_000_000) -> tuple[str, int, int]:
+    """All ``images`` (n, h, w, 3) side by side in one JPEG of at most about ``budget`` pixels.
+
+    Returns:
+        Its ``data:`` URI, its columns and its rows.
+    """
+    count, height, width = images.shape[:3]
+    columns = max(1, math.ceil(math.sqrt(count * height / width)))
+    rows = max(1, math.ceil(count / columns))
+    factor = min(1.0, math.sqrt(budget / max(1, count * height * width)))
+    tile = (max(1, int(width * factor)), max(1, int(height * factor)))
+    sheet = np.zeros((rows * tile[1], columns * tile[0], 3), dtype=np.uint8)
+    for i, image in enumerate(images):
+        y, x = (i // columns) * tile[1], (i % columns) * tile[0]
+        small = image if factor == 1 else cv2.resize(image, tile, interpolation=cv2.INTER_AREA)
+        sheet[y : y + tile[1], x : x + tile[0]] = small
+    return data_uri(sheet), columns, rows
+
+
+def weight_image(weights: NDArray[Any], grid: int) -> NDArray[np.uint8]:
+    """One neuron's weights of ``pixels`` (grid^2,) or ``onoff`` (2 grid^2,) inputs as grey levels, (grid, grid).
+
+    Pixels: black is 0, white the largest weight. ON and OFF: white expects a bright pixel, black a dark one, grey none.
+    """
+    maps = weights.astype(np.float64).reshape(-1, grid, grid)
+    top = max(float(np.abs(maps).max()), 1e-12)
+    level = maps[0] / top if len(maps) == 1 else 0.5 + 0.5 * (maps[0] - maps[1]) / top
+    return np.clip(np.round(255 * level), 0, 255).astype(np.uint8)

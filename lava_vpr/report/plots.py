@@ -1,0 +1,286 @@
+"""The report's plots, as SVG text: matplotlib without pyplot, without global state, without dates.
+
+Colours are written as CSS variables of the page, so that one drawing serves the light and the dark theme; equal data
+give equal bytes.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path as Outline
+from numpy.typing import NDArray
+
+from lava_vpr.report.data import Figures, Raster
+
+# matplotlib needs real colours: each of these stands for the CSS variable of its name until the text is written.
+_VARIABLES = ("ink", "muted", "line", "panel", "right", "wrong", *(f"c{i}" for i in range(8)))
+THEME = {name: f"#0{i:x}e5f{i:x}" for i, name in enumerate(_VARIABLES)}
+
+LARGEST_MATRIX = 360
+"""Matrices with more rows or columns than this are pooled before they are drawn."""
+
+MATRIX_BOX = (0.13, 0.03, 0.84, 0.84)
+"""Left, top, width and height of a matrix within its drawing, as shares of it."""
+
+_STYLE = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "lava-vpr",
+    "svg.image_inline": True,
+    "image.composite_image": False,
+    "path.simplify": False,
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 10.5,
+    "text.parse_math": False,
+    "text.color": THEME["ink"],
+    "axes.edgecolor": THEME["line"],
+    "axes.labelcolor": THEME["muted"],
+    "axes.facecolor": "none",
+    "figure.facecolor": "none",
+    "xtick.color": THEME["line"],
+    "ytick.color": THEME["line"],
+    "xtick.labelcolor": THEME["muted"],
+    "ytick.labelcolor": THEME["muted"],
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+}
+
+_MARKERS = "osD^vPX*"
+
+
+def series_style(index: int, default: bool, baseline: bool) -> tuple[str, str]:
+    """Name of the colour variable and dash pattern ("" for solid) of the ``index``-th precision-recall curve."""
+    return ("c0" if default else f"c{1 + index % 7}"), ("5 3" if baseline else "")
+
+
+def _to_svg(figure: Figure, prefix: str, label: str) -> str:
+    """``figure`` as an ``<svg>`` element for use inside a page; ``prefix`` keeps its ids apart from other drawings'."""
+    text = io.StringIO()
+    figure.savefig(text, format="svg", metadata={"Date": None})
+    svg = text.getvalue()
+    svg = svg[svg.index("<svg") :].strip()
+    svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
+    svg = re.sub(r' id="', f' id="{prefix}-', svg)
+    svg = re.sub(r'(href="#|url\(#)', rf"\1{prefix}-", svg)
+    for name, colour in THEME.items():
+        svg = svg.replace(colour, f"var(--{name})")
+    svg = re.sub(r"'DejaVu Sans'[^;\"]*", "var(--sans)", svg)
+    view = re.search(r'viewBox="[^"]*"', svg)
+    # Neither a fixed size nor namespaces: the page scales the drawing, and HTML knows what SVG is.
+    opening = f'<svg role="img" aria-label="{label}" {view.group(0) if view else ""}>'
+    return opening + re.sub(r"\n\s*", "\n", svg[svg.index(">") + 1 :])
+
+
+def _canvas(width: float, height: float) -> Figure:
+    """A figure whose SVG units are CSS pixels at its natural size, with a canvas of its own."""
+    figure = Figure(figsize=(width / 72, height / 72), dpi=72)
+    FigureCanvasSVG(figure)
+    return figure
+
+
+class _Style:
+    """The report's settings for the length of a ``with`` block, whatever the user's matplotlibrc says."""
+
+    def __enter__(self) -> None:
+        self._context = matplotlib.rc_context()
+        self._context.__enter__()
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(_STYLE)
+
+    def __exit__(self, *error: Any) -> None:
+        self._context.__exit__(*error)
+
+
+def precision_recall(metrics: Mapping[str, Figures], default: str, baselines: Sequence[str], label: str) -> str:
+    """All precision-recall curves; curve ``k`` of ``metrics`` has the id ``pr-k``.
+
+    Every exact point is marked (queries of equal confidence form one), unless there are too many to tell apart.
+    """
+    with _Style():
+        figure = _canvas(470, 385)
+        axes = figure.add_axes((0.1, 0.11, 0.885, 0.865))
+        axes.grid(color=THEME["line"], linewidth=0.6, alpha=0.6)
+        axes.set(xlim=(0, 1.012), ylim=(0, 1.03), xlabel="recall", ylabel="precision")
+        for k, (name, figures) in enumerate(metrics.items()):
+            colour, dash = series_style(k, name == default, name in baselines)
+            recall, precision = np.asarray(figures.recall, float), np.asarray(figures.precision, float)
+            axes.plot(
+                recall,
+                precision,
+                gid=str(k),
+                color=THEME[colour],
+                linewidth=2.4 if name == default else 1.4,
+                linestyle=(0, tuple(float(d) / 1.2 for d in dash.split())) if dash else "-",
+                marker=_MARKERS[k % len(_MARKERS)] if len(recall) <= 250 else None,
+                markersize=3.2 if name == default else 2.4,
+                markeredgewidth=0,
+                zorder=4 if name == default else 3,
+                clip_on=False,
+            )
+        return _to_svg(figure, "pr", label)
+
+
+def pooled(scores: NDArray[Any], largest: int = LARGEST_MATRIX) -> tuple[NDArray[np.float64], int, int]:
+    """``scores`` with at most ``largest`` rows and columns, each pixel the best score of a block; the block's sides.
+
+    The maximum and not the mean: a match is a single bright cell, and averaging would hide it. What is not finite
+    (no full window of a sequence) becomes NaN.
+    """
+    values = np.where(np.isfinite(scores), scores, -np.inf).astype(np.float64)
+    rows, columns = (max(1, math.ceil(side / largest)) for side in values.shape)
+    if values.size:
+        values = np.maximum.reduceat(values, np.arange(0, values.shape[0], rows), axis=0)
+        values = np.maximum.reduceat(values, np.arange(0, values.shape[1], columns), axis=1)
+    return np.where(np.isfinite(values), values, np.nan), rows, columns
+
+
+def scaled(values: NDArray[np.float64], per_query: bool) -> NDArray[np.float64]:
+    """``values`` (queries, places) in 0..1: over the whole matrix, or from each query's worst to its best score."""
+    if not np.any(np.isfinite(values)):
+        return np.zeros_like(values)
+    if per_query:
+        known = np.isfinite(values)
+        low = np.where(known, values, np.inf).min(axis=1, keepdims=True)
+        high = np.where(known, values, -np.inf).max(axis=1, keepdims=True)
+    else:
+        low, high = (np.full((1, 1), np.nanpercentile(values, q)) for q in (0.5, 99.7))
+    span = np.where(high > low, high - low, 1.0)
+    return np.clip((values - low) / span, 0, 1)
+
+
+def _truth_outline(truth: NDArray[np.bool_]) -> Outline:
+    """The first to the last true place of every query as one outline of closed boxes, x queries, y places."""
+    vertices: list[tuple[float, float]] = []
+    for query in np.flatnonzero(truth.any(axis=1)):
+        places = np.flatnonzero(truth[query])
+        breaks = np.flatnonzero(np.diff(places) > 1)
+        for first, last in zip(places[np.r_[0, breaks + 1]], places[np.r_[breaks, len(places) - 1]], strict=True):
+            left, right, top, bottom = query - 0.5, query + 0.5, first - 0.5, last + 0.5
+            vertices += [(left, top), (right, top), (right, bottom), (left, bottom), (left, top)]
+    codes = [Outline.MOVETO, Outline.LINETO, Outline.LINETO, Outline.LINETO, Outline.CLOSEPOLY] * (len(vertices) // 5)
+    return Outline(np.array(vertices).reshape(-1, 2), codes)
+
+
+def _marks(axes: Axes, queries: NDArray[np.intp], matches: NDArray[Any], right: NDArray[np.bool_]) -> None:
+    """Best matches: a ring where it is right, a cross where it is wrong (shape and colour both tell)."""
+    size = 3.4 if len(queries) <= 250 else 2.0
+    # The dark cross below the bright one keeps it visible on every colour of the map.
+    for wanted, marker, colour, width, name in (
+        (True, "o", "#ffffff", 0.9, "right"),
+        (False, "x", "#1c0a12", 3.2, "wrong-edge"),
+        (False, "x", "#ff7a3d", 1.5, "wrong"),
+    ):
+        chosen = right == wanted
+        axes.plot(
+            queries[chosen],
+            matches[chosen],
+            marker,
+            gid=f"match-{name}",
+            markersize=size * (1.0 if wanted else 1.4),
+            markerfacecolor="none",
+            markeredgecolor=colour,
+            markeredgewidth=width,
+        )
+
+
+def score_matrix(
+    scores: NDArray[Any], truth: NDArray[np.bool_], matches: NDArray[Any], prefix: str, label: str
+) -> tuple[str, int]:
+    """Scores with ground truth and best matches over them, queries to the right, places downwards.
+
+    Args:
+        scores: Shape (n_queries, n_places), higher is better.
+        truth: Same shape; drawn as outlined cells.
+        matches: Place of each query, -1 for none.
+    Returns:
+        The drawing, with one image scaled over the whole matrix (id ``PREFIX-whole``) and one scaled per query (id
+        ``PREFIX-query``), and the larger side of the block of scores behind a pixel.
+    """
+    queries, places = scores.shape
+    values, rows, columns = pooled(scores)
+    extent = (-0.5, queries - 0.5, places - 0.5, -0.5)
+    with _Style():
+        figure = _canvas(330, 330)
+        left, top, width, height = MATRIX_BOX
+        axes = figure.add_axes((left, 1 - top - height, width, height))
+        colours = matplotlib.colormaps["viridis"].with_extremes(bad="#888888")
+        for name, per_query in (("whole", False), ("query", True)):
+            image = np.ma.masked_invalid(scaled(values, per_query).T)
+            axes.imshow(image, colours, aspect="auto", vmin=0, vmax=1, interpolation="none", extent=extent, gid=name)
+        if queries and truth.any():
+            axes.add_patch(
+                PathPatch(
+                    _truth_outline(truth), facecolor="none", edgecolor="#ffffff", alpha=0.6, linewidth=0.5, gid="truth"
+                )
+            )
+        known = np.flatnonzero(matches >= 0)
+        _marks(axes, known, matches[known], truth[known, matches[known]])
+        axes.set(xlim=extent[:2], ylim=extent[2:], xlabel="query", ylabel="place")
+        axes.locator_params(nbins=5, integer=True)
+        return _to_svg(figure, prefix, label), max(rows, columns)
+
+
+def _ticks(axes: Axes, steps: NDArray[Any], rows: NDArray[Any], half: float, colour: str, width: float) -> None:
+    """Spikes as vertical ticks of 2 ``half`` rows, all in one path."""
+    if not len(steps):
+        return
+    vertices = np.empty((len(steps), 2, 2))
+    vertices[:, :, 0] = steps[:, None]
+    vertices[:, 0, 1], vertices[:, 1, 1] = rows - half, rows + half
+    codes = np.tile([Outline.MOVETO, Outline.LINETO], len(steps)).astype(np.uint8)
+    outline = Outline(vertices.reshape(-1, 2), codes)
+    axes.add_patch(PathPatch(outline, facecolor="none", edgecolor=THEME[colour], linewidth=width, capstyle="butt"))
+
+
+def spike_raster(
+    raster: Raster, groups: Mapping[str, NDArray[np.intp]], order: NDArray[np.intp], label: str, prefix: str
+) -> str:
+    """Excitatory spikes over time, and each neuron's count beside them.
+
+    Args:
+        raster: The spikes.
+        groups: Neurons to be highlighted, by colour variable (``right``, ``wrong``, ...).
+        order: The neurons from top to bottom, a permutation of all.
+    """
+    rows = np.empty(raster.neurons, dtype=np.intp)
+    rows[order] = np.arange(raster.neurons)
+    steps, neurons = np.asarray(raster.spike_steps), np.asarray(raster.spike_neurons)
+    counts = np.bincount(neurons, minlength=raster.neurons)
+    with _Style():
+        figure = _canvas(470, 240)
+        axes = figure.add_axes((0.1, 0.17, 0.705, 0.8))
+        bars = figure.add_axes((0.825, 0.17, 0.155, 0.8), sharey=axes)
+        # A tick is at least three pixels tall, however many neurons share the height.
+        half = max(0.5, 1.7 * raster.neurons / 190)
+        colours = np.full(raster.neurons, "muted", dtype=object)
+        for colour, members in groups.items():
+            colours[members] = colour
+            for row in rows[members]:
+                axes.axhspan(row - half, row + half, color=THEME[colour], alpha=0.13, linewidth=0)
+        for colour in dict.fromkeys(("muted", *groups)):
+            chosen = colours[neurons] == colour
+            _ticks(axes, steps[chosen], rows[neurons[chosen]], half, colour, 1.0 if colour == "muted" else 1.7)
+            shown = np.flatnonzero((colours == colour) & (counts > 0))
+            bars.barh(rows[shown], counts[shown], height=2 * half, color=THEME[colour], linewidth=0)
+        axes.set(
+            xlim=(-0.5, raster.steps - 0.5),
+            ylim=(raster.neurons - 0.5, -0.5),
+            xlabel="step",
+            ylabel="neuron, in route order",
+        )
+        axes.locator_params(nbins=5, integer=True)
+        bars.set(xlim=(0, max(1, int(counts.max(initial=0))) * 1.05), xlabel="spikes")
+        bars.locator_params(axis="x", nbins=2, integer=True)
+        bars.tick_params(axis="y", left=False, labelleft=False)
+        return _to_svg(figure, prefix, label)

@@ -1,0 +1,323 @@
+"""The report's picture sections: route, score matrices, receptive fields, spikes, matches, cost, configuration."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.report.data import Raster, ReportData
+from lava_vpr.report.fields import representatives, strokes
+from lava_vpr.report.images import contact_sheet, data_uri, shrunk, weight_image
+from lava_vpr.report.plots import MATRIX_BOX, score_matrix, spike_raster
+from lava_vpr.report.text import counted, label, number, safe
+
+_FIELDS = 20
+_WRONG_SHOWN = 24
+_RIGHT_SHOWN = 8
+_THUMBNAIL = 320
+
+
+def true_place(data: ReportData, query: int) -> int:
+    """The middle one of the query's true places, -1 if it has none."""
+    places = np.flatnonzero(data.truth[query])
+    return int(places[len(places) // 2]) if len(places) else -1
+
+
+def correct_queries(data: ReportData) -> NDArray[np.bool_]:
+    """Which queries were matched to a true place, shape (n_queries,)."""
+    known = data.matches >= 0
+    correct = np.zeros(len(data.matches), dtype=np.bool_)
+    correct[known] = data.truth[np.flatnonzero(known), data.matches[known]]
+    return correct
+
+
+def _place(data: ReportData, place: int) -> str:
+    """A place's number and name."""
+    return f"{place} · {safe(data.place_names[place])}" if place >= 0 else "none"
+
+
+def _image(images: NDArray[np.uint8], index: int, alt: str) -> str:
+    """One thumbnail; ``alt`` is already safe."""
+    small = shrunk(images[index], _THUMBNAIL)
+    height, width = small.shape[:2]
+    return f'<img src="{data_uri(small)}" width="{width}" height="{height}" alt="{alt}">'
+
+
+def _query_figure(data: ReportData, query: int) -> str:
+    name = safe(data.query_names[query])
+    image = _image(data.query_thumbnails, query, f"Query {query}, {name}")
+    return f"<figure>{image}<figcaption>Query<br>{query} · {name}</figcaption></figure>"
+
+
+def _place_figure(data: ReportData, place: int, role: str) -> str:
+    """A reference image under its role, or an empty frame of the same size."""
+    if place < 0:
+        height, width = data.place_thumbnails.shape[1:3]
+        frame = f'<div class="none" style="aspect-ratio:{width}/{height}">none</div>'
+        return f"<figure>{frame}<figcaption>{role}</figcaption></figure>"
+    text = _place(data, place)
+    image = _image(data.place_thumbnails, place, f"{role}: place {text}")
+    return f"<figure>{image}<figcaption>{role}<br>{text}</figcaption></figure>"
+
+
+def _pictures(data: ReportData, query: int, place: int) -> str:
+    """The query beside its match, and beside the true place if that is another."""
+    pictures = _query_figure(data, query) + _place_figure(data, place, "Matched place")
+    if place >= 0 and data.truth[query, place]:
+        return f'<div class="duo">{pictures}</div>'
+    return f'<div class="trio">{pictures}{_place_figure(data, true_place(data, query), "True place")}</div>'
+
+
+def _verdict(data: ReportData, query: int, place: int) -> tuple[str, str]:
+    """CSS class and words for the match of ``query`` with ``place``."""
+    if place < 0:
+        return "", "no match"
+    places = np.flatnonzero(data.truth[query])
+    if data.truth[query, place]:
+        return "right", "✓ right"
+    if not len(places):
+        return "wrong", "✗ wrong, has no true place"
+    return "wrong", f"✗ wrong by {counted(int(np.abs(places - place).min()), 'place')}"
+
+
+def _route_drawing(data: ReportData, correct: NDArray[np.bool_]) -> str:
+    """Confidence of every query as bars, with the threshold above which no match is wrong."""
+    heights = np.nan_to_num(data.confidence.astype(np.float64), nan=0.0, posinf=0.0, neginf=0.0)
+    floor = min(0.0, float(heights.min(initial=0.0)))
+    # Distances are negative confidences: bars then grow from the worst one up.
+    span = float(heights.max(initial=0.0)) - floor
+    # 0.03: a query without any confidence is still there to be pointed at.
+    tops = 0.03 + 0.95 * (heights - floor) / span if span > 0 else np.full(len(heights), 0.03)
+    bars = []
+    for query, top in enumerate(tops.tolist()):
+        kind = "n" if data.matches[query] < 0 else "r" if correct[query] else "w"
+        bars.append(f'<rect class="{kind}" x="{query + 0.08:g}" y="{100 - 100 * top:.4g}" width=".84" '
+                    f'height="{100 * top:.4g}"/>')  # fmt: skip
+        if kind == "w":
+            bars.append(f'<path class="w" d="M{query + 0.1:g} 107h.8l-.4-5z"/>')
+    wrong = (data.matches >= 0) & ~correct
+    line = ""
+    if wrong.any():
+        y = f"{100 - 100 * float(tops[wrong].max()):.4g}"
+        line = f'<line x1="0" x2="{len(tops)}" y1="{y}" y2="{y}"/>'
+    alt = f"Confidence of {len(tops)} queries, {int(correct.sum())} of them right"
+    return (
+        f'<svg class="route" viewBox="0 0 {max(1, len(tops))} 108" preserveAspectRatio="none" role="img" '
+        f'aria-label="{alt}"><rect class="now" x="0" y="0" width="1" height="108"/>{"".join(bars)}{line}'
+        f'<rect class="hit" x="0" y="0" width="{len(tops)}" height="108"/></svg>'
+    )
+
+
+def route(data: ReportData, correct: NDArray[np.bool_]) -> tuple[str, dict[str, Any], str]:
+    """The queries in order, and a browser for every one of them.
+
+    Returns:
+        The section, what its script needs to find images, and the style that holds these.
+    """
+    queries, columns, rows = contact_sheet(data.query_thumbnails)
+    places, place_columns, place_rows = contact_sheet(data.place_thumbnails)
+    values = {
+        "querySheet": [columns, rows],
+        "placeSheet": [place_columns, place_rows],
+        "matrixBox": list(MATRIX_BOX),
+    }
+    frames = []
+    for key, images in (("query", data.query_thumbnails), ("match", data.place_thumbnails), ("truth", None)):
+        height, width = (data.place_thumbnails if images is None else images).shape[1:3]
+        frames.append(
+            f'<figure><div class="sheet" id="browse-{key}" role="img" aria-label="" '
+            f'style="aspect-ratio:{width}/{height}"></div><figcaption id="browse-{key}-name"></figcaption></figure>'
+        )
+    style = (
+        f"#browse-query{{background-image:url({queries})}}#browse-match,#browse-truth{{background-image:url({places})}}"
+    )
+    last = len(data.query_names) - 1
+    section = f"""<section id="route"><h2>Along the route</h2>
+<p class="note"><span class="key r"></span>right <span class="key w"></span>wrong, marked below the bar
+<span class="key n"></span>no match. A bar is a query, its height the confidence of the match; above the dashed line no
+match is wrong. Click a bar, or use the slider, to see the images.</p>
+<div class="panel" id="browse">{_route_drawing(data, correct)}
+<div class="browse"><button type="button" id="browse-back" aria-label="Previous query">‹</button>
+<input type="range" id="browse-slider" min="0" max="{last}" value="0" aria-label="Query">
+<button type="button" id="browse-on" aria-label="Next query">›</button></div>
+<p><span id="browse-verdict" class="verdict" aria-live="polite"></span></p>
+<div class="trio">{"".join(frames)}</div></div></section>"""
+    return section, values, style
+
+
+def scores(data: ReportData) -> str:
+    """Score matrices of all matchers that the data holds, the default decoder's with its matches."""
+    if not data.matrices:
+        return ""
+    panels, blocks = [], 1
+    for k, (name, matrix) in enumerate(data.matrices.items()):
+        if name == data.default_decoder:
+            matches = data.matches
+        else:
+            filled = np.where(np.isfinite(matrix), matrix, -np.inf)
+            # As in `lava_vpr.evaluation`: a query whose scores are all 0 matches no place.
+            matches = np.where((np.isfinite(matrix) & (matrix != 0)).any(axis=1), filled.argmax(axis=1), -1)
+        known = np.flatnonzero(matches >= 0)
+        correct = int(data.truth[known, matches[known]].sum())
+        name = safe(label(name))
+        alt = f"{name}: scores of {len(matrix)} queries by {matrix.shape[1]} places; {correct} best matches right"
+        drawing, block = score_matrix(matrix, data.truth, matches, f"m{k}", alt)
+        blocks = max(blocks, block)
+        panels.append(
+            f'<figure class="panel"><h3>{name}</h3><div class="matrix-box">{drawing}</div>'
+            f'<p class="readout">{correct} of {len(matrix)} best matches right</p></figure>'
+        )
+    block_note = "" if blocks == 1 else f" Each pixel shows the best of up to {blocks} × {blocks} scores."
+    return f"""<section id="scores"><h2>Scores of every query with every place</h2>
+<p class="note">Yellow is a high score. Thin outline: where the query was taken. Ring: the best match is right;
+cross: it is wrong. Scaled per query, each column runs from its worst to its best score, which is all that a match
+depends on.{block_note}</p>
+<div class="tools"><label><input type="radio" name="scale" data-scale="whole" checked> scaled over the matrix</label>
+<label><input type="radio" name="scale" data-scale="query"> scaled per query</label>
+<label><input type="checkbox" data-toggle="[id$='-truth']" checked> ground truth</label>
+<label><input type="checkbox" data-toggle="[id*='-match-']" checked> best matches</label></div>
+<div class="grid matrices whole" id="matrix-grid">{"".join(panels)}</div></section>"""
+
+
+_FIELD_TEXTS = {
+    "orientation": (
+        "A stroke runs along the edge that excites the neuron; the longer and stronger, the larger the weight."
+    ),
+    "onoff": (
+        "White: the neuron expects a pixel brighter than its surroundings; black: a darker one; grey: it does not care."
+    ),
+    "pixels": ("The whiter a pixel, the larger its weight."),
+}
+
+
+def receptive_fields(data: ReportData) -> str:
+    """Weights of some neurons, spread over the route, as strokes or images."""
+    neurons = representatives(data.neuron_places, _FIELDS)
+    if data.weights is None or not len(neurons):
+        return ""
+    tiles = []
+    for neuron in neurons.tolist():
+        place = int(data.neuron_places[neuron])
+        weights = data.weights[:, neuron]
+        if data.input_kind == "orientation":
+            drawn = strokes(weights, data.orientations, data.grid)
+        else:
+            image = data_uri(weight_image(weights, data.grid), lossless=True)
+            drawn = f'<img src="{image}" alt="Weights of neuron {neuron}">'
+        height, width = data.place_thumbnails.shape[1:3]
+        reference = _image(data.place_thumbnails, place, f"Place {_place(data, place)}")
+        tiles.append(
+            f'<figure class="field"><div class="pair">{reference}'
+            f'<div class="drawn" style="aspect-ratio:{width}/{height}">{drawn}</div></div>'
+            f"<figcaption>neuron {neuron}, place {place}<br>{safe(data.place_names[place])}</figcaption></figure>"
+        )
+    # Opaque images would only hide the place.
+    switch = (
+        '<div class="tools"><label><input type="checkbox" id="overlay"> lay them over the image</label></div>'
+        if data.input_kind == "orientation"
+        else ""
+    )
+    return f"""<section id="fields"><h2>Learned receptive fields</h2>
+<p class="note">What a neuron has learned, below the reference image of the place that it represents most.
+{_FIELD_TEXTS[data.input_kind]}</p>
+{switch}<div class="panel"><div class="grid fields" id="field-grid">{"".join(tiles)}</div></div></section>"""
+
+
+def _raster_groups(data: ReportData, raster: Raster) -> dict[str, NDArray[np.intp]]:
+    """Highlighted neurons: those of the matched place, and those of the true one if that is another."""
+    right = raster.place >= 0 and bool(data.truth[raster.query, raster.place])
+    winners = np.flatnonzero(data.neuron_places == raster.place) if raster.place >= 0 else np.zeros(0, dtype=np.intp)
+    if raster.place >= 0 and not len(winners) and len(raster.spike_neurons):
+        # No neuron stands for this place above all: the busiest one decided.
+        winners = np.array([np.bincount(raster.spike_neurons).argmax()])
+    groups = {"right" if right else "wrong": winners}
+    if not right and raster.true_place is not None:
+        groups["right"] = np.flatnonzero(data.neuron_places == raster.true_place)
+    return groups
+
+
+def spikes(data: ReportData) -> str:
+    """Spike rasters of a few queries, with what went in and what came out."""
+    if not data.rasters:
+        return ""
+    unknown = len(data.place_names)
+    order = np.argsort(np.where(data.neuron_places < 0, unknown, data.neuron_places), kind="stable")
+    cards = []
+    for k, raster in enumerate(data.rasters):
+        groups = _raster_groups(data, raster)
+        kind, words = _verdict(data, raster.query, raster.place)
+        by_group = {c: int(np.isin(raster.spike_neurons, members).sum()) for c, members in groups.items()}
+        winner = "right" if kind == "right" else "wrong"
+        alt = f"Spikes of {raster.neurons} neurons in {raster.steps} steps for query {raster.query}"
+        drawing = spike_raster(raster, groups, order, alt, f"r{k}")
+        noun = "neuron" if len(groups[winner]) == 1 else "neurons"
+        facts = [
+            counted(raster.input_spikes, "input spike"),
+            counted(len(raster.spike_steps), "output spike"),
+            f'<span class="{winner}">{by_group[winner]} by the matched place’s {noun}</span>',
+        ]
+        if kind != "right" and "right" in groups:
+            facts.append(f'<span class="right">{by_group["right"]} by the true place’s</span>')
+        cards.append(
+            f'<figure class="panel"><h3><span class="verdict {kind}">{words}</span></h3>'
+            f"{_pictures(data, raster.query, raster.place)}{drawing}"
+            f"<figcaption>{', '.join(facts)}</figcaption></figure>"
+        )
+    return f"""<section id="spikes"><h2>Spikes</h2>
+<p class="note">Excitatory neurons, from top to bottom in the order of the places that they represent, and the spike
+count of each at the right. <span class="right">Blue</span>: neurons of the true place;
+<span class="wrong">orange</span>: neurons of a wrongly matched place.</p>
+<div class="grid rasters">{"".join(cards)}</div></section>"""
+
+
+def _match_card(data: ReportData, query: int) -> str:
+    """Query, matched and (if another) true reference image."""
+    place = int(data.matches[query])
+    kind, words = _verdict(data, query, place)
+    return (
+        f'<div class="panel match"><h3><span class="verdict {kind}">{words}</span><span class="note num">confidence '
+        f"{data.confidence[query]:.3g}</span></h3>{_pictures(data, query, place)}</div>"
+    )
+
+
+def matches(data: ReportData, correct: NDArray[np.bool_]) -> str:
+    """The most confident mistakes first, then what was not answered, then some right matches."""
+    rank = np.argsort(-np.nan_to_num(data.confidence.astype(np.float64), nan=-np.inf), kind="stable")
+    wrong = [int(q) for q in rank if data.matches[q] >= 0 and not correct[q]]
+    wrong += [int(q) for q in rank if data.matches[q] < 0]
+    good = [int(q) for q in rank if correct[q]]
+    half = _RIGHT_SHOWN // 2
+    some = good if len(good) <= _RIGHT_SHOWN else good[:half] + good[-half:]
+    shown = "".join(_match_card(data, q) for q in wrong[:_WRONG_SHOWN])
+    nothing = '<p class="note">Every query was matched to a true place.</p>'
+    extent = f"the first {_WRONG_SHOWN} of {len(wrong)}" if len(wrong) > _WRONG_SHOWN else f"all {len(wrong)}"
+    note = f'<p class="note">The most confident first: {extent}.</p>' if wrong else nothing
+    right = ""
+    if some:
+        which = "all" if len(some) == len(good) else f"the {half} most and the {half} least confident of {len(good)}"
+        cards = "".join(_match_card(data, q) for q in some)
+        right = f"""<h2 style="margin-top:28px">Right matches</h2>
+<p class="note">From the most confident on: {which}.</p><div class="grid matches">{cards}</div>"""
+    return f"""<section id="matches"><h2>Wrong matches</h2>{note}
+<div class="grid matches">{shown}</div>{right}</section>"""
+
+
+def cost(data: ReportData) -> str:
+    """Counted events of one query."""
+    if not data.events:
+        return ""
+    tiles = "".join(f"<div><dt>{safe(label(k))}</dt><dd>{number(v)}</dd></div>" for k, v in data.events.items())
+    return f"""<section id="cost"><h2>Counted events per query</h2>
+<p class="note">Counted while the queries were answered, mean of one query; what the chip’s cost model starts from.</p>
+<dl class="panel tiles">{tiles}</dl></section>"""
+
+
+def setup(data: ReportData) -> str:
+    """How to get these figures again."""
+    return f"""<section id="setup"><h2>Configuration and reproduction</h2>
+<p class="note">Equal images, configuration and seed give equal figures on every machine.</p>
+<div class="panel"><h3>Command</h3><pre class="command"><code>{safe(data.command)}</code></pre>
+<details style="margin-top:16px"><summary>Configuration (TOML)</summary>
+<pre><code>{safe(data.config_toml)}</code></pre></details></div></section>"""

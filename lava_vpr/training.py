@@ -1,0 +1,394 @@
+"""The training loop: stretches in parallel, checkpoints, and the frozen network's responses to the references."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr import container
+from lava_vpr.config import ConductanceLearning, Config, LifNetwork, StdpLearning, to_dict
+from lava_vpr.encoding import EncodedTraverse, query_rates, training_rates
+from lava_vpr.engine import conductance, fixed, quantise, stdp
+from lava_vpr.engine.random import presentation_key, presentation_keys
+from lava_vpr.errors import ConfigError, InputError, ModelFileError
+from lava_vpr.model import Model, Stretch
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far one stretch has come; ``neurons_used`` and ``places_covered`` speak of its last whole epoch."""
+
+    stretch: int
+    epoch: int
+    presentations: int
+    spikes_per_image: float
+    neurons_used: int
+    places_covered: int
+
+
+class StretchTrainer(Protocol):
+    """What learns one stretch: shown an image, it learns and tells its spike counts. Its state is named arrays."""
+
+    def present(self, rates: NDArray[Any], key: int, place: int, epoch: int) -> NDArray[np.int32]: ...
+
+    def state(self) -> dict[str, NDArray[Any]]: ...
+
+    def restore(self, arrays: dict[str, NDArray[Any]]) -> None: ...
+
+
+class LifTrainer:
+    """The ``loihi`` preset's network, learning in float."""
+
+    def __init__(self, config: Config, stretch: Stretch, number: int) -> None:
+        learning, network = config.learning, config.network
+        if not isinstance(learning, StdpLearning) or not isinstance(network, LifNetwork):
+            raise ConfigError("LifTrainer needs network.model 'lif' and learning.rule 'stdp'")
+        start = stdp.initial_state(config.encoder.inputs, stretch.neurons, learning, config.seed, number)
+        self._trainer = stdp.Trainer(start, learning, config.encoder.train_spikes, network.drive)
+
+    def present(self, rates: NDArray[Any], key: int, place: int, epoch: int) -> NDArray[np.int32]:
+        return self._trainer.present(rates, key)[0]
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        return {"weights": self._trainer.state.weights, "theta": self._trainer.state.theta}
+
+    def restore(self, arrays: dict[str, NDArray[Any]]) -> None:
+        for name, value in self.state().items():
+            value[...] = arrays[name]
+
+
+class ConductanceTrainer:
+    """The ``paper`` preset's network; S^R is counted during the last epochs, while it still learns."""
+
+    def __init__(self, config: Config, stretch: Stretch, number: int) -> None:
+        if not isinstance(config.learning, ConductanceLearning):
+            raise ConfigError("ConductanceTrainer needs network.model 'conductance'")
+        self._config, self._learning = config, config.learning
+        self.network = conductance.initial_state(config, config.encoder.inputs)
+        self.responses = np.zeros((stretch.neurons, stretch.places), np.int32)
+
+    def present(self, rates: NDArray[Any], key: int, place: int, epoch: int) -> NDArray[np.int32]:
+        counts, _ = conductance.train_presentation(self.network, rates, key, self._config)
+        if epoch >= self._learning.epochs - self._learning.label_epochs:
+            self.responses[:, place] += counts
+        return counts
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        return {
+            "weights": self.network.weights,
+            "theta_mv": self.network.theta_mv,
+            "delays": self.network.delays,
+            "responses": self.responses,
+        }
+
+    def restore(self, arrays: dict[str, NDArray[Any]]) -> None:
+        for name, value in self.state().items():
+            value[...] = arrays[name]
+
+
+def split(places: int, config: Config) -> tuple[Stretch, ...]:
+    """Cut a route of ``places`` into the fewest stretches of at most ``config.stretch`` places, as even as can be."""
+    parts = 1 if config.stretch == 0 else -(-places // config.stretch)
+    bounds = [round(places * k / parts) for k in range(parts + 1)]
+    stretches, neuron = [], 0
+    for first, end in itertools.pairwise(bounds):
+        neurons = config.neurons_for(end - first)
+        stretches.append(Stretch(first, end - first, neuron, neurons))
+        neuron += neurons
+    return tuple(stretches)
+
+
+def fingerprint(references: Sequence[EncodedTraverse], config: Config) -> str:
+    """Hash of everything that decides the trained weights: settings and images."""
+    digest = hashlib.sha256(json.dumps(to_dict(config), sort_keys=True).encode())
+    for reference in references:
+        digest.update(reference.indices.tobytes())
+        digest.update(reference.activity.tobytes())
+    return digest.hexdigest()
+
+
+@dataclass
+class Checkpoint:
+    """Where training stands, on disk: each stretch's state after its last whole epoch.
+
+    ``interval`` is the least time in seconds between two writes; the result does not depend on it.
+    """
+
+    path: Path | None
+    fingerprint: str
+    interval: float = 2.0
+    epochs: dict[int, int] = field(default_factory=dict)
+    arrays: dict[str, NDArray[Any]] = field(default_factory=dict)
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+    _written: float = field(default_factory=time.monotonic)
+
+    def load(self) -> None:
+        """Take up the state on disk.
+
+        Raises:
+            ModelFileError: no checkpoint, a damaged one, or one of other settings or images.
+        """
+        if self.path is None:
+            raise ModelFileError("there is nowhere to resume from; name the model file")
+        header, arrays = container.load(self.path, "checkpoint")
+        if header.get("fingerprint") != self.fingerprint:
+            raise ModelFileError(
+                f"{self.path}: was made with other options or images; repeat the original command with --resume, "
+                "or train without --resume"
+            )
+        self.epochs = {int(k): int(v) for k, v in header["epochs"].items()}
+        self.arrays = arrays
+
+    def of(self, number: int) -> dict[str, NDArray[Any]]:
+        """Saved arrays of stretch ``number``."""
+        prefix = f"{number}."
+        return {name[len(prefix) :]: value for name, value in self.arrays.items() if name.startswith(prefix)}
+
+    def update(self, number: int, epoch: int, state: dict[str, NDArray[Any]]) -> None:
+        """Note that stretch ``number`` has finished ``epoch`` epochs, and write if it is time."""
+        if self.path is None:
+            return
+        with self._lock:
+            self.epochs[number] = epoch
+            self.arrays.update({f"{number}.{name}": value.copy() for name, value in state.items()})
+            if time.monotonic() - self._written >= self.interval:
+                self._write()
+
+    def flush(self) -> None:
+        """Write what is known, if anything (called when training is interrupted)."""
+        with self._lock:
+            if self.path is not None and self.epochs:
+                self._write()
+
+    def _write(self) -> None:
+        if self.path is None:
+            return
+        header = {"fingerprint": self.fingerprint, "epochs": {str(k): v for k, v in self.epochs.items()}}
+        container.save(self.path, "checkpoint", header, self.arrays)
+        self._written = time.monotonic()
+
+    def remove(self) -> None:
+        """Delete the file once the model is safe."""
+        if self.path is not None:
+            self.path.unlink(missing_ok=True)
+
+
+def check_references(references: Sequence[EncodedTraverse]) -> None:
+    """Refuse reference traverses that do not show the same number of places.
+
+    Raises:
+        InputError: none, too few places, or unequal numbers.
+    """
+    if not references or len(references[0]) < 2:
+        raise InputError("a route needs at least 2 places; give more reference images")
+    for number, reference in enumerate(references[1:], start=2):
+        if len(reference) != len(references[0]):
+            raise InputError(
+                f"reference traverse {number} has {len(reference)} images, the first has {len(references[0])}: place i "
+                "must be image i of each; choose with --places A:B or give lists of matching images"
+            )
+
+
+def train(
+    references: Sequence[EncodedTraverse],
+    config: Config,
+    *,
+    route_images: int | None = None,
+    jobs: int = 1,
+    checkpoint: Path | None = None,
+    interval: float = 2.0,
+    resume: bool = False,
+    progress: Callable[[Progress], None] | None = None,
+    resumed: Callable[[dict[int, int]], None] | None = None,
+) -> Model:
+    """Learn the places of a route.
+
+    Args:
+        references: One or more traverses of the same places.
+        config: Settings; equal settings and images give the bit-identical model whatever ``jobs``.
+        route_images: Images in the whole first traverse (default: as many as given).
+        jobs: Threads; each learns one stretch at a time.
+        checkpoint: Where to keep checkpoints; None keeps none.
+        interval: Least seconds between two checkpoints.
+        resume: Go on from ``checkpoint``.
+        progress: Called after every presentation, from any thread.
+        resumed: Told the epochs done per stretch when training resumes.
+    Raises:
+        InputError: references do not match.
+        ModelFileError: the checkpoint cannot be used or written.
+        NetworkLimitError: the trained network could overflow.
+    """
+    check_references(references)
+    stretches = split(len(references[0]), config)
+    kind = LifTrainer if isinstance(config.network, LifNetwork) else ConductanceTrainer
+    trainers: list[StretchTrainer] = [kind(config, stretch, k) for k, stretch in enumerate(stretches)]
+    store = Checkpoint(checkpoint, fingerprint(references, config), interval)
+    if resume:
+        store.load()
+        for number, trainer in enumerate(trainers):
+            if number in store.epochs:
+                trainer.restore(store.of(number))
+        if resumed is not None:
+            resumed(store.epochs)
+    rates = [training_rates(reference.activity, config) for reference in references]
+    stop = threading.Event()
+
+    def learn(number: int) -> None:
+        stretch, trainer = stretches[number], trainers[number]
+        for epoch in range(store.epochs.get(number, 0), config.learning.epochs):
+            if not _epoch(trainer, stretch, number, epoch, references, rates, config, progress, stop):
+                return
+            store.update(number, epoch + 1, trainer.state())
+
+    _run(learn, len(stretches), jobs, stop, store)
+    model = _finish(references, config, stretches, trainers, route_images or len(references[0]), jobs)
+    return model
+
+
+def _run(learn: Callable[[int], None], stretches: int, jobs: int, stop: threading.Event, store: Checkpoint) -> None:
+    """Learn every stretch, on ``jobs`` threads; an interrupt or error stops all and saves what is known."""
+    with ThreadPoolExecutor(max(1, min(jobs, stretches))) as pool:
+        futures = [pool.submit(learn, number) for number in range(stretches)]
+        try:
+            pending = set(futures)
+            while pending:  # a finite wait lets Ctrl-C through
+                done, pending = wait(pending, timeout=0.2, return_when=FIRST_EXCEPTION)
+                for future in done:
+                    future.result()
+        except BaseException:
+            stop.set()
+            for future in futures:
+                future.cancel()
+            wait(futures)
+            store.flush()
+            raise
+
+
+def _epoch(
+    trainer: StretchTrainer,
+    stretch: Stretch,
+    number: int,
+    epoch: int,
+    references: Sequence[EncodedTraverse],
+    rates: Sequence[NDArray[Any]],
+    config: Config,
+    progress: Callable[[Progress], None] | None,
+    stop: threading.Event,
+) -> bool:
+    """Show every image of one stretch, first traverse first; False if training was stopped."""
+    counts = np.zeros((stretch.places, stretch.neurons), np.int64)
+    shown = 0
+    for traverse, reference in enumerate(references):
+        for place in range(stretch.places):
+            if stop.is_set():
+                return False
+            image = stretch.first_place + place
+            key = presentation_key(
+                config.seed, "train", int(reference.indices[image]), epoch * len(references) + traverse
+            )
+            counts[place] += trainer.present(rates[traverse][image], key, place, epoch)
+            shown += 1
+            if progress is not None:
+                progress(_progress(number, epoch, shown, counts, shown == stretch.places * len(references)))
+    return True
+
+
+def _progress(number: int, epoch: int, shown: int, counts: NDArray[np.int64], whole: bool) -> Progress:
+    """Figures of one stretch; those that cost time only at the end of an epoch (else -1)."""
+    if not whole:
+        return Progress(number, epoch, shown, -1.0, -1, -1)
+    used, covered = coverage(counts.T)
+    return Progress(number, epoch, shown, float(counts.sum() / shown), used, covered)
+
+
+def coverage(responses: NDArray[Any]) -> tuple[int, int]:
+    """Neurons with any spike, and places to which some neuron responds most, of counts (neurons, places)."""
+    used = responses.any(axis=1)
+    return int(used.sum()), len(np.unique(responses[used].argmax(axis=1)))
+
+
+def _finish(
+    references: Sequence[EncodedTraverse],
+    config: Config,
+    stretches: tuple[Stretch, ...],
+    trainers: Sequence[StretchTrainer],
+    route_images: int,
+    jobs: int,
+) -> Model:
+    """The model of trained stretches: joined, quantised, its responses to the references measured."""
+    network: fixed.FixedNetwork | conductance.ConductanceState
+    activity = np.concatenate([reference.activity for reference in references])
+    if isinstance(config.network, LifNetwork) and isinstance(config.learning, StdpLearning):
+        parts = [trainer.state()["weights"].copy() for trainer in trainers]
+        for part in parts:
+            stdp.normalise(part, config.learning.mean_weight)
+        learned = np.concatenate(parts, axis=1)
+        network = integer_network(learned, config, joined=len(stretches) > 1)
+        responses = reference_responses(network, references, config, jobs)
+    else:
+        if len(stretches) > 1 or not isinstance(trainers[0], ConductanceTrainer):
+            raise ConfigError("the conductance model learns a route in one network; use --stretch 0")
+        learned, network, responses = np.zeros((0, 0), np.float32), trainers[0].network, trainers[0].responses
+    used, covered = coverage(responses)
+    places = len(references[0])
+    return Model(
+        config=config,
+        network=network,
+        learned=learned,
+        responses=responses,
+        stretches=stretches,
+        place_indices=references[0].indices,
+        place_names=references[0].names,
+        route_images=route_images,
+        labels=np.tile(np.arange(places), len(references)),
+        patches=np.concatenate([reference.patches for reference in references]),
+        activity=activity,
+        thumbnails=references[0].thumbnails,
+        training={
+            "spikes_per_image": float(responses.sum() / (places * _response_presentations(config, references))),
+            "neurons_used": used,
+            "places_covered": covered,
+        },
+    )
+
+
+def _response_presentations(config: Config, references: Sequence[EncodedTraverse]) -> int:
+    """How often each place was shown to count its responses."""
+    learning = config.learning
+    repeats = min(learning.label_epochs, learning.epochs) if isinstance(learning, ConductanceLearning) else 1
+    return repeats * len(references)
+
+
+def integer_network(learned: NDArray[np.float32], config: Config, *, joined: bool) -> fixed.FixedNetwork:
+    """The integer network of ``learned`` float weights (inputs, neurons).
+
+    Raises:
+        NetworkLimitError: it could overflow Loihi's registers.
+    """
+    if not isinstance(config.network, LifNetwork):
+        raise ConfigError("only the lif network runs in integers")
+    weights = quantise.equalise(learned)
+    return quantise.quantise(weights, config.network, config.encoder.query_spikes, joined=joined)
+
+
+def reference_responses(
+    network: fixed.FixedNetwork, references: Sequence[EncodedTraverse], config: Config, threads: int
+) -> NDArray[np.int32]:
+    """S^R: spike counts of the frozen network on the references, int32 (neurons, places), traverses summed."""
+    total = np.zeros((network.neurons, len(references[0])), np.int32)
+    for traverse, reference in enumerate(references):
+        keys = presentation_keys(config.seed, "response", reference.indices, traverse)
+        counts, _, _ = fixed.count_spikes(network, query_rates(reference.activity, config), keys, threads=threads)
+        total += counts.T
+    return total

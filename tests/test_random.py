@@ -1,0 +1,108 @@
+"""The counter-based generator: equality of its forms, and the statistics of the spikes drawn from it."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from lava_vpr.encoding import draw_spikes, rates16
+from lava_vpr.engine import random
+from lava_vpr.engine.draw import LANES, draw_block, prepare_draws
+
+INPUTS = 784
+STEPS = 350
+
+
+def key(role: str = "query", image: int = 3, epoch: int = 0, seed: int = 0) -> int:
+    return random.presentation_key(seed, role, image, epoch)
+
+
+def test_compiled_and_python_mix_agree() -> None:
+    for x in (0, 1, 2**63, 2**64 - 1, 0x123456789ABCDEF):
+        assert int(random.mix(np.uint64(x))) == random._mix(x)
+
+
+def test_a_draw_depends_on_its_own_coordinates_only() -> None:
+    whole = random.draws(key(), STEPS, INPUTS)
+    assert np.array_equal(whole[:7, :5], random.draws(key(), 7, 5))
+    wide = random.draws(key(), 8, 5, bits=32)
+    # Two 32-bit draws are the halves of the same hash that gives four 16-bit ones.
+    assert np.array_equal(wide[0] & 0xFFFF, random.draws(key(), 1, 5)[0])
+
+
+def test_keys_keep_roles_seeds_epochs_and_images_apart() -> None:
+    combinations = list(itertools.product((0, 1, 2), ("train", "response", "query"), range(50), range(6)))
+    keys = {random.presentation_key(s, r, i, e) for s, r, i, e in combinations}
+    assert len(keys) == len(combinations)
+    with pytest.raises(ValueError, match="role is 'test'"):
+        random.presentation_key(0, "test", 0)
+
+
+@pytest.mark.parametrize("active", [0, 1, 2, 5, 784])
+def test_kernel_draws_the_defined_spikes(active: int) -> None:
+    rng = np.random.default_rng(active)
+    rates = np.zeros(INPUTS, np.uint16)
+    rates[rng.choice(INPUTS, active, replace=False)] = rng.integers(1, 65536, active)
+    expected = draw_spikes(rates, key(), 30)
+    inputs = INPUTS
+    buffers = (
+        np.empty(inputs + 1, np.int32),
+        np.empty(inputs + 1, np.uint64),
+        np.empty(LANES * (inputs + 1), np.uint16),
+    )
+    n = prepare_draws(rates, np.uint64(key()), *buffers)
+    words, mask = np.empty(inputs + 1, np.uint64), np.empty((LANES * (inputs + 1) + 7) // 8 * 8, np.uint8)
+    occupied, spikes = np.empty(inputs // 2 + 2, np.int32), np.empty((LANES, inputs + 1), np.int32)
+    counts = np.zeros(LANES, np.int64)
+    for block in range(7):
+        draw_block(block, n, *buffers, words, mask, occupied, spikes, counts)
+        for lane in range(LANES):
+            assert spikes[lane, : counts[lane]].tolist() == np.flatnonzero(expected[4 * block + lane]).tolist()
+
+
+def test_rate_and_inter_spike_intervals_are_those_of_a_bernoulli_process() -> None:
+    p = 0.02
+    rates = np.full(INPUTS, round(p * 65536), np.uint16)
+    spikes = np.concatenate([draw_spikes(rates, key(image=i), STEPS) for i in range(4)])
+    n = spikes.size
+    assert abs(spikes.sum() - n * p) < 4 * np.sqrt(n * p * (1 - p))
+    intervals = np.concatenate([np.diff(np.flatnonzero(column)) for column in spikes.T])
+    edges = np.arange(1, 100)
+    observed = np.array([(intervals == k).sum() for k in edges])
+    # Within a finite record short intervals fit more often: weigh each by the positions it can take.
+    expected = p**2 * (1 - p) ** (edges - 1) * (len(spikes) - edges) * INPUTS
+    assert stats.chisquare(observed, expected * observed.sum() / expected.sum()).pvalue > 1e-3
+
+
+def test_draws_are_uniform_and_uncorrelated() -> None:
+    values = random.draws(key(), 4000, 64).astype(np.float64) / 65536
+    assert stats.kstest(values.ravel()[::7], "uniform").pvalue > 1e-3
+    limit = 5 / np.sqrt(len(values))
+    across_inputs = np.corrcoef(values.T) - np.eye(64)
+    assert np.abs(across_inputs).max() < limit
+    for lag in (1, 2, 3, 4, 8):
+        r = np.corrcoef(values[:-lag].ravel(), values[lag:].ravel())[0, 1]
+        assert abs(r) < 5 / np.sqrt(values.size)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [{"image": 4}, {"role": "response"}, {"role": "train"}, {"seed": 1}, {"role": "train", "epoch": 1}, {"image": -1}],
+)
+def test_images_roles_seeds_and_epochs_share_no_noise(other: dict) -> None:
+    a = random.draws(key(), STEPS, INPUTS).ravel().astype(np.float64)
+    b = random.draws(key(**other), STEPS, INPUTS).ravel().astype(np.float64)
+    assert abs(np.corrcoef(a, b)[0, 1]) < 5 / np.sqrt(a.size)
+
+
+def test_expected_spikes_per_step_are_the_same_for_every_image() -> None:
+    rng = np.random.default_rng(0)
+    activity = (rng.random((3, INPUTS)) ** np.array([[1], [4], [9]])).astype(np.float32)
+    activity[2, 5:] = 0
+    rates = rates16(activity, 6.0)
+    assert np.allclose(rates[:2].sum(axis=1) / 65536, 6.0, atol=0.02)
+    assert rates[2].max() == 65535  # five inputs cannot bring six spikes a step: they saturate
+    assert not rates16(np.zeros((1, INPUTS), np.float32), 6.0).any()
