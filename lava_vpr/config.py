@@ -39,6 +39,7 @@ class EncoderConfig:
         cell: Side in pixels of one pooling cell; ``image_size`` must be a multiple of it.
         orientations: Number of orientations, evenly spaced over 180 degrees.
         window: Side in pixels of the divisive-normalisation window, odd.
+        pool_floor: Share of the image's mean edge energy that is added to each window's.
         train_spikes: Expected input spikes per step while training ("tot"), all inputs together.
         query_spikes: The same while answering a query.
         max_rate_hz: ``pixels`` under the ``paper`` preset: rate of a white pixel, in Hz.
@@ -47,10 +48,11 @@ class EncoderConfig:
     kind: InputKind = "orientation"
     image_size: int = 56
     cell: int = 4
-    orientations: int = 4
+    orientations: int = 8
     window: int = 15
+    pool_floor: float = 0.1
     train_spikes: float = 12.0
-    query_spikes: float = 6.0
+    query_spikes: float = 20.0
     max_rate_hz: float = 63.75
 
     def __post_init__(self) -> None:
@@ -60,6 +62,7 @@ class EncoderConfig:
         _need(self.image_size % self.cell == 0, "encoder.image_size", self.image_size, f"a multiple of {self.cell}")
         _need(2 <= self.orientations <= 16, "encoder.orientations", self.orientations, "in 2..16")
         _need(3 <= self.window <= 255 and self.window % 2 == 1, "encoder.window", self.window, "odd, in 3..255")
+        _need(0 <= self.pool_floor <= 100, "encoder.pool_floor", self.pool_floor, "in 0..100")
         _need(0 < self.train_spikes <= 1000, "encoder.train_spikes", self.train_spikes, "above 0, at most 1000")
         _need(0 < self.query_spikes <= 1000, "encoder.query_spikes", self.query_spikes, "above 0, at most 1000")
         _need(0 < self.max_rate_hz <= 1000, "encoder.max_rate_hz", self.max_rate_hz, "above 0, at most 1000")
@@ -119,34 +122,45 @@ class LifNetwork:
 class StdpLearning:
     """The paper's STDP rule with homeostasis and normalisation (its equation for the weight change, mu = ``mu``).
 
-    On a postsynaptic spike ``w += eta (x_pre - x_target) (w_max - w)^mu``, w in [0, w_max].
+    On a postsynaptic spike ``w += eta (x_pre - x_target) (w_max - w)^mu``, w in [0, w_max]. Learning has two phases: in
+    the first neurons compete for places, with rising thresholds; in the second, thresholds rest and a slower rule
+    averages the noise of single presentations out of what each neuron has made its own.
 
     Attributes:
         arithmetic: ``float``; the result is quantised afterwards.
         epochs: Times that every reference image is shown.
+        competition_epochs: How many of them belong to the first phase.
         steps: Steps of 1 ms of one training presentation.
-        threshold, theta_plus: Threshold at the start, and what each spike adds to it for good.
+        eta, tau_trace, x_target: Learning rate, decay of the presynaptic trace in steps, and the trace below which a
+            weight falls, in units of the mean trace of all inputs; first phase.
+        consolidation_eta, consolidation_tau_trace, consolidation_x_target: The same in the second phase.
+        threshold, theta_plus: Threshold at the start, and what each spike of the first phase adds to it for good.
+        consolidation_threshold: Factor on the thresholds when the second phase begins.
         inhibition, tau_membrane, floor: As in `LifNetwork`, while training; ``floor`` bounds the membrane from below.
         hold_steps: Steps after a spike in which the membrane stays at 0.
-        tau_trace: Decay of the presynaptic trace, in steps.
         mean_weight: What each neuron's weights are normalised to before every presentation.
         start_weight: Start weights are ``start_weight * (U[0, 1) + 0.01)``.
     """
 
     rule: Literal["stdp"] = "stdp"
     arithmetic: Literal["float"] = "float"
-    epochs: int = 6
+    epochs: int = 12
+    competition_epochs: int = 4
     steps: int = 350
     eta: float = 0.1
-    x_target: float = 0.2
+    tau_trace: float = 20.0
+    x_target: float = 0.9
+    consolidation_eta: float = 0.006
+    consolidation_tau_trace: float = 10.0
+    consolidation_x_target: float = 0.6
     w_max: float = 2.0
     mu: float = 0.0
-    tau_trace: float = 20.0
     threshold: float = 10.0
-    theta_plus: float = 0.58
+    theta_plus: float = 0.3
+    consolidation_threshold: float = 0.5
     inhibition: float = 30.0
     tau_membrane: float = 20.0
-    floor: float = -15.0
+    floor: float = -60.0
     hold_steps: int = 1
     mean_weight: float = 0.1
     start_weight: float = 0.3
@@ -156,11 +170,16 @@ class StdpLearning:
         _need(self.arithmetic == "float", "learning.arithmetic", self.arithmetic, "float")
         _need(1 <= self.epochs <= 10_000, "learning.epochs", self.epochs, "in 1..10000")
         _need(1 <= self.steps <= 100_000, "learning.steps", self.steps, "in 1..100000")
-        _need(0 <= self.eta <= 10, "learning.eta", self.eta, "in 0..10")
-        _need(0 <= self.x_target <= 1, "learning.x_target", self.x_target, "in 0..1")
+        _need(1 <= self.competition_epochs, "learning.competition_epochs", self.competition_epochs, "at least 1")
+        for phase in ("", "consolidation_"):
+            eta, tau, target = (getattr(self, phase + name) for name in ("eta", "tau_trace", "x_target"))
+            _need(0 <= eta <= 10, f"learning.{phase}eta", eta, "in 0..10")
+            _need(1 <= tau <= 1e4, f"learning.{phase}tau_trace", tau, "in 1..10000")
+            _need(0 <= target <= 100, f"learning.{phase}x_target", target, "in 0..100")
+        scale = self.consolidation_threshold
+        _need(0 < scale <= 10, "learning.consolidation_threshold", scale, "above 0, at most 10")
         _need(0 < self.w_max <= 1e3, "learning.w_max", self.w_max, "above 0, at most 1000")
         _need(0 <= self.mu <= 8, "learning.mu", self.mu, "in 0..8")
-        _need(1 <= self.tau_trace <= 1e4, "learning.tau_trace", self.tau_trace, "in 1..10000")
         _need(0 < self.threshold <= 1e4, "learning.threshold", self.threshold, "above 0, at most 10000")
         _need(0 <= self.theta_plus <= 1e3, "learning.theta_plus", self.theta_plus, "in 0..1000")
         _need(0 <= self.inhibition <= 1e4, "learning.inhibition", self.inhibition, "in 0..10000")

@@ -47,7 +47,9 @@ class EncodedTraverse:
 def activity_of(image: NDArray[np.uint8], patch: NDArray[np.uint8], encoder: EncoderConfig) -> NDArray[np.float32]:
     """Input channels' responses to one image, float32 (inputs,)."""
     if encoder.kind == "orientation":
-        return orientation_channels(image, encoder.image_size, encoder.cell, encoder.orientations, encoder.window)
+        return orientation_channels(
+            image, encoder.image_size, encoder.cell, encoder.orientations, encoder.window, encoder.pool_floor
+        )
     if encoder.kind == "onoff":
         return on_off(patch[None])[0]
     return patch.reshape(-1).astype(np.float32)

@@ -56,30 +56,37 @@ def on_off(patches: NDArray[np.uint8]) -> NDArray[np.float32]:
     return np.concatenate([np.maximum(signed, 0), np.maximum(-signed, 0)], axis=1)
 
 
-def edge_energy(image: NDArray[np.uint8], side: int, window: int) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+def edge_energy(
+    image: NDArray[np.uint8], side: int, window: int, pool_floor: float
+) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
     """Divisively normalised gradient magnitude and gradient angle (modulo pi) of ``image``, each (side, side).
 
-    Magnitude m of central differences becomes ``max(0, min(4, m / (blur(m) + 0.3 mean(m) + 1e-3)) - 0.3)``.
+    Magnitude m of central differences becomes ``max(0, min(4, m / (blur(m) + pool_floor mean(m) + 1e-3)) - 0.3)``.
     """
     g = grey(image, side, cv2.INTER_AREA).astype(np.float32)
     gx = cv2.Sobel(g, cv2.CV_32F, 1, 0, ksize=1)
     gy = cv2.Sobel(g, cv2.CV_32F, 0, 1, ksize=1)
     magnitude = np.sqrt(gx * gx + gy * gy)
-    pool = cv2.blur(magnitude, (window, window)) + np.float32(0.3) * magnitude.mean() + np.float32(1e-3)
+    pool = cv2.blur(magnitude, (window, window)) + np.float32(pool_floor) * magnitude.mean() + np.float32(1e-3)
     energy = np.maximum(np.minimum(magnitude / pool, np.float32(4)) - np.float32(0.3), np.float32(0))
     # float64: a last-bit difference between mathematical libraries then cannot reach a 16-bit rate.
     return energy, np.mod(np.arctan2(gy.astype(np.float64), gx.astype(np.float64)), np.pi)
 
 
 def orientation_channels(
-    image: NDArray[np.uint8], side: int = 56, cell: int = 4, orientations: int = 4, window: int = 15
+    image: NDArray[np.uint8],
+    side: int = 56,
+    cell: int = 4,
+    orientations: int = 8,
+    window: int = 15,
+    pool_floor: float = 0.1,
 ) -> NDArray[np.float32]:
     """Complex-cell responses of ``image``, shape (orientations * (side / cell)^2,), channel-major, at least 0.
 
     Each pixel's edge energy is shared linearly between the two nearest of ``orientations`` gradient directions
     (channel k: k 180 / orientations degrees), then each channel takes its maximum over ``cell`` x ``cell`` pixels.
     """
-    energy, angle = edge_energy(image, side, window)
+    energy, angle = edge_energy(image, side, window, pool_floor)
     position = angle * (orientations / np.pi)
     below = np.floor(position).astype(np.intp)
     upper = energy * (position - below).astype(np.float32)

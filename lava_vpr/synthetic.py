@@ -30,7 +30,7 @@ def _camera(world: World, place: int, number: int, jitter: float) -> Camera:
     rng = generator(world.seed, VIEW, place, number)
     forward, right, yaw, pitch = (jitter * rng.uniform(-1, 1, 4)).tolist()
     return Camera(
-        s=place * world.spacing_m + 1.5 * forward, right=0.25 * right, yaw=0.02 * yaw, pitch=0.014 * pitch
+        s=place * world.spacing_m + 0.35 * forward, right=0.06 * right, yaw=0.008 * yaw, pitch=0.004 * pitch
     )
 
 
@@ -51,7 +51,7 @@ def _weather(image: NDArray[np.uint8], condition: str, rng: np.random.Generator)
     return np.clip(out.astype(np.int16) + noise, 0, 255).astype(np.uint8)
 
 
-JITTER = 0.3
+JITTER = 1.0
 GRAIN = {"summer": 3, "winter": 4, "rain": 4, "night": 6}
 
 def render(world: World, place: int, condition: str) -> NDArray[np.uint8]:
@@ -67,7 +67,7 @@ def render(world: World, place: int, condition: str) -> NDArray[np.uint8]:
     draw_land(p, things)
     draw_things(p, things)
     rng = generator(world.seed, OCCLUDER, place, number)
-    if rng.uniform(0, 1) < (0.06 if condition == "summer" else 0.15):
+    if rng.uniform(0, 1) < (0.03 if condition == "summer" else 0.08):
         draw_occluder(p, rng)
     small = cv2.resize(canvas, (world.width, world.height), interpolation=cv2.INTER_AREA)
     return _weather(small, condition, generator(world.seed, WEATHER, place, number))

@@ -13,6 +13,8 @@ from lava_vpr.synthetic_scene import GROUND, MAST_SPACING_M, SEGMENT_M, SHOULDER
 
 _DARK: Colour = (60, 58, 56)
 FROSTED: tuple[Colour, Colour] = ((214, 208, 202), (240, 236, 232))
+THING_NEAR = 8.0
+TWIG = 0.4
 FROST = 0.9
 
 
@@ -71,10 +73,11 @@ def _broadleaf(p: Painter, t: Thing) -> None:
     if h < 16:
         return
     if look.bare:
+        twig = blend(bark, dark, TWIG)
         for k in range(5):
             turn = (k / 4 - 0.5) * 1.8 + 0.3 * (t.shape[k] - 0.5)
             tip = (x + 0.85 * w * math.sin(turn), y - (0.36 + 0.48 * math.cos(turn)) * h)
-            p.line((x, y - (0.28 + 0.03 * k) * h), tip, bark, max(0.9, 0.02 * h))
+            p.line((x, y - (0.28 + 0.03 * k) * h), tip, twig, max(0.9, 0.02 * h))
         return
     for k in range(3):
         across = (0.3 * look.sun + 0.9 * (t.shape[5 + k] - 0.5)) * w
@@ -243,7 +246,7 @@ def _out_of_view(p: Painter, t: Thing) -> bool:
 def draw_things(p: Painter, things: Sequence[Thing]) -> None:
     """All ``things`` but the ground, in their order, which is the farthest first."""
     for t in things:
-        if t.kind in GROUND or (t.kind != "fence" and t.s <= p.camera.s + NEAR_M):
+        if t.kind in GROUND or (t.kind != "fence" and t.s <= p.camera.s + THING_NEAR):
             continue
         if t.kind in ("fence", "mast", "bridge") or not _out_of_view(p, t):
             _DRAW[t.kind](p, t)

@@ -40,6 +40,8 @@ class Progress:
 class StretchTrainer(Protocol):
     """What learns one stretch: shown an image, it learns and tells its spike counts. Its state is named arrays."""
 
+    def begin_epoch(self, epoch: int) -> None: ...
+
     def present(self, rates: NDArray[Any], key: int, place: int, epoch: int) -> NDArray[np.int32]: ...
 
     def state(self) -> dict[str, NDArray[Any]]: ...
@@ -56,6 +58,9 @@ class LifTrainer:
             raise ConfigError("LifTrainer needs network.model 'lif' and learning.rule 'stdp'")
         start = stdp.initial_state(config.encoder.inputs, stretch.neurons, learning, config.seed, number)
         self._trainer = stdp.Trainer(start, learning, config.encoder.train_spikes, network.drive)
+
+    def begin_epoch(self, epoch: int) -> None:
+        self._trainer.begin_epoch(epoch)
 
     def present(self, rates: NDArray[Any], key: int, place: int, epoch: int) -> NDArray[np.int32]:
         return self._trainer.present(rates, key)[0]
@@ -77,6 +82,9 @@ class ConductanceTrainer:
         self._config, self._learning = config, config.learning
         self.network = conductance.initial_state(config, config.encoder.inputs)
         self.responses = np.zeros((stretch.neurons, stretch.places), np.int32)
+
+    def begin_epoch(self, epoch: int) -> None:
+        pass  # one phase only
 
     def present(self, rates: NDArray[Any], key: int, place: int, epoch: int) -> NDArray[np.int32]:
         counts, _ = conductance.train_presentation(self.network, rates, key, self._config)
@@ -289,6 +297,7 @@ def _epoch(
     """Show every image of one stretch, first traverse first; False if training was stopped."""
     counts = np.zeros((stretch.places, stretch.neurons), np.int64)
     shown = 0
+    trainer.begin_epoch(epoch)
     for traverse, reference in enumerate(references):
         for place in range(stretch.places):
             if stop.is_set():

@@ -23,13 +23,14 @@ import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.config import ConductanceLearning, ConductanceNetwork, Config
-from lava_vpr.engine.conductance_kernels import FROZEN, PAPER, TRIPLET, Constants, draw_spikes, normalise
-from lava_vpr.engine.conductance_run import present, present_frozen
+from lava_vpr.engine.conductance_kernels import FROZEN, PAPER, TRIPLET, Constants, Network, draw_spikes, normalise
+from lava_vpr.engine.conductance_run import present
 from lava_vpr.engine.random import presentation_key, uniform
 from lava_vpr.errors import ConfigError, InputError
 
@@ -123,7 +124,9 @@ def initial_state(config: Config, inputs: int) -> ConductanceState:
     shape = (inputs, network.neurons)
     longest = network.delay_max_ms / network.dt_ms
     if longest >= 65535:
-        raise ConfigError(f"network.delay_max_ms is {longest:.0f} steps long, but at most 65534 fit; raise network.dt_ms")
+        raise ConfigError(
+            f"network.delay_max_ms is {longest:.0f} steps long, but at most 65534 fit; raise network.dt_ms"
+        )
     start = uniform(presentation_key(config.seed, "start", 0), inputs * network.neurons)
     delay = uniform(presentation_key(config.seed, "delay", 0), inputs * network.neurons)
     return ConductanceState(
@@ -146,12 +149,17 @@ def _check(state: ConductanceState, inputs: int) -> None:
             "networks; use those of one model"
         )
     if inputs != shape[0]:
-        raise InputError(f"rates have {inputs} inputs, but the network has {shape[0]}; encode with the model's settings")
+        raise InputError(
+            f"rates have {inputs} inputs, but the network has {shape[0]}; encode with the model's settings"
+        )
 
 
-def _own(array: NDArray[np.generic], dtype: type) -> NDArray[np.generic]:
-    """``array`` as the kernels are compiled for: contiguous, writeable, of ``dtype``; copied only where needed."""
-    return np.require(array, dtype=dtype, requirements=["C", "W"])
+def _own(array: NDArray[np.generic], dtype: type, order: str = "C") -> NDArray[Any]:
+    """``array`` as the kernels are compiled for: writeable, of ``dtype`` and memory ``order``; copied only if needed.
+
+    Weights and delays (inputs, neurons) are kept in order F: the kernels walk along the inputs of one neuron.
+    """
+    return np.require(array, dtype=dtype, requirements=[order, "W"])
 
 
 def _events(raw: NDArray[np.int64], neurons: int, n: int, c: Constants) -> dict[str, int]:
@@ -188,17 +196,16 @@ def train_presentation(
     network, learning = _settings(config)
     _check(state, len(rates))
     c = constants(config, learn=True)
-    state.weights = _own(state.weights, np.float64)
+    state.weights = _own(state.weights, np.float64, "F")
     state.theta_mv = _own(state.theta_mv, np.float64)
-    state.delays = _own(state.delays, np.uint16)
-    normalise(state.weights, learning.weight_sum)
+    state.delays = _own(state.delays, np.uint16, "F")
+    normalise(state.weights.T, learning.weight_sum)
     starts, sources = draw_spikes(_own(rates, np.uint32), np.uint64(key), c.steps)
     counts = np.zeros(state.weights.shape[1], np.int32)
     raw = np.zeros(4, np.int64)
-    present(
-        state.weights, state.delays, state.theta_mv, starts, sources, _traces(c.total, network.dt_ms),
-        RULES[learning.rule], int(state.delays.max(initial=0)), c, counts, raw,
-    )
+    net = Network(state.weights.T, state.delays.T, starts, sources)
+    longest, traces = int(state.delays.max(initial=0)), _traces(c.total, network.dt_ms)
+    present(net, state.theta_mv, traces, RULES[learning.rule], longest, c, counts, raw)
     return counts, _events(raw, len(counts), 1, c)
 
 
@@ -227,15 +234,17 @@ def count_spikes(
     _check(state, rates.shape[1])
     n, neurons = len(rates), state.weights.shape[1]
     c = constants(config, learn=False)
-    weights, theta = _own(state.weights, np.float64), _own(state.theta_mv, np.float64)
-    delays, rates = _own(state.delays, np.uint16), _own(rates, np.uint32)
-    keys, traces = _own(keys, np.uint64), _traces(c.total, network.dt_ms)
+    weights, delays = _own(state.weights, np.float64, "F").T, _own(state.delays, np.uint16, "F").T
+    rates, keys = _own(rates, np.uint32), _own(keys, np.uint64)
+    traces = _traces(c.total, network.dt_ms)
     longest = int(delays.max(initial=0))
     counts = np.zeros((n, neurons), np.int32)
 
     def run(part: slice) -> NDArray[np.int64]:
         raw = np.zeros(4, np.int64)
-        present_frozen(weights, delays, theta, rates[part], keys[part], traces, longest, c, counts[part], raw)
+        for q in range(part.start, part.stop):
+            net = Network(weights, delays, *draw_spikes(rates[q], keys[q], c.steps))
+            present(net, np.array(state.theta_mv, np.float64), traces, FROZEN, longest, c, counts[q], raw)
         return raw
 
     size = max(1, -(-n // max(1, threads)))

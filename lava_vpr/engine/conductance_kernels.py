@@ -24,9 +24,9 @@ E_REST, E_RESET, E_EXC, E_INH = -65.0, -65.0, 0.0, -100.0
 E_OFFSET, E_THRESHOLD = 20.0, -52.0
 I_REST, I_RESET, I_THRESHOLD = -60.0, -45.0, -40.0
 EXC_TO_INH, INH_TO_EXC = 10.4, 17.0
-CALM_CHECK_STEPS = 32
 NEVER = -(1 << 40)
-_S32, _ONE = np.uint64(32), np.uint64(1)
+_S32 = np.uint64(32)
+_BLOCK = 8  # float64 of one cache line
 
 
 class Constants(NamedTuple):
@@ -50,10 +50,17 @@ class Constants(NamedTuple):
     w_max: float
 
 
+class Network(NamedTuple):
+    """Weights and delays (neurons, inputs), and one presentation's input spikes as `draw_spikes` returns them."""
+
+    weights: NDArray[np.float64]
+    delays: NDArray[np.uint16]
+    starts: NDArray[np.int64]
+    sources: NDArray[np.int32]
+
+
 @nb.njit(cache=True, nogil=True)
-def draw_spikes(
-    rates: NDArray[np.uint32], key: np.uint64, steps: int
-) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+def draw_spikes(rates: NDArray[np.uint32], key: np.uint64, steps: int) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
     """All input spikes of one presentation: step t's inputs, ascending, are ``sources[starts[t]:starts[t + 1]]``.
 
     Equal to ``draws(key, steps, inputs, bits=32) < rates`` of `lava_vpr.engine.random`.
@@ -110,47 +117,59 @@ def draw_spikes(
 
 @nb.njit(cache=True, nogil=True)
 def normalise(weights: NDArray[np.float64], target: float) -> None:
-    """Scale each neuron's weights to the sum ``target``, in place; a neuron whose weights are all 0 keeps them."""
-    factors = np.zeros(weights.shape[1])
-    for j in range(weights.shape[0]):
-        for i in range(weights.shape[1]):
-            factors[i] += weights[j, i]
-    for i in range(factors.size):
-        factors[i] = target / factors[i] if factors[i] > 0 else 1.0
-    for j in range(weights.shape[0]):
-        for i in range(weights.shape[1]):
-            weights[j, i] *= factors[i]
+    """Scale the weights (neurons, inputs) of each neuron to the sum ``target``, in place; all zeros stay."""
+    for i in range(weights.shape[0]):
+        row = weights[i]
+        total = 0.0
+        for j in range(row.size):
+            total += row[j]
+        if total > 0:
+            factor = target / total
+            for j in range(row.size):
+                row[j] *= factor
 
 
 @nb.njit(cache=True, nogil=True)
-def _depart(
-    sources: NDArray[np.int32],
-    step: int,
-    weights: NDArray[np.float64],
-    delays: NDArray[np.uint16],
-    shift: int,
-    ring: NDArray[np.float64],
-) -> None:
-    """Add the weights of the inputs that spike at ``step`` to the steps at which they arrive.
+def input_drive(net: Network, begin: int, steps: int, carry: NDArray[np.float64], drive: NDArray[np.float64]) -> None:
+    """Sum the weights that arrive at every neuron in the steps from ``begin``, as many as ``drive`` has rows.
 
-    Row ``a`` modulo its length of the flat ``ring``, rows of 2^shift, holds what arrives at step ``a``.
+    ``carry`` (neurons, longest delay) holds what earlier spikes send into these steps, and afterwards what all send
+    into the following ones. Weights that arrive together are added in the order of departure, then of input. One
+    neuron after another, so that what is scattered to stays in the first-level cache.
     """
-    mask = ring.size - 1
-    for s in range(sources.size):
-        row_w, row_d = weights[sources[s]], delays[sources[s]]
-        for i in range(row_w.size):
-            ring[(((step + np.int64(row_d[i])) << shift) + i) & mask] += row_w[i]
+    span, longest = drive.shape[0], carry.shape[1]
+    first, after = net.starts[min(begin, steps)], net.starts[min(begin + span, steps)]
+    when = np.empty(after - first, np.uint32)
+    source = np.empty(after - first, np.uint32)  # unsigned: no test for negative indices in the innermost loop
+    for t in range(begin, min(begin + span, steps)):
+        for p in range(net.starts[t], net.starts[t + 1]):
+            when[p - first] = t - begin
+            source[p - first] = net.sources[p]
+    sums = np.empty((_BLOCK, span + longest))
+    for i0 in range(0, drive.shape[1], _BLOCK):
+        width = min(_BLOCK, drive.shape[1] - i0)
+        for k in range(width):
+            total, weight, delay = sums[k], net.weights[i0 + k], net.delays[i0 + k]
+            total[:longest] = carry[i0 + k]
+            total[longest:] = 0.0
+            for p in range(when.size):
+                j = np.uint64(source[p])
+                total[np.uint64(when[p]) + np.uint64(delay[j])] += weight[j]
+            carry[i0 + k] = total[span:]
+        for t in range(span):
+            for k in range(width):
+                drive[t, i0 + k] = sums[k, t]
 
 
 @nb.njit(cache=True, nogil=True)
-def _update_exc(
+def update_exc(
     v: NDArray[np.float64],
     ge: NDArray[np.float64],
     gi: NDArray[np.float64],
     theta: NDArray[np.float64],
-    block: NDArray[np.float64],
     arriving: NDArray[np.float64],
     c: Constants,
+    block: NDArray[np.float64],
 ) -> int:
     """One Euler step of all excitatory neurons, then the arriving input; returns how many are above threshold.
 
@@ -162,7 +181,6 @@ def _update_exc(
         v[i] += leak * ((E_REST - v[i]) + ge[i] * (E_EXC - v[i]) + gi[i] * (E_INH - v[i]))
     for i in range(v.size):
         ge[i] = (ge[i] - c.ge_decay * ge[i]) + arriving[i]
-        arriving[i] = 0.0
     for i in range(v.size):
         gi[i] -= c.gi_decay * gi[i]
     above = 0
@@ -173,7 +191,7 @@ def _update_exc(
 
 
 @nb.njit(cache=True, nogil=True)
-def _calm(
+def calm(
     v: NDArray[np.float64],
     ge: NDArray[np.float64],
     gi: NDArray[np.float64],
@@ -199,87 +217,3 @@ def _calm(
         if top - leak * top * ge[i] / c.ge_decay > threshold - 1e-3:
             return False
     return True
-
-
-@nb.njit(cache=True, nogil=True)
-def _schedule(
-    i: int,
-    step: int,
-    delays: NDArray[np.uint16],
-    starts: NDArray[np.int64],
-    sources: NDArray[np.int32],
-    total: int,
-    arrived: NDArray[np.int64],
-    times: NDArray[np.int32],
-    inputs: NDArray[np.int32],
-) -> None:
-    """Neuron ``i`` becomes plastic at ``step``: when did each input last arrive, and what arrives later, in order.
-
-    Arrivals of one step are in the order of their departure, as `_depart` adds them.
-    """
-    starts_at = np.zeros(total + 1, np.int64)
-    arrived[:] = NEVER
-    for t in range(starts.size - 1):
-        for p in range(starts[t], starts[t + 1]):
-            arrival = t + np.int64(delays[sources[p], i])
-            if arrival <= step:
-                arrived[sources[p]] = arrival
-            elif arrival < total:
-                starts_at[arrival + 1] += 1
-    for t in range(total):
-        starts_at[t + 1] += starts_at[t]
-    times[starts_at[total] :] = total  # never reached
-    for t in range(starts.size - 1):
-        for p in range(starts[t], starts[t + 1]):
-            arrival = t + np.int64(delays[sources[p], i])
-            if step < arrival < total:
-                times[starts_at[arrival]] = arrival
-                inputs[starts_at[arrival]] = sources[p]
-                starts_at[arrival] += 1
-
-
-@nb.njit(cache=True, nogil=True)
-def _arrive(
-    i: int,
-    step: int,
-    cursor: int,
-    times: NDArray[np.int32],
-    inputs: NDArray[np.int32],
-    arrived: NDArray[np.int64],
-    weights: NDArray[np.float64],
-    change: float,
-    clip: bool,
-    w_max: float,
-) -> tuple[float, int]:
-    """What reaches plastic neuron ``i`` at ``step``, each weight read before it grows by ``change``."""
-    drive = 0.0
-    while cursor < times.size and times[cursor] == step:
-        j = inputs[cursor]
-        drive += weights[j, i]
-        arrived[j] = step
-        if clip:
-            weights[j, i] = min(max(weights[j, i] + change, 0.0), w_max)
-        cursor += 1
-    return drive, cursor
-
-
-@nb.njit(cache=True, nogil=True)
-def _learn(
-    i: int,
-    step: int,
-    arrived: NDArray[np.int64],
-    weights: NDArray[np.float64],
-    pre: NDArray[np.float64],
-    post2: float,
-    rule: int,
-    c: Constants,
-) -> None:
-    """The postsynaptic part of the learning: neuron ``i`` spikes at ``step``. ``pre[k]`` is a trace k steps old."""
-    for j in range(arrived.size):
-        x = pre[step - arrived[j]] if arrived[j] != NEVER else 0.0
-        w = weights[j, i]
-        if rule == TRIPLET:
-            w += c.eta_post * x * post2
-        else:
-            w += c.eta_post * (x - c.x_target) * max(c.w_max - w, 0.0) ** c.mu
-        weights[j, i] = min(max(w, 0.0), c.w_max)

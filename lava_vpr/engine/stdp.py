@@ -164,6 +164,12 @@ def _train(
             events[1] += n_fired[now]
 
 
+def mean_trace(inputs: int, spikes_per_step: float, tau: float) -> float:
+    """Expected trace of an input of mean rate p: p tau / (1 + p tau), for a trace that is set to 1, not added to."""
+    load = spikes_per_step / inputs * tau
+    return load / (1.0 + load)
+
+
 class Trainer:
     """One stretch's plastic network, ready to be shown images.
 
@@ -176,22 +182,26 @@ class Trainer:
 
     def __init__(self, state: PlasticState, learning: StdpLearning, spikes_per_step: float, drive: float) -> None:
         self.state, self.learning = state, learning
-        self._trace = trace_table(learning.steps, learning.tau_trace)
+        inputs = len(state.weights)
         gain = drive / (learning.mean_weight * spikes_per_step)
-        self._params = np.array(
-            [
-                learning.eta,
-                learning.x_target,
-                learning.w_max,
-                learning.mu,
-                learning.theta_plus,
-                learning.inhibition,
-                1.0 - 1.0 / learning.tau_membrane,
-                gain,
-                learning.floor,
-            ],
-            np.float32,
+        keep = 1.0 - 1.0 / learning.tau_membrane
+
+        def phase(eta: float, tau: float, target: float, theta_plus: float) -> tuple[NDArray[np.float32], ...]:
+            x_target = target * mean_trace(inputs, spikes_per_step, tau)
+            values = (eta, x_target, learning.w_max, learning.mu, theta_plus, learning.inhibition, keep, gain)
+            return np.array([*values, learning.floor], np.float32), trace_table(learning.steps, tau)
+
+        self._competition = phase(learning.eta, learning.tau_trace, learning.x_target, learning.theta_plus)
+        self._consolidation = phase(
+            learning.consolidation_eta, learning.consolidation_tau_trace, learning.consolidation_x_target, 0.0
         )
+        self._phase = self._competition
+
+    def begin_epoch(self, epoch: int) -> None:
+        """To be called before the first image of every epoch (from 0): chooses the phase."""
+        if epoch == self.learning.competition_epochs:
+            self.state.theta *= np.float32(self.learning.consolidation_threshold)
+        self._phase = self._competition if epoch < self.learning.competition_epochs else self._consolidation
 
     def present(self, rates: NDArray[np.uint16], key: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
         """Normalise, show one image, learn.
@@ -203,19 +213,10 @@ class Trainer:
             Spike counts int32 (neurons,); numbers of input and excitatory spikes, int64 (2,).
         """
         state, learning = self.state, self.learning
+        params, trace = self._phase
         counts = np.zeros(len(state.theta), np.int32)
         events = np.zeros(2, np.int64)
         normalise(state.weights, learning.mean_weight)
-        _train(
-            state.weights,
-            state.theta,
-            rates,
-            np.uint64(key),
-            self._params,
-            learning.steps,
-            learning.hold_steps,
-            self._trace,
-            counts,
-            events,
-        )
+        steps, hold = learning.steps, learning.hold_steps
+        _train(state.weights, state.theta, rates, np.uint64(key), params, steps, hold, trace, counts, events)
         return counts, events
