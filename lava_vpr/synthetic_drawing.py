@@ -98,22 +98,25 @@ class Painter:
 
     def fill(self, points: Sequence[Point], colour: Colour) -> None:
         """Fill the polygon of pixels ``points``."""
-        fixed = np.rint(np.array(points) * (1 << _SHIFT)).astype(np.int32)
+        fixed = np.array([(int(8 * x), int(8 * y)) for x, y in points], dtype=np.int32)
         cv2.fillPoly(self.canvas, [fixed], colour, shift=_SHIFT)
 
     def face(self, s: float, x0: float, x1: float, y0: float, y1: float, colour: Colour) -> None:
-        """Fill an upright rectangle across the track at ``s``, from (x0, y0) to (x1, y1) metres."""
+        """Fill an upright rectangle across the track at ``s``, x0 < x1 and y0 < y1 in metres."""
         m, column, row, _, _ = self._depth(s)
         left, right, low, high = column + m * x0, column + m * x1, row - m * y0, row - m * y1
-        if max(left, right) >= 0 and min(left, right) < self.columns:
-            self.fill(((left, low), (left, high), (right, high), (right, low)), colour)
+        if right >= 0 and left < self.columns:
+            corners = (int(8 * left), int(8 * high)), (int(8 * right), int(8 * low))
+            cv2.rectangle(self.canvas, *corners, colour, -1, cv2.LINE_8, _SHIFT)
 
     def line(self, a: Point, b: Point, colour: Colour, width: float) -> None:
         """A line ``width`` pixels wide, drawn as a polygon so that thin ones do not jump."""
         dx, dy = b[0] - a[0], b[1] - a[1]
         length = 2.0 * math.hypot(dx, dy) or 1.0
         nx, ny = -dy / length * width, dx / length * width
-        self.fill(((a[0] + nx, a[1] + ny), (b[0] + nx, b[1] + ny), (b[0] - nx, b[1] - ny), (a[0] - nx, a[1] - ny)), colour)
+        self.fill(
+            ((a[0] + nx, a[1] + ny), (b[0] + nx, b[1] + ny), (b[0] - nx, b[1] - ny), (a[0] - nx, a[1] - ny)), colour
+        )
 
     def blob(self, x: float, y: float, rx: float, ry: float, colour: Colour) -> None:
         """Fill the ellipse of radii ``rx`` and ``ry`` around pixel (x, y)."""
@@ -127,7 +130,7 @@ def draw_backdrop(p: Painter, clouds: Sequence[tuple[float, float, float]]) -> N
     """Sky, clouds (column, row, size as shares of the sky), mountains, hills, a distant wood and the plain."""
     look = p.look
     t = np.clip(np.arange(p.rows) / max(1.0, p.horizon), 0, 1)[:, None, None]
-    p.canvas[:] = np.asarray(look.sky[0]) * (1 - t) + np.asarray(look.sky[1]) * t
+    p.canvas[:] = (np.asarray(look.sky[0]) * (1 - t) + np.asarray(look.sky[1]) * t).astype(np.uint8)
     for u, v, size in clouds:
         x, y, r = u * p.columns, v * p.horizon, size * p.columns
         for k, (dx, dy, share) in enumerate(((-0.8, 0.1, 0.55), (0.0, 0.0, 1.0), (0.8, 0.12, 0.6))):
@@ -136,7 +139,7 @@ def draw_backdrop(p: Painter, clouds: Sequence[tuple[float, float, float]]) -> N
     bearing = p.way.heading(p.camera.s) + p.camera.yaw
     # Mean height and swing of a ridge in 128ths of the canvas, and the metres in which it passes by.
     for layer, (base, swing, reach) in enumerate(((17.0, 9.0, 9e3), (9.0, 6.0, 1.6e3), (5.0, 2.4, 420.0))):
-        columns = np.arange(0.0, p.columns + 3, 3)
+        columns = np.arange(0.0, p.columns + 4, 4)
         turn = 100 * (bearing + np.arctan((columns - p.centre) / p.focal)) + p.camera.s / reach * 100
         height = np.zeros_like(turn)
         for a, w, q in p.way.ridges[layer].terms:
@@ -193,7 +196,9 @@ def draw_way(p: Painter) -> None:
     strip(-2.75, -2.6, look.mark)
     strip(2.6, 2.75, look.mark)
     for s in np.arange(math.ceil((s0 + NEAR_M) / 9) * 9, s0 + 70, 9).tolist():
-        p.fill((p.at(s + 3, -0.09, 0), p.at(s + 3, 0.09, 0), p.at(s, 0.09, 0), p.at(s, -0.09, 0)), p.paint(look.mark, s))
+        p.fill(
+            (p.at(s + 3, -0.09, 0), p.at(s + 3, 0.09, 0), p.at(s, 0.09, 0), p.at(s, -0.09, 0)), p.paint(look.mark, s)
+        )
 
 
 def draw_land(p: Painter, things: Sequence[Thing]) -> None:

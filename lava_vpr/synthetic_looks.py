@@ -28,7 +28,10 @@ class Look:
         bare: Whether broadleaved trees have lost their leaves.
         sun: -1, 0, 1: sun from the left, none, from the right.
         lamp: Gain that the vehicle's own headlamps add to near things.
-        windows: Colour of windows; ``lit`` windows shine through night and haze.
+        windows: Colour of lit windows, which shine through night and haze; ``lit``: whether some are.
+        flakes, streaks: At most so many snow flakes, and so many streaks of rain.
+        grain: The sensor's noise in grey levels.
+        occluders: Share of images in which traffic or a branch hides something.
     """
 
     sky: tuple[Colour, Colour]
@@ -51,12 +54,16 @@ class Look:
     bark: Colour = (46, 58, 72)
     rock: Colour = (120, 122, 126)
     wood: Colour = (70, 84, 98)
-    windows: Colour = (70, 60, 52)
+    windows: Colour = (120, 214, 252)
     lit: bool = False
     snow: float = 0.0
     bare: bool = False
     sun: int = 0
     lamp: float = 0.0
+    flakes: int = 0
+    streaks: int = 0
+    grain: int = 4
+    occluders: float = 0.08
 
 
 SNOW: Colour = (246, 241, 238)
@@ -73,7 +80,7 @@ SUMMER = Look(
     crops=((72, 146, 112), (84, 178, 178), (66, 118, 82)),
     verge=(88, 134, 122), bank=(62, 128, 92), steep=(112, 120, 124), water=(186, 142, 90),
     way=(104, 108, 114), rail=(190, 196, 200), mark=(230, 232, 232),
-    needles=((40, 62, 30), (58, 96, 52)), leaves=((42, 96, 56), (66, 150, 104)), sun=1,
+    needles=((40, 62, 30), (58, 96, 52)), leaves=((42, 96, 56), (66, 150, 104)), sun=1, grain=3, occluders=0.03,
 )  # fmt: skip
 WINTER = Look(
     sky=((128, 116, 108), (172, 160, 152)), clouds=(160, 150, 144), cloudiness=2,
@@ -83,7 +90,7 @@ WINTER = Look(
     verge=(236, 230, 224), bank=(226, 218, 212), steep=(150, 146, 146), water=(206, 192, 172),
     way=(206, 202, 198), rail=(64, 62, 66), mark=(150, 146, 142),
     needles=((48, 60, 42), (70, 84, 62)), leaves=((66, 78, 92), (92, 106, 120)),
-    snow=1.0, bare=True, sun=0,
+    snow=1.0, bare=True, flakes=24,
 )  # fmt: skip
 RAIN = Look(
     sky=((138, 132, 126), (168, 164, 158)), clouds=(120, 116, 112), cloudiness=5,
@@ -92,7 +99,7 @@ RAIN = Look(
     crops=((78, 128, 108), (92, 146, 150), (70, 108, 84)),
     verge=(84, 112, 106), bank=(66, 112, 92), steep=(96, 100, 104), water=(170, 162, 152),
     way=(118, 118, 118), rail=(180, 180, 180), mark=(220, 220, 220),
-    needles=((44, 58, 36), (58, 82, 52)), leaves=((46, 84, 58), (66, 118, 90)),
+    needles=((44, 58, 36), (58, 82, 52)), leaves=((46, 84, 58), (66, 118, 90)), streaks=60,
 )  # fmt: skip
 NIGHT = Look(
     sky=((44, 22, 14), (92, 58, 44)), clouds=(70, 46, 38), cloudiness=3,
@@ -100,6 +107,6 @@ NIGHT = Look(
     ridges=((60, 38, 28), (44, 30, 22), (26, 20, 14)),
     crops=SUMMER.crops, verge=SUMMER.verge, bank=SUMMER.bank, steep=SUMMER.steep, water=(200, 150, 110),
     way=SUMMER.way, rail=SUMMER.rail, mark=SUMMER.mark, needles=SUMMER.needles, leaves=SUMMER.leaves,
-    lamp=4.5, windows=(120, 214, 252), lit=True,
+    lamp=4.5, windows=(120, 214, 252), lit=True, grain=6,
 )  # fmt: skip
 LOOKS: dict[str, Look] = {"summer": SUMMER, "winter": WINTER, "rain": RAIN, "night": NIGHT}

@@ -1,7 +1,7 @@
 """What stands where along a synthetic route: its bends and hills, the land on both sides, and the things on it.
 
-Everything here belongs to the place alone: no season, light or weather. It depends on the seed and the position only, so
-a place looks the same drawn alone or in a batch, and what one place sees ahead the next one passes by.
+Everything here belongs to the place alone: no season, light or weather. It depends on the seed and the position only,
+so a place looks the same drawn alone or in a batch, and what one place sees ahead the next one passes by.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 SEGMENT_M = 10.0
-SIGHT_M = 170.0
+SIGHT_M = 150.0
 SHOULDER_M = 3.4
 SLOPE_M = 7.5
 MAST_SPACING_M = 37.0
@@ -156,8 +156,9 @@ class Thing:
 
 
 def _buildings(rng: np.random.Generator, way: Route, s: float, sign: int) -> Iterator[Thing]:
-    """Buildings of one segment on one side."""
-    if rng.random() >= 0.10 + 0.30 * max(0.0, way.side(sign).village(s)):
+    """Buildings of one segment on one side; none stands in a lake."""
+    side = way.side(sign)
+    if rng.random() >= 0.10 + 0.30 * max(0.0, side.village(s)) or side.water(s) > WATER:
         return
     draw = rng.random()
     kind = "church" if draw < 0.06 else "silo" if draw < 0.14 else "barn" if draw < 0.38 else "house"
@@ -170,20 +171,22 @@ def _buildings(rng: np.random.Generator, way: Route, s: float, sign: int) -> Ite
     x = sign * (SHOULDER_M + 3.0 + width / 2 + 16 * rng.random() ** 1.5)
     at = s + SEGMENT_M * rng.random()
     # A building stands level, even where the land behind it rises.
-    yield Thing(kind, at, x, way.side(x).level(at), width, height, rng.random(), tuple(rng.random(6).tolist()))
+    yield Thing(kind, at, x, side.level(at), width, height, rng.random(), tuple(rng.random(6).tolist()))
 
 
 def _plants(rng: np.random.Generator, way: Route, s: float, sign: int) -> Iterator[Thing]:
     """Trees, bushes and rocks of one segment on one side."""
     side = way.side(sign)
-    density = 0.15 if side.water(s) > WATER else min(2.6, max(0.12, 0.95 + 0.85 * side.trees(s)))
+    wet = side.water(s) > WATER
+    density = 0.2 if wet else min(2.6, max(0.12, 0.95 + 0.85 * side.trees(s)))
+    reach = 3.0 if wet else 24.0  # at a lake trees stand on its shore only
     conifers = 0.5 + 0.3 * way.conifers(s)
     plants: list[tuple[str, float, float, float]] = []
     for _ in range(int(rng.poisson(density))):
         conifer = rng.random() < conifers
         height = (6.0 if conifer else 5.0) + 8.0 * rng.random()
         width = height * (0.34 + 0.12 * rng.random() if conifer else 0.55 + 0.3 * rng.random())
-        x = sign * (SHOULDER_M + 2.6 + 24 * rng.random() ** 1.6)
+        x = sign * (SHOULDER_M + 2.6 + reach * rng.random() ** 1.6)
         plants.append(("conifer" if conifer else "broadleaf", x, width, height))
     if rng.random() < 0.28:
         size = 0.9 + 1.5 * rng.random()

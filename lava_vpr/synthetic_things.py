@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 
@@ -12,10 +13,9 @@ from lava_vpr.synthetic_looks import ROOFS, SNOW, WALLS, Colour
 from lava_vpr.synthetic_scene import GROUND, MAST_SPACING_M, SEGMENT_M, SHOULDER_M, SIGHT_M, Thing
 
 _DARK: Colour = (60, 58, 56)
-FROSTED: tuple[Colour, Colour] = ((214, 208, 202), (240, 236, 232))
-THING_NEAR = 8.0
-TWIG = 0.4
-FROST = 0.9
+_FROSTED: tuple[Colour, Colour] = ((214, 208, 202), (240, 236, 232))
+_NEAR_THING_M = 8.0  # what is nearer would fill the view
+_FROST = 0.8  # how much snow plants carry: the more, the more of them turn from dark to bright
 
 
 def _shadow(p: Painter, t: Thing, x: float, y: float) -> None:
@@ -27,8 +27,8 @@ def _shadow(p: Painter, t: Thing, x: float, y: float) -> None:
 
 def _foliage(p: Painter, t: Thing, shades: tuple[Colour, Colour]) -> tuple[Colour, Colour]:
     """Dark and bright colour of a plant, by now under snow or hoar frost; some plants carry more than others."""
-    laden = p.look.snow * min(1.0, FROST * t.tint)
-    dark, bright = blend(shades[0], FROSTED[0], laden), blend(shades[1], FROSTED[1], laden)
+    laden = p.look.snow * min(1.0, _FROST * t.tint)
+    dark, bright = blend(shades[0], _FROSTED[0], laden), blend(shades[1], _FROSTED[1], laden)
     gain = 0.9 + 0.2 * t.shape[6]
     return p.paint(dark, t.s, gain), p.paint(bright, t.s, gain)
 
@@ -73,7 +73,7 @@ def _broadleaf(p: Painter, t: Thing) -> None:
     if h < 16:
         return
     if look.bare:
-        twig = blend(bark, dark, TWIG)
+        twig = blend(bark, dark, 0.4)
         for k in range(5):
             turn = (k / 4 - 0.5) * 1.8 + 0.3 * (t.shape[k] - 0.5)
             tip = (x + 0.85 * w * math.sin(turn), y - (0.36 + 0.48 * math.cos(turn)) * h)
@@ -191,7 +191,7 @@ def _mast(p: Painter, t: Thing) -> None:
     if following < p.camera.s + SIGHT_M:
         x, sag = t.x + arm, t.s + MAST_SPACING_M / 2
         points = (p.at(t.s, x, level), p.at(sag, x, level - 0.5), p.at(following, x, level))
-        for a, b in zip(points[:-1], points[1:], strict=True):
+        for a, b in itertools.pairwise(points):
             p.line(a, b, colour, max(0.7, 0.05 * m))
 
 
@@ -246,7 +246,7 @@ def _out_of_view(p: Painter, t: Thing) -> bool:
 def draw_things(p: Painter, things: Sequence[Thing]) -> None:
     """All ``things`` but the ground, in their order, which is the farthest first."""
     for t in things:
-        if t.kind in GROUND or (t.kind != "fence" and t.s <= p.camera.s + THING_NEAR):
+        if t.kind in GROUND or (t.kind != "fence" and t.s <= p.camera.s + _NEAR_THING_M):
             continue
         if t.kind in ("fence", "mast", "bridge") or not _out_of_view(p, t):
             _DRAW[t.kind](p, t)

@@ -148,7 +148,9 @@ class Checkpoint:
             ModelFileError: no checkpoint, a damaged one, or one of other settings or images.
         """
         if self.path is None:
-            raise ModelFileError("there is nowhere to resume from; name the model file")
+            raise ModelFileError("there is nowhere to resume from; name the checkpoint")
+        if not self.path.exists():
+            raise ModelFileError(f"{self.path}: there is no checkpoint to resume from; train without --resume")
         header, arrays = container.load(self.path, "checkpoint")
         if header.get("fingerprint") != self.fingerprint:
             raise ModelFileError(
@@ -248,7 +250,7 @@ def train(
             if number in store.epochs:
                 trainer.restore(store.of(number))
         if resumed is not None:
-            resumed(store.epochs)
+            resumed(dict(store.epochs))
     rates = [training_rates(reference.activity, config) for reference in references]
     stop = threading.Event()
 
@@ -266,8 +268,16 @@ def train(
 
 def _run(learn: Callable[[int], None], stretches: int, jobs: int, stop: threading.Event, store: Checkpoint) -> None:
     """Learn every stretch, on ``jobs`` threads; an interrupt or error stops all and saves what is known."""
+
+    def guarded(number: int) -> None:
+        try:
+            learn(number)
+        except BaseException:
+            stop.set()  # at once, before a thread takes up the next stretch
+            raise
+
     with ThreadPoolExecutor(max(1, min(jobs, stretches))) as pool:
-        futures = [pool.submit(learn, number) for number in range(stretches)]
+        futures = [pool.submit(guarded, number) for number in range(stretches)]
         try:
             pending = set(futures)
             while pending:  # a finite wait lets Ctrl-C through

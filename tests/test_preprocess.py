@@ -80,7 +80,9 @@ def literal_orientation(image: NDArray[np.uint8], side: int, cell: int, orientat
     result = np.zeros((orientations, grid, grid))
     for row in range(side):
         for column in range(side):
-            around = [at(magnitude, row + a, column + b) for a in range(-half, half + 1) for b in range(-half, half + 1)]
+            around = [
+                at(magnitude, row + a, column + b) for a in range(-half, half + 1) for b in range(-half, half + 1)
+            ]
             energy = magnitude[row, column] / (sum(around) / window**2 + 0.3 * magnitude.mean() + 1e-3)
             energy = max(0.0, min(4.0, energy) - 0.3)
             position = (math.atan2(gy[row, column], gx[row, column]) % math.pi) * orientations / math.pi

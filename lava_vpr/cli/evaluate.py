@@ -15,11 +15,12 @@ from lava_vpr.cli.common import PATH, check_writable, console, encode, places_op
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
 from lava_vpr.evaluation import Metrics, truth_from_indices, truth_from_positions
+from lava_vpr.groundtruth import read_ground_truth, read_positions_pair
 from lava_vpr.model import Model
 from lava_vpr.recognition import BASELINES, Recognition, as_json, recognise
 from lava_vpr.report import write_report
 from lava_vpr.report.build import report_data
-from lava_vpr.traverse import Traverse, open_traverse, read_ground_truth, read_positions_pair
+from lava_vpr.traverse import Traverse, open_traverse
 
 
 @click.command("eval")
@@ -232,5 +233,3 @@ def command_line(ctx: click.Context) -> str:
         else:
             words += [param.opts[-1], *shown]
     return " ".join(words)
-
-

@@ -55,15 +55,15 @@ class Network(NamedTuple):
 
     weights: NDArray[np.float64]
     delays: NDArray[np.uint16]
-    starts: NDArray[np.int64]
+    when: NDArray[np.int32]
     sources: NDArray[np.int32]
 
 
 @nb.njit(cache=True, nogil=True)
-def draw_spikes(rates: NDArray[np.uint32], key: np.uint64, steps: int) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """All input spikes of one presentation: step t's inputs, ascending, are ``sources[starts[t]:starts[t + 1]]``.
+def draw_spikes(rates: NDArray[np.uint32], key: np.uint64, steps: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """All input spikes of one presentation: their steps, ascending, and their inputs, ascending within a step.
 
-    Equal to ``draws(key, steps, inputs, bits=32) < rates`` of `lava_vpr.engine.random`.
+    Equal to the ones in ``draws(key, steps, inputs, bits=32) < rates`` of `lava_vpr.engine.random`.
     """
     n = 0
     expected = 0.0
@@ -81,8 +81,7 @@ def draw_spikes(rates: NDArray[np.uint32], key: np.uint64, steps: int) -> tuple[
         limits[2 * k] = limits[2 * k + 1] = rates[active[k]]
     words = np.empty(width, np.uint64)
     flags = np.empty(2 * width, np.uint8)
-    starts = np.zeros(steps + 1, np.int64)
-    sources = np.empty(int(1.2 * expected) + 2 * n + 64, np.int32)
+    spikes = np.empty((2, int(1.2 * expected) + 2 * n + 64), np.int32)
     second = np.empty(n, np.int32)
     end = 0
     for block in range((steps + 1) // 2):
@@ -92,27 +91,26 @@ def draw_spikes(rates: NDArray[np.uint32], key: np.uint64, steps: int) -> tuple[
         lanes = words.view(np.uint32)
         for k in range(2 * width):
             flags[k] = lanes[k] < limits[k]
-        if end + 2 * n > sources.size:
-            grown = np.empty(2 * sources.size + 2 * n, np.int32)
-            grown[:end] = sources[:end]
-            sources = grown
+        if end + 2 * n > spikes.shape[1]:
+            grown = np.empty((2, 2 * spikes.shape[1] + 2 * n), np.int32)
+            for p in range(end):
+                grown[0, p], grown[1, p] = spikes[0, p], spikes[1, p]
+            spikes = grown
         groups = flags.view(np.uint64)
         n_second = 0
         for p in range(width // 4):
             if groups[p] != 0:
                 for k in range(4 * p, 4 * p + 4):
                     if flags[2 * k]:
-                        sources[end] = active[k]
+                        spikes[0, end], spikes[1, end] = 2 * block, active[k]
                         end += 1
                     if flags[2 * k + 1]:
                         second[n_second] = active[k]
                         n_second += 1
-        starts[2 * block + 1] = end
-        if 2 * block + 1 < steps:
-            sources[end : end + n_second] = second[:n_second]
-            end += n_second
-            starts[2 * block + 2] = end
-    return starts, sources[:end]
+        for s in range(n_second if 2 * block + 1 < steps else 0):
+            spikes[0, end], spikes[1, end] = 2 * block + 1, second[s]
+            end += 1
+    return spikes[0, :end], spikes[1, :end]
 
 
 @nb.njit(cache=True, nogil=True)
@@ -130,7 +128,20 @@ def normalise(weights: NDArray[np.float64], target: float) -> None:
 
 
 @nb.njit(cache=True, nogil=True)
-def input_drive(net: Network, begin: int, steps: int, carry: NDArray[np.float64], drive: NDArray[np.float64]) -> None:
+def first_spike(when: NDArray[np.int32], step: int) -> int:
+    """Index of the first spike at ``step`` or later, by bisection."""
+    low, high = 0, when.size
+    while low < high:
+        middle = (low + high) // 2
+        if when[middle] < step:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@nb.njit(cache=True, nogil=True)
+def input_drive(net: Network, begin: int, carry: NDArray[np.float64], drive: NDArray[np.float64]) -> None:
     """Sum the weights that arrive at every neuron in the steps from ``begin``, as many as ``drive`` has rows.
 
     ``carry`` (neurons, longest delay) holds what earlier spikes send into these steps, and afterwards what all send
@@ -138,24 +149,25 @@ def input_drive(net: Network, begin: int, steps: int, carry: NDArray[np.float64]
     neuron after another, so that what is scattered to stays in the first-level cache.
     """
     span, longest = drive.shape[0], carry.shape[1]
-    first, after = net.starts[min(begin, steps)], net.starts[min(begin + span, steps)]
-    when = np.empty(after - first, np.uint32)
-    source = np.empty(after - first, np.uint32)  # unsigned: no test for negative indices in the innermost loop
-    for t in range(begin, min(begin + span, steps)):
-        for p in range(net.starts[t], net.starts[t + 1]):
-            when[p - first] = t - begin
-            source[p - first] = net.sources[p]
+    first = first_spike(net.when, begin)
+    n = first_spike(net.when, begin + span) - first
+    when, source = np.empty(n, np.uint32), np.empty(n, np.uint32)  # unsigned: no test for negative indices below
+    for p in range(n):
+        when[p], source[p] = net.when[first + p] - begin, net.sources[first + p]
     sums = np.empty((_BLOCK, span + longest))
     for i0 in range(0, drive.shape[1], _BLOCK):
         width = min(_BLOCK, drive.shape[1] - i0)
         for k in range(width):
             total, weight, delay = sums[k], net.weights[i0 + k], net.delays[i0 + k]
-            total[:longest] = carry[i0 + k]
-            total[longest:] = 0.0
-            for p in range(when.size):
+            for t in range(longest):
+                total[t] = carry[i0 + k, t]
+            for t in range(longest, total.size):
+                total[t] = 0.0
+            for p in range(n):
                 j = np.uint64(source[p])
                 total[np.uint64(when[p]) + np.uint64(delay[j])] += weight[j]
-            carry[i0 + k] = total[span:]
+            for t in range(longest):
+                carry[i0 + k, t] = total[span + t]
         for t in range(span):
             for k in range(width):
                 drive[t, i0 + k] = sums[k, t]

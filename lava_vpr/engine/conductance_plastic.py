@@ -47,11 +47,12 @@ def with_room(old: Plastic, n: int) -> Plastic:
     if n < old.neuron.size:
         return old
     new = new_plastic(2 * n, old.arrived.shape[1], old.times.shape[1])
-    new.neuron[:n] = old.neuron[:n]
-    new.cursor[:n] = old.cursor[:n]
-    new.arrived[:n] = old.arrived[:n]
-    new.times[:n] = old.times[:n]
-    new.inputs[:n] = old.inputs[:n]
+    for s in range(n):
+        new.neuron[s], new.cursor[s] = old.neuron[s], old.cursor[s]
+        for j in range(old.arrived.shape[1]):
+            new.arrived[s, j] = old.arrived[s, j]
+        for p in range(old.times.shape[1]):
+            new.times[s, p], new.inputs[s, p] = old.times[s, p], old.inputs[s, p]
     return new
 
 
@@ -64,24 +65,24 @@ def recruit(plastic: Plastic, slot: int, i: int, step: int, net: Network, total:
     plastic.neuron[slot], plastic.cursor[slot] = i, 0
     arrived, times, inputs, delay = plastic.arrived[slot], plastic.times[slot], plastic.inputs[slot], net.delays[i]
     ends = np.zeros(total + 1, np.int64)
-    arrived[:] = NEVER
-    for t in range(net.starts.size - 1):
-        for p in range(net.starts[t], net.starts[t + 1]):
-            arrival = t + np.int64(delay[net.sources[p]])
-            if arrival <= step:
-                arrived[net.sources[p]] = arrival
-            elif arrival < total:
-                ends[arrival + 1] += 1
-    for t in range(total):
+    for j in range(arrived.size):
+        arrived[j] = NEVER
+    for p in range(net.when.size):
+        arrival = net.when[p] + np.int64(delay[net.sources[p]])
+        if arrival <= step:
+            arrived[net.sources[p]] = arrival
+        elif arrival < total:
+            ends[arrival + 1] += 1
+    for t in range(max(step, 0), total):
         ends[t + 1] += ends[t]
-    times[ends[total] :] = total
-    for t in range(net.starts.size - 1):
-        for p in range(net.starts[t], net.starts[t + 1]):
-            arrival = t + np.int64(delay[net.sources[p]])
-            if step < arrival < total:
-                times[ends[arrival]] = arrival
-                inputs[ends[arrival]] = net.sources[p]
-                ends[arrival] += 1
+    for p in range(ends[total], times.size):
+        times[p] = total
+    for p in range(net.when.size):
+        arrival = net.when[p] + np.int64(delay[net.sources[p]])
+        if step < arrival < total:
+            times[ends[arrival]] = arrival
+            inputs[ends[arrival]] = net.sources[p]
+            ends[arrival] += 1
 
 
 @nb.njit(cache=True, nogil=True)

@@ -24,6 +24,7 @@ from lava_vpr.engine.conductance_kernels import (
     Constants,
     Network,
     calm,
+    first_spike,
     input_drive,
     update_exc,
 )
@@ -133,12 +134,13 @@ def _recruit(
 @nb.njit(cache=True, nogil=True)
 def _recruit_clipped(plastic: Plastic, exc: Exc, net: Network, tally: NDArray[np.int64], c: Constants) -> Plastic:
     """Neurons with a weight outside [0, w_max] are plastic from the start: under the triplet rule arrivals clip it."""
+    before = NEVER
     for i in range(exc.v.size):
         outside = False
         for j in range(net.weights.shape[1]):
             outside |= (net.weights[i, j] > c.w_max) | (net.weights[i, j] < 0.0)
         if outside:
-            plastic = _recruit(plastic, exc, i, -1, net, tally, c.total)
+            plastic = _recruit(plastic, exc, i, before, net, tally, c.total)
     return plastic
 
 
@@ -146,10 +148,9 @@ def _recruit_clipped(plastic: Plastic, exc: Exc, net: Network, tally: NDArray[np
 def _undelivered(net: Network, longest: int, total: int) -> int:
     """Input spikes times synapses that the presentation ends before."""
     lost = 0
-    for t in range(max(0, total - longest), net.starts.size - 1):
-        for p in range(net.starts[t], net.starts[t + 1]):
-            for i in range(net.delays.shape[0]):
-                lost += t + np.int64(net.delays[i, net.sources[p]]) >= total
+    for p in range(first_spike(net.when, total - longest), net.when.size):
+        for i in range(net.delays.shape[0]):
+            lost += net.when[p] + np.int64(net.delays[i, net.sources[p]]) >= total
     return lost
 
 
@@ -214,10 +215,10 @@ def present(
     if rule == TRIPLET:
         plastic = _recruit_clipped(plastic, exc, net, tally, c)
     drive, carry, nothing = np.empty((_CHUNK_STEPS, n)), np.zeros((n, longest)), np.zeros(n)
-    step = 0
-    while step < c.total:
+    simulated = c.total
+    for step in range(c.total):
         if step % _CHUNK_STEPS == 0:
-            input_drive(net, step, c.steps, carry, drive)
+            input_drive(net, step, carry, drive)
         row = drive[step % _CHUNK_STEPS]
         _arrivals(plastic, exc, tally[_PLASTIC], step, net.weights, traces[1], rule, c, row)
         _release(exc, tally, step, c.timer)
@@ -234,15 +235,16 @@ def present(
                     learn(net.weights[i], plastic.arrived[exc.slot[i]], step, traces[0], post2, rule, c)
                 _fire(exc, inh, i, step, tally, c.theta_plus)
                 counts[i] += step < c.steps
-        step += 1
         if step >= c.steps + longest and step % _CALM_CHECK_STEPS == 0:
             if calm(inh.v, inh.ge, nothing, nothing[:0], c.inh_leak, c, I_REST, I_THRESHOLD) and calm(
                 exc.v, exc.ge, exc.gi, exc.theta, c.exc_leak, c, E_REST, E_THRESHOLD - E_OFFSET
             ):
+                simulated = step + 1
                 break
-    for _ in range(step if c.theta_decay > 0 else c.total, c.total):  # calm: of what lasts, only theta still changes
-        for i in range(n):
-            theta[i] -= c.theta_decay * theta[i]
+    if c.theta_decay > 0.0:  # nothing spikes any more: of what lasts, only theta still changes
+        for _ in range(simulated, c.total):
+            for i in range(n):
+                theta[i] -= c.theta_decay * theta[i]
     delivered = net.sources.size * n - _undelivered(net, longest, c.total)
     events[0] += delivered + tally[_EXC_SPIKES] + tally[_INH_SPIKES] * (n - 1)
     events[1] += net.sources.size

@@ -25,6 +25,7 @@ from lava_vpr.engine.threads import share
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import INPUT_LIMIT, STATE_LIMIT, THRESHOLD_LIMIT, WEIGHT_LIMIT
 
+_PADDING = 32
 SILENT_STEPS = 3
 """After the last input: to exc (1), to its relay (2), to the others (3)."""
 
@@ -89,10 +90,12 @@ class FixedNetwork:
             raise NetworkLimitError(f"weights need {self.bits} bits to hold {int(self.weights.max())}; use 1 to 8 bits")
         if not 0 < self.threshold < THRESHOLD_LIMIT:
             raise NetworkLimitError(
-                f"threshold {self.threshold} does not fit 1..{THRESHOLD_LIMIT - 1}; use fewer input spikes per step, or lower it"
+                f"threshold {self.threshold} does not fit 1..{THRESHOLD_LIMIT - 1}; lower network.threshold"
             )
         if not 0 <= self.inhibition <= WEIGHT_LIMIT:
-            raise NetworkLimitError(f"inhibition mantissa {self.inhibition} does not fit 0..{WEIGHT_LIMIT}; raise its exponent")
+            raise NetworkLimitError(
+                f"inhibition mantissa {self.inhibition} does not fit 0..{WEIGHT_LIMIT}; raise its exponent"
+            )
         need = (self.neurons - 1) * self.lateral
         if need >= limit:
             most = (limit - 1) // max(1, self.lateral) + 1
@@ -150,12 +153,15 @@ def _present(
 ) -> None:
     """All presentations of ``rates`` (n, inputs); fills ``counts`` (n, neurons), adds to ``events``.
 
-    ``params``: shift, threshold, lateral, decay, steps. ``acc`` (neurons,) is scratch, int16 where no input sum can
-    leave it, else int32. ``raster`` (n, steps + 3, neurons) is filled if not empty.
+    ``weights`` and ``acc`` are padded with silent neurons to whole vector registers. ``params``: shift, threshold,
+    lateral, decay, steps, and how many weights fit an 8-bit partial sum. ``acc`` is scratch, int16 where no input sum
+    can leave it, else int32. ``raster`` (n, steps + 3, neurons) is filled if not empty.
     """
     shift, threshold, lateral = np.int32(params[0]), np.int32(params[1] << 6), np.int32(params[2])
     keep, steps = np.int32(4096 - params[3]), int(params[4])
-    inputs, neurons = weights.shape
+    chunk = int(params[5])
+    (inputs, width), neurons = weights.shape, counts.shape[1]
+    partial = np.zeros(width, np.uint8)
     active = np.empty(inputs + 1, np.int32)
     offsets = np.empty(inputs + 1, np.uint64)
     rates4 = np.empty(LANES * (inputs + 1), np.uint16)
@@ -164,8 +170,8 @@ def _present(
     occupied = np.empty(inputs // 2 + 2, np.int32)
     spikes = np.empty((LANES, inputs + 1), np.int32)
     spike_counts = np.zeros(LANES, np.int64)
-    drive = np.zeros(neurons, np.int32)
-    v = np.zeros(neurons, np.int32)
+    drive = np.zeros(width, np.int32)
+    v = np.zeros(width, np.int32)
     fired = np.zeros((3, neurons), np.int32)
     n_fired = np.zeros(3, np.int64)
     operations, input_spikes, exc_spikes = 0, 0, 0
@@ -181,18 +187,22 @@ def _present(
             elif lane == 0:
                 draw_block((step - 1) >> 2, n, active, offsets, rates4, words, mask, occupied, spikes, spike_counts)
             acc[:] = 0
-            for s in range(spike_counts[lane]):
-                row = np.uint64(spikes[lane, s])
-                operations += row_sizes[row]
-                for i in range(neurons):
-                    acc[i] += weights[row, i]
+            for start in range(0, spike_counts[lane], chunk):
+                partial[:] = 0
+                for s in range(start, min(start + chunk, spike_counts[lane])):
+                    row = np.uint64(spikes[lane, s])
+                    operations += row_sizes[row]
+                    for i in range(width):
+                        partial[i] += weights[row, i]
+                for i in range(width):
+                    acc[i] += partial[i]
             input_spikes += spike_counts[lane]
             now, before = step % 3, (step + 1) % 3  # (step - 2) mod 3
             if n_fired[before] == 0:
                 highest = _integrate(v, acc, shift, keep)
             else:
                 pull = np.int32(lateral * np.int32(n_fired[before]))
-                for i in range(neurons):
+                for i in range(width):
                     drive[i] = np.int32(np.int32(np.int32(acc[i]) >> shift) - pull)
                 for s in range(n_fired[before]):
                     drive[fired[before, s]] += lateral
@@ -253,15 +263,20 @@ def count_spikes(
     n = len(rates)
     counts = np.zeros((n, network.neurons), np.int32)
     film = np.zeros((n, network.steps + SILENT_STEPS, network.neurons) if raster else (0, 0, 0), np.uint8)
-    weights = np.ascontiguousarray(network.weights)
+    width = -(-network.neurons // _PADDING) * _PADDING
+    weights = np.zeros((network.inputs, width), np.uint8)
+    weights[:, : network.neurons] = network.weights
     narrow = int(weights.sum(axis=0, dtype=np.int64).max(initial=0)) < 1 << 15
     row_sizes = np.count_nonzero(weights, axis=1).astype(np.int64)
-    params = np.array([network.shift, network.threshold, network.lateral, network.decay, network.steps], np.int64)
+    chunk = 255 // max(1, int(weights.max(initial=0)))
+    params = np.array(
+        [network.shift, network.threshold, network.lateral, network.decay, network.steps, chunk], np.int64
+    )
     rates = np.ascontiguousarray(rates, dtype=np.uint16)
 
     def run(part: slice) -> NDArray[np.int64]:
         events = np.zeros(3, np.int64)
-        acc = np.zeros(network.neurons, np.int16 if narrow else np.int32)
+        acc = np.zeros(width, np.int16 if narrow else np.int32)
         _present(weights, row_sizes, params, rates[part], keys[part], acc, counts[part], events, film[part])
         return events
 

@@ -1,0 +1,102 @@
+"""Image and video files made by hand, for tests."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import settings
+from numpy.typing import NDArray
+
+from lava_vpr.errors import InputError
+
+QUICK = settings(deadline=None, derandomize=True, max_examples=25)
+
+
+def picture(seed: int = 0, shape: tuple[int, ...] = (24, 36, 3)) -> NDArray[np.uint8]:
+    """A smooth random picture, all pixels different enough to see any turn of it."""
+    noise = np.random.default_rng(seed).integers(0, 256, shape, dtype=np.uint8)
+    return cv2.GaussianBlur(noise, (0, 0), 2)
+
+
+def encoded(suffix: str, image: NDArray[np.generic], *options: int) -> bytes:
+    good, data = cv2.imencode(suffix, image, options)
+    assert good
+    return bytes(data)
+
+
+def written(path: Path, data: bytes) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(data)
+    return path
+
+
+def exif(orientation: int, order: str = ">") -> bytes:
+    magic = {">": b"MM\0*", "<": b"II*\0"}[order]
+    return magic + struct.pack(order + "IHHHIHHI", 8, 1, 0x0112, 3, 1, orientation, 0, 0)
+
+
+def upright(image: NDArray[np.uint8], orientation: int) -> NDArray[np.uint8]:
+    """The literal EXIF table: where row 0 and column 0 of the stored picture are on the upright one."""
+    return {
+        1: image,
+        2: np.fliplr(image),
+        3: np.rot90(image, 2),
+        4: np.flipud(image),
+        5: image.swapaxes(0, 1),
+        6: np.rot90(image, -1),
+        7: np.rot90(image.swapaxes(0, 1), 2),
+        8: np.rot90(image, 1),
+    }[orientation]
+
+
+def png_chunk(kind: bytes, data: bytes) -> bytes:
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+
+def png(width: int, height: int, depth: int, colour: int, rows: bytes, *chunks: bytes) -> bytes:
+    header = png_chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, depth, colour, 0, 0, 0))
+    body = header + b"".join(chunks) + png_chunk(b"IDAT", zlib.compress(rows)) + png_chunk(b"IEND", b"")
+    return b"\x89PNG\r\n\x1a\n" + body
+
+
+def tiff(image: NDArray[np.uint8], orientation: int) -> bytes:
+    """An uncompressed grey TIFF with an orientation tag."""
+    h, w = image.shape
+    tags = [(256, w), (257, h), (258, 8), (259, 1), (262, 1), (273, 134), (274, orientation), (277, 1), (278, h)]
+    tags.append((279, w * h))
+    directory = b"".join(struct.pack("<HHII", tag, 4 if tag in (273, 279) else 3, 1, value) for tag, value in tags)
+    return b"II*\0" + struct.pack("<IH", 8, len(tags)) + directory + b"\0\0\0\0" + image.tobytes()
+
+
+def webp_with_exif(image: NDArray[np.uint8], block: bytes) -> bytes:
+    size = struct.pack("<I", image.shape[1] - 1)[:3] + struct.pack("<I", image.shape[0] - 1)[:3]
+    extended = b"VP8X" + struct.pack("<I", 10) + bytes([8, 0, 0, 0]) + size
+    body = b"WEBP" + extended + encoded(".webp", image, cv2.IMWRITE_WEBP_QUALITY, 101)[12:]
+    body += b"EXIF" + struct.pack("<I", len(block)) + block + b"\0" * (len(block) % 2)
+    return b"RIFF" + struct.pack("<I", len(body)) + body
+
+
+def video(path: Path, frames: int, fps: float = 10.0, size: tuple[int, int] = (64, 48)) -> Path:
+    """An MJPG video whose frame k is grey of level 3 k."""
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), fps, size)
+    assert writer.isOpened()
+    for k in range(frames):
+        writer.write(np.full((size[1], size[0], 3), 3 * k % 256, dtype=np.uint8))
+    writer.release()
+    return path
+
+
+def refused(call: object, *parts: str) -> str:
+    """The text of the InputError that ``call`` raises: one line that holds all ``parts``."""
+    with pytest.raises(InputError) as caught:
+        call()  # type: ignore[operator]
+    text = str(caught.value)
+    assert "\n" not in text
+    for part in parts:
+        assert part in text, text
+    return text
