@@ -39,6 +39,7 @@ class EncoderConfig:
         cell: Side in pixels of one pooling cell; ``image_size`` must be a multiple of it.
         orientations: Number of orientations, evenly spaced over 180 degrees.
         window: Side in pixels of the divisive-normalisation window, odd.
+        blur: Standard deviation in pixels of the Gaussian that the resized image is smoothed with; 0: none.
         pool_floor: Share of the image's mean edge energy that is added to each window's.
         train_spikes: Expected input spikes per step while training ("tot"), all inputs together.
         query_spikes: The same while answering a query.
@@ -51,6 +52,7 @@ class EncoderConfig:
     orientations: int = 8
     window: int = 15
     pool_floor: float = 0.1
+    blur: float = 0.7
     train_spikes: float = 12.0
     query_spikes: float = 20.0
     max_rate_hz: float = 63.75
@@ -62,6 +64,7 @@ class EncoderConfig:
         _need(self.image_size % self.cell == 0, "encoder.image_size", self.image_size, f"a multiple of {self.cell}")
         _need(2 <= self.orientations <= 16, "encoder.orientations", self.orientations, "in 2..16")
         _need(3 <= self.window <= 255 and self.window % 2 == 1, "encoder.window", self.window, "odd, in 3..255")
+        _need(0 <= self.blur <= 50, "encoder.blur", self.blur, "in 0..50")
         _need(0 <= self.pool_floor <= 100, "encoder.pool_floor", self.pool_floor, "in 0..100")
         _need(0 < self.train_spikes <= 1000, "encoder.train_spikes", self.train_spikes, "above 0, at most 1000")
         _need(0 < self.query_spikes <= 1000, "encoder.query_spikes", self.query_spikes, "above 0, at most 1000")
@@ -144,13 +147,13 @@ class StdpLearning:
 
     rule: Literal["stdp"] = "stdp"
     arithmetic: Literal["float"] = "float"
-    epochs: int = 12
+    epochs: int = 8
     competition_epochs: int = 4
     steps: int = 350
     eta: float = 0.1
     tau_trace: float = 20.0
     x_target: float = 0.9
-    consolidation_eta: float = 0.006
+    consolidation_eta: float = 0.012
     consolidation_tau_trace: float = 10.0
     consolidation_x_target: float = 0.6
     w_max: float = 2.0

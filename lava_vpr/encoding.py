@@ -48,7 +48,13 @@ def activity_of(image: NDArray[np.uint8], patch: NDArray[np.uint8], encoder: Enc
     """Input channels' responses to one image, float32 (inputs,)."""
     if encoder.kind == "orientation":
         return orientation_channels(
-            image, encoder.image_size, encoder.cell, encoder.orientations, encoder.window, encoder.pool_floor
+            image,
+            encoder.image_size,
+            encoder.cell,
+            encoder.orientations,
+            encoder.window,
+            encoder.pool_floor,
+            encoder.blur,
         )
     if encoder.kind == "onoff":
         return on_off(patch[None])[0]

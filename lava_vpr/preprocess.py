@@ -57,13 +57,15 @@ def on_off(patches: NDArray[np.uint8]) -> NDArray[np.float32]:
 
 
 def edge_energy(
-    image: NDArray[np.uint8], side: int, window: int, pool_floor: float
+    image: NDArray[np.uint8], side: int, window: int, pool_floor: float, blur: float
 ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
     """Divisively normalised gradient magnitude and gradient angle (modulo pi) of ``image``, each (side, side).
 
-    Magnitude m of central differences becomes ``max(0, min(4, m / (blur(m) + pool_floor mean(m) + 1e-3)) - 0.3)``.
+    The image is smoothed by a Gaussian of standard deviation ``blur`` pixels first. Magnitude m of central differences becomes ``max(0, min(4, m / (blur(m) + pool_floor mean(m) + 1e-3)) - 0.3)``.
     """
     g = grey(image, side, cv2.INTER_AREA).astype(np.float32)
+    if blur > 0:
+        g = cv2.GaussianBlur(g, (0, 0), blur)
     gx = cv2.Sobel(g, cv2.CV_32F, 1, 0, ksize=1)
     gy = cv2.Sobel(g, cv2.CV_32F, 0, 1, ksize=1)
     magnitude = np.sqrt(gx * gx + gy * gy)
@@ -80,13 +82,14 @@ def orientation_channels(
     orientations: int = 8,
     window: int = 15,
     pool_floor: float = 0.1,
+    blur: float = 0.7,
 ) -> NDArray[np.float32]:
     """Complex-cell responses of ``image``, shape (orientations * (side / cell)^2,), channel-major, at least 0.
 
     Each pixel's edge energy is shared linearly between the two nearest of ``orientations`` gradient directions
     (channel k: k 180 / orientations degrees), then each channel takes its maximum over ``cell`` x ``cell`` pixels.
     """
-    energy, angle = edge_energy(image, side, window, pool_floor)
+    energy, angle = edge_energy(image, side, window, pool_floor, blur)
     position = angle * (orientations / np.pi)
     below = np.floor(position).astype(np.intp)
     upper = energy * (position - below).astype(np.float32)

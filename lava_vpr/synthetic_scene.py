@@ -77,7 +77,7 @@ class Side:
 
 @dataclass(frozen=True)
 class Route:
-    """The way itself. ``railway``: rails and masts, otherwise a road; ``heading`` in radians, ``slope`` in metres."""
+    """The way itself. ``railway``: rails and masts, else a road; ``heading`` in radians, ``grade`` as a ratio."""
 
     seed: int
     railway: bool

@@ -127,6 +127,19 @@ def check_writable(path: Path) -> None:
         raise InputError(f"{path}: no permission to write in {folder}; choose another place")
 
 
+def check_folder(path: Path) -> None:
+    """Refuse a folder for results that cannot be made, before any work is done.
+
+    Raises:
+        InputError: there is a file of that name, or no permission to write.
+    """
+    if path.exists() and not path.is_dir():
+        raise InputError(f"{path}: is a file; name a folder")
+    existing = next(folder for folder in (path, *path.absolute().parents) if folder.is_dir())
+    if not os.access(existing, os.W_OK):
+        raise InputError(f"{path}: no permission to write in {existing}; choose another place")
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a text file in one step.
 

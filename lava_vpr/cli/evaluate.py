@@ -11,7 +11,16 @@ from rich.table import Table
 
 from lava_vpr import backends
 from lava_vpr import model as model_file
-from lava_vpr.cli.common import PATH, check_writable, console, encode, places_option, seed_type, write_json
+from lava_vpr.cli.common import (
+    PATH,
+    check_folder,
+    check_writable,
+    console,
+    encode,
+    places_option,
+    seed_type,
+    write_json,
+)
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
 from lava_vpr.evaluation import Metrics, truth_from_indices, truth_from_positions
@@ -107,6 +116,8 @@ def evaluate(
         )
     if json_path is not None:
         check_writable(json_path)
+    if report_folder is not None:
+        check_folder(report_folder)
     model = model_file.load(model_path)
     traverse = choose_queries(
         model, open_traverse(query, every=every), places, aligned=gt is None and positions is None
