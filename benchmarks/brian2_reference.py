@@ -32,19 +32,27 @@ _INH = """
 dv/dt = ((-60*mV - v) + ge * (0*mV - v)) / (10*ms) : volt (unless refractory)
 dge/dt = -ge / tau_ge : 1
 """
-_STDP = """
+_TRACES = """
 w : 1
-dpre/dt = -pre / (20*ms) : 1 (event-driven)
+dxpre/dt = -xpre / (20*ms) : 1 (event-driven)
+"""
+_POST_TRACES = """
 dpost1/dt = -post1 / (20*ms) : 1 (event-driven)
 dpost2/dt = -post2 / (40*ms) : 1 (event-driven)
 """
-_ON_PRE = {
-    "triplet": "ge_post += w; pre = 1; w = clip(w + eta_pre * post1, 0, w_max)",
-    "paper": "ge_post += w; pre = 1",
-}
-_ON_POST = {
-    "triplet": "w = clip(w + eta_post * pre * post2, 0, w_max); post1 = 1; post2 = 1",
-    "paper": "w = clip(w + eta_post * (pre - x_target) * clip(w_max - w, 0, inf) ** mu, 0, w_max)",
+# Names that Brian2 or SymPy take otherwise cannot be used: pre, post, trace, x_pre.
+_RULES = {
+    "triplet": (
+        _TRACES + _POST_TRACES,
+        "ge_post += w; xpre = 1; w = clip(w + eta_pre * post1, 0, w_max)",
+        "w = clip(w + eta_post * xpre * post2, 0, w_max); post1 = 1; post2 = 1",
+    ),
+    "paper": (
+        _TRACES,
+        "ge_post += w; xpre = 1",
+        "w = clip(w + eta_post * (xpre - x_target) * clip(w_max - w, 0, inf) ** mu, 0, w_max)",
+    ),
+    "frozen": ("w : 1", "ge_post += w", ""),
 }
 INH_TO_EXC = 17.0
 EXC_TO_INH = 10.4
@@ -79,7 +87,7 @@ class Brian2Network:
             self.source = b2.PoissonGroup(self.shape[0], 0 * b2.Hz)
         else:
             self.source = b2.SpikeGeneratorGroup(self.shape[0], [], [] * b2.ms)
-        self.synapses = _input_synapses(self.source, self.exc, self.namespace, learning.rule if learn else "")
+        self.synapses = _input_synapses(self.source, self.exc, self.namespace, learning.rule if learn else "frozen")
         self.synapses.w = state.weights.ravel()
         self.synapses.delay = state.delays.ravel() * self.dt
         excite = b2.Synapses(self.exc, self.inh, "w : 1", on_pre="ge_post += w")
@@ -109,7 +117,7 @@ class Brian2Network:
         self.inh.v, self.inh.ge = -60 * b2.mV, 0
         self.exc.lastspike = self.inh.lastspike = -1e4 * b2.second
         if self.learn:
-            self.synapses.pre = 0
+            self.synapses.xpre = 0
             if "post1" in self.synapses.variables:
                 self.synapses.post1, self.synapses.post2 = 0, 0
 
@@ -136,9 +144,7 @@ class Brian2Network:
         counts = self._run()
         return counts, time.perf_counter() - start
 
-    def present_spikes(
-        self, when: NDArray[np.int32], sources: NDArray[np.int32]
-    ) -> tuple[NDArray[np.int64], float]:
+    def present_spikes(self, when: NDArray[np.int32], sources: NDArray[np.int32]) -> tuple[NDArray[np.int64], float]:
         """The same with given input spikes (steps and inputs, as `draw_spikes` returns them), from rest."""
         start = time.perf_counter()
         if self.learn:
@@ -190,14 +196,9 @@ def _populations(namespace: dict[str, Any], neurons: int, learn: bool) -> tuple[
 
 
 def _input_synapses(source: Any, exc: Any, namespace: dict[str, Any], rule: str) -> Any:
-    """All-to-all input with ``rule`` (empty: frozen)."""
-    if not rule:
-        synapses = b2.Synapses(source, exc, "w : 1", on_pre="ge_post += w", namespace=namespace)
-    else:
-        model = _STDP if rule == "triplet" else "\n".join(_STDP.strip().splitlines()[:2])
-        synapses = b2.Synapses(
-            source, exc, model, on_pre=_ON_PRE[rule], on_post=_ON_POST[rule], namespace=namespace
-        )
+    """All-to-all input that learns by ``rule``, or not (``frozen``)."""
+    model, on_pre, on_post = _RULES[rule]
+    synapses = b2.Synapses(source, exc, model, on_pre=on_pre, on_post=on_post or None, namespace=namespace)
     synapses.connect()
     return synapses
 

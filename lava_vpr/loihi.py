@@ -15,6 +15,10 @@ INPUT_SHIFT = 6
 INPUT_LIMIT = STATE_LIMIT >> INPUT_SHIFT
 """Input sums of one step beyond this (131,072 weight units) wrap u."""
 
+LOIHI_1_INPUT_LIMIT = 1 << 15
+"""The same on Loihi 1, whose accumulator has 21 bits and sign in units shifted by 6. Source: nengo-loihi 1.1.0,
+``discretize.py:21``, and its emulator's overflow flag; not verified on silicon."""
+
 THRESHOLD_LIMIT = 1 << 17
 """Threshold mantissas stay below. Source: nengo-loihi 1.1.0, ``discretize.py:10``."""
 

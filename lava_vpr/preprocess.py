@@ -61,7 +61,8 @@ def edge_energy(
 ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
     """Divisively normalised gradient magnitude and gradient angle (modulo pi) of ``image``, each (side, side).
 
-    The image is smoothed by a Gaussian of standard deviation ``blur`` pixels first. Magnitude m of central differences becomes ``max(0, min(4, m / (blur(m) + pool_floor mean(m) + 1e-3)) - 0.3)``.
+    The image is smoothed by a Gaussian of standard deviation ``blur`` pixels (0: not). The magnitude m of central
+    differences becomes ``max(0, min(4, m / (box mean of m + pool_floor mean(m) + 1e-3)) - 0.3)``.
     """
     g = grey(image, side, cv2.INTER_AREA).astype(np.float32)
     if blur > 0:

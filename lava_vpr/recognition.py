@@ -46,7 +46,7 @@ class Recognition:
     events: dict[str, int]
 
 
-def decoder_variant(config: Config) -> str:
+def decoder_variant(config: Config) -> decoding.Variant:
     """Which reading of the four decoders a preset uses: ``paper`` the released code's, others the printed equations."""
     return "vprsnn2022" if config.preset == "paper" else "paper"
 

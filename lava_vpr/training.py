@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from lava_vpr import container
 from lava_vpr.config import ConductanceLearning, Config, LifNetwork, StdpLearning, to_dict
-from lava_vpr.encoding import EncodedTraverse, query_rates, training_rates
+from lava_vpr.encoding import EncodedTraverse, rates16, training_rates
 from lava_vpr.engine import conductance, fixed, quantise, stdp
 from lava_vpr.engine.random import presentation_key, presentation_keys
 from lava_vpr.errors import ConfigError, InputError, ModelFileError
@@ -408,6 +408,7 @@ def reference_responses(
     total = np.zeros((network.neurons, len(references[0])), np.int32)
     for traverse, reference in enumerate(references):
         keys = presentation_keys(config.seed, "response", reference.indices, traverse)
-        counts, _, _ = fixed.count_spikes(network, query_rates(reference.activity, config), keys, threads=threads)
+        rates = rates16(reference.activity, config.encoder.query_spikes)
+        counts, _, _ = fixed.count_spikes(network, rates, keys, threads=threads)
         total += counts.T
     return total

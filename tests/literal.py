@@ -51,6 +51,10 @@ def train_presentation(
     learning: StdpLearning,
     gain: float,
     trace_table: NDArray[np.float32],
+    *,
+    eta: float,
+    target: float,
+    theta_plus: float,
 ) -> NDArray[np.int64]:
     """One training presentation in scalar float32, step by step; changes ``weights`` and ``theta``; returns counts."""
     f = np.float32
@@ -92,11 +96,11 @@ def train_presentation(
         for i in now:
             v[i] = f(0)
             held[i] = learning.hold_steps
-            theta[i] = f(theta[i] + f(learning.theta_plus))
+            theta[i] = f(theta[i] + f(theta_plus))
             counts[i] += 1
             for j in range(inputs):
                 x = trace_table[t - last[j]] if last[j] >= 0 else f(0)
-                change = f(f(learning.eta) * f(x - f(learning.x_target)))
+                change = f(f(eta) * f(x - f(target)))
                 if learning.mu:
                     change = f(change * f(f(f(learning.w_max) - weights[j, i]) ** f(learning.mu)))
                 weights[j, i] = min(max(f(weights[j, i] + change), f(0)), f(learning.w_max))

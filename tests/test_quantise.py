@@ -31,11 +31,11 @@ def test_every_width_keeps_threshold_and_drive_in_proportion(bits: int) -> None:
     weights = equalise(learned())
     network = quantise(weights, LifNetwork(weight_bits=bits), 6.0)
     assert network.weights.max() == (1 << bits) - 1
-    assert network.shift == max(0, bits - 3)
     # In float, a neuron at the mean is driven by 0.69 a step and fires above 10: the integers keep that ratio.
     drive = network.weights.mean() * 6.0 / (1 << network.shift)
     assert network.threshold / drive == pytest.approx(10 / 0.69, rel=0.1)
     assert network.lateral == pytest.approx(network.threshold, abs=2)
+    assert 20 <= network.threshold <= 256
     assert network.decay == round(4096 / 30)
 
 
@@ -44,7 +44,17 @@ def test_joined_networks_use_their_own_inhibition_and_overflow_is_refused() -> N
     joined = quantise(weights, LifNetwork(), 6.0, joined=True)
     assert joined.lateral == pytest.approx(joined.threshold / 2, abs=2)
     with pytest.raises(NetworkLimitError, match="lateral inhibition of 500 neurons"):
-        quantise(weights, dataclasses.replace(LifNetwork(), inhibition=60.0), 6.0)
+        quantise(weights, dataclasses.replace(LifNetwork(), inhibition=600.0), 6.0)
     big = quantise(weights[:, :20], LifNetwork(inhibition=60.0), 6.0)
     assert big.inhibition_exponent > 0
     assert big.lateral == pytest.approx(60 / 10 * big.threshold, rel=0.02)
+
+
+@pytest.mark.parametrize(("neurons", "limit"), [(100, 1 << 15), (500, 1 << 15), (1000, 1 << 15), (2000, 1 << 17)])
+def test_the_unit_follows_the_number_of_neurons(neurons: int, limit: int) -> None:
+    """Up to 1000 neurons the inhibition fits Loihi 1's accumulator; beyond, Loihi 2's current."""
+    network = quantise(equalise(learned(neurons)), LifNetwork(), 20.0, joined=neurons > 100)
+    assert (neurons - 1) * network.lateral < limit
+    assert network.threshold >= 32
+    coarser = network.shift and neurons == 100
+    assert not coarser or network.threshold > 128

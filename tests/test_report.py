@@ -61,7 +61,7 @@ def example(n: int = 12, kind: str = "orientation", **changes: Any) -> ReportDat
     metrics = {name: evaluate(s, s.max(axis=1), truth) for name, s in (*matrices.items(), ("weighted", scores))}
     channels, grid = {"orientation": (4, 7), "onoff": (2, 28), "pixels": (1, 28)}[kind]
     if kind == "orientation":
-        weights = np.stack([orientation_channels(i, side=28) for i in images], axis=1)
+        weights = np.stack([orientation_channels(i, side=28, orientations=4) for i in images], axis=1)
     else:
         weights = rng.integers(0, 8, (channels * grid * grid, n)).astype(np.float64)
     shown = [q for q in (0, 1, WRONG, REJECTED) if q < n]

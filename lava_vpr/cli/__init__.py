@@ -9,15 +9,23 @@ from __future__ import annotations
 import click
 
 from lava_vpr import __version__
-from lava_vpr.cli.common import OneLineGroup
-from lava_vpr.cli.demo import demo, synth
-from lava_vpr.cli.doctor import doctor
-from lava_vpr.cli.evaluate import evaluate
-from lava_vpr.cli.query import query
-from lava_vpr.cli.train import train
+from lava_vpr.cli.group import LazyGroup
+
+COMMANDS = {
+    "demo": ("lava_vpr.cli.demo", "demo", "Learn and recognise a synthetic route, and write a report."),
+    "synth": ("lava_vpr.cli.demo", "synth", "Draw a synthetic route in summer and winter."),
+    "train": ("lava_vpr.cli.train", "train", "Learn the places of a route."),
+    "eval": ("lava_vpr.cli.evaluate", "evaluate", "Recognise images of known places: recall, precision, baselines."),
+    "query": ("lava_vpr.cli.query", "query", "Say which place each image shows."),
+    "doctor": ("lava_vpr.cli.doctor", "doctor", "Say what is installed and what can run."),
+}
 
 
-@click.group(cls=OneLineGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.group(
+    cls=LazyGroup,
+    table=COMMANDS,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+)
 @click.version_option(__version__, prog_name="lava-vpr")
 def main() -> None:
     """Visual place recognition with spiking networks for Intel's Loihi.
@@ -30,7 +38,3 @@ def main() -> None:
     lava-vpr eval route.lvpr WINTER/ --report report   recall, precision, plots
     lava-vpr query route.lvpr TODAY/ -o matches.csv    where was each image taken?
     """
-
-
-for command in (demo, synth, train, evaluate, query, doctor):
-    main.add_command(command)

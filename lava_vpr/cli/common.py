@@ -1,11 +1,9 @@
-"""What all commands share: errors as one line, options, progress, output files."""
+"""What all commands share: options, progress, output files."""
 
 from __future__ import annotations
 
-import errno
 import json
 import os
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,40 +16,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from lava_vpr.config import EncoderConfig
 from lava_vpr.container import write_atomically
 from lava_vpr.encoding import EncodedTraverse, encode_traverse
-from lava_vpr.errors import InputError, LavaVprError
+from lava_vpr.errors import InputError
 from lava_vpr.traverse import Traverse
 
 F = TypeVar("F", bound=Callable[..., Any])
-
-
-class OneLineGroup(click.Group):
-    """Turns every error that a user can cause into one line on stderr and exit code 1."""
-
-    def invoke(self, ctx: click.Context) -> Any:
-        try:
-            return super().invoke(ctx)
-        except LavaVprError as error:
-            raise _Failure(str(error)) from None
-        except BrokenPipeError:
-            # The reader of our output went away (`lava-vpr eval ... | head`): not an error of ours or theirs.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            raise SystemExit(0) from None
-        except OSError as error:
-            where = f"{error.filename}: " if error.filename else ""
-            remedy = "free some space" if error.errno == errno.ENOSPC else "check the path and its permissions"
-            raise _Failure(f"{where}{error.strerror or error}; {remedy}") from None
-        except MemoryError:
-            raise _Failure("not enough memory; use fewer images at a time (--places A:B)") from None
-
-
-class _Failure(click.ClickException):
-    """A message on one line, whatever file names it holds."""
-
-    exit_code = 1
-
-    def show(self, file: Any = None) -> None:
-        text = " ".join(self.format_message().split())
-        click.echo(f"lava-vpr: error: {text}", err=True)
 
 
 class Places(click.ParamType):

@@ -38,7 +38,7 @@ def synth(folder: Path, places: int, seed: int) -> None:
 )
 def demo(out: Path) -> None:
     """Draw a synthetic route, learn it in summer, recognise it in winter, write a report."""
-    write_traverses(out, 100, 0)
+    write_traverses(out, 100, 0, keep=("model.lvpr", "figures.json", "report"))
     console.print(f"drew 100 places in summer and winter: {out}/reference, {out}/query", markup=False)
     config = preset("loihi")
     reference = open_traverse(out / "reference")

@@ -27,8 +27,6 @@ from lava_vpr.evaluation import Metrics, truth_from_indices, truth_from_position
 from lava_vpr.groundtruth import read_ground_truth, read_positions_pair
 from lava_vpr.model import Model
 from lava_vpr.recognition import BASELINES, Recognition, as_json, recognise
-from lava_vpr.report import write_report
-from lava_vpr.report.build import report_data
 from lava_vpr.traverse import Traverse, open_traverse
 
 
@@ -139,6 +137,10 @@ def evaluate(
     if json_path is not None:
         write_json(json_path, as_json(model, result))
     if report_folder is not None:
+        # matplotlib takes a second to import: only those who want a report wait for it.
+        from lava_vpr.report import write_report
+        from lava_vpr.report.build import report_data
+
         path = write_report(report_data(model, queries, result, command_line(ctx), sequence, seed), report_folder)
         console.print(f"report: {path}", markup=False)
 

@@ -77,12 +77,12 @@ def draw_block(
         occupied[n_set] = np.int32(p)
         n_set += np.uint64(pairs[p] != _ZERO)
     for m in range(n_set):
-        p = np.uint64(occupied[m])
-        flags = pairs[p]
+        pair = np.uint64(occupied[m])
+        flags = pairs[pair]
         while flags != _ZERO:
             # The lowest set byte b of a word of 0/1 bytes is 1 << 8b; this product carries b in its top byte.
             lowest = flags & (~flags + _ONE)
-            k = (p << _S3) + ((lowest * _BYTE_INDEX) >> _S56)
+            k = (pair << _S3) + ((lowest * _BYTE_INDEX) >> _S56)
             flags ^= lowest
             lane = k & _S3
             spikes[lane, np.uint64(counts[lane])] = active[k >> _S2]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.config import to_toml
-from lava_vpr.encoding import EncodedTraverse, query_rates
+from lava_vpr.encoding import EncodedTraverse, rates16
 from lava_vpr.engine import fixed
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.model import Model
@@ -74,7 +74,7 @@ def _rasters(model: Model, queries: EncodedTraverse, result: Recognition, seed: 
     if not isinstance(model.network, fixed.FixedNetwork):
         return ()
     chosen = _chosen(result)
-    rates = query_rates(queries.activity[chosen], model.config)
+    rates = rates16(queries.activity[chosen], model.config.encoder.query_spikes)
     keys = presentation_keys(seed, "query", queries.indices[chosen])
     rasters = []
     for k, query in enumerate(chosen):

@@ -1,0 +1,147 @@
+"""Milliseconds per presentation, one core, one process: Brian2, our `paper` preset, our `loihi` preset.
+
+Usage: ``python benchmarks/peers.py [--presentations N] [--images FOLDER] [--json FILE]``. Needs ``lava-vpr[peers]``.
+
+Brian2 and `paper` compute the same network; ``--parity`` (default) also gives both the very same input spikes and
+compares what comes out. All of them take turns, presentation by presentation, and the table holds medians, because
+other programs share the machine. Compilation is not counted. Learning is timed twice: at the start, when a
+hundred neurons answer every image, and after ``--epochs`` epochs.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+
+import click
+import numpy as np
+from numpy.typing import NDArray
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.brian2_reference import Brian2Network
+from lava_vpr.config import Config, preset
+from lava_vpr.engine.conductance import ConductanceState, count_spikes, initial_state, train_presentation
+from lava_vpr.engine.conductance_kernels import draw_spikes
+from lava_vpr.engine.random import presentation_key, presentation_keys
+from lava_vpr.errors import LavaVprError
+
+INPUTS = 784
+IMAGES = 20
+Times = dict[str, list[float]]
+
+
+def loihi_presentation_ms(images: NDArray[np.uint8], repeats: int) -> tuple[float, float] | None:
+    """Milliseconds per training and per query presentation of the `loihi` preset; None: not measured here."""
+    del images, repeats
+    return None
+
+
+def load_images(folder: Path | None) -> NDArray[np.uint8]:
+    """Patch-normalised images (IMAGES, 784): the first of ``folder``, or noise of the same distribution."""
+    if folder is None:
+        return np.random.default_rng(0).integers(0, 256, (IMAGES, INPUTS)).astype(np.uint8)
+    import cv2
+
+    from lava_vpr.preprocess import patch_normalised
+
+    paths = sorted(folder.glob("*.png"))[:IMAGES]
+    if not paths:
+        raise click.UsageError(f"{folder}: holds no .png image; give a folder that does, or leave --images out")
+    return np.stack([patch_normalised(cv2.imread(str(path))).ravel() for path in paths])
+
+
+def rates_per_step(images: NDArray[np.uint8], config: Config) -> NDArray[np.uint32]:
+    """The paper's rates, value / 4 Hz, as probabilities per step in units of 2^-32."""
+    per_step = images * (config.encoder.max_rate_hz / 255.0) * config.network.dt_ms * 1e-3  # type: ignore[union-attr]
+    return np.round(per_step * 2.0**32).astype(np.uint32)
+
+
+def copy_of(state: ConductanceState) -> ConductanceState:
+    """A state of its own."""
+    return ConductanceState(state.weights.copy(), state.theta_mv.copy(), state.delays.copy())
+
+
+def timed(times: Times, name: str, call: Callable[[], object]) -> None:
+    """Append the milliseconds that ``call`` takes."""
+    start = time.perf_counter()
+    call()
+    times.setdefault(name, []).append(1e3 * (time.perf_counter() - start))
+
+
+def measure(config: Config, state: ConductanceState, images: NDArray[np.uint8], repeats: int, label: str) -> Times:
+    """Brian2 and `paper` in turns from ``state``: lists of milliseconds by ``train``/``test`` and name."""
+    rates, hertz = rates_per_step(images, config), images * (config.encoder.max_rate_hz / 255.0)
+    learning = Brian2Network(config, copy_of(state), learn=True)
+    frozen = Brian2Network(config, copy_of(state), learn=False)
+    ours, fixed = copy_of(state), copy_of(state)
+    keys = presentation_keys(config.seed, "query", np.arange(len(images)))
+    times: Times = {}
+    for k in range(repeats + 1):
+        if k == 1:  # the first round compiles, or loads what was compiled before
+            times.clear()
+        q = k % len(images)
+        timed(times, f"{label}/brian2", lambda q=q: learning.present(hertz[q]))  # type: ignore[misc]
+        timed(times, f"{label}/paper", lambda q=q, k=k: train_presentation(ours, rates[q], 1000 + k, config))  # type: ignore[misc]
+        timed(times, "test/brian2", lambda q=q: frozen.present(hertz[q]))  # type: ignore[misc]
+        timed(times, "test/paper", lambda q=q: count_spikes(fixed, rates[q : q + 1], keys[q : q + 1], config))  # type: ignore[misc]
+    return times
+
+
+def parity(config: Config, state: ConductanceState, images: NDArray[np.uint8], n: int) -> dict[str, float]:
+    """The same input spikes to both: presentations with equal counts, and the largest weight difference."""
+    rates, ours = rates_per_step(images, config), copy_of(state)
+    theirs = Brian2Network(config, copy_of(state), learn=True, inputs="spikes")
+    equal = spikes = 0
+    for k in range(n):
+        key = presentation_key(config.seed, "train", k)
+        counts, _ = train_presentation(ours, rates[k % len(rates)], key, config)
+        reference, _ = theirs.present_spikes(*draw_spikes(rates[k % len(rates)], np.uint64(key), config.network.steps))
+        equal += np.array_equal(counts, reference)
+        spikes += int(counts.sum())
+    difference = float(np.abs(ours.weights - theirs.weights).max())
+    return {"presentations": n, "equal": equal, "spikes": spikes, "largest_weight_difference": difference}
+
+
+@click.command()
+@click.option("--presentations", default=7, show_default=True, help="Timed presentations of each kind.")
+@click.option("--epochs", default=25, show_default=True, help=f"Epochs over {IMAGES} images before 'trained'.")
+@click.option("--images", type=click.Path(exists=True, file_okay=False, path_type=Path), help="Folder of images.")
+@click.option("--parity/--no-parity", "compare", default=True, help="Compare spikes, too.")
+@click.option("--json", "json_file", type=click.Path(dir_okay=False, path_type=Path), help="Write figures here.")
+def main(presentations: int, epochs: int, images: Path | None, compare: bool, json_file: Path | None) -> None:
+    """Time the reference network in Brian2 beside this project's engines."""
+    patches, config = load_images(images), preset("paper")
+    state = initial_state(config, INPUTS)
+    try:
+        times = measure(config, state, patches, presentations, "train, first epoch")
+        same = parity(config, state, patches, 3) if compare else None
+    except LavaVprError as error:
+        raise click.ClickException(str(error)) from None
+    rates = rates_per_step(patches, config)
+    for epoch in range(epochs):
+        for q, image in enumerate(rates):
+            train_presentation(state, image, presentation_key(config.seed, "train", q, epoch), config)
+    times |= measure(config, state, patches, presentations, f"train, epoch {epochs + 1}")
+    loihi = loihi_presentation_ms(patches, presentations)
+    figures = {name: median(values) for name, values in times.items()}
+    click.echo(f"{'ms per 500 ms presentation':28}{'Brian2':>10}{'paper':>10}{'ratio':>8}{'loihi':>10}")
+    for row in dict.fromkeys(name.split("/")[0] for name in figures):
+        brian, paper = figures[f"{row}/brian2"], figures[f"{row}/paper"]
+        own = "-" if loihi is None else f"{loihi[row == 'test']:.2f}"
+        click.echo(f"{row:28}{brian:10.1f}{paper:10.1f}{brian / paper:8.1f}{own:>10}")
+    if same is not None:
+        click.echo(
+            f"same input spikes: {same['equal']} of {same['presentations']} presentations give the same "
+            f"{same['spikes']} spikes; largest weight difference {same['largest_weight_difference']:.1e}"
+        )
+    if json_file is not None:
+        json_file.write_text(json.dumps({"milliseconds": figures, "parity": same}, indent=1, sort_keys=True) + "\n")
+
+
+if __name__ == "__main__":
+    main()

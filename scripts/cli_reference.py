@@ -1,0 +1,124 @@
+"""Write docs/cli.md from the commands themselves (a test compares the two).
+
+    python scripts/cli_reference.py            write the file
+    python scripts/cli_reference.py --check    say whether it is up to date, as an exit code
+"""
+
+from __future__ import annotations
+
+import inspect
+import sys
+from pathlib import Path
+
+import click
+
+from lava_vpr.cli import main
+from lava_vpr.cli.query import COLUMNS
+from lava_vpr.config import DECODERS
+from lava_vpr.recognition import BASELINES
+
+TARGET = Path(__file__).resolve().parent.parent / "docs" / "cli.md"
+WIDTH = 100_000  # click breaks lines at the width of a terminal; here nothing is to be broken
+
+HEAD = """# The command line
+
+<!-- Written by scripts/cli_reference.py from the commands themselves: change them, then run it again. -->
+
+```
+{usage}
+```
+
+Work that takes long shows its progress on a terminal and is quiet in a pipe. An output file that exists is replaced in
+one step when the new one is complete.
+
+| exit code | meaning |
+|---|---|
+| 0 | done |
+| 1 | the data or the result is at fault: one line on stderr names the file, the cause and the remedy |
+| 2 | wrong usage |
+"""
+
+TAIL = """
+## The figures of `eval --json`
+
+Fractions in 0..1; what cannot be computed is `null`. Equal inputs write equal bytes: there are no times, dates or paths.
+
+```
+{{"places": n, "queries": n,
+ "network": {{"neurons": n, "weight_bits": n or null, "steps": n}},
+ "default_decoder": NAME,
+ "decoders": {{{decoders}}},
+ "baselines": {{{baselines}}}}}
+
+M = {{"recall_at_1": x, "recall_at_n": {{"5": x, "10": x}}, "recall_at_100_precision": x,
+     "precision_at_100_recall": x, "auc": x}}
+```
+
+The first four decoders are those of the paper. `baselines` holds those that were computed: `sad` compares images, `cosine`
+the network's own input rates, `descriptors` those given with `--descriptors`.
+
+## The matches of `query`
+
+CSV with the columns `{columns}`. `query` is the index of the image in IMAGES, `place` that of the recognised place in the
+reference traverse, both counted from 0 in the whole sequence. A query without match has place -1 and neither name nor
+confidence.
+"""
+
+
+def cell(text: str) -> str:
+    """Text for one cell of a table: on one line, its bars no separators."""
+    return " ".join(text.split()).replace("|", r"\|")
+
+
+def paragraphs(text: str) -> str:
+    """A docstring as Markdown paragraphs."""
+    return "\n\n".join(" ".join(part.split()) for part in inspect.cleandoc(text).split("\n\n"))
+
+
+def section(name: str, command: click.Command, parent: click.Context) -> str:
+    """The reference of one command."""
+    # Commands are shown as in a window so wide that nothing is broken.
+    ctx = click.Context(command, info_name=name, parent=parent, terminal_width=WIDTH, max_content_width=WIDTH)
+    usage = " ".join(command.get_usage(ctx).removeprefix("Usage:").split())
+    rows = []
+    for param in command.get_params(ctx):
+        record = param.get_help_record(ctx)
+        if record is not None and param.name != "help":
+            rows.append(f"| `{cell(record[0])}` | {cell(record[1])} |")
+    table = "\n\n" + "\n".join(["| option | |", "|---|---|", *rows]) if rows else ""
+    return f"\n## {name}\n\n```\n{usage}\n```\n\n{paragraphs(command.help or '')}{table}\n"
+
+
+def reference() -> str:
+    """The whole text of docs/cli.md."""
+    ctx = click.Context(main, info_name="lava-vpr", terminal_width=WIDTH, max_content_width=WIDTH)
+    names = main.list_commands(ctx)
+    commands = {name: main.get_command(ctx, name) for name in names}
+    width = max(map(len, names))
+    lines = [
+        f"lava-vpr {name:<{width}}  {command.get_short_help_str(WIDTH)}" for name, command in commands.items() if command
+    ]
+    text = HEAD.format(usage="\n".join(lines))
+    text += "".join(section(name, command, ctx) for name, command in commands.items() if command)
+    decoders = sorted(DECODERS, key=lambda name: name == DECODERS[0])  # the paper's first, as in the file
+    return text + TAIL.format(
+        decoders=", ".join(f'"{name}": M' for name in decoders),
+        baselines=", ".join(f'"{name}": M' for name in (*BASELINES, "descriptors")),
+        columns=",".join(COLUMNS),
+    )
+
+
+def run(check: bool) -> int:
+    """Write or compare; the exit code."""
+    text = reference()
+    if not check:
+        TARGET.write_text(text, encoding="utf-8")
+        return 0
+    if TARGET.is_file() and TARGET.read_text(encoding="utf-8") == text:
+        return 0
+    print(f"{TARGET} is out of date; run python scripts/cli_reference.py", file=sys.stderr)
+    return 1
+
+
+if __name__ == "__main__":
+    sys.exit(run("--check" in sys.argv[1:]))
