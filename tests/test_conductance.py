@@ -390,3 +390,28 @@ def test_errors_say_what_and_the_remedy() -> None:
     state.theta_mv = np.zeros(NEURONS + 1)
     with pytest.raises(InputError, match=r"^weights \(14, 6\), delays \(14, 6\) and thresholds \(7,\) .* one model$"):
         train_presentation(state, some_rates(1)[0], 1, config)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rule", ["triplet", "paper"])
+def test_brian2_gives_the_same_spikes(rule: str) -> None:
+    """The same input spikes to the reference network in Brian2; needs the extra ``peers`` and a C compiler."""
+    pytest.importorskip("brian2", reason="Brian2 is not installed: pip install 'lava-vpr[peers]'")
+    from benchmarks.brian2_reference import Brian2Network
+
+    config = small(rule, neurons=20, steps=1500, rest_steps=500, delay_max_ms=10.0)
+    state = initial_state(config, INPUTS)
+    rates, key = some_rates(2, 8, 0.1), 5
+    learning = Brian2Network(config, copy(state), learn=True, inputs="spikes")
+    for image in rates:
+        counts, _ = train_presentation(state, image, key, config)
+        theirs, _ = learning.present_spikes(*draw_spikes(image, np.uint64(key), config.network.steps))
+        np.testing.assert_array_equal(counts, theirs)
+        assert counts.sum() > 20
+        np.testing.assert_allclose(state.weights, learning.weights, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(state.theta_mv, learning.theta_mv, rtol=1e-12)
+    frozen = Brian2Network(config, copy(state), learn=False, inputs="spikes")
+    counts, _ = count_spikes(state, rates[:1], np.array([key], np.uint64), config)
+    theirs, _ = frozen.present_spikes(*draw_spikes(rates[0], np.uint64(key), config.network.steps))
+    np.testing.assert_array_equal(counts[0], theirs)
+    assert counts.sum() > 20

@@ -23,7 +23,7 @@ import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,7 +154,7 @@ def _check(state: ConductanceState, inputs: int) -> None:
         )
 
 
-def _own(array: NDArray[np.generic], dtype: type, order: str = "C") -> NDArray[Any]:
+def _own(array: NDArray[np.generic], dtype: type, order: Literal["C", "F"] = "C") -> NDArray[Any]:
     """``array`` as the kernels are compiled for: writeable, of ``dtype`` and memory ``order``; copied only if needed.
 
     Weights and delays (inputs, neurons) are kept in order F: the kernels walk along the inputs of one neuron.

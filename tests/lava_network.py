@@ -1,0 +1,49 @@
+"""Runs the inference network wired from Lava's own library: python lava_network.py IN.npz OUT.npz (a child process)."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+from lava.magma.core.run_conditions import RunSteps
+from lava.magma.core.run_configs import Loihi2SimCfg
+from lava.proc.dense.process import Dense
+from lava.proc.io.sink import RingBuffer as Sink
+from lava.proc.io.source import RingBuffer as Source
+from lava.proc.lif.process import LIFReset
+from lava.utils.weightutils import SignMode
+
+
+def main(path_in: str, path_out: str) -> None:
+    """Present each train of ``spikes`` (n, steps + 3, inputs) in turn; write the raster (n, steps + 3, neurons)."""
+    given = np.load(path_in)
+    weights, spikes = given["weights"].astype(np.int64), given["spikes"].astype(np.int32)
+    bits, shift, vth, lateral, decay = (int(given[k]) for k in ("bits", "shift", "threshold", "lateral", "decay"))
+    n, steps, inputs = spikes.shape
+    neurons = weights.shape[1]
+    stored = weights.T << (8 - bits)  # num_weight_bits = b zeroes the low 8 - b bits
+    reset = {"reset_interval": steps, "reset_offset": 1}
+    source = Source(data=spikes.reshape(n * steps, inputs).T)
+    excite = Dense(weights=stored, num_weight_bits=bits, weight_exp=bits - 8 - shift, sign_mode=SignMode.EXCITATORY)
+    exc = LIFReset(shape=(neurons,), du=4095, dv=decay, vth=vth, **reset)
+    relay = Dense(weights=2 * np.eye(neurons, dtype=np.int64), sign_mode=SignMode.EXCITATORY)
+    inh = LIFReset(shape=(neurons,), du=4095, dv=4095, vth=0, **reset)
+    inhibit = Dense(weights=-lateral * (1 - np.eye(neurons, dtype=np.int64)), sign_mode=SignMode.INHIBITORY)
+    sink = Sink(shape=(neurons,), buffer=n * steps)
+    source.s_out.connect(excite.s_in)
+    excite.a_out.connect(exc.a_in)
+    exc.s_out.connect(relay.s_in)
+    relay.a_out.connect(inh.a_in)
+    inh.s_out.connect(inhibit.s_in)
+    inhibit.a_out.connect(exc.a_in)
+    exc.s_out.connect(sink.a_in)
+    try:
+        exc.run(condition=RunSteps(num_steps=n * steps), run_cfg=Loihi2SimCfg(select_tag="fixed_pt"))
+        raster = sink.data.get().T.reshape(n, steps, neurons)
+    finally:
+        exc.stop()
+    np.savez(path_out, raster=raster)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
