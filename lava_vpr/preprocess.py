@@ -7,7 +7,10 @@ blind to contrast sign, because snow turns dark into light while the direction o
 
 from __future__ import annotations
 
+import math
+
 import cv2
+import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
@@ -58,8 +61,8 @@ def on_off(patches: NDArray[np.uint8]) -> NDArray[np.float32]:
 
 def edge_energy(
     image: NDArray[np.uint8], side: int, window: int, pool_floor: float, blur: float
-) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-    """Divisively normalised gradient magnitude and gradient angle (modulo pi) of ``image``, each (side, side).
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    """Divisively normalised gradient magnitude of ``image``, and the gradient (gx, gy) itself, each (side, side).
 
     The image is smoothed by a Gaussian of standard deviation ``blur`` pixels (0: not). The magnitude m of central
     differences becomes ``max(0, min(4, m / (box mean of m + pool_floor mean(m) + 1e-3)) - 0.3)``.
@@ -72,8 +75,28 @@ def edge_energy(
     magnitude = np.sqrt(gx * gx + gy * gy)
     pool = cv2.blur(magnitude, (window, window)) + np.float32(pool_floor) * magnitude.mean() + np.float32(1e-3)
     energy = np.maximum(np.minimum(magnitude / pool, np.float32(4)) - np.float32(0.3), np.float32(0))
-    # float64: a last-bit difference between mathematical libraries then cannot reach a 16-bit rate.
-    return energy, np.mod(np.arctan2(gy.astype(np.float64), gx.astype(np.float64)), np.pi)
+    return energy, gx, gy
+
+
+@nb.njit(cache=True, nogil=True)
+def _pool(
+    energy: NDArray[np.float32], gx: NDArray[np.float32], gy: NDArray[np.float32], cell: int, out: NDArray[np.float32]
+) -> None:
+    """Share each pixel's energy between its two nearest directions; ``out`` (K, grid, grid) keeps cells' maxima."""
+    orientations = out.shape[0]
+    for row in range(energy.shape[0]):
+        for column in range(energy.shape[1]):
+            e = energy[row, column]
+            if e <= 0:
+                continue
+            # float64: a last-bit difference between mathematical libraries then cannot reach a 16-bit rate.
+            angle = math.atan2(np.float64(gy[row, column]), np.float64(gx[row, column]))
+            position = (angle if angle >= 0 else angle + math.pi) * (orientations / math.pi)
+            below = int(position)
+            upper = np.float32(e * np.float32(position - below))
+            y, x, k, above = row // cell, column // cell, below % orientations, (below + 1) % orientations
+            out[k, y, x] = max(out[k, y, x], np.float32(e - upper))
+            out[above, y, x] = max(out[above, y, x], upper)
 
 
 def orientation_channels(
@@ -87,17 +110,11 @@ def orientation_channels(
 ) -> NDArray[np.float32]:
     """Complex-cell responses of ``image``, shape (orientations * (side / cell)^2,), channel-major, at least 0.
 
-    Each pixel's edge energy is shared linearly between the two nearest of ``orientations`` gradient directions
-    (channel k: k 180 / orientations degrees), then each channel takes its maximum over ``cell`` x ``cell`` pixels.
+    Each pixel's edge energy is shared linearly between the two nearest of ``orientations`` gradient directions modulo
+    180 degrees (channel k: k 180 / orientations degrees), then each channel takes its maximum over ``cell`` x ``cell``
+    pixels.
     """
-    energy, angle = edge_energy(image, side, window, pool_floor, blur)
-    position = angle * (orientations / np.pi)
-    below = np.floor(position).astype(np.intp)
-    upper = energy * (position - below).astype(np.float32)
-    below %= orientations
-    grid = side // cell
-    channels = np.zeros((orientations, side, side), dtype=np.float32)
-    rows, columns = np.indices((side, side))
-    channels[below, rows, columns] = energy - upper
-    channels[(below + 1) % orientations, rows, columns] = upper
-    return channels.reshape(orientations, grid, cell, grid, cell).max(axis=(2, 4)).reshape(-1)
+    energy, gx, gy = edge_energy(image, side, window, pool_floor, blur)
+    channels = np.zeros((orientations, side // cell, side // cell), dtype=np.float32)
+    _pool(energy, gx, gy, cell, channels)
+    return channels.reshape(-1)

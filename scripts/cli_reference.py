@@ -1,7 +1,7 @@
 """Write docs/cli.md from the commands themselves (a test compares the two).
 
-    python scripts/cli_reference.py            write the file
-    python scripts/cli_reference.py --check    say whether it is up to date, as an exit code
+python scripts/cli_reference.py            write the file
+python scripts/cli_reference.py --check    say whether it is up to date, as an exit code
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ HEAD = """# The command line
 {usage}
 ```
 
-Work that takes long shows its progress on a terminal and is quiet in a pipe. An output file that exists is replaced in
-one step when the new one is complete.
+`--help` after a command shows what stands here. Work that takes long shows its progress on a terminal and is quiet in a
+pipe. An output file that exists is replaced in one step when the new one is complete.
 
 | exit code | meaning |
 |---|---|
@@ -59,9 +59,15 @@ the network's own input rates, `descriptors` those given with `--descriptors`.
 
 ## The matches of `query`
 
-CSV with the columns `{columns}`. `query` is the index of the image in IMAGES, `place` that of the recognised place in the
-reference traverse, both counted from 0 in the whole sequence. A query without match has place -1 and neither name nor
-confidence.
+CSV with the columns
+
+```
+{columns}
+```
+
+`query` is the index of the image in IMAGES, `place` that of the recognised place in the reference traverse, both counted
+from 0 in the whole sequence. A query without match has place -1 and neither name nor confidence. `accepted` is `true` or
+`false`: there is a match, of at least `--min-confidence`.
 """
 
 
@@ -81,9 +87,9 @@ def section(name: str, command: click.Command, parent: click.Context) -> str:
     ctx = click.Context(command, info_name=name, parent=parent, terminal_width=WIDTH, max_content_width=WIDTH)
     usage = " ".join(command.get_usage(ctx).removeprefix("Usage:").split())
     rows = []
-    for param in command.get_params(ctx):
+    for param in command.params:  # without --help, which all have
         record = param.get_help_record(ctx)
-        if record is not None and param.name != "help":
+        if record is not None and isinstance(param, click.Option):
             rows.append(f"| `{cell(record[0])}` | {cell(record[1])} |")
     table = "\n\n" + "\n".join(["| option | |", "|---|---|", *rows]) if rows else ""
     return f"\n## {name}\n\n```\n{usage}\n```\n\n{paragraphs(command.help or '')}{table}\n"
@@ -96,7 +102,9 @@ def reference() -> str:
     commands = {name: main.get_command(ctx, name) for name in names}
     width = max(map(len, names))
     lines = [
-        f"lava-vpr {name:<{width}}  {command.get_short_help_str(WIDTH)}" for name, command in commands.items() if command
+        f"lava-vpr {name:<{width}}  {command.get_short_help_str(WIDTH)}"
+        for name, command in commands.items()
+        if command
     ]
     text = HEAD.format(usage="\n".join(lines))
     text += "".join(section(name, command, ctx) for name, command in commands.items() if command)

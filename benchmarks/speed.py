@@ -1,0 +1,91 @@
+"""How fast a section trains and a query is answered on this machine, on real images.
+
+    LAVA_VPR_DATA=... python -m benchmarks.speed
+
+Kernels are compiled first. One thread; processor time, which other programs on the machine do not inflate much, and the
+median of several runs. Drawing the input spikes is part of both; reading and encoding an image is printed apart.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.nordland import encoded, folder, part
+from benchmarks.recall import learn
+from lava_vpr.config import preset
+from lava_vpr.encoding import activity_of, query_rates
+from lava_vpr.engine import fixed
+from lava_vpr.engine.random import presentation_keys
+from lava_vpr.preprocess import patch_normalised
+from lava_vpr.recognition import decode
+from lava_vpr.training import train
+from lava_vpr.traverse import open_traverse
+
+console = Console(highlight=False, width=100)
+
+
+def seconds(run: Callable[[], object], repeats: int = 7) -> float:
+    """Median processor time of ``run``, after one run that compiles."""
+    run()
+    times = []
+    for _ in range(repeats):
+        started = time.process_time()
+        run()
+        times.append(time.process_time() - started)
+    return statistics.median(times)
+
+
+def cpu_flags() -> str:
+    """The widest vector instructions of this processor, which decide most of the speed."""
+    try:
+        with open("/proc/cpuinfo") as file:
+            flags = next((line for line in file if line.startswith("flags")), "").split()
+    except OSError:
+        return "unknown"
+    return next((name for name in ("avx512f", "avx2", "avx") if name in flags), "none")
+
+
+def main() -> None:
+    """Print the table."""
+    config = preset("loihi")
+    summer, winter = encoded("summer", config.encoder), encoded("winter", config.encoder)
+    section = part(summer, slice(0, 100))
+    table = Table(title=f"one thread, vector instructions: {cpu_flags()}", title_justify="left")
+    table.add_column("")
+    table.add_column("", justify="right")
+    table.add_row("train a section of 100 places", f"{seconds(lambda: train([section], config)):.2f} s")
+    for places in (100, 500):
+        model = learn((0, places), config)
+        network = model.network
+        if not isinstance(network, fixed.FixedNetwork):
+            raise TypeError("the loihi preset runs in integers")
+        rates, keys = query_rates(winter.activity, config), presentation_keys(0, "query", winter.indices)
+        counts, events, _ = fixed.count_spikes(network, rates, keys)
+        each = seconds(lambda n=network, r=rates, k=keys: fixed.count_spikes(n, r, k)) / len(winter)
+        table.add_row(
+            f"queries, {places} neurons, {network.steps} steps, {network.bits} bits", f"{1 / each:,.0f} per second"
+        )
+        decoding = seconds(lambda m=model, c=counts: decode(m, c, "contrast")) / len(winter)
+        table.add_row(f"  decoding, {places} places", f"{1e6 * decoding:.1f} us per query")
+        table.add_row("  synaptic operations", f"{events['synaptic_operations'] / len(winter):,.0f} per query")
+    images = list(part_images())
+    patch = seconds(lambda: [patch_normalised(image) for image in images], 3) / len(images)
+    table.add_row("patch normalisation (SAD only)", f"{1e3 * patch:.2f} ms per image")
+    patches = [patch_normalised(image) for image in images]
+    channels = seconds(lambda: [activity_of(i, p, config.encoder) for i, p in zip(images, patches, strict=True)], 3)
+    table.add_row("orientation channels", f"{1e3 * channels / len(images):.2f} ms per image")
+    console.print(table)
+
+
+def part_images() -> list:
+    """The first 100 summer images."""
+    return list(open_traverse(folder("summer"), places=(0, 100)).images())
+
+
+if __name__ == "__main__":
+    main()
