@@ -41,7 +41,8 @@ pipe. An output file that exists is replaced in one step when the new one is com
 TAIL = """
 ## The figures of `eval --json`
 
-Fractions in 0..1; what cannot be computed is `null`. Equal inputs write equal bytes: there are no times, dates or paths.
+Fractions in 0..1; what cannot be computed is `null`. Equal inputs write equal bytes: there are no times, dates or
+paths.
 
 ```
 {{"places": n, "queries": n,
@@ -54,8 +55,8 @@ M = {{"recall_at_1": x, "recall_at_n": {{"5": x, "10": x}}, "recall_at_100_preci
      "precision_at_100_recall": x, "auc": x}}
 ```
 
-The first four decoders are those of the paper. `baselines` holds those that were computed: `sad` compares images, `cosine`
-the network's own input rates, `descriptors` those given with `--descriptors`.
+The first four decoders are those of the paper. `baselines` holds those that were computed: `sad` compares images,
+`cosine` the network's own input rates, `descriptors` those given with `--descriptors`.
 
 ## The matches of `query`
 
@@ -65,9 +66,9 @@ CSV with the columns
 {columns}
 ```
 
-`query` is the index of the image in IMAGES, `place` that of the recognised place in the reference traverse, both counted
-from 0 in the whole sequence. A query without match has place -1 and neither name nor confidence. `accepted` is `true` or
-`false`: there is a match, of at least `--min-confidence`.
+`query` is the index of the image in IMAGES, `place` that of the recognised place in the reference traverse, both
+counted from 0 in the whole sequence. A query without match has place -1 and neither name nor confidence. `accepted` is
+`true` or `false`: there is a match, of at least `--min-confidence`.
 """
 
 

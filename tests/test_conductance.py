@@ -393,6 +393,7 @@ def test_errors_say_what_and_the_remedy() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # Brian2's own, of pyparsing and others
 @pytest.mark.parametrize("rule", ["triplet", "paper"])
 def test_brian2_gives_the_same_spikes(rule: str) -> None:
     """The same input spikes to the reference network in Brian2; needs the extra ``peers`` and a C compiler."""

@@ -176,6 +176,23 @@ def _arrivals(
 
 
 @nb.njit(cache=True, nogil=True)
+def _calm(exc: Exc, inh: Inh, c: Constants) -> bool:
+    """Whether nothing will spike any more before the next input."""
+    none = np.zeros(inh.v.size)
+    return calm(inh.v, inh.ge, none, none[:0], c.inh_leak, c, I_REST, I_THRESHOLD) and calm(
+        exc.v, exc.ge, exc.gi, exc.theta, c.exc_leak, c, E_REST, E_THRESHOLD - E_OFFSET
+    )
+
+
+@nb.njit(cache=True, nogil=True)
+def _decay_theta(theta: NDArray[np.float64], steps: int, decay: float) -> None:
+    """What the steps that nobody need compute leave behind: of all states, theta alone outlasts a presentation."""
+    for _ in range(steps if decay > 0.0 else 0):
+        for i in range(theta.size):
+            theta[i] -= decay * theta[i]
+
+
+@nb.njit(cache=True, nogil=True)
 def _at_rest(n: int, theta: NDArray[np.float64]) -> tuple[Exc, Inh]:
     """Both populations at rest, ready to fire."""
     exc = Exc(
@@ -214,8 +231,7 @@ def present(
     plastic = new_plastic(_PLASTIC_SLOTS, n_inputs, net.sources.size if rule != FROZEN else 0)
     if rule == TRIPLET:
         plastic = _recruit_clipped(plastic, exc, net, tally, c)
-    drive, carry, nothing = np.empty((_CHUNK_STEPS, n)), np.zeros((n, longest)), np.zeros(n)
-    simulated = c.total
+    drive, carry = np.empty((_CHUNK_STEPS, n)), np.zeros((n, longest))
     for step in range(c.total):
         if step % _CHUNK_STEPS == 0:
             input_drive(net, step, carry, drive)
@@ -235,16 +251,9 @@ def present(
                     learn(net.weights[i], plastic.arrived[exc.slot[i]], step, traces[0], post2, rule, c)
                 _fire(exc, inh, i, step, tally, c.theta_plus)
                 counts[i] += step < c.steps
-        if step >= c.steps + longest and step % _CALM_CHECK_STEPS == 0:
-            if calm(inh.v, inh.ge, nothing, nothing[:0], c.inh_leak, c, I_REST, I_THRESHOLD) and calm(
-                exc.v, exc.ge, exc.gi, exc.theta, c.exc_leak, c, E_REST, E_THRESHOLD - E_OFFSET
-            ):
-                simulated = step + 1
-                break
-    if c.theta_decay > 0.0:  # nothing spikes any more: of what lasts, only theta still changes
-        for _ in range(simulated, c.total):
-            for i in range(n):
-                theta[i] -= c.theta_decay * theta[i]
+        if step >= c.steps + longest and step % _CALM_CHECK_STEPS == 0 and _calm(exc, inh, c):
+            _decay_theta(theta, c.total - step - 1, c.theta_decay)
+            break
     delivered = net.sources.size * n - _undelivered(net, longest, c.total)
     events[0] += delivered + tally[_EXC_SPIKES] + tally[_INH_SPIKES] * (n - 1)
     events[1] += net.sources.size

@@ -197,7 +197,7 @@ SCRIPT = """
     slider.value = query;
     const match = data.match[query], truth = data.truth[query];
     const verdict = match < 0 ? "no match" : data.right[query] ? "right" : "wrong";
-    const names = (index, what) => index < 0 ? "none" : index + " \\u00b7 " + what[index];
+    const names = (index, what) => index < 0 ? "none" : what[index];
     place(one("#browse-query"), data.querySheet, query);
     place(one("#browse-match"), data.placeSheet, match);
     place(one("#browse-truth"), data.placeSheet, truth);

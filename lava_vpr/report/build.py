@@ -58,6 +58,8 @@ def report_data(
         rasters=_rasters(model, queries, result, config.seed if seed is None else seed),
         events={name: value / max(1, len(queries)) for name, value in result.events.items()},
         config_toml=to_toml(config),
+        place_numbers=tuple(int(k) for k in model.place_indices[:places]),
+        query_numbers=tuple(int(k) for k in queries.indices[:n]),
     )
 
 

@@ -79,6 +79,7 @@ class ReportData:
         rasters: Spikes of a few queries.
         events: Counted events per query, by the names of ``lava-vpr bench``.
         config_toml: The model's configuration.
+        place_numbers, query_numbers: Absolute index of each image in its own sequence; empty: counted from 0.
     """
 
     title: str
@@ -102,6 +103,8 @@ class ReportData:
     rasters: tuple[Raster, ...]
     events: Mapping[str, float]
     config_toml: str
+    place_numbers: tuple[int, ...] = ()
+    query_numbers: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         queries, places = len(self.query_names), len(self.place_names)
@@ -111,6 +114,11 @@ class ReportData:
             _check(f"matrices[{name!r}]", matrix.shape == (queries, places), f"must have shape {(queries, places)}")
         for name, length in (("matches", queries), ("confidence", queries)):
             _check(name, getattr(self, name).shape == (length,), f"must have shape {(length,)}")
+        for name, numbers, length in (
+            ("place_numbers", self.place_numbers, places),
+            ("query_numbers", self.query_numbers, queries),
+        ):
+            _check(name, len(numbers) in (0, length), f"must hold {length} numbers, or none")
         in_range = bool(np.all((self.matches >= -1) & (self.matches < places)))
         _check("matches", in_range, f"must lie in -1..{places - 1}")
         for name, images, count in (
@@ -124,6 +132,14 @@ class ReportData:
             _check("input_kind", channels > 0, "must be orientation, onoff or pixels")
             shape = (channels * self.grid**2, len(self.neuron_places))
             _check("weights", self.weights.shape == shape, f"must have shape {shape}")
+
+    def place_number(self, place: int) -> int:
+        """Absolute index of a place."""
+        return self.place_numbers[place] if self.place_numbers else place
+
+    def query_number(self, query: int) -> int:
+        """Absolute index of a query."""
+        return self.query_numbers[query] if self.query_numbers else query
 
 
 def _check(name: str, condition: bool, requirement: str) -> None:
