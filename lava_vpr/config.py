@@ -29,6 +29,16 @@ def _need(condition: bool, name: str, value: object, limit: str) -> None:
         raise ConfigError(f"{name} is {value!r}, but must be {limit}; change it in the options or the --config file")
 
 
+def _within(part: object, section: str, **ranges: str) -> None:
+    """Refuse settings outside their ranges, written ``[least, most]`` or, without the end itself, ``(least, most)``."""
+    for name, limits in ranges.items():
+        value = getattr(part, name)
+        low, high = (float(end) for end in limits[1:-1].split(","))
+        above = value > low if limits[0] == "(" else value >= low
+        below = value < high if limits[-1] == ")" else value <= high
+        _need(above and below, f"{section}.{name}", value, f"in {limits}")
+
+
 @dataclass(frozen=True)
 class EncoderConfig:
     """How an image becomes spike probabilities.
@@ -59,16 +69,20 @@ class EncoderConfig:
 
     def __post_init__(self) -> None:
         _need(self.kind in INPUT_KINDS, "encoder.kind", self.kind, "one of " + ", ".join(INPUT_KINDS))
-        _need(8 <= self.image_size <= 512, "encoder.image_size", self.image_size, "in 8..512")
+        _within(self, "encoder", image_size="[8, 512]")
         _need(1 <= self.cell <= self.image_size, "encoder.cell", self.cell, "in 1..image_size")
         _need(self.image_size % self.cell == 0, "encoder.image_size", self.image_size, f"a multiple of {self.cell}")
-        _need(2 <= self.orientations <= 16, "encoder.orientations", self.orientations, "in 2..16")
+        _within(self, "encoder", orientations="[2, 16]")
         _need(3 <= self.window <= 255 and self.window % 2 == 1, "encoder.window", self.window, "odd, in 3..255")
-        _need(0 <= self.blur <= 50, "encoder.blur", self.blur, "in 0..50")
-        _need(0 <= self.pool_floor <= 100, "encoder.pool_floor", self.pool_floor, "in 0..100")
-        _need(0 < self.train_spikes <= 1000, "encoder.train_spikes", self.train_spikes, "above 0, at most 1000")
-        _need(0 < self.query_spikes <= 1000, "encoder.query_spikes", self.query_spikes, "above 0, at most 1000")
-        _need(0 < self.max_rate_hz <= 1000, "encoder.max_rate_hz", self.max_rate_hz, "above 0, at most 1000")
+        _within(
+            self,
+            "encoder",
+            blur="[0, 50]",
+            pool_floor="[0, 100]",
+            train_spikes="(0, 1000]",
+            query_spikes="(0, 1000]",
+            max_rate_hz="(0, 1000]",
+        )
 
     @property
     def inputs(self) -> int:
@@ -110,15 +124,19 @@ class LifNetwork:
 
     def __post_init__(self) -> None:
         _need(self.model == "lif", "network.model", self.model, "lif")
-        _need(0 <= self.neurons <= 100_000, "network.neurons", self.neurons, "in 0..100000")
-        _need(0 < self.neurons_per_place <= 100, "network.neurons_per_place", self.neurons_per_place, "in (0, 100]")
-        _need(1 <= self.steps <= 100_000, "network.steps", self.steps, "in 1..100000")
-        _need(1 <= self.weight_bits <= 8, "network.weight_bits", self.weight_bits, "in 1..8")
-        _need(0 < self.threshold <= 1e4, "network.threshold", self.threshold, "above 0, at most 10000")
-        _need(0 <= self.inhibition <= 1e4, "network.inhibition", self.inhibition, "in 0..10000")
-        _need(0 <= self.joined_inhibition <= 1e4, "network.joined_inhibition", self.joined_inhibition, "in 0..10000")
-        _need(1 <= self.tau_membrane <= 4096, "network.tau_membrane", self.tau_membrane, "in 1..4096")
-        _need(0 < self.drive <= 100, "network.drive", self.drive, "above 0, at most 100")
+        _within(
+            self,
+            "network",
+            neurons="[0, 100000]",
+            neurons_per_place="(0, 100]",
+            steps="[1, 100000]",
+            weight_bits="[1, 8]",
+            threshold="(0, 10000]",
+            inhibition="[0, 10000]",
+            joined_inhibition="[0, 10000]",
+            tau_membrane="[1, 4096]",
+            drive="(0, 100]",
+        )
 
 
 @dataclass(frozen=True)
@@ -171,24 +189,27 @@ class StdpLearning:
     def __post_init__(self) -> None:
         _need(self.rule == "stdp", "learning.rule", self.rule, "stdp with the lif network")
         _need(self.arithmetic == "float", "learning.arithmetic", self.arithmetic, "float")
-        _need(1 <= self.epochs <= 10_000, "learning.epochs", self.epochs, "in 1..10000")
-        _need(1 <= self.steps <= 100_000, "learning.steps", self.steps, "in 1..100000")
-        _need(1 <= self.competition_epochs, "learning.competition_epochs", self.competition_epochs, "at least 1")
-        for phase in ("", "consolidation_"):
-            eta, tau, target = (getattr(self, phase + name) for name in ("eta", "tau_trace", "x_target"))
-            _need(0 <= eta <= 10, f"learning.{phase}eta", eta, "in 0..10")
-            _need(1 <= tau <= 1e4, f"learning.{phase}tau_trace", tau, "in 1..10000")
-            _need(0 <= target <= 100, f"learning.{phase}x_target", target, "in 0..100")
-        scale = self.consolidation_threshold
-        _need(0 < scale <= 10, "learning.consolidation_threshold", scale, "above 0, at most 10")
-        _need(0 < self.w_max <= 1e3, "learning.w_max", self.w_max, "above 0, at most 1000")
-        _need(0 <= self.mu <= 8, "learning.mu", self.mu, "in 0..8")
-        _need(0 < self.threshold <= 1e4, "learning.threshold", self.threshold, "above 0, at most 10000")
-        _need(0 <= self.theta_plus <= 1e3, "learning.theta_plus", self.theta_plus, "in 0..1000")
-        _need(0 <= self.inhibition <= 1e4, "learning.inhibition", self.inhibition, "in 0..10000")
-        _need(1 <= self.tau_membrane <= 4096, "learning.tau_membrane", self.tau_membrane, "in 1..4096")
-        _need(-1e6 <= self.floor <= 0, "learning.floor", self.floor, "in -1e6..0")
-        _need(0 <= self.hold_steps <= 1000, "learning.hold_steps", self.hold_steps, "in 0..1000")
+        _within(self, "learning", epochs="[1, 10000]", steps="[1, 100000]")
+        _within(
+            self,
+            "learning",
+            competition_epochs="[1, 10000]",
+            eta="[0, 10]",
+            tau_trace="[1, 10000]",
+            x_target="[0, 100]",
+            consolidation_eta="[0, 10]",
+            consolidation_tau_trace="[1, 10000]",
+            consolidation_x_target="[0, 100]",
+            consolidation_threshold="(0, 10]",
+            w_max="(0, 1000]",
+            mu="[0, 8]",
+            threshold="(0, 10000]",
+            theta_plus="[0, 1000]",
+            inhibition="[0, 10000]",
+            tau_membrane="[1, 4096]",
+            floor="[-1000000, 0]",
+            hold_steps="[0, 1000]",
+        )
         _need(0 < self.mean_weight < self.w_max, "learning.mean_weight", self.mean_weight, "above 0, below w_max")
         _need(0 < self.start_weight <= self.w_max, "learning.start_weight", self.start_weight, "in (0, w_max]")
 
@@ -218,14 +239,18 @@ class ConductanceNetwork:
 
     def __post_init__(self) -> None:
         _need(self.model == "conductance", "network.model", self.model, "conductance")
-        _need(1 <= self.neurons <= 100_000, "network.neurons", self.neurons, "in 1..100000")
-        _need(0.01 <= self.dt_ms <= 1, "network.dt_ms", self.dt_ms, "in 0.01..1")
-        _need(1 <= self.steps <= 1_000_000, "network.steps", self.steps, "in 1..1000000")
-        _need(0 <= self.rest_steps <= 1_000_000, "network.rest_steps", self.rest_steps, "in 0..1000000")
-        _need(0.1 <= self.tau_ge_ms <= 1e3, "network.tau_ge_ms", self.tau_ge_ms, "in 0.1..1000")
-        _need(0.1 <= self.tau_gi_ms <= 1e3, "network.tau_gi_ms", self.tau_gi_ms, "in 0.1..1000")
-        _need(0 <= self.delay_max_ms <= 100, "network.delay_max_ms", self.delay_max_ms, "in 0..100")
-        _need(0 < self.timer_rate <= 1, "network.timer_rate", self.timer_rate, "in (0, 1]")
+        _within(
+            self,
+            "network",
+            neurons="[1, 100000]",
+            dt_ms="[0.01, 1]",
+            steps="[1, 1000000]",
+            rest_steps="[0, 1000000]",
+            tau_ge_ms="[0.1, 1000]",
+            tau_gi_ms="[0.1, 1000]",
+            delay_max_ms="[0, 100]",
+            timer_rate="(0, 1]",
+        )
 
 
 @dataclass(frozen=True)
@@ -254,17 +279,19 @@ class ConductanceLearning:
     def __post_init__(self) -> None:
         _need(self.rule in ("triplet", "paper"), "learning.rule", self.rule, "triplet or paper with this network")
         _need(self.arithmetic == "float", "learning.arithmetic", self.arithmetic, "float with the paper preset")
-        _need(1 <= self.epochs <= 10_000, "learning.epochs", self.epochs, "in 1..10000")
-        _need(1 <= self.label_epochs, "learning.label_epochs", self.label_epochs, "at least 1")
-        _need(0 <= self.eta_pre <= 1, "learning.eta_pre", self.eta_pre, "in 0..1")
-        _need(0 <= self.eta_post <= 1, "learning.eta_post", self.eta_post, "in 0..1")
-        _need(0 <= self.x_target <= 1, "learning.x_target", self.x_target, "in 0..1")
-        _need(0 <= self.mu <= 8, "learning.mu", self.mu, "in 0..8")
-        _need(0 < self.w_max <= 1e3, "learning.w_max", self.w_max, "above 0, at most 1000")
-        _need(0 < self.weight_sum <= 1e6, "learning.weight_sum", self.weight_sum, "above 0, at most 1e6")
-        _need(0 < self.theta_start_mv <= 1e3, "learning.theta_start_mv", self.theta_start_mv, "in (0, 1000]")
-        _need(0 <= self.theta_plus_mv <= 1e2, "learning.theta_plus_mv", self.theta_plus_mv, "in 0..100")
-        _need(self.tau_theta_ms >= 1, "learning.tau_theta_ms", self.tau_theta_ms, "at least 1")
+        _within(self, "learning", epochs="[1, 10000]", label_epochs="[1, 10000]", tau_theta_ms="[1, inf]")
+        _within(
+            self,
+            "learning",
+            eta_pre="[0, 1]",
+            eta_post="[0, 1]",
+            x_target="[0, 1]",
+            mu="[0, 8]",
+            w_max="(0, 1000]",
+            weight_sum="(0, 1000000]",
+            theta_start_mv="(0, 1000]",
+            theta_plus_mv="[0, 100]",
+        )
 
 
 @dataclass(frozen=True)
@@ -276,7 +303,7 @@ class DecoderConfig:
 
     def __post_init__(self) -> None:
         _need(self.default in DECODERS, "decoder.default", self.default, "one of " + ", ".join(DECODERS))
-        _need(0 <= self.gamma <= 1, "decoder.gamma", self.gamma, "in 0..1")
+        _within(self, "decoder", gamma="[0, 1]")
 
 
 @dataclass(frozen=True)

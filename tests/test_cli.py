@@ -14,7 +14,7 @@ from pathlib import Path
 import click
 import pytest
 from click.testing import CliRunner
-from commands import PLACES, images, link_route, listed, make_route, recall, run
+from commands import CONFIG, PLACES, images, link_route, listed, make_route, recall, run
 from imagefiles import video
 
 from lava_vpr import __version__, model

@@ -87,6 +87,10 @@ def one_more_query(here: Path) -> None:
     cv2.imwrite(str(here / "query" / "img9.png"), picture(77))
 
 
+def more_queries(here: Path) -> None:
+    write_images(here / "query", 9)
+
+
 def one_image(here: Path) -> None:
     write_images(here / "one", 1)
 
@@ -193,7 +197,7 @@ DATA = [
     (bad_toml, "train ref -o n.lvpr --config bad.toml", "bad.toml: not a TOML file"),
     (nothing, "train ref -o n.lvpr --config none.toml", "none.toml: cannot be read"),
     (unknown_setting, "train ref -o n.lvpr --config bad.toml", "bad.toml: network.neuron_count is not a setting"),
-    (out_of_range, "train ref -o n.lvpr --config bad.toml", "bad.toml: learning.eta is -3.0, but must be in 0..10"),
+    (out_of_range, "train ref -o n.lvpr --config bad.toml", "bad.toml: learning.eta is -3.0, but must be in [0, 10]"),
     (overflowing, "train ref -o n.lvpr --config bad.toml", "lateral inhibition of 6 neurons can reach"),
     (nothing, "train ref -o n.lvpr --preset paper --input onoff", "takes encoder.kind 'pixels', not 'onoff'"),
     (nothing, "train ref -o n.lvpr --preset paper --stretch 3 --epochs 1", "in one network; use --stretch 0"),
@@ -208,7 +212,7 @@ DATA = [
     (empty_model, "eval e.lvpr query", "e.lvpr: the file is empty"),
     (nothing, "eval m.lvpr none", "none: cannot be opened"),
     (one_more_query, "eval m.lvpr query", "query: has 7 queries, the references 6: nothing says which place"),
-    (nothing, "eval m.lvpr query --places 0:4", "--places 0:4 are 4 queries for 6 places"),
+    (more_queries, "eval m.lvpr query --places 2:9", "--places 2:9 are 7 queries for 6 other places"),
     (nothing, "eval m.lvpr query --gt none.txt", "none.txt: "),
     (garbled_gt, "eval m.lvpr query --gt gt.txt", "gt.txt line 2: 'two' is no index"),
     (gt_of_nobody, "eval m.lvpr query --gt gt.json", "gt.json: "),

@@ -408,11 +408,11 @@ def test_brian2_gives_the_same_spikes(rule: str) -> None:
         counts, _ = train_presentation(state, image, key, config)
         theirs, _ = learning.present_spikes(*draw_spikes(image, np.uint64(key), config.network.steps))
         np.testing.assert_array_equal(counts, theirs)
-        assert counts.sum() > 20
+        assert counts.sum() > 5
         np.testing.assert_allclose(state.weights, learning.weights, rtol=0, atol=1e-12)
         np.testing.assert_allclose(state.theta_mv, learning.theta_mv, rtol=1e-12)
     frozen = Brian2Network(config, copy(state), learn=False, inputs="spikes")
     counts, _ = count_spikes(state, rates[:1], np.array([key], np.uint64), config)
     theirs, _ = frozen.present_spikes(*draw_spikes(rates[0], np.uint64(key), config.network.steps))
     np.testing.assert_array_equal(counts[0], theirs)
-    assert counts.sum() > 20
+    assert counts.sum() > 5

@@ -56,7 +56,7 @@ def test_every_number_has_a_range() -> None:
     [
         ("[network]\nneuron = 5\n", r"network\.neuron is not a setting; known are model, neurons"),
         ("[nets]\nneurons = 5\n", r"'nets' is not a setting"),
-        ("[network]\nweight_bits = 9\n", r"network\.weight_bits is 9, but must be in 1\.\.8"),
+        ("[network]\nweight_bits = 9\n", r"network\.weight_bits is 9, but must be in \[1, 8\]"),
         ("[network]\nweight_bits = 3.5\n", r"network\.weight_bits is 3\.5, but must be of type int"),
         ("[network]\nweight_bits = true\n", r"must be of type int"),
         ("network = 3\n", r"\[network\] must be a table"),

@@ -10,7 +10,7 @@ from scipy import stats
 
 from lava_vpr.encoding import draw_spikes, rates16
 from lava_vpr.engine import random
-from lava_vpr.engine.draw import LANES, draw_block, prepare_draws
+from lava_vpr.engine.draw import LANES, draw_block, prepare_draws, scratch
 
 INPUTS = 784
 STEPS = 350
@@ -41,24 +41,16 @@ def test_keys_keep_roles_seeds_epochs_and_images_apart() -> None:
         random.presentation_key(0, "test", 0)
 
 
-@pytest.mark.parametrize("active", [0, 1, 2, 5, 784])
-def test_kernel_draws_the_defined_spikes(active: int) -> None:
-    rng = np.random.default_rng(active)
+@pytest.mark.parametrize("with_rate", [0, 1, 2, 5, 784])
+def test_kernel_draws_the_defined_spikes(with_rate: int) -> None:
+    rng = np.random.default_rng(with_rate)
     rates = np.zeros(INPUTS, np.uint16)
-    rates[rng.choice(INPUTS, active, replace=False)] = rng.integers(1, 65536, active)
+    rates[rng.choice(INPUTS, with_rate, replace=False)] = rng.integers(1, 65536, with_rate)
     expected = draw_spikes(rates, key(), 30)
-    inputs = INPUTS
-    buffers = (
-        np.empty(inputs + 1, np.int32),
-        np.empty(inputs + 1, np.uint64),
-        np.empty(LANES * (inputs + 1), np.uint16),
-    )
-    n = prepare_draws(rates, np.uint64(key()), *buffers)
-    words, mask = np.empty(inputs + 1, np.uint64), np.empty((LANES * (inputs + 1) + 7) // 8 * 8, np.uint8)
-    occupied, spikes = np.empty(inputs // 2 + 2, np.int32), np.empty((LANES, inputs + 1), np.int32)
-    counts = np.zeros(LANES, np.int64)
+    active, offsets, rates4, words, mask, occupied, spikes, counts = scratch(INPUTS)
+    n = prepare_draws(rates, np.uint64(key()), active, offsets, rates4)
     for block in range(7):
-        draw_block(block, n, *buffers, words, mask, occupied, spikes, counts)
+        draw_block(block, n, active, offsets, rates4, words, mask, occupied, spikes, counts)
         for lane in range(LANES):
             assert spikes[lane, : counts[lane]].tolist() == np.flatnonzero(expected[4 * block + lane]).tolist()
 

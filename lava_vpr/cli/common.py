@@ -13,6 +13,7 @@ import click
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from lava_vpr import backends
 from lava_vpr.config import EncoderConfig
 from lava_vpr.container import write_atomically
 from lava_vpr.encoding import EncodedTraverse, encode_traverse
@@ -41,6 +42,21 @@ class Places(click.ParamType):
 def places_option(help: str) -> Callable[[F], F]:
     """``--places A:B``."""
     return click.option("--places", type=Places(), default=None, help=help)
+
+
+def every_option(command: F) -> F:
+    """``--every SECONDS``."""
+    text = "From a video, one frame every so often."
+    return click.option("--every", type=float, default=1.0, show_default=True, metavar="SECONDS", help=text)(command)
+
+
+def answer_options(command: F) -> F:
+    """``--backend`` and ``--seed`` of commands that run a model."""
+    names = list(backends.BACKENDS)
+    text = "Seed of the queries' spikes (default: the model's)."
+    seeded = click.option("--seed", type=seed_type, default=None, help=text)(command)
+    text = "Where the network runs."
+    return click.option("--backend", type=click.Choice(names), default="host", show_default=True, help=text)(seeded)
 
 
 seed_type = click.IntRange(0, 2**63 - 1)

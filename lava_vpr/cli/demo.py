@@ -8,8 +8,9 @@ from pathlib import Path
 import click
 
 from lava_vpr import model as model_file
+from lava_vpr.alignment import aligned_truth, choose_queries
 from lava_vpr.cli.common import PATH, console, encode, seed_type, write_json
-from lava_vpr.cli.evaluate import choose_queries, ground_truth, print_table
+from lava_vpr.cli.evaluate import print_table
 from lava_vpr.config import preset
 from lava_vpr.engine.threads import cores
 from lava_vpr.recognition import as_json, recognise
@@ -52,7 +53,7 @@ def demo(out: Path) -> None:
     model_file.save(model, out / "model.lvpr")
     traverse = choose_queries(model, open_traverse(out / "query"), None, aligned=True)
     queries = encode(traverse, config.encoder)
-    result = recognise(model, queries, ground_truth(model, traverse, None, None, None, 0), threads=cores())
+    result = recognise(model, queries, aligned_truth(model, traverse), threads=cores())
     print_table(model, result)
     write_json(out / "figures.json", as_json(model, result))
     page = write_report(report_data(model, queries, result, "lava-vpr demo", 1, None), out / "report")

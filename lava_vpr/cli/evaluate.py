@@ -6,42 +6,35 @@ from pathlib import Path
 
 import click
 import numpy as np
-from numpy.typing import NDArray
 from rich.table import Table
 
-from lava_vpr import backends
 from lava_vpr import model as model_file
+from lava_vpr.alignment import aligned_truth, by_number, choose_queries, positions_truth
 from lava_vpr.cli.common import (
     PATH,
+    answer_options,
     check_folder,
     check_writable,
     console,
     encode,
+    every_option,
     places_option,
-    seed_type,
+    stderr,
     write_json,
 )
 from lava_vpr.engine.threads import cores
-from lava_vpr.errors import InputError
-from lava_vpr.evaluation import Metrics, truth_from_indices, truth_from_positions
-from lava_vpr.groundtruth import read_ground_truth, read_positions_pair
+from lava_vpr.evaluation import Metrics
+from lava_vpr.groundtruth import read_ground_truth
 from lava_vpr.model import Model
 from lava_vpr.recognition import BASELINES, Recognition, as_json, recognise
-from lava_vpr.traverse import Traverse, open_traverse
+from lava_vpr.traverse import open_traverse
 
 
 @click.command("eval")
 @click.argument("model_path", metavar="MODEL", type=PATH)
 @click.argument("query", type=str)
 @places_option("Query images A..B-1 (default: the model's own range).")
-@click.option(
-    "--every",
-    type=float,
-    default=1.0,
-    show_default=True,
-    metavar="SECONDS",
-    help="From a video, one frame every so often.",
-)
+@every_option
 @click.option(
     "--gt", "gt", type=PATH, default=None, metavar="FILE", help="Correct places of each query: txt, csv, json or npy."
 )
@@ -71,14 +64,7 @@ from lava_vpr.traverse import Traverse, open_traverse
     metavar="REF.npy QUERY.npy",
     help="Descriptors of another method, one row an image.",
 )
-@click.option(
-    "--backend",
-    type=click.Choice(list(backends.BACKENDS)),
-    default="host",
-    show_default=True,
-    help="Where the network runs.",
-)
-@click.option("--seed", type=seed_type, default=None, help="Seed of the queries' spikes (default: the model's).")
+@answer_options
 @click.option("--json", "json_path", type=PATH, default=None, metavar="FILE", help="Write the figures as JSON.")
 @click.option("--report", "report_folder", type=PATH, default=None, metavar="DIR", help="Write DIR/report.html.")
 @click.pass_context
@@ -120,7 +106,18 @@ def evaluate(
     traverse = choose_queries(
         model, open_traverse(query, every=every), places, aligned=gt is None and positions is None
     )
-    truth = ground_truth(model, traverse, gt, positions, radius, tolerance)
+    if gt is not None:
+        truth = read_ground_truth(gt, traverse.indices, model.place_indices)
+    elif positions is not None and radius is not None:
+        truth = positions_truth(model, traverse, positions, radius)
+    else:
+        truth = aligned_truth(model, traverse, tolerance)
+        if not by_number(model, traverse):
+            stderr.print(
+                f"note: images {traverse.indices[0]}:{traverse.indices[-1] + 1} are taken, in order, as the places "
+                f"{model.place_indices[0]}:{model.place_indices[-1] + 1}",
+                markup=False,
+            )
     queries = encode(traverse, model.config.encoder)
     result = recognise(
         model,
@@ -143,56 +140,6 @@ def evaluate(
 
         path = write_report(report_data(model, queries, result, command_line(ctx), sequence, seed), report_folder)
         console.print(f"report: {path}", markup=False)
-
-
-def choose_queries(model: Model, whole: Traverse, places: tuple[int, int] | None, *, aligned: bool) -> Traverse:
-    """The queries to answer: ``places``, else the model's own range if query i shows place i, else all.
-
-    Raises:
-        InputError: the range exceeds the images, or nothing says which query belongs to which place.
-    """
-    if places is not None:
-        chosen = whole.between(*places)
-        if aligned and len(chosen) != model.places:
-            raise InputError(
-                f"{whole.source}: --places {places[0]}:{places[1]} are {len(chosen)} queries for {model.places} "
-                "places; take as many, or say with --gt or --positions which place each query shows"
-            )
-        return chosen
-    if not aligned:
-        return whole
-    if len(whole) != model.route_images:
-        raise InputError(
-            f"{whole.source}: has {len(whole)} queries, the references {model.route_images}: nothing says which "
-            "place a query shows; give --gt FILE, --positions, or --places A:B"
-        )
-    return whole.between(int(model.place_indices[0]), int(model.place_indices[-1]) + 1)
-
-
-def ground_truth(
-    model: Model,
-    queries: Traverse,
-    gt: Path | None,
-    positions: tuple[Path, Path] | None,
-    radius: float | None,
-    tolerance: int,
-) -> NDArray[np.bool_]:
-    """Which places are correct for which query, bool (queries, places)."""
-    if gt is not None:
-        return read_ground_truth(gt, queries.indices, model.place_indices)
-    if positions is not None and radius is not None:
-        reference, query = read_positions_pair(*positions)
-        for path, rows, indices in (
-            (positions[0], reference, model.place_indices),
-            (positions[1], query, queries.indices),
-        ):
-            if len(rows) <= int(indices.max()):
-                raise InputError(
-                    f"{path}: has {len(rows)} positions, image {int(indices.max())} has none; give one a line"
-                )
-        return truth_from_positions(reference[model.place_indices], query[queries.indices], radius)
-    # Query and reference numbers may start elsewhere (`--places`): what counts is the order along the route.
-    return truth_from_indices(np.arange(len(queries)), np.arange(model.places), tolerance)
 
 
 def _percent(value: float) -> str:

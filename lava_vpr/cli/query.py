@@ -10,9 +10,18 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr import backends, decoding, matching
+from lava_vpr import decoding, matching
 from lava_vpr import model as model_file
-from lava_vpr.cli.common import PATH, check_writable, console, encode, places_option, seed_type, write_text
+from lava_vpr.cli.common import (
+    PATH,
+    answer_options,
+    check_writable,
+    console,
+    encode,
+    every_option,
+    places_option,
+    write_text,
+)
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
 from lava_vpr.model import Model
@@ -27,21 +36,8 @@ COLUMNS = ("query", "query_name", "place", "place_name", "confidence", "accepted
 @click.argument("images", type=str)
 @click.option("-o", "--output", type=PATH, required=True, metavar="matches.csv", help="CSV file to write.")
 @places_option("Images A..B-1 only (default: all).")
-@click.option(
-    "--every",
-    type=float,
-    default=1.0,
-    show_default=True,
-    metavar="SECONDS",
-    help="From a video, one frame every so often.",
-)
-@click.option(
-    "--backend",
-    type=click.Choice(list(backends.BACKENDS)),
-    default="host",
-    show_default=True,
-    help="Where the network runs.",
-)
+@every_option
+@answer_options
 @click.option(
     "--sequence",
     type=click.IntRange(min=1),
@@ -56,7 +52,6 @@ COLUMNS = ("query", "query_name", "place", "place_name", "confidence", "accepted
     metavar="C",
     help="Accept matches of at least this confidence (default: all).",
 )
-@click.option("--seed", type=seed_type, default=None, help="Seed of the queries' spikes (default: the model's).")
 def query(
     model_path: Path,
     images: str,
@@ -87,7 +82,9 @@ def query(
     matches, confidence = answer(model, counts, sequence)
     accepted = (matches >= 0) & (confidence >= (-np.inf if min_confidence is None else min_confidence))
     write_text(output, table(model, queries.names, queries.indices, matches, confidence, accepted))
-    console.print(f"{len(queries)} images, {int(accepted.sum())} recognised: {output}", markup=False)
+    console.print(
+        f"{len(queries)} image{'s' * (len(queries) != 1)}, {int(accepted.sum())} recognised: {output}", markup=False
+    )
 
 
 def answer(model: Model, counts: NDArray[np.int32], sequence: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

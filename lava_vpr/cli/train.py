@@ -15,6 +15,7 @@ from lava_vpr.cli.common import (
     check_writable,
     console,
     encode,
+    every_option,
     places_option,
     progress_bar,
     seed_type,
@@ -41,14 +42,7 @@ from lava_vpr.traverse import open_traverse
 )
 @click.option("--config", "config_file", type=PATH, default=None, metavar="FILE", help="Settings in TOML.")
 @places_option("Images A..B-1 of each REFERENCE (default: all).")
-@click.option(
-    "--every",
-    type=float,
-    default=1.0,
-    show_default=True,
-    metavar="SECONDS",
-    help="From a video, one frame every so often.",
-)
+@every_option
 @click.option("--input", "input_kind", type=click.Choice(INPUT_KINDS), default=None, help="What the inputs encode.")
 @click.option("--epochs", type=click.IntRange(1, 10_000), default=None, help="Times that every image is shown.")
 @click.option("--neurons", type=click.IntRange(1, 100_000), default=None, help="Excitatory neurons of each stretch.")

@@ -19,6 +19,32 @@ if sys.byteorder != "little":  # the kernel reads the four 16-bit draws of a has
     raise BackendUnavailableError("the host engine needs a little-endian processor; run it on x86-64 or ARM")
 
 
+@nb.njit(cache=True)
+def scratch(
+    inputs: int,
+) -> tuple[
+    NDArray[np.int32],
+    NDArray[np.uint64],
+    NDArray[np.uint16],
+    NDArray[np.uint64],
+    NDArray[np.uint8],
+    NDArray[np.int32],
+    NDArray[np.int32],
+    NDArray[np.int64],
+]:
+    """Arrays that `prepare_draws` (the first three) and `draw_block` work in, for one presentation after another."""
+    return (
+        np.empty(inputs + 1, np.int32),  # active inputs
+        np.empty(inputs + 1, np.uint64),  # start of their counters
+        np.empty(LANES * (inputs + 1), np.uint16),  # their rates, once a lane
+        np.empty(inputs + 1, np.uint64),  # hashes
+        np.empty((LANES * (inputs + 1) + 7) // 8 * 8, np.uint8),  # which draws are below their rate
+        np.empty(inputs // 2 + 2, np.int32),  # words of that mask with any set
+        np.empty((LANES, inputs + 1), np.int32),  # spiking inputs of each lane
+        np.zeros(LANES, np.int64),  # how many
+    )
+
+
 @nb.njit(cache=True, inline="always")
 def prepare_draws(
     rates: NDArray[np.uint16],

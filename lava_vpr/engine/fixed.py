@@ -20,7 +20,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.engine.draw import LANES, draw_block, prepare_draws
+from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
 from lava_vpr.engine.threads import share
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import INPUT_LIMIT, STATE_LIMIT, THRESHOLD_LIMIT, WEIGHT_LIMIT
@@ -162,14 +162,7 @@ def _present(
     chunk = int(params[5])
     (inputs, width), neurons = weights.shape, counts.shape[1]
     partial = np.zeros(width, np.uint8)
-    active = np.empty(inputs + 1, np.int32)
-    offsets = np.empty(inputs + 1, np.uint64)
-    rates4 = np.empty(LANES * (inputs + 1), np.uint16)
-    words = np.empty(inputs + 1, np.uint64)
-    mask = np.empty((LANES * (inputs + 1) + 7) // 8 * 8, np.uint8)
-    occupied = np.empty(inputs // 2 + 2, np.int32)
-    spikes = np.empty((LANES, inputs + 1), np.int32)
-    spike_counts = np.zeros(LANES, np.int64)
+    active, offsets, rates4, words, mask, occupied, spikes, spike_counts = scratch(inputs)
     drive = np.zeros(width, np.int32)
     v = np.zeros(width, np.int32)
     fired = np.zeros((3, neurons), np.int32)

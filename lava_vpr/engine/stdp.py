@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.config import StdpLearning
-from lava_vpr.engine.draw import LANES, draw_block, prepare_draws
+from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
 from lava_vpr.engine.random import presentation_key, uniform
 
 
@@ -108,14 +108,7 @@ def _train(
     eta, target, w_max, mu = params[0], params[1], params[2], params[3]
     theta_plus, inhibition, keep, gain, floor = params[4], params[5], params[6], params[7], params[8]
     inputs, neurons = weights.shape
-    active = np.empty(inputs + 1, np.int32)
-    offsets = np.empty(inputs + 1, np.uint64)
-    rates4 = np.empty(LANES * (inputs + 1), np.uint16)
-    words = np.empty(inputs + 1, np.uint64)
-    mask = np.empty((LANES * (inputs + 1) + 7) // 8 * 8, np.uint8)
-    occupied = np.empty(inputs // 2 + 2, np.int32)
-    spikes = np.empty((LANES, inputs + 1), np.int32)
-    spike_counts = np.zeros(LANES, np.int64)
+    active, offsets, rates4, words, mask, occupied, spikes, spike_counts = scratch(inputs)
     n = prepare_draws(rates, key, active, offsets, rates4)
     last = np.full(inputs, -1, np.int32)
     free_from = np.zeros(neurons, np.int32)

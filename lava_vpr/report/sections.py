@@ -211,8 +211,8 @@ def receptive_fields(data: ReportData) -> str:
         tiles.append(
             f'<figure class="field"><div class="pair">{reference}'
             f'<div class="drawn" style="aspect-ratio:{width}/{height}">{drawn}</div></div>'
-            f"<figcaption>neuron {neuron}, place {data.place_number(place)}<br>{safe(data.place_names[place])}</figcaption>"
-            "</figure>"
+            f"<figcaption>neuron {neuron}, place {data.place_number(place)}<br>"
+            f"{safe(data.place_names[place])}</figcaption></figure>"
         )
     # Opaque images would only hide the place.
     switch = (

@@ -1,0 +1,91 @@
+"""Where a training stands, on disk, so that it can go on after a kill."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from lava_vpr import container
+from lava_vpr.config import Config, to_dict
+from lava_vpr.encoding import EncodedTraverse
+from lava_vpr.errors import ModelFileError
+
+
+def fingerprint(references: Sequence[EncodedTraverse], config: Config) -> str:
+    """Hash of everything that decides the trained weights: settings and images."""
+    digest = hashlib.sha256(json.dumps(to_dict(config), sort_keys=True).encode())
+    for reference in references:
+        digest.update(reference.indices.tobytes())
+        digest.update(reference.activity.tobytes())
+    return digest.hexdigest()
+
+
+@dataclass
+class Checkpoint:
+    """Where training stands, on disk: each stretch's state after its last whole epoch.
+
+    ``interval`` is the least time in seconds between two writes; the result does not depend on it.
+    """
+
+    path: Path | None
+    fingerprint: str
+    interval: float = 2.0
+    epochs: dict[int, int] = field(default_factory=dict)
+    arrays: dict[str, NDArray[Any]] = field(default_factory=dict)
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+    _written: float = field(default_factory=time.monotonic)
+
+    def load(self) -> None:
+        """Take up the state on disk.
+
+        Raises:
+            ModelFileError: no checkpoint, a damaged one, or one of other settings or images.
+        """
+        if self.path is None:
+            raise ModelFileError("there is nowhere to resume from; name the checkpoint")
+        if not self.path.exists():
+            raise ModelFileError(f"{self.path}: there is no checkpoint to resume from; train without --resume")
+        header, arrays = container.load(self.path, "checkpoint")
+        if header.get("fingerprint") != self.fingerprint:
+            raise ModelFileError(
+                f"{self.path}: was made with other options or images; repeat the original command with --resume, "
+                "or train without --resume"
+            )
+        self.epochs = {int(k): int(v) for k, v in header["epochs"].items()}
+        self.arrays = arrays
+
+    def of(self, number: int) -> dict[str, NDArray[Any]]:
+        """Saved arrays of stretch ``number``."""
+        prefix = f"{number}."
+        return {name[len(prefix) :]: value for name, value in self.arrays.items() if name.startswith(prefix)}
+
+    def update(self, number: int, epoch: int, state: dict[str, NDArray[Any]]) -> None:
+        """Note that stretch ``number`` has finished ``epoch`` epochs, and write if it is time."""
+        if self.path is None:
+            return
+        with self._lock:
+            self.epochs[number] = epoch
+            self.arrays.update({f"{number}.{name}": value.copy() for name, value in state.items()})
+            if time.monotonic() - self._written >= self.interval:
+                self._write()
+
+    def flush(self) -> None:
+        """Write what is known, if anything (called when training is interrupted)."""
+        with self._lock:
+            if self.path is not None and self.epochs:
+                self._write()
+
+    def _write(self) -> None:
+        if self.path is None:
+            return
+        header = {"fingerprint": self.fingerprint, "epochs": {str(k): v for k, v in self.epochs.items()}}
+        container.save(self.path, "checkpoint", header, self.arrays)
+        self._written = time.monotonic()

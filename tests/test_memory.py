@@ -1,0 +1,76 @@
+"""Thousands of images need little memory: they are read one at a time."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+IMAGES = 3000
+FILES = 40
+LIMIT = 1_000_000_000  # bytes
+QUICK = "[network]\nsteps = 40\n[learning]\nsteps = 40\nepochs = 1\n"
+
+
+def peak(folder: Path, *words: object) -> int:
+    """Bytes that a command held at most, which must succeed."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "lava_vpr", *map(str, words)],
+        cwd=folder,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, "MPLBACKEND": "Agg"},
+    )
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    assert process.returncode == 0
+    needed = usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    print(f"{words[0]}: at most {needed / 1e6:.0f} MB")  # shown by pytest -s
+    return needed
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A few photographs of 640 x 480, each listed many times, and a second look at each."""
+    root = tmp_path_factory.mktemp("memory")
+    rng = np.random.default_rng(0)
+    for k in range(FILES):
+        scene = rng.integers(0, 200, (24, 32, 3)).astype(np.uint8)
+        for season, light in (("summer", 0), ("winter", 40)):
+            image = cv2.resize(scene + np.uint8(light), (640, 480), interpolation=cv2.INTER_CUBIC)
+            cv2.imwrite(str(root / f"{season}{k}.jpg"), image)
+    for season in ("summer", "winter"):
+        (root / f"{season}.txt").write_text("".join(f"{season}{k % FILES}.jpg\n" for k in range(IMAGES)))
+        rows = "".join(f"{20 * k},0\n" for k in range(IMAGES))
+        (root / f"{season}.csv").write_text("x,y\n" + rows)
+    (root / "gt.json").write_text(json.dumps([k % FILES for k in range(IMAGES)]))
+    (root / "quick.toml").write_text(QUICK)
+    return root
+
+
+@pytest.mark.slow
+def test_many_queries_of_a_short_route(place: Path) -> None:
+    peak(place, "train", "summer.txt", "--places", f"0:{FILES}", "-o", "short.lvpr", "--config", "quick.toml")
+    needed = peak(place, "eval", "short.lvpr", "winter.txt", "--gt", "gt.json", "--json", "short.json")
+    assert json.loads((place / "short.json").read_text())["queries"] == IMAGES
+    assert needed < LIMIT / 2
+
+
+@pytest.mark.slow
+def test_many_queries_of_a_long_route(place: Path) -> None:
+    """3,000 images against 3,000 places; one matrix of scores is 72 MB."""
+    assert peak(place, "train", "summer.txt", "-o", "long.lvpr", "--config", "quick.toml") < LIMIT
+    positions = ("--positions", "summer.csv", "winter.csv", "--radius", 25)
+    needed = peak(place, "eval", "long.lvpr", "winter.txt", *positions, "--json", "long.json")
+    values = json.loads((place / "long.json").read_text())
+    assert (values["queries"], values["places"]) == (IMAGES, IMAGES)
+    assert needed < LIMIT
+    options = ("--sequence", 5, "--baseline", "sad", "--report", "report")
+    assert peak(place, "eval", "long.lvpr", "winter.txt", *options) < LIMIT
+    assert peak(place, "query", "long.lvpr", "winter.txt", "-o", "long.csv", "--sequence", 5) < LIMIT
