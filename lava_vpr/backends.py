@@ -6,11 +6,13 @@ counts, bit for bit, on every fixed-point backend.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.config import update
 from lava_vpr.engine import conductance, fixed
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import BackendUnavailableError
@@ -30,7 +32,11 @@ class Backend(Protocol):
         seed: int,
         steps: int | None = None,
     ) -> tuple[NDArray[np.int32], dict[str, int]]:
-        """Present ``rates`` (n, inputs); counts int (n, neurons) and the events of the run, summed."""
+        """Present ``rates`` (n, inputs) for ``steps`` steps with input (default: the model's own).
+
+        Returns:
+            Counts int (n, neurons), and the events of the run, summed.
+        """
         ...
 
 
@@ -51,15 +57,13 @@ class HostBackend:
         steps: int | None = None,
     ) -> tuple[NDArray[np.int32], dict[str, int]]:
         """See `Backend.count_spikes`; the result does not depend on the number of threads."""
-        if steps is not None and steps != model.config.network.steps:
-            raise BackendUnavailableError(
-                f"the model was made for {model.config.network.steps} steps a presentation, not {steps}; train it so"
-            )
         keys = presentation_keys(seed, role, image_ids)
         if isinstance(model.network, fixed.FixedNetwork):
-            counts, events, _ = fixed.count_spikes(model.network, rates, keys, threads=self.threads)
+            network = model.network if steps is None else replace(model.network, steps=steps)
+            counts, events, _ = fixed.count_spikes(network, rates, keys, threads=self.threads)
             return counts, events
-        return conductance.count_spikes(model.network, rates, keys, model.config, threads=self.threads)
+        config = model.config if steps is None else update(model.config, {"network": {"steps": steps}})
+        return conductance.count_spikes(model.network, rates, keys, config, threads=self.threads)
 
 
 BACKENDS: dict[str, str] = {"host": "compiled engine on this machine's processor, bit-exact integers"}

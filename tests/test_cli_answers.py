@@ -10,7 +10,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from commands import figures, images, link_route, listed, make_route, matches, recall, run
+
+from lava_vpr.cli import main
 
 FIGURES = {"recall_at_1", "recall_at_n", "recall_at_100_precision", "precision_at_100_recall", "auc"}
 DECODERS = ["standard", "weighted", "probability", "weighted_probability", "contrast"]
@@ -89,6 +92,22 @@ def test_fewer_and_more_queries_than_places(here: Path) -> None:
     more = figures("more.txt", "--gt", "gt.npy")
     assert (more["places"], more["queries"]) == (8, 12)
     assert recall(more) >= 0.75
+
+
+def test_some_of_the_places(here: Path) -> None:
+    """Queries that carry places' own numbers need no ground truth; others are taken in order, and that is said."""
+    Path("gt.txt").write_text("".join(f"{k}: {k}\n" for k in range(8)))
+    some = figures("query", "--places", "2:6")
+    assert (some["places"], some["queries"]) == (8, 4)
+    assert some == figures("query", "--places", "2:6", "--gt", "gt.txt")
+    assert recall(some) >= 0.75
+    run("train", "reference", "-o", "end.lvpr", "--config", "quick.toml", "--places", "4:8")
+    listed("end.txt", images("query")[4:])
+    words = ["eval", "end.lvpr", "end.txt", "--places", "0:4", "--json", "end.json"]
+    result = CliRunner().invoke(main, words)
+    assert result.exit_code == 0
+    assert result.stderr == "note: images 0:4 are taken, in order, as the places 4:8\n"
+    assert recall(json.loads(Path("end.json").read_text())) >= 0.75
 
 
 def test_positions_and_radius(here: Path) -> None:

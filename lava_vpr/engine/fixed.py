@@ -15,6 +15,7 @@ presentation is ``steps`` steps with input and `SILENT_STEPS` without, after whi
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numba as nb
 import numpy as np
@@ -79,6 +80,17 @@ class FixedNetwork:
     def lateral(self) -> int:
         """Inhibition of one spike in units of the input sum."""
         return self.inhibition << self.inhibition_exponent
+
+    @cached_property
+    def prepared(self) -> tuple[NDArray[np.uint8], NDArray[np.int64], NDArray[np.int64], bool]:
+        """What the kernel wants, made once: padded weights, non-zero weights of each input, parameters, narrow sums."""
+        weights = np.zeros((self.inputs, -(-self.neurons // _PADDING) * _PADDING), np.uint8)
+        weights[:, : self.neurons] = self.weights
+        chunk = 255 // max(1, int(weights.max(initial=0)))
+        params = [self.shift, self.threshold, self.lateral, self.decay, self.steps, chunk]
+        narrow = int(weights.sum(axis=0, dtype=np.int64).max(initial=0)) < 1 << 15
+        row_sizes = np.count_nonzero(weights, axis=1).astype(np.int64)
+        return weights, row_sizes, np.array(params, np.int64), narrow
 
     def check(self, limit: int = INPUT_LIMIT, target: str = "Loihi's 24-bit current") -> None:
         """Refuse a network whose input sum of one step could overflow ``limit``.
@@ -256,20 +268,12 @@ def count_spikes(
     n = len(rates)
     counts = np.zeros((n, network.neurons), np.int32)
     film = np.zeros((n, network.steps + SILENT_STEPS, network.neurons) if raster else (0, 0, 0), np.uint8)
-    width = -(-network.neurons // _PADDING) * _PADDING
-    weights = np.zeros((network.inputs, width), np.uint8)
-    weights[:, : network.neurons] = network.weights
-    narrow = int(weights.sum(axis=0, dtype=np.int64).max(initial=0)) < 1 << 15
-    row_sizes = np.count_nonzero(weights, axis=1).astype(np.int64)
-    chunk = 255 // max(1, int(weights.max(initial=0)))
-    params = np.array(
-        [network.shift, network.threshold, network.lateral, network.decay, network.steps, chunk], np.int64
-    )
+    weights, row_sizes, params, narrow = network.prepared
     rates = np.ascontiguousarray(rates, dtype=np.uint16)
 
     def run(part: slice) -> NDArray[np.int64]:
         events = np.zeros(3, np.int64)
-        acc = np.zeros(width, np.int16 if narrow else np.int32)
+        acc = np.zeros(weights.shape[1], np.int16 if narrow else np.int32)
         _present(weights, row_sizes, params, rates[part], keys[part], acc, counts[part], events, film[part])
         return events
 
