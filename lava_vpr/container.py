@@ -29,6 +29,7 @@ def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
     Raises:
         OSError: the folder is missing or closed to us, or the disk is full; ``path`` is as it was.
     """
+    path = Path(os.path.realpath(path))  # a link stays, the file that it names is replaced
     handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
     temporary = Path(name)
     try:

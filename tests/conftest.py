@@ -20,7 +20,7 @@ def data_root() -> Path:
 def pytest_configure() -> None:
     """Throw away compiled kernels that are older than any of the engine's sources.
 
-    numba looks only at the file that a function stands in; a kernel with another file's function inlined would go stale.
+    numba looks only at the file a function stands in; a kernel with another file's function inlined would go stale.
     """
     engine = Path(__file__).parents[1] / "lava_vpr"
     for folder in (engine, engine / "engine"):

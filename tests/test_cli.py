@@ -249,3 +249,14 @@ def test_an_existing_output_is_replaced_in_one_step(name: str, here: Path, monke
     assert re.search(rf"^lava-vpr: error: {name}: .*No space left on device.*free", result.stderr)
     assert Path(name).read_bytes() == fresh
     assert not list(here.glob(".*.tmp"))
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_what_is_no_file_is_never_replaced(name: str, here: Path) -> None:
+    """A rename puts a file in the place of anything, for root even of a device such as /dev/null."""
+    os.mkfifo(name)
+    result = CliRunner().invoke(main, WRITERS[name].split())
+    assert Path(name).is_fifo()
+    assert result.exit_code == 1
+    assert result.stderr.startswith(f"lava-vpr: error: {name}: ")
+    assert not list(here.glob("*.checkpoint"))

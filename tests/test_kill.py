@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -18,16 +18,25 @@ from lava_vpr.cli import main
 
 DEADLINE = 240.0  # seconds; reached only when something hangs
 
-# The command line as it is, but with checkpoints at most argv[1] seconds apart, and a line for every finished epoch.
+# The command line as it is, but with checkpoints argv[1] seconds apart, a line for every finished epoch, and a write of
+# number argv[2] that never ends.
 TALKING = """
-import sys
+import os, sys, time
 from lava_vpr import training
 from lava_vpr.cli import main
 training.train.__kwdefaults__["interval"] = float(sys.argv.pop(1))
+hang, writes, flush = int(sys.argv.pop(1)), [0], os.fsync
+def fsync(handle):
+    writes[0] += 1
+    if writes[0] == hang:
+        os.write(1, b"writing\\n")
+        time.sleep(3600)
+    flush(handle)
+os.fsync = fsync
 note = training.Checkpoint.update
 def update(self, number, epoch, state):
     note(self, number, epoch, state)
-    print("epoch", epoch, flush=True)
+    os.write(1, b"epoch %d\\n" % epoch)
 training.Checkpoint.update = update
 main(prog_name="lava-vpr")
 """
@@ -37,9 +46,12 @@ def run(*words: object) -> Result:
     return CliRunner().invoke(main, [str(word) for word in words])
 
 
+STARTED: list[subprocess.Popen[str]] = []
+
+
 def start(here: Path, program: list[str], options: list[str]) -> subprocess.Popen[str]:
     """``lava-vpr train`` in a process of its own, which Ctrl-C reaches even if our own parent ignores it."""
-    return subprocess.Popen(
+    process = subprocess.Popen(
         [sys.executable, *program, "train", "ref", "-o", "m.lvpr", *options],
         cwd=here,
         stdout=subprocess.PIPE,
@@ -47,6 +59,8 @@ def start(here: Path, program: list[str], options: list[str]) -> subprocess.Pope
         text=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
+    STARTED.append(process)
+    return process
 
 
 def wait_for(what: Callable[[], bool], process: subprocess.Popen[str]) -> None:
@@ -64,10 +78,16 @@ def epochs_done(checkpoint: Path) -> int:
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder with images; what a failing test leaves at work ends with it."""
     write_images(tmp_path / "ref", 8)
     monkeypatch.chdir(tmp_path)
-    return tmp_path
+    yield tmp_path
+    while STARTED:
+        process = STARTED.pop()
+        if process.poll() is None:
+            process.kill()
+            process.communicate()
 
 
 def unbroken(options: list[str]) -> bytes:
@@ -76,15 +96,21 @@ def unbroken(options: list[str]) -> bytes:
 
 
 def test_killed_again_and_again(here: Path) -> None:
-    """SIGKILL three times, at random moments of the second, wherever it writes or learns; then to the end."""
+    """SIGKILL while it learns, in the middle of writing a checkpoint, and again; then to the end."""
     options = ["--epochs", "400", "--stretch", "4", "--jobs", "2"]
     checkpoint = here / "m.lvpr.checkpoint"
     known = 0
     for attempt in range(3):
-        process = start(here, ["-c", TALKING, "0"], [*options, *(["--resume"] if attempt else [])])
+        writing = attempt == 1
+        program = ["-c", TALKING, "0", "4" if writing else "0"]
+        process = start(here, program, [*options, *(["--resume"] if attempt else [])])
         assert process.stdout is not None
-        for _ in range(3):  # not before it has come further than the one before
-            assert process.stdout.readline().startswith("epoch")
+        if writing:
+            while (line := process.stdout.readline()) != "writing\n":
+                assert line.startswith("epoch")
+        else:
+            for _ in range(3):  # not before it has come further than the one before
+                assert process.stdout.readline().startswith("epoch")
         process.kill()
         process.communicate()
         assert process.returncode == -signal.SIGKILL
@@ -110,7 +136,7 @@ def test_killed_again_and_again(here: Path) -> None:
 def test_ctrl_c_keeps_what_was_learned(here: Path) -> None:
     """Also when it is not yet time to write the next checkpoint."""
     options = ["--epochs", "300", "--jobs", "2"]
-    process = start(here, ["-c", TALKING, "1e9"], options)
+    process = start(here, ["-c", TALKING, "1e9", "0"], options)
     assert process.stdout is not None
     assert process.stdout.readline() == "epoch 1\n"
     assert not (here / "m.lvpr.checkpoint").exists()

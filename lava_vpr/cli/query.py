@@ -116,5 +116,5 @@ def table(
     writer.writerow(COLUMNS)
     for name, index, match, sure, good in zip(names, indices, matches, confidence, accepted, strict=True):
         place = (int(model.place_indices[match]), model.place_names[match]) if match >= 0 else (-1, "")
-        writer.writerow((int(index), name, *place, f"{sure:.6g}" if match >= 0 else "", str(bool(good)).lower()))
+        writer.writerow((int(index), name, *place, repr(float(sure)) if match >= 0 else "", str(bool(good)).lower()))
     return text.getvalue()
