@@ -15,7 +15,8 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.recall import answer, learn
-from lava_vpr.config import preset, update
+from lava_vpr.config import preset
+from lava_vpr.configfile import update
 from lava_vpr.evaluation import Metrics
 from lava_vpr.model import Model
 

@@ -19,7 +19,8 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.nordland import SECTIONS, encoded, part
-from lava_vpr.config import Config, preset, update
+from lava_vpr.config import Config, preset
+from lava_vpr.configfile import update
 from lava_vpr.engine.threads import cores
 from lava_vpr.evaluation import Metrics
 from lava_vpr.model import Model

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.config import update
+from lava_vpr.configfile import update
 from lava_vpr.engine import conductance, fixed
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import BackendUnavailableError
@@ -60,6 +60,7 @@ class HostBackend:
         keys = presentation_keys(seed, role, image_ids)
         if isinstance(model.network, fixed.FixedNetwork):
             network = model.network if steps is None else replace(model.network, steps=steps)
+            network.check()
             counts, events, _ = fixed.count_spikes(network, rates, keys, threads=self.threads)
             return counts, events
         config = model.config if steps is None else update(model.config, {"network": {"steps": steps}})

@@ -14,7 +14,8 @@ from typing import Any
 from numpy.typing import NDArray
 
 from lava_vpr import container
-from lava_vpr.config import Config, to_dict
+from lava_vpr.config import Config
+from lava_vpr.configfile import to_dict
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.errors import ModelFileError
 

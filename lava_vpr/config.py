@@ -1,4 +1,4 @@
-"""Frozen, self-checking settings of encoder, network, learning and decoder; the presets; TOML in and out.
+"""Frozen, self-checking settings of encoder, network, learning and decoder; the presets.
 
 One `Config` plus the learned weights says everything about a network; every backend runs that and has no parameters
 of its own. Units stand in the names. Sources: ``docs/network.md`` for the ``loihi`` preset, Hussaini et al. 2022
@@ -7,14 +7,9 @@ of its own. Units stand in the names. Sources: ``docs/network.md`` for the ``loi
 
 from __future__ import annotations
 
-import dataclasses
 import typing
-from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import Any, Literal
-
-import tomli
-import tomli_w
+from dataclasses import dataclass, field
+from typing import Literal
 
 from lava_vpr.errors import ConfigError
 
@@ -363,105 +358,3 @@ def preset(name: str) -> Config:
     if name not in PRESETS:
         raise ConfigError(f"there is no preset {name!r}; choose from {', '.join(PRESETS)}")
     return PRESETS[name]()
-
-
-def to_dict(config: Config) -> dict[str, Any]:
-    """``config`` as nested plain dictionaries, ready for TOML or JSON."""
-    return dataclasses.asdict(config)
-
-
-def _checked(value: object, annotation: Any, name: str) -> object:
-    """``value`` as the annotated scalar type, refusing what TOML typed differently."""
-    origin = typing.get_origin(annotation)
-    if origin is Literal:
-        return value  # __post_init__ says which words are allowed
-    wanted = {"int": int, "float": float, "str": str}[getattr(annotation, "__name__", "str")]
-    if wanted is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
-    if not isinstance(value, wanted) or isinstance(value, bool):
-        raise ConfigError(f"{name} is {value!r}, but must be of type {wanted.__name__}")
-    return value
-
-
-def _section(base: Any, values: object, name: str) -> Any:
-    """Dataclass ``base`` with the settings in ``values`` replaced, unknown names refused."""
-    if not isinstance(values, dict):
-        raise ConfigError(f"[{name}] must be a table of settings, not {values!r}")
-    hints = typing.get_type_hints(type(base))
-    changes = {}
-    for key, value in values.items():
-        if key not in hints:
-            raise ConfigError(f"{name}.{key} is not a setting; known are {', '.join(hints)}")
-        changes[key] = _checked(value, hints[key], f"{name}.{key}")
-    return replace(base, **changes)
-
-
-_SECTIONS = ("encoder", "network", "learning", "decoder")
-
-
-def update(base: Config, values: dict[str, Any]) -> Config:
-    """``base`` with the (nested) settings in ``values`` replaced.
-
-    Raises:
-        ConfigError: an unknown setting, a wrong type or a value outside its range.
-    """
-    changes: dict[str, Any] = {}
-    for key, value in values.items():
-        if key in _SECTIONS:
-            changes[key] = _section(getattr(base, key), value, key)
-        elif key in ("preset", "seed", "stretch"):
-            changes[key] = _checked(value, {"preset": str, "seed": int, "stretch": int}[key], key)
-        else:
-            raise ConfigError(f"{key!r} is not a setting; known are preset, seed, stretch, [{'], ['.join(_SECTIONS)}]")
-    return replace(base, **changes)
-
-
-def from_dict(values: dict[str, Any]) -> Config:
-    """The inverse of `to_dict`; starts from the preset that ``values`` names (default ``loihi``)."""
-    name = values.get("preset", "loihi")
-    if not isinstance(name, str):
-        raise ConfigError(f"preset is {name!r}, but must be a name")
-    return update(preset(name), values)
-
-
-def read_toml(path: Path, base: Config | None = None) -> Config:
-    """Settings from a TOML file, over ``base`` (default: the preset that the file names).
-
-    Raises:
-        ConfigError: the file is missing, no TOML, or holds a setting that is unknown or out of range.
-    """
-    try:
-        values = tomli.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read ({error.strerror}); give an existing TOML file") from None
-    except (tomli.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: not a TOML file ({error}); see docs/configuration.md") from None
-    try:
-        return from_dict(values) if base is None or "preset" in values else update(base, values)
-    except ConfigError as error:
-        raise ConfigError(f"{path}: {error}") from None
-
-
-def to_toml(config: Config) -> str:
-    """``config`` as TOML text that `read_toml` reads back to the equal value."""
-    return tomli_w.dumps(to_dict(config))
-
-
-__all__ = [
-    "DECODERS",
-    "INPUT_KINDS",
-    "ConductanceLearning",
-    "ConductanceNetwork",
-    "Config",
-    "DecoderConfig",
-    "EncoderConfig",
-    "InputKind",
-    "LifNetwork",
-    "StdpLearning",
-    "from_dict",
-    "preset",
-    "read_toml",
-    "to_dict",
-    "to_toml",
-    "update",
-]

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr import __version__, container
-from lava_vpr.config import Config, LifNetwork, from_dict, to_dict
+from lava_vpr.config import Config, LifNetwork
+from lava_vpr.configfile import from_dict, to_dict
 from lava_vpr.engine.conductance import ConductanceState
 from lava_vpr.engine.fixed import FixedNetwork
 from lava_vpr.errors import LavaVprError, ModelFileError

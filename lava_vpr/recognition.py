@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -26,8 +26,8 @@ class Recognition:
 
     Attributes:
         default: Name of the decoder that answers.
-        scores: Scores by matcher, float64 (n, places), higher is better. With sequences, row and column are the first
-            query and place of each window.
+        scores: Scores of the default decoder and of the baselines, float64 (n, places), higher is better. With
+            sequences, row and column are the first query and place of each window.
         metrics: Figures by matcher.
         truth: bool (n, places).
         matches: The default decoder's place of each query, -1 for none, int64 (n,).
@@ -102,33 +102,53 @@ def recognise(
         threads: Does not change the result.
     """
     counts, events = count_query_spikes(model, queries, backend=backend, seed=seed, threads=threads)
-    scores = {name: decode(model, counts, name) for name in DECODERS}
-    if "sad" in rivals:
-        scores["sad"] = -baselines.sad_distances(model.patches, queries.patches, model.labels)
-    if "cosine" in rivals:
-        scores["cosine"] = baselines.cosine_similarities(
-            query_rates(model.activity, model.config), query_rates(queries.activity, model.config), model.labels
-        )
-    if descriptors is not None:
-        scores["descriptors"] = baselines.descriptor_similarities(
-            *descriptors, n_references=len(model.labels), n_queries=len(queries), labels=model.labels
-        )
-    if sequence > 1:
-        scores = {name: matching.sequence_scores(matrix, sequence) for name, matrix in scores.items()}
-        truth = matching.sequence_truth(truth, sequence)
-    sure = {name: decoding.confidence("sequence" if sequence > 1 else name, matrix) for name, matrix in scores.items()}
-    metrics = {name: evaluate(matrix, sure[name], truth) for name, matrix in scores.items()}
     default = model.config.decoder.default
+    if sequence > 1:
+        truth = matching.sequence_truth(truth, sequence)
+    kept, metrics = {}, {}
+    # One matrix at a time: of long routes, all of them together would not fit small memories.
+    for name, scores in _every_matcher(model, queries, counts, rivals, descriptors):
+        matrix = matching.sequence_scores(scores, sequence) if sequence > 1 else scores
+        sure = decoding.confidence("sequence" if sequence > 1 else name, matrix)
+        metrics[name] = evaluate(matrix, sure, truth)
+        if name == default:
+            matches, confidence = decoding.best(matrix), sure
+        if name == default or name not in DECODERS:
+            kept[name] = matrix
     return Recognition(
         default=default,
-        scores=scores,
+        scores=kept,
         metrics=metrics,
         truth=truth,
-        matches=decoding.best(scores[default]),
-        confidence=sure[default],
+        matches=matches,
+        confidence=confidence,
         counts=counts,
         events=events,
     )
+
+
+def _every_matcher(
+    model: Model,
+    queries: EncodedTraverse,
+    counts: NDArray[np.int32],
+    rivals: Sequence[str],
+    descriptors: tuple[Path, Path] | None,
+) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    """Name and scores (n, places) of every decoder and of the wanted baselines, one after another."""
+    for name in DECODERS:
+        yield name, decode(model, counts, name)
+    if "sad" in rivals:
+        yield "sad", -baselines.sad_distances(model.patches, queries.patches, model.labels)
+    if "cosine" in rivals:
+        own, other = (query_rates(activity, model.config) for activity in (model.activity, queries.activity))
+        yield "cosine", baselines.cosine_similarities(own, other, model.labels)
+    if descriptors is not None:
+        yield (
+            "descriptors",
+            baselines.descriptor_similarities(
+                *descriptors, n_references=len(model.labels), n_queries=len(queries), labels=model.labels
+            ),
+        )
 
 
 def as_json(model: Model, result: Recognition) -> dict[str, Any]:

@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.config import Config, preset, update
+from lava_vpr.config import Config, preset
+from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.model import Model
 from lava_vpr.training import train

@@ -90,7 +90,7 @@ def test_doctor_says_what_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
     result = CliRunner().invoke(main, ["doctor"])
     assert result.exit_code == 1
     assert re.search(r"│ scipy +│ missing ", result.stdout)
-    assert "scipy missing; install lava-vpr again" in result.stderr
+    assert "lava-vpr: error: scipy missing; install again" in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1
 
 

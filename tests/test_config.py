@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lava_vpr import config as c
+from lava_vpr import configfile as f
 from lava_vpr.errors import ConfigError
 
 
@@ -17,19 +18,19 @@ from lava_vpr.errors import ConfigError
 def test_presets_survive_toml_and_dictionaries(name: str, tmp_path: Path) -> None:
     settings_ = c.preset(name)
     path = tmp_path / "a.toml"
-    path.write_text(c.to_toml(settings_))
-    assert c.read_toml(path) == settings_
-    assert c.from_dict(c.to_dict(settings_)) == settings_
+    path.write_text(f.to_toml(settings_))
+    assert f.read_toml(path) == settings_
+    assert f.from_dict(f.to_dict(settings_)) == settings_
 
 
 @settings(max_examples=30, deadline=None, derandomize=True)
 @given(st.integers(0, 2**63 - 1), st.integers(1, 8), st.floats(0.01, 1000), st.sampled_from(c.INPUT_KINDS))
 def test_any_legal_change_survives(seed: int, bits: int, spikes: float, kind: str) -> None:
-    changed = c.update(
+    changed = f.update(
         c.preset("loihi"),
         {"seed": seed, "network": {"weight_bits": bits}, "encoder": {"query_spikes": spikes, "kind": kind}},
     )
-    assert c.from_dict(c.to_dict(changed)) == changed
+    assert f.from_dict(f.to_dict(changed)) == changed
 
 
 def test_every_number_has_a_range() -> None:
@@ -73,17 +74,17 @@ def test_errors_name_file_setting_and_range(text: str, message: str, tmp_path: P
     path = tmp_path / "bad.toml"
     path.write_text(text)
     with pytest.raises(ConfigError, match=message) as caught:
-        c.read_toml(path)
+        f.read_toml(path)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
 def test_missing_and_binary_files(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"none\.toml: cannot be read \(No such file"):
-        c.read_toml(tmp_path / "none.toml")
+        f.read_toml(tmp_path / "none.toml")
     (tmp_path / "b.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ConfigError, match="not a TOML file"):
-        c.read_toml(tmp_path / "b.toml")
+        f.read_toml(tmp_path / "b.toml")
 
 
 def test_mixed_models_are_refused() -> None:
@@ -94,4 +95,4 @@ def test_mixed_models_are_refused() -> None:
 def test_neurons_follow_the_places_unless_given() -> None:
     base = c.preset("loihi")
     assert base.neurons_for(37) == round(37 * base.network.neurons_per_place)
-    assert c.update(base, {"network": {"neurons": 12}}).neurons_for(37) == 12
+    assert f.update(base, {"network": {"neurons": 12}}).neurons_for(37) == 12

@@ -113,6 +113,7 @@ def test_threads_batches_and_order_do_not_matter() -> None:
         ({"inhibition": 255, "inhibition_exponent": 10}, r"can reach 261,120, but Loihi's .* at most \d+ neurons"),
         ({"bits": 9}, "use 1 to 8 bits"),
         ({"threshold": 1 << 17}, "threshold 131072 does not fit"),
+        ({"steps": 0}, "a presentation of 0 steps holds no input"),
         ({"inhibition": 256}, "inhibition mantissa 256 does not fit"),
     ],
 )

@@ -19,7 +19,8 @@ import pytest
 from browser import visit
 from numpy.typing import NDArray
 
-from lava_vpr.config import Config, to_toml
+from lava_vpr.config import Config
+from lava_vpr.configfile import to_toml
 from lava_vpr.errors import InputError
 from lava_vpr.evaluation import Metrics, evaluate
 from lava_vpr.preprocess import orientation_channels

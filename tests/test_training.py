@@ -10,7 +10,8 @@ import pytest
 from helpers import encoded, small_config, tiny_paper
 
 from lava_vpr import container, model
-from lava_vpr.config import Config, preset, update
+from lava_vpr.config import Config, preset
+from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.errors import InputError, ModelFileError, NetworkLimitError
 from lava_vpr.model import Model

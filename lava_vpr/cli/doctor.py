@@ -13,6 +13,7 @@ from rich.table import Table
 from lava_vpr import __version__, backends
 from lava_vpr.cli.common import console
 from lava_vpr.engine.threads import cores
+from lava_vpr.errors import BackendUnavailableError
 
 NEEDED = {
     "numpy": "arrays",
@@ -68,4 +69,6 @@ def doctor() -> None:
         names.add_row(name, "no" if missing else "yes", what)
     console.print(names)
     if missing:
-        raise click.ClickException(f"{', '.join(missing)} missing; install lava-vpr again: pip install lava-vpr")
+        raise BackendUnavailableError(
+            f"{', '.join(missing)} missing; install again: pip install --force-reinstall lava-vpr"
+        )

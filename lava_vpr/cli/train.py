@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import threading
 import time
 from pathlib import Path
@@ -21,7 +22,8 @@ from lava_vpr.cli.common import (
     seed_type,
     stderr,
 )
-from lava_vpr.config import INPUT_KINDS, PRESETS, Config, preset, read_toml, update
+from lava_vpr.config import INPUT_KINDS, PRESETS, Config, preset
+from lava_vpr.configfile import read_toml, update
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import ModelFileError
 from lava_vpr.model import Model
@@ -88,7 +90,8 @@ def train(
     model = _with_progress(encoded, config, len(whole[0]), jobs or cores(), checkpoint, resume)
     seconds = time.perf_counter() - started
     model_file.save(model, output)
-    checkpoint.unlink(missing_ok=True)
+    for file in (checkpoint, *output.parent.glob(f".{glob.escape(checkpoint.name)}.*.tmp")):  # killed in mid-write
+        file.unlink(missing_ok=True)
     _report(model, output, seconds)
 
 

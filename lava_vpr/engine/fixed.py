@@ -100,6 +100,8 @@ class FixedNetwork:
         """
         if not 1 <= self.bits <= 8 or (self.weights.size and int(self.weights.max()) >= 1 << self.bits):
             raise NetworkLimitError(f"weights need {self.bits} bits to hold {int(self.weights.max())}; use 1 to 8 bits")
+        if self.steps < 1:
+            raise NetworkLimitError(f"a presentation of {self.steps} steps holds no input; use at least 1")
         if not 0 < self.threshold < THRESHOLD_LIMIT:
             raise NetworkLimitError(
                 f"threshold {self.threshold} does not fit 1..{THRESHOLD_LIMIT - 1}; lower network.threshold"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.config import to_toml
+from lava_vpr.configfile import to_toml
 from lava_vpr.encoding import EncodedTraverse, rates16
 from lava_vpr.engine import fixed
 from lava_vpr.engine.random import presentation_keys
