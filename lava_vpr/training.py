@@ -18,7 +18,7 @@ from lava_vpr.config import ConductanceLearning, Config, LifNetwork, StdpLearnin
 from lava_vpr.encoding import EncodedTraverse, rates16, training_rates
 from lava_vpr.engine import conductance, fixed, quantise, stdp
 from lava_vpr.engine.random import presentation_key, presentation_keys
-from lava_vpr.errors import ConfigError, InputError
+from lava_vpr.errors import ConfigError, InputError, NetworkLimitError
 from lava_vpr.model import Model, Stretch
 
 
@@ -161,6 +161,8 @@ def train(
     """
     check_references(references)
     stretches = split(len(references[0]), config)
+    if len(stretches) > 1 and not isinstance(config.network, LifNetwork):
+        raise ConfigError("the conductance model learns a route in one network; use --stretch 0")
     kind = LifTrainer if isinstance(config.network, LifNetwork) else ConductanceTrainer
     trainers: list[StretchTrainer] = [kind(config, stretch, k) for k, stretch in enumerate(stretches)]
     store = Checkpoint(checkpoint, fingerprint(references, config), interval)
@@ -182,8 +184,13 @@ def train(
             store.update(number, epoch + 1, trainer.state())
 
     _run(learn, len(stretches), jobs, stop, store)
-    model = _finish(references, config, stretches, trainers, route_images or len(references[0]), jobs)
-    return model
+    try:
+        return _finish(references, config, stretches, trainers, route_images or len(references[0]), jobs)
+    except NetworkLimitError:
+        # Only other settings help, and those cannot go on from here.
+        if checkpoint is not None:
+            checkpoint.unlink(missing_ok=True)
+        raise
 
 
 def _run(learn: Callable[[int], None], stretches: int, jobs: int, stop: threading.Event, store: Checkpoint) -> None:
@@ -276,8 +283,8 @@ def _finish(
         network = integer_network(learned, config, joined=len(stretches) > 1)
         responses = reference_responses(network, references, config, jobs)
     else:
-        if len(stretches) > 1 or not isinstance(trainers[0], ConductanceTrainer):
-            raise ConfigError("the conductance model learns a route in one network; use --stretch 0")
+        if not isinstance(trainers[0], ConductanceTrainer):
+            raise TypeError("the conductance model is learned by a ConductanceTrainer")
         learned, network, responses = np.zeros((0, 0), np.float32), trainers[0].network, trainers[0].responses
     used, covered = coverage(responses)
     places = len(references[0])

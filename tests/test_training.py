@@ -13,7 +13,7 @@ from lava_vpr import container, model
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse
-from lava_vpr.errors import InputError, ModelFileError, NetworkLimitError
+from lava_vpr.errors import ConfigError, InputError, ModelFileError, NetworkLimitError
 from lava_vpr.model import Model
 from lava_vpr.training import Progress, split, train
 
@@ -142,10 +142,16 @@ def test_unequal_references_and_too_short_routes_are_refused() -> None:
         train([], small_config())
 
 
-def test_inhibition_that_could_overflow_is_refused() -> None:
+def test_inhibition_that_could_overflow_is_refused(tmp_path: Path) -> None:
     config = update(small_config(), {"network": {"joined_inhibition": 9000.0}})
     with pytest.raises(NetworkLimitError, match="lateral inhibition of 8 neurons"):
-        train([encoded()], config)
+        train([encoded()], config, checkpoint=tmp_path / "a.checkpoint", interval=0.0)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_conductance_model_refuses_stretches_before_it_learns() -> None:
+    with pytest.raises(ConfigError, match="in one network; use --stretch 0"):
+        train([encoded(inputs=784)], dataclasses.replace(tiny_paper(), stretch=3), progress=stop_after(1))
 
 
 def test_blank_images_learn_nothing_and_say_so() -> None:
