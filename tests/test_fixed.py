@@ -67,9 +67,14 @@ def test_random_networks_spike_and_wrap_often_enough_to_mean_something() -> None
 
 
 def test_32_bit_accumulator_takes_over_where_16_bits_would_overflow() -> None:
-    network = FixedNetwork(np.full((300, 3), 255, np.uint8), 8, 5, 2000, 5, 0, 100, 10)
-    assert network.weights.sum(axis=0, dtype=int).max() > 1 << 15
-    assert compare(network, 0).any()
+    network = FixedNetwork(np.full((500, 2), 255, np.uint8), 8, 5, 2000, 5, 0, 100, 6)
+    rates = np.full((1, 500), 40_000, np.uint16)
+    keys = presentation_keys(0, "query", np.arange(1))
+    spikes = draw_spikes(rates[0], int(keys[0]), network.steps)
+    assert 255 * spikes.sum(axis=1).min() > 1 << 15
+    counts, _, film = count_spikes(network, rates, keys, raster=True)
+    assert counts.any()
+    assert np.array_equal(film[0], present_fixed(network, spikes))
 
 
 def test_events_count_nonzero_synapses() -> None:

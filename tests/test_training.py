@@ -13,6 +13,7 @@ from lava_vpr import container, model
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse
+from lava_vpr.engine.random import presentation_key
 from lava_vpr.errors import ConfigError, InputError, ModelFileError, NetworkLimitError
 from lava_vpr.model import Model
 from lava_vpr.training import Progress, split, train
@@ -169,3 +170,17 @@ def test_progress_tells_what_was_learned() -> None:
     assert len(whole) == 2 * 5
     assert whole[-1].spikes_per_image > 0
     assert 0 < whole[-1].places_covered <= 4
+
+
+def test_no_two_training_presentations_share_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[int] = []
+
+    def recorded(*words: object) -> int:
+        drawn.append(presentation_key(*words))  # type: ignore[arg-type]
+        return drawn[-1]
+
+    monkeypatch.setattr("lava_vpr.training.presentation_key", recorded)
+    train([encoded(), encoded(), encoded()], small_config())
+    assert len(drawn) == len(set(drawn)) == 3 * 8 * 5
+    roles = {presentation_key(0, role, image) for role in ("response", "query") for image in range(5, 13)}
+    assert not roles & set(drawn)
