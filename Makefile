@@ -3,7 +3,7 @@ SHELL := /bin/sh
 BIN := .venv/bin
 STAMP := .venv/.installed
 
-.PHONY: help demo test test-slow test-all lint format bench recall peers wheel clean
+.PHONY: help demo test test-slow test-all lint format bench recall peers peers-test wheel clean
 .DEFAULT_GOAL := help
 
 help: ## What there is to make
@@ -51,6 +51,9 @@ recall: $(STAMP) ## Recall on real images (LAVA_VPR_DATA)
 
 peers: .venv-peers/.installed ## Side by side with the reference network in Brian2 (an environment of its own)
 	@.venv-peers/bin/python -m benchmarks.peers
+
+peers-test: .venv-peers/.installed ## The tests that hold the paper preset against Brian2
+	@.venv-peers/bin/python -m pytest tests/test_conductance.py -m slow --timeout 1800
 
 wheel: $(STAMP) ## Build the wheel into dist/
 	@rm -rf dist build && $(BIN)/python -m build --quiet --no-isolation --wheel .
