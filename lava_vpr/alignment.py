@@ -20,7 +20,7 @@ def by_number(model: Model, queries: Traverse) -> bool:
 
 
 def choose_queries(model: Model, whole: Traverse, places: tuple[int, int] | None, *, aligned: bool) -> Traverse:
-    """The queries to answer: ``places``, else the model's own range if query i shows place i, else all.
+    """The queries to answer: ``places``; else the model's own range of as many images as its route had; else all.
 
     Args:
         model: The model that answers.
@@ -32,13 +32,19 @@ def choose_queries(model: Model, whole: Traverse, places: tuple[int, int] | None
     """
     if places is not None:
         chosen = whole.between(*places)
-        if aligned and len(chosen) != model.places and not by_number(model, chosen):
+        known = np.isin(chosen.indices, model.place_indices)
+        if aligned and known.any() and not known.all():
+            raise InputError(
+                f"{whole.source}: --places {places[0]}:{places[1]} are partly places of the model and partly not; stay "
+                f"within {model.place_indices[0]}:{model.place_indices[-1] + 1}, or give --gt or --positions"
+            )
+        if aligned and len(chosen) != model.places and not known.all():
             raise InputError(
                 f"{whole.source}: --places {places[0]}:{places[1]} are {len(chosen)} queries for {model.places} "
                 "other places; take as many, or say with --gt or --positions which place each query shows"
             )
         return chosen
-    if not aligned:
+    if not aligned and len(whole) != model.route_images:
         return whole
     if len(whole) != model.route_images:
         raise InputError(

@@ -58,7 +58,7 @@ class Checkpoint:
         if header.get("fingerprint") != self.fingerprint:
             raise ModelFileError(
                 f"{self.path}: was made with other options or images; repeat the original command with --resume, "
-                "or train without --resume"
+                "or delete it and train without --resume"
             )
         self.epochs = {int(k): int(v) for k, v in header["epochs"].items()}
         self.arrays = arrays

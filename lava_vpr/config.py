@@ -129,7 +129,7 @@ class LifNetwork:
             threshold="(0, 10000]",
             inhibition="[0, 10000]",
             joined_inhibition="[0, 10000]",
-            tau_membrane="[1, 4096]",
+            tau_membrane="(1, 4096]",
             drive="(0, 100]",
         )
 
@@ -201,7 +201,7 @@ class StdpLearning:
             threshold="(0, 10000]",
             theta_plus="[0, 1000]",
             inhibition="[0, 10000]",
-            tau_membrane="[1, 4096]",
+            tau_membrane="(1, 4096]",
             floor="[-1000000, 0]",
             hold_steps="[0, 1000]",
         )
@@ -274,7 +274,7 @@ class ConductanceLearning:
     def __post_init__(self) -> None:
         _need(self.rule in ("triplet", "paper"), "learning.rule", self.rule, "triplet or paper with this network")
         _need(self.arithmetic == "float", "learning.arithmetic", self.arithmetic, "float with the paper preset")
-        _within(self, "learning", epochs="[1, 10000]", label_epochs="[1, 10000]", tau_theta_ms="[1, inf]")
+        _within(self, "learning", epochs="[1, 10000]", label_epochs="[1, 10000]", tau_theta_ms="[1, 1e30]")
         _within(
             self,
             "learning",

@@ -87,7 +87,11 @@ def read_toml(path: Path, base: Config | None = None) -> Config:
     except (tomli.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: not a TOML file ({error}); see docs/configuration.md") from None
     try:
-        return from_dict(values) if base is None or "preset" in values else update(base, values)
+        if base is None:
+            return from_dict(values)
+        if values.get("preset", base.preset) != base.preset:
+            raise ConfigError(f"preset is {values['preset']!r}, but --preset says {base.preset!r}; give one of them")
+        return update(base, values)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from lava_vpr import __version__, container
 from lava_vpr.config import Config, LifNetwork
 from lava_vpr.configfile import from_dict, to_dict
+from lava_vpr.decoding import assign
 from lava_vpr.engine.conductance import ConductanceState
 from lava_vpr.engine.fixed import FixedNetwork
 from lava_vpr.errors import LavaVprError, ModelFileError
@@ -79,8 +80,7 @@ class Model:
 
     def neuron_places(self) -> NDArray[np.int64]:
         """Place to which each neuron responds most, int64 (neurons,); -1 for a neuron silent on all references."""
-        best = self.responses.argmax(axis=1)
-        return np.where(self.responses.any(axis=1), best, -1)
+        return assign(self.responses)
 
 
 _ARRAYS = ("learned", "responses", "place_indices", "labels", "patches", "activity", "thumbnails")
@@ -148,11 +148,18 @@ def _assemble(header: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Model:
     )
     places, inputs = model.places, config.encoder.inputs
     for name, shape in {
-        "place_indices": (places,),
         "responses": (network.weights.shape[1], places),
         "activity": (len(model.labels), inputs),
         "patches": (len(model.labels), 28, 28),
+        "thumbnails": (places, 48, 64, 3),
+        "place_indices": (places,),
     }.items():
         if getattr(model, name).shape != shape:
             raise ValueError(f"{name} of shape {getattr(model, name).shape} instead of {shape}")
+    if network.weights.shape[0] != inputs or model.learned.shape not in ((0, 0), network.weights.shape):
+        raise ValueError(f"weights of shape {network.weights.shape} for {inputs} inputs")
+    if isinstance(network, FixedNetwork) and network.weights.dtype != np.uint8:
+        raise ValueError(f"weights of type {network.weights.dtype} instead of uint8")
+    if sorted(set(model.labels.tolist())) != list(range(places)):
+        raise ValueError("labels that are not the places")
     return model

@@ -114,18 +114,42 @@ def split(places: int, config: Config) -> tuple[Stretch, ...]:
     return tuple(stretches)
 
 
-def check_references(references: Sequence[EncodedTraverse]) -> None:
-    """Refuse reference traverses that do not show the same number of places.
+def check_size(places: int, config: Config) -> tuple[Stretch, ...]:
+    """The stretches of a route of ``places``, or a refusal before anything is learned.
+
+    Raises:
+        ConfigError: stretches for a model that cannot be joined.
+        NetworkLimitError: more neurons than one inhibition can serve.
+    """
+    stretches = split(places, config)
+    if not isinstance(config.network, LifNetwork):
+        if len(stretches) > 1:
+            raise ConfigError("the conductance model learns a route in one network; use --stretch 0")
+        return stretches
+    network, joined = config.network, len(stretches) > 1
+    inhibition = network.joined_inhibition if joined else network.inhibition
+    neurons = sum(stretch.neurons for stretch in stretches)
+    most = quantise.most_neurons(network.threshold, inhibition)
+    if neurons > most:
+        raise NetworkLimitError(
+            f"{neurons:,} neurons are more than the {most:,} that one inhibition of {inhibition:g} can serve without "
+            f"overflow; lower network.{'joined_' * joined}inhibition, or learn fewer places"
+        )
+    return stretches
+
+
+def check_references(sizes: Sequence[int]) -> None:
+    """Refuse reference traverses (their numbers of images) that do not show the same number of places.
 
     Raises:
         InputError: none, too few places, or unequal numbers.
     """
-    if not references or len(references[0]) < 2:
+    if not sizes or sizes[0] < 2:
         raise InputError("a route needs at least 2 places; give more reference images")
-    for number, reference in enumerate(references[1:], start=2):
-        if len(reference) != len(references[0]):
+    for number, size in enumerate(sizes[1:], start=2):
+        if size != sizes[0]:
             raise InputError(
-                f"reference traverse {number} has {len(reference)} images, the first has {len(references[0])}: place i "
+                f"reference traverse {number} has {size} images, the first has {sizes[0]}: place i "
                 "must be image i of each; choose with --places A:B or give lists of matching images"
             )
 
@@ -159,10 +183,8 @@ def train(
         ModelFileError: the checkpoint cannot be used or written.
         NetworkLimitError: the trained network could overflow.
     """
-    check_references(references)
-    stretches = split(len(references[0]), config)
-    if len(stretches) > 1 and not isinstance(config.network, LifNetwork):
-        raise ConfigError("the conductance model learns a route in one network; use --stretch 0")
+    check_references([len(reference) for reference in references])
+    stretches = check_size(len(references[0]), config)
     kind = LifTrainer if isinstance(config.network, LifNetwork) else ConductanceTrainer
     trainers: list[StretchTrainer] = [kind(config, stretch, k) for k, stretch in enumerate(stretches)]
     store = Checkpoint(checkpoint, fingerprint(references, config), interval)

@@ -91,6 +91,18 @@ def more_queries(here: Path) -> None:
     write_images(here / "query", 9)
 
 
+def good_list(here: Path) -> None:
+    (here / "list.txt").write_text("ref/img0.png\nref/img1.png\n")
+
+
+def conflicting_presets(here: Path) -> None:
+    (here / "bad.toml").write_text("preset = 'loihi'\n")
+
+
+def endless_theta(here: Path) -> None:
+    (here / "bad.toml").write_text("preset = 'paper'\n[learning]\ntau_theta_ms = inf\n")
+
+
 def one_image(here: Path) -> None:
     write_images(here / "one", 1)
 
@@ -125,7 +137,7 @@ def out_of_range(here: Path) -> None:
 
 
 def overflowing(here: Path) -> None:
-    (here / "bad.toml").write_text(CONFIG.replace("[network]\n", "[network]\ninhibition = 9000.0\n"))
+    (here / "bad.toml").write_text(CONFIG.replace("[network]\n", "[network]\nthreshold = 1.0\ninhibition = 9000.0\n"))
 
 
 def checkpoint(here: Path) -> None:
@@ -198,7 +210,11 @@ DATA = [
     (nothing, "train ref -o n.lvpr --config none.toml", "none.toml: cannot be read"),
     (unknown_setting, "train ref -o n.lvpr --config bad.toml", "bad.toml: network.neuron_count is not a setting"),
     (out_of_range, "train ref -o n.lvpr --config bad.toml", "bad.toml: learning.eta is -3.0, but must be in [0, 10]"),
-    (overflowing, "train ref -o n.lvpr --config bad.toml", "lateral inhibition of 6 neurons can reach"),
+    (
+        overflowing,
+        "train ref -o n.lvpr --config bad.toml",
+        "6 neurons are more than the 1 that",
+    ),
     (nothing, "train ref -o n.lvpr --preset paper --input onoff", "takes encoder.kind 'pixels', not 'onoff'"),
     (nothing, "train ref -o n.lvpr --preset paper --stretch 3 --epochs 1", "in one network; use --stretch 0"),
     (nothing, "train ref -o n.lvpr --preset paper --weight-bits 3", "weight_bits is not a setting"),
@@ -212,7 +228,17 @@ DATA = [
     (empty_model, "eval e.lvpr query", "e.lvpr: the file is empty"),
     (nothing, "eval m.lvpr none", "none: cannot be opened"),
     (one_more_query, "eval m.lvpr query", "query: has 7 queries, the references 6: nothing says which place"),
-    (more_queries, "eval m.lvpr query --places 2:9", "--places 2:9 are 7 queries for 6 other places"),
+    (more_queries, "eval m.lvpr query --places 2:9", "--places 2:9 are partly places of the model and partly not"),
+    (more_queries, "eval m.lvpr query --places 6:9", "--places 6:9 are 3 queries for 6 other places"),
+    (nothing, "train ref -o ref/img0.png", "ref/img0.png: is also an input, which would be replaced"),
+    (good_list, "train list.txt -o list.txt", "list.txt: is also an input, which would be replaced"),
+    (nothing, "train ref -o quick.toml --config quick.toml", "quick.toml: is also an input"),
+    (nothing, "query m.lvpr query -o m.lvpr", "m.lvpr: is also an input, which would be replaced"),
+    (nothing, "query m.lvpr query -o query/img3.png", "query/img3.png: is also an input"),
+    (nothing, "eval m.lvpr query --json m.lvpr", "m.lvpr: is also an input, which would be replaced"),
+    (conflicting_presets, "train ref -o n.lvpr --preset paper --config bad.toml", "give one of them"),
+    (endless_theta, "train ref -o n.lvpr --config bad.toml", "learning.tau_theta_ms is inf"),
+    (nothing, "train ref -o n.lvpr --neurons 100000", "100,000 neurons are more than the"),
     (nothing, "eval m.lvpr query --gt none.txt", "none.txt: "),
     (garbled_gt, "eval m.lvpr query --gt gt.txt", "gt.txt line 2: 'two' is no index"),
     (gt_of_nobody, "eval m.lvpr query --gt gt.json", "gt.json: "),

@@ -42,8 +42,9 @@ def test_every_number_has_a_range() -> None:
             for field in dataclasses.fields(part):
                 value = getattr(part, field.name)
                 if isinstance(value, float):
-                    with pytest.raises(ConfigError, match=field.name):
-                        dataclasses.replace(part, **{field.name: float("nan")})
+                    for bad in (float("nan"), float("inf")):
+                        with pytest.raises(ConfigError, match=field.name):
+                            dataclasses.replace(part, **{field.name: bad})
                 if isinstance(value, (int, float)):
                     with pytest.raises(ConfigError):
                         dataclasses.replace(part, **{field.name: -(10**9)})

@@ -63,6 +63,12 @@ def _rewrite(path: Path, change: str) -> None:
         arrays["responses"] = arrays["responses"][:, :3]
     elif change == "settings":
         header["config"]["network"]["weight_bits"] = 77
+    elif change == "fewer inputs":
+        arrays["network.weights"] = arrays["network.weights"][:100]
+    elif change == "labels":
+        arrays["labels"] = arrays["labels"] + 1
+    elif change == "shift":
+        header["fixed"]["shift"] = -1
     elif change == "weights":
         arrays["network.weights"] = np.full_like(arrays["network.weights"], 255)
     container.save(path, "model", header, arrays)
@@ -84,6 +90,9 @@ def _rewrite(path: Path, change: str) -> None:
         ("array missing", r"lacks or garbles 'responses'"),
         ("array shape", r"responses of shape \(8, 3\) instead of \(8, 8\)"),
         ("settings", r"cannot be used \(network\.weight_bits is 77"),
+        ("fewer inputs", r"weights of shape \(100, 8\) for 1568 inputs"),
+        ("labels", r"labels that are not the places"),
+        ("shift", r"shift -1 does not fit 0\.\.31"),
         ("weights", r"cannot be used \(weights need 3 bits to hold 255"),
     ],
 )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lava_vpr.config import LifNetwork
-from lava_vpr.engine.quantise import MEAN_WEIGHT, equalise, quantise
+from lava_vpr.engine.quantise import MEAN_WEIGHT, equalise, most_neurons, quantise
 from lava_vpr.errors import ConfigError, NetworkLimitError
 
 
@@ -50,11 +50,20 @@ def test_joined_networks_use_their_own_inhibition_and_overflow_is_refused() -> N
     assert big.lateral == pytest.approx(60 / 10 * big.threshold, rel=0.02)
 
 
-@pytest.mark.parametrize(("neurons", "limit"), [(100, 1 << 15), (500, 1 << 15), (1000, 1 << 15), (2000, 1 << 17)])
-def test_the_unit_follows_the_number_of_neurons(neurons: int, limit: int) -> None:
+@pytest.mark.parametrize(
+    ("neurons", "limit", "least"), [(100, 1 << 15, 129), (500, 1 << 15, 64), (1000, 1 << 15, 32), (5000, 1 << 17, 16)]
+)
+def test_the_unit_follows_the_number_of_neurons(neurons: int, limit: int, least: int) -> None:
     """Up to 1000 neurons the inhibition fits Loihi 1's accumulator; beyond, Loihi 2's current."""
-    network = quantise(equalise(learned(neurons)), LifNetwork(), 20.0, joined=neurons > 100)
+    weights = np.tile(equalise(learned(50)), neurons // 50)
+    network = quantise(weights, LifNetwork(), 20.0, joined=neurons > 100)
     assert (neurons - 1) * network.lateral < limit
-    assert network.threshold >= 32
-    coarser = network.shift and neurons == 100
-    assert not coarser or network.threshold > 128
+    assert network.threshold >= least
+
+
+def test_what_is_refused_at_once_could_not_have_fitted() -> None:
+    most = most_neurons(10.0, 5.0)
+    assert 10_000 < most < 20_000
+    weights = np.tile(equalise(learned(10)), -(-most // 10) + 1)
+    with pytest.raises(NetworkLimitError, match="lateral inhibition"):
+        quantise(weights, LifNetwork(), 20.0, joined=True)

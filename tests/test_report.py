@@ -137,7 +137,7 @@ def test_a_report_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, monk
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(os, "replace", full)
+    monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(InputError, match=r"\(No space left on device\)") as caught:
         write_report(example(2, **WORDS), tmp_path)
     assert "\n" not in str(caught.value)

@@ -143,10 +143,21 @@ def test_unequal_references_and_too_short_routes_are_refused() -> None:
         train([], small_config())
 
 
-def test_inhibition_that_could_overflow_is_refused(tmp_path: Path) -> None:
-    config = update(small_config(), {"network": {"joined_inhibition": 9000.0}})
-    with pytest.raises(NetworkLimitError, match="lateral inhibition of 8 neurons"):
-        train([encoded()], config, checkpoint=tmp_path / "a.checkpoint", interval=0.0)
+def test_inhibition_that_could_overflow_is_refused_before_anything_is_learned() -> None:
+    config = update(small_config(), {"network": {"threshold": 1.0, "joined_inhibition": 9000.0}})
+    with pytest.raises(NetworkLimitError, match="8 neurons are more than the 1 that one inhibition of 9000 can serve"):
+        train([encoded()], config, progress=stop_after(1))
+
+
+def test_a_network_that_turns_out_too_large_leaves_no_checkpoint(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise NetworkLimitError("too large")
+
+    monkeypatch.setattr("lava_vpr.training.integer_network", refuse)
+    with pytest.raises(NetworkLimitError, match="too large"):
+        train([encoded()], small_config(), checkpoint=tmp_path / "a.checkpoint", interval=0.0)
     assert not list(tmp_path.iterdir())
 
 

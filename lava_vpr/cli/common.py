@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 from collections.abc import Callable, Iterator
@@ -11,13 +12,15 @@ from typing import Any, TypeVar
 
 import click
 from rich.console import Console
+from rich.measure import Measurement
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
 
 from lava_vpr import backends
 from lava_vpr.config import EncoderConfig
 from lava_vpr.container import write_atomically
 from lava_vpr.encoding import EncodedTraverse, encode_traverse
-from lava_vpr.errors import InputError
+from lava_vpr.errors import InputError, ModelFileError
 from lava_vpr.traverse import Traverse
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -60,9 +63,18 @@ def answer_options(command: F) -> F:
 
 
 seed_type = click.IntRange(0, 2**63 - 1)
-PATH = click.Path(path_type=Path)
-console = Console(highlight=False, soft_wrap=True)
-stderr = Console(stderr=True, highlight=False, soft_wrap=True)
+PATH = click.Path(path_type=Path, readable=False)  # what cannot be read is told with exit code 1, as all data
+
+
+class _Console(Console):
+    """rich's console, but a reader who has gone away is left to `OneLineGroup`."""
+
+    def on_broken_pipe(self) -> None:
+        raise BrokenPipeError
+
+
+console = _Console(highlight=False, soft_wrap=True)
+stderr = _Console(stderr=True, highlight=False, soft_wrap=True)
 
 
 @contextmanager
@@ -96,21 +108,45 @@ def encode(traverse: Traverse, encoder: EncoderConfig) -> EncodedTraverse:
         return encode_traverse(traverse, encoder, lambda n: advance(n, ""))
 
 
-def check_writable(path: Path) -> None:
-    """Refuse an output that cannot be written before any work is done.
+def check_writable(path: Path, *inputs: Path | str | None) -> None:
+    """Refuse an output that cannot be written, or that would replace an input, before any work is done.
 
+    Args:
+        path: The output.
+        inputs: Files and folders that are read.
     Raises:
-        InputError: its folder is missing or closed to us, or it is a folder itself.
+        InputError: its folder is missing or closed to us, it is no file, or it is one of the inputs.
     """
     if path.is_dir():
         raise InputError(f"{path}: is a folder; name a file")
     if path.exists() and not path.is_file():
         raise InputError(f"{path}: is a device or pipe, which would be replaced; name a file")
-    folder = path.parent
-    if not folder.is_dir():
-        raise InputError(f"{path}: the folder {folder} does not exist; create it first")
-    if not os.access(folder, os.W_OK):
-        raise InputError(f"{path}: no permission to write in {folder}; choose another place")
+    target = Path(os.path.realpath(path))
+    if any(given is not None and target == Path(os.path.realpath(given)) for given in inputs):
+        raise InputError(f"{path}: is also an input, which would be replaced; name another file")
+    if not target.parent.is_dir():
+        raise InputError(f"{path}: the folder {path.parent} does not exist; create it first")
+    if not os.access(target.parent, os.W_OK):
+        raise InputError(f"{path}: no permission to write in {path.parent}; choose another place")
+
+
+@contextmanager
+def only_one(path: Path) -> Iterator[None]:
+    """Hold ``path`` for this process: two that write the same model would lose each other's work.
+
+    Raises:
+        ModelFileError: another process holds it.
+    """
+    lock = path.with_name(f".{path.name}.lock")
+    with lock.open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise ModelFileError(f"{path}: another training is writing it; wait, or choose another name") from None
+        try:
+            yield
+        finally:
+            lock.unlink(missing_ok=True)
 
 
 def check_folder(path: Path) -> None:
@@ -124,6 +160,12 @@ def check_folder(path: Path) -> None:
     existing = next(folder for folder in (path, *path.absolute().parents) if folder.is_dir())
     if not os.access(existing, os.W_OK):
         raise InputError(f"{path}: no permission to write in {existing}; choose another place")
+
+
+def print_whole(table: Table) -> None:
+    """Print a table at its own width: on a narrow terminal lines wrap, but no figure is cut."""
+    width = Measurement.get(console, console.options.update(width=200), table).maximum
+    _Console(highlight=False, soft_wrap=True, width=max(console.width, width)).print(table, crop=False)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -49,7 +49,7 @@ def doctor() -> None:
     )
     table = Table(show_header=True, title="packages", title_justify="left")
     for column in ("package", "version", "what for"):
-        table.add_column(column, no_wrap=column != "what for")
+        table.add_column(column, no_wrap=column != "what for", overflow="fold")
     missing = []
     for package, purpose in NEEDED.items():
         found = version(package)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 
 import click
 import numpy as np
+from numpy.typing import NDArray
 from rich.table import Table
 
 from lava_vpr import model as model_file
@@ -19,6 +21,7 @@ from lava_vpr.cli.common import (
     encode,
     every_option,
     places_option,
+    print_whole,
     stderr,
     write_json,
 )
@@ -27,7 +30,7 @@ from lava_vpr.evaluation import Metrics
 from lava_vpr.groundtruth import read_ground_truth
 from lava_vpr.model import Model
 from lava_vpr.recognition import BASELINES, Recognition, as_json, recognise
-from lava_vpr.traverse import open_traverse
+from lava_vpr.traverse import Traverse, open_traverse
 
 
 @click.command("eval")
@@ -99,25 +102,16 @@ def evaluate(
             "--tolerance counts places along the route; --gt and --positions say themselves what is correct"
         )
     if json_path is not None:
-        check_writable(json_path)
+        check_writable(json_path, model_path, query, gt, *(positions or ()), *(descriptors or ()))
     if report_folder is not None:
         check_folder(report_folder)
     model = model_file.load(model_path)
     traverse = choose_queries(
         model, open_traverse(query, every=every), places, aligned=gt is None and positions is None
     )
-    if gt is not None:
-        truth = read_ground_truth(gt, traverse.indices, model.place_indices)
-    elif positions is not None and radius is not None:
-        truth = positions_truth(model, traverse, positions, radius)
-    else:
-        truth = aligned_truth(model, traverse, tolerance)
-        if not by_number(model, traverse):
-            stderr.print(
-                f"note: images {traverse.indices[0]}:{traverse.indices[-1] + 1} are taken, in order, as the places "
-                f"{model.place_indices[0]}:{model.place_indices[-1] + 1}",
-                markup=False,
-            )
+    if json_path is not None:
+        check_writable(json_path, *traverse.paths)
+    truth = _truth(model, traverse, gt, positions, radius, tolerance)
     queries = encode(traverse, model.config.encoder)
     result = recognise(
         model,
@@ -130,16 +124,45 @@ def evaluate(
         descriptors=descriptors,
         threads=cores(),
     )
-    print_table(model, result, sequence)
-    if json_path is not None:
+    if json_path is not None:  # files first: whoever reads the table may go away
         write_json(json_path, as_json(model, result))
+    page = None
     if report_folder is not None:
         # matplotlib takes a second to import: only those who want a report wait for it.
         from lava_vpr.report import write_report
         from lava_vpr.report.build import report_data
 
-        path = write_report(report_data(model, queries, result, command_line(ctx), sequence, seed), report_folder)
-        console.print(f"report: {path}", markup=False)
+        page = write_report(report_data(model, queries, result, command_line(ctx), sequence, seed), report_folder)
+    print_table(model, result, sequence)
+    if page is not None:
+        console.print(f"report: {page}", markup=False)
+
+
+def _truth(
+    model: Model,
+    queries: Traverse,
+    gt: Path | None,
+    positions: tuple[Path, Path] | None,
+    radius: float | None,
+    tolerance: int,
+) -> NDArray[np.bool_]:
+    """Which places are correct for which query, bool (queries, places); what is assumed is told on stderr."""
+    if gt is not None:
+        truth = read_ground_truth(gt, queries.indices, model.place_indices)
+    elif positions is not None and radius is not None:
+        truth = positions_truth(model, queries, positions, radius)
+    else:
+        truth = aligned_truth(model, queries, tolerance)
+        if not by_number(model, queries):
+            stderr.print(
+                f"note: images {queries.indices[0]}:{queries.indices[-1] + 1} are taken, in order, as the places "
+                f"{model.place_indices[0]}:{model.place_indices[-1] + 1}",
+                markup=False,
+            )
+    without = int(np.count_nonzero(~truth.any(axis=1)))
+    if without:
+        stderr.print(f"note: {without} of {len(truth)} queries show none of the places; they count as not recalled")
+    return truth
 
 
 def _percent(value: float) -> str:
@@ -160,7 +183,7 @@ def print_table(model: Model, result: Recognition, sequence: int = 1) -> None:
     names = [result.default, *(name for name in result.metrics if name != result.default)]
     for name in names:
         table.add_row(name + (" *" if name == result.default else ""), *_row(result.metrics[name]))
-    console.print(table)
+    print_whole(table)
 
 
 def _row(metrics: Metrics) -> list[str]:
@@ -192,4 +215,4 @@ def command_line(ctx: click.Context) -> str:
             words += [word for one in shown for word in (param.opts[-1], one)]
         else:
             words += [param.opts[-1], *shown]
-    return " ".join(words)
+    return shlex.join(words)

@@ -69,7 +69,7 @@ def query(
     """
     if min_confidence is not None and np.isnan(min_confidence):
         raise click.UsageError("--min-confidence is not a number")
-    check_writable(output)
+    check_writable(output, model_path, images)
     model = model_file.load(model_path)
     whole = open_traverse(images, every=every)
     traverse = whole.between(*places) if places else whole
@@ -77,6 +77,7 @@ def query(
         raise InputError(
             f"{images}: has {len(traverse)} images, fewer than --sequence {sequence}; use a shorter sequence"
         )
+    check_writable(output, *traverse.paths)
     queries = encode(traverse, model.config.encoder)
     counts, _ = count_query_spikes(model, queries, backend=backend, seed=seed, threads=cores())
     matches, confidence = answer(model, counts, sequence)

@@ -17,6 +17,7 @@ from lava_vpr.cli.common import (
     console,
     encode,
     every_option,
+    only_one,
     places_option,
     progress_bar,
     seed_type,
@@ -27,7 +28,7 @@ from lava_vpr.configfile import read_toml, update
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import ModelFileError
 from lava_vpr.model import Model
-from lava_vpr.training import Progress, check_references, split
+from lava_vpr.training import Progress, check_references, check_size, split
 from lava_vpr.training import train as train_model
 from lava_vpr.traverse import open_traverse
 
@@ -76,22 +77,28 @@ def train(
     MODEL in a .checkpoint file, from which --resume goes on.
     """
     config = settings(preset_name, config_file, options)
-    check_writable(output)
+    check_writable(output, config_file, *references)
     checkpoint = output.with_name(output.name + ".checkpoint")
-    if checkpoint.exists() and not resume:
-        raise ModelFileError(
-            f"{checkpoint}: an interrupted training can go on from here; add --resume, or delete the file to start over"
-        )
-    whole = [open_traverse(source, every=every) for source in references]
-    chosen = [traverse.between(*places) if places else traverse for traverse in whole]
-    encoded = [encode(traverse, config.encoder) for traverse in chosen]
-    check_references(encoded)
-    started = time.perf_counter()
-    model = _with_progress(encoded, config, len(whole[0]), jobs or cores(), checkpoint, resume)
-    seconds = time.perf_counter() - started
-    model_file.save(model, output)
-    for file in (checkpoint, *output.parent.glob(f".{glob.escape(checkpoint.name)}.*.tmp")):  # killed in mid-write
-        file.unlink(missing_ok=True)
+    with only_one(output):
+        if checkpoint.exists() and not resume:
+            raise ModelFileError(
+                f"{checkpoint}: an interrupted training can go on from here; add --resume, or delete the file to "
+                "start over"
+            )
+        if resume and not checkpoint.exists():
+            raise ModelFileError(f"{checkpoint}: there is no checkpoint to resume from; train without --resume")
+        whole = [open_traverse(source, every=every) for source in references]
+        chosen = [traverse.between(*places) if places else traverse for traverse in whole]
+        check_writable(output, *(path for traverse in chosen for path in traverse.paths))
+        check_references([len(traverse) for traverse in chosen])
+        check_size(len(chosen[0]), config)
+        encoded = [encode(traverse, config.encoder) for traverse in chosen]
+        started = time.perf_counter()
+        model = _with_progress(encoded, config, len(whole[0]), jobs or cores(), checkpoint, resume)
+        seconds = time.perf_counter() - started
+        model_file.save(model, output)
+        for file in (checkpoint, *output.parent.glob(f".{glob.escape(checkpoint.name)}.*.tmp")):  # killed in mid-write
+            file.unlink(missing_ok=True)
     _report(model, output, seconds)
 
 
@@ -173,3 +180,7 @@ def _report(model: Model, output: Path, seconds: float) -> None:
         f"{figures['places_covered']:.0f} of {model.places} places covered\nmodel: {output}",
         markup=False,
     )
+    if not figures["neurons_used"]:
+        stderr.print(
+            "warning: no neuron spikes for any place, so nothing can be recognised; check the images and settings"
+        )

@@ -20,7 +20,6 @@ Source: Hussaini, Milford, Fischer 2022 (doi 10.1109/LRA.2022.3149030) and the r
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal
@@ -32,6 +31,7 @@ from lava_vpr.config import ConductanceLearning, ConductanceNetwork, Config
 from lava_vpr.engine.conductance_kernels import FROZEN, PAPER, TRIPLET, Constants, Network, draw_spikes, normalise
 from lava_vpr.engine.conductance_run import present
 from lava_vpr.engine.random import presentation_key, uniform
+from lava_vpr.engine.threads import share
 from lava_vpr.errors import ConfigError, InputError
 
 EXC_TAU_MS, INH_TAU_MS = 100.0, 10.0
@@ -247,12 +247,6 @@ def count_spikes(
             present(net, np.array(state.theta_mv, np.float64), traces, FROZEN, longest, c, counts[q], raw)
         return raw
 
-    size = max(1, -(-n // max(1, threads)))
-    parts = [slice(start, min(n, start + size)) for start in range(0, n, size)]
-    if len(parts) <= 1:
-        totals = [run(part) for part in parts]
-    else:
-        with ThreadPoolExecutor(len(parts)) as pool:
-            totals = list(pool.map(run, parts))
+    totals = share(run, n, threads)
     raw = np.sum(totals, axis=0, dtype=np.int64) if totals else np.zeros(4, np.int64)
     return counts, _events(raw, neurons, n, c)

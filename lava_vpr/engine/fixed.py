@@ -24,22 +24,11 @@ from numpy.typing import NDArray
 from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
 from lava_vpr.engine.threads import share
 from lava_vpr.errors import NetworkLimitError
-from lava_vpr.loihi import INPUT_LIMIT, STATE_LIMIT, THRESHOLD_LIMIT, WEIGHT_LIMIT
+from lava_vpr.loihi import DECAY_BITS, INPUT_LIMIT, STATE_LIMIT, THRESHOLD_LIMIT, WEIGHT_LIMIT
 
 _PADDING = 32
 SILENT_STEPS = 3
 """After the last input: to exc (1), to its relay (2), to the others (3)."""
-
-EVENT_NAMES = (
-    "synaptic_operations",
-    "synaptic_operations_dense",
-    "neuron_updates",
-    "input_spikes",
-    "exc_spikes",
-    "inh_spikes",
-    "messages",
-    "steps",
-)
 
 
 @dataclass(frozen=True)
@@ -100,6 +89,9 @@ class FixedNetwork:
         """
         if not 1 <= self.bits <= 8 or (self.weights.size and int(self.weights.max()) >= 1 << self.bits):
             raise NetworkLimitError(f"weights need {self.bits} bits to hold {int(self.weights.max())}; use 1 to 8 bits")
+        for name, most in (("shift", 31), ("decay", 1 << DECAY_BITS), ("inhibition_exponent", 24)):
+            if not 0 <= getattr(self, name) <= most:
+                raise NetworkLimitError(f"{name} {getattr(self, name)} does not fit 0..{most}; train the model again")
         if self.steps < 1:
             raise NetworkLimitError(f"a presentation of {self.steps} steps holds no input; use at least 1")
         if not 0 < self.threshold < THRESHOLD_LIMIT:

@@ -44,7 +44,7 @@ def normalise(weights: NDArray[np.float32], mean: float) -> None:
 
 
 def trace_table(steps: int, tau: float) -> NDArray[np.float32]:
-    """Trace k steps after its input's spike, k < steps; by repeated multiplication, the same on every machine."""
+    """Trace k steps after its input's spike, k = 0 .. steps; by repeated multiplication, the same on every machine."""
     decay = round(math.exp(-1.0 / tau), 12)
     table = np.empty(steps + 1, np.float64)
     value = 1.0

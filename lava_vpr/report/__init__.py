@@ -6,10 +6,9 @@ not computed already, so that the report and the JSON never disagree.
 
 from __future__ import annotations
 
-import contextlib
-import os
 from pathlib import Path
 
+from lava_vpr.container import write_atomically
 from lava_vpr.errors import InputError
 from lava_vpr.report.data import Figures, Raster, ReportData
 from lava_vpr.report.html import page
@@ -28,14 +27,10 @@ def write_report(data: ReportData, folder: Path) -> Path:
     """
     content = page(data).encode("utf-8", "replace")
     target = folder / "report.html"
-    temporary = folder / f".report.html.{os.getpid()}.tmp"
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        temporary.write_bytes(content)
-        os.replace(temporary, target)
+        write_atomically(target, lambda file: file.write(content))
     except OSError as error:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
         raise InputError(
             f"{target}: the report cannot be written ({error.strerror or error}); "
             "give a folder that can be written and has space left"

@@ -32,7 +32,7 @@ def report_data(
         "steps": str(config.network.steps),
         "input": f"{config.encoder.inputs} ({config.encoder.kind})",
         "preset": config.preset,
-        "seed": str(config.seed),
+        "seed": str(config.seed if seed is None else seed),
     }
     if sequence > 1:
         summary["sequences of"] = str(sequence)
