@@ -52,7 +52,7 @@ def main(sections: str, epochs: int) -> None:
         first, end = (int(number) for number in section.split(":"))
         started = time.perf_counter()
         model = learn((first, end), paper)
-        repeats = min(3, epochs)
+        repeats = min(paper.learning.label_epochs, epochs)  # type: ignore[union-attr]
         console.print(f"{section}, paper, {epochs} epochs in {time.perf_counter() - started:.0f} s:")
         console.print(f"    {describe(model, repeats)}")
         result = answer(model, (first, end))

@@ -1,6 +1,6 @@
 """Recall on real images: Nordland, summer learned, winter recognised, exact matches only.
 
-    LAVA_VPR_DATA=... python -m benchmarks.recall [--seeds 0,1,2] [--bits]
+    LAVA_VPR_DATA=... python -m benchmarks.recall [--seeds 0,1,2] [--bits] [--inputs] [--preset loihi]
 
 Places 0:200 chose the settings, 200:500 did not: they are printed apart. Every row is the mean over its sections and
 seeds; each seed draws its own start weights and its own noise in training, in the references' responses and in queries.

@@ -101,13 +101,19 @@ def recognise(
         descriptors: .npy files of reference and query descriptors, one row per image in use.
         threads: Does not change the result.
     """
-    counts, events = count_query_spikes(model, queries, backend=backend, seed=seed, threads=threads)
-    default = model.config.decoder.default
+    # What files or options can be wrong about comes first, before the work.
     if sequence > 1:
         truth = matching.sequence_truth(truth, sequence)
+    others: dict[str, NDArray[np.float64]] = {}
+    if descriptors is not None:
+        others["descriptors"] = baselines.descriptor_similarities(
+            *descriptors, n_references=len(model.labels), n_queries=len(queries), labels=model.labels
+        )
+    counts, events = count_query_spikes(model, queries, backend=backend, seed=seed, threads=threads)
+    default = model.config.decoder.default
     kept, metrics = {}, {}
     # One matrix at a time: of long routes, all of them together would not fit small memories.
-    for name, scores in _every_matcher(model, queries, counts, rivals, descriptors):
+    for name, scores in _every_matcher(model, queries, counts, rivals, others):
         matrix = matching.sequence_scores(scores, sequence) if sequence > 1 else scores
         sure = decoding.confidence("sequence" if sequence > 1 else name, matrix)
         metrics[name] = evaluate(matrix, sure, truth)
@@ -132,9 +138,9 @@ def _every_matcher(
     queries: EncodedTraverse,
     counts: NDArray[np.int32],
     rivals: Sequence[str],
-    descriptors: tuple[Path, Path] | None,
+    others: dict[str, NDArray[np.float64]],
 ) -> Iterator[tuple[str, NDArray[np.float64]]]:
-    """Name and scores (n, places) of every decoder and of the wanted baselines, one after another."""
+    """Name and scores (n, places) of every decoder, of the wanted baselines and of ``others``, one after another."""
     for name in DECODERS:
         yield name, decode(model, counts, name)
     if "sad" in rivals:
@@ -142,13 +148,7 @@ def _every_matcher(
     if "cosine" in rivals:
         own, other = (query_rates(activity, model.config) for activity in (model.activity, queries.activity))
         yield "cosine", baselines.cosine_similarities(own, other, model.labels)
-    if descriptors is not None:
-        yield (
-            "descriptors",
-            baselines.descriptor_similarities(
-                *descriptors, n_references=len(model.labels), n_queries=len(queries), labels=model.labels
-            ),
-        )
+    yield from others.items()
 
 
 def as_json(model: Model, result: Recognition) -> dict[str, Any]:

@@ -136,7 +136,7 @@ def test_sequences(here: Path) -> None:
     Path("gt.json").write_text(json.dumps({str(k): k if k < 4 else [] for k in range(8)}))
     assert recall(figures("query", "--gt", "gt.json")) == 4 / 8
     assert recall(figures("query", "--gt", "gt.json", "--sequence", 3)) == 4 / 6
-    assert "8 queries, 8 places, 8 neurons, sequences of 3" in run("eval", "m.lvpr", "query", "--sequence", 3).stdout
+    assert "6 sequences of 3 queries, 8 places, 8 neurons" in run("eval", "m.lvpr", "query", "--sequence", 3).stdout
 
 
 def test_one_baseline_only(here: Path) -> None:

@@ -143,7 +143,10 @@ def test_ctrl_c_keeps_what_was_learned(here: Path) -> None:
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=DEADLINE)
     assert process.returncode == 1
-    assert errors.strip() == "Aborted!"
+    assert errors.split("\n\n") == [
+        "progress is kept in m.lvpr.checkpoint; go on with --resume",
+        "Aborted!\n",
+    ]
     assert not (here / "m.lvpr").exists()
     assert 1 <= epochs_done(here / "m.lvpr.checkpoint") < 300
     assert sorted(p.name for p in here.iterdir()) == ["m.lvpr.checkpoint", "ref"]

@@ -93,14 +93,7 @@ def evaluate(
 
     Without --gt or --positions, query i shows place i, and both must be equally many.
     """
-    if positions is not None and (radius is None or gt is not None):
-        raise click.UsageError("--positions needs --radius M, and excludes --gt")
-    if radius is not None and positions is None:
-        raise click.UsageError("--radius needs --positions REF.csv QUERY.csv")
-    if tolerance and (gt is not None or positions is not None):
-        raise click.UsageError(
-            "--tolerance counts places along the route; --gt and --positions say themselves what is correct"
-        )
+    _check_usage(gt, positions, radius, tolerance)
     if json_path is not None:
         check_writable(json_path, model_path, query, gt, *(positions or ()), *(descriptors or ()))
     if report_folder is not None:
@@ -138,6 +131,18 @@ def evaluate(
         console.print(f"report: {page}", markup=False)
 
 
+def _check_usage(gt: Path | None, positions: tuple[Path, Path] | None, radius: float | None, tolerance: int) -> None:
+    """Refuse options that contradict each other."""
+    if positions is not None and (radius is None or gt is not None):
+        raise click.UsageError("--positions needs --radius M, and excludes --gt")
+    if radius is not None and positions is None:
+        raise click.UsageError("--radius needs --positions REF.csv QUERY.csv")
+    if tolerance and (gt is not None or positions is not None):
+        raise click.UsageError(
+            "--tolerance counts places along the route; --gt and --positions say themselves what is correct"
+        )
+
+
 def _truth(
     model: Model,
     queries: Traverse,
@@ -171,9 +176,8 @@ def _percent(value: float) -> str:
 
 def print_table(model: Model, result: Recognition, sequence: int = 1) -> None:
     """The figures of every matcher in percent, the default decoder first and marked."""
-    title = f"{len(result.counts)} queries, {model.places} places, {model.neurons} neurons"
-    if sequence > 1:
-        title += f", sequences of {sequence}"
+    what = "queries" if sequence == 1 else f"sequences of {sequence} queries"
+    title = f"{len(result.matches)} {what}, {model.places} places, {model.neurons} neurons"
     table = Table(
         title=title, title_justify="left", caption="percent; * the decoder that answers", caption_justify="left"
     )

@@ -94,7 +94,12 @@ def train(
         check_size(len(chosen[0]), config)
         encoded = [encode(traverse, config.encoder) for traverse in chosen]
         started = time.perf_counter()
-        model = _with_progress(encoded, config, len(whole[0]), jobs or cores(), checkpoint, resume)
+        try:
+            model = _with_progress(encoded, config, len(whole[0]), jobs or cores(), checkpoint, resume)
+        except KeyboardInterrupt:
+            if checkpoint.exists():
+                stderr.print(f"progress is kept in {checkpoint}; go on with --resume", markup=False)
+            raise
         seconds = time.perf_counter() - started
         model_file.save(model, output)
         for file in (checkpoint, *output.parent.glob(f".{glob.escape(checkpoint.name)}.*.tmp")):  # killed in mid-write
