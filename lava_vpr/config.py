@@ -145,7 +145,8 @@ class StdpLearning:
     Attributes:
         arithmetic: ``float``; the result is quantised afterwards.
         epochs: Times that every reference image is shown.
-        competition_epochs: How many of them belong to the first phase.
+        competition_epochs: How many of them belong to the first phase, at most half (`competing`). In that phase only
+            the first traverse is shown: it decides who learns what, and every neuron then consolidates all traverses.
         steps: Steps of 1 ms of one training presentation.
         eta, tau_trace, x_target: Learning rate, decay of the presynaptic trace in steps, and the trace below which a
             weight falls, in units of the mean trace of all inputs; first phase.
@@ -207,6 +208,11 @@ class StdpLearning:
         )
         _need(0 < self.mean_weight < self.w_max, "learning.mean_weight", self.mean_weight, "above 0, below w_max")
         _need(0 < self.start_weight <= self.w_max, "learning.start_weight", self.start_weight, "in (0, w_max]")
+
+    @property
+    def competing(self) -> int:
+        """Epochs of the first phase."""
+        return min(self.competition_epochs, max(1, self.epochs // 2))
 
 
 @dataclass(frozen=True)

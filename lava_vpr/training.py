@@ -242,6 +242,17 @@ def _run(learn: Callable[[int], None], stretches: int, jobs: int, stop: threadin
             raise
 
 
+def traverses_shown(config: Config, epoch: int, given: int) -> int:
+    """How many of the ``given`` traverses an epoch shows: while neurons compete for places, the first alone."""
+    competing = isinstance(config.learning, StdpLearning) and epoch < config.learning.competing
+    return 1 if competing else given
+
+
+def presentations(config: Config, places: int, given: int, epochs: int) -> int:
+    """Training presentations of ``places`` places in the first ``epochs`` epochs."""
+    return places * sum(traverses_shown(config, epoch, given) for epoch in range(epochs))
+
+
 def _epoch(
     trainer: StretchTrainer,
     stretch: Stretch,
@@ -253,11 +264,12 @@ def _epoch(
     progress: Callable[[Progress], None] | None,
     stop: threading.Event,
 ) -> bool:
-    """Show every image of one stretch, first traverse first; False if training was stopped."""
+    """Show the images of one stretch, first traverse first; False if training was stopped."""
     counts = np.zeros((stretch.places, stretch.neurons), np.int64)
     shown = 0
     trainer.begin_epoch(epoch)
-    for traverse, reference in enumerate(references):
+    traverses = traverses_shown(config, epoch, len(references))
+    for traverse, reference in enumerate(references[:traverses]):
         for place in range(stretch.places):
             if stop.is_set():
                 return False
@@ -268,7 +280,7 @@ def _epoch(
             counts[place] += trainer.present(rates[traverse][image], key, place, epoch)
             shown += 1
             if progress is not None:
-                progress(_progress(number, epoch, shown, counts, shown == stretch.places * len(references)))
+                progress(_progress(number, epoch, shown, counts, shown == stretch.places * traverses))
     return True
 
 

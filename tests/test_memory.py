@@ -57,7 +57,8 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.slow
 def test_many_queries_of_a_short_route(place: Path) -> None:
     peak(place, "train", "summer.txt", "--places", f"0:{FILES}", "-o", "short.lvpr", "--config", "quick.toml")
-    needed = peak(place, "eval", "short.lvpr", "winter.txt", "--gt", "gt.json", "--json", "short.json")
+    chosen = ("--places", f"0:{IMAGES}", "--gt", "gt.json")
+    needed = peak(place, "eval", "short.lvpr", "winter.txt", *chosen, "--json", "short.json")
     assert json.loads((place / "short.json").read_text())["queries"] == IMAGES
     assert needed < LIMIT / 2
 

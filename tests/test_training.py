@@ -16,7 +16,7 @@ from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.random import presentation_key
 from lava_vpr.errors import ConfigError, InputError, ModelFileError, NetworkLimitError
 from lava_vpr.model import Model
-from lava_vpr.training import Progress, split, train
+from lava_vpr.training import Progress, presentations, split, train
 
 
 class KilledError(Exception):
@@ -192,6 +192,21 @@ def test_no_two_training_presentations_share_noise(monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr("lava_vpr.training.presentation_key", recorded)
     train([encoded(), encoded(), encoded()], small_config())
-    assert len(drawn) == len(set(drawn)) == 3 * 8 * 5
+    # Two epochs of the first traverse alone, three of all.
+    assert len(drawn) == len(set(drawn)) == 2 * 8 + 3 * 3 * 8
     roles = {presentation_key(0, role, image) for role in ("response", "query") for image in range(5, 13)}
     assert not roles & set(drawn)
+
+
+def test_several_traverses_are_learned_by_the_same_neurons() -> None:
+    """The first traverse decides who learns what; the others are consolidated by the same neurons."""
+    config = update(small_config(), {"stretch": 20, "network": {"steps": 150}, "learning": {"epochs": 8, "steps": 200}})
+    first, second = encoded(16), encoded(16, noise=1.0)
+    seen: list[Progress] = []
+    both = train([first, second], config, progress=seen.append)
+    assert len(seen) == presentations(config, 16, 2, 8) == 16 * (4 + 2 * 4)
+    assert both.training["places_covered"] >= 15
+    alone = train([first], config)
+    assert both.training["places_covered"] >= alone.training["places_covered"] - 1
+    own = alone.neuron_places()[both.neuron_places() >= 0]
+    assert np.mean(own == both.neuron_places()[both.neuron_places() >= 0]) > 0.7

@@ -28,7 +28,7 @@ from lava_vpr.configfile import read_toml, update
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import ModelFileError
 from lava_vpr.model import Model
-from lava_vpr.training import Progress, check_references, check_size, split
+from lava_vpr.training import Progress, check_references, check_size, presentations, split
 from lava_vpr.training import train as train_model
 from lava_vpr.traverse import open_traverse
 
@@ -135,11 +135,11 @@ def _with_progress(
     encoded: list[Any], config: Config, route_images: int, jobs: int, checkpoint: Path, resume: bool
 ) -> Model:
     """Train under a progress bar that tells spikes per image, neurons used and places covered."""
-    epochs, per_epoch = config.learning.epochs, len(encoded[0]) * len(encoded)
+    epochs, given = config.learning.epochs, len(encoded)
     stretches = split(len(encoded[0]), config)
     lock = threading.Lock()
     pending = [0, time.monotonic()]
-    with progress_bar("learning", epochs * per_epoch) as advance:
+    with progress_bar("learning", presentations(config, len(encoded[0]), given, epochs)) as advance:
 
         def show(state: Progress) -> None:
             with lock:
@@ -159,7 +159,7 @@ def _with_progress(
                 pending[0], pending[1] = 0, now
 
         def resumed(done: dict[int, int]) -> None:
-            advance(sum(stretches[k].places * len(encoded) * epoch for k, epoch in done.items()), "")
+            advance(sum(presentations(config, stretches[k].places, given, epoch) for k, epoch in done.items()), "")
             finished = ", ".join(f"stretch {k + 1}: {epoch} of {epochs}" for k, epoch in sorted(done.items()))
             stderr.print(f"resuming from {checkpoint}; epochs done: {finished}", markup=False)
 

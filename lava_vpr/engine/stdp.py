@@ -192,9 +192,9 @@ class Trainer:
 
     def begin_epoch(self, epoch: int) -> None:
         """To be called before the first image of every epoch (from 0): chooses the phase."""
-        if epoch == self.learning.competition_epochs:
+        if epoch == self.learning.competing:
             self.state.theta *= np.float32(self.learning.consolidation_threshold)
-        self._phase = self._competition if epoch < self.learning.competition_epochs else self._consolidation
+        self._phase = self._competition if epoch < self.learning.competing else self._consolidation
 
     def present(self, rates: NDArray[np.uint16], key: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
         """Normalise, show one image, learn.
