@@ -26,8 +26,8 @@ class Recognition:
 
     Attributes:
         default: Name of the decoder that answers.
-        scores: Scores of the default decoder and of the baselines, float64 (n, places), higher is better. With
-            sequences, row and column are the first query and place of each window.
+        scores: Scores of the default decoder and of the baselines, float64 (n, places), higher is better, if they were
+            to be kept. With sequences, row and column are the first query and place of each window.
         metrics: Figures by matcher.
         truth: bool (n, places).
         matches: The default decoder's place of each query, -1 for none, int64 (n,).
@@ -87,6 +87,7 @@ def recognise(
     rivals: Sequence[str] = BASELINES,
     descriptors: tuple[Path, Path] | None = None,
     threads: int = 1,
+    keep_scores: bool = True,
 ) -> Recognition:
     """Answer every query and hold the answers against the truth.
 
@@ -100,6 +101,7 @@ def recognise(
         rivals: Baselines to compute, of `BASELINES`.
         descriptors: .npy files of reference and query descriptors, one row per image in use.
         threads: Does not change the result.
+        keep_scores: Whether the result holds matrices of scores, which a report draws.
     """
     # What files or options can be wrong about comes first, before the work.
     if sequence > 1:
@@ -111,7 +113,8 @@ def recognise(
         )
     counts, events = count_query_spikes(model, queries, backend=backend, seed=seed, threads=threads)
     default = model.config.decoder.default
-    kept, metrics = {}, {}
+    kept: dict[str, NDArray[np.float64]] = {}
+    metrics = {}
     # One matrix at a time: of long routes, all of them together would not fit small memories.
     for name, scores in _every_matcher(model, queries, counts, rivals, others):
         matrix = matching.sequence_scores(scores, sequence) if sequence > 1 else scores
@@ -119,7 +122,7 @@ def recognise(
         metrics[name] = evaluate(matrix, sure, truth)
         if name == default:
             matches, confidence = decoding.best(matrix), sure
-        if name == default or name not in DECODERS:
+        if keep_scores and (name == default or name not in DECODERS):
             kept[name] = matrix
     return Recognition(
         default=default,
@@ -141,7 +144,8 @@ def _every_matcher(
     others: dict[str, NDArray[np.float64]],
 ) -> Iterator[tuple[str, NDArray[np.float64]]]:
     """Name and scores (n, places) of every decoder, of the wanted baselines and of ``others``, one after another."""
-    for name in DECODERS:
+    # The default's matrix is kept, so it comes last.
+    for name in sorted(DECODERS, key=lambda name: name == model.config.decoder.default):
         yield name, decode(model, counts, name)
     if "sad" in rivals:
         yield "sad", -baselines.sad_distances(model.patches, queries.patches, model.labels)

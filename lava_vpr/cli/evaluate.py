@@ -116,6 +116,7 @@ def evaluate(
         rivals=rivals or BASELINES,
         descriptors=descriptors,
         threads=cores(),
+        keep_scores=report_folder is not None,
     )
     if json_path is not None:  # files first: whoever reads the table may go away
         write_json(json_path, as_json(model, result))
