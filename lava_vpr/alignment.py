@@ -33,7 +33,7 @@ def choose_queries(model: Model, whole: Traverse, places: tuple[int, int] | None
     if places is not None:
         chosen = whole.between(*places)
         known = np.isin(chosen.indices, model.place_indices)
-        if aligned and known.any() and not known.all():
+        if aligned and known.any() and not known.all() and len(whole) == model.route_images:
             raise InputError(
                 f"{whole.source}: --places {places[0]}:{places[1]} are partly places of the model and partly not; stay "
                 f"within {model.place_indices[0]}:{model.place_indices[-1] + 1}, or give --gt or --positions"

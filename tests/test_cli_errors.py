@@ -31,6 +31,8 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (root / "quick.toml").write_text(CONFIG)
     result = run("train", root / "ref", "-o", root / "m.lvpr", "--config", root / "quick.toml")
     assert result.exit_code == 0, result.output
+    part = run("train", root / "ref", "-o", root / "m4.lvpr", "--config", root / "quick.toml", "--places", "0:4")
+    assert part.exit_code == 0, part.output
     return root
 
 
@@ -228,7 +230,8 @@ DATA = [
     (empty_model, "eval e.lvpr query", "e.lvpr: the file is empty"),
     (nothing, "eval m.lvpr none", "none: cannot be opened"),
     (one_more_query, "eval m.lvpr query", "query: has 7 queries, the references 6: nothing says which place"),
-    (more_queries, "eval m.lvpr query --places 2:9", "--places 2:9 are partly places of the model and partly not"),
+    (nothing, "eval m4.lvpr query --places 2:6", "--places 2:6 are partly places of the model and partly not"),
+    (more_queries, "eval m.lvpr query --places 2:9", "--places 2:9 are 7 queries for 6 other places"),
     (more_queries, "eval m.lvpr query --places 6:9", "--places 6:9 are 3 queries for 6 other places"),
     (nothing, "train ref -o ref/img0.png", "ref/img0.png: is also an input, which would be replaced"),
     (good_list, "train list.txt -o list.txt", "list.txt: is also an input, which would be replaced"),
