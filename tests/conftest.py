@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 import pytest
+from commands import link_route, make_route
 
 
 @pytest.fixture(scope="session")
@@ -15,3 +16,16 @@ def data_root() -> Path:
     if not root or not (Path(root) / "data").is_dir():
         pytest.skip("needs real images: set LAVA_VPR_DATA to the folder that holds data/ and oracle/")
     return Path(root)
+
+
+@pytest.fixture(scope="session")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A synthetic route and a model of it; never written to."""
+    return make_route(tmp_path_factory.mktemp("made") / "w")
+
+
+@pytest.fixture
+def here(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of its own to work in, which sees what was made."""
+    monkeypatch.chdir(tmp_path)
+    return link_route(made, tmp_path)

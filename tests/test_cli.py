@@ -14,26 +14,13 @@ from pathlib import Path
 import click
 import pytest
 from click.testing import CliRunner
-from commands import CONFIG, PLACES, images, link_route, listed, make_route, recall, run
+from commands import CONFIG, PLACES, images, listed, recall, run
 from imagefiles import video
 
 from lava_vpr import __version__, model
 from lava_vpr.cli import main
 
 ROOT = Path(__file__).resolve().parent.parent
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A synthetic route and a model of it; never written to."""
-    return make_route(tmp_path_factory.mktemp("made") / "w")
-
-
-@pytest.fixture
-def here(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder of its own to work in, which sees what was made."""
-    monkeypatch.chdir(tmp_path)
-    return link_route(made, tmp_path)
 
 
 # --- demo, synth, doctor, help ---------------------------------------------------------------------------------------

@@ -9,27 +9,13 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import pytest
 from click.testing import CliRunner
-from commands import figures, images, link_route, listed, make_route, matches, recall, run
+from commands import figures, images, listed, matches, recall, run
 
 from lava_vpr.cli import main
 
 FIGURES = {"recall_at_1", "recall_at_n", "recall_at_100_precision", "precision_at_100_recall", "auc"}
 DECODERS = ["standard", "weighted", "probability", "weighted_probability", "contrast"]
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A synthetic route and a model of it; never written to."""
-    return make_route(tmp_path_factory.mktemp("made") / "w")
-
-
-@pytest.fixture
-def here(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder of its own to work in, which sees what was made."""
-    monkeypatch.chdir(tmp_path)
-    return link_route(made, tmp_path)
 
 
 # --- eval ------------------------------------------------------------------------------------------------------------
