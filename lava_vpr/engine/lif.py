@@ -1,0 +1,206 @@
+"""Leaky integrate-and-fire neurons and dense synapses in Loihi's integers, one step at a time.
+
+The arithmetic is that of the bit-accurate models of lava-nc 0.10 (its ``proc/lif`` and ``proc/dense``), with
+M = 2^23 and D(x, k) = sign(x) (|x| k >> 12)::
+
+    u' = D(u, 4096 - (du + 1)) + (a << 6);   u' > M -> u' - 2M;   u' <= -M -> u' + 2M
+    v' = clip(D(v, 4096 - dv) + u' + b, +-(M - 1));   b = mantissa << exponent   (>> when it is negative)
+    spike = v' > (threshold << 6);   v'[spike] = 0
+
+and, what Lava's LIF lacks and learning needs: ``v'`` is floored, held at 0 for some steps after a spike, and each spike
+may raise its neuron's threshold.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.errors import NetworkLimitError
+from lava_vpr.loihi import DECAY_BITS, INPUT_SHIFT, STATE_LIMIT, THRESHOLD_LIMIT, WEIGHT_BITS, WEIGHT_LIMIT
+
+SignMode = Literal["null", "mixed", "excitatory", "inhibitory"]
+NO_FLOOR = -STATE_LIMIT
+"""Below every membrane: no floor."""
+
+
+def need(condition: bool, name: str, value: Any, limit: str) -> None:
+    """Refuse a parameter that the chip's registers cannot hold.
+
+    Raises:
+        NetworkLimitError: naming the parameter, its value and its range.
+    """
+    if not condition:
+        raise NetworkLimitError(f"{name} is {value}, but must be {limit}; choose a value that Loihi's registers hold")
+
+
+@dataclass(frozen=True)
+class LifParameters:
+    """Settings that a population of neurons shares.
+
+    Attributes:
+        du, dv: Decays of current and membrane in units of 2^-12, 0..4095 (du = 4095: currents have no memory; dv may be
+            4096: neither has the membrane).
+        floor: Lower bound of the membrane, in the units of its threshold; None: none.
+        hold_steps: Steps after a spike in which the membrane stays at 0.
+        theta_plus: What a spike adds to its neuron's threshold.
+    """
+
+    du: int = 4095
+    dv: int = 0
+    floor: int | None = None
+    hold_steps: int = 0
+    theta_plus: int = 0
+
+    def check(self) -> None:
+        """Refuse what the registers cannot hold.
+
+        Raises:
+            NetworkLimitError: a parameter is out of its range.
+        """
+        need(0 <= self.du < 1 << DECAY_BITS, "du", self.du, f"in 0..{(1 << DECAY_BITS) - 1}")
+        need(0 <= self.dv <= 1 << DECAY_BITS, "dv", self.dv, f"in 0..{1 << DECAY_BITS}")
+        bound = STATE_LIMIT >> INPUT_SHIFT
+        need(self.floor is None or -bound < self.floor <= 0, "floor", self.floor, f"in {1 - bound}..0")
+        need(self.hold_steps >= 0, "hold_steps", self.hold_steps, "at least 0")
+        need(0 <= self.theta_plus < THRESHOLD_LIMIT, "theta_plus", self.theta_plus, f"in 0..{THRESHOLD_LIMIT - 1}")
+
+    @property
+    def constants(self) -> NDArray[np.int64]:
+        """What `lif_step` takes: factors of u and v, floor in units of v, hold, theta_plus."""
+        unity = 1 << DECAY_BITS
+        floor = NO_FLOOR if self.floor is None else self.floor << INPUT_SHIFT
+        return np.array([unity - self.du - 1, unity - self.dv, floor, self.hold_steps, self.theta_plus], np.int64)
+
+
+def check_thresholds(threshold: NDArray[Any] | int) -> None:
+    """Refuse thresholds that 17 bits cannot hold.
+
+    Raises:
+        NetworkLimitError: naming the first.
+    """
+    values = np.atleast_1d(np.asarray(threshold))
+    outside = values[(values < 0) | (values >= THRESHOLD_LIMIT) | (values != np.floor(values))]
+    need(
+        not outside.size, "threshold", outside[0] if outside.size else "", f"a whole number in 0..{THRESHOLD_LIMIT - 1}"
+    )
+
+
+def bias_of(mantissa: NDArray[Any] | int, exponent: NDArray[Any] | int) -> NDArray[np.int64]:
+    """Bias in units of v: mantissa << exponent, or >> when that is negative.
+
+    Raises:
+        NetworkLimitError: a mantissa beyond 13 bits and sign, or an exponent beyond -7..7.
+    """
+    mant, exp = np.asarray(mantissa, np.int64), np.asarray(exponent, np.int64)
+    need(bool((np.abs(mant + 0.5) <= 1 << DECAY_BITS).all()), "bias mantissa", mantissa, "in -4096..4095")
+    need(bool((np.abs(exp) <= 7).all()), "bias exponent", exponent, "in -7..7")
+    return np.where(exp >= 0, mant << np.maximum(exp, 0), mant >> np.maximum(-exp, 0))
+
+
+def stored_weights(weights: NDArray[Any], bits: int = WEIGHT_BITS, sign: SignMode = "excitatory") -> NDArray[np.int32]:
+    """Weights as ``bits`` bits of synapse memory hold them: the low bits of 8 become 0, of magnitude for inhibition.
+
+    Args:
+        weights: Whole numbers, any shape: 0..255, -255..0 if inhibitory, -256..255 if mixed.
+        bits: Bits of a weight, 1..8; a mixed sign takes one of them.
+        sign: Sign mode of the whole array.
+    Raises:
+        NetworkLimitError: a weight outside the range. (Lava's Dense clips it without a word.)
+    """
+    values = np.asarray(weights)
+    need(1 <= bits <= WEIGHT_BITS, "num_weight_bits", bits, f"in 1..{WEIGHT_BITS}")
+    low, high = {"mixed": (-WEIGHT_LIMIT - 1, WEIGHT_LIMIT), "inhibitory": (-WEIGHT_LIMIT, 0)}.get(
+        sign, (0, WEIGHT_LIMIT)
+    )
+    outside = values[~((values >= low) & (values <= high)) | (values != np.floor(values))]
+    shown = outside.flat[0] if outside.size else ""
+    need(not outside.size, f"an {sign} weight", shown, f"a whole number in {low}..{high}")
+    whole = values.astype(np.int32)
+    drop = WEIGHT_BITS - bits + (sign == "mixed")
+    return -((-whole >> drop) << drop) if sign == "inhibitory" else (whole >> drop) << drop
+
+
+@nb.njit(cache=True, nogil=True)
+def lif_step(
+    u: NDArray[np.int32],
+    v: NDArray[np.int32],
+    threshold: NDArray[np.int32],
+    held: NDArray[np.int32],
+    drive: NDArray[np.int64],
+    bias: NDArray[np.int64],
+    constants: NDArray[np.int64],
+    spikes: NDArray[np.bool_],
+) -> int:
+    """One step of a population, every array (neurons,).
+
+    Args:
+        u, v: Current and membrane, changed in place.
+        threshold: In units of v >> 6; raised in place by theta_plus for each spike.
+        held: Steps that a membrane still stays at 0, changed in place.
+        drive: Input sums of this step.
+        bias: In units of v.
+        constants: `LifParameters.constants`.
+        spikes: Filled.
+    Returns:
+        How many spike.
+    """
+    limit = np.int64(STATE_LIMIT)
+    keep_u, keep_v, floor, hold, theta_plus = constants[0], constants[1], constants[2], constants[3], constants[4]
+    n = 0
+    for i in range(v.size):
+        current = np.int64(u[i])
+        current = (current * keep_u >> 12) if current >= 0 else -(-current * keep_u >> 12)
+        current += np.int64(drive[i]) << 6
+        wrapped = current - 2 * limit if current > limit else current
+        if wrapped <= -limit:
+            wrapped = current + 2 * limit
+        u[i] = wrapped
+        x = np.int64(v[i])
+        x = (x * keep_v >> 12) if x >= 0 else -(-x * keep_v >> 12)
+        x += np.int64(u[i]) + bias[i]
+        x = min(max(x, 1 - limit), limit - 1)
+        if x < floor:
+            x = floor
+        if held[i] > 0:
+            held[i] -= 1
+            x = np.int64(0)
+        spikes[i] = x > np.int64(threshold[i]) << 6
+        if spikes[i]:
+            x = np.int64(0)
+            held[i] = hold
+            threshold[i] += theta_plus
+            n += 1
+        v[i] = x
+    return n
+
+
+@nb.njit(cache=True, nogil=True)
+def dense_step(
+    rows: NDArray[np.int32],
+    spikes: NDArray[np.bool_],
+    exponent: int,
+    sums: NDArray[np.int64],
+    scratch: NDArray[np.int32],
+) -> None:
+    """Add up the weights of the inputs that spike and shift each sum by ``exponent`` (negative: to the right).
+
+    Args:
+        rows: Stored weights (inputs, neurons).
+        spikes: bool (inputs,).
+        exponent: Lava's ``weight_exp``.
+        sums: Filled, int64 (neurons,).
+        scratch: int32 (neurons,).
+    """
+    scratch[:] = 0
+    for j in range(spikes.size):
+        if spikes[j]:
+            for i in range(scratch.size):
+                scratch[i] += rows[j, i]
+    for i in range(scratch.size):
+        x = np.int64(scratch[i])
+        sums[i] = x << exponent if exponent > 0 else x >> -exponent
