@@ -28,3 +28,15 @@ class NetworkLimitError(LavaVprError):
 
 class BackendUnavailableError(LavaVprError):
     """A backend whose software or device is not here."""
+
+
+class LavaRunError(LavaVprError):
+    """A run of Lava that failed, was killed or took too long.
+
+    Attributes:
+        traceback: The traceback inside Lava, or what its log said last; empty if there is none.
+    """
+
+    def __init__(self, message: str, traceback: str = "") -> None:
+        super().__init__(message)
+        self.traceback = traceback
