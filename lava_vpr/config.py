@@ -143,7 +143,8 @@ class StdpLearning:
     averages the noise of single presentations out of what each neuron has made its own.
 
     Attributes:
-        arithmetic: ``float``; the result is quantised afterwards.
+        arithmetic: ``float``, or ``integer``: Loihi's own (`lava_vpr.engine.integer`). Either result is quantised.
+        theta_update: Thresholds rise with each ``spike``, or all after a ``presentation``.
         epochs: Times that every reference image is shown.
         competition_epochs: How many of them belong to the first phase, at most half (`competing`). In that phase only
             the first traverse is shown: it decides who learns what, and every neuron then consolidates all traverses.
@@ -160,7 +161,8 @@ class StdpLearning:
     """
 
     rule: Literal["stdp"] = "stdp"
-    arithmetic: Literal["float"] = "float"
+    arithmetic: Literal["float", "integer"] = "float"
+    theta_update: Literal["spike", "presentation"] = "spike"
     epochs: int = 8
     competition_epochs: int = 4
     steps: int = 350
@@ -184,7 +186,9 @@ class StdpLearning:
 
     def __post_init__(self) -> None:
         _need(self.rule == "stdp", "learning.rule", self.rule, "stdp with the lif network")
-        _need(self.arithmetic == "float", "learning.arithmetic", self.arithmetic, "float")
+        _need(self.arithmetic in ("float", "integer"), "learning.arithmetic", self.arithmetic, "float or integer")
+        updates = ("spike", "presentation")
+        _need(self.theta_update in updates, "learning.theta_update", self.theta_update, "spike or presentation")
         _within(self, "learning", epochs="[1, 10000]", steps="[1, 100000]")
         _within(
             self,

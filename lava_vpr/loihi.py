@@ -30,3 +30,12 @@ WEIGHT_BITS = 8
 
 WEIGHT_LIMIT = (1 << WEIGHT_BITS) - 1
 """Largest unsigned weight (or mantissa of an inhibitory one)."""
+
+TRACE_LIMIT = (1 << 7) - 1
+"""Largest trace: 7 bits. Source: lava-nc 0.10, ``magma/core/learning``; nengo-loihi 1.1.0, ``discretize.py:23``."""
+
+PRODUCT_MANTISSAS = range(-8, 8)
+"""Scale S of a product S 2^E of a learning rule: 4 bits. Source: lava-nc 0.10, ``magma/core/learning``."""
+
+PRODUCT_EXPONENTS = range(-7, 9)
+"""Its exponent E. Source: as `PRODUCT_MANTISSAS`."""

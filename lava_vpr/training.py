@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from lava_vpr.checkpoint import Checkpoint, fingerprint
 from lava_vpr.config import ConductanceLearning, Config, LifNetwork, StdpLearning
 from lava_vpr.encoding import EncodedTraverse, rates16, training_rates
-from lava_vpr.engine import conductance, fixed, quantise, stdp
+from lava_vpr.engine import conductance, fixed, integer, quantise, stdp
 from lava_vpr.engine.random import presentation_key, presentation_keys
 from lava_vpr.errors import ConfigError, InputError, NetworkLimitError
 from lava_vpr.model import Model, Stretch
@@ -61,6 +61,32 @@ class LifTrainer:
 
     def present(self, rates: NDArray[Any], key: int, place: int, epoch: int) -> NDArray[np.int32]:
         return self._trainer.present(rates, key)[0]
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        return {"weights": self._trainer.state.weights, "theta": self._trainer.state.theta}
+
+    def restore(self, arrays: dict[str, NDArray[Any]]) -> None:
+        for name, value in self.state().items():
+            value[...] = arrays[name]
+
+
+class IntegerLifTrainer:
+    """The same network, learning in Loihi's integers."""
+
+    def __init__(self, config: Config, stretch: Stretch, number: int) -> None:
+        learning, network = config.learning, config.network
+        if not isinstance(learning, StdpLearning) or not isinstance(network, LifNetwork):
+            raise ConfigError("IntegerLifTrainer needs network.model 'lif' and learning.rule 'stdp'")
+        inputs, spikes = config.encoder.inputs, config.encoder.train_spikes
+        self._trainer = integer.IntegerTrainer(
+            inputs, stretch.neurons, learning, spikes, network.drive, config.seed, number
+        )
+
+    def begin_epoch(self, epoch: int) -> None:
+        self._trainer.begin_epoch(epoch)
+
+    def present(self, rates: NDArray[Any], key: int, place: int, epoch: int) -> NDArray[np.int32]:
+        return self._trainer.present(rates, key)
 
     def state(self) -> dict[str, NDArray[Any]]:
         return {"weights": self._trainer.state.weights, "theta": self._trainer.state.theta}
@@ -185,8 +211,7 @@ def train(
     """
     check_references([len(reference) for reference in references])
     stretches = check_size(len(references[0]), config)
-    kind = LifTrainer if isinstance(config.network, LifNetwork) else ConductanceTrainer
-    trainers: list[StretchTrainer] = [kind(config, stretch, k) for k, stretch in enumerate(stretches)]
+    trainers = [_trainer(config, stretch, number) for number, stretch in enumerate(stretches)]
     store = Checkpoint(checkpoint, fingerprint(references, config), interval)
     if resume:
         store.load()
@@ -213,6 +238,14 @@ def train(
         if checkpoint is not None:
             checkpoint.unlink(missing_ok=True)
         raise
+
+
+def _trainer(config: Config, stretch: Stretch, number: int) -> StretchTrainer:
+    """What learns one stretch under ``config``."""
+    if not isinstance(config.network, LifNetwork):
+        return ConductanceTrainer(config, stretch, number)
+    kind = IntegerLifTrainer if config.learning.arithmetic == "integer" else LifTrainer
+    return kind(config, stretch, number)
 
 
 def _run(learn: Callable[[int], None], stretches: int, jobs: int, stop: threading.Event, store: Checkpoint) -> None:
@@ -310,7 +343,7 @@ def _finish(
     network: fixed.FixedNetwork | conductance.ConductanceState
     activity = np.concatenate([reference.activity for reference in references])
     if isinstance(config.network, LifNetwork) and isinstance(config.learning, StdpLearning):
-        parts = [trainer.state()["weights"].copy() for trainer in trainers]
+        parts = [trainer.state()["weights"].astype(np.float32) for trainer in trainers]
         for part in parts:
             stdp.normalise(part, config.learning.mean_weight)
         learned = np.concatenate(parts, axis=1)

@@ -56,6 +56,11 @@ def presentation_key(seed: int, role: str, image_id: int, epoch: int = 0) -> int
     return key
 
 
+def derived_key(key: int, purpose: str) -> int:
+    """The key of another kind of random numbers of the same presentation, named by its ``purpose``."""
+    return _mix((key ^ zlib.crc32(purpose.encode())) + int(GOLDEN) & _MASK)
+
+
 def presentation_keys(seed: int, role: str, image_ids: NDArray[np.int64], epoch: int = 0) -> NDArray[np.uint64]:
     """`presentation_key` of many images, shape (n,)."""
     return np.array([presentation_key(seed, role, int(i), epoch) for i in image_ids], dtype=np.uint64)
