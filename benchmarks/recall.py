@@ -1,6 +1,6 @@
 """Recall on real images: Nordland, summer learned, winter recognised, exact matches only.
 
-    LAVA_VPR_DATA=... python -m benchmarks.recall [--seeds 0,1,2] [--bits] [--inputs] [--preset loihi]
+    LAVA_VPR_DATA=... python -m benchmarks.recall [--seeds 0,1,2] [--bits] [--learning] [--inputs] [--preset loihi]
 
 Places 0:200 chose the settings, 200:500 did not: they are printed apart. Every row is the mean over its sections and
 seeds; each seed draws its own start weights and its own noise in training, in the references' responses and in queries.
@@ -139,6 +139,23 @@ def print_bits(config: Config, seeds: Sequence[int]) -> None:
     console.print(table)
 
 
+def print_learning(config: Config, seeds: Sequence[int]) -> None:
+    """Float learning beside learning in Loihi's integers, and every width of the weights after the latter."""
+    table = _table(f"arithmetic of learning, five sections, seeds {', '.join(map(str, seeds))}")
+    integer = {"arithmetic": "integer"}
+    variants: dict[str, dict[str, Any]] = {
+        "float": {},
+        "integer: 8-bit weights, 7-bit traces": {"learning": integer},
+        "the same, thresholds rise between presentations": {"learning": integer | {"theta_update": "presentation"}},
+    }
+    for bits in (8, 6, 5, 4, 3, 2, 1):
+        variants[f"integer, quantised to {bits} bits"] = {"learning": integer, "network": {"weight_bits": bits}}
+    for name, changes in variants.items():
+        results = sections(update(config, changes), seeds)
+        _row(table, name, (r.metrics[r.default] for rows in results.values() for r in rows))
+    console.print(table)
+
+
 def print_inputs(config: Config, seeds: Sequence[int]) -> None:
     """Every kind of input."""
     table = _table("input kinds, five sections")
@@ -152,9 +169,10 @@ def print_inputs(config: Config, seeds: Sequence[int]) -> None:
 @click.command()
 @click.option("--seeds", default="0,1,2", show_default=True, help="Seeds, separated by commas.")
 @click.option("--bits", is_flag=True, help="Also every width of the weights.")
+@click.option("--learning", is_flag=True, help="Also learning in Loihi's integers, with every width of the weights.")
 @click.option("--inputs", is_flag=True, help="Also every kind of input.")
 @click.option("--preset", "preset_name", default="loihi", show_default=True)
-def main(seeds: str, bits: bool, inputs: bool, preset_name: str) -> None:
+def main(seeds: str, bits: bool, learning: bool, inputs: bool, preset_name: str) -> None:
     """Print recall on real images."""
     config, chosen = preset(preset_name), [int(seed) for seed in seeds.split(",")]
     print_sections(config, chosen)
@@ -162,6 +180,8 @@ def main(seeds: str, bits: bool, inputs: bool, preset_name: str) -> None:
     print_joined(config, chosen)
     if bits:
         print_bits(config, chosen)
+    if learning:
+        print_learning(config, chosen)
     if inputs:
         print_inputs(config, chosen)
 

@@ -6,17 +6,34 @@ counts, bit for bit, on every fixed-point backend.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.configfile import update
+from lava_vpr.configfile import to_dict, update
+from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine import conductance, fixed
+from lava_vpr.engine.conductance import ConductanceState
+from lava_vpr.engine.fixed import SILENT_STEPS, FixedNetwork
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.model import Model
+
+Advance = Callable[[int], None]
+
+
+@dataclass(frozen=True)
+class Trains:
+    """Every spike of some presentations, uint8 (n, steps + 3, width); None where a backend has no such spikes."""
+
+    exc: NDArray[np.uint8] = field(repr=False)
+    inputs: NDArray[np.uint8] | None = field(default=None, repr=False)
+    inh: NDArray[np.uint8] | None = field(default=None, repr=False)
+
+    POPULATIONS = ("inputs", "exc", "inh")
 
 
 class Backend(Protocol):
@@ -39,6 +56,28 @@ class Backend(Protocol):
         """
         ...
 
+    def trains(
+        self, model: Model, rates: NDArray[Any], *, image_ids: NDArray[np.int64], role: str, seed: int
+    ) -> Trains:
+        """The same presentations, every spike of the integer network."""
+        ...
+
+
+def _integer_network(model: Model, steps: int | None, backend: str) -> FixedNetwork:
+    """The model's integer network, for ``steps`` steps.
+
+    Raises:
+        BackendUnavailableError: the model has none.
+    """
+    if not isinstance(model.network, FixedNetwork):
+        raise BackendUnavailableError(
+            f"{backend} runs integer networks, but this model is the float conductance model of preset paper; use "
+            "--backend host or lava-float"
+        )
+    network = model.network if steps is None else replace(model.network, steps=steps)
+    network.check()
+    return network
+
 
 class HostBackend:
     """The compiled engine on this machine's processor."""
@@ -58,24 +97,170 @@ class HostBackend:
     ) -> tuple[NDArray[np.int32], dict[str, int]]:
         """See `Backend.count_spikes`; the result does not depend on the number of threads."""
         keys = presentation_keys(seed, role, image_ids)
-        if isinstance(model.network, fixed.FixedNetwork):
-            network = model.network if steps is None else replace(model.network, steps=steps)
-            network.check()
+        if isinstance(model.network, FixedNetwork):
+            network = _integer_network(model, steps, "host")
             counts, events, _ = fixed.count_spikes(network, rates, keys, threads=self.threads)
             return counts, events
         config = model.config if steps is None else update(model.config, {"network": {"steps": steps}})
         return conductance.count_spikes(model.network, rates, keys, config, threads=self.threads)
 
+    def trains(
+        self, model: Model, rates: NDArray[Any], *, image_ids: NDArray[np.int64], role: str, seed: int
+    ) -> Trains:
+        """See `Backend.trains`. A relay fires one step after its neuron, so its train is that one, shifted."""
+        network = _integer_network(model, None, "host")
+        keys = presentation_keys(seed, role, image_ids)
+        _, _, exc = fixed.count_spikes(network, rates, keys, threads=self.threads, raster=True)
+        inputs = np.zeros((len(rates), network.steps + SILENT_STEPS, network.inputs), np.uint8)
+        for train, own, key in zip(inputs, rates, keys, strict=True):
+            train[: network.steps] = draw_spikes(own, int(key), network.steps)
+        inh = np.zeros_like(exc)
+        inh[:, 1:] = exc[:, :-1]
+        return Trains(exc, inputs, inh)
 
-BACKENDS: dict[str, str] = {"host": "compiled engine on this machine's processor, bit-exact integers"}
+
+@dataclass(frozen=True)
+class LavaBackend:
+    """The network as Lava Processes, in a child process that can be killed.
+
+    Attributes:
+        name: Of the backend.
+        job: Function of `lava_vpr.processes.jobs` that wires and runs the network.
+        tag: Which ProcessModels: ``fixed_pt`` or ``floating_pt``.
+        steps_per_second: Slowest speed that is still taken for progress; decides the time-out.
+        hardware: Run on a board.
+        advance: Told how many presentations are done.
+    """
+
+    name: str
+    job: str
+    tag: str = "fixed_pt"
+    steps_per_second: float = 40.0
+    hardware: bool = False
+    advance: Advance | None = None
+
+    def count_spikes(
+        self,
+        model: Model,
+        rates: NDArray[Any],
+        *,
+        image_ids: NDArray[np.int64],
+        role: str,
+        seed: int,
+        steps: int | None = None,
+    ) -> tuple[NDArray[np.int32], dict[str, int]]:
+        """See `Backend.count_spikes`."""
+        keys = presentation_keys(seed, role, image_ids)
+        if isinstance(model.network, ConductanceState) and self.name == "lava-float":
+            config = model.config if steps is None else update(model.config, {"network": {"steps": steps}})
+            return self._conductance(model.network, rates, keys, config)
+        network = _integer_network(model, steps, self.name)
+        results = self._run(network, rates, keys, record=False)
+        counts = results["counts"].astype(np.int32)
+        if "events" in results:
+            return counts, dict(zip(fixed.EVENTS, (int(x) for x in results["events"]), strict=True))
+        per_input = results["input_spikes"]
+        operations, input_spikes = int(per_input @ network.prepared[1]), int(per_input.sum())
+        return counts, fixed.named_events(network, operations, input_spikes, int(counts.sum()), len(rates))
+
+    def trains(
+        self, model: Model, rates: NDArray[Any], *, image_ids: NDArray[np.int64], role: str, seed: int
+    ) -> Trains:
+        """See `Backend.trains`."""
+        network = _integer_network(model, None, self.name)
+        results = self._run(network, rates, presentation_keys(seed, role, image_ids), record=True)
+        return Trains(**{name: results[name] for name in Trains.POPULATIONS if name in results})
+
+    def _run(
+        self, network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.uint64], *, record: bool
+    ) -> dict[str, NDArray[Any]]:
+        """Run the job on every presentation."""
+        from lava_vpr.processes.runner import run_isolated  # Lava is imported only where it is used
+
+        options: dict[str, Any] = {name: int(getattr(network, name)) for name in fixed.SCALARS}
+        options |= {"tag": self.tag, "record": record, "hardware": self.hardware}
+        arrays = {"weights": network.weights, "rates": np.ascontiguousarray(rates, np.uint16), "keys": keys}
+        steps = len(rates) * (network.steps + SILENT_STEPS)
+        timeout = 120 + steps / self.steps_per_second
+        job = f"lava_vpr.processes.jobs:{self.job}"
+        return run_isolated(job, arrays, options, timeout=timeout, progress=self.advance)
+
+    def _conductance(
+        self, network: ConductanceState, rates: NDArray[np.uint32], keys: NDArray[np.uint64], config: Any
+    ) -> tuple[NDArray[np.int32], dict[str, int]]:
+        """The ``paper`` preset's network as float Processes."""
+        from lava_vpr.processes.runner import run_isolated
+
+        arrays = {
+            "weights": network.weights,
+            "theta_mv": network.theta_mv,
+            "delays": network.delays,
+            "rates": rates,
+            "keys": keys,
+        }
+        steps = len(rates) * (config.network.steps + config.network.rest_steps)
+        results = run_isolated(
+            "lava_vpr.processes.conductance_jobs:conductance",
+            arrays,
+            to_dict(config),
+            timeout=120 + steps / self.steps_per_second,
+            progress=self.advance,
+        )
+        counts = results["counts"].astype(np.int32)
+        return counts, {"exc_spikes": int(counts.sum()), "steps": steps}
 
 
-def get(name: str, threads: int = 1) -> Backend:
-    """The backend called ``name``.
+BACKENDS: dict[str, str] = {
+    "host": "compiled engine on this machine's processor, bit-exact integers",
+    "lava-fixed": "Lava Processes in Loihi's integers, Loihi 2 simulation configuration",
+    "lava-float": "the same Processes in floating point; preset paper, too",
+    "lava-fused": "one Lava Process with the compiled engine, a presentation of many queries a step",
+    "lava-library": "wired from Lava's own LIF, Dense and Sparse alone: what Intel's compiler can place",
+    "loihi2": "that network on a Loihi 2 board",
+}
+
+_LAVA = {
+    "lava-fixed": LavaBackend("lava-fixed", "composed"),
+    "lava-float": LavaBackend("lava-float", "composed", tag="floating_pt"),
+    "lava-fused": LavaBackend("lava-fused", "fused"),
+    "lava-library": LavaBackend("lava-library", "library"),
+    "loihi2": LavaBackend("loihi2", "library", hardware=True),
+}
+
+
+def unavailable(name: str) -> str | None:
+    """Why the backend called ``name`` cannot run here, and what to do; None if it can."""
+    if name not in BACKENDS:
+        return f"there is no backend {name!r}; choose from {', '.join(BACKENDS)}"
+    if name == "host":
+        return None
+    from lava_vpr.processes.lava_checks import loihi_available, require_lava
+
+    try:
+        require_lava()
+    except BackendUnavailableError as error:
+        return str(error)
+    return loihi_available() if name == "loihi2" else None
+
+
+def require(name: str, model: Model | None = None) -> None:
+    """Refuse a backend that cannot run here, or not ``model``, before any work is done.
+
+    Raises:
+        BackendUnavailableError: unknown, its software or device is missing, or it runs no such network.
+    """
+    reason = unavailable(name)
+    if reason is not None:
+        raise BackendUnavailableError(reason)
+    if model is not None and name not in ("host", "lava-float"):
+        _integer_network(model, None, name)
+
+
+def get(name: str, threads: int = 1, advance: Advance | None = None) -> Backend:
+    """The backend called ``name``; ``advance`` is told how many presentations are done by those that are slow.
 
     Raises:
         BackendUnavailableError: unknown, or its software or device is missing.
     """
-    if name not in BACKENDS:
-        raise BackendUnavailableError(f"there is no backend {name!r}; choose from {', '.join(BACKENDS)}")
-    return HostBackend(threads)
+    require(name)
+    return HostBackend(threads) if name == "host" else replace(_LAVA[name], advance=advance)

@@ -15,7 +15,7 @@ from lava_vpr.config import Config, LifNetwork
 from lava_vpr.configfile import from_dict, to_dict
 from lava_vpr.decoding import assign
 from lava_vpr.engine.conductance import ConductanceState
-from lava_vpr.engine.fixed import FixedNetwork
+from lava_vpr.engine.fixed import SCALARS, FixedNetwork
 from lava_vpr.errors import LavaVprError, ModelFileError
 
 
@@ -84,7 +84,6 @@ class Model:
 
 
 _ARRAYS = ("learned", "responses", "place_indices", "labels", "patches", "activity", "thumbnails")
-_FIXED = ("bits", "shift", "threshold", "inhibition", "inhibition_exponent", "decay", "steps")
 
 
 def save(model: Model, path: Path) -> None:
@@ -103,7 +102,7 @@ def save(model: Model, path: Path) -> None:
         "training": model.training,
     }
     if isinstance(model.network, FixedNetwork):
-        header["fixed"] = {name: int(getattr(model.network, name)) for name in _FIXED}
+        header["fixed"] = {name: int(getattr(model.network, name)) for name in SCALARS}
         arrays["network.weights"] = model.network.weights
     else:
         for field in dataclasses.fields(model.network):
@@ -132,7 +131,7 @@ def _assemble(header: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Model:
     config = from_dict(header["config"])
     network: FixedNetwork | ConductanceState
     if isinstance(config.network, LifNetwork):
-        network = FixedNetwork(weights=arrays["network.weights"], **{n: int(header["fixed"][n]) for n in _FIXED})
+        network = FixedNetwork(weights=arrays["network.weights"], **{n: int(header["fixed"][n]) for n in SCALARS})
         network.check()
     else:
         names = [field.name for field in dataclasses.fields(ConductanceState)]

@@ -52,15 +52,24 @@ def decoder_variant(config: Config) -> decoding.Variant:
 
 
 def count_query_spikes(
-    model: Model, queries: EncodedTraverse, *, backend: str = "host", seed: int | None = None, threads: int = 1
+    model: Model,
+    queries: EncodedTraverse,
+    *,
+    backend: str = "host",
+    seed: int | None = None,
+    threads: int = 1,
+    advance: backends.Advance | None = None,
 ) -> tuple[NDArray[np.int32], dict[str, int]]:
-    """Spike counts of every query, int32 (n, neurons), and the run's events; ``seed`` defaults to the model's."""
+    """Spike counts of every query, int32 (n, neurons), and the run's events; ``seed`` defaults to the model's.
+
+    ``advance`` is told how many queries are done by backends that are slow.
+    """
     if queries.activity.shape[1] != model.config.encoder.inputs:
         raise InputError(
             f"queries have {queries.activity.shape[1]} inputs, the model {model.config.encoder.inputs}; encode them "
             "with the model's own settings"
         )
-    return backends.get(backend, threads).count_spikes(
+    return backends.get(backend, threads, advance).count_spikes(
         model,
         query_rates(queries.activity, model.config),
         image_ids=queries.indices,
@@ -88,6 +97,7 @@ def recognise(
     descriptors: tuple[Path, Path] | None = None,
     threads: int = 1,
     keep_scores: bool = True,
+    advance: backends.Advance | None = None,
 ) -> Recognition:
     """Answer every query and hold the answers against the truth.
 
@@ -101,6 +111,7 @@ def recognise(
         rivals: Baselines to compute, of `BASELINES`.
         descriptors: .npy files of reference and query descriptors, one row per image in use.
         threads: Does not change the result.
+        advance: Told how many queries are done, by backends that are slow.
         keep_scores: Whether the result holds matrices of scores, which a report draws.
     """
     # What files or options can be wrong about comes first, before the work.
@@ -111,7 +122,7 @@ def recognise(
         others["descriptors"] = baselines.descriptor_similarities(
             *descriptors, n_references=len(model.labels), n_queries=len(queries), labels=model.labels
         )
-    counts, events = count_query_spikes(model, queries, backend=backend, seed=seed, threads=threads)
+    counts, events = count_query_spikes(model, queries, backend=backend, seed=seed, threads=threads, advance=advance)
     default = model.config.decoder.default
     kept: dict[str, NDArray[np.float64]] = {}
     metrics = {}

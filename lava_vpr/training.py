@@ -145,7 +145,7 @@ def check_size(places: int, config: Config) -> tuple[Stretch, ...]:
 
     Raises:
         ConfigError: stretches for a model that cannot be joined.
-        NetworkLimitError: more neurons than one inhibition can serve.
+        NetworkLimitError: more neurons than one inhibition can serve, or integer learning that could overflow.
     """
     stretches = split(places, config)
     if not isinstance(config.network, LifNetwork):
@@ -161,6 +161,10 @@ def check_size(places: int, config: Config) -> tuple[Stretch, ...]:
             f"{neurons:,} neurons are more than the {most:,} that one inhibition of {inhibition:g} can serve without "
             f"overflow; lower network.{'joined_' * joined}inhibition, or learn fewer places"
         )
+    learning = config.learning
+    if isinstance(learning, StdpLearning) and learning.arithmetic == "integer":
+        inputs, spikes = config.encoder.inputs, config.encoder.train_spikes
+        integer.phases(learning, inputs, max(stretch.neurons for stretch in stretches), spikes, network.drive)
     return stretches
 
 

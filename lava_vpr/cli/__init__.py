@@ -17,6 +17,7 @@ COMMANDS = {
     "train": ("lava_vpr.cli.train", "train", "Learn the places of a route."),
     "eval": ("lava_vpr.cli.evaluate", "evaluate", "Recognise images of known places: recall, precision, baselines."),
     "query": ("lava_vpr.cli.query", "query", "Say which place each image shows."),
+    "verify": ("lava_vpr.cli.verify", "verify", "Compare every spike on every backend."),
     "doctor": ("lava_vpr.cli.doctor", "doctor", "Say what is installed and what can run."),
 }
 
@@ -37,4 +38,5 @@ def main() -> None:
     lava-vpr train SUMMER/ -o route.lvpr               learn a route
     lava-vpr eval route.lvpr WINTER/ --report report   recall, precision, plots
     lava-vpr query route.lvpr TODAY/ -o matches.csv    where was each image taken?
+    lava-vpr verify route.lvpr WINTER/                 the same spikes in Lava as on the host?
     """

@@ -102,6 +102,16 @@ def progress_bar(text: str, total: int) -> Iterator[Callable[[int, str], None]]:
         yield advance
 
 
+@contextmanager
+def backend_progress(backend: str, queries: int) -> Iterator[Callable[[int], None]]:
+    """A bar for the queries that a slow backend answers; the host is done before it would show."""
+    if backend == "host":
+        yield lambda done: None
+        return
+    with progress_bar(f"running {backend}", queries) as advance:
+        yield lambda done: advance(done, "")
+
+
 def encode(traverse: Traverse, encoder: EncoderConfig) -> EncodedTraverse:
     """Read and encode a traverse, with a progress bar."""
     with progress_bar(f"reading {traverse.source}", len(traverse)) as advance:

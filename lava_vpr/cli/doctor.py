@@ -64,9 +64,11 @@ def doctor() -> None:
     console.print(table)
     names = Table(title="backends", title_justify="left")
     for column in ("backend", "can run", "what"):
-        names.add_column(column)
+        names.add_column(column, no_wrap=column != "what", overflow="fold")
     for name, what in backends.BACKENDS.items():
-        names.add_row(name, "no" if missing else "yes", what)
+        reason = backends.unavailable(name)
+        can = reason is None and not missing
+        names.add_row(name, "yes" if can else "no", what if reason is None else f"{what}\n{reason}".replace("[", r"\["))
     console.print(names)
     if missing:
         raise BackendUnavailableError(

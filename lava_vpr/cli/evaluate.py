@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
+from lava_vpr import backends
 from lava_vpr import model as model_file
 from lava_vpr.alignment import aligned_truth, by_number, choose_queries, positions_truth
 from lava_vpr.cli.common import (
     PATH,
     answer_options,
+    backend_progress,
     check_folder,
     check_writable,
     console,
@@ -99,6 +101,7 @@ def evaluate(
     if report_folder is not None:
         check_folder(report_folder)
     model = model_file.load(model_path)
+    backends.require(backend, model)
     traverse = choose_queries(
         model, open_traverse(query, every=every), places, aligned=gt is None and positions is None
     )
@@ -106,18 +109,20 @@ def evaluate(
         check_writable(json_path, *traverse.paths)
     truth = _truth(model, traverse, gt, positions, radius, tolerance)
     queries = encode(traverse, model.config.encoder)
-    result = recognise(
-        model,
-        queries,
-        truth,
-        backend=backend,
-        seed=seed,
-        sequence=sequence,
-        rivals=rivals or BASELINES,
-        descriptors=descriptors,
-        threads=cores(),
-        keep_scores=report_folder is not None,
-    )
+    with backend_progress(backend, len(queries)) as advance:
+        result = recognise(
+            model,
+            queries,
+            truth,
+            backend=backend,
+            seed=seed,
+            sequence=sequence,
+            rivals=rivals or BASELINES,
+            descriptors=descriptors,
+            threads=cores(),
+            keep_scores=report_folder is not None,
+            advance=advance,
+        )
     if json_path is not None:  # files first: whoever reads the table may go away
         write_json(json_path, as_json(model, result))
     page = None

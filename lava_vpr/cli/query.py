@@ -10,11 +10,12 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr import decoding, matching
+from lava_vpr import backends, decoding, matching
 from lava_vpr import model as model_file
 from lava_vpr.cli.common import (
     PATH,
     answer_options,
+    backend_progress,
     check_writable,
     console,
     encode,
@@ -71,6 +72,7 @@ def query(
         raise click.UsageError("--min-confidence is not a number")
     check_writable(output, model_path, images)
     model = model_file.load(model_path)
+    backends.require(backend, model)
     whole = open_traverse(images, every=every)
     traverse = whole.between(*places) if places else whole
     if sequence > len(traverse):
@@ -79,7 +81,8 @@ def query(
         )
     check_writable(output, *traverse.paths)
     queries = encode(traverse, model.config.encoder)
-    counts, _ = count_query_spikes(model, queries, backend=backend, seed=seed, threads=cores())
+    with backend_progress(backend, len(queries)) as advance:
+        counts, _ = count_query_spikes(model, queries, backend=backend, seed=seed, threads=cores(), advance=advance)
     matches, confidence = answer(model, counts, sequence)
     accepted = (matches >= 0) & (confidence >= (-np.inf if min_confidence is None else min_confidence))
     write_text(output, table(model, queries.names, queries.indices, matches, confidence, accepted))

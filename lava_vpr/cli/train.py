@@ -56,6 +56,12 @@ from lava_vpr.traverse import open_traverse
     help="Most places that are learned together; 0: the whole route at once.  [default: 100]",
 )
 @click.option("--weight-bits", type=click.IntRange(1, 8), default=None, help="Bits of one weight.")
+@click.option(
+    "--learning",
+    type=click.Choice(["float", "integer"]),
+    default=None,
+    help="Arithmetic of learning; integer: Loihi's 8-bit weights and 7-bit traces.  [default: float]",
+)
 @click.option("--jobs", type=click.IntRange(1, 1024), default=None, help="Threads (default: all processors).")
 @click.option("--seed", type=seed_type, default=None, help="Seed of start weights and spikes.  [default: 0]")
 @click.option("--resume", is_flag=True, help="Go on from the checkpoint of a training that was interrupted.")
@@ -124,6 +130,7 @@ def settings(preset_name: str | None, config_file: Path | None, options: dict[st
         ("epochs", "learning", "epochs"),
         ("neurons", "network", "neurons"),
         ("weight_bits", "network", "weight_bits"),
+        ("learning", "learning", "arithmetic"),
     ):
         if options.get(name) is not None:
             changes.setdefault(section, {})[key] = options[name]

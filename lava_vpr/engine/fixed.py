@@ -27,6 +27,21 @@ from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import DECAY_BITS, INPUT_LIMIT, STATE_LIMIT, THRESHOLD_LIMIT, WEIGHT_LIMIT
 
 _PADDING = 32
+SCALARS = ("bits", "shift", "threshold", "inhibition", "inhibition_exponent", "decay", "steps")
+"""What `FixedNetwork` holds besides its weights."""
+
+EVENTS = (
+    "synaptic_operations",
+    "synaptic_operations_dense",
+    "neuron_updates",
+    "input_spikes",
+    "exc_spikes",
+    "inh_spikes",
+    "messages",
+    "steps",
+)
+"""What a run counts; see `named_events`."""
+
 SILENT_STEPS = 3
 """After the last input: to exc (1), to its relay (2), to the others (3)."""
 
@@ -220,16 +235,16 @@ def _present(
     events[0], events[1], events[2] = operations, input_spikes, exc_spikes
 
 
-def _events(raw: NDArray[np.int64], network: FixedNetwork, n: int) -> dict[str, int]:
-    """Named events of ``n`` presentations from the kernel's counters.
+def named_events(network: FixedNetwork, operations: int, input_spikes: int, exc_spikes: int, n: int) -> dict[str, int]:
+    """Named events of ``n`` presentations: ``operations`` are those of the input synapses with a weight.
 
     A neuron counts as updated when it has a reason to: excitatory ones in every step from the first that input can
     reach, inhibitory ones when hit. Every spike of the inputs and of both populations is one message (to one core).
     """
-    input_spikes, exc = int(raw[1]), int(raw[2])
+    exc = exc_spikes
     lateral = exc * (network.neurons - 1)
     return {
-        "synaptic_operations": int(raw[0]) + exc + lateral,
+        "synaptic_operations": operations + exc + lateral,
         "synaptic_operations_dense": input_spikes * network.neurons + exc + exc * network.neurons,
         "neuron_updates": n * network.neurons * (network.steps + SILENT_STEPS - 1) + exc,
         "input_spikes": input_spikes,
@@ -273,4 +288,4 @@ def count_spikes(
 
     totals = share(run, n, threads)
     raw = np.sum(totals, axis=0, dtype=np.int64) if totals else np.zeros(3, np.int64)
-    return counts, _events(raw, network, n), film
+    return counts, named_events(network, int(raw[0]), int(raw[1]), int(raw[2]), n), film

@@ -82,7 +82,8 @@ class Rule:
     def microcode(self) -> str:
         """The rule in the notation of Lava's learning rules (``dw``)."""
         factors = f"*(x1-{self.target})" + "*(255-w)" * self.mu
-        return " + ".join(f"{mantissa}*2^{exponent}*y0{factors}" for mantissa, exponent in self.products)
+        terms = [f"{mantissa}*2^{exponent}*y0{factors}" for mantissa, exponent in self.products]
+        return " + ".join(terms).replace("+ -", "- ")  # Lava cannot read a sign after a sign
 
     def decay(self) -> tuple[NDArray[np.uint8], NDArray[np.uint64]]:
         """Of each trace 0..127 one step later: its whole part, and the probability of one more in units of 2^-53.
@@ -93,8 +94,9 @@ class Rule:
         return np.floor(value).astype(np.uint8), np.ceil((value % 1) * 2.0**53).astype(np.uint64)
 
     def table(self) -> NDArray[np.int64]:
-        """What the kernel takes: products (n, 2) of mantissa and left shift."""
-        return np.array([(mantissa, exponent + 7) for mantissa, exponent in self.products], np.int64).reshape(-1, 2)
+        """What the kernel takes: products (n, 2) of mantissa and left shift; -8 2^E is -4 2^(E + 1), as Lava reads it."""
+        read = [(-4, e + 1) if m == -8 and e + 1 in PRODUCT_EXPONENTS else (m, e) for m, e in self.products]
+        return np.array([(mantissa, exponent + 7) for mantissa, exponent in read], np.int64).reshape(-1, 2)
 
 
 def products(rate: float) -> tuple[tuple[int, int], ...]:

@@ -1,0 +1,165 @@
+"""How fast Lava runs the network on this machine, side by side with what it is held against.
+
+    python -m benchmarks.lava_speed
+
+Two comparisons, each alternating the two sides within one run, so that what else the machine does hits both:
+
+- the network composed of this project's Processes against the same network wired from Lava's own library, six Processes
+  each, 784 inputs and 400 neurons, in integers: time steps per second, of the wall clock;
+- the fused Process, one batch of 64 presentations a Lava step, against the host engine on one thread, on a network of
+  the default size (1568 inputs, 100 neurons, 350 steps): presentations per second, of the wall clock.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from lava.magma.core.run_conditions import RunSteps
+from lava.magma.core.run_configs import Loihi2SimCfg
+from lava.proc.dense.process import Dense
+from lava.proc.io.source import RingBuffer
+from lava.proc.lif.process import LIFReset
+from lava.utils.weightutils import SignMode
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+from lava_vpr.encoding import draw_spikes
+from lava_vpr.engine.fixed import FixedNetwork, count_spikes
+from lava_vpr.engine.random import presentation_keys
+from lava_vpr.processes.fused_network.process import FusedPlaceNetwork
+from lava_vpr.processes.place_network.process import RELAY_WEIGHT, PlaceNetwork, stored
+from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
+from lava_vpr.processes.shared import FIXED_TAG, shared_array
+
+ROUNDS = 9
+SPIKES_PER_STEP = 20.0
+ACTIVE = 0.45
+"""Share of the inputs that have a rate, as in real images."""
+CONFIG = {"select_tag": FIXED_TAG, "select_sub_proc_model": True}
+
+console = Console(highlight=False, width=100)
+
+
+def some_network(inputs: int, neurons: int) -> FixedNetwork:
+    """A network of about the weights, threshold and inhibition that training leaves with 3 bits."""
+    rng = np.random.default_rng(0)
+    weights = rng.integers(0, 8, (inputs, neurons)) * (rng.random((inputs, neurons)) < 0.42)
+    network = FixedNetwork(weights.astype(np.uint8), 3, 0, 87, 80, 0, 137, 350)
+    network.check()
+    return network
+
+
+def some_input(network: FixedNetwork, n: int) -> tuple[NDArray[np.uint16], NDArray[np.uint64]]:
+    """Rates and keys of ``n`` images."""
+    rng = np.random.default_rng(1)
+    rates = rng.random((n, network.inputs)) * (rng.random((n, network.inputs)) < ACTIVE)
+    rates *= 65536 * SPIKES_PER_STEP / rates.sum(axis=1, keepdims=True)
+    return rates.astype(np.uint16), presentation_keys(0, "query", np.arange(n))
+
+
+def start_composed(network: FixedNetwork, n: int) -> tuple[Any, PlaceNetwork]:
+    """The Process to run, and the network behind it: our own six Processes."""
+    rates, keys = some_input(network, n)
+    encoder, composed = PoissonEncoder(rates=rates, keys=keys, steps=network.steps), PlaceNetwork(network=network)
+    encoder.s_out.connect(composed.s_in)
+    return encoder, composed
+
+
+def start_library(network: FixedNetwork, n: int) -> tuple[Any, LIFReset]:
+    """The same from Lava's library: RingBuffer, Dense, LIF, Dense, LIF, Dense."""
+    rates, keys = some_input(network, n)
+    interval, neurons = network.steps + 3, network.neurons
+    trains = np.zeros((n, interval, network.inputs), np.int32)
+    for train, own, key in zip(trains, rates, keys, strict=True):
+        train[: network.steps] = draw_spikes(own, int(key), network.steps)
+    weights, bits, exponent = stored(network)
+    reset = {"reset_interval": interval, "reset_offset": 1}
+    excitatory, one = {"sign_mode": SignMode.EXCITATORY}, np.eye(neurons, dtype=np.int64)
+    source = RingBuffer(data=trains.reshape(n * interval, -1).T)
+    excite = Dense(weights=weights, num_weight_bits=bits, weight_exp=exponent, **excitatory)
+    exc = LIFReset(shape=(neurons,), du=4095, dv=network.decay, vth=network.threshold, **reset)
+    relay = Dense(weights=RELAY_WEIGHT * one, **excitatory)
+    inh = LIFReset(shape=(neurons,), du=4095, dv=4095, vth=0, **reset)
+    inhibit = Dense(weights=network.lateral * (one - 1), sign_mode=SignMode.INHIBITORY)
+    source.s_out.connect(excite.s_in)
+    excite.a_out.connect(exc.a_in)
+    exc.s_out.connect(relay.s_in)
+    relay.a_out.connect(inh.a_in)
+    inh.s_out.connect(inhibit.s_in)
+    inhibit.a_out.connect(exc.a_in)
+    return source, exc
+
+
+def alternate(first: Callable[[], object], second: Callable[[], object], rounds: int) -> NDArray[np.float64]:
+    """Seconds of each call, (2, rounds); after one call each, which starts and compiles."""
+    times = np.zeros((2, rounds + 1))
+    for turn in range(rounds + 1):
+        for side, run in ((0, first), (1, second)) if turn % 2 else ((1, second), (0, first)):
+            started = time.perf_counter()
+            run()
+            times[side, turn] = time.perf_counter() - started
+    return times[:, 1:]
+
+
+def composed_and_library(rounds: int = ROUNDS) -> tuple[NDArray[np.float64], int]:
+    """Seconds of a presentation, (2, rounds), ours first; and its steps."""
+    network = some_network(784, 400)
+    interval = network.steps + 3
+    (source, ours), (theirs, library) = start_composed(network, rounds + 1), start_library(network, rounds + 1)
+    step = {"condition": RunSteps(num_steps=interval)}
+    times = alternate(
+        lambda: source.run(**step, run_cfg=Loihi2SimCfg(**CONFIG)),
+        lambda: theirs.run(**step, run_cfg=Loihi2SimCfg(**CONFIG)),
+        rounds,
+    )
+    equal = np.array_equal(ours.v.get(), library.v.get())
+    source.stop()
+    theirs.stop()
+    if not equal:
+        raise SystemExit("the two networks differ")
+    return times, interval
+
+
+def fused_and_host(rounds: int = ROUNDS, batch: int = 64, batches: int = 10) -> tuple[NDArray[np.float64], int]:
+    """Seconds of ``batches`` batches, (2, rounds), the fused Process first; and their presentations."""
+    network = some_network(1568, 100)
+    n = batch * batches
+    rates, keys = some_input(network, n)
+    every = (np.tile(rates, (rounds + 1, 1)), np.tile(keys, rounds + 1))
+    counts = shared_array((len(every[0]), network.neurons), np.int32)
+    fused = FusedPlaceNetwork(network=network, rates=every[0], keys=every[1], batch=batch, counts=counts)
+    expected: list[NDArray[np.int32]] = []
+
+    def host() -> None:
+        """As many batches, one after the other."""
+        parts = [slice(start, start + batch) for start in range(0, n, batch)]
+        expected[:] = [count_spikes(network, rates[part], keys[part])[0] for part in parts]
+
+    step = {"condition": RunSteps(num_steps=batches), "run_cfg": Loihi2SimCfg(**CONFIG)}
+    times = alternate(lambda: fused.run(**step), host, rounds)
+    fused.stop()
+    if not np.array_equal(counts, np.tile(np.concatenate(expected), (rounds + 1, 1))):
+        raise SystemExit("the fused Process and the host engine differ")
+    return times, n
+
+
+def main() -> None:
+    """Print both comparisons."""
+    table = Table("", "per second, median", "least .. most", "ratio of medians")
+    for names, (times, units) in (
+        (("composed Processes: time steps", "Lava's library"), composed_and_library()),
+        (("fused Process: presentations", "host engine, one thread"), fused_and_host()),
+    ):
+        rates = units / times
+        ratio = np.median(rates[0]) / np.median(rates[1])
+        for name, own, last in zip(names, rates, (f"{ratio:.2f}", ""), strict=True):
+            table.add_row(name, f"{np.median(own):,.0f}", f"{own.min():,.0f} .. {own.max():,.0f}", last)
+    console.print(table)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,114 @@
+"""``lava-vpr verify``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+
+import click
+from rich.table import Table
+
+from lava_vpr import backends
+from lava_vpr import model as model_file
+from lava_vpr.alignment import aligned_truth, choose_queries
+from lava_vpr.cli.common import (
+    PATH,
+    check_writable,
+    console,
+    encode,
+    every_option,
+    places_option,
+    print_whole,
+    progress_bar,
+    seed_type,
+    write_json,
+)
+from lava_vpr.engine.threads import cores
+from lava_vpr.errors import InputError
+from lava_vpr.traverse import open_traverse
+from lava_vpr.verification import Verdict
+from lava_vpr.verification import verify as verify_spikes
+
+
+@click.command("verify")
+@click.argument("model_path", metavar="MODEL", type=PATH)
+@click.argument("query", type=str)
+@places_option("Query images A..B-1 (default: the model's own range).")
+@every_option
+@click.option(
+    "--limit", type=click.IntRange(min=1), default=20, show_default=True, metavar="N", help="Queries, from the first."
+)
+@click.option(
+    "--backend",
+    "names",
+    type=click.Choice(list(backends.BACKENDS)),
+    multiple=True,
+    help="Backend to compare with the host (default: all).",
+)
+@click.option("--seed", type=seed_type, default=None, help="Seed of the queries' spikes (default: the model's).")
+@click.option("--json", "json_path", type=PATH, default=None, metavar="FILE", help="Write the verdicts as JSON.")
+def verify(
+    model_path: Path,
+    query: str,
+    places: tuple[int, int] | None,
+    every: float,
+    limit: int,
+    names: tuple[str, ...],
+    seed: int | None,
+    json_path: Path | None,
+) -> None:
+    """Run the same queries on every backend and compare every spike with the host's.
+
+    Exits with 1 if a single spike differs. A float backend has no equal spikes; its recall is printed.
+    """
+    if json_path is not None:
+        check_writable(json_path, model_path, query)
+    model = model_file.load(model_path)
+    traverse = choose_queries(model, open_traverse(query, every=every), places, aligned=True)
+    if json_path is not None:
+        check_writable(json_path, *traverse.paths)
+    # The truth of all queries, then the first of them: fewer queries than places would be refused as not aligned.
+    truth = aligned_truth(model, traverse)[:limit]
+    queries = encode(traverse.take(range(min(limit, len(traverse)))), model.config.encoder)
+    chosen = ("host", *(name for name in names if name != "host")) if names else tuple(backends.BACKENDS)
+    with ExitStack() as bars:
+
+        def begin(name: str) -> Callable[[int], None]:
+            bars.close()
+            advance = bars.enter_context(progress_bar(f"running {name}", len(queries)))
+            return lambda done: advance(done, "")
+
+        verdicts = verify_spikes(model, queries, truth, names=chosen, seed=seed, threads=cores(), begin=begin)
+    if json_path is not None:
+        write_json(json_path, {"backends": {verdict.name: verdict.as_json() for verdict in verdicts}})
+    print_whole(_table(verdicts))
+    for verdict in verdicts:
+        if verdict.reason is not None:
+            console.print(f"{verdict.name}: {verdict.reason}", markup=False)
+    different = [verdict for verdict in verdicts if verdict.equal is False]
+    if different:
+        first = different[0]
+        raise InputError(
+            f"{first.name} differs from the host in {first.differing:,} places, first at {first.mismatch}; report it "
+            "with the model and the query"
+        )
+
+
+def _table(verdicts: list[Verdict]) -> Table:
+    """One row a backend."""
+    table = Table()
+    table.add_column("backend", no_wrap=True)
+    table.add_column("result", no_wrap=True)
+    for name in ("queries", "spikes compared", "R@1"):
+        table.add_column(name, justify="right")
+    for verdict in verdicts:
+        if verdict.reason is not None:
+            table.add_row(verdict.name, "not available")
+            continue
+        result = {None: "floating point", True: "every spike equal", False: f"{verdict.differing:,} differ"}
+        compared = f"{verdict.spikes:,}" if verdict.equal is not None else ""
+        recall = "" if verdict.recall is None else f"{100 * verdict.recall:.1f}"
+        shown = "reference" if verdict.name == "host" else result[verdict.equal]
+        table.add_row(verdict.name, shown, f"{verdict.queries}", compared, recall)
+    return table

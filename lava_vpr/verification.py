@@ -1,0 +1,199 @@
+"""The same model and queries on every backend that can run here, spikes compared one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr import backends, decoding
+from lava_vpr.backends import Trains
+from lava_vpr.encoding import EncodedTraverse, query_rates
+from lava_vpr.engine.conductance import ConductanceState
+from lava_vpr.errors import BackendUnavailableError, InputError
+from lava_vpr.evaluation import evaluate
+from lava_vpr.model import Model
+from lava_vpr.recognition import decode
+
+FLOAT = ("lava-float",)
+"""Backends whose arithmetic differs: their recall is told, not their spikes."""
+
+
+@dataclass(frozen=True)
+class Mismatch:
+    """The first spike in which a backend differs from the host: where, and what each of them says (0 or 1)."""
+
+    query: str
+    step: int
+    population: str
+    neuron: int
+    host: int
+    backend: int
+
+    def __str__(self) -> str:
+        return (
+            f"query {self.query}, step {self.step}, population {self.population}, neuron {self.neuron}: "
+            f"host {self.host}, backend {self.backend}"
+        )
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What one backend made of the queries.
+
+    Attributes:
+        name: Of the backend.
+        reason: Why it cannot run here; None if it did.
+        equal: Whether every spike equals the host's; None for a float backend.
+        queries: How many were compared.
+        spikes: Spikes of the host that were compared, in every population that the backend has (and every step
+            without one).
+        differing: (step, neuron) pairs in which spikes differ.
+        mismatch: The first of them.
+        recall: R@1 of the default decoder on these queries.
+    """
+
+    name: str
+    reason: str | None = None
+    equal: bool | None = None
+    queries: int = 0
+    spikes: int = 0
+    differing: int = 0
+    mismatch: Mismatch | None = None
+    recall: float | None = None
+
+    def as_json(self) -> dict[str, Any]:
+        """The layout that scripts rely on."""
+        if self.reason is not None:
+            return {"available": False, "reason": self.reason}
+        values: dict[str, Any] = {"available": True, "equal": self.equal, "queries": self.queries}
+        if self.equal is None:
+            return values | {"recall_at_1": self.recall}
+        return values | {"spikes_compared": self.spikes}
+
+
+def compare(host: Trains, other: Trains, names: Sequence[str]) -> tuple[int, int, Mismatch | None]:
+    """Spikes of the host that were compared, how many (query, step, neuron) differ, and the first by query and step.
+
+    Raises:
+        InputError: the trains are of different shapes, so nothing can be compared.
+    """
+    spikes, differing, first = 0, 0, None
+    for order, population in enumerate(Trains.POPULATIONS):
+        ours, theirs = getattr(host, population), getattr(other, population)
+        if ours is None or theirs is None:
+            continue
+        if ours.shape != theirs.shape:
+            raise InputError(
+                f"{population} trains of shape {theirs.shape} instead of {ours.shape}; the backend runs another network"
+            )
+        spikes += int(ours.sum())
+        where = np.argwhere(ours != theirs)
+        differing += len(where)
+        if len(where):
+            query, step, neuron = (int(x) for x in where[0])
+            key = (query, step, order)
+            found = Mismatch(
+                names[query],
+                step,
+                population,
+                neuron,
+                int(ours[query, step, neuron]),
+                int(theirs[query, step, neuron]),
+            )
+            first = min(first, (key, found), key=lambda pair: pair[0]) if first else (key, found)
+    return spikes, differing, first[1] if first else None
+
+
+def recall_at_1(model: Model, counts: NDArray[np.int32], truth: NDArray[np.bool_]) -> float:
+    """R@1 of the model's default decoder on spike counts (n, neurons)."""
+    name = model.config.decoder.default
+    scores = decode(model, counts, name)
+    return evaluate(scores, decoding.confidence(name, scores), truth).recall_at_1
+
+
+def verify(
+    model: Model,
+    queries: EncodedTraverse,
+    truth: NDArray[np.bool_],
+    *,
+    names: Sequence[str] = tuple(backends.BACKENDS),
+    seed: int | None = None,
+    threads: int = 1,
+    begin: Callable[[str], Callable[[int], None] | None] | None = None,
+) -> list[Verdict]:
+    """Run ``queries`` on the host and on every other backend in ``names``.
+
+    Args:
+        model: A trained model.
+        queries: Encoded with the model's settings.
+        truth: bool (n, places), for the recall of float backends.
+        names: Backends; the host always comes first.
+        seed: Of the queries' noise; None: the model's.
+        threads: Of the host.
+        begin: Told each backend before its run; returns what is told its presentations as they are done.
+    Raises:
+        InputError: a query without any spike of an excitatory neuron: its comparison would be empty.
+    """
+    rates = query_rates(queries.activity, model.config)
+    run = {"image_ids": queries.indices, "role": "query", "seed": model.config.seed if seed is None else seed}
+    host = backends.HostBackend(threads)
+    verdicts = []
+    trains = None if isinstance(model.network, ConductanceState) else host.trains(model, rates, **run)
+    counts, _ = host.count_spikes(model, rates, **run)
+    silent = np.flatnonzero(counts.sum(axis=1) == 0)
+    if len(silent):
+        raise InputError(
+            f"{queries.names[silent[0]]}: no neuron spikes for this query, so there is nothing to compare "
+            f"({len(silent)} of {len(counts)} such queries); choose others with --places"
+        )
+    spikes = compare(trains, trains, queries.names)[0] if trains else int(counts.sum())
+    reference = Verdict("host", None, True, len(counts), spikes, recall=recall_at_1(model, counts, truth))
+    for name in names:
+        if name == "host":
+            verdicts.append(reference)
+            continue
+        reason = backends.unavailable(name)
+        advance = begin(name) if begin and reason is None else None
+        if reason is None:
+            try:
+                verdicts.append(_verdict(name, model, rates, run, trains, queries.names, truth, reference, advance))
+                continue
+            except BackendUnavailableError as error:
+                reason = str(error)
+        verdicts.append(Verdict(name, reason))
+    return verdicts
+
+
+def _verdict(
+    name: str,
+    model: Model,
+    rates: NDArray[Any],
+    run: dict[str, Any],
+    host: Trains | None,
+    images: Sequence[str],
+    truth: NDArray[np.bool_],
+    reference: Verdict,
+    advance: Callable[[int], None] | None,
+) -> Verdict:
+    """What the backend ``name`` makes of the queries."""
+    backend = backends.get(name, advance=advance)
+    if name in FLOAT or host is None:
+        counts, _ = backend.count_spikes(model, rates, **run)
+        recall = recall_at_1(model, counts, truth)
+        return replace(reference, name=name, equal=None, recall=recall)
+    trains = backend.trains(model, rates, **run)
+    spikes, differing, mismatch = compare(host, trains, images)
+    recall = recall_at_1(model, trains.exc.sum(axis=1, dtype=np.int32), truth)
+    return replace(
+        reference,
+        name=name,
+        equal=mismatch is None,
+        spikes=spikes,
+        differing=differing,
+        mismatch=mismatch,
+        recall=recall,
+    )
