@@ -30,12 +30,17 @@ from rich.table import Table
 from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.fixed import FixedNetwork, count_spikes
 from lava_vpr.engine.random import presentation_keys
+from lava_vpr.errors import LavaRunError
 from lava_vpr.processes.fused_network.process import FusedPlaceNetwork
 from lava_vpr.processes.place_network.process import RELAY_WEIGHT, PlaceNetwork, stored
 from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
+from lava_vpr.processes.runner import run_isolated
 from lava_vpr.processes.shared import FIXED_TAG, shared_array
 
 ROUNDS = 9
+BATCH, BATCHES = 64, 10
+TIMEOUT = 900.0
+Arrays = dict[str, NDArray[Any]]
 SPIKES_PER_STEP = 20.0
 ACTIVE = 0.45
 """Share of the inputs that have a rate, as in real images."""
@@ -105,9 +110,9 @@ def alternate(first: Callable[[], object], second: Callable[[], object], rounds:
     return times[:, 1:]
 
 
-def composed_and_library(rounds: int = ROUNDS) -> tuple[NDArray[np.float64], int]:
-    """Seconds of a presentation, (2, rounds), ours first; and its steps."""
-    network = some_network(784, 400)
+def composed_and_library(arrays: Arrays, options: dict[str, Any]) -> Arrays:
+    """Steps per second in each presentation, (2, rounds), ours first."""
+    network, rounds = some_network(784, 400), options["rounds"]
     interval = network.steps + 3
     (source, ours), (theirs, library) = start_composed(network, rounds + 1), start_library(network, rounds + 1)
     step = {"condition": RunSteps(num_steps=interval)}
@@ -120,13 +125,13 @@ def composed_and_library(rounds: int = ROUNDS) -> tuple[NDArray[np.float64], int
     source.stop()
     theirs.stop()
     if not equal:
-        raise SystemExit("the two networks differ")
-    return times, interval
+        raise LavaRunError("our network and the library's differ; run tests/test_processes.py")
+    return {"rates": interval / times}
 
 
-def fused_and_host(rounds: int = ROUNDS, batch: int = 64, batches: int = 10) -> tuple[NDArray[np.float64], int]:
-    """Seconds of ``batches`` batches, (2, rounds), the fused Process first; and their presentations."""
-    network = some_network(1568, 100)
+def fused_and_host(arrays: Arrays, options: dict[str, Any]) -> Arrays:
+    """Presentations per second in some batches, (2, rounds), the fused Process first."""
+    network, rounds, batch, batches = some_network(1568, 100), options["rounds"], options["batch"], options["batches"]
     n = batch * batches
     rates, keys = some_input(network, n)
     every = (np.tile(rates, (rounds + 1, 1)), np.tile(keys, rounds + 1))
@@ -143,18 +148,20 @@ def fused_and_host(rounds: int = ROUNDS, batch: int = 64, batches: int = 10) -> 
     times = alternate(lambda: fused.run(**step), host, rounds)
     fused.stop()
     if not np.array_equal(counts, np.tile(np.concatenate(expected), (rounds + 1, 1))):
-        raise SystemExit("the fused Process and the host engine differ")
-    return times, n
+        raise LavaRunError("the fused Process and the host engine differ; run tests/test_processes.py")
+    return {"rates": n / times}
 
 
 def main() -> None:
     """Print both comparisons."""
     table = Table("", "per second, median", "least .. most", "ratio of medians")
-    for names, (times, units) in (
-        (("composed Processes: time steps", "Lava's library"), composed_and_library()),
-        (("fused Process: presentations", "host engine, one thread"), fused_and_host()),
+    options = {"rounds": ROUNDS, "batch": BATCH, "batches": BATCHES}
+    for names, measure in (
+        (("composed Processes: time steps", "Lava's library"), composed_and_library),
+        (("fused Process: presentations", "host engine, one thread"), fused_and_host),
     ):
-        rates = units / times
+        target = f"benchmarks.lava_speed:{measure.__name__}"
+        rates = run_isolated(target, {}, options, timeout=TIMEOUT)["rates"]
         ratio = np.median(rates[0]) / np.median(rates[1])
         for name, own, last in zip(names, rates, (f"{ratio:.2f}", ""), strict=True):
             table.add_row(name, f"{np.median(own):,.0f}", f"{own.min():,.0f} .. {own.max():,.0f}", last)

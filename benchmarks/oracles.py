@@ -46,7 +46,7 @@ from lava_vpr.errors import InputError, LavaVprError
 
 ROOT = Path(__file__).resolve().parent.parent
 SCRIPTS = {name: Path(__file__).with_name(f"oracle_{name.replace('-', '_')}.py") for name in RULES}
-TIMEOUT_S = 600
+TIMEOUT_S = 1200
 SMALL = ((1, 0, 12), (2, 0, 30), (3, 0, 60), (3, 1, 30), (8, 5, 60))
 """bits, shift and threshold of small inference networks; the last two shift their sums by bits that weights use."""
 RULE_COLUMNS = ("networks", "spikes", "membranes", "needed in")
@@ -110,7 +110,7 @@ def ask(simulator: str, problems: Sequence[Problem], timeout_s: float = TIMEOUT_
             raise InputError(f"{simulator}: not done after {timeout_s:g} s; ask for fewer --networks") from None
         if done.returncode != 0:
             last = done.stderr.strip().splitlines()[-1:] or [f"exit status {done.returncode}"]
-            raise InputError(f"{simulator}: {last[0]}; build its environment again: make clean oracles")
+            raise InputError(f"{simulator}: {last[0]}; delete {python.parent.parent.name} and run make oracles")
         return [read_result(Path(folder) / f"{i:04d}.result.npz", problem) for i, problem in enumerate(problems)]
 
 
@@ -122,9 +122,12 @@ def random_cases(simulator: str, count: int) -> list[Case]:
     limits = 0 if simulator == "brian2-loihi" else max(1, count // 5)
     common = random_networks(simulator, count - limits, common=True)
     common += random_networks(simulator, limits, common=True, limits=True)
-    beyond = random_networks(simulator, count, common=False) + edge_networks()
-    return [Case("random, common arithmetic", *made, True) for made in common] + [
-        Case("random, beyond it", *made, False) for made in beyond
+    beyond = random_networks(simulator, count, common=False)
+    edges = [(*made, is_common(*made, simulator)) for made in edge_networks()]
+    return [
+        *(Case("random, common arithmetic", *made, True) for made in common),
+        *(Case("random, beyond it", *made, False) for made in beyond),
+        *(Case(f"edge of the register{'' if made[-1] else ', beyond it'}", *made) for made in edges),
     ]
 
 

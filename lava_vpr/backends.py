@@ -128,7 +128,7 @@ class LavaBackend:
         job: Function of `lava_vpr.processes.jobs` that wires and runs the network.
         tag: Which ProcessModels: ``fixed_pt`` or ``floating_pt``.
         steps_per_second: Slowest speed that is still taken for progress; decides the time-out.
-        hardware: Run on a board.
+        board: Run on a Loihi 2 board.
         advance: Told how many presentations are done.
     """
 
@@ -136,7 +136,7 @@ class LavaBackend:
     job: str
     tag: str = "fixed_pt"
     steps_per_second: float = 40.0
-    hardware: bool = False
+    board: bool = False
     advance: Advance | None = None
 
     def count_spikes(
@@ -178,7 +178,7 @@ class LavaBackend:
         from lava_vpr.processes.runner import run_isolated  # Lava is imported only where it is used
 
         options: dict[str, Any] = {name: int(getattr(network, name)) for name in fixed.SCALARS}
-        options |= {"tag": self.tag, "record": record, "hardware": self.hardware}
+        options |= {"tag": self.tag, "record": record, "board": self.board}
         arrays = {"weights": network.weights, "rates": np.ascontiguousarray(rates, np.uint16), "keys": keys}
         steps = len(rates) * (network.steps + SILENT_STEPS)
         timeout = 120 + steps / self.steps_per_second
@@ -202,12 +202,13 @@ class LavaBackend:
         results = run_isolated(
             "lava_vpr.processes.conductance_jobs:conductance",
             arrays,
-            to_dict(config),
+            {"config": to_dict(config)},
             timeout=120 + steps / self.steps_per_second,
             progress=self.advance,
         )
-        counts = results["counts"].astype(np.int32)
-        return counts, {"exc_spikes": int(counts.sum()), "steps": steps}
+        constants = conductance.constants(config, learn=False)
+        events = conductance.named_events(results["events"], len(network.theta_mv), len(rates), constants)
+        return results["counts"].astype(np.int32), events
 
 
 BACKENDS: dict[str, str] = {
@@ -224,7 +225,7 @@ _LAVA = {
     "lava-float": LavaBackend("lava-float", "composed", tag="floating_pt"),
     "lava-fused": LavaBackend("lava-fused", "fused"),
     "lava-library": LavaBackend("lava-library", "library"),
-    "loihi2": LavaBackend("loihi2", "library", hardware=True),
+    "loihi2": LavaBackend("loihi2", "library", board=True),
 }
 
 

@@ -31,6 +31,9 @@ WEIGHT_BITS = 8
 WEIGHT_LIMIT = (1 << WEIGHT_BITS) - 1
 """Largest unsigned weight (or mantissa of an inhibitory one)."""
 
+WEIGHT_EXPONENT_LIMIT = 7
+"""Exponents of synapses and biases are -7..7. Source: nengo-loihi 1.1.0, ``builder/validate.py:103``."""
+
 TRACE_LIMIT = (1 << 7) - 1
 """Largest trace: 7 bits. Source: lava-nc 0.10, ``magma/core/learning``; nengo-loihi 1.1.0, ``discretize.py:23``."""
 

@@ -109,7 +109,7 @@ def constants(config: Config, *, learn: bool) -> Constants:
 
 
 @lru_cache(maxsize=4)
-def _traces(total: int, dt_ms: float) -> NDArray[np.float64]:
+def trace_table(total: int, dt_ms: float) -> NDArray[np.float64]:
     """What is left of each trace after k steps, (3, total + 1)."""
     return np.array([[math.exp(-(k * dt_ms) / tau) for k in range(total + 1)] for tau in TRACE_TAUS_MS])
 
@@ -162,7 +162,7 @@ def _own(array: NDArray[np.generic], dtype: type, order: Literal["C", "F"] = "C"
     return np.require(array, dtype=dtype, requirements=[order, "W"])
 
 
-def _events(raw: NDArray[np.int64], neurons: int, n: int, c: Constants) -> dict[str, int]:
+def named_events(raw: NDArray[np.int64], neurons: int, n: int, c: Constants) -> dict[str, int]:
     """Event counts by name, summed over ``n`` presentations, the rest included."""
     operations, inputs, exc, inh = (int(x) for x in raw)
     return {
@@ -204,9 +204,9 @@ def train_presentation(
     counts = np.zeros(state.weights.shape[1], np.int32)
     raw = np.zeros(4, np.int64)
     net = Network(state.weights.T, state.delays.T, when, sources)
-    longest, traces = int(state.delays.max(initial=0)), _traces(c.total, network.dt_ms)
+    longest, traces = int(state.delays.max(initial=0)), trace_table(c.total, network.dt_ms)
     present(net, state.theta_mv, traces, RULES[learning.rule], longest, c, counts, raw)
-    return counts, _events(raw, len(counts), 1, c)
+    return counts, named_events(raw, len(counts), 1, c)
 
 
 def count_spikes(
@@ -236,7 +236,7 @@ def count_spikes(
     c = constants(config, learn=False)
     weights, delays = _own(state.weights, np.float64, "F").T, _own(state.delays, np.uint16, "F").T
     rates, keys = _own(rates, np.uint32), _own(keys, np.uint64)
-    traces = _traces(c.total, network.dt_ms)
+    traces = trace_table(c.total, network.dt_ms)
     longest = int(delays.max(initial=0))
     counts = np.zeros((n, neurons), np.int32)
 
@@ -249,4 +249,4 @@ def count_spikes(
 
     totals = share(run, n, threads)
     raw = np.sum(totals, axis=0, dtype=np.int64) if totals else np.zeros(4, np.int64)
-    return counts, _events(raw, neurons, n, c)
+    return counts, named_events(raw, neurons, n, c)

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
 from lava_vpr.engine.threads import share
 from lava_vpr.errors import NetworkLimitError
-from lava_vpr.loihi import DECAY_BITS, INPUT_LIMIT, STATE_LIMIT, THRESHOLD_LIMIT, WEIGHT_LIMIT
+from lava_vpr.loihi import DECAY_BITS, INPUT_LIMIT, STATE_LIMIT, THRESHOLD_LIMIT, WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
 
 _PADDING = 32
 SCALARS = ("bits", "shift", "threshold", "inhibition", "inhibition_exponent", "decay", "steps")
@@ -104,7 +104,8 @@ class FixedNetwork:
         """
         if not 1 <= self.bits <= 8 or (self.weights.size and int(self.weights.max()) >= 1 << self.bits):
             raise NetworkLimitError(f"weights need {self.bits} bits to hold {int(self.weights.max())}; use 1 to 8 bits")
-        for name, most in (("shift", 31), ("decay", 1 << DECAY_BITS), ("inhibition_exponent", 24)):
+        exponent = WEIGHT_EXPONENT_LIMIT
+        for name, most in (("shift", exponent), ("decay", 1 << DECAY_BITS), ("inhibition_exponent", exponent)):
             if not 0 <= getattr(self, name) <= most:
                 raise NetworkLimitError(f"{name} {getattr(self, name)} does not fit 0..{most}; train the model again")
         if self.steps < 1:

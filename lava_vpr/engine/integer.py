@@ -37,6 +37,7 @@ from lava_vpr.loihi import (
     PRODUCT_EXPONENTS,
     PRODUCT_MANTISSAS,
     TRACE_LIMIT,
+    WEIGHT_EXPONENT_LIMIT,
     WEIGHT_LIMIT,
 )
 
@@ -94,7 +95,7 @@ class Rule:
         return np.floor(value).astype(np.uint8), np.ceil((value % 1) * 2.0**53).astype(np.uint64)
 
     def table(self) -> NDArray[np.int64]:
-        """What the kernel takes: products (n, 2) of mantissa and left shift; -8 2^E is -4 2^(E + 1), as Lava reads it."""
+        """What the kernel takes: products (n, 2) of mantissa and left shift; -8 2^E is -4 2^(E + 1), as in Lava."""
         read = [(-4, e + 1) if m == -8 and e + 1 in PRODUCT_EXPONENTS else (m, e) for m, e in self.products]
         return np.array([(mantissa, exponent + 7) for mantissa, exponent in read], np.int64).reshape(-1, 2)
 
@@ -159,7 +160,7 @@ class IntegerState:
 def unit(learning: StdpLearning, inputs: int, spikes_per_step: float, drive: float, neurons: int) -> tuple[float, int]:
     """Units of the shifted input sum per float unit of the membrane, and the shift: the smallest without overflow."""
     mean = learning.mean_weight / learning.w_max * WEIGHT_LIMIT
-    for shift in range(24):
+    for shift in range(WEIGHT_EXPONENT_LIMIT + 1):
         per_unit = mean * spikes_per_step / drive / (1 << shift)
         if (neurons - 1) * round(learning.inhibition * per_unit) < INPUT_LIMIT:
             break

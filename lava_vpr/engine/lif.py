@@ -119,7 +119,7 @@ def stored_weights(weights: NDArray[Any], bits: int = WEIGHT_BITS, sign: SignMod
     )
     outside = values[~((values >= low) & (values <= high)) | (values != np.floor(values))]
     shown = outside.flat[0] if outside.size else ""
-    need(not outside.size, f"an {sign} weight", shown, f"a whole number in {low}..{high}")
+    need(not outside.size, f"{sign} weight", shown, f"a whole number in {low}..{high}")
     whole = values.astype(np.int32)
     drop = WEIGHT_BITS - bits + (sign == "mixed")
     return -((-whole >> drop) << drop) if sign == "inhibitory" else (whole >> drop) << drop

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lava_vpr.config import LifNetwork
 from lava_vpr.engine.fixed import FixedNetwork
 from lava_vpr.errors import ConfigError
-from lava_vpr.loihi import DECAY_BITS, INPUT_LIMIT, LOIHI_1_INPUT_LIMIT, WEIGHT_LIMIT
+from lava_vpr.loihi import DECAY_BITS, INPUT_LIMIT, LOIHI_1_INPUT_LIMIT, WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
 
 MEAN_WEIGHT = 0.1
 """Mean that float weights are brought to before they are quantised; `LifNetwork.drive` refers to it."""
@@ -58,8 +58,8 @@ def _shift(scale_per_drive: float, threshold: float, inhibition: float, neurons:
     Where the threshold would become too coarse for that, the smallest that fits Loihi 2's current; where none fits, the
     largest (`FixedNetwork.check` then refuses the network).
     """
-    sizes = [threshold * scale_per_drive / (1 << k) for k in range(24)]
-    first = next(k for k, size in enumerate(sizes) if size <= FINEST)
+    sizes = [threshold * scale_per_drive / (1 << k) for k in range(WEIGHT_EXPONENT_LIMIT + 1)]
+    first = next((k for k, size in enumerate(sizes) if size <= FINEST), WEIGHT_EXPONENT_LIMIT)
     last = first
     for limit, least in ((LOIHI_1_INPUT_LIMIT, FINE), (INPUT_LIMIT, COARSE)):
         for shift in range(first, len(sizes)):

@@ -1,9 +1,9 @@
 """Any network of LIF populations and dense synapses on the host, in Loihi's integers: the reference for the others.
 
 A loop over the kernels of `lava_vpr.engine.lif`. In every step each population integrates what its synapses summed up
-from the spikes of the step *before* (each connection buffers one step, as Lava's Dense), whatever their wiring: loops and
-connections of a population to itself included. The inference network of the engine proper is
-`lava_vpr.engine.fixed.FixedNetwork`; this one is general and slow.
+from the spikes of the step *before* (each connection buffers one step, as Lava's Dense), whatever the wiring: loops and
+synapses of a population to itself included. The network of places has an engine of its own, `lava_vpr.engine.fixed`;
+this one is general and slow.
 """
 
 from __future__ import annotations

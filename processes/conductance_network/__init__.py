@@ -1,0 +1,1 @@
+"""VPRSNN's conductance-based network, composed of Processes."""

@@ -1,0 +1,1 @@
+"""Delayed synapses that learn by the rules of the conductance-based network."""

@@ -1,0 +1,1 @@
+"""Synapses from every input to every neuron."""

@@ -1,0 +1,165 @@
+"""Whole runs of Lava as functions of arrays and options, to be called in a process of their own.
+
+Each takes ``arrays``: ``weights`` uint8 (inputs, neurons), ``rates`` uint16 (n, inputs), ``keys`` uint64 (n,); and
+``options``: the other fields of `FixedNetwork`, ``tag`` (``fixed_pt`` or ``floating_pt``) and ``record`` (bool). Each
+returns ``counts`` int32 (n, neurons) and ``input_spikes`` int64 (inputs,), how many each input sent; with ``record``
+also the rasters ``exc``, ``inh`` uint8 (n, steps + 3, neurons) and ``inputs`` uint8 (n, steps + 3, inputs).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from lava.magma.core.process.ports.ports import InPort, OutPort
+from lava.magma.core.process.process import AbstractProcess
+from lava.magma.core.run_conditions import RunSteps
+from lava.magma.core.run_configs import Loihi2HwCfg, Loihi2SimCfg, RunConfig
+from numpy.typing import NDArray
+
+from lava_vpr.engine.fixed import EVENTS, SCALARS, SILENT_STEPS, FixedNetwork
+from lava_vpr.processes.fused_network.process import FusedPlaceNetwork
+from lava_vpr.processes.lava_checks import refuse_cpu_models
+from lava_vpr.processes.library_network.process import LibraryPlaceNetwork
+from lava_vpr.processes.place_network.process import PlaceNetwork
+from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
+from lava_vpr.processes.shared import FIXED_TAG, shared_array
+from lava_vpr.processes.spike_counter.process import SpikeCounter
+from lava_vpr.processes.worker import report
+
+REPORT_SECONDS = 0.5
+"""Aim for the time between two reports; one return from Lava costs 1-2 ms."""
+
+Arrays = dict[str, NDArray[Any]]
+
+
+def network_of(arrays: Arrays, options: dict[str, Any]) -> FixedNetwork:
+    """The network that a job is asked to run."""
+    weights = np.ascontiguousarray(arrays["weights"], np.uint8)
+    return FixedNetwork(weights, **{name: int(options[name]) for name in SCALARS})
+
+
+def play(
+    process: AbstractProcess, units: int, steps: int, tag: str, presentations: int, batch: int = 1, board: bool = False
+) -> None:
+    """Run Lava and report the presentations that are done.
+
+    Args:
+        process: Any of the Processes to run.
+        units: Times that ``steps`` steps are run.
+        steps: Lava steps of a unit.
+        tag: Which models.
+        presentations: In all units together.
+        batch: Presentations of a unit.
+        board: On a Loihi 2 board instead of in simulation.
+    Raises:
+        BackendUnavailableError: a part of the network would run on the CPU instead of the board.
+    """
+    config: RunConfig | None = Loihi2SimCfg(select_tag=tag, select_sub_proc_model=True)
+    if board:
+        on_host = (PoissonEncoder, SpikeCounter)
+        executable = refuse_cpu_models(process, Loihi2HwCfg(select_sub_proc_model=True), on_host)
+        process.create_runtime(executable=executable)
+        config = None
+    done, chunk = 0, 1
+    while done < units:
+        size = min(chunk, units - done)
+        started = time.perf_counter()
+        process.run(condition=RunSteps(num_steps=steps * size), run_cfg=config)
+        elapsed = time.perf_counter() - started
+        report(min(presentations, (done + size) * batch) - done * batch)
+        if done:  # the first run includes what Lava compiles and starts
+            chunk = max(1, min(2 * chunk, int(REPORT_SECONDS * size / elapsed)))
+        done += size
+    # Only after a good end: where a model failed, Lava would wait for its peers for ever.
+    process.stop()
+
+
+def across(source: OutPort, target: InPort, adapter: str | None) -> None:
+    """Connect two ports, through a spike adapter between processor and chip if one is named."""
+    if adapter is None:
+        source.connect(target)
+        return
+    # Intel's closed lava-loihi brings this module into Lava's own name space.
+    from lava.proc.embedded_io import spike
+
+    between = getattr(spike, adapter)(shape=source.shape)
+    source.connect(between.inp)
+    between.out.connect(target)
+
+
+def _wired(
+    make: Callable[[FixedNetwork, bool], PlaceNetwork | LibraryPlaceNetwork], arrays: Arrays, options: dict[str, Any]
+) -> Arrays:
+    """Encoder, network and counters; on a board, with the vendor's adapters between them."""
+    spec = network_of(arrays, options)
+    tag = str(options.get("tag", FIXED_TAG))
+    rates, keys = np.ascontiguousarray(arrays["rates"], np.uint16), np.asarray(arrays["keys"], np.uint64)
+    network = make(spec, tag != FIXED_TAG)
+    n, interval = len(rates), network.interval
+    result: Arrays = {
+        "counts": shared_array((n, spec.neurons), np.int32),
+        "input_spikes": shared_array((spec.inputs,), np.int64),
+    }
+    if n == 0:
+        return result
+    encoder = PoissonEncoder(rates=rates, keys=keys, steps=spec.steps, emitted=result["input_spikes"])
+    board = bool(options.get("board"))
+    across(encoder.s_out, network.s_in, "PyToNxAdapter" if board else None)
+    sizes = {"exc": (network.s_out, spec.neurons)}
+    if options.get("record"):
+        sizes |= {"inh": (network.s_out_inh, spec.neurons), "inputs": (encoder.s_out, spec.inputs)}
+        result |= {name: shared_array((n, interval, size), np.uint8) for name, (_, size) in sizes.items()}
+    for name, (port, size) in sizes.items():
+        counter = SpikeCounter(
+            shape=(size,),
+            presentations=n,
+            interval=interval,
+            counts=result["counts"] if name == "exc" else None,
+            raster=result.get(name),
+        )
+        across(port, counter.s_in, "NxToPyAdapter" if board and name != "inputs" else None)
+    play(encoder, n, interval, tag, n, board=board)
+    return result
+
+
+def composed(arrays: Arrays, options: dict[str, Any]) -> Arrays:
+    """The network composed of this project's Processes."""
+    return _wired(lambda network, floating: PlaceNetwork(network=network), arrays, options)
+
+
+def library(arrays: Arrays, options: dict[str, Any]) -> Arrays:
+    """The network wired from Lava's library."""
+    return _wired(lambda network, floating: LibraryPlaceNetwork(network=network, floating=floating), arrays, options)
+
+
+def fused(arrays: Arrays, options: dict[str, Any]) -> Arrays:
+    """The network as one Process; integers only.
+
+    Option ``batch`` (64): images of one Lava step. Returns ``counts``, ``events`` int64 in the order of `EVENTS`, and
+    with ``record`` the raster ``exc``: it has no inputs and relays of its own.
+    """
+    spec = network_of(arrays, options)
+    rates, keys = np.ascontiguousarray(arrays["rates"], np.uint16), np.asarray(arrays["keys"], np.uint64)
+    n, interval = len(rates), spec.steps + SILENT_STEPS
+    result: Arrays = {
+        "counts": shared_array((n, spec.neurons), np.int32),
+        "events": shared_array((len(EVENTS),), np.int64),
+    }
+    if options.get("record"):
+        result["exc"] = shared_array((n, interval, spec.neurons), np.uint8)
+    if n:
+        batch = int(options.get("batch", 64))
+        network = FusedPlaceNetwork(
+            network=spec,
+            rates=rates,
+            keys=keys,
+            batch=batch,
+            counts=result["counts"],
+            raster=result.get("exc"),
+            events=result["events"],
+        )
+        play(network, network.batches, 1, str(options.get("tag", FIXED_TAG)), n, batch)
+    return result

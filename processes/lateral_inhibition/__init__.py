@@ -1,0 +1,1 @@
+"""Inhibition of all others."""

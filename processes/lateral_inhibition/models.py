@@ -1,0 +1,52 @@
+"""Models of `LateralInhibition`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from lava.magma.core.decorator import implements, requires, tag
+from lava.magma.core.model.py.model import PyLoihiProcessModel
+from lava.magma.core.model.py.ports import PyInPort, PyOutPort
+from lava.magma.core.model.py.type import LavaPyType
+from lava.magma.core.resources import CPU
+from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
+from numpy.typing import NDArray
+
+from lava_vpr.processes.lateral_inhibition.process import LateralInhibition
+
+
+class _LateralModel(PyLoihiProcessModel):
+    s_in: PyInPort = LavaPyType(PyInPort.VEC_DENSE, bool, precision=1)
+    a_out: PyOutPort
+    inhibition: NDArray[Any]
+    a_buff: NDArray[Any]
+
+    def run_spk(self) -> None:
+        """Send what the spikes of the step before take, then take this step's."""
+        self.a_out.send(self.a_buff)
+        spikes = np.flatnonzero(self.s_in.recv())
+        self.a_buff[:] = -self.inhibition * len(spikes)
+        self.a_buff[spikes] += self.inhibition
+
+
+@implements(proc=LateralInhibition, protocol=LoihiProtocol)
+@requires(CPU)
+@tag("floating_pt")
+class PyLateralInhibitionFloat(_LateralModel):
+    """In float64."""
+
+    a_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, float)
+    inhibition: NDArray[np.float64] = LavaPyType(np.ndarray, float)
+    a_buff: NDArray[np.float64] = LavaPyType(np.ndarray, float)
+
+
+@implements(proc=LateralInhibition, protocol=LoihiProtocol)
+@requires(CPU)
+@tag("bit_accurate_loihi", "fixed_pt")
+class PyLateralInhibitionFixed(_LateralModel):
+    """In Loihi's integers."""
+
+    a_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, np.int32, precision=24)
+    inhibition: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=16)
+    a_buff: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=24)

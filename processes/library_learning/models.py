@@ -1,0 +1,63 @@
+"""How `LibraryLearningNetwork` is wired."""
+
+from __future__ import annotations
+
+import numpy as np
+from lava.magma.core.decorator import implements, tag
+from lava.magma.core.learning.learning_rule import Loihi2FLearningRule
+from lava.magma.core.model.sub.model import AbstractSubProcessModel
+from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
+from lava.proc.dense.process import Dense, LearningDense
+from lava.proc.lif.process import LIFReset
+from lava.proc.sparse.process import Sparse
+from lava.utils.weightutils import SignMode
+from scipy.sparse import identity
+
+from lava_vpr.loihi import DECAY_BITS, TRACE_LIMIT
+from lava_vpr.processes.library_learning.process import LibraryLearningNetwork
+from lava_vpr.processes.place_network.process import RELAY_WEIGHT
+
+
+@implements(proc=LibraryLearningNetwork, protocol=LoihiProtocol)
+@tag("fixed_pt")
+class SubLibraryLearningNetwork(AbstractSubProcessModel):
+    """Input spikes to exc, plastic, by what exc spikes; exc to inh, one to one; inh to all other exc."""
+
+    def __init__(self, proc: LibraryLearningNetwork) -> None:
+        learning, n = proc.learning, len(proc.start_weights)
+        lif, rule, (lateral, exponent) = learning.neurons, learning.rule, proc.lateral
+        no_memory = (1 << DECAY_BITS) - 1
+        reset = {"reset_interval": proc.interval, "reset_offset": 1}
+        # Impulses saturate at 127: every spike sets its trace to that.
+        stdp = Loihi2FLearningRule(
+            dw=rule.microcode(), x1_impulse=TRACE_LIMIT, x1_tau=rule.tau, t_epoch=1, rng_seed=proc.rng_seed
+        )
+        self.plastic = LearningDense(
+            weights=proc.start_weights,
+            learning_rule=stdp,
+            weight_exp=-learning.shift,
+            sign_mode=SignMode.EXCITATORY,
+        )
+        self.exc = LIFReset(shape=(n,), du=lif.du, dv=lif.dv, vth=proc.threshold, **reset)
+        self.relay = Sparse(
+            weights=RELAY_WEIGHT * identity(n, dtype=np.int32, format="csr"), sign_mode=SignMode.EXCITATORY
+        )
+        self.inh = LIFReset(shape=(n,), du=no_memory, dv=no_memory, vth=0, **reset)
+        self.inhibit = Dense(
+            weights=lateral * (np.eye(n, dtype=np.int32) - 1), weight_exp=exponent, sign_mode=SignMode.INHIBITORY
+        )
+        proc.s_in.connect(self.plastic.s_in)
+        self.plastic.a_out.connect(self.exc.a_in)
+        self.exc.s_out.connect(self.plastic.s_in_bap)
+        self.exc.s_out.connect(self.relay.s_in)
+        self.relay.a_out.connect(self.inh.a_in)
+        self.inh.s_out.connect(self.inhibit.s_in)
+        self.inhibit.a_out.connect(self.exc.a_in)
+        self.exc.s_out.connect(proc.s_out)
+        self.inh.s_out.connect(proc.s_out_inh)
+        proc.vars.weights.alias(self.plastic.weights)
+        proc.vars.x1.alias(self.plastic.x1)
+        proc.vars.u.alias(self.exc.u)
+        proc.vars.v.alias(self.exc.v)
+        proc.vars.vth.alias(self.exc.vth)
+        proc.vars.v_inh.alias(self.inh.v)

@@ -1,0 +1,1 @@
+"""The whole network of Lava library Processes."""

@@ -1,0 +1,1 @@
+"""One synapse from each neuron to its partner."""

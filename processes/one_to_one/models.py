@@ -1,0 +1,50 @@
+"""Models of `OneToOne`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from lava.magma.core.decorator import implements, requires, tag
+from lava.magma.core.model.py.model import PyLoihiProcessModel
+from lava.magma.core.model.py.ports import PyInPort, PyOutPort
+from lava.magma.core.model.py.type import LavaPyType
+from lava.magma.core.resources import CPU
+from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
+from numpy.typing import NDArray
+
+from lava_vpr.processes.one_to_one.process import OneToOne
+
+
+class _OneToOneModel(PyLoihiProcessModel):
+    s_in: PyInPort = LavaPyType(PyInPort.VEC_DENSE, bool, precision=1)
+    a_out: PyOutPort
+    weight: NDArray[Any]
+    a_buff: NDArray[Any]
+
+    def run_spk(self) -> None:
+        """Send what the spikes of the step before bring, then take this step's."""
+        self.a_out.send(self.a_buff)
+        np.multiply(self.s_in.recv().astype(bool, copy=False), self.weight, out=self.a_buff)
+
+
+@implements(proc=OneToOne, protocol=LoihiProtocol)
+@requires(CPU)
+@tag("floating_pt")
+class PyOneToOneFloat(_OneToOneModel):
+    """In float64."""
+
+    a_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, float)
+    weight: NDArray[np.float64] = LavaPyType(np.ndarray, float)
+    a_buff: NDArray[np.float64] = LavaPyType(np.ndarray, float)
+
+
+@implements(proc=OneToOne, protocol=LoihiProtocol)
+@requires(CPU)
+@tag("bit_accurate_loihi", "fixed_pt")
+class PyOneToOneFixed(_OneToOneModel):
+    """In Loihi's integers."""
+
+    a_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, np.int16, precision=9)
+    weight: NDArray[np.int16] = LavaPyType(np.ndarray, np.int16, precision=9)
+    a_buff: NDArray[np.int16] = LavaPyType(np.ndarray, np.int16, precision=9)

@@ -1,0 +1,51 @@
+"""One synapse from each neuron to its partner of the same number."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from lava.magma.core.process.ports.ports import InPort, OutPort
+from lava.magma.core.process.variable import Var
+from numpy.typing import NDArray
+
+from lava_vpr.engine.lif import need
+from lava_vpr.loihi import WEIGHT_LIMIT
+from lava_vpr.processes.shared import CheckedProcess, RegisterVar, check_shape, vector, whole
+
+
+class OneToOne(CheckedProcess):
+    """``a_out`` = weight times the spikes of one step ago.
+
+    Ports: ``s_in``, ``a_out`` (neurons,). Vars: ``weight`` (1,), ``a_buff`` (neurons,), what the next step sends.
+    """
+
+    def __init__(self, *, shape: tuple[int, ...], weight: float, **kwargs: Any) -> None:
+        """Make the synapses.
+
+        Args:
+            shape: (neurons,).
+            weight: Of every synapse; a whole number in -255..255 in the integer model.
+        Raises:
+            NetworkLimitError: a shape or an integer out of its range; a float is checked when Lava picks the integer
+                model for it.
+        """
+        check_shape("OneToOne", shape)
+        value = vector("weight", weight, 1)
+        super().__init__(shape=shape, **kwargs)
+        self.s_in = InPort(shape=shape)
+        self.a_out = OutPort(shape=shape)
+        self.weight = RegisterVar((1,), value, self.check_fixed)
+        self.a_buff = Var(shape=shape, init=0)
+        if whole(value):
+            self.check_fixed()
+
+    def check_fixed(self, weight: NDArray[Any] | None = None) -> None:
+        """Refuse a weight that does not fit 8 bits and sign.
+
+        Raises:
+            NetworkLimitError: naming it.
+        """
+        value = np.asarray(self.weight.init if weight is None else weight).flat[0]
+        fits = abs(value) <= WEIGHT_LIMIT and value == np.floor(value)
+        need(bool(fits), "weight", value, f"a whole number in {-WEIGHT_LIMIT}..{WEIGHT_LIMIT}")

@@ -1,0 +1,202 @@
+"""All-to-all synapses that learn by STDP."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from lava.magma.core.process.ports.ports import InPort, OutPort
+from lava.magma.core.process.variable import Var
+from numpy.typing import NDArray
+
+from lava_vpr.engine.fixed import SILENT_STEPS
+from lava_vpr.engine.integer import Rule, decay_traces, learn_column, normalise
+from lava_vpr.engine.lif import need, stored_weights
+from lava_vpr.loihi import TRACE_LIMIT, WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
+from lava_vpr.processes.shared import CheckedProcess, RegisterVar, check_outputs
+
+Draws = tuple[NDArray[np.uint64], NDArray[np.uint64]]
+
+
+@dataclass(frozen=True)
+class FloatRule:
+    """On a postsynaptic spike ``w += eta (x - target) (w_max - w)^mu``, clipped to [0, w_max].
+
+    The presynaptic trace x is set to 1 by a spike and decays by exp(-1 / tau) a step (the paper's rule, as
+    `lava_vpr.engine.stdp`).
+    """
+
+    eta: float
+    target: float
+    mu: float
+    tau: float
+    w_max: float
+
+    @classmethod
+    def of(cls, rule: Rule) -> FloatRule:
+        """The rule that the integer ``rule`` approximates, for weights in 0..255."""
+        eta = sum(mantissa * 2.0**exponent for mantissa, exponent in rule.products) / (1 << max(0, 9 * rule.mu - 4))
+        return cls(eta * TRACE_LIMIT, rule.target / TRACE_LIMIT, float(rule.mu), rule.tau, float(WEIGHT_LIMIT))
+
+    def check(self) -> None:
+        """Refuse what makes no rule.
+
+        Raises:
+            NetworkLimitError: naming the part.
+        """
+        for name in ("eta", "target", "mu"):
+            value = getattr(self, name)
+            need(bool(np.isfinite(value)) and value >= 0, name, value, "a finite number, at least 0")
+        for name in ("tau", "w_max"):
+            value = getattr(self, name)
+            need(bool(np.isfinite(value)) and value > 0, name, value, "a finite number above 0")
+
+
+def lava_streams(rng_seed: int, steps: int) -> Draws:
+    """The random numbers that Lava's LearningDense draws in its fixed-point model, in units of 2^-53.
+
+    Args:
+        rng_seed: Of its learning rule.
+        steps: Lava steps from the start of the run.
+    Returns:
+        One number a step for traces and one a step for weights, uint64 (steps,) each, as `PlasticDense` and
+        `lava_vpr.engine.integer.present` take them.
+    Source: lava-nc 0.10, ``magma/core/learning/random.py``: either generator draws once when it is made; traces then
+    draw twice a step, weights once, with a seed of 2 that cannot be changed.
+    """
+    traces = np.random.default_rng(rng_seed).random(2 * steps + 1)[2::2]
+    weights = np.random.default_rng(2).random(steps + 1)[1:]
+    return (traces * 2.0**53).astype(np.uint64), (weights * 2.0**53).astype(np.uint64)
+
+
+@lru_cache(maxsize=1)
+def compile_plasticity() -> None:
+    """Compile the kernels for weights as they lie in Lava's Vars, or load them."""
+    weights, x, rule = np.ones((2, 2), np.uint8).T, np.zeros(2, np.uint8), Rule(((1, 0),), 0, 0, 1.0)
+    decay_traces(x, *rule.decay(), np.uint64(0))
+    learn_column(weights, 0, x, rule.table(), rule.target, rule.mu, np.uint64(0))
+    normalise(weights, 2, 0)
+
+
+class PlasticDense(CheckedProcess):
+    """All-to-all synapses with the STDP rule of `lava_vpr.engine.integer` and `lava_vpr.engine.stdp`.
+
+    In a Lava step, in this order: send what the spikes of the step before bring; receive this step's input spikes and
+    sum their weights for the next step; let the traces decay and set those of spiking inputs; receive this step's
+    postsynaptic spikes; learn. Sending comes before receiving, so that the postsynaptic population can be the very one
+    that this connection excites.
+
+    With ``steps``, Lava steps are presentations of ``steps`` + 3. In the first step of each all traces are cleared and,
+    with ``weight_sum``, each neuron's weights are brought to that sum: what the host does on a chip, since no learning
+    engine adds over a neuron's synapses. After the last presentation nothing is learned any more.
+
+    Ports: ``s_in`` (inputs,), ``a_out`` (neurons,), ``s_in_post`` (neurons,), spikes of the same step. Vars:
+    ``weights`` (neurons, inputs) as in Lava's Dense, ``x1`` traces (inputs,), ``a_buff`` (neurons,). Traces are 0..127
+    in the fixed-point model and 0..1 in the floating-point one.
+    """
+
+    def __init__(
+        self,
+        *,
+        weights: NDArray[Any],
+        rule: Rule | FloatRule,
+        weight_exp: int = 0,
+        steps: int = 0,
+        keys: NDArray[np.uint64] | None = None,
+        weight_sum: float = 0,
+        draws: Draws | None = None,
+        record_weights: NDArray[Any] | None = None,
+        record_traces: NDArray[Any] | None = None,
+        **kwargs: Any,
+    ) -> None:
+        """Make the connection.
+
+        Args:
+            weights: Start weights (neurons, inputs): 0..255, or 0..w_max with a `FloatRule`.
+            rule: Weight change and trace. The floating-point model takes either; it runs a `Rule` without rounding.
+            weight_exp: Sums of weights are multiplied by 2^weight_exp (fixed point: shifted).
+            steps: Steps with input of one presentation; 0: one that never ends.
+            keys: Key of each presentation, uint64 (n,); their random numbers are those of the host engine.
+            weight_sum: What each neuron's weights are normalised to before a presentation; 0: they are not.
+            draws: Random numbers instead of those of the keys: for traces and for weights, 53 bits each, one for every
+                Lava step, uint64 (k,). After k steps nothing is learned any more.
+            record_weights, record_traces: Filled at the end of each presentation, (n, neurons, inputs) and (n, inputs),
+                uint8 or, for the floating-point model, float64; from `lava_vpr.processes.shared.shared_array`.
+        Raises:
+            NetworkLimitError: arrays that do not fit each other, or values that the learning engine cannot hold.
+        """
+        values = np.asarray(weights)
+        need(values.ndim == 2 and values.size > 0, "PlasticDense: weights' shape", values.shape, "(neurons, inputs)")
+        rule.check()
+        bound = WEIGHT_EXPONENT_LIMIT
+        need(-bound <= weight_exp <= bound, "weight_exp", weight_exp, f"in {-bound}..{bound}")
+        need(steps >= 0, "steps", steps, "at least 0")
+        need(weight_sum >= 0, "weight_sum", weight_sum, "at least 0")
+        n = 0 if keys is None else len(keys)
+        _check_timing(steps, keys, draws, weight_sum)
+        if isinstance(rule, FloatRule):
+            low, high = float(values.min()), float(values.max())
+            need(0 <= low and high <= rule.w_max, "a weight", low if low < 0 else high, f"in 0..{rule.w_max}")
+        else:
+            values = stored_weights(values)
+        for name, record, size in (
+            ("record_weights", record_weights, values.shape),
+            ("record_traces", record_traces, values.shape[1:]),
+        ):
+            if record is not None:
+                kind = np.float64 if record.dtype == np.float64 else np.uint8
+                check_outputs("PlasticDense", **{name: (record, (n, *size), kind)})
+        super().__init__(
+            rule=rule,
+            weight_exp=int(weight_exp),
+            steps=int(steps),
+            keys=keys,
+            weight_sum=weight_sum,
+            draws=draws,
+            record_weights=record_weights,
+            record_traces=record_traces,
+            **kwargs,
+        )
+        self.rule = rule
+        self.s_in = InPort(shape=(values.shape[1],))
+        self.s_in_post = InPort(shape=(values.shape[0],))
+        self.a_out = OutPort(shape=(values.shape[0],))
+        self.weights = RegisterVar(values.shape, values, stored_weights)
+        self.x1 = Var(shape=(values.shape[1],), init=0)
+        self.a_buff = Var(shape=(values.shape[0],), init=0)
+
+    def check_fixed(self) -> None:
+        """Refuse a rule for floats.
+
+        Raises:
+            NetworkLimitError: the rule is a `FloatRule`.
+        """
+        fixed = isinstance(self.rule, Rule)
+        need(fixed, "PlasticDense: rule", "a FloatRule", "a lava_vpr.engine.integer.Rule for the fixed-point model")
+
+    def compile_kernels(self) -> None:
+        """Compile the host engine's kernels before the models are forked."""
+        compile_plasticity()
+
+
+def _check_timing(steps: int, keys: NDArray[np.uint64] | None, draws: Draws | None, weight_sum: float) -> None:
+    """Refuse presentations without random numbers, and random numbers of another kind.
+
+    Raises:
+        NetworkLimitError: naming what does not fit.
+    """
+    for name, array in (("keys", keys), *zip(("draws", "draws"), draws or (), strict=False)):
+        fits = array is None or (array.dtype == np.uint64 and array.ndim == 1)
+        need(fits, f"PlasticDense: {name}", getattr(array, "dtype", type(array)), "uint64 (n,)")
+    if draws is not None:
+        need(len(draws) == 2 and len(draws[0]) == len(draws[1]), "PlasticDense: draws", len(draws), "two equal lengths")
+    need(keys is not None or draws is not None, "PlasticDense: keys", None, "given, or draws")
+    need(keys is None or steps > 0, "PlasticDense: steps", steps, "at least 1 with keys")
+    need(weight_sum == 0 or keys is not None, "PlasticDense: keys", None, "given with weight_sum")
+
+
+def interval_of(steps: int) -> int:
+    """Lava steps of one presentation, the silent ones included; 0 for one that never ends."""
+    return steps + SILENT_STEPS if steps > 0 else 0

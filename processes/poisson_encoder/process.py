@@ -1,0 +1,109 @@
+"""Poisson input spikes from counter-based random numbers: the same ones on every backend."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from lava.magma.core.process.ports.ports import OutPort
+from lava.magma.core.process.variable import Var
+from numpy.typing import NDArray
+
+from lava_vpr.encoding import rates16
+from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
+from lava_vpr.engine.fixed import SILENT_STEPS
+from lava_vpr.engine.random import presentation_keys
+from lava_vpr.errors import NetworkLimitError
+from lava_vpr.processes.shared import CheckedProcess, check_outputs, whole
+
+
+@lru_cache(maxsize=1)
+def compile_draws() -> None:
+    """Compile the drawing kernels, or load them."""
+    arrays = scratch(1)
+    n = prepare_draws(np.ones(1, np.uint16), np.uint64(0), *arrays[:3])
+    draw_block(0, n, *arrays)
+
+
+class PoissonEncoder(CheckedProcess):
+    """Sends the spikes of `lava_vpr.encoding.draw_spikes`, one presentation after another; after the last it is silent.
+
+    A presentation is ``steps`` steps with input and ``silent_steps`` without. Port: ``s_out`` spikes (inputs,). Var:
+    ``emitted`` int64 (inputs,), how many spikes each input has sent.
+    """
+
+    def __init__(
+        self,
+        *,
+        rates: NDArray[np.uint16],
+        keys: NDArray[np.uint64],
+        steps: int,
+        silent_steps: int = SILENT_STEPS,
+        emitted: NDArray[np.int64] | None = None,
+        **kwargs: Any,
+    ) -> None:
+        """Make the encoder.
+
+        Args:
+            rates: Spike probabilities in units of 2^-16, uint16 (n, inputs).
+            keys: One key per presentation (`lava_vpr.engine.random.presentation_keys`), uint64 (n,).
+            steps: Steps with input, at least 1.
+            silent_steps: Steps without.
+            emitted: Shared array to count in, besides the Var; int64 (inputs,).
+        Raises:
+            NetworkLimitError: arrays of another type or shape, or numbers of steps out of range.
+        """
+        if rates.dtype != np.uint16 or rates.ndim != 2 or not rates.shape[1]:
+            raise NetworkLimitError(
+                f"PoissonEncoder: rates are {rates.dtype} {rates.shape}, but must be uint16 (n, inputs) in units of "
+                "2^-16; use lava_vpr.encoding.rates16"
+            )
+        if keys.dtype != np.uint64 or keys.shape != rates.shape[:1]:
+            raise NetworkLimitError(
+                f"PoissonEncoder: keys are {keys.dtype} {keys.shape}, but must be uint64 ({len(rates)},), one for each "
+                "row of rates; use lava_vpr.engine.random.presentation_keys"
+            )
+        if not whole(steps, silent_steps) or steps < 1 or silent_steps < 0:
+            raise NetworkLimitError(
+                f"PoissonEncoder: {steps} steps and {silent_steps} silent ones, but at least 1 and 0 are needed"
+            )
+        check_outputs("PoissonEncoder", emitted=(emitted, rates.shape[1:], np.int64))
+        super().__init__(
+            rates=np.ascontiguousarray(rates),
+            keys=keys,
+            steps=int(steps),
+            interval=int(steps + silent_steps),
+            shared=emitted,
+            **kwargs,
+        )
+        self.s_out = OutPort(shape=rates.shape[1:])
+        self.emitted = Var(shape=rates.shape[1:], init=0)
+
+    @classmethod
+    def of_activity(
+        cls,
+        activity: NDArray[np.float32],
+        *,
+        spikes_per_step: float,
+        seed: int,
+        role: str,
+        image_ids: NDArray[np.int64],
+        steps: int,
+        **kwargs: Any,
+    ) -> PoissonEncoder:
+        """An encoder of images from the responses of their input channels.
+
+        Args:
+            activity: float32 (n, inputs), as `lava_vpr.encoding.EncodedTraverse.activity`.
+            spikes_per_step: Expected spikes of all inputs together in one step.
+            seed, role, image_ids: What the random numbers depend on (`lava_vpr.engine.random.presentation_key`).
+            steps: Steps with input.
+            **kwargs: As the constructor's.
+        """
+        keys = presentation_keys(seed, role, image_ids)
+        return cls(rates=rates16(activity, spikes_per_step), keys=keys, steps=steps, **kwargs)
+
+    def compile_kernels(self) -> None:
+        """Compile the drawing kernels before the models are forked."""
+        compile_draws()

@@ -1,0 +1,1 @@
+"""Counts spikes per presentation."""

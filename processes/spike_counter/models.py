@@ -1,0 +1,52 @@
+"""Models of `SpikeCounter`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from lava.magma.core.decorator import implements, requires, tag
+from lava.magma.core.model.py.model import PyLoihiProcessModel
+from lava.magma.core.model.py.ports import PyInPort
+from lava.magma.core.model.py.type import LavaPyType
+from lava.magma.core.resources import CPU
+from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
+from numpy.typing import NDArray
+
+from lava_vpr.processes.spike_counter.process import SpikeCounter
+
+
+class _CounterModel(PyLoihiProcessModel):
+    s_in: PyInPort = LavaPyType(PyInPort.VEC_DENSE, bool, precision=1)
+    counts: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32)
+
+    def __init__(self, proc_params: Any) -> None:
+        super().__init__(proc_params)
+        self.interval, self.presentations = proc_params["interval"], proc_params["presentations"]
+        self.shared, self.raster = proc_params["shared"], proc_params["raster"]
+
+    def run_spk(self) -> None:
+        """Count this step's spikes."""
+        spikes = np.flatnonzero(self.s_in.recv())
+        image, step = divmod(self.time_step - 1, self.interval)
+        if not len(spikes) or image >= self.presentations:
+            return
+        self.counts[image, spikes] += 1
+        if self.shared is not None:
+            self.shared[image, spikes] += 1
+        if self.raster is not None:
+            self.raster[image, step, spikes] = 1
+
+
+@implements(proc=SpikeCounter, protocol=LoihiProtocol)
+@requires(CPU)
+@tag("floating_pt")
+class PySpikeCounterFloat(_CounterModel):
+    """For networks in float64."""
+
+
+@implements(proc=SpikeCounter, protocol=LoihiProtocol)
+@requires(CPU)
+@tag("bit_accurate_loihi", "fixed_pt")
+class PySpikeCounterFixed(_CounterModel):
+    """For networks in Loihi's integers."""
