@@ -3,7 +3,7 @@ SHELL := /bin/sh
 BIN := .venv/bin
 STAMP := .venv/.installed
 
-.PHONY: help demo test test-slow test-all lint format bench recall peers peers-test wheel clean
+.PHONY: help demo test test-slow test-all lint format bench recall peers peers-test oracles tutorial wheel clean
 .DEFAULT_GOAL := help
 
 help: ## What there is to make
@@ -55,9 +55,19 @@ peers: .venv-peers/.installed ## Side by side with the reference network in Bria
 peers-test: .venv-peers/.installed ## The tests that hold the paper preset against Brian2
 	@.venv-peers/bin/python -m pytest tests/test_conductance.py -m slow --timeout 1800
 
+ORACLES := .venv-brian2-loihi/.installed .venv-nengo-loihi/.installed
+
+$(ORACLES): .venv-%/.installed: requirements/%.txt scripts/find_python.sh
+	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh) && "$$python" -m venv --clear .venv-$*
+	@.venv-$*/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/$*.txt
+	@touch $@
+
+oracles: $(STAMP) $(ORACLES) ## Other simulators of Loihi against our integers (environments of their own)
+	@$(BIN)/python -m benchmarks.oracles
+
 wheel: $(STAMP) ## Build the wheel into dist/
 	@rm -rf dist build && $(BIN)/python -m build --quiet --no-isolation --wheel .
 
 clean: ## Remove everything made here, the environment too
-	rm -rf .venv .venv-peers .typing demo dist build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage
+	rm -rf .venv .venv-* .typing demo dist build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -90,10 +90,22 @@ def end_descendants(group: int, limit: float = 5.0) -> bool:
     return False
 
 
+def _dead(group: int) -> bool:
+    """Whether all that is left of ``group`` waits to be reaped, which init may do late; False where nobody tells."""
+    found = False
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            state, _, own = path.read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()[:3]
+            found = True
+            if int(own) == group and state not in "ZX":
+                return False
+    return found
+
+
 def end_group(group: int, limit: float = 5.0) -> bool:
     """Kill ``group``, none a child of ours; False if there are some after ``limit`` seconds. 0 is no group."""
     end = time.monotonic() + limit
-    while group and _kill_group(group):
+    while group and _kill_group(group) and not _dead(group):
         if time.monotonic() > end:
             return False
         time.sleep(PAUSE)

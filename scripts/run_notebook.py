@@ -21,7 +21,6 @@ import nbformat
 from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernelError
 from PIL import Image
-from traitlets.config import Config
 
 ROOT = Path(__file__).resolve().parents[1]
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
@@ -32,7 +31,6 @@ def prepare(folder: str) -> None:
     os.environ.update(
         IPYTHONDIR=folder,
         JUPYTER_PREFER_ENV_PATH="1",
-        JUPYTER_RUNTIME_DIR=folder,
         MPLBACKEND="module://matplotlib_inline.backend_inline",
         PYDEVD_DISABLE_FILE_VALIDATION="1",
     )
@@ -53,7 +51,7 @@ def execute(notebook: nbformat.NotebookNode, timeout: int) -> str | None:
             record_timing=False,
             coalesce_streams=True,
             resources={"metadata": {"path": folder}},
-            config=Config(KernelManager={"transport": "ipc"}),
+            extra_arguments=["--log-level=ERROR"],
         )
         client.on_notebook_start = lambda notebook: groups.append(client.km.provisioner.pgid)
         try:
@@ -64,6 +62,8 @@ def execute(notebook: nbformat.NotebookNode, timeout: int) -> str | None:
             return f"a cell took more than {timeout} s: {error}"
         except DeadKernelError as error:
             return f"the kernel died: {error}"
+        except RuntimeError as error:
+            return f"the kernel did not start: {error}"
         finally:
             for group in groups:
                 if group != os.getpgid(0):
@@ -72,15 +72,27 @@ def execute(notebook: nbformat.NotebookNode, timeout: int) -> str | None:
     return None
 
 
-def shrink(notebook: nbformat.NotebookNode, colours: int = 48) -> None:
-    """Reduce the plots to a few colours, which is a third of the bytes."""
+def tidy(notebook: nbformat.NotebookNode, colours: int = 96) -> None:
+    """Leave what another run or machine would write, too: no warnings, which name files; plots in a few colours.
+
+    Few colours are a third of the bytes.
+    """
+    notebook.metadata["language_info"] = {"name": "python"}
     for cell in notebook.cells:
+        if cell.cell_type == "code":
+            cell.outputs = [output for output in cell.outputs if output.get("name") != "stderr"]
         for output in cell.get("outputs", ()):
             data = output.get("data", {})
             if "image/png" in data:
                 plot, small = Image.open(io.BytesIO(base64.b64decode(data["image/png"]))), io.BytesIO()
                 plot.convert("RGB").quantize(colours, dither=Image.Dither.NONE).save(small, "PNG", optimize=True)
                 data["image/png"] = base64.b64encode(small.getvalue()).decode("ascii")
+
+
+def warnings_of(notebook: nbformat.NotebookNode) -> str:
+    """What the cells wrote to stderr."""
+    outputs = (output for cell in notebook.cells for output in cell.get("outputs", ()))
+    return "".join(output.text for output in outputs if output.get("name") == "stderr")
 
 
 def main() -> int:
@@ -96,10 +108,9 @@ def main() -> int:
     if failure is not None:
         print(f"{args.notebook.name}: {failure}", file=sys.stderr)
         return 1
+    print(warnings_of(notebook), end="", file=sys.stderr)
     if args.save:
-        # Nothing that another run or machine would write differently.
-        notebook.metadata["language_info"] = {"name": "python"}
-        shrink(notebook)
+        tidy(notebook)
         part = args.notebook.with_suffix(".part")
         nbformat.write(notebook, part)
         part.replace(args.notebook)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from lava_vpr.config import StdpLearning
 from lava_vpr.encoding import draw_spikes
-from lava_vpr.engine import integer
+from lava_vpr.engine import integer, integer_kernels
 from lava_vpr.engine.integer import IntegerLearning, IntegerState, Rule
 from lava_vpr.engine.lif import LifParameters
 from lava_vpr.engine.random import presentation_key
@@ -94,7 +94,7 @@ def test_a_weight_change_equals_the_literal_one(mantissas: list[int], data: st.D
     w = np.repeat(np.array([0, 1, 100, 254, 255], np.uint8), 4)
     x = np.tile(np.array([0, 1, 60, 127], np.uint8), 5)
     weights = w[:, None].copy()
-    integer.learn_column(weights, 0, x, rule.table(), target, mu, np.uint64(draw))
+    integer_kernels.learn_column(weights, 0, x, rule.table(), target, mu, np.uint64(draw))
     expected = [literal_integer.learned(int(a), int(b), literal, draw * 2.0**-53) for a, b in zip(w, x, strict=True)]
     assert weights[:, 0].tolist() == expected
 
@@ -106,7 +106,7 @@ def test_rounding_of_traces_is_unbiased() -> None:
     total = np.zeros(128)
     for draw in draws:
         x = np.arange(128).astype(np.uint8)
-        integer.decay_traces(x, whole, fraction, draw)
+        integer_kernels.decay_traces(x, whole, fraction, draw)
         total += x
     exact = np.exp(-1 / 20) * np.arange(128)
     assert np.abs(total / len(draws) - exact).max() < 4 * 0.5 / np.sqrt(len(draws))
@@ -119,7 +119,7 @@ def test_rounding_of_weights_is_unbiased() -> None:
     total = np.zeros(128)
     for draw in draws:
         weights = np.full((128, 1), 100, np.uint8)
-        integer.learn_column(weights, 0, x, rule.table(), 25, 0, draw)
+        integer_kernels.learn_column(weights, 0, x, rule.table(), 25, 0, draw)
         total += weights[:, 0]
     exact = 100 + 3 / 32 * (np.arange(128) - 25)
     assert np.abs(total / len(draws) - exact).max() < 4 * 0.5 / np.sqrt(len(draws))
@@ -168,7 +168,7 @@ def test_a_drawn_number_below_the_fraction_rounds_up() -> None:
     whole, fraction = Rule(((1, 0),), 0, 0, 20.0).decay()
     for draw, up in ((int(fraction[100]) - 1, 1), (int(fraction[100]), 0)):
         x = np.array([100], np.uint8)
-        integer.decay_traces(x, whole, fraction, np.uint64(draw))
+        integer_kernels.decay_traces(x, whole, fraction, np.uint64(draw))
         assert x[0] == whole[100] + up
 
 
@@ -209,7 +209,7 @@ def test_phases_are_the_float_settings_in_integers() -> None:
     weights = np.full((1, 1), 100, np.uint8)
     x = np.full(1, 127, np.uint8)
     rule = competition.rule
-    integer.learn_column(weights, 0, x, rule.table(), rule.target, rule.mu, np.uint64(1 << 52))
+    integer_kernels.learn_column(weights, 0, x, rule.table(), rule.target, rule.mu, np.uint64(1 << 52))
     mean = learning.x_target * integer.mean_trace(784, 12.0, learning.tau_trace)
     assert weights[0, 0] - 100 == pytest.approx(learning.eta * (1 - mean) * 255 / 2, abs=1)
 

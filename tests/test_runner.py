@@ -298,9 +298,7 @@ def test_a_process_is_killed(place: Place, who: str, name: str) -> None:
 @pytest.mark.parametrize("session", [False, True])
 def test_programs_that_it_started_are_ended(place: Place, session: bool) -> None:
     """Also one that has left its session; the system does not end these with who started them."""
-    run_isolated(
-        "lava_targets:leave", {}, {"session": session}, timeout=LONG, progress=lambda done: place.go_on()
-    )
+    run_isolated("lava_targets:leave", {}, {"session": session}, timeout=LONG, progress=lambda done: place.go_on())
     assert place.left() == []
 
 

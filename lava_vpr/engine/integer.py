@@ -20,15 +20,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.config import StdpLearning
-from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
 from lava_vpr.engine.fixed import SILENT_STEPS
-from lava_vpr.engine.lif import LifParameters, lif_step
-from lava_vpr.engine.random import GOLDEN, derived_key, mix, presentation_key, uniform
+from lava_vpr.engine.integer_kernels import normalise_columns, train
+from lava_vpr.engine.lif import LifParameters
+from lava_vpr.engine.random import derived_key, presentation_key, uniform
 from lava_vpr.engine.stdp import mean_trace
 from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.loihi import (
@@ -40,9 +39,6 @@ from lava_vpr.loihi import (
     WEIGHT_EXPONENT_LIMIT,
     WEIGHT_LIMIT,
 )
-
-_S11, _S32 = np.uint64(11), np.uint64(32)
-_ACCUMULATOR = (1 << 15) - 1
 
 
 @dataclass(frozen=True)
@@ -228,125 +224,7 @@ def step_draws(key: int, steps: int) -> tuple[NDArray[np.uint64], NDArray[np.uin
 
 def normalise(weights: NDArray[np.uint8], total: int, key: int) -> None:
     """Bring each neuron's weights (a column) in place to the sum ``total``, rounding stochastically."""
-    _normalise(weights, total, np.uint64(derived_key(key, "normalise")))
-
-
-@nb.njit(cache=True, nogil=True)
-def _normalise(weights: NDArray[np.uint8], total: int, key: np.uint64) -> None:
-    inputs, neurons = weights.shape
-    sums = np.zeros(neurons, np.int64)
-    for j in range(inputs):
-        for i in range(neurons):
-            sums[i] += weights[j, i]
-    for j in range(inputs):
-        for i in range(neurons):
-            w = np.int64(weights[j, i])
-            if w > 0:
-                scaled = w * np.int64(total)
-                whole = scaled // sums[i]
-                rest = np.uint64(scaled - whole * sums[i])
-                draw = mix(key + GOLDEN * ((np.uint64(i) << _S32) + np.uint64(j))) >> _S32
-                if draw * np.uint64(sums[i]) < rest << _S32:
-                    whole += 1
-                weights[j, i] = min(whole, WEIGHT_LIMIT)
-
-
-@nb.njit(cache=True, nogil=True)
-def decay_traces(x: NDArray[np.uint8], whole: NDArray[np.uint8], fraction: NDArray[np.uint64], draw: np.uint64) -> None:
-    """All traces ``x`` (inputs,) one step later, in place; tables from `Rule.decay`, ``draw`` of 53 bits."""
-    after = np.empty(whole.size, np.uint8)
-    for k in range(whole.size):
-        after[k] = whole[k] + np.uint8(draw < fraction[k])
-    for j in range(x.size):
-        x[j] = after[x[j]]
-
-
-@nb.njit(cache=True, nogil=True)
-def learn_column(
-    weights: NDArray[np.uint8],
-    column: int,
-    x: NDArray[np.uint8],
-    products: NDArray[np.int64],
-    target: int,
-    mu: int,
-    draw: np.uint64,
-) -> None:
-    """The weight change of all synapses of neuron ``column``, which spikes; as Lava's ``LearningDense`` computes it."""
-    top = np.int64(_ACCUMULATOR)
-    right = max(0, 9 * mu - 4)
-    for j in range(x.size):
-        w = np.int64(weights[j, column])
-        factor = np.int64(x[j]) - target
-        for _ in range(mu):
-            factor *= WEIGHT_LIMIT - w
-        total = w << 7
-        for p in range(products.shape[0]):
-            change = (factor * products[p, 0] >> right) << products[p, 1]
-            total += min(max(change, -top - 2), top)
-            total = min(max(total, -top - 2), top)
-        total = max(total, np.int64(0))
-        whole, rest = total >> 7, np.uint64(total & 127)
-        if draw < rest << np.uint64(46):
-            whole += 1
-        weights[j, column] = min(whole, WEIGHT_LIMIT)
-
-
-@nb.njit(cache=True, nogil=True)
-def _train(
-    weights: NDArray[np.uint8],
-    theta: NDArray[np.int32],
-    rates: NDArray[np.uint16],
-    key: np.uint64,
-    params: NDArray[np.int64],
-    constants: NDArray[np.int64],
-    products: NDArray[np.int64],
-    whole: NDArray[np.uint8],
-    fraction: NDArray[np.uint64],
-    trace_draws: NDArray[np.uint64],
-    weight_draws: NDArray[np.uint64],
-    x: NDArray[np.uint8],
-    counts: NDArray[np.int32],
-    events: NDArray[np.int64],
-    raster: NDArray[np.uint8],
-) -> None:
-    """One presentation; changes ``weights``, ``theta`` and traces ``x``, fills ``counts``, adds to ``events``."""
-    shift, inhibition, steps, target, mu = params[0], params[1], params[2], params[3], params[4]
-    inputs, neurons = weights.shape
-    active, offsets, rates4, words, mask, occupied, spikes, spike_counts = scratch(inputs)
-    n = prepare_draws(rates, key, active, offsets, rates4)
-    u, v = np.zeros(neurons, np.int32), np.zeros(neurons, np.int32)
-    held, bias = np.zeros(neurons, np.int32), np.zeros(neurons, np.int64)
-    buffer, drive = np.zeros(neurons, np.int32), np.zeros(neurons, np.int64)
-    fired = np.zeros((3, neurons), np.bool_)
-    n_fired = np.zeros(3, np.int64)
-    for step in range(steps + SILENT_STEPS):
-        now, before = step % 3, (step + 1) % 3  # (step - 2) mod 3
-        for i in range(neurons):
-            drive[i] = buffer[i] >> shift
-            if n_fired[before] > 0:
-                drive[i] -= inhibition * (n_fired[before] - np.int64(fired[before, i]))
-        n_fired[now] = lif_step(u, v, theta, held, drive, bias, constants, fired[now])
-        # What the inputs of this step will bring, by the weights before this step's learning.
-        lane = step & 3
-        if lane == 0 and step < steps:
-            draw_block(step >> 2, n, active, offsets, rates4, words, mask, occupied, spikes, spike_counts)
-        arrivals = spike_counts[lane] if step < steps else 0
-        buffer[:] = 0
-        decay_traces(x, whole, fraction, trace_draws[step])
-        for s in range(arrivals):
-            row = np.uint64(spikes[lane, s])
-            x[row] = TRACE_LIMIT
-            for i in range(neurons):
-                buffer[i] += weights[row, i]
-        events[0] += arrivals
-        if n_fired[now] > 0:
-            events[1] += n_fired[now]
-            for i in range(neurons):
-                if fired[now, i]:
-                    counts[i] += 1
-                    if raster.size > 0:
-                        raster[step, i] = 1
-                    learn_column(weights, i, x, products, target, mu, weight_draws[step])
+    normalise_columns(weights, total, np.uint64(derived_key(key, "normalise")))
 
 
 def present(
@@ -384,7 +262,7 @@ def present(
     whole, fraction = rule.decay()
     trace_draws, weight_draws = step_draws(key, total) if draws is None else draws
     x = np.zeros(inputs, np.uint8) if traces is None else traces
-    _train(
+    train(
         state.weights,
         state.theta,
         rates,

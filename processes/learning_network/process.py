@@ -51,7 +51,7 @@ class LearningPlaceNetwork(CheckedProcess):
         learning.check(neurons)
         need(state.theta.shape == (neurons,), "LearningPlaceNetwork: theta", state.theta.shape, f"({neurons},)")
         check_thresholds(state.theta)
-        plasticity = {
+        plasticity: dict[str, Any] = {
             "weights": np.ascontiguousarray(state.weights.T),
             "rule": learning.rule,
             "weight_exp": -learning.shift,

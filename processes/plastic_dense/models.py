@@ -13,13 +13,22 @@ from lava.magma.core.resources import CPU
 from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 from numpy.typing import NDArray
 
-from lava_vpr.engine.integer import Rule, decay_traces, learn_column, normalise, step_draws
+from lava_vpr.engine.integer import Rule, normalise, step_draws
+from lava_vpr.engine.integer_kernels import decay_traces, learn_column
 from lava_vpr.loihi import TRACE_LIMIT
 from lava_vpr.processes.plastic_dense.process import FloatRule, PlasticDense, interval_of
 
 
 class PlasticModel(PyLoihiProcessModel):
-    """What both models do in a step; how they sum, decay, learn and normalise is their own."""
+    """What both models do in a step; how they begin a presentation, sum, decay and learn is their own."""
+
+    s_in: PyInPort = LavaPyType(PyInPort.VEC_DENSE, bool, precision=1)
+    s_in_post: PyInPort = LavaPyType(PyInPort.VEC_DENSE, bool, precision=1)
+    a_out: PyOutPort
+    weights: NDArray[Any]
+    x1: NDArray[Any]
+    a_buff: NDArray[Any]
+    top: float
 
     def __init__(self, proc_params: Any) -> None:
         super().__init__(proc_params)
@@ -56,8 +65,6 @@ class PlasticModel(PyLoihiProcessModel):
 class PyPlasticDenseFixed(PlasticModel):
     """The host engine's kernels; equal to Lava's LearningDense where that can express the rule."""
 
-    s_in: PyInPort = LavaPyType(PyInPort.VEC_DENSE, bool, precision=1)
-    s_in_post: PyInPort = LavaPyType(PyInPort.VEC_DENSE, bool, precision=1)
     a_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, np.int32, precision=24)
     weights: NDArray[np.uint8] = LavaPyType(np.ndarray, np.uint8, precision=8)
     x1: NDArray[np.uint8] = LavaPyType(np.ndarray, np.uint8, precision=7)
@@ -103,8 +110,6 @@ class PyPlasticDenseFixed(PlasticModel):
 class PyPlasticDenseFloat(PlasticModel):
     """The rule in float64, without rounding; random numbers are not needed."""
 
-    s_in: PyInPort = LavaPyType(PyInPort.VEC_DENSE, bool, precision=1)
-    s_in_post: PyInPort = LavaPyType(PyInPort.VEC_DENSE, bool, precision=1)
     a_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, float)
     weights: NDArray[np.float64] = LavaPyType(np.ndarray, float)
     x1: NDArray[np.float64] = LavaPyType(np.ndarray, float)

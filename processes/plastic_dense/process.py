@@ -12,7 +12,8 @@ from lava.magma.core.process.variable import Var
 from numpy.typing import NDArray
 
 from lava_vpr.engine.fixed import SILENT_STEPS
-from lava_vpr.engine.integer import Rule, decay_traces, learn_column, normalise
+from lava_vpr.engine.integer import Rule, normalise
+from lava_vpr.engine.integer_kernels import decay_traces, learn_column
 from lava_vpr.engine.lif import need, stored_weights
 from lava_vpr.loihi import TRACE_LIMIT, WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
 from lava_vpr.processes.shared import CheckedProcess, RegisterVar, check_outputs
