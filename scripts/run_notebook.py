@@ -12,6 +12,7 @@ import io
 import os
 import re
 import signal
+import socket
 import sys
 import tempfile
 import time
@@ -66,10 +67,20 @@ def execute(notebook: nbformat.NotebookNode, timeout: int) -> str | None:
             return f"the kernel did not start: {error}"
         finally:
             for group in groups:
-                if group != os.getpgid(0):
-                    with contextlib.suppress(ProcessLookupError):
-                        os.killpg(group, signal.SIGKILL)
+                end(group)
     return None
+
+
+def end(group: int) -> None:
+    """End a group of processes: gently, so that shared memory is given back, then by force."""
+    if group == os.getpgid(0):
+        return
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(group, signal.SIGTERM)
+        for _ in range(100):
+            time.sleep(0.05)
+            os.killpg(group, 0)
+        os.killpg(group, signal.SIGKILL)
 
 
 def tidy(notebook: nbformat.NotebookNode, colours: int = 96) -> None:
@@ -111,8 +122,13 @@ def main() -> int:
     print(warnings_of(notebook), end="", file=sys.stderr)
     if args.save:
         tidy(notebook)
+        text = nbformat.writes(notebook)
+        for name in (str(ROOT), sys.prefix, str(Path.home()), socket.gethostname()):
+            if re.search(rf"(?<![\w/+=]){re.escape(name)}\b", text):  # not by chance, within a picture
+                print(f"{args.notebook.name}: not saved, as an output names {name}", file=sys.stderr)
+                return 1
         part = args.notebook.with_suffix(".part")
-        nbformat.write(notebook, part)
+        part.write_text(text + "\n", encoding="utf-8")
         part.replace(args.notebook)
     print(f"{args.notebook.name}: {cells} cells run in {time.perf_counter() - started:.0f} s")
     return 0

@@ -66,7 +66,7 @@ def test_dense_equals_lavas(seed: int, mode: SignMode | None, bits: int, exponen
     seed=st.integers(0, 1000),
     du=st.sampled_from([0, 1, 400, 4094, 4095]),
     dv=st.sampled_from([0, 1, 137, 4095]),
-    size=st.sampled_from([100, 5000, 131_000]),
+    size=st.sampled_from([100, 5000, 131_000, 6_528_000]),
     interval=st.sampled_from([1, 7, 1000]),
 )
 def test_lif_equals_lavas(seed: int, du: int, dv: int, size: int, interval: int) -> None:

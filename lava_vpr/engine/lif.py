@@ -155,14 +155,14 @@ def lif_step(
     for i in range(v.size):
         current = np.int64(u[i])
         current = (current * keep_u >> 12) if current >= 0 else -(-current * keep_u >> 12)
-        current += np.int64(drive[i]) << 6
+        current = np.int64(np.int32(current + (np.int64(drive[i]) << 6)))  # Lava adds up in 32 bits, then wraps at 24
         wrapped = current - 2 * limit if current > limit else current
         if wrapped <= -limit:
             wrapped = current + 2 * limit
         u[i] = wrapped
         x = np.int64(v[i])
         x = (x * keep_v >> 12) if x >= 0 else -(-x * keep_v >> 12)
-        x += np.int64(u[i]) + bias[i]
+        x = np.int64(np.int32(x + np.int64(u[i]) + bias[i]))
         x = min(max(x, 1 - limit), limit - 1)
         if x < floor:
             x = floor

@@ -181,8 +181,8 @@ class _State:
         lif_step(self.u, self.v, self.threshold, self.held, self.drive, self.bias, self.constants, self.fired)
         self.spikes[step] = self.fired
         if len(self.films[0]):
-            for film, now in zip(self.films, (self.u, self.v, self.drive), strict=True):
-                film[step] = now
+            film_u, film_v, film_drive = self.films
+            film_u[step], film_v[step], film_drive[step] = self.u, self.v, self.drive
 
 
 def simulate(network: GeneralNetwork, spikes: NDArray[np.bool_], *, record: bool = False) -> Activity:
