@@ -139,7 +139,8 @@ def verify(
         InputError: a query without any spike of an excitatory neuron: its comparison would be empty.
     """
     rates = query_rates(queries.activity, model.config)
-    run = {"image_ids": queries.indices, "role": "query", "seed": model.config.seed if seed is None else seed}
+    run: dict[str, Any] = {"image_ids": queries.indices, "role": "query"}
+    run["seed"] = model.config.seed if seed is None else seed
     host = backends.HostBackend(threads)
     verdicts = []
     trains = None if isinstance(model.network, ConductanceState) else host.trains(model, rates, **run)

@@ -115,7 +115,9 @@ def test_threads_batches_and_order_do_not_matter() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"inhibition": 255, "inhibition_exponent": 10}, r"can reach 261,120, but Loihi's .* at most \d+ neurons"),
+        ({"inhibition": 255, "inhibition_exponent": 7}, r"can reach 163,200, but Loihi's .* at most 5 neurons"),
+        ({"inhibition_exponent": 8}, r"inhibition_exponent 8 does not fit 0\.\.7"),
+        ({"shift": 8}, r"shift 8 does not fit 0\.\.7"),
         ({"bits": 9}, "use 1 to 8 bits"),
         ({"threshold": 1 << 17}, "threshold 131072 does not fit"),
         ({"steps": 0}, "a presentation of 0 steps holds no input"),
@@ -123,7 +125,7 @@ def test_threads_batches_and_order_do_not_matter() -> None:
     ],
 )
 def test_limits_are_refused(changes: dict, message: str) -> None:
-    network = FixedNetwork(np.ones((5, 2), np.uint8), 3, 0, 87, 87, 0, 137, 5)
+    network = FixedNetwork(np.ones((5, 6), np.uint8), 3, 0, 87, 87, 0, 137, 5)
     with pytest.raises(NetworkLimitError, match=message):
         dataclasses.replace(network, **changes).check()
 

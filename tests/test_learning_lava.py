@@ -99,7 +99,7 @@ def test_the_first_real_images_of_both_phases_equal_the_host_engine(data_root: P
     )
     assert hold_against_host(trainer.competition, trainer.state, rates, keys) > 50
     trainer.begin_epoch(config.learning.competing)
-    assert hold_against_host(trainer.consolidation, trainer.state, rates[:2], keys[:2] + np.uint64(1)) > 20
+    assert hold_against_host(trainer.consolidation, trainer.state, rates[:5], keys[:5] + np.uint64(1)) > 20
 
 
 def test_the_library_alone_equals_the_host_engine() -> None:

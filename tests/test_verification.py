@@ -13,6 +13,7 @@ from click.testing import CliRunner
 from commands import PLACES, figures, run
 from helpers import encoded, small_model, tiny_paper
 
+from benchmarks.backends import figures as recall_of
 from benchmarks.nordland import SECTIONS, part
 from benchmarks.nordland import encoded as real
 from benchmarks.recall import learn
@@ -174,3 +175,14 @@ def test_twenty_real_queries_on_every_backend(bits: int, data_root: Path) -> Non
         assert verdict.queries == 20
         assert verdict.spikes > (1_000 if verdict.name == "lava-fused" else 100_000)
     assert verification.FLOAT == ("lava-float",)
+
+
+@pytest.mark.data
+@pytest.mark.slow
+def test_the_float_network_recognises_as_well(data_root: Path) -> None:
+    """All five sections through the floating-point Processes: R@1 within 0.02 of the integers'."""
+    results = recall_of(("host", "lava-float"), seed=0)
+    fixed, floating = (float(np.mean([m.recall_at_1 for m in results[name]])) for name in ("host", "lava-float"))
+    print(f"R@1 of five sections: integers {fixed:.3f}, float {floating:.3f}")
+    assert fixed > 0.85
+    assert abs(fixed - floating) <= 0.02

@@ -27,6 +27,7 @@ from lava_vpr.config import StdpLearning
 from lava_vpr.engine.fixed import SILENT_STEPS
 from lava_vpr.engine.integer_kernels import normalise_columns, train
 from lava_vpr.engine.lif import LifParameters
+from lava_vpr.engine.quantise import mantissa_of
 from lava_vpr.engine.random import derived_key, presentation_key, uniform
 from lava_vpr.engine.stdp import mean_trace
 from lava_vpr.errors import ConfigError, NetworkLimitError
@@ -35,6 +36,7 @@ from lava_vpr.loihi import (
     INPUT_LIMIT,
     PRODUCT_EXPONENTS,
     PRODUCT_MANTISSAS,
+    THRESHOLD_LIMIT,
     TRACE_LIMIT,
     WEIGHT_EXPONENT_LIMIT,
     WEIGHT_LIMIT,
@@ -64,7 +66,8 @@ class Rule:
             NetworkLimitError: naming the part.
         """
         for mantissa, exponent in self.products:
-            if mantissa not in PRODUCT_MANTISSAS or exponent not in PRODUCT_EXPONENTS:
+            most = mantissa == -8 and exponent == max(PRODUCT_EXPONENTS)  # Lava's parser moves it out of range
+            if mantissa not in PRODUCT_MANTISSAS or exponent not in PRODUCT_EXPONENTS or most:
                 raise NetworkLimitError(
                     f"a product {mantissa} x 2^{exponent} does not fit mantissas -8..7 and exponents -7..8; "
                     "change learning.eta"
@@ -158,9 +161,15 @@ def unit(learning: StdpLearning, inputs: int, spikes_per_step: float, drive: flo
     mean = learning.mean_weight / learning.w_max * WEIGHT_LIMIT
     for shift in range(WEIGHT_EXPONENT_LIMIT + 1):
         per_unit = mean * spikes_per_step / drive / (1 << shift)
-        if (neurons - 1) * round(learning.inhibition * per_unit) < INPUT_LIMIT:
+        if (neurons - 1) * _lateral(learning, per_unit) < INPUT_LIMIT:
             break
     return per_unit, shift
+
+
+def _lateral(learning: StdpLearning, per_unit: float) -> int:
+    """Inhibition as lateral synapses hold it, 8 bits and an exponent."""
+    mantissa, exponent = mantissa_of(learning.inhibition * per_unit)
+    return mantissa << exponent
 
 
 def phases(
@@ -186,7 +195,7 @@ def phases(
         return IntegerLearning(
             rule=Rule(products(rate), round(x_target * TRACE_LIMIT), mu, tau),
             shift=shift,
-            inhibition=round(learning.inhibition * per_unit),
+            inhibition=_lateral(learning, per_unit),
             neurons=LifParameters(
                 dv=min((1 << DECAY_BITS) - 1, round((1 << DECAY_BITS) / learning.tau_membrane)),
                 floor=round(learning.floor * per_unit),
@@ -280,7 +289,8 @@ def present(
         film,
     )
     if learning.late_theta:
-        state.theta += counts * np.int32(learning.neurons.theta_plus)
+        raised = state.theta + counts * np.int32(learning.neurons.theta_plus)
+        state.theta[:] = np.minimum(raised, THRESHOLD_LIMIT - 1)
     return counts, events, film
 
 

@@ -140,7 +140,7 @@ def lif_step(
 
     Args:
         u, v: Current and membrane, changed in place.
-        threshold: In units of v >> 6; raised in place by theta_plus for each spike.
+        threshold: In units of v >> 6; raised in place by theta_plus for each spike, up to what 17 bits hold.
         held: Steps that a membrane still stays at 0, changed in place.
         drive: Input sums of this step.
         bias: In units of v.
@@ -173,7 +173,7 @@ def lif_step(
         if spikes[i]:
             x = np.int64(0)
             held[i] = hold
-            threshold[i] += theta_plus
+            threshold[i] = min(threshold[i] + theta_plus, THRESHOLD_LIMIT - 1)
             n += 1
         v[i] = x
     return n

@@ -44,7 +44,7 @@ def weight_scale(weights: NDArray[np.float64], bits: int) -> float:
     return ((1 << bits) - 1) / (top if top > 0 else float(weights.max()))
 
 
-def _mantissa(value: float) -> tuple[int, int]:
+def mantissa_of(value: float) -> tuple[int, int]:
     """``value`` as mantissa x 2^exponent of a lateral synapse."""
     exponent = 0
     while round(value / (1 << exponent)) > WEIGHT_LIMIT:
@@ -66,7 +66,7 @@ def _shift(scale_per_drive: float, threshold: float, inhibition: float, neurons:
             if sizes[shift] < least:
                 break
             last = max(last, shift)
-            mantissa, exponent = _mantissa(inhibition * scale_per_drive / (1 << shift))
+            mantissa, exponent = mantissa_of(inhibition * scale_per_drive / (1 << shift))
             if (neurons - 1) * (mantissa << exponent) < limit:
                 return shift
     return last
@@ -99,7 +99,7 @@ def quantise(
     inhibition = network.joined_inhibition if joined else network.inhibition
     shift = _shift(scale / gain, network.threshold, inhibition, neurons)
     unit = scale / gain / (1 << shift)
-    mantissa, exponent = _mantissa(inhibition * unit)
+    mantissa, exponent = mantissa_of(inhibition * unit)
     fixed = FixedNetwork(
         weights=np.clip(np.round(weights * scale), 0, (1 << bits) - 1).astype(np.uint8),
         bits=bits,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from lava_vpr.engine.fixed import SILENT_STEPS
 from lava_vpr.engine.integer import IntegerLearning, IntegerState
 from lava_vpr.engine.lif import check_thresholds, need
+from lava_vpr.loihi import THRESHOLD_LIMIT
 from lava_vpr.processes.plastic_dense.process import Draws
 from lava_vpr.processes.shared import CheckedProcess
 
@@ -83,4 +84,5 @@ class LearningPlaceNetwork(CheckedProcess):
         Args:
             counts: Spikes of each neuron in that presentation, (neurons,).
         """
-        self.vth.set(self.vth.get() + counts * self.learning.neurons.theta_plus)
+        raised = self.vth.get() + counts * self.learning.neurons.theta_plus
+        self.vth.set(np.minimum(raised, THRESHOLD_LIMIT - 1))
