@@ -65,6 +65,15 @@ $(ORACLES): .venv-%/.installed: requirements/%.txt scripts/find_python.sh
 oracles: $(STAMP) $(ORACLES) ## Other simulators of Loihi against our integers (environments of their own)
 	@$(BIN)/python -m benchmarks.oracles
 
+.venv-notebook/.installed: pyproject.toml requirements/lock.txt requirements/notebook.txt
+	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh) && "$$python" -m venv --clear .venv-notebook
+	@.venv-notebook/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/lock.txt -r requirements/notebook.txt
+	@.venv-notebook/bin/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
+	@touch .venv-notebook/.installed
+
+tutorial: .venv-notebook/.installed ## Execute docs/tutorial.ipynb: the network in Lava, Process by Process
+	@.venv-notebook/bin/python scripts/run_notebook.py
+
 wheel: $(STAMP) ## Build the wheel into dist/
 	@rm -rf dist build && $(BIN)/python -m build --quiet --no-isolation --wheel .
 

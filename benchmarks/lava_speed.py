@@ -32,7 +32,7 @@ from lava_vpr.engine.fixed import FixedNetwork, count_spikes
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import LavaRunError
 from lava_vpr.processes.fused_network.process import FusedPlaceNetwork
-from lava_vpr.processes.place_network.process import RELAY_WEIGHT, PlaceNetwork, stored
+from lava_vpr.processes.place_network.process import RELAY_WEIGHT, PlaceNetwork
 from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
 from lava_vpr.processes.runner import run_isolated
 from lava_vpr.processes.shared import FIXED_TAG, shared_array
@@ -81,7 +81,7 @@ def start_library(network: FixedNetwork, n: int) -> tuple[Any, LIFReset]:
     trains = np.zeros((n, interval, network.inputs), np.int32)
     for train, own, key in zip(trains, rates, keys, strict=True):
         train[: network.steps] = draw_spikes(own, int(key), network.steps)
-    weights, bits, exponent = stored(network)
+    weights, bits, exponent = network.stored
     reset = {"reset_interval": interval, "reset_offset": 1}
     excitatory, one = {"sign_mode": SignMode.EXCITATORY}, np.eye(neurons, dtype=np.int64)
     source = RingBuffer(data=trains.reshape(n * interval, -1).T)

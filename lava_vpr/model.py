@@ -110,12 +110,13 @@ def save(model: Model, path: Path) -> None:
     container.save(path, "model", header, arrays)
 
 
-def load(path: Path) -> Model:
+def load(path: Path | str) -> Model:
     """The model in the file at ``path``.
 
     Raises:
         ModelFileError: missing, foreign, damaged, or inconsistent.
     """
+    path = Path(path)
     header, arrays = container.load(path, "model")
     try:
         return _assemble(header, arrays)

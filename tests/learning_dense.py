@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from lava_vpr.engine.integer import Rule
 from lava_vpr.loihi import TRACE_LIMIT
 from lava_vpr.processes.plastic_dense.models import PyPlasticDenseFixed
-from lava_vpr.processes.plastic_dense.process import FloatRule, PlasticDense, lava_streams
+from lava_vpr.processes.plastic_dense.process import PlasticDense, lava_streams
+from lava_vpr.processes.rules import FloatRule
 from lava_vpr.processes.shared import shared_array
 
 

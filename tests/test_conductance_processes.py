@@ -19,12 +19,13 @@ from lava_vpr.engine.conductance_kernels import Constants
 from lava_vpr.engine.random import presentation_key, presentation_keys
 from lava_vpr.errors import ConfigError, LavaVprError, NetworkLimitError
 from lava_vpr.processes.conductance_lif.models import PyConductanceLIFFloat
-from lava_vpr.processes.conductance_lif.process import ConductanceLIF, ConductanceNeuron
+from lava_vpr.processes.conductance_lif.process import ConductanceLIF
 from lava_vpr.processes.conductance_network.process import (
     ConductancePlaceNetwork,
     excitatory_neuron,
     inhibitory_neuron,
 )
+from lava_vpr.processes.conductance_neurons import ConductanceNeuron
 from lava_vpr.processes.conductance_plastic.process import ConductancePlastic
 from lava_vpr.processes.delayed_dense.models import PyDelayedDenseFloat
 from lava_vpr.processes.delayed_dense.process import DelayedDense

@@ -21,7 +21,8 @@ from lava_vpr.errors import NetworkLimitError
 from lava_vpr.processes.learning_jobs import LEARNING, LIBRARY, options_of
 from lava_vpr.processes.learning_network.process import LearningPlaceNetwork
 from lava_vpr.processes.library_learning.process import LibraryLearningNetwork
-from lava_vpr.processes.plastic_dense.process import FloatRule, PlasticDense, lava_streams
+from lava_vpr.processes.plastic_dense.process import PlasticDense, lava_streams
+from lava_vpr.processes.rules import FloatRule
 from lava_vpr.processes.runner import run_isolated
 
 INPUTS, NEURONS, IMAGES = 30, 6, 5

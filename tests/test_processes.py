@@ -18,7 +18,6 @@ from lava_vpr.processes.excitatory_lif.models import PyExcitatoryLIFFixed
 from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF
 from lava_vpr.processes.fused_network.models import PyFusedPlaceNetworkFixed
 from lava_vpr.processes.fused_network.process import EVENTS, FusedPlaceNetwork
-from lava_vpr.processes.place_network.process import stored
 from lava_vpr.processes.runner import run_isolated
 
 TIMEOUT = 200.0
@@ -126,7 +125,7 @@ def test_the_fused_process_without_shared_arrays() -> None:
 @pytest.mark.parametrize("shift", range(8))
 def test_stored_weights_give_the_same_sums_within_the_exponents_range(bits: int, shift: int) -> None:
     network = random_network(bits, shift=shift)
-    weights, stored_bits, exponent = stored(network)
+    weights, stored_bits, exponent = network.stored
     assert -7 <= exponent <= 0
     assert bits <= stored_bits <= 8
     kept = stored_weights(weights, stored_bits)
@@ -150,7 +149,7 @@ def test_vars_between_runs_and_refusals_before_them() -> None:
     check_vars(given, {name.removeprefix("vars_"): value for name, value in got.items()})
     for name in ("weights", "u", "v", "v_inh"):
         assert np.array_equal(got[f"place_{name}"], got[f"library_{name}"]), name
-    assert np.array_equal(got["place_weights"], stored(network)[0])
+    assert np.array_equal(got["place_weights"], network.stored[0])
     assert got["place_v"].any()
     assert (got["place_vth"] == network.threshold).all()
     assert got["library_vth"].tolist() == [network.threshold]

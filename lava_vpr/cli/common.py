@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -80,7 +81,7 @@ stderr = _Console(stderr=True, highlight=False, soft_wrap=True)
 @contextmanager
 def progress_bar(text: str, total: int) -> Iterator[Callable[[int, str], None]]:
     """A bar on a terminal, nothing in a pipe; yields ``advance(by, note)``."""
-    if not stderr.is_terminal:
+    if not sys.stderr.isatty():  # rich takes FORCE_COLOR, which Jupyter sets, for a terminal
         yield lambda by, note: None
         return
     columns = (

@@ -24,7 +24,15 @@ from numpy.typing import NDArray
 from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
 from lava_vpr.engine.threads import share
 from lava_vpr.errors import NetworkLimitError
-from lava_vpr.loihi import DECAY_BITS, INPUT_LIMIT, STATE_LIMIT, THRESHOLD_LIMIT, WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
+from lava_vpr.loihi import (
+    DECAY_BITS,
+    INPUT_LIMIT,
+    STATE_LIMIT,
+    THRESHOLD_LIMIT,
+    WEIGHT_BITS,
+    WEIGHT_EXPONENT_LIMIT,
+    WEIGHT_LIMIT,
+)
 
 _PADDING = 32
 SCALARS = ("bits", "shift", "threshold", "inhibition", "inhibition_exponent", "decay", "steps")
@@ -84,6 +92,17 @@ class FixedNetwork:
     def lateral(self) -> int:
         """Inhibition of one spike in units of the input sum."""
         return self.inhibition << self.inhibition_exponent
+
+    @property
+    def stored(self) -> tuple[NDArray[np.int32], int, int]:
+        """The weights as synapse memory holds them, (neurons, inputs), with Lava's num_weight_bits and weight_exp.
+
+        A b-bit weight k is stored as k 2^(8 - b), which the exponent takes back. Where that exponent would leave its
+        range, k moves down and takes more bits: the sums are the same.
+        """
+        spare = WEIGHT_BITS - self.bits
+        spare -= min(spare, max(0, spare + self.shift - WEIGHT_EXPONENT_LIMIT))
+        return self.weights.T.astype(np.int32) << spare, WEIGHT_BITS - spare, -spare - self.shift
 
     @cached_property
     def prepared(self) -> tuple[NDArray[np.uint8], NDArray[np.int64], NDArray[np.int64], bool]:

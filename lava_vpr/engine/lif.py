@@ -102,13 +102,16 @@ def bias_of(mantissa: NDArray[Any] | int, exponent: NDArray[Any] | int) -> NDArr
     return np.where(exp >= 0, mant << np.maximum(exp, 0), mant >> np.maximum(-exp, 0))
 
 
-def stored_weights(weights: NDArray[Any], bits: int = WEIGHT_BITS, sign: SignMode = "excitatory") -> NDArray[np.int32]:
+def stored_weights(
+    weights: NDArray[Any], bits: int = WEIGHT_BITS, sign: SignMode = "excitatory", of: str = ""
+) -> NDArray[np.int32]:
     """Weights as ``bits`` bits of synapse memory hold them: the low bits of 8 become 0, of magnitude for inhibition.
 
     Args:
         weights: Whole numbers, any shape: 0..255, -255..0 if inhibitory, -256..255 if mixed.
         bits: Bits of a weight, 1..8; a mixed sign takes one of them.
         sign: Sign mode of the whole array.
+        of: Whose weights, for the message.
     Raises:
         NetworkLimitError: a weight outside the range. (Lava's Dense clips it without a word.)
     """
@@ -119,7 +122,7 @@ def stored_weights(weights: NDArray[Any], bits: int = WEIGHT_BITS, sign: SignMod
     )
     outside = values[~((values >= low) & (values <= high)) | (values != np.floor(values))]
     shown = outside.flat[0] if outside.size else ""
-    need(not outside.size, f"{sign} weight", shown, f"a whole number in {low}..{high}")
+    need(not outside.size, f"{of}{': ' * bool(of)}{sign} weight", shown, f"a whole number in {low}..{high}")
     whole = values.astype(np.int32)
     drop = WEIGHT_BITS - bits + (sign == "mixed")
     return -((-whole >> drop) << drop) if sign == "inhibitory" else (whole >> drop) << drop

@@ -12,7 +12,8 @@ from lava.magma.core.model.py.type import LavaPyType
 from lava.magma.core.resources import CPU
 from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 
-from lava_vpr.processes.conductance_lif.process import READY, ConductanceLIF, ConductanceNeuron
+from lava_vpr.processes.conductance_lif.process import READY, ConductanceLIF
+from lava_vpr.processes.conductance_neurons import ConductanceNeuron
 
 
 @implements(proc=ConductanceLIF, protocol=LoihiProtocol)

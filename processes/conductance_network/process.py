@@ -25,7 +25,7 @@ from lava_vpr.engine.conductance_kernels import (
     Constants,
 )
 from lava_vpr.errors import NetworkLimitError
-from lava_vpr.processes.conductance_lif.process import ConductanceNeuron
+from lava_vpr.processes.conductance_neurons import ConductanceNeuron
 from lava_vpr.processes.delayed_dense.process import check_synapses
 
 

@@ -100,7 +100,7 @@ class DenseSynapses(CheckedProcess):
         Raises:
             NetworkLimitError: a weight out of the range of its sign mode, or not a whole number.
         """
-        lif.stored_weights(self.weights.init if weights is None else weights, self.bits, self.sign)
+        lif.stored_weights(self.weights.init if weights is None else weights, self.bits, self.sign, of="DenseSynapses")
 
     def compile_kernels(self) -> None:
         """Compile the kernel before the models are forked."""

@@ -17,7 +17,7 @@ from scipy.sparse import identity
 
 from lava_vpr.loihi import DECAY_BITS
 from lava_vpr.processes.library_network.process import LibraryPlaceNetwork
-from lava_vpr.processes.place_network.process import RELAY_WEIGHT, stored
+from lava_vpr.processes.place_network.process import RELAY_WEIGHT
 
 
 @implements(proc=LibraryPlaceNetwork, protocol=LoihiProtocol)
@@ -26,7 +26,7 @@ class SubLibraryPlaceNetwork(AbstractSubProcessModel):
 
     def __init__(self, proc: LibraryPlaceNetwork) -> None:
         network, n = proc.network, proc.network.neurons
-        excite, bits, exponent = stored(network)
+        excite, bits, exponent = network.stored
         weights: NDArray[Any] = excite
         lateral: NDArray[Any] = network.inhibition * (np.eye(n, dtype=np.int32) - 1)
         relay = RELAY_WEIGHT * identity(n, dtype=np.int32, format="csr")

@@ -8,7 +8,6 @@ from lava.magma.core.process.ports.ports import InPort, OutPort
 from lava.magma.core.process.variable import Var
 
 from lava_vpr.engine.fixed import SILENT_STEPS, FixedNetwork
-from lava_vpr.processes.place_network.process import stored
 from lava_vpr.processes.shared import CheckedProcess
 
 
@@ -36,7 +35,7 @@ class LibraryPlaceNetwork(CheckedProcess):
         self.s_in = InPort(shape=(network.inputs,))
         self.s_out = OutPort(shape=shape)
         self.s_out_inh = OutPort(shape=shape)
-        self.weights = Var(shape=(network.neurons, network.inputs), init=stored(network)[0])
+        self.weights = Var(shape=(network.neurons, network.inputs), init=network.stored[0])
         self.u, self.v, self.v_inh = Var(shape=shape), Var(shape=shape), Var(shape=shape)
         self.vth = Var(shape=(1,), init=network.threshold)
 

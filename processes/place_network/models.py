@@ -11,7 +11,7 @@ from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF
 from lava_vpr.processes.inhibitory_lif.process import InhibitoryLIF
 from lava_vpr.processes.lateral_inhibition.process import LateralInhibition
 from lava_vpr.processes.one_to_one.process import OneToOne
-from lava_vpr.processes.place_network.process import RELAY_WEIGHT, PlaceNetwork, stored
+from lava_vpr.processes.place_network.process import RELAY_WEIGHT, PlaceNetwork
 
 
 @implements(proc=PlaceNetwork, protocol=LoihiProtocol)
@@ -20,7 +20,7 @@ class SubPlaceNetwork(AbstractSubProcessModel):
 
     def __init__(self, proc: PlaceNetwork) -> None:
         network, shape, interval = proc.network, (proc.network.neurons,), proc.interval
-        weights, bits, exponent = stored(network)
+        weights, bits, exponent = network.stored
         self.excite = DenseSynapses(weights=weights, num_weight_bits=bits, weight_exp=exponent, sign_mode="excitatory")
         self.exc = ExcitatoryLIF(shape=shape, dv=network.decay, vth=network.threshold, reset_interval=interval)
         self.relay = OneToOne(shape=shape, weight=RELAY_WEIGHT)

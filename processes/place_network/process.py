@@ -4,28 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from lava.magma.core.process.ports.ports import InPort, OutPort
 from lava.magma.core.process.variable import Var
-from numpy.typing import NDArray
 
 from lava_vpr.engine.fixed import SILENT_STEPS, FixedNetwork
-from lava_vpr.loihi import WEIGHT_BITS, WEIGHT_EXPONENT_LIMIT
 from lava_vpr.processes.shared import CheckedProcess
 
 RELAY_WEIGHT = 2
 """Of the synapses from exc to inh: any positive one does; an even one does so in every sign mode."""
-
-
-def stored(network: FixedNetwork) -> tuple[NDArray[np.int32], int, int]:
-    """The weights as synapse memory holds them: (neurons, inputs), num_weight_bits and weight_exp.
-
-    A b-bit weight k is stored as k 2^(8 - b), which the exponent takes back. Where that exponent would leave its range,
-    k moves down and takes more bits: the sums are the same.
-    """
-    spare = WEIGHT_BITS - network.bits
-    spare -= min(spare, max(0, spare + network.shift - WEIGHT_EXPONENT_LIMIT))
-    return network.weights.T.astype(np.int32) << spare, WEIGHT_BITS - spare, -spare - network.shift
 
 
 class PlaceNetwork(CheckedProcess):
@@ -50,7 +36,7 @@ class PlaceNetwork(CheckedProcess):
         self.s_in = InPort(shape=(network.inputs,))
         self.s_out = OutPort(shape=shape)
         self.s_out_inh = OutPort(shape=shape)
-        self.weights = Var(shape=(network.neurons, network.inputs), init=stored(network)[0])
+        self.weights = Var(shape=(network.neurons, network.inputs), init=network.stored[0])
         self.u, self.v, self.v_inh = Var(shape=shape), Var(shape=shape), Var(shape=shape)
         self.vth = Var(shape=shape, init=network.threshold)
         self.inhibition = Var(shape=(1,), init=network.lateral)

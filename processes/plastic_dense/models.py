@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from lava_vpr.engine.integer import Rule, normalise, step_draws
 from lava_vpr.engine.integer_kernels import decay_traces, learn_column
 from lava_vpr.loihi import TRACE_LIMIT
-from lava_vpr.processes.plastic_dense.process import FloatRule, PlasticDense, interval_of
+from lava_vpr.processes.plastic_dense.process import PlasticDense, interval_of
+from lava_vpr.processes.rules import FloatRule
 
 
 class PlasticModel(PyLoihiProcessModel):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -15,44 +14,11 @@ from lava_vpr.engine.fixed import SILENT_STEPS
 from lava_vpr.engine.integer import Rule, normalise
 from lava_vpr.engine.integer_kernels import decay_traces, learn_column
 from lava_vpr.engine.lif import need, stored_weights
-from lava_vpr.loihi import TRACE_LIMIT, WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
+from lava_vpr.loihi import WEIGHT_EXPONENT_LIMIT
+from lava_vpr.processes.rules import FloatRule
 from lava_vpr.processes.shared import CheckedProcess, RegisterVar, check_outputs
 
 Draws = tuple[NDArray[np.uint64], NDArray[np.uint64]]
-
-
-@dataclass(frozen=True)
-class FloatRule:
-    """On a postsynaptic spike ``w += eta (x - target) (w_max - w)^mu``, clipped to [0, w_max].
-
-    The presynaptic trace x is set to 1 by a spike and decays by exp(-1 / tau) a step (the paper's rule, as
-    `lava_vpr.engine.stdp`).
-    """
-
-    eta: float
-    target: float
-    mu: float
-    tau: float
-    w_max: float
-
-    @classmethod
-    def of(cls, rule: Rule) -> FloatRule:
-        """The rule that the integer ``rule`` approximates, for weights in 0..255."""
-        eta = sum(mantissa * 2.0**exponent for mantissa, exponent in rule.products) / (1 << max(0, 9 * rule.mu - 4))
-        return cls(eta * TRACE_LIMIT, rule.target / TRACE_LIMIT, float(rule.mu), rule.tau, float(WEIGHT_LIMIT))
-
-    def check(self) -> None:
-        """Refuse what makes no rule.
-
-        Raises:
-            NetworkLimitError: naming the part.
-        """
-        for name in ("eta", "target", "mu"):
-            value = getattr(self, name)
-            need(bool(np.isfinite(value)) and value >= 0, name, value, "a finite number, at least 0")
-        for name in ("tau", "w_max"):
-            value = getattr(self, name)
-            need(bool(np.isfinite(value)) and value > 0, name, value, "a finite number above 0")
 
 
 def lava_streams(rng_seed: int, steps: int) -> Draws:

@@ -30,7 +30,7 @@ class PoissonEncoder(CheckedProcess):
     """Sends the spikes of `lava_vpr.encoding.draw_spikes`, one presentation after another; after the last it is silent.
 
     A presentation is ``steps`` steps with input and ``silent_steps`` without. Port: ``s_out`` spikes (inputs,). Var:
-    ``emitted`` int64 (inputs,), how many spikes each input has sent.
+    ``emitted`` int64 (inputs,), how many spikes each input has sent. ``interval``: steps of a presentation.
     """
 
     def __init__(
@@ -77,6 +77,7 @@ class PoissonEncoder(CheckedProcess):
             shared=emitted,
             **kwargs,
         )
+        self.interval = int(steps + silent_steps)
         self.s_out = OutPort(shape=rates.shape[1:])
         self.emitted = Var(shape=rates.shape[1:], init=0)
 
