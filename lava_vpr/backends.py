@@ -179,7 +179,7 @@ class LavaBackend:
 
         options: dict[str, Any] = {name: int(getattr(network, name)) for name in fixed.SCALARS}
         options |= {"tag": self.tag, "record": record, "board": self.board}
-        arrays = {"weights": network.weights, "rates": np.ascontiguousarray(rates, np.uint16), "keys": keys}
+        arrays: dict[str, NDArray[Any]] = {"weights": network.weights, "rates": rates.astype(np.uint16), "keys": keys}
         steps = len(rates) * (network.steps + SILENT_STEPS)
         timeout = 120 + steps / self.steps_per_second
         job = f"lava_vpr.processes.jobs:{self.job}"
@@ -191,7 +191,7 @@ class LavaBackend:
         """The ``paper`` preset's network as float Processes."""
         from lava_vpr.processes.runner import run_isolated
 
-        arrays = {
+        arrays: dict[str, NDArray[Any]] = {
             "weights": network.weights,
             "theta_mv": network.theta_mv,
             "delays": network.delays,

@@ -92,7 +92,7 @@ def _rewrite(path: Path, change: str) -> None:
         ("settings", r"cannot be used \(network\.weight_bits is 77"),
         ("fewer inputs", r"weights of shape \(100, 8\) for 1568 inputs"),
         ("labels", r"labels that are not the places"),
-        ("shift", r"shift -1 does not fit 0\.\.31"),
+        ("shift", r"shift -1 does not fit 0\.\.7"),
         ("weights", r"cannot be used \(weights need 3 bits to hold 255"),
     ],
 )

@@ -54,7 +54,7 @@ REFUSED: list[tuple[Any, dict[str, Any], str]] = [
     (dense, {"weights": np.full((2, 3), -256)}, "inhibitory weight is -256"),
     (dense, {"weights": np.array([[300, -1]])}, "mixed weight is 300, but must be a whole number in -256..255"),
     (dense, {"sign_mode": "inhibitory"}, "inhibitory weight is 1"),
-    (dense, {"sign_mode": SignMode.NULL, "weights": np.array([[-1]])}, "an null weight is -1"),
+    (dense, {"sign_mode": SignMode.NULL, "weights": np.array([[-1]])}, "null weight is -1"),
     (dense, {"sign_mode": "both"}, "sign_mode is 'both', but must be null, mixed"),
     (dense, {"weights": np.ones(3, int)}, "weights are int64 (3,), but must be numbers (post, pre)"),
     (dense, {"weights": np.array([[np.nan]])}, "a weight is nan, but must be finite"),

@@ -136,7 +136,13 @@ def test_backends_that_cannot_run_say_so() -> None:
         count_query_spikes(learned, queries, backend="gpu")
     assert next(iter(backends.BACKENDS)) == "host"
     for name in backends.BACKENDS:
-        assert callable(backends.get(name).count_spikes)
+        reason = backends.unavailable(name)
+        if reason is None:
+            assert callable(backends.get(name).count_spikes)
+        else:
+            with pytest.raises(BackendUnavailableError) as caught:
+                backends.get(name)
+            assert str(caught.value) == reason
 
 
 @pytest.mark.parametrize("kind", ["loihi", "paper"])

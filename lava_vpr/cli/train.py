@@ -60,7 +60,7 @@ from lava_vpr.traverse import open_traverse
     "--learning",
     type=click.Choice(["float", "integer"]),
     default=None,
-    help="Arithmetic of learning; integer: Loihi's 8-bit weights and 7-bit traces.  [default: float]",
+    help="Arithmetic of learning (default: float); integer: Loihi's 8-bit weights and 7-bit traces.",
 )
 @click.option("--jobs", type=click.IntRange(1, 1024), default=None, help="Threads (default: all processors).")
 @click.option("--seed", type=seed_type, default=None, help="Seed of start weights and spikes.  [default: 0]")
