@@ -58,9 +58,9 @@ def verify(
     seed: int | None,
     json_path: Path | None,
 ) -> None:
-    """Run the same queries on every backend and compare every spike with the host's.
+    """Run the first images of QUERY through MODEL on every backend and compare every spike with the host's.
 
-    Exits with 1 if a single spike differs. A float backend has no equal spikes; its recall is printed.
+    Exits with 1 if a single spike differs. A float backend has spikes of its own; its recall is printed.
     """
     if json_path is not None:
         check_writable(json_path, model_path, query)
