@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from lava_vpr.engine import conductance, fixed, integer, quantise, stdp
 from lava_vpr.engine.random import presentation_key, presentation_keys
 from lava_vpr.errors import ConfigError, InputError, NetworkLimitError
 from lava_vpr.model import Model, Stretch
+from lava_vpr.trainers import ConductanceTrainer, StretchTrainer, trainer_of
 
 
 @dataclass(frozen=True)
@@ -32,100 +33,6 @@ class Progress:
     spikes_per_image: float
     neurons_used: int
     places_covered: int
-
-
-class StretchTrainer(Protocol):
-    """What learns one stretch: shown an image, it learns and tells its spike counts. Its state is named arrays."""
-
-    def begin_epoch(self, epoch: int) -> None: ...
-
-    def present(self, rates: NDArray[Any], key: int, place: int, epoch: int) -> NDArray[np.int32]: ...
-
-    def state(self) -> dict[str, NDArray[Any]]: ...
-
-    def restore(self, arrays: dict[str, NDArray[Any]]) -> None: ...
-
-
-class LifTrainer:
-    """The ``loihi`` preset's network, learning in float."""
-
-    def __init__(self, config: Config, stretch: Stretch, number: int) -> None:
-        learning, network = config.learning, config.network
-        if not isinstance(learning, StdpLearning) or not isinstance(network, LifNetwork):
-            raise ConfigError("LifTrainer needs network.model 'lif' and learning.rule 'stdp'")
-        start = stdp.initial_state(config.encoder.inputs, stretch.neurons, learning, config.seed, number)
-        self._trainer = stdp.Trainer(start, learning, config.encoder.train_spikes, network.drive)
-
-    def begin_epoch(self, epoch: int) -> None:
-        self._trainer.begin_epoch(epoch)
-
-    def present(self, rates: NDArray[Any], key: int, place: int, epoch: int) -> NDArray[np.int32]:
-        return self._trainer.present(rates, key)[0]
-
-    def state(self) -> dict[str, NDArray[Any]]:
-        return {"weights": self._trainer.state.weights, "theta": self._trainer.state.theta}
-
-    def restore(self, arrays: dict[str, NDArray[Any]]) -> None:
-        for name, value in self.state().items():
-            value[...] = arrays[name]
-
-
-class IntegerLifTrainer:
-    """The same network, learning in Loihi's integers."""
-
-    def __init__(self, config: Config, stretch: Stretch, number: int) -> None:
-        learning, network = config.learning, config.network
-        if not isinstance(learning, StdpLearning) or not isinstance(network, LifNetwork):
-            raise ConfigError("IntegerLifTrainer needs network.model 'lif' and learning.rule 'stdp'")
-        inputs, spikes = config.encoder.inputs, config.encoder.train_spikes
-        self._trainer = integer.IntegerTrainer(
-            inputs, stretch.neurons, learning, spikes, network.drive, config.seed, number
-        )
-
-    def begin_epoch(self, epoch: int) -> None:
-        self._trainer.begin_epoch(epoch)
-
-    def present(self, rates: NDArray[Any], key: int, place: int, epoch: int) -> NDArray[np.int32]:
-        return self._trainer.present(rates, key)
-
-    def state(self) -> dict[str, NDArray[Any]]:
-        return {"weights": self._trainer.state.weights, "theta": self._trainer.state.theta}
-
-    def restore(self, arrays: dict[str, NDArray[Any]]) -> None:
-        for name, value in self.state().items():
-            value[...] = arrays[name]
-
-
-class ConductanceTrainer:
-    """The ``paper`` preset's network; S^R is counted during the last epochs, while it still learns."""
-
-    def __init__(self, config: Config, stretch: Stretch, number: int) -> None:
-        if not isinstance(config.learning, ConductanceLearning):
-            raise ConfigError("ConductanceTrainer needs network.model 'conductance'")
-        self._config, self._learning = config, config.learning
-        self.network = conductance.initial_state(config, config.encoder.inputs)
-        self.responses = np.zeros((stretch.neurons, stretch.places), np.int32)
-
-    def begin_epoch(self, epoch: int) -> None:
-        pass  # one phase only
-
-    def present(self, rates: NDArray[Any], key: int, place: int, epoch: int) -> NDArray[np.int32]:
-        counts, _ = conductance.train_presentation(self.network, rates, key, self._config)
-        if epoch >= self._learning.epochs - self._learning.label_epochs:
-            self.responses[:, place] += counts
-        return counts
-
-    def state(self) -> dict[str, NDArray[Any]]:
-        return {
-            "weights": self.network.weights,
-            "theta_mv": self.network.theta_mv,
-            "delays": self.network.delays,
-            "responses": self.responses,
-        }
-
-    def restore(self, arrays: dict[str, NDArray[Any]]) -> None:
-        for name, value in self.state().items():
-            value[...] = arrays[name]
 
 
 def split(places: int, config: Config) -> tuple[Stretch, ...]:
@@ -215,7 +122,7 @@ def train(
     """
     check_references([len(reference) for reference in references])
     stretches = check_size(len(references[0]), config)
-    trainers = [_trainer(config, stretch, number) for number, stretch in enumerate(stretches)]
+    trainers = [trainer_of(config, stretch, number) for number, stretch in enumerate(stretches)]
     store = Checkpoint(checkpoint, fingerprint(references, config), interval)
     if resume:
         store.load()
@@ -242,14 +149,6 @@ def train(
         if checkpoint is not None:
             checkpoint.unlink(missing_ok=True)
         raise
-
-
-def _trainer(config: Config, stretch: Stretch, number: int) -> StretchTrainer:
-    """What learns one stretch under ``config``."""
-    if not isinstance(config.network, LifNetwork):
-        return ConductanceTrainer(config, stretch, number)
-    kind = IntegerLifTrainer if config.learning.arithmetic == "integer" else LifTrainer
-    return kind(config, stretch, number)
 
 
 def _run(learn: Callable[[int], None], stretches: int, jobs: int, stop: threading.Event, store: Checkpoint) -> None:

@@ -13,6 +13,7 @@ from lava_vpr.processes.learning_network.process import LearningPlaceNetwork
 from lava_vpr.processes.one_to_one.process import OneToOne
 from lava_vpr.processes.place_network.process import RELAY_WEIGHT
 from lava_vpr.processes.plastic_dense.process import PlasticDense
+from lava_vpr.processes.wiring import wire
 
 
 @implements(proc=LearningPlaceNetwork, protocol=LoihiProtocol)
@@ -36,18 +37,6 @@ class SubLearningPlaceNetwork(AbstractSubProcessModel):
         self.relay = OneToOne(shape=shape, weight=RELAY_WEIGHT)
         self.inh = InhibitoryLIF(shape=shape, reset_interval=interval)
         self.inhibit = LateralInhibition(shape=shape, inhibition=learning.inhibition)
-        proc.s_in.connect(self.plastic.s_in)
-        self.plastic.a_out.connect(self.exc.a_in)
+        wire(proc, self.plastic, self.exc, self.relay, self.inh, self.inhibit)
         self.exc.s_out.connect(self.plastic.s_in_post)
-        self.exc.s_out.connect(self.relay.s_in)
-        self.relay.a_out.connect(self.inh.a_in)
-        self.inh.s_out.connect(self.inhibit.s_in)
-        self.inhibit.a_out.connect(self.exc.a_in)
-        self.exc.s_out.connect(proc.s_out)
-        self.inh.s_out.connect(proc.s_out_inh)
-        proc.vars.weights.alias(self.plastic.weights)
         proc.vars.x1.alias(self.plastic.x1)
-        proc.vars.u.alias(self.exc.u)
-        proc.vars.v.alias(self.exc.v)
-        proc.vars.vth.alias(self.exc.vth)
-        proc.vars.v_inh.alias(self.inh.v)

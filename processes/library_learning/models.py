@@ -16,6 +16,7 @@ from scipy.sparse import identity
 from lava_vpr.loihi import DECAY_BITS, TRACE_LIMIT
 from lava_vpr.processes.library_learning.process import LibraryLearningNetwork
 from lava_vpr.processes.place_network.process import RELAY_WEIGHT
+from lava_vpr.processes.wiring import wire
 
 
 @implements(proc=LibraryLearningNetwork, protocol=LoihiProtocol)
@@ -46,18 +47,6 @@ class SubLibraryLearningNetwork(AbstractSubProcessModel):
         self.inhibit = Dense(
             weights=lateral * (np.eye(n, dtype=np.int32) - 1), weight_exp=exponent, sign_mode=SignMode.INHIBITORY
         )
-        proc.s_in.connect(self.plastic.s_in)
-        self.plastic.a_out.connect(self.exc.a_in)
+        wire(proc, self.plastic, self.exc, self.relay, self.inh, self.inhibit)
         self.exc.s_out.connect(self.plastic.s_in_bap)
-        self.exc.s_out.connect(self.relay.s_in)
-        self.relay.a_out.connect(self.inh.a_in)
-        self.inh.s_out.connect(self.inhibit.s_in)
-        self.inhibit.a_out.connect(self.exc.a_in)
-        self.exc.s_out.connect(proc.s_out)
-        self.inh.s_out.connect(proc.s_out_inh)
-        proc.vars.weights.alias(self.plastic.weights)
         proc.vars.x1.alias(self.plastic.x1)
-        proc.vars.u.alias(self.exc.u)
-        proc.vars.v.alias(self.exc.v)
-        proc.vars.vth.alias(self.exc.vth)
-        proc.vars.v_inh.alias(self.inh.v)

@@ -18,6 +18,7 @@ from scipy.sparse import identity
 from lava_vpr.loihi import DECAY_BITS
 from lava_vpr.processes.library_network.process import LibraryPlaceNetwork
 from lava_vpr.processes.place_network.process import RELAY_WEIGHT
+from lava_vpr.processes.wiring import wire
 
 
 @implements(proc=LibraryPlaceNetwork, protocol=LoihiProtocol)
@@ -42,16 +43,4 @@ class SubLibraryPlaceNetwork(AbstractSubProcessModel):
         self.relay = Sparse(weights=relay, sign_mode=SignMode.EXCITATORY)
         self.inh = LIFReset(shape=(n,), du=no_memory, dv=no_memory, vth=0, **reset)
         self.inhibit = Dense(weights=lateral, weight_exp=network.inhibition_exponent, sign_mode=SignMode.INHIBITORY)
-        proc.s_in.connect(self.excite.s_in)
-        self.excite.a_out.connect(self.exc.a_in)
-        self.exc.s_out.connect(self.relay.s_in)
-        self.relay.a_out.connect(self.inh.a_in)
-        self.inh.s_out.connect(self.inhibit.s_in)
-        self.inhibit.a_out.connect(self.exc.a_in)
-        self.exc.s_out.connect(proc.s_out)
-        self.inh.s_out.connect(proc.s_out_inh)
-        proc.vars.weights.alias(self.excite.weights)
-        proc.vars.u.alias(self.exc.u)
-        proc.vars.v.alias(self.exc.v)
-        proc.vars.vth.alias(self.exc.vth)
-        proc.vars.v_inh.alias(self.inh.v)
+        wire(proc, self.excite, self.exc, self.relay, self.inh, self.inhibit)

@@ -12,6 +12,7 @@ from lava_vpr.processes.inhibitory_lif.process import InhibitoryLIF
 from lava_vpr.processes.lateral_inhibition.process import LateralInhibition
 from lava_vpr.processes.one_to_one.process import OneToOne
 from lava_vpr.processes.place_network.process import RELAY_WEIGHT, PlaceNetwork
+from lava_vpr.processes.wiring import wire
 
 
 @implements(proc=PlaceNetwork, protocol=LoihiProtocol)
@@ -26,17 +27,5 @@ class SubPlaceNetwork(AbstractSubProcessModel):
         self.relay = OneToOne(shape=shape, weight=RELAY_WEIGHT)
         self.inh = InhibitoryLIF(shape=shape, reset_interval=interval)
         self.inhibit = LateralInhibition(shape=shape, inhibition=network.lateral)
-        proc.s_in.connect(self.excite.s_in)
-        self.excite.a_out.connect(self.exc.a_in)
-        self.exc.s_out.connect(self.relay.s_in)
-        self.relay.a_out.connect(self.inh.a_in)
-        self.inh.s_out.connect(self.inhibit.s_in)
-        self.inhibit.a_out.connect(self.exc.a_in)
-        self.exc.s_out.connect(proc.s_out)
-        self.inh.s_out.connect(proc.s_out_inh)
-        proc.vars.weights.alias(self.excite.weights)
-        proc.vars.u.alias(self.exc.u)
-        proc.vars.v.alias(self.exc.v)
-        proc.vars.vth.alias(self.exc.vth)
-        proc.vars.v_inh.alias(self.inh.v)
+        wire(proc, self.excite, self.exc, self.relay, self.inh, self.inhibit)
         proc.vars.inhibition.alias(self.inhibit.inhibition)
