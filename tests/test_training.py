@@ -16,7 +16,7 @@ from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.random import presentation_key
 from lava_vpr.errors import ConfigError, InputError, ModelFileError, NetworkLimitError
 from lava_vpr.model import Model
-from lava_vpr.training import Progress, presentations, split, train
+from lava_vpr.training import Progress, check_size, coverage, presentations, split, train
 
 
 class KilledError(Exception):
@@ -45,6 +45,7 @@ def cases() -> list[tuple[str, Config, list[EncodedTraverse]]]:
     return [
         ("one traverse", small_config(), [encoded()]),
         ("two traverses", small_config(), two),
+        ("integers", small_config(learning={"arithmetic": "integer"}), [encoded()]),
         ("paper", tiny_paper(), [encoded(inputs=784)]),
     ]
 
@@ -147,6 +148,22 @@ def test_inhibition_that_could_overflow_is_refused_before_anything_is_learned() 
     config = update(small_config(), {"network": {"threshold": 1.0, "joined_inhibition": 9000.0}})
     with pytest.raises(NetworkLimitError, match="8 neurons are more than the 1 that one inhibition of 9000 can serve"):
         train([encoded()], config, progress=stop_after(1))
+
+
+def test_integer_learning_that_cannot_be_is_refused_before_anything_is_learned() -> None:
+    integer = update(preset("loihi"), {"stretch": 0, "learning": {"arithmetic": "integer"}})
+    check_size(2000, integer)
+    with pytest.raises(NetworkLimitError, match=r"inhibition of 3000 neurons can reach .* while learning, .*--stretch"):
+        check_size(3000, integer)
+    with pytest.raises(ConfigError, match=r"^learning.mu is 0.5, but must be 0, 1 or 2 with --learning integer"):
+        check_size(10, update(integer, {"learning": {"mu": 0.5}}))
+
+
+def test_integer_learning_gives_a_model_of_its_own() -> None:
+    integer = train([encoded()], small_config(learning={"arithmetic": "integer"}))
+    assert integer.learned.max() > 100  # whole numbers of 8 bits, normalised
+    assert coverage(integer.responses)[1] >= 6
+    assert not np.array_equal(integer.responses, train([encoded()], small_config()).responses)
 
 
 def test_a_network_that_turns_out_too_large_leaves_no_checkpoint(
