@@ -173,7 +173,7 @@ def test_twenty_real_queries_on_every_backend(bits: int, data_root: Path) -> Non
         assert verdict.reason is None
         assert verdict.equal, verdict.mismatch
         assert verdict.queries == 20
-        # Of the fused Process those of exc are compared, about 40 a query; of the others those of inputs and relays, too.
+        # Of the fused Process those of exc are compared, about 40 a query; of the others all populations.
         assert verdict.spikes > (400 if verdict.name == "lava-fused" else 100_000)
     assert verification.FLOAT == ("lava-float",)
 
