@@ -38,7 +38,7 @@ from lava_vpr.processes.runner import run_isolated
 from lava_vpr.processes.shared import FIXED_TAG, shared_array
 
 ROUNDS = 9
-BATCH, BATCHES = 64, 10
+BATCH, BATCHES = 64, 40
 TIMEOUT = 900.0
 Arrays = dict[str, NDArray[Any]]
 SPIKES_PER_STEP = 20.0
@@ -149,7 +149,8 @@ def fused_and_host(arrays: Arrays, options: dict[str, Any]) -> Arrays:
     fused.stop()
     if not np.array_equal(counts, np.tile(np.concatenate(expected), (rounds + 1, 1))):
         raise LavaRunError("the fused Process and the host engine differ; run tests/test_processes.py")
-    return {"rates": n / times}
+    # The first batch of a run was computed at the end of the one before: it does not count.
+    return {"rates": np.array([[n - batch], [n]]) / times}
 
 
 def main() -> None:
