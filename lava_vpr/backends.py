@@ -241,7 +241,8 @@ def unavailable(name: str) -> str | None:
         require_lava()
     except BackendUnavailableError as error:
         return str(error)
-    return loihi_available() if name == "loihi2" else None
+    reason = loihi_available() if name == "loihi2" else None
+    return f"{reason}; --backend lava-library simulates the same network" if reason else None
 
 
 def require(name: str, model: Model | None = None) -> None:

@@ -144,9 +144,11 @@ def test_integer_backends_refuse_the_float_model() -> None:
 
 
 def test_what_is_missing_is_said_before_any_work(here: Path) -> None:
-    result = CliRunner().invoke(main, ["eval", "m.lvpr", "nowhere", "--backend", "loihi2"])
-    assert result.exit_code == 1
-    assert result.stderr.startswith("lava-vpr: error: lava-loihi is not installed")
+    for command in ("eval", "verify"):
+        result = CliRunner().invoke(main, [command, "m.lvpr", "nowhere", "--backend", "loihi2"])
+        assert result.exit_code == 1
+        assert result.stderr.startswith("lava-vpr: error: lava-loihi is not installed")
+        assert result.stderr.endswith("--backend lava-library simulates the same network\n")
 
 
 def test_verdicts_as_json() -> None:

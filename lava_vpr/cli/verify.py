@@ -65,6 +65,8 @@ def verify(
     if json_path is not None:
         check_writable(json_path, model_path, query)
     model = model_file.load(model_path)
+    for name in names:  # asked for by name: not to run it is an error
+        backends.require(name, model)
     traverse = choose_queries(model, open_traverse(query, every=every), places, aligned=True)
     if json_path is not None:
         check_writable(json_path, *traverse.paths)
