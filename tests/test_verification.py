@@ -24,11 +24,11 @@ from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import query_rates
 from lava_vpr.errors import BackendUnavailableError, InputError
+from lava_vpr.processes import lava_checks
 from lava_vpr.training import train
 from lava_vpr.verification import Verdict, compare, verify
 
 FIXED = ("lava-fixed", "lava-fused", "lava-library")
-BOARDS = ("loihi2",)
 
 
 def trains() -> Trains:
@@ -102,8 +102,9 @@ def test_a_lost_spike_fails_the_command(here: Path, monkeypatch: pytest.MonkeyPa
     assert json.loads(Path("v.json").read_text())["backends"]["lava-fixed"]["equal"] is False
 
 
-def test_every_backend_on_a_synthetic_route(here: Path) -> None:
+def test_every_backend_on_a_synthetic_route(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The command itself, Lava and all: composed, fused, library and float."""
+    monkeypatch.setattr(lava_checks, "_loihi_installed", lambda: False)
     result = run("verify", "m.lvpr", "query", "--limit", 3, "--json", "v.json")
     values = json.loads(Path("v.json").read_text())["backends"]
     assert list(values) == list(backends.BACKENDS)
@@ -143,7 +144,8 @@ def test_integer_backends_refuse_the_float_model() -> None:
     backends.require("lava-float", model)
 
 
-def test_what_is_missing_is_said_before_any_work(here: Path) -> None:
+def test_what_is_missing_is_said_before_any_work(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lava_checks, "_loihi_installed", lambda: False)
     for command in ("eval", "verify"):
         result = CliRunner().invoke(main, [command, "m.lvpr", "nowhere", "--backend", "loihi2"])
         assert result.exit_code == 1
