@@ -137,7 +137,12 @@ def test_counts_and_events_are_the_hosts(name: str) -> None:
 
 
 def test_integer_backends_refuse_the_float_model() -> None:
-    model = train([encoded(4, 784)], tiny_paper())
+    model, queries = train([encoded(4, 784)], tiny_paper()), encoded(4, 784)
+    host, fixed, floating = verify(model, queries, np.eye(4, dtype=bool), names=("host", "lava-fixed", "lava-float"))
+    assert (host.equal, host.queries) == (True, 4)
+    assert fixed.as_json() == {"available": False, "reason": fixed.reason}
+    assert str(fixed.reason).startswith("lava-fixed runs integer networks")
+    assert floating.as_json() == {"available": True, "equal": None, "queries": 4, "recall_at_1": host.recall}
     for name in FIXED:
         with pytest.raises(BackendUnavailableError, match=rf"^{name} runs integer networks, .* use --backend host or"):
             backends.require(name, model)
