@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from lava_vpr.encoding import draw_spikes
+from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.fixed import FixedNetwork, count_spikes
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import LavaRunError
@@ -78,9 +78,7 @@ def start_library(network: FixedNetwork, n: int) -> tuple[Any, LIFReset]:
     """The same from Lava's library: RingBuffer, Dense, LIF, Dense, LIF, Dense."""
     rates, keys = some_input(network, n)
     interval, neurons = network.steps + 3, network.neurons
-    trains = np.zeros((n, interval, network.inputs), np.int32)
-    for train, own, key in zip(trains, rates, keys, strict=True):
-        train[: network.steps] = draw_spikes(own, int(key), network.steps)
+    trains = draw_trains(rates, keys, network.steps, interval).astype(np.int32)
     weights, bits, exponent = network.stored
     reset = {"reset_interval": interval, "reset_offset": 1}
     excitatory, one = {"sign_mode": SignMode.EXCITATORY}, np.eye(neurons, dtype=np.int64)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.configfile import to_dict, update
-from lava_vpr.encoding import draw_spikes
+from lava_vpr.encoding import draw_trains
 from lava_vpr.engine import conductance, fixed
 from lava_vpr.engine.conductance import ConductanceState
 from lava_vpr.engine.fixed import SILENT_STEPS, FixedNetwork
@@ -23,6 +23,8 @@ from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.model import Model
 
 Advance = Callable[[int], None]
+SLOWEST = 40.0
+"""Steps per second of Lava that are still taken for progress; what takes longer, and two minutes, is ended."""
 
 
 @dataclass(frozen=True)
@@ -111,9 +113,7 @@ class HostBackend:
         network = _integer_network(model, None, "host")
         keys = presentation_keys(seed, role, image_ids)
         _, _, exc = fixed.count_spikes(network, rates, keys, threads=self.threads, raster=True)
-        inputs = np.zeros((len(rates), network.steps + SILENT_STEPS, network.inputs), np.uint8)
-        for train, own, key in zip(inputs, rates, keys, strict=True):
-            train[: network.steps] = draw_spikes(own, int(key), network.steps)
+        inputs = draw_trains(rates, keys, network.steps, network.steps + SILENT_STEPS)
         inh = np.zeros_like(exc)
         inh[:, 1:] = exc[:, :-1]
         return Trains(exc, inputs, inh)
@@ -127,7 +127,6 @@ class LavaBackend:
         name: Of the backend.
         job: Function of `lava_vpr.processes.jobs` that wires and runs the network.
         tag: Which ProcessModels: ``fixed_pt`` or ``floating_pt``.
-        steps_per_second: Slowest speed that is still taken for progress; decides the time-out.
         board: Run on a Loihi 2 board.
         advance: Told how many presentations are done.
     """
@@ -135,7 +134,6 @@ class LavaBackend:
     name: str
     job: str
     tag: str = "fixed_pt"
-    steps_per_second: float = 40.0
     board: bool = False
     advance: Advance | None = None
 
@@ -181,7 +179,7 @@ class LavaBackend:
         options |= {"tag": self.tag, "record": record, "board": self.board}
         arrays: dict[str, NDArray[Any]] = {"weights": network.weights, "rates": rates.astype(np.uint16), "keys": keys}
         steps = len(rates) * (network.steps + SILENT_STEPS)
-        timeout = 120 + steps / self.steps_per_second
+        timeout = 120 + steps / SLOWEST
         job = f"lava_vpr.processes.jobs:{self.job}"
         return run_isolated(job, arrays, options, timeout=timeout, progress=self.advance)
 
@@ -203,7 +201,7 @@ class LavaBackend:
             "lava_vpr.processes.conductance_jobs:conductance",
             arrays,
             {"config": to_dict(config)},
-            timeout=120 + steps / self.steps_per_second,
+            timeout=120 + steps / SLOWEST,
             progress=self.advance,
         )
         constants = conductance.constants(config, learn=False)

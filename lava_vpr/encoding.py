@@ -131,3 +131,18 @@ def draw_spikes(rates: NDArray[np.uint16] | NDArray[np.uint32], key: int, steps:
         steps: Steps with input.
     """
     return draws(key, steps, len(rates), bits=rates.dtype.itemsize * 8) < rates[None, :]
+
+
+def draw_trains(rates: NDArray[np.uint16], keys: NDArray[np.uint64], steps: int, total: int) -> NDArray[np.uint8]:
+    """`draw_spikes` of many presentations, uint8 (n, total, inputs); silent after ``steps`` steps.
+
+    Args:
+        rates: uint16 (n, inputs).
+        keys: uint64 (n,).
+        steps: Steps with input.
+        total: Steps of a presentation.
+    """
+    trains = np.zeros((len(rates), total, rates.shape[1]), np.uint8)
+    for train, own, key in zip(trains, rates, keys, strict=True):
+        train[:steps] = draw_spikes(own, int(key), steps)
+    return trains

@@ -14,7 +14,7 @@ from lava_vpr.model import Stretch
 
 
 class StretchTrainer(Protocol):
-    """What learns one stretch: shown an image, it learns and tells its spike counts. Its state is named arrays."""
+    """What learns one stretch: shown an image, it learns and tells its spike counts. Its state is its own arrays, named."""
 
     def begin_epoch(self, epoch: int) -> None: ...
 
@@ -22,21 +22,14 @@ class StretchTrainer(Protocol):
 
     def state(self) -> dict[str, NDArray[Any]]: ...
 
-    def restore(self, arrays: dict[str, NDArray[Any]]) -> None: ...
+
+def restore(trainer: StretchTrainer, arrays: dict[str, NDArray[Any]]) -> None:
+    """Put saved ``arrays`` (of `StretchTrainer.state`) in place."""
+    for name, value in trainer.state().items():
+        value[...] = arrays[name]
 
 
-class _Trainer:
-    """What all trainers do alike."""
-
-    def state(self) -> dict[str, NDArray[Any]]:
-        raise NotImplementedError
-
-    def restore(self, arrays: dict[str, NDArray[Any]]) -> None:
-        for name, value in self.state().items():
-            value[...] = arrays[name]
-
-
-class LifTrainer(_Trainer):
+class LifTrainer:
     """The ``loihi`` preset's network, learning in float."""
 
     def __init__(self, config: Config, stretch: Stretch, number: int) -> None:
@@ -56,7 +49,7 @@ class LifTrainer(_Trainer):
         return {"weights": self._trainer.state.weights, "theta": self._trainer.state.theta}
 
 
-class IntegerLifTrainer(_Trainer):
+class IntegerLifTrainer:
     """The same network, learning in Loihi's integers."""
 
     def __init__(self, config: Config, stretch: Stretch, number: int) -> None:
@@ -78,7 +71,7 @@ class IntegerLifTrainer(_Trainer):
         return {"weights": self._trainer.state.weights, "theta": self._trainer.state.theta}
 
 
-class ConductanceTrainer(_Trainer):
+class ConductanceTrainer:
     """The ``paper`` preset's network; S^R is counted during the last epochs, while it still learns."""
 
     def __init__(self, config: Config, stretch: Stretch, number: int) -> None:

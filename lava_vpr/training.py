@@ -20,7 +20,7 @@ from lava_vpr.engine import conductance, fixed, integer, quantise, stdp
 from lava_vpr.engine.random import presentation_key, presentation_keys
 from lava_vpr.errors import ConfigError, InputError, NetworkLimitError
 from lava_vpr.model import Model, Stretch
-from lava_vpr.trainers import ConductanceTrainer, StretchTrainer, trainer_of
+from lava_vpr.trainers import ConductanceTrainer, StretchTrainer, restore, trainer_of
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ def train(
         store.load()
         for number, trainer in enumerate(trainers):
             if number in store.epochs:
-                trainer.restore(store.of(number))
+                restore(trainer, store.of(number))
         if resumed is not None:
             resumed(dict(store.epochs))
     rates = [training_rates(reference.activity, config) for reference in references]

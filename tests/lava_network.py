@@ -1,8 +1,9 @@
-"""Runs the inference network wired from Lava's own library: python lava_network.py IN.npz OUT.npz (a child process)."""
+"""The inference network wired from Lava's own library and nothing else, as a job for the runner."""
 
 from __future__ import annotations
 
-import sys
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from lava.magma.core.run_conditions import RunSteps
@@ -12,13 +13,13 @@ from lava.proc.io.sink import RingBuffer as Sink
 from lava.proc.io.source import RingBuffer as Source
 from lava.proc.lif.process import LIFReset
 from lava.utils.weightutils import SignMode
+from numpy.typing import NDArray
 
 
-def main(path_in: str, path_out: str) -> None:
-    """Present each train of ``spikes`` (n, steps + 3, inputs) in turn; write the raster (n, steps + 3, neurons)."""
-    given = np.load(path_in)
-    weights, spikes = given["weights"].astype(np.int64), given["spikes"].astype(np.int32)
-    bits, shift, vth, lateral, decay = (int(given[k]) for k in ("bits", "shift", "threshold", "lateral", "decay"))
+def present(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, int]) -> dict[str, NDArray[Any]]:
+    """Present each train of ``spikes`` (n, steps + 3, inputs) in turn; the raster (n, steps + 3, neurons)."""
+    weights, spikes = arrays["weights"].astype(np.int64), arrays["spikes"].astype(np.int32)
+    bits, shift, vth, lateral, decay = (options[k] for k in ("bits", "shift", "threshold", "lateral", "decay"))
     n, steps, inputs = spikes.shape
     neurons = weights.shape[1]
     stored = weights.T << (8 - bits)  # num_weight_bits = b zeroes the low 8 - b bits
@@ -42,8 +43,4 @@ def main(path_in: str, path_out: str) -> None:
         raster = sink.data.get().T.reshape(n, steps, neurons)
     finally:
         exc.stop()
-    np.savez(path_out, raster=raster)
-
-
-if __name__ == "__main__":
-    main(*sys.argv[1:])
+    return {"raster": raster}

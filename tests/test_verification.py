@@ -159,6 +159,7 @@ def test_what_is_missing_is_said_before_any_work(here: Path, monkeypatch: pytest
 
 
 def test_verdicts_as_json() -> None:
+    assert verification.FLOAT == ("lava-float",)
     assert Verdict("x", "no board").as_json() == {"available": False, "reason": "no board"}
     assert Verdict("x", None, None, 3, 9, recall=0.5).as_json() == {
         "available": True,
@@ -184,7 +185,6 @@ def test_twenty_real_queries_on_every_backend(bits: int, data_root: Path) -> Non
         assert verdict.queries == 20
         # Of the fused Process those of exc are compared, about 40 a query; of the others all populations.
         assert verdict.spikes > (400 if verdict.name == "lava-fused" else 100_000)
-    assert verification.FLOAT == ("lava-float",)
 
 
 @pytest.mark.data

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -11,17 +10,12 @@ from lava.magma.core.process.variable import Var
 from numpy.typing import NDArray
 
 from lava_vpr.config import ConductanceLearning
-from lava_vpr.engine.conductance import RULES, TRACE_TAUS_MS
+from lava_vpr.engine.conductance import RULES, trace_table
 from lava_vpr.engine.conductance_kernels import Constants, normalise
 from lava_vpr.engine.conductance_plastic import learn
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.processes.delayed_dense.process import check_synapses
 from lava_vpr.processes.shared import CheckedProcess
-
-
-def trace_table(total: int, dt_ms: float) -> NDArray[np.float64]:
-    """What is left of the traces pre, post1 and post2 after k steps, (3, total + 1)."""
-    return np.array([[math.exp(-(k * dt_ms) / tau) for k in range(total + 1)] for tau in TRACE_TAUS_MS])
 
 
 class ConductancePlastic(CheckedProcess):
