@@ -14,7 +14,7 @@ from lava_vpr.model import Stretch
 
 
 class StretchTrainer(Protocol):
-    """What learns one stretch: shown an image, it learns and tells its spike counts. Its state is its own arrays, named."""
+    """What learns one stretch: shown an image, it learns and tells its spike counts. Its state is named live arrays."""
 
     def begin_epoch(self, epoch: int) -> None: ...
 
