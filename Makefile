@@ -33,6 +33,8 @@ lint: $(STAMP) ## ruff and mypy
 	@mkdir -p .typing/lava_vpr && for f in lava_vpr/*; do ln -sfn "../../$$f" ".typing/lava_vpr/$${f##*/}"; done
 	@ln -sfn ../../processes .typing/lava_vpr/processes && ln -sfn ../../deploy .typing/lava_vpr/deploy
 	@$(BIN)/mypy .typing/lava_vpr
+	@cd deploy/programs && for board in kapoho_bay loihi2; do MYPYPATH=common:$$board \
+		../../$(BIN)/mypy --config-file ../../pyproject.toml --cache-dir ../../.mypy_cache --explicit-package-bases common $$board || exit 1; done
 
 format: $(STAMP) ## Format the code
 	@$(BIN)/ruff format . && $(BIN)/ruff check --fix .
@@ -64,6 +66,7 @@ $(ORACLES): .venv-%/.installed: requirements/%.txt scripts/find_python.sh
 
 oracles: $(STAMP) $(ORACLES) ## Other simulators of Loihi against our integers (environments of their own)
 	@$(BIN)/python -m benchmarks.oracles
+	@$(BIN)/python -m benchmarks.needs
 
 .venv-notebook/.installed: pyproject.toml requirements/lock.txt requirements/notebook.txt
 	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh) && "$$python" -m venv --clear .venv-notebook

@@ -1,6 +1,7 @@
 """Recall on real images: Nordland, summer learned, winter recognised, exact matches only.
 
-    LAVA_VPR_DATA=... python -m benchmarks.recall [--seeds 0,1,2] [--bits] [--learning] [--inputs] [--preset loihi]
+    LAVA_VPR_DATA=... python -m benchmarks.recall [--seeds 0,1,2] [--bits] [--learning] [--inputs] [--input-mode]
+        [--preset loihi]
 
 Places 0:200 chose the settings, 200:500 did not: they are printed apart. Every row is the mean over its sections and
 seeds; each seed draws its own start weights and its own noise in training, in the references' responses and in queries.
@@ -19,13 +20,15 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.nordland import SECTIONS, encoded, part
-from lava_vpr.config import Config, preset
+from lava_vpr.config import INPUT_MODES, Config, preset
 from lava_vpr.configfile import update
+from lava_vpr.engine.fixed import FixedNetwork
 from lava_vpr.engine.threads import cores
+from lava_vpr.errors import ConfigError
 from lava_vpr.evaluation import Metrics
 from lava_vpr.model import Model
 from lava_vpr.recognition import Recognition, recognise
-from lava_vpr.training import train
+from lava_vpr.training import reference_responses, train
 
 Figures = dict[str, Metrics]
 console = Console(highlight=False, width=110)
@@ -166,13 +169,51 @@ def print_inputs(config: Config, seeds: Sequence[int]) -> None:
     console.print(table)
 
 
+def with_input_mode(model: Model, mode: str) -> Model:
+    """The same weights with another way of input, responses measured that way; learning injects in any case."""
+    if not isinstance(model.network, FixedNetwork):
+        raise ConfigError("only the integer network has two ways of input; use --preset loihi")
+    config = update(model.config, {"network": {"input_mode": mode}})
+    network = dataclasses.replace(model.network, regular=int(mode == "bias"))
+    references = part(encoded("summer", config.encoder), model.place_indices)
+    responses = reference_responses(network, [references], config, cores())
+    return dataclasses.replace(model, config=config, network=network, responses=responses)
+
+
+def print_input_modes(config: Config, seeds: Sequence[int]) -> None:
+    """Injected Poisson trains beside regular trains of compartments that integrate a bias."""
+    sizes = {f"section {first}:{end}": (first, end) for first, end in SECTIONS} | {"0:500 in one model": (0, 500)}
+    figures: dict[tuple[str, int, str], Metrics] = {}
+    for name, places in sizes.items():
+        for seed in seeds:
+            model = learn(places, dataclasses.replace(config, seed=seed))
+            for mode in INPUT_MODES:
+                result = answer(with_input_mode(model, mode), places, rivals=())
+                figures[name, seed, mode] = result.metrics[result.default]
+    *five, joined = sizes
+    rows: dict[str, tuple[Sequence[str], Sequence[int]]] = {"all sections": (five, seeds)}
+    rows |= {"0:200 (chose the settings)": (five[:2], seeds), "200:500 (did not)": (five[2:], seeds)}
+    rows |= {f"seed {seed}": (five, [seed]) for seed in seeds}
+    rows |= {name: ([name], seeds) for name in five} | {joined: ([joined], seeds)}
+    table = Table(title=f"ways of input, seeds {', '.join(map(str, seeds))}, percent", title_justify="left")
+    table.add_column("", no_wrap=True)
+    for mode in INPUT_MODES:
+        for name in (f"{mode} R@1", "R@100P", "AUC"):
+            table.add_column(name, justify="right")
+    for name, (chosen, own) in rows.items():
+        values = [mean(figures[key, seed, mode] for key in chosen for seed in own) for mode in INPUT_MODES]
+        table.add_row(name, *(f"{100 * value:.1f}" for three in values for value in three))
+    console.print(table)
+
+
 @click.command()
 @click.option("--seeds", default="0,1,2", show_default=True, help="Seeds, separated by commas.")
 @click.option("--bits", is_flag=True, help="Also every width of the weights.")
 @click.option("--learning", is_flag=True, help="Also learning in Loihi's integers, with every width of the weights.")
 @click.option("--inputs", is_flag=True, help="Also every kind of input.")
+@click.option("--input-mode", is_flag=True, help="Also both ways of input: injected spikes, and a bias.")
 @click.option("--preset", "preset_name", default="loihi", show_default=True)
-def main(seeds: str, bits: bool, learning: bool, inputs: bool, preset_name: str) -> None:
+def main(seeds: str, bits: bool, learning: bool, inputs: bool, input_mode: bool, preset_name: str) -> None:
     """Print recall on real images."""
     config, chosen = preset(preset_name), [int(seed) for seed in seeds.split(",")]
     print_sections(config, chosen)
@@ -184,6 +225,8 @@ def main(seeds: str, bits: bool, learning: bool, inputs: bool, preset_name: str)
         print_learning(config, chosen)
     if inputs:
         print_inputs(config, chosen)
+    if input_mode:
+        print_input_modes(config, chosen)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ counts, bit for bit, on every fixed-point backend.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -20,22 +20,12 @@ from lava_vpr.engine.conductance import ConductanceState
 from lava_vpr.engine.fixed import SILENT_STEPS, FixedNetwork
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import BackendUnavailableError
-from lava_vpr.model import Model
+from lava_vpr.model import Model, integer_network_of
+from lava_vpr.trains import Trains
 
 Advance = Callable[[int], None]
 SLOWEST = 40.0
 """Steps per second of Lava that are still taken for progress; what takes longer, and two minutes, is ended."""
-
-
-@dataclass(frozen=True)
-class Trains:
-    """Every spike of some presentations, uint8 (n, steps + 3, width); None where a backend has no such spikes."""
-
-    exc: NDArray[np.uint8] = field(repr=False)
-    inputs: NDArray[np.uint8] | None = field(default=None, repr=False)
-    inh: NDArray[np.uint8] | None = field(default=None, repr=False)
-
-    POPULATIONS = ("inputs", "exc", "inh")
 
 
 class Backend(Protocol):
@@ -61,24 +51,12 @@ class Backend(Protocol):
     def trains(
         self, model: Model, rates: NDArray[Any], *, image_ids: NDArray[np.int64], role: str, seed: int
     ) -> Trains:
-        """The same presentations, every spike of the integer network."""
+        """The same presentations, every spike of the integer network.
+
+        Raises:
+            BackendUnavailableError: one of `COUNTING`.
+        """
         ...
-
-
-def _integer_network(model: Model, steps: int | None, backend: str) -> FixedNetwork:
-    """The model's integer network, for ``steps`` steps.
-
-    Raises:
-        BackendUnavailableError: the model has none.
-    """
-    if not isinstance(model.network, FixedNetwork):
-        raise BackendUnavailableError(
-            f"{backend} runs integer networks, but this model is the float conductance model of preset paper; use "
-            "--backend host or lava-float"
-        )
-    network = model.network if steps is None else replace(model.network, steps=steps)
-    network.check()
-    return network
 
 
 class HostBackend:
@@ -100,7 +78,7 @@ class HostBackend:
         """See `Backend.count_spikes`; the result does not depend on the number of threads."""
         keys = presentation_keys(seed, role, image_ids)
         if isinstance(model.network, FixedNetwork):
-            network = _integer_network(model, steps, "host")
+            network = integer_network_of(model, steps, "host")
             counts, events, _ = fixed.count_spikes(network, rates, keys, threads=self.threads)
             return counts, events
         config = model.config if steps is None else update(model.config, {"network": {"steps": steps}})
@@ -110,10 +88,11 @@ class HostBackend:
         self, model: Model, rates: NDArray[Any], *, image_ids: NDArray[np.int64], role: str, seed: int
     ) -> Trains:
         """See `Backend.trains`. A relay fires one step after its neuron, so its train is that one, shifted."""
-        network = _integer_network(model, None, "host")
+        network = integer_network_of(model, None, "host")
         keys = presentation_keys(seed, role, image_ids)
         _, _, exc = fixed.count_spikes(network, rates, keys, threads=self.threads, raster=True)
-        inputs = draw_trains(rates, keys, network.steps, network.steps + SILENT_STEPS)
+        total = network.steps + SILENT_STEPS
+        inputs = draw_trains(rates, keys, network.steps, total, regular=bool(network.regular))
         inh = np.zeros_like(exc)
         inh[:, 1:] = exc[:, :-1]
         return Trains(exc, inputs, inh)
@@ -152,7 +131,7 @@ class LavaBackend:
         if isinstance(model.network, ConductanceState) and self.name == "lava-float":
             config = model.config if steps is None else update(model.config, {"network": {"steps": steps}})
             return self._conductance(model.network, rates, keys, config)
-        network = _integer_network(model, steps, self.name)
+        network = integer_network_of(model, steps, self.name)
         results = self._run(network, rates, keys, record=False)
         counts = results["counts"].astype(np.int32)
         if "events" in results:
@@ -165,7 +144,7 @@ class LavaBackend:
         self, model: Model, rates: NDArray[Any], *, image_ids: NDArray[np.int64], role: str, seed: int
     ) -> Trains:
         """See `Backend.trains`."""
-        network = _integer_network(model, None, self.name)
+        network = integer_network_of(model, None, self.name)
         results = self._run(network, rates, presentation_keys(seed, role, image_ids), record=True)
         return Trains(**{name: results[name] for name in Trains.POPULATIONS if name in results})
 
@@ -215,8 +194,16 @@ BACKENDS: dict[str, str] = {
     "lava-float": "the same Processes in floating point; preset paper, too",
     "lava-fused": "one Lava Process with the compiled engine, a presentation of many queries a step",
     "lava-library": "wired from Lava's own LIF, Dense and Sparse alone: what Intel's compiler can place",
-    "loihi2": "that network on a Loihi 2 board",
+    "bundle": "registers and memory of a deployed bundle, simulated (a model is deployed for Kapoho Bay first)",
+    "loihi2": "the library's network on a Loihi 2 board",
+    "kapoho-bay": "a bundle on Kapoho Bay, by Intel's NxSDK",
 }
+
+DEPLOYED = ("bundle", "kapoho-bay")
+"""Backends that run a bundle."""
+
+COUNTING = ("kapoho-bay",)
+"""Backends that tell spike counts only: no board reads out single spikes without slowing down."""
 
 _LAVA = {
     "lava-fixed": LavaBackend("lava-fixed", "composed"),
@@ -233,6 +220,10 @@ def unavailable(name: str) -> str | None:
         return f"there is no backend {name!r}; choose from {', '.join(BACKENDS)}"
     if name == "host":
         return None
+    if name in DEPLOYED:
+        from lava_vpr.deploy import backends as deployed
+
+        return deployed.unavailable(name)
     from lava_vpr.processes.lava_checks import loihi_available, require_lava
 
     try:
@@ -252,8 +243,14 @@ def require(name: str, model: Model | None = None) -> None:
     reason = unavailable(name)
     if reason is not None:
         raise BackendUnavailableError(reason)
-    if model is not None and name not in ("host", "lava-float"):
-        _integer_network(model, None, name)
+    if model is None:
+        return
+    if name in DEPLOYED or (model.bundle is not None and name == "loihi2"):
+        from lava_vpr.deploy import backends as deployed
+
+        deployed.refuse(name, model)
+    if name not in ("host", "lava-float"):
+        integer_network_of(model, None, name)
 
 
 def get(name: str, threads: int = 1, advance: Advance | None = None) -> Backend:
@@ -263,4 +260,8 @@ def get(name: str, threads: int = 1, advance: Advance | None = None) -> Backend:
         BackendUnavailableError: unknown, or its software or device is missing.
     """
     require(name)
+    if name in DEPLOYED:
+        from lava_vpr.deploy import backends as deployed
+
+        return deployed.KapohoBayBackend(advance) if name == "kapoho-bay" else deployed.BundleBackend(advance)
     return HostBackend(threads) if name == "host" else replace(_LAVA[name], advance=advance)

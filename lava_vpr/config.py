@@ -14,6 +14,8 @@ from typing import Literal
 from lava_vpr.errors import ConfigError
 
 InputKind = Literal["orientation", "onoff", "pixels"]
+InputMode = Literal["injected", "bias"]
+INPUT_MODES: tuple[str, ...] = typing.get_args(InputMode)
 INPUT_KINDS: tuple[str, ...] = typing.get_args(InputKind)
 DECODERS = ("contrast", "standard", "weighted", "probability", "weighted_probability")
 
@@ -104,6 +106,9 @@ class LifNetwork:
         joined_inhibition: The same when several stretches are joined into one network.
         tau_membrane: Membrane time constant, in steps.
         drive: Drive per step of a neuron whose weights are all at the mean.
+        input_mode: How queries reach the network: spikes ``injected`` into the chip (Poisson trains), or input
+            compartments that integrate a ``bias`` written once a query (regular trains, `lava_vpr.engine.regular`).
+            Learning always injects.
     """
 
     model: Literal["lif"] = "lif"
@@ -116,8 +121,10 @@ class LifNetwork:
     joined_inhibition: float = 5.0
     tau_membrane: float = 30.0
     drive: float = 0.69
+    input_mode: InputMode = "injected"
 
     def __post_init__(self) -> None:
+        _need(self.input_mode in INPUT_MODES, "network.input_mode", self.input_mode, "one of " + ", ".join(INPUT_MODES))
         _need(self.model == "lif", "network.model", self.model, "lif")
         _within(
             self,

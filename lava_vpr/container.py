@@ -46,19 +46,24 @@ def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
         raise
 
 
-def save(path: Path, kind: str, header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write a container of ``kind`` (``model`` or ``checkpoint``).
-
-    Raises:
-        ModelFileError: it cannot be written; what stood at ``path`` still does.
-    """
+def pack(kind: str, header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
+    """A container of ``kind`` (``model``, ``checkpoint`` or ``references``)."""
     buffer = io.BytesIO()
     text = json.dumps(header, sort_keys=True, allow_nan=False).encode()
     np.savez_compressed(buffer, header=np.frombuffer(text, np.uint8), **{f"a.{k}": v for k, v in arrays.items()})
     payload = buffer.getvalue()
-    digest = hashlib.sha256(payload).hexdigest().encode()
+    return _magic(kind) + hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload
+
+
+def save(path: Path, kind: str, header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write `pack` to ``path``.
+
+    Raises:
+        ModelFileError: it cannot be written; what stood at ``path`` still does.
+    """
+    data = pack(kind, header, arrays)
     try:
-        write_atomically(path, lambda file: file.write(_magic(kind) + digest + b"\n" + payload))
+        write_atomically(path, lambda file: file.write(data))
     except OSError as error:
         raise ModelFileError(
             f"{path}: the {kind} cannot be written ({error.strerror}); free space or choose another place"
@@ -75,6 +80,15 @@ def load(path: Path, kind: str) -> tuple[dict[str, Any], dict[str, NDArray[Any]]
         data = path.read_bytes()
     except OSError as error:
         raise ModelFileError(f"{path}: the {kind} cannot be read ({error.strerror}); check the path") from None
+    return unpack(data, path, kind)
+
+
+def unpack(data: bytes, path: Path, kind: str) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Header and arrays of what `pack` made; ``path`` is for messages.
+
+    Raises:
+        ModelFileError: as `load`.
+    """
     magic = _magic(kind)
     if not data.startswith(magic):
         raise ModelFileError(_foreign(path, kind, data))
@@ -92,6 +106,7 @@ def load(path: Path, kind: str) -> tuple[dict[str, Any], dict[str, NDArray[Any]]
 
 _REMEDY = {
     "model": "train it again or fetch an intact copy",
+    "references": "deploy the model again",
     "checkpoint": "delete it and train from the start, without --resume",
 }
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.config import ConductanceNetwork, Config, EncoderConfig
 from lava_vpr.engine.random import draws
+from lava_vpr.engine.regular import regular_spikes
 from lava_vpr.preprocess import on_off, orientation_channels, patch_normalised
 from lava_vpr.traverse import Traverse
 
@@ -133,16 +134,20 @@ def draw_spikes(rates: NDArray[np.uint16] | NDArray[np.uint32], key: int, steps:
     return draws(key, steps, len(rates), bits=rates.dtype.itemsize * 8) < rates[None, :]
 
 
-def draw_trains(rates: NDArray[np.uint16], keys: NDArray[np.uint64], steps: int, total: int) -> NDArray[np.uint8]:
-    """`draw_spikes` of many presentations, uint8 (n, total, inputs); silent after ``steps`` steps.
+def draw_trains(
+    rates: NDArray[np.uint16], keys: NDArray[np.uint64], steps: int, total: int, *, regular: bool = False
+) -> NDArray[np.uint8]:
+    """The input spikes of many presentations, uint8 (n, total, inputs); silent after ``steps`` steps.
 
     Args:
         rates: uint16 (n, inputs).
         keys: uint64 (n,).
         steps: Steps with input.
         total: Steps of a presentation.
+        regular: `lava_vpr.engine.regular.regular_spikes` instead of `draw_spikes`.
     """
+    spikes_of = regular_spikes if regular else draw_spikes
     trains = np.zeros((len(rates), total, rates.shape[1]), np.uint8)
     for train, own, key in zip(trains, rates, keys, strict=True):
-        train[:steps] = draw_spikes(own, int(key), steps)
+        train[:steps] = spikes_of(own, int(key), steps)
     return trains

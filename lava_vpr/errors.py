@@ -22,6 +22,10 @@ class ModelFileError(LavaVprError):
     """A model or checkpoint file that is missing, damaged, foreign or does not fit what it is used for."""
 
 
+class BundleError(ModelFileError):
+    """A bundle that is missing, damaged, altered, foreign or not for the board that is to run it."""
+
+
 class NetworkLimitError(LavaVprError):
     """A network that would overflow the chip's registers, or exceed another of its limits."""
 

@@ -16,7 +16,7 @@ from lava_vpr.configfile import from_dict, to_dict
 from lava_vpr.decoding import assign
 from lava_vpr.engine.conductance import ConductanceState
 from lava_vpr.engine.fixed import SCALARS, FixedNetwork
-from lava_vpr.errors import LavaVprError, ModelFileError
+from lava_vpr.errors import BackendUnavailableError, LavaVprError, ModelFileError
 
 
 @dataclass(frozen=True)
@@ -47,6 +47,7 @@ class Model:
         activity: Input responses to the reference images, float32 (images, inputs).
         thumbnails: First traverse's images, small, uint8 (places, 48, 64, 3) BGR.
         training: Figures of the training run: spikes per image, neurons used, places covered.
+        bundle: Folder of the deployed bundle that it was read from; None for a model file.
     """
 
     config: Config
@@ -62,6 +63,7 @@ class Model:
     activity: NDArray[np.float32]
     thumbnails: NDArray[np.uint8]
     training: dict[str, float]
+    bundle: Path | None = None
 
     @property
     def places(self) -> int:
@@ -83,14 +85,31 @@ class Model:
         return assign(self.responses)
 
 
+def integer_network_of(model: Model, steps: int | None, backend: str) -> FixedNetwork:
+    """The model's integer network, for ``steps`` steps.
+
+    Raises:
+        BackendUnavailableError: the model has none.
+    """
+    if not isinstance(model.network, FixedNetwork):
+        raise BackendUnavailableError(
+            f"{backend} runs integer networks, but this model is the float conductance model of preset paper; use "
+            "--backend host or lava-float"
+        )
+    network = model.network if steps is None else dataclasses.replace(model.network, steps=steps)
+    network.check()
+    return network
+
+
 _ARRAYS = ("learned", "responses", "place_indices", "labels", "patches", "activity", "thumbnails")
 
 
-def save(model: Model, path: Path) -> None:
-    """Write ``model`` to ``path``; the file appears complete or not at all.
+def content(model: Model, network: bool = True) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """What a file keeps of ``model``, for `lava_vpr.container`.
 
-    Raises:
-        ModelFileError: it cannot be written.
+    Args:
+        model: The model.
+        network: The network and what it was learned from, too; without it `assemble` is given one.
     """
     arrays: dict[str, NDArray[Any]] = {name: getattr(model, name) for name in _ARRAYS}
     header: dict[str, Any] = {
@@ -101,13 +120,24 @@ def save(model: Model, path: Path) -> None:
         "route_images": model.route_images,
         "training": model.training,
     }
-    if isinstance(model.network, FixedNetwork):
+    if not network:
+        arrays["learned"] = np.zeros((0, 0), np.float32)
+    elif isinstance(model.network, FixedNetwork):
         header["fixed"] = {name: int(getattr(model.network, name)) for name in SCALARS}
         arrays["network.weights"] = model.network.weights
     else:
         for field in dataclasses.fields(model.network):
             arrays[f"network.{field.name}"] = getattr(model.network, field.name)
-    container.save(path, "model", header, arrays)
+    return header, arrays
+
+
+def save(model: Model, path: Path) -> None:
+    """Write ``model`` to ``path``; the file appears complete or not at all.
+
+    Raises:
+        ModelFileError: it cannot be written.
+    """
+    container.save(path, "model", *content(model))
 
 
 def load(path: Path | str) -> Model:
@@ -117,9 +147,23 @@ def load(path: Path | str) -> Model:
         ModelFileError: missing, foreign, damaged, or inconsistent.
     """
     path = Path(path)
-    header, arrays = container.load(path, "model")
+    return assemble(path, *container.load(path, "model"))
+
+
+def assemble(
+    path: Path, header: dict[str, Any], arrays: dict[str, NDArray[Any]], network: FixedNetwork | None = None
+) -> Model:
+    """The model of what `content` kept.
+
+    Args:
+        path: For messages.
+        header, arrays: From the file.
+        network: The network, where the file has none.
+    Raises:
+        ModelFileError: parts are missing, or do not fit each other.
+    """
     try:
-        return _assemble(header, arrays)
+        return _assembled(header, arrays, network)
     except LavaVprError as error:
         raise ModelFileError(f"{path}: the model cannot be used ({error})") from None
     except (KeyError, TypeError, ValueError, IndexError) as error:
@@ -128,27 +172,35 @@ def load(path: Path | str) -> Model:
         ) from None
 
 
-def _assemble(header: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Model:
-    config = from_dict(header["config"])
-    network: FixedNetwork | ConductanceState
-    if isinstance(config.network, LifNetwork):
-        network = FixedNetwork(weights=arrays["network.weights"], **{n: int(header["fixed"][n]) for n in SCALARS})
-        network.check()
-    else:
+def _network(
+    header: dict[str, Any], arrays: dict[str, NDArray[Any]], config: Config
+) -> FixedNetwork | ConductanceState:
+    """The network that a model file holds."""
+    if not isinstance(config.network, LifNetwork):
         names = [field.name for field in dataclasses.fields(ConductanceState)]
-        network = ConductanceState(**{name: arrays[f"network.{name}"] for name in names})
+        return ConductanceState(**{name: arrays[f"network.{name}"] for name in names})
+    given = {"regular": 0, **header["fixed"]}  # models from before there were regular inputs
+    return FixedNetwork(weights=arrays["network.weights"], **{name: int(given[name]) for name in SCALARS})
+
+
+def _assembled(header: dict[str, Any], arrays: dict[str, NDArray[Any]], network: FixedNetwork | None) -> Model:
+    config = from_dict(header["config"])
+    whole = network or _network(header, arrays, config)
+    if isinstance(whole, FixedNetwork):
+        whole.check()
+    given: dict[str, Any] = {name: arrays[name] for name in _ARRAYS}
     model = Model(
         config=config,
-        network=network,
+        network=whole,
         stretches=tuple(Stretch(*part) for part in header["stretches"]),
         place_names=tuple(header["place_names"]),
         route_images=int(header["route_images"]),
         training=dict(header["training"]),
-        **{name: arrays[name] for name in _ARRAYS},
+        **given,
     )
     places, inputs = model.places, config.encoder.inputs
     for name, shape in {
-        "responses": (network.weights.shape[1], places),
+        "responses": (whole.weights.shape[1], places),
         "activity": (len(model.labels), inputs),
         "patches": (len(model.labels), 28, 28),
         "thumbnails": (places, 48, 64, 3),
@@ -156,10 +208,10 @@ def _assemble(header: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Model:
     }.items():
         if getattr(model, name).shape != shape:
             raise ValueError(f"{name} of shape {getattr(model, name).shape} instead of {shape}")
-    if network.weights.shape[0] != inputs or model.learned.shape not in ((0, 0), network.weights.shape):
-        raise ValueError(f"weights of shape {network.weights.shape} for {inputs} inputs")
-    if isinstance(network, FixedNetwork) and network.weights.dtype != np.uint8:
-        raise ValueError(f"weights of type {network.weights.dtype} instead of uint8")
+    if whole.weights.shape[0] != inputs or model.learned.shape not in ((0, 0), whole.weights.shape):
+        raise ValueError(f"weights of shape {whole.weights.shape} for {inputs} inputs")
+    if isinstance(whole, FixedNetwork) and whole.weights.dtype != np.uint8:
+        raise ValueError(f"weights of type {whole.weights.dtype} instead of uint8")
     if sorted(set(model.labels.tolist())) != list(range(places)):
         raise ValueError("labels that are not the places")
     return model

@@ -13,7 +13,7 @@ from lava_vpr import backends, decoding
 from lava_vpr.backends import Trains
 from lava_vpr.encoding import EncodedTraverse, query_rates
 from lava_vpr.engine.conductance import ConductanceState
-from lava_vpr.errors import BackendUnavailableError, InputError
+from lava_vpr.errors import BackendUnavailableError, InputError, NetworkLimitError
 from lava_vpr.evaluation import evaluate
 from lava_vpr.model import Model
 from lava_vpr.recognition import decode
@@ -24,18 +24,22 @@ FLOAT = ("lava-float",)
 
 @dataclass(frozen=True)
 class Mismatch:
-    """The first spike in which a backend differs from the host: where, and what each of them says (0 or 1)."""
+    """The first spike in which a backend differs from the host: where, and what each of them says (0 or 1).
+
+    Of a backend that tells counts only, the first count that differs; ``step`` is None.
+    """
 
     query: str
-    step: int
+    step: int | None
     population: str
     neuron: int
     host: int
     backend: int
 
     def __str__(self) -> str:
+        where = "" if self.step is None else f" step {self.step},"
         return (
-            f"query {self.query}, step {self.step}, population {self.population}, neuron {self.neuron}: "
+            f"query {self.query},{where} population {self.population}, neuron {self.neuron}: "
             f"host {self.host}, backend {self.backend}"
         )
 
@@ -108,6 +112,24 @@ def compare(host: Trains, other: Trains, names: Sequence[str]) -> tuple[int, int
     return spikes, differing, first[1] if first else None
 
 
+def compare_counts(
+    host: NDArray[np.int32], other: NDArray[np.int32], names: Sequence[str]
+) -> tuple[int, Mismatch | None]:
+    """How many counts (queries, neurons) differ, and the first of them.
+
+    Raises:
+        InputError: of different shapes.
+    """
+    if host.shape != other.shape:
+        raise InputError(f"counts of shape {other.shape} instead of {host.shape}; the backend runs another network")
+    where = np.argwhere(host != other)
+    if not len(where):
+        return 0, None
+    query, neuron = (int(x) for x in where[0])
+    first = Mismatch(names[query], None, "exc", neuron, int(host[query, neuron]), int(other[query, neuron]))
+    return len(where), first
+
+
 def recall_at_1(model: Model, counts: NDArray[np.int32], truth: NDArray[np.bool_]) -> float:
     """R@1 of the model's default decoder on spike counts (n, neurons)."""
     name = model.config.decoder.default
@@ -163,7 +185,7 @@ def verify(
             try:
                 verdicts.append(_verdict(name, model, rates, run, trains, queries.names, truth, reference, advance))
                 continue
-            except BackendUnavailableError as error:
+            except (BackendUnavailableError, NetworkLimitError) as error:
                 reason = str(error)
         verdicts.append(Verdict(name, reason))
     return verdicts
@@ -186,9 +208,14 @@ def _verdict(
         counts, _ = backend.count_spikes(model, rates, **run)
         recall = recall_at_1(model, counts, truth)
         return replace(reference, name=name, equal=None, recall=recall)
-    trains = backend.trains(model, rates, **run)
-    spikes, differing, mismatch = compare(host, trains, images)
-    recall = recall_at_1(model, trains.exc.sum(axis=1, dtype=np.int32), truth)
+    if name in backends.COUNTING:
+        counts, _ = backend.count_spikes(model, rates, **run)
+        spikes = int(host.exc.sum())
+        differing, mismatch = compare_counts(host.exc.sum(axis=1, dtype=np.int32), counts, images)
+    else:
+        trains = backend.trains(model, rates, **run)
+        counts = trains.exc.sum(axis=1, dtype=np.int32)
+        spikes, differing, mismatch = compare(host, trains, images)
     return replace(
         reference,
         name=name,
@@ -196,5 +223,5 @@ def _verdict(
         spikes=spikes,
         differing=differing,
         mismatch=mismatch,
-        recall=recall,
+        recall=recall_at_1(model, counts, truth),
     )

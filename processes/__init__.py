@@ -11,6 +11,7 @@ from typing import Any
 
 _FOLDERS = {
     "PoissonEncoder": "poisson_encoder",
+    "BiasInputs": "bias_input",
     "DenseSynapses": "dense_synapses",
     "ExcitatoryLIF": "excitatory_lif",
     "InhibitoryLIF": "inhibitory_lif",

@@ -9,7 +9,6 @@ also the rasters ``exc``, ``inh`` uint8 (n, steps + 3, neurons) and ``inputs`` u
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -17,9 +16,13 @@ from lava.magma.core.process.ports.ports import InPort, OutPort
 from lava.magma.core.process.process import AbstractProcess
 from lava.magma.core.run_conditions import RunSteps
 from lava.magma.core.run_configs import Loihi2HwCfg, Loihi2SimCfg, RunConfig
+from lava.proc.lif.process import LIF
 from numpy.typing import NDArray
 
 from lava_vpr.engine.fixed import EVENTS, SCALARS, SILENT_STEPS, FixedNetwork
+from lava_vpr.engine.regular import biases, schedule
+from lava_vpr.processes.bias_input.process import BiasInputs
+from lava_vpr.processes.compartments import LibraryInputs
 from lava_vpr.processes.fused_network.process import FusedPlaceNetwork
 from lava_vpr.processes.lava_checks import refuse_cpu_models
 from lava_vpr.processes.library_network.process import LibraryPlaceNetwork
@@ -41,6 +44,20 @@ def network_of(arrays: Arrays, options: dict[str, Any]) -> FixedNetwork:
     return FixedNetwork(weights, **{name: int(options[name]) for name in SCALARS})
 
 
+def _begin(process: AbstractProcess, tag: str, board: bool) -> RunConfig | None:
+    """How to run the models ``tag``; None on a board, for which the network is compiled and started here.
+
+    Raises:
+        BackendUnavailableError: a part of the network would run on the CPU instead of the board.
+    """
+    if not board:
+        return Loihi2SimCfg(select_tag=tag, select_sub_proc_model=True)
+    on_host = (PoissonEncoder, SpikeCounter)
+    executable = refuse_cpu_models(process, Loihi2HwCfg(select_sub_proc_model=True), on_host)
+    process.create_runtime(executable=executable)
+    return None
+
+
 def play(
     process: AbstractProcess, units: int, steps: int, tag: str, presentations: int, batch: int = 1, board: bool = False
 ) -> None:
@@ -57,12 +74,7 @@ def play(
     Raises:
         BackendUnavailableError: a part of the network would run on the CPU instead of the board.
     """
-    config: RunConfig | None = Loihi2SimCfg(select_tag=tag, select_sub_proc_model=True)
-    if board:
-        on_host = (PoissonEncoder, SpikeCounter)
-        executable = refuse_cpu_models(process, Loihi2HwCfg(select_sub_proc_model=True), on_host)
-        process.create_runtime(executable=executable)
-        config = None
+    config = _begin(process, tag, board)
     done, chunk = 0, 1
     while done < units:
         size = min(chunk, units - done)
@@ -75,6 +87,22 @@ def play(
         done += size
     # Only after a good end: where a model failed, Lava would wait for its peers for ever.
     process.stop()
+
+
+def play_written(inputs: LibraryInputs, presentations: int, steps: int, tag: str, board: bool = False) -> None:
+    """Run Lava with a pause in each presentation, after its ``steps`` steps with input, to write to the inputs.
+
+    Raises:
+        BackendUnavailableError: a part of the network would run on the CPU instead of the board.
+    """
+    config = _begin(inputs.lif, tag, board)
+    inputs.lif.run(condition=RunSteps(num_steps=steps), run_cfg=config)
+    for done in range(1, presentations + 1):
+        inputs.write(min(done, presentations - 1))
+        onward = steps if done < presentations else 0
+        inputs.lif.run(condition=RunSteps(num_steps=SILENT_STEPS + onward), run_cfg=config)
+        report(1)
+    inputs.lif.stop()
 
 
 def across(source: OutPort, target: InPort, adapter: str | None) -> None:
@@ -90,49 +118,71 @@ def across(source: OutPort, target: InPort, adapter: str | None) -> None:
     between.out.connect(target)
 
 
-def _wired(
-    make: Callable[[FixedNetwork, bool], PlaceNetwork | LibraryPlaceNetwork], arrays: Arrays, options: dict[str, Any]
-) -> Arrays:
-    """Encoder, network and counters; on a board, with the vendor's adapters between them."""
-    spec = network_of(arrays, options)
-    tag = str(options.get("tag", FIXED_TAG))
+def input_spikes(rates: NDArray[np.uint16], keys: NDArray[np.uint64], steps: int) -> NDArray[np.int64]:
+    """How many spikes regular inputs send in all presentations, by their definition; int64 (inputs,).
+
+    For input compartments on a board, whose spikes do not leave it.
+    """
+    total = np.zeros(rates.shape[1], np.int64)
+    for own, key in zip(rates, keys, strict=True):
+        _, members = schedule(np.left_shift(*biases(own)), key, steps)
+        total += np.bincount(members, minlength=len(total))
+    return total
+
+
+def _wired(network: PlaceNetwork | LibraryPlaceNetwork, arrays: Arrays, options: dict[str, Any]) -> Arrays:
+    """Inputs, network and counters; on a board, with the vendor's adapters between them.
+
+    Regular inputs of the library's network are its own LIF compartments, all others a Process of this project.
+    """
+    spec, interval = network.network, network.interval
+    tag, board, record = str(options.get("tag", FIXED_TAG)), bool(options.get("board")), bool(options.get("record"))
     rates, keys = np.ascontiguousarray(arrays["rates"], np.uint16), np.asarray(arrays["keys"], np.uint64)
-    network = make(spec, tag != FIXED_TAG)
-    n, interval = len(rates), network.interval
-    result: Arrays = {
-        "counts": shared_array((n, spec.neurons), np.int32),
-        "input_spikes": shared_array((spec.inputs,), np.int64),
-    }
+    n, counts = len(rates), {"exc": shared_array((len(rates), spec.neurons), np.int32)}
+    result: Arrays = {"counts": counts["exc"], "input_spikes": shared_array((spec.inputs,), np.int64)}
     if n == 0:
         return result
-    encoder = PoissonEncoder(rates=rates, keys=keys, steps=spec.steps, emitted=result["input_spikes"])
-    board = bool(options.get("board"))
-    across(encoder.s_out, network.s_in, "PyToNxAdapter" if board else None)
-    sizes = {"exc": (network.s_out, spec.neurons)}
-    if options.get("record"):
-        sizes |= {"inh": (network.s_out_inh, spec.neurons), "inputs": (encoder.s_out, spec.inputs)}
-        result |= {name: shared_array((n, interval, size), np.uint8) for name, (_, size) in sizes.items()}
-    for name, (port, size) in sizes.items():
+    written: LibraryInputs | None = None
+    source: BiasInputs | PoissonEncoder | LIF
+    if spec.regular and isinstance(network, LibraryPlaceNetwork):
+        written = LibraryInputs(rates=rates, keys=keys, floating=network.floating)
+        source = written.lif
+    else:
+        kind = BiasInputs if spec.regular else PoissonEncoder
+        source = kind(rates=rates, keys=keys, steps=spec.steps, emitted=result["input_spikes"])
+    across(source.s_out, network.s_in, "PyToNxAdapter" if board and not written else None)
+    ports = {"exc": network.s_out}
+    if record:
+        ports |= {"inh": network.s_out_inh, "inputs": source.s_out}
+        result |= {name: shared_array((n, interval, *port.shape), np.uint8) for name, port in ports.items()}
+    if written and (record or not board):
+        ports["inputs"], counts["inputs"] = source.s_out, shared_array((n, spec.inputs), np.int32)
+    for name, port in ports.items():
         counter = SpikeCounter(
-            shape=(size,),
+            shape=port.shape,
             presentations=n,
             interval=interval,
-            counts=result["counts"] if name == "exc" else None,
+            counts=counts.get(name),
             raster=result.get(name),
         )
-        across(port, counter.s_in, "NxToPyAdapter" if board and name != "inputs" else None)
-    play(encoder, n, interval, tag, n, board=board)
-    return result
+        across(port, counter.s_in, "NxToPyAdapter" if board and (written or name != "inputs") else None)
+    if not written:
+        play(source, n, interval, tag, n, board=board)
+        return result
+    play_written(written, n, spec.steps, tag, board=board)
+    own = counts["inputs"].sum(axis=0) if "inputs" in counts else input_spikes(rates, keys, spec.steps)
+    return result | {"input_spikes": own.astype(np.int64)}
 
 
 def composed(arrays: Arrays, options: dict[str, Any]) -> Arrays:
     """The network composed of this project's Processes."""
-    return _wired(lambda network, floating: PlaceNetwork(network=network), arrays, options)
+    return _wired(PlaceNetwork(network=network_of(arrays, options)), arrays, options)
 
 
 def library(arrays: Arrays, options: dict[str, Any]) -> Arrays:
     """The network wired from Lava's library."""
-    return _wired(lambda network, floating: LibraryPlaceNetwork(network=network, floating=floating), arrays, options)
+    floating = options.get("tag", FIXED_TAG) != FIXED_TAG
+    return _wired(LibraryPlaceNetwork(network=network_of(arrays, options), floating=floating), arrays, options)
 
 
 def fused(arrays: Arrays, options: dict[str, Any]) -> Arrays:

@@ -11,6 +11,7 @@ from lava.magma.core.run_conditions import RunSteps
 from lava.magma.core.run_configs import Loihi2SimCfg
 from numpy.typing import NDArray
 
+from lava_vpr.engine.folded import FoldedPhase, FoldedTrainer
 from lava_vpr.engine.integer import IntegerLearning, IntegerState, Rule
 from lava_vpr.engine.lif import LifParameters
 from lava_vpr.processes.learning_network.process import LearningPlaceNetwork
@@ -20,8 +21,8 @@ from lava_vpr.processes.shared import shared_array
 from lava_vpr.processes.spike_counter.process import SpikeCounter
 from lava_vpr.processes.worker import report
 
-LEARNING, LIBRARY = (f"lava_vpr.processes.learning_jobs:{name}" for name in ("learning", "library"))
-"""The targets of `learning` and `library`."""
+LEARNING, LIBRARY, FOLDED = (f"lava_vpr.processes.learning_jobs:{name}" for name in ("learning", "library", "folded"))
+"""The targets of `learning`, `library` and `folded`."""
 
 
 def options_of(learning: IntegerLearning) -> dict[str, Any]:
@@ -104,3 +105,58 @@ def library(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> d
     finally:
         network.stop()
     return {"weights": weights.T, "traces": traces, "raster": raster[0]}
+
+
+def folded(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
+    """Show images to `LibraryLearningNetwork` as a host program does: one epoch, or its beginning, in one run of Lava.
+
+    Between presentations `lava_vpr.engine.folded.FoldedTrainer` normalises and folds; what it gives is written, and
+    the traces are cleared.
+
+    Args:
+        arrays: ``weights`` uint8 (inputs, neurons) and ``theta`` int32 (neurons,), the host's at the start of the
+            epoch; ``rates`` uint16 (n, inputs); ``keys`` uint64 (n,).
+        options: ``phases``: of each phase `options_of` its ``chip``, and the other fields of `FoldedPhase`; ``seeds``:
+            Lava's ``rng_seed`` of each epoch; ``epoch``.
+    Returns:
+        Of each presentation the chip's ``weights`` (n, inputs, neurons) and ``traces`` (n, inputs) after it and the
+        ``raster`` uint8 (n, steps + 3, neurons); the host's ``host_weights`` and ``host_theta`` at the end.
+    """
+    phases = [FoldedPhase(**{**part, "chip": learning_of(part["chip"])}) for part in options["phases"]]
+    state = IntegerState(arrays["weights"].copy(), arrays["theta"].copy())
+    trainer, epoch = FoldedTrainer(phases, state, options["seeds"]), int(options["epoch"])
+    trainer.begin_epoch(epoch)
+    rates, keys, chip = arrays["rates"], arrays["keys"], trainer.phase.chip
+    n, (inputs, neurons) = len(rates), state.weights.shape
+    given = trainer.begin(int(keys[0]))
+    start = IntegerState(given.weights, np.full(neurons, trainer.common, np.int32))
+    encoder = PoissonEncoder(rates=rates, keys=keys, steps=chip.steps)
+    network = LibraryLearningNetwork(learning=chip, state=start, rng_seed=trainer.seeds[epoch])
+    raster = shared_array((n, network.interval, neurons), np.uint8)
+    counter = SpikeCounter(shape=(neurons,), presentations=n, interval=network.interval, raster=raster)
+    encoder.s_out.connect(network.s_in)
+    network.s_out.connect(counter.s_in)
+    config = Loihi2SimCfg(select_tag="fixed_pt", select_sub_proc_model=True)
+    weights, traces = np.zeros((n, inputs, neurons), np.uint8), np.zeros((n, inputs), np.uint8)
+    others = np.eye(neurons, dtype=np.int32) - 1
+    network.lateral_weights.init = given.mantissas[:, None] * others
+    try:
+        for k in range(n):
+            if k:
+                given = trainer.begin(int(keys[k]))
+                network.weights.set(given.weights.T.astype(np.int32))
+                network.lateral_weights.set((given.mantissas[:, None] * others).astype(np.int32))
+                network.x1.set(np.zeros(inputs, np.int32))
+            network.run(condition=RunSteps(num_steps=network.interval), run_cfg=config)
+            weights[k], traces[k] = network.weights.get().T, network.x1.get()
+            trainer.end(given, weights[k], raster[k].sum(axis=0, dtype=np.int32))
+            report(1)
+    finally:
+        network.stop()
+    return {
+        "weights": weights,
+        "traces": traces,
+        "raster": raster,
+        "host_weights": state.weights,
+        "host_theta": state.theta,
+    }

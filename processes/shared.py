@@ -66,6 +66,35 @@ def check_outputs(name: str, **arrays: tuple[NDArray[Any] | None, tuple[int, ...
             )
 
 
+def check_presentations(
+    name: str, rates: NDArray[np.uint16], keys: NDArray[np.uint64], steps: int, silent_steps: int
+) -> None:
+    """Refuse what an input Process cannot present.
+
+    Args:
+        name: Of the Process, for the message.
+        rates: Must be uint16 (n, inputs).
+        keys: Must be uint64 (n,).
+        steps, silent_steps: Of one presentation, at least 1 and 0.
+    Raises:
+        NetworkLimitError: naming the argument and the remedy.
+    """
+    if rates.dtype != np.uint16 or rates.ndim != 2 or not rates.shape[1]:
+        raise NetworkLimitError(
+            f"{name}: rates are {rates.dtype} {rates.shape}, but must be uint16 (n, inputs) in units of 2^-16; use "
+            "lava_vpr.encoding.rates16"
+        )
+    if keys.dtype != np.uint64 or keys.shape != rates.shape[:1]:
+        raise NetworkLimitError(
+            f"{name}: keys are {keys.dtype} {keys.shape}, but must be uint64 ({len(rates)},), one for each row of "
+            "rates; use lava_vpr.engine.random.presentation_keys"
+        )
+    if not whole(steps, silent_steps) or steps < 1 or silent_steps < 0:
+        raise NetworkLimitError(
+            f"{name}: {steps} steps and {silent_steps} silent ones, but at least 1 and 0 are needed"
+        )
+
+
 def check_shape(name: str, shape: tuple[int, ...]) -> int:
     """The number of neurons of a one-dimensional ``shape``.
 

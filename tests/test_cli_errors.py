@@ -224,7 +224,7 @@ DATA = [
     (checkpoint, TRAIN.format("ref") + " --resume", "n.lvpr.checkpoint: the checkpoint is damaged"),
     (nothing, TRAIN.format("ref") + " --resume", "n.lvpr.checkpoint: there is no checkpoint to resume from"),
     (nothing, "eval none.lvpr query", "none.lvpr: the model cannot be read (No such file or directory)"),
-    (nothing, "eval ref query", "ref: the model cannot be read (Is a directory)"),
+    (nothing, "eval ref query", "ref: holds no manifest.json, so it is no bundle; give a model file or a folder"),
     (damaged_model, "eval m.lvpr query", "m.lvpr: the model is damaged (checksum differs)"),
     (foreign_model, "eval m.npz query", "m.npz: is not a lava-vpr model"),
     (empty_model, "eval e.lvpr query", "e.lvpr: the file is empty"),

@@ -41,9 +41,22 @@ def test_the_list_of_packages_is_complete() -> None:
     assert sorted(project()["tool"]["setuptools"]["packages"]) == sorted(packages_here())
 
 
+PROGRAMS = ROOT / "deploy" / "programs"
+"""Programs that stand alone: they are copied into bundles, never imported."""
+
+
+def programs_here() -> set[str]:
+    """Every file of them, by its name in the wheel."""
+    files = (path for path in PROGRAMS.rglob("*") if path.is_file() and "__pycache__" not in path.parts)
+    return {f"lava_vpr/deploy/programs/{path.relative_to(PROGRAMS)}" for path in files}
+
+
 def test_every_folder_with_code_is_a_package() -> None:
     folders = {path.parent for folder in TOP for path in (ROOT / folder).rglob("*.py")}
-    assert folders == set(packages_here().values())
+    assert {folder for folder in folders if not folder.is_relative_to(PROGRAMS)} == set(packages_here().values())
+    assert project()["tool"]["setuptools"]["package-data"]["lava_vpr.deploy"] == ["programs/*/*"]
+    depths = {name.count("/") for name in programs_here()}
+    assert depths == {"lava_vpr/deploy/programs/loihi2/run.py".count("/")}
 
 
 def test_the_map_of_folders() -> None:
@@ -103,7 +116,7 @@ def test_the_wheel_holds_every_module_and_imports(tmp_path: Path) -> None:
         for path in folder.iterdir()
         if path.is_file() and path.suffix not in (".pyc",)
     }
-    assert held == here
+    assert held == here | programs_here()
     # Without user site and current folder, and with the unpacked wheel before the checkout.
     program = (
         f"import runpy, sys; sys.path.insert(0, {str(tmp_path / 'unpacked')!r}); "

@@ -11,7 +11,7 @@ from model_harness import build, drive
 from numpy.typing import NDArray
 
 from lava_vpr.encoding import draw_spikes
-from lava_vpr.engine.fixed import FixedNetwork, count_spikes
+from lava_vpr.engine.fixed import SCALARS, FixedNetwork, count_spikes
 from lava_vpr.engine.lif import stored_weights
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.processes.excitatory_lif.models import PyExcitatoryLIFFixed
@@ -21,7 +21,6 @@ from lava_vpr.processes.fused_network.process import EVENTS, FusedPlaceNetwork
 from lava_vpr.processes.runner import run_isolated
 
 TIMEOUT = 200.0
-OPTIONS = ("bits", "shift", "threshold", "inhibition", "inhibition_exponent", "decay", "steps")
 
 
 def random_network(bits: int, seed: int = 0, **changes: int) -> FixedNetwork:
@@ -47,7 +46,7 @@ def some_input(network: FixedNetwork, n: int) -> tuple[NDArray[np.uint16], NDArr
 
 
 def options_of(network: FixedNetwork) -> dict[str, int]:
-    return {name: getattr(network, name) for name in OPTIONS}
+    return {name: getattr(network, name) for name in SCALARS}
 
 
 def test_composed_and_library_networks_equal_the_host_for_all_bits() -> None:

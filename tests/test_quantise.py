@@ -35,7 +35,11 @@ def test_every_width_keeps_threshold_and_drive_in_proportion(bits: int) -> None:
     drive = network.weights.mean() * 6.0 / (1 << network.shift)
     assert network.threshold / drive == pytest.approx(10 / 0.69, rel=0.1)
     assert network.lateral == pytest.approx(network.threshold, abs=2)
-    assert 20 <= network.threshold <= 256
+    assert network.threshold >= 20
+    assert 99 * network.lateral < 1 << 15
+    if network.shift:  # no finer than is of use, unless it costs no shift
+        assert network.threshold <= 256
+        assert 99 * network.lateral << network.shift >= 1 << 15
     assert network.decay == round(4096 / 30)
 
 

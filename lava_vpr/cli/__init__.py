@@ -18,6 +18,8 @@ COMMANDS = {
     "eval": ("lava_vpr.cli.evaluate", "evaluate", "Recognise images of known places: recall, precision, baselines."),
     "query": ("lava_vpr.cli.query", "query", "Say which place each image shows."),
     "verify": ("lava_vpr.cli.verify", "verify", "Compare every spike on every backend."),
+    "fit": ("lava_vpr.cli.fit", "fit", "Say what fits on a board, and what each core holds."),
+    "deploy": ("lava_vpr.cli.deploy", "deploy", "Write all that a board needs to run a model."),
     "doctor": ("lava_vpr.cli.doctor", "doctor", "Say what is installed and what can run."),
 }
 
@@ -39,4 +41,6 @@ def main() -> None:
     lava-vpr eval route.lvpr WINTER/ --report report   recall, precision, plots
     lava-vpr query route.lvpr TODAY/ -o matches.csv    where was each image taken?
     lava-vpr verify route.lvpr WINTER/                 the same spikes in Lava as on the host?
+    lava-vpr fit route.lvpr --target kapoho-bay        what would each core hold?
+    lava-vpr deploy route.lvpr --target loihi2 -o out  write all that a board needs
     """

@@ -18,10 +18,12 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from lava_vpr import backends
+from lava_vpr import model as model_file
 from lava_vpr.config import EncoderConfig
 from lava_vpr.container import write_atomically
 from lava_vpr.encoding import EncodedTraverse, encode_traverse
 from lava_vpr.errors import InputError, ModelFileError
+from lava_vpr.model import Model
 from lava_vpr.traverse import Traverse
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -117,6 +119,19 @@ def encode(traverse: Traverse, encoder: EncoderConfig) -> EncodedTraverse:
     """Read and encode a traverse, with a progress bar."""
     with progress_bar(f"reading {traverse.source}", len(traverse)) as advance:
         return encode_traverse(traverse, encoder, lambda n: advance(n, ""))
+
+
+def open_model(path: Path) -> Model:
+    """The model in a file, or in the folder of a deployed bundle.
+
+    Raises:
+        ModelFileError: it cannot be used.
+    """
+    if not path.is_dir():
+        return model_file.load(path)
+    from lava_vpr.deploy.opening import open_bundle  # only those who have a bundle wait for it
+
+    return open_bundle(path)
 
 
 def check_writable(path: Path, *inputs: Path | str | None) -> None:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from lava_vpr import backends
-from lava_vpr import model as model_file
 from lava_vpr.alignment import aligned_truth, by_number, choose_queries, positions_truth
 from lava_vpr.cli.common import (
     PATH,
@@ -22,6 +21,7 @@ from lava_vpr.cli.common import (
     console,
     encode,
     every_option,
+    open_model,
     places_option,
     print_whole,
     stderr,
@@ -100,7 +100,7 @@ def evaluate(
         check_writable(json_path, model_path, query, gt, *(positions or ()), *(descriptors or ()))
     if report_folder is not None:
         check_folder(report_folder)
-    model = model_file.load(model_path)
+    model = open_model(model_path)
     backends.require(backend, model)
     traverse = choose_queries(
         model, open_traverse(query, every=every), places, aligned=gt is None and positions is None

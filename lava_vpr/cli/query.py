@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr import backends, decoding, matching
-from lava_vpr import model as model_file
 from lava_vpr.cli.common import (
     PATH,
     answer_options,
@@ -20,6 +19,7 @@ from lava_vpr.cli.common import (
     console,
     encode,
     every_option,
+    open_model,
     places_option,
     write_text,
 )
@@ -71,7 +71,7 @@ def query(
     if min_confidence is not None and np.isnan(min_confidence):
         raise click.UsageError("--min-confidence is not a number")
     check_writable(output, model_path, images)
-    model = model_file.load(model_path)
+    model = open_model(model_path)
     backends.require(backend, model)
     whole = open_traverse(images, every=every)
     traverse = whole.between(*places) if places else whole

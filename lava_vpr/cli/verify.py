@@ -10,7 +10,6 @@ import click
 from rich.table import Table
 
 from lava_vpr import backends
-from lava_vpr import model as model_file
 from lava_vpr.alignment import aligned_truth, choose_queries
 from lava_vpr.cli.common import (
     PATH,
@@ -18,6 +17,7 @@ from lava_vpr.cli.common import (
     console,
     encode,
     every_option,
+    open_model,
     places_option,
     print_whole,
     progress_bar,
@@ -64,7 +64,7 @@ def verify(
     """
     if json_path is not None:
         check_writable(json_path, model_path, query)
-    model = model_file.load(model_path)
+    model = open_model(model_path)
     for name in names:  # asked for by name: not to run it is an error
         backends.require(name, model)
     traverse = choose_queries(model, open_traverse(query, every=every), places, aligned=True)

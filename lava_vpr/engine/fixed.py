@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
+from lava_vpr.engine.regular import biases, schedule
 from lava_vpr.engine.threads import share
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import (
@@ -35,7 +36,7 @@ from lava_vpr.loihi import (
 )
 
 _PADDING = 32
-SCALARS = ("bits", "shift", "threshold", "inhibition", "inhibition_exponent", "decay", "steps")
+SCALARS = ("bits", "shift", "threshold", "inhibition", "inhibition_exponent", "decay", "steps", "regular")
 """What `FixedNetwork` holds besides its weights."""
 
 EVENTS = (
@@ -67,6 +68,7 @@ class FixedNetwork:
         inhibition_exponent: See ``inhibition``.
         decay: dv in units of 2^-12.
         steps: Steps with input in one presentation.
+        regular: 1: input compartments integrate a bias (`lava_vpr.engine.regular`); 0: Poisson spikes are injected.
     """
 
     weights: NDArray[np.uint8]
@@ -77,6 +79,7 @@ class FixedNetwork:
     inhibition_exponent: int
     decay: int
     steps: int
+    regular: int = 0
 
     @property
     def inputs(self) -> int:
@@ -110,7 +113,7 @@ class FixedNetwork:
         weights = np.zeros((self.inputs, -(-self.neurons // _PADDING) * _PADDING), np.uint8)
         weights[:, : self.neurons] = self.weights
         chunk = 255 // max(1, int(weights.max(initial=0)))
-        params = [self.shift, self.threshold, self.lateral, self.decay, self.steps, chunk]
+        params = [self.shift, self.threshold, self.lateral, self.decay, self.steps, chunk, self.regular]
         narrow = int(weights.sum(axis=0, dtype=np.int64).max(initial=0)) < 1 << 15
         row_sizes = np.count_nonzero(weights, axis=1).astype(np.int64)
         return weights, row_sizes, np.array(params, np.int64), narrow
@@ -127,6 +130,8 @@ class FixedNetwork:
         for name, most in (("shift", exponent), ("decay", 1 << DECAY_BITS), ("inhibition_exponent", exponent)):
             if not 0 <= getattr(self, name) <= most:
                 raise NetworkLimitError(f"{name} {getattr(self, name)} does not fit 0..{most}; train the model again")
+        if self.regular not in (0, 1):
+            raise NetworkLimitError(f"regular {self.regular} is neither 0 nor 1; train the model again")
         if self.steps < 1:
             raise NetworkLimitError(f"a presentation of {self.steps} steps holds no input; use at least 1")
         if not 0 < self.threshold < THRESHOLD_LIMIT:
@@ -186,6 +191,7 @@ def _present(
     row_sizes: NDArray[np.int64],
     params: NDArray[np.int64],
     rates: NDArray[np.uint16],
+    bias: NDArray[np.int32],
     keys: NDArray[np.uint64],
     acc: NDArray[np.int32],
     counts: NDArray[np.int32],
@@ -195,12 +201,14 @@ def _present(
     """All presentations of ``rates`` (n, inputs); fills ``counts`` (n, neurons), adds to ``events``.
 
     ``weights`` and ``acc`` are padded with silent neurons to whole vector registers. ``params``: shift, threshold,
-    lateral, decay, steps, and how many weights fit an 8-bit partial sum. ``acc`` is scratch, int16 where no input sum
-    can leave it, else int32. ``raster`` (n, steps + 3, neurons) is filled if not empty.
+    lateral, decay, steps, how many weights fit an 8-bit partial sum, and whether inputs are regular: then ``bias`` (n,
+    inputs) stands for ``rates``. ``acc`` is scratch, int16 where no input sum can leave it, else int32. ``raster`` (n,
+    steps + 3, neurons) is filled if not empty.
     """
     shift, threshold, lateral = np.int32(params[0]), np.int32(params[1] << 6), np.int32(params[2])
     keep, steps = np.int32(4096 - params[3]), int(params[4])
-    chunk = int(params[5])
+    chunk, regular = int(params[5]), params[6] != 0
+    nothing, no_members = np.zeros(0, np.int64), np.zeros(0, np.int32)
     (inputs, width), neurons = weights.shape, counts.shape[1]
     partial = np.zeros(width, np.uint8)
     active, offsets, rates4, words, mask, occupied, spikes, spike_counts = scratch(inputs)
@@ -210,7 +218,12 @@ def _present(
     n_fired = np.zeros(3, np.int64)
     operations, input_spikes, exc_spikes = 0, 0, 0
     for q in range(rates.shape[0]):
-        n = prepare_draws(rates[q], keys[q], active, offsets, rates4)
+        if regular:
+            starts, members = schedule(bias[q], keys[q], steps)
+            n = 0
+        else:
+            starts, members = nothing, no_members
+            n = prepare_draws(rates[q], keys[q], active, offsets, rates4)
         v[:] = 0
         n_fired[:] = 0
         # Input drawn at step t reaches the neurons at their step t + 1.
@@ -218,6 +231,10 @@ def _present(
             lane = (step - 1) & 3
             if step > steps:
                 spike_counts[lane] = 0
+            elif regular:
+                begin, spike_counts[lane] = starts[step - 1], starts[step] - starts[step - 1]
+                for s in range(spike_counts[lane]):
+                    spikes[lane, s] = members[begin + s]
             elif lane == 0:
                 draw_block((step - 1) >> 2, n, active, offsets, rates4, words, mask, occupied, spikes, spike_counts)
             acc[:] = 0
@@ -299,11 +316,12 @@ def count_spikes(
     film = np.zeros((n, network.steps + SILENT_STEPS, network.neurons) if raster else (0, 0, 0), np.uint8)
     weights, row_sizes, params, narrow = network.prepared
     rates = np.ascontiguousarray(rates, dtype=np.uint16)
+    bias = np.left_shift(*biases(rates)) if network.regular else np.zeros((n, 0), np.int32)
 
     def run(part: slice) -> NDArray[np.int64]:
         events = np.zeros(3, np.int64)
         acc = np.zeros(weights.shape[1], np.int16 if narrow else np.int32)
-        _present(weights, row_sizes, params, rates[part], keys[part], acc, counts[part], events, film[part])
+        _present(weights, row_sizes, params, rates[part], bias[part], keys[part], acc, counts[part], events, film[part])
         return events
 
     totals = share(run, n, threads)

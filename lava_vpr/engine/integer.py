@@ -244,6 +244,7 @@ def present(
     *,
     draws: tuple[NDArray[np.uint64], NDArray[np.uint64]] | None = None,
     traces: NDArray[np.uint8] | None = None,
+    inhibition: NDArray[np.int64] | None = None,
     raster: bool = False,
 ) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.uint8]]:
     """Normalise, show one image, learn; changes ``state``.
@@ -255,6 +256,8 @@ def present(
         key: The presentation's key (`lava_vpr.engine.random.presentation_key`).
         draws: Random numbers for traces and weights, 53 bits each, one a step (default: `step_draws` of the key).
         traces: Traces at the start, changed in place (default: all 0).
+        inhibition: What a spike takes from each other neuron, int64 (neurons,), in units of the shifted sum (default:
+            ``learning.inhibition`` from all).
         raster: Also record every spike.
     Returns:
         Spike counts int32 (neurons,); numbers of input and excitatory spikes, int64 (2,); raster uint8
@@ -267,7 +270,8 @@ def present(
     counts, events = np.zeros(neurons, np.int32), np.zeros(2, np.int64)
     film = np.zeros((total, neurons) if raster else (0, 0), np.uint8)
     lif = replace(learning.neurons, theta_plus=0) if learning.late_theta else learning.neurons
-    params = np.array([learning.shift, learning.inhibition, learning.steps, rule.target, rule.mu], np.int64)
+    params = np.array([learning.shift, learning.steps, rule.target, rule.mu], np.int64)
+    lateral = np.full(neurons, learning.inhibition, np.int64) if inhibition is None else inhibition
     whole, fraction = rule.decay()
     trace_draws, weight_draws = step_draws(key, total) if draws is None else draws
     x = np.zeros(inputs, np.uint8) if traces is None else traces
@@ -277,6 +281,7 @@ def present(
         rates,
         np.uint64(key),
         params,
+        lateral,
         lif.constants,
         rule.table(),
         whole,

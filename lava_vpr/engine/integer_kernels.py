@@ -115,6 +115,7 @@ def train(
     rates: NDArray[np.uint16],
     key: np.uint64,
     params: NDArray[np.int64],
+    inhibition: NDArray[np.int64],
     constants: NDArray[np.int64],
     products: NDArray[np.int64],
     whole: NDArray[np.uint8],
@@ -131,7 +132,7 @@ def train(
     Every spike sets its trace to the same value, and all traces of a step share one random number: traces last set in
     the same step stay equal, and only one value a step is followed.
     """
-    shift, inhibition, steps, target, mu = params[0], params[1], params[2], params[3], params[4]
+    shift, steps, target, mu = params[0], params[1], params[2], params[3]
     inputs, neurons = weights.shape
     active, offsets, rates4, words, mask, occupied, spikes, spike_counts = scratch(inputs)
     n = prepare_draws(rates, key, active, offsets, rates4)
@@ -149,7 +150,7 @@ def train(
         for i in range(neurons):
             drive[i] = buffer[i] >> shift
             if n_fired[before] > 0:
-                drive[i] -= inhibition * (n_fired[before] - np.int64(fired[before, i]))
+                drive[i] -= inhibition[i] * (n_fired[before] - np.int64(fired[before, i]))
         n_fired[now] = lif_step(u, v, theta, held, drive, bias, constants, fired[now])
         # What the inputs of this step will bring, by the weights before this step's learning.
         lane = step & 3

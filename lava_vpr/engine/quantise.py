@@ -21,6 +21,10 @@ FINEST, FINE, COARSE = 256, 32, 16
 smallest of all."""
 
 
+ROUNDING = 0.97
+"""Share of the accumulator that unrounded weights may fill."""
+
+
 def equalise(weights: NDArray[np.float32]) -> NDArray[np.float64]:
     """Give every neuron (column) the same Euclidean norm, and all weights together the mean `MEAN_WEIGHT`.
 
@@ -52,6 +56,12 @@ def mantissa_of(value: float) -> tuple[int, int]:
     return round(value / (1 << exponent)), exponent
 
 
+def _first_shift(scale_per_drive: float, threshold: float) -> int:
+    """Right shift of the input sum under which the threshold is not finer than is of use."""
+    sizes = (threshold * scale_per_drive / (1 << shift) for shift in range(WEIGHT_EXPONENT_LIMIT + 1))
+    return next((shift for shift, size in enumerate(sizes) if size <= FINEST), WEIGHT_EXPONENT_LIMIT)
+
+
 def _shift(scale_per_drive: float, threshold: float, inhibition: float, neurons: int) -> int:
     """Right shift of the input sum: the smallest under which lateral inhibition fits Loihi 1's accumulator.
 
@@ -59,8 +69,7 @@ def _shift(scale_per_drive: float, threshold: float, inhibition: float, neurons:
     largest (`FixedNetwork.check` then refuses the network).
     """
     sizes = [threshold * scale_per_drive / (1 << k) for k in range(WEIGHT_EXPONENT_LIMIT + 1)]
-    first = next((k for k, size in enumerate(sizes) if size <= FINEST), WEIGHT_EXPONENT_LIMIT)
-    last = first
+    first = last = _first_shift(scale_per_drive, threshold)
     for limit, least in ((LOIHI_1_INPUT_LIMIT, FINE), (INPUT_LIMIT, COARSE)):
         for shift in range(first, len(sizes)):
             if sizes[shift] < least:
@@ -72,6 +81,41 @@ def _shift(scale_per_drive: float, threshold: float, inhibition: float, neurons:
     return last
 
 
+def _largest_unit(inhibition: float, neurons: int) -> float:
+    """Units of the input sum per float unit for which all lateral inhibition just fits Loihi 1's accumulator."""
+    most = (LOIHI_1_INPUT_LIMIT - 1) // max(1, neurons - 1)
+    exponent = max(0, most.bit_length() - WEIGHT_LIMIT.bit_length())
+    return (most >> exponent << exponent) / inhibition if inhibition else math.inf
+
+
+def _scale_and_shift(
+    weights: NDArray[np.float64], scale: float, gain: float, threshold: float, inhibition: float, shift: int | None
+) -> tuple[float, int]:
+    """Integer units per float weight, and the right shift of the input sum.
+
+    Loihi 1 shifts no sums, so without a shift there is one network for both chips: none is taken if inhibition, and all
+    inputs at once, fit its accumulator as they are. Where a shift that makes the threshold no finer than is of use does
+    not suffice for that, a scale that just fits is better than one more shift, as long as it loses less than the bit
+    that the shift would cost.
+
+    Args:
+        weights: From `equalise`.
+        scale: From `weight_scale`.
+        gain: Float drive per input sum.
+        threshold, inhibition: In float units.
+        shift: None: what is best; else this one.
+    """
+    neurons, most = weights.shape[1], (LOIHI_1_INPUT_LIMIT - 1) / float(weights.sum(axis=0).max())
+    whole = min(_largest_unit(inhibition, neurons) * gain, ROUNDING * most)
+    if shift is None and whole >= scale:
+        return scale, 0
+    wanted = _first_shift(scale / gain, threshold) if shift is None else shift
+    fitting = min(scale, whole * (1 << wanted))
+    if 2 * fitting > scale:
+        return fitting, wanted
+    return scale, _shift(scale / gain, threshold, inhibition, neurons) if shift is None else shift
+
+
 def most_neurons(threshold: float, inhibition: float) -> int:
     """Neurons that one inhibition can serve at the coarsest unit, for a check before anything is learned."""
     lateral = max(1, math.floor(inhibition / threshold * COARSE))
@@ -79,7 +123,12 @@ def most_neurons(threshold: float, inhibition: float) -> int:
 
 
 def quantise(
-    weights: NDArray[np.float64], network: LifNetwork, spikes_per_step: float, *, joined: bool = False
+    weights: NDArray[np.float64],
+    network: LifNetwork,
+    spikes_per_step: float,
+    *,
+    joined: bool = False,
+    shift: int | None = None,
 ) -> FixedNetwork:
     """The integer network of equalised ``weights`` (inputs, neurons).
 
@@ -90,14 +139,15 @@ def quantise(
         network: Settings in float units.
         spikes_per_step: Expected input spikes per step while answering queries.
         joined: Several stretches under one inhibition: use ``joined_inhibition``.
+        shift: Right shift of the input sum (default: what is best); a chip that shifts no sums needs 0.
     Raises:
         NetworkLimitError: the network could overflow (`FixedNetwork.check`).
     """
-    bits, neurons = network.weight_bits, weights.shape[1]
+    bits = network.weight_bits
     scale = weight_scale(weights, bits)
     gain = network.drive / (MEAN_WEIGHT * spikes_per_step)
     inhibition = network.joined_inhibition if joined else network.inhibition
-    shift = _shift(scale / gain, network.threshold, inhibition, neurons)
+    scale, shift = _scale_and_shift(weights, scale, gain, network.threshold, inhibition, shift)
     unit = scale / gain / (1 << shift)
     mantissa, exponent = mantissa_of(inhibition * unit)
     fixed = FixedNetwork(
@@ -109,6 +159,7 @@ def quantise(
         inhibition_exponent=exponent,
         decay=min((1 << DECAY_BITS) - 1, round((1 << DECAY_BITS) / network.tau_membrane)),
         steps=network.steps,
+        regular=int(network.input_mode == "bias"),
     )
     fixed.check()
     return fixed

@@ -26,7 +26,7 @@ class SubLibraryLearningNetwork(AbstractSubProcessModel):
 
     def __init__(self, proc: LibraryLearningNetwork) -> None:
         learning, n = proc.learning, len(proc.start_weights)
-        lif, rule, (lateral, exponent) = learning.neurons, learning.rule, proc.lateral
+        lif, rule, (_, exponent) = learning.neurons, learning.rule, proc.lateral
         no_memory = (1 << DECAY_BITS) - 1
         reset = {"reset_interval": proc.interval, "reset_offset": 1}
         # Impulses saturate at 127: every spike sets its trace to that.
@@ -44,9 +44,8 @@ class SubLibraryLearningNetwork(AbstractSubProcessModel):
             weights=RELAY_WEIGHT * identity(n, dtype=np.int32, format="csr"), sign_mode=SignMode.EXCITATORY
         )
         self.inh = LIFReset(shape=(n,), du=no_memory, dv=no_memory, vth=0, **reset)
-        self.inhibit = Dense(
-            weights=lateral * (np.eye(n, dtype=np.int32) - 1), weight_exp=exponent, sign_mode=SignMode.INHIBITORY
-        )
+        self.inhibit = Dense(weights=proc.vars.lateral_weights.init, weight_exp=exponent, sign_mode=SignMode.INHIBITORY)
         wire(proc, self.plastic, self.exc, self.relay, self.inh, self.inhibit)
         self.exc.s_out.connect(self.plastic.s_in_bap)
         proc.vars.x1.alias(self.plastic.x1)
+        proc.vars.lateral_weights.alias(self.inhibit.weights)

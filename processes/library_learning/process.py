@@ -38,7 +38,8 @@ class LibraryLearningNetwork(CheckedProcess):
     the library's floating-point LearningDense scales the same rule differently.
 
     Ports: ``s_in`` spikes (inputs,), ``s_out`` spikes of exc (neurons,), ``s_out_inh`` those of inh. Vars: ``weights``
-    (neurons, inputs), ``x1`` traces (inputs,), ``u``, ``v`` of exc and ``v_inh`` (neurons,), ``vth`` (1,).
+    (neurons, inputs), ``x1`` traces (inputs,), ``u``, ``v`` of exc and ``v_inh`` (neurons,), ``vth`` (1,),
+    ``lateral_weights`` (neurons, neurons), mantissas from inh (columns) to exc (rows), 0 or below.
     """
 
     def __init__(self, *, learning: IntegerLearning, state: IntegerState, rng_seed: int, **kwargs: Any) -> None:
@@ -72,6 +73,9 @@ class LibraryLearningNetwork(CheckedProcess):
         self.x1 = Var(shape=(inputs,), init=0)
         self.u, self.v, self.v_inh = (Var(shape=shape, init=0) for _ in range(3))
         self.vth = Var(shape=(1,), init=self.threshold)
+        self.lateral_weights = Var(
+            shape=(neurons, neurons), init=self.lateral[0] * (np.eye(neurons, dtype=np.int32) - 1)
+        )
 
     @property
     def interval(self) -> int:

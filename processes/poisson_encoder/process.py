@@ -14,8 +14,7 @@ from lava_vpr.encoding import rates16
 from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
 from lava_vpr.engine.fixed import SILENT_STEPS
 from lava_vpr.engine.random import presentation_keys
-from lava_vpr.errors import NetworkLimitError
-from lava_vpr.processes.shared import CheckedProcess, check_outputs, whole
+from lava_vpr.processes.shared import CheckedProcess, check_outputs, check_presentations
 
 
 @lru_cache(maxsize=1)
@@ -54,20 +53,7 @@ class PoissonEncoder(CheckedProcess):
         Raises:
             NetworkLimitError: arrays of another type or shape, or numbers of steps out of range.
         """
-        if rates.dtype != np.uint16 or rates.ndim != 2 or not rates.shape[1]:
-            raise NetworkLimitError(
-                f"PoissonEncoder: rates are {rates.dtype} {rates.shape}, but must be uint16 (n, inputs) in units of "
-                "2^-16; use lava_vpr.encoding.rates16"
-            )
-        if keys.dtype != np.uint64 or keys.shape != rates.shape[:1]:
-            raise NetworkLimitError(
-                f"PoissonEncoder: keys are {keys.dtype} {keys.shape}, but must be uint64 ({len(rates)},), one for each "
-                "row of rates; use lava_vpr.engine.random.presentation_keys"
-            )
-        if not whole(steps, silent_steps) or steps < 1 or silent_steps < 0:
-            raise NetworkLimitError(
-                f"PoissonEncoder: {steps} steps and {silent_steps} silent ones, but at least 1 and 0 are needed"
-            )
+        check_presentations("PoissonEncoder", rates, keys, steps, silent_steps)
         check_outputs("PoissonEncoder", emitted=(emitted, rates.shape[1:], np.int64))
         super().__init__(
             rates=np.ascontiguousarray(rates),

@@ -1,0 +1,88 @@
+"""How long a deployment takes, and how fast a bundle's simulation runs beside the host engine, in one run.
+
+    LAVA_VPR_DATA=... python -m benchmarks.deployment [--queries N] [--rounds N]
+
+For 100 and 500 places on Kapoho Bay: seconds to partition the network and to write the bundle (picture included), and
+steps per second of the simulation and of the host engine, each on one thread, in turns; spikes are drawn in both.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from pathlib import Path
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.nordland import encoded, part
+from benchmarks.recall import learn
+from lava_vpr.config import preset
+from lava_vpr.deploy.backends import player
+from lava_vpr.deploy.board import KAPOHO_BAY
+from lava_vpr.deploy.deployment import deploy, plan_of
+from lava_vpr.encoding import rates16
+from lava_vpr.engine import fixed
+from lava_vpr.engine.fixed import SILENT_STEPS, FixedNetwork
+from lava_vpr.engine.random import presentation_keys
+from lava_vpr.errors import InputError
+
+console = Console(highlight=False, width=110)
+
+
+def row(places: int, queries: int, rounds: int) -> list[str]:
+    """Everything about a map of ``places``.
+
+    Raises:
+        InputError: the simulation does not give the host's counts.
+    """
+    model = learn((0, places), preset("loihi"))
+    network = model.network
+    if not isinstance(network, FixedNetwork):
+        raise InputError("preset loihi: not an integer network")
+    started = time.perf_counter()
+    plan = plan_of(model, KAPOHO_BAY)
+    planned = time.perf_counter() - started
+    with tempfile.TemporaryDirectory() as folder:
+        started = time.perf_counter()
+        bundle = deploy(model, KAPOHO_BAY, Path(folder) / "bundle").bundle
+        written = time.perf_counter() - started
+    images = part(encoded("winter", model.config.encoder), slice(0, queries))
+    rates = rates16(images.activity, model.config.encoder.query_spikes)
+    keys = presentation_keys(model.config.seed, "query", images.indices)
+    play, steps = player(bundle), len(rates) * (network.steps + SILENT_STEPS)
+    exc, _, _ = play(rates, keys)
+    counts, _, _ = fixed.count_spikes(network, rates, keys)
+    if not np.array_equal(exc.sum(axis=1), counts):
+        raise InputError(f"{places} places: the simulation of the bundle differs from the host")
+    taken: list[tuple[float, float]] = []
+    for _ in range(rounds):
+        begin = time.perf_counter()
+        play(rates, keys)
+        middle = time.perf_counter()
+        fixed.count_spikes(network, rates, keys)
+        taken.append((middle - begin, time.perf_counter() - middle))
+    simulated, host = (min(values) for values in zip(*taken, strict=True))
+    size = sum(len(data) for data in bundle.files.values())
+    figures = (f"{planned:.2f}", f"{written:.2f}", f"{size / 1e6:.1f}", f"{steps / simulated:,.0f}")
+    return [f"{places}", f"{len(plan.cores)}", *figures, f"{steps / host:,.0f}", f"{host / simulated:.3f}"]
+
+
+@click.command()
+@click.option("--queries", default=50, show_default=True, help="Real queries a round.")
+@click.option("--rounds", default=5, show_default=True, help="Rounds, of which the fastest counts.")
+def main(queries: int, rounds: int) -> None:
+    """Print the table."""
+    table = Table(title="Kapoho Bay, default preset", title_justify="left")
+    names = ("places", "cores", "partition s", "whole deploy s", "MB", "bundle steps/s", "host steps/s", "ratio")
+    for name in names:
+        table.add_column(name, justify="right")
+    for places in (100, 500):
+        table.add_row(*row(places, queries, rounds))
+    console.print(table)
+
+
+if __name__ == "__main__":
+    main()

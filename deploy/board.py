@@ -1,0 +1,97 @@
+"""The boards that a network is deployed to, with their limits; None: not public."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from lava_vpr import loihi
+
+
+@dataclass(frozen=True)
+class Board:
+    """What a board holds; every number of a core unless said.
+
+    Attributes:
+        name: As ``--target`` takes it.
+        title: For people.
+        chips: Chips of the board.
+        cores: Neuron cores of a chip.
+        tile_cores, columns, rows: Cores of a tile, and the mesh of tiles of a chip; None: not public.
+        input_limit: What one neuron can receive in one step stays below, in weight units.
+        shifts_sum: A negative weight exponent shifts the sum of the weights (Lava); else each weight (Loihi 1).
+        compartments, axons_in, axons_out, synapse_words: Limits.
+        profiles, thresholds, formats: Distinct ones.
+        weight_bits, index_bits: Widths that a stored synapse can have.
+        host_spikes: That the host sends to one chip in one step.
+        timed: How long its operations take is public.
+    """
+
+    name: str
+    title: str
+    chips: int
+    cores: int
+    tile_cores: int | None
+    columns: int | None
+    rows: int | None
+    input_limit: int
+    shifts_sum: bool
+    compartments: int
+    axons_in: int | None
+    axons_out: int | None
+    synapse_words: int | None
+    profiles: int | None
+    thresholds: int | None
+    formats: int | None
+    weight_bits: tuple[int, ...]
+    index_bits: tuple[int, ...]
+    host_spikes: int | None
+    timed: bool
+
+
+KAPOHO_BAY = Board(
+    name="kapoho-bay",
+    title="Kapoho Bay (two Loihi 1 chips)",
+    chips=loihi.KAPOHO_BAY_CHIPS,
+    cores=loihi.LOIHI_1_CORES,
+    tile_cores=loihi.TILE_CORES,
+    columns=loihi.MESH_COLUMNS,
+    rows=loihi.MESH_ROWS,
+    input_limit=loihi.LOIHI_1_INPUT_LIMIT,
+    shifts_sum=False,
+    compartments=loihi.CORE_COMPARTMENTS,
+    axons_in=loihi.CORE_AXONS,
+    axons_out=loihi.CORE_AXONS,
+    synapse_words=loihi.CORE_SYNAPSE_WORDS,
+    profiles=loihi.CORE_PROFILES,
+    thresholds=loihi.CORE_THRESHOLDS,
+    formats=loihi.CORE_FORMATS,
+    weight_bits=loihi.LOIHI_1_WEIGHT_BITS,
+    index_bits=loihi.LOIHI_1_INDEX_BITS,
+    host_spikes=loihi.HOST_SPIKES,
+    timed=True,
+)
+
+LOIHI_2 = Board(
+    name="loihi2",
+    title="Loihi 2",
+    chips=1,
+    cores=loihi.LOIHI_2_CORES,
+    tile_cores=None,
+    columns=None,
+    rows=None,
+    input_limit=loihi.INPUT_LIMIT,
+    shifts_sum=True,
+    compartments=loihi.LOIHI_2_COMPARTMENTS,
+    axons_in=None,
+    axons_out=None,
+    synapse_words=None,
+    profiles=None,
+    thresholds=None,
+    formats=None,
+    weight_bits=tuple(range(1, 9)),
+    index_bits=(),
+    host_spikes=None,
+    timed=False,
+)
+
+BOARDS = {board.name: board for board in (KAPOHO_BAY, LOIHI_2)}

@@ -1,0 +1,79 @@
+"""Reads the folder of a bundle: every file is as the manifest's checksums say, or the bundle is refused."""
+
+import hashlib
+import io
+import json
+import os
+
+import numpy as np
+
+from refusals import Refused
+
+AGAIN = "deploy the model again or fetch an intact copy"
+
+
+def digest(data: bytes) -> str:
+    """SHA-256 in hexadecimal."""
+    return hashlib.sha256(data).hexdigest()
+
+
+def read(folder: str, name: str) -> bytes:
+    """Content of a file of the bundle.
+
+    Raises:
+        Refused: it cannot be read.
+    """
+    try:
+        with open(os.path.join(folder, *name.split("/")), "rb") as file:
+            return file.read()
+    except OSError as error:
+        raise bad(folder, name, "cannot be read (" + str(error.strerror) + ")") from None
+
+
+def bad(folder: str, name: str, what: str) -> Refused:
+    """What to raise about a file of the bundle."""
+    return Refused("bundle", os.path.join(folder, name) + ": " + what + "; " + AGAIN)
+
+
+def read_manifest(folder: str) -> dict:
+    """The manifest, which has files, sha256, format, version, target and network.
+
+    Raises:
+        Refused: missing, altered or something else.
+    """
+    name = "manifest.json"
+    try:
+        manifest = dict(json.loads(read(folder, name).decode()))
+        rest = {key: value for key, value in manifest.items() if key != "sha256"}
+        own = digest(json.dumps(rest, sort_keys=True, separators=(",", ":"), allow_nan=False).encode())
+        sealed = manifest["sha256"]
+        [manifest[key] for key in ("format", "version", "target", "network")]
+        [(facts["bytes"], facts["sha256"]) for facts in manifest["files"].values()]
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise bad(folder, name, "is not a bundle's manifest") from None
+    if own != sealed:
+        raise bad(folder, name, "was altered (checksum differs)")
+    return manifest
+
+
+def read_files(folder: str, manifest: dict) -> dict:
+    """Content of every file that the manifest lists.
+
+    Raises:
+        Refused: missing or altered.
+    """
+    files = {}
+    for name, facts in sorted(manifest["files"].items()):
+        files[name] = read(folder, name)
+        if (len(files[name]), digest(files[name])) != (facts["bytes"], facts["sha256"]):
+            raise bad(folder, name, "was altered (checksum differs)")
+    return files
+
+
+def array_of(data: bytes) -> np.ndarray:
+    """The array in the content of a ``.npy`` file.
+
+    Raises:
+        ValueError, EOFError, OSError: there is none.
+    """
+    return np.asarray(np.load(io.BytesIO(data), allow_pickle=False))

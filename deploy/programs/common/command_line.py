@@ -1,0 +1,28 @@
+"""The options that all host programs have."""
+
+import argparse
+
+
+def parser(board: str) -> argparse.ArgumentParser:
+    """They, for the bundle of a board."""
+    own = argparse.ArgumentParser(description=f"Run this bundle on {board}.")
+    what = own.add_mutually_exclusive_group(required=True)
+    what.add_argument("--check", action="store_true", help="everything but the board")
+    what.add_argument("--self-test", nargs="?", type=int, const=0, metavar="N", help="present the (first N) references")
+    what.add_argument("--queries", metavar="DIR", help="folder with rates.npy and keys.npy")
+    own.add_argument("--out", metavar="DIR", default="", help="folder for counts.npy, done.npy and status.json")
+    own.add_argument("--batch", type=int, default=16, metavar="N", help="queries in one run of the board (16)")
+    own.add_argument(
+        "--timeout", type=float, default=0.0, metavar="S", help="seconds that one run may take (by its size)"
+    )
+    return own
+
+
+def parsed(own: argparse.ArgumentParser, words: list) -> argparse.Namespace:
+    """The values of the options."""
+    options = own.parse_args(words)
+    if options.queries is not None and not options.out:
+        own.error("--queries needs --out")
+    if options.batch < 1 or options.timeout < 0 or (options.self_test or 0) < 0:
+        own.error("--batch, --timeout and N must be positive")
+    return options

@@ -1,0 +1,51 @@
+"""Queries and references: whether they are for this network, and whether counts are those of the bundle."""
+
+import numpy as np
+
+from refusals import Refused
+
+
+def check_queries(rates: np.ndarray, keys: np.ndarray, inputs: int, where: object) -> None:
+    """Refuse queries that are not for this network.
+
+    Raises:
+        Refused: wrong type or shape.
+    """
+    if rates.dtype != np.uint16 or rates.ndim != 2 or rates.shape[1] != inputs:
+        raise Refused("input", f"{where}: rates.npy is {rates.dtype} {rates.shape}, but must be uint16 (n, {inputs})")
+    if keys.dtype != np.uint64 or keys.shape != rates.shape[:1]:
+        raise Refused("input", f"{where}: keys.npy is {keys.dtype} {keys.shape}, but must be uint64 ({len(rates)},)")
+
+
+def first_places(labels: np.ndarray, n: int) -> tuple:
+    """How many references the first ``n`` are (0: all), and the places of which all images are among them.
+
+    Raises:
+        Refused: there is no such place.
+    """
+    n = min(n, len(labels)) if n else len(labels)
+    places = np.unique(labels[:n])
+    places = places[~np.isin(places, labels[n:])]  # a place is the sum of all its images
+    if not len(places):
+        raise Refused("input", f"the first {n} references are not all of any place; present more")
+    return n, places
+
+
+def compare(counts: np.ndarray, labels: np.ndarray, places: np.ndarray, responses: np.ndarray) -> str:
+    """What was compared.
+
+    Raises:
+        Refused: the counts are not those of the bundle.
+    """
+    found = np.zeros_like(responses)
+    np.add.at(found.T, labels, counts)
+    wrong = found[:, places] != responses[:, places]
+    if wrong.any():
+        neuron, column = (int(x) for x in np.argwhere(wrong)[0])
+        place = int(places[column])
+        raise Refused(
+            "result",
+            f"self-test: neuron {neuron} counts {found[neuron, place]} spikes for place {place} instead of "
+            f"{responses[neuron, place]}; {int(wrong.sum())} of {wrong.size} counts differ",
+        )
+    return f"equal: {len(counts)} references, {wrong.size} counts, {int(found[:, places].sum())} spikes"

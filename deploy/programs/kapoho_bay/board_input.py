@@ -1,0 +1,38 @@
+"""What is sent for a query."""
+
+import numpy as np
+
+from board_network import Network
+from input_draws import biases, draw_spikes, phases
+from refusals import Refused
+
+LEVEL = 8000 << 6  # threshold of input compartments, in units of the membrane
+
+
+class Query:
+    """What is sent for one query.
+
+    Raises:
+        Refused: more input spikes in a step than the host can send a chip.
+    """
+
+    def __init__(self, network: Network, number: int, rates: np.ndarray, key: int) -> None:
+        self.spikes, self.settings, self.chips = {}, {}, network.chips  # type: dict, dict, list
+        if network.regular:
+            (mantissa, exponent), membrane = biases(rates, LEVEL), phases(key, network.inputs, LEVEL)
+            words = np.stack([mantissa | exponent << 12, membrane], axis=1)
+            self.settings = {chip: words[network.sources[:, 0] == chip] for chip in network.chips}
+            return
+        drawn = draw_spikes(rates, key, network.steps)
+        for chip in network.chips:
+            served = np.zeros(network.inputs, bool)
+            served[network.injection[network.injection[:, 1] == chip, 0]] = True
+            here = drawn & served
+            most = int(here.sum(axis=1).max())
+            if most > network.host_spikes:
+                raise Refused(
+                    "input",
+                    f"query {number}: {most} inputs spike in one step, but the host sends a chip at most "
+                    f"{network.host_spikes}; lower encoder.query_spikes or deploy with --input-mode bias",
+                )
+            self.spikes[chip] = here

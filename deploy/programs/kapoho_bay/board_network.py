@@ -1,0 +1,124 @@
+"""The network in the bundle as the board and this program need it: tables, registers, synapses unpacked."""
+
+import json
+import re
+
+import numpy as np
+
+from bundle_files import AGAIN, array_of, bad, read_files, read_manifest
+from packets import ROOM
+from refusals import Refused
+
+TITLE, TARGET = "Kapoho Bay", "kapoho-bay"
+WEIGHT_CODES, INDEX_CODES = (0, 1, 2, 3, 4, 5, 6, 8), (0, 6, 7, 8, 9, 10, 11, 12)
+WEIGHT_BITS, INHIBITORY = 8, 3
+
+
+class Bundle:
+    """The files around this program, every one as its checksum says.
+
+    Raises:
+        Refused: missing, altered or for another board.
+    """
+
+    def __init__(self, folder: str) -> None:
+        self.folder, self.manifest = folder, read_manifest(folder)
+        self.files = read_files(folder, self.manifest)
+        target, claimed = self.manifest["target"], str(self.manifest["sha256"])
+        if target != TARGET:
+            raise self._bad("manifest.json", f"is for {target}, not for {TITLE}")
+        self.fingerprint = int(claimed[:8], 16) - (1 << 32 if int(claimed[0], 16) > 7 else 0)
+
+    def _bad(self, name: str, what: str) -> Refused:
+        return bad(self.folder, name, what)
+
+    def array(self, name: str) -> np.ndarray:
+        """The array in a file."""
+        try:
+            return array_of(self.files[name])
+        except (KeyError, ValueError, EOFError, OSError):
+            raise self._bad(name, "is missing or no array") from None
+
+    def json(self, name: str) -> dict:
+        """The value in a file."""
+        try:
+            return dict(json.loads(self.files[name].decode()))
+        except (KeyError, ValueError):
+            raise self._bad(name, "is missing or no JSON") from None
+
+
+class Core:
+    """What one core gets: registers, and its synapses unpacked from the 64-bit words."""
+
+    def __init__(self, bundle: Bundle, folder: str) -> None:
+        self.name = folder.split("/")[-1]
+        self.chip, self.core = (int(text) for text in re.findall(r"\d+", self.name))
+        self.registers = bundle.json(folder + "/registers.json")
+        self.compartments = bundle.array(folder + "/compartments.npy")
+        self.axons_out = bundle.array(folder + "/axons_out.npy")
+        entries = bundle.array(folder + "/axons_in.npy")
+        words = bundle.array(folder + "/synapses.npy")
+        bits = np.unpackbits(words.astype("<u8").view(np.uint8), bitorder="little")
+        # Axons that share a row share its synapses: each row is unpacked and configured once.
+        rows, self.row_of_axon = np.unique(entries.reshape(-1, 3), axis=0, return_inverse=True)
+        self.rows = [self._row(bits, *(int(x) for x in row)) for row in rows]
+        sizes = [len(row[1]) for row in self.rows]
+        self.pointers = [sum(sizes[:r]) for r in range(len(sizes))]
+        self.synapses = sum(sizes)
+
+    def _row(self, bits: np.ndarray, first: int, words: int, synapses: int) -> tuple:
+        """Synapse format, compartments and register weights of one row.
+
+        A block: 4 bits format, 6 bits synapses less 1, then for each synapse index bits (none if dense) and weight
+        bits, least significant first, to the end of a word.
+        """
+        at, compartments, weights, number = 64 * first, [], [], 0  # type: int, list, list, int
+        formats = self.registers["synapseFmt"]
+        while len(weights) < synapses:
+            number, count = _value(bits[at : at + 4]), _value(bits[at + 4 : at + 10]) + 1
+            form = formats[number] if number < len(formats) else None
+            if form is None or at + 10 > 64 * (first + words):
+                raise Refused("bundle", self.name + ": a row of synapses does not fit its words; " + AGAIN)
+            index_bits, weight_bits = INDEX_CODES[form["idxBits"]], WEIGHT_CODES[form["wgtBits"]]
+            end = at + 10 + count * (index_bits + weight_bits)
+            if end > 64 * (first + words):
+                raise Refused("bundle", self.name + ": a row of synapses runs beyond its words; " + AGAIN)
+            fields = bits[at + 10 : end].reshape(count, -1).astype(np.int64)
+            powers = 1 << np.arange(index_bits + weight_bits, dtype=np.int64)
+            dense = len(compartments) + np.arange(count)
+            compartments += (fields[:, :index_bits] @ powers[:index_bits] if index_bits else dense).tolist()
+            sign = -1 if form["fanoutType"] == INHIBITORY else 1
+            stored = fields[:, index_bits:] @ powers[:weight_bits]
+            weights += (sign * (stored << WEIGHT_BITS - weight_bits)).tolist()
+            at = -(-end // 64) * 64
+        if len(weights) != synapses or at != 64 * (first + words):
+            raise Refused("bundle", self.name + ": a row of synapses does not fill its words; " + AGAIN)
+        return number, compartments, weights
+
+
+def _value(bits: np.ndarray) -> int:
+    return int(bits.astype(np.int64) @ (1 << np.arange(len(bits))))
+
+
+class Network:
+    """Everything about the network that the board and this program need."""
+
+    def __init__(self, bundle: Bundle) -> None:
+        self.bundle, scalars = bundle, bundle.manifest["network"]
+        try:
+            numbers = {name: int(scalars[name]) for name in ("inputs", "neurons", "steps", "silent_steps")}
+            self.regular = bool(scalars["regular"])
+            self.host_spikes = int(bundle.manifest["limits"]["host_spikes"])
+        except (KeyError, TypeError, ValueError):
+            raise Refused("bundle", bundle.folder + ": its manifest does not describe the network; " + AGAIN) from None
+        self.inputs, self.neurons, self.steps = numbers["inputs"], numbers["neurons"], numbers["steps"]
+        self.silent = numbers["silent_steps"]
+        folders = sorted({name.rsplit("/", 1)[0] for name in bundle.files if name.startswith("cores/")})
+        self.cores = [Core(bundle, folder) for folder in folders]
+        self.exc, self.sources = bundle.array("host/exc.npy"), bundle.array("host/inputs.npy")
+        self.injection = bundle.array("host/injection.npy")
+        chips = [self.exc[:, 0], self.sources[:, 0], self.injection[:, 1]]
+        self.chips = [int(chip) for chip in np.unique(np.concatenate(chips))]  # those that need a program of ours
+        self.of = {(core.chip, core.core): core for core in self.cores}
+        if self.host_spikes > ROOM:
+            raise Refused("bundle", "the manifest allows more host spikes than a packet holds; " + AGAIN)

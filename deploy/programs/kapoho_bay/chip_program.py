@@ -1,0 +1,77 @@
+"""Writes the program of one chip's embedded processor: `embedded.c`, with a header of this chip's tables."""
+
+import json
+import os
+from typing import Callable
+
+import numpy as np
+
+from board_network import Network
+
+NO_AXON = 0xFFFF
+
+
+def channel_names(chip: int) -> tuple:
+    """Of the channel to a chip and of the one back."""
+    return f"lv_to_chip_{chip}", f"lv_from_chip_{chip}"
+
+
+def write_program(network: Network, chip: int, core_id: Callable[[int], int], folder: str) -> tuple:
+    """Write it into a folder of its own; the path of the C file, and that folder.
+
+    Args:
+        network: The network.
+        chip: The chip.
+        core_id: NxSDK's id of a core of this chip.
+        folder: Where to make the folder.
+    """
+    name, own = f"embedded_chip{chip}", os.path.join(folder, f"chip{chip}")
+    os.makedirs(own)
+    text = network.bundle.files["program/embedded.c"].decode()
+    with open(os.path.join(own, name + ".c"), "w", encoding="utf-8") as file:
+        file.write(text.replace('#include "embedded.h"', f'#include "{name}.h"'))
+    with open(os.path.join(own, name + ".h"), "w", encoding="utf-8") as file:
+        file.write(header(network, chip, core_id))
+    return os.path.join(own, name + ".c"), own
+
+
+def header(network: Network, chip: int, core_id: Callable[[int], int]) -> str:
+    """Numbers and tables of one chip, in C."""
+    exc = network.exc[network.exc[:, 0] == chip, 1:]
+    sources = network.sources[network.sources[:, 0] == chip, 1:]
+    injection = network.injection[network.injection[:, 1] == chip]
+    exc_cores, source_cores, targets = (np.unique(x).tolist() for x in (exc[:, 0], sources[:, 0], injection[:, 2]))
+    axons = np.full((0 if network.regular else network.inputs, max(1, len(targets))), NO_AXON)
+    axons[injection[:, 0], np.searchsorted(targets, injection[:, 2])] = injection[:, 3]
+    to_chip, from_chip = channel_names(chip)
+    numbers = {
+        "FINGERPRINT": network.bundle.fingerprint,
+        "STEPS": network.steps,
+        "SILENT": network.silent,
+        "REGULAR": int(network.regular),
+        "HOST_SPIKES": network.host_spikes,
+        "INPUTS": network.inputs,
+        "EXC": len(exc),
+        "EXC_CORES": len(exc_cores),
+        "SOURCES": len(sources),
+        "SOURCE_CORES": len(source_cores),
+        "TARGET_CORES": len(targets),
+    }
+    place = "struct { uint16_t core, compartment; }"
+    lines = [f"/* Written by run.py for chip {chip}. */", '#include <stdint.h>\n#include "nxsdk.h"']
+    lines += [f"#define LV_{name} ({value})" for name, value in numbers.items()]
+    lines += [f'#define LV_TO_CHIP "{to_chip}"', f'#define LV_FROM_CHIP "{from_chip}"']
+    lines += ["int lava_vpr_guard(runState *s);", "void lava_vpr_manage(runState *s);", "#ifdef LV_EMBEDDED_TABLES"]
+    for name, places in (("exc", exc), ("source", sources)):
+        lines += [table(place, name + "_places", [(core_id(core), cx) for core, cx in places.tolist()])]
+    for name, cores in (("exc", exc_cores), ("source", source_cores), ("target", targets)):
+        lines += [table("uint16_t", name + "_cores", [core_id(core) for core in cores])]
+    lines += [table("uint16_t", "target_axons", axons.tolist(), f"[{axons.shape[1]}]")]
+    return "\n".join([*lines, "#endif", ""])
+
+
+def table(kind: str, name: str, rows: list, inner: str = "") -> str:
+    """A constant array in C; one element of zeros if there is none."""
+    text = json.dumps(rows or [[0]]).replace("[", "{").replace("]", "}")
+    text = text.replace("{{0}}", "{0}") if not rows and not inner else text
+    return f"static const {kind} lv_{name}[{max(1, len(rows))}]{inner} = {text};"

@@ -1,0 +1,138 @@
+"""Runs the network of the bundle around it on Kapoho Bay (two Loihi 1 chips), by Intel's NxSDK and numpy alone.
+
+    export KAPOHOBAY=1                       NxSDK looks for this board then
+    python run.py --check                    everything but the board: files, NxSDK, registers
+    python run.py --self-test [N]            present the (first N) references; counts must be those of the bundle
+    python run.py --queries Q --out R        Q/rates.npy uint16 (n, inputs) in units of 2^-16 spikes a step and
+                                             Q/keys.npy uint64 (n,) in; R/counts.npy int32 (n, neurons) out
+
+R/counts.npy holds -1 in every row that was not answered, R/done.npy says which were, R/status.json how many. They are
+replaced, each in one step, after every batch and when anything goes wrong: what was answered is kept, nothing is
+invented. If NxSDK raised an exception, R/failure.txt has its traceback. Exit code 0: all done; 1: not, with one line on
+stderr that says why.
+
+This needs Python 3.6 with numpy 1.17 or later and the files beside it, not lava-vpr. `embedded.c` runs on the chips and
+says how the two talk. All names of NxSDK are those that public programs use: nengo-loihi 1.1.0 (hardware/builder.py,
+interface.py) and https://github.com/intel-nrc-ecosystem/models (spike counters, packets to and from Python).
+"""
+
+import argparse
+import os
+import signal
+import sys
+import time
+import traceback
+
+import numpy as np
+
+sys.dont_write_bytecode = True  # nothing is added to the bundle
+try:
+    from board_device import Device, check_environment, load_nxsdk
+    from board_input import Query
+    from board_network import Bundle, Network
+    from command_line import parsed, parser
+    from outcome import GRACE, Results, Watchdog, fail
+    from references import check_queries, compare, first_places
+    from refusals import Refused, interrupt, told
+except Exception as damage:
+    place = os.path.dirname(os.path.abspath(__file__))
+    sys.exit(f"{place}: is damaged ({damage}); deploy the model again or fetch an intact copy")
+
+
+def present(
+    network: Network, rates: np.ndarray, keys: np.ndarray, results: Results, batch: int, timeout: float
+) -> None:
+    """Present all queries, ``batch`` in a run of the board, which may take ``timeout`` seconds (0: by its size)."""
+    for i, key in enumerate(keys):  # before the board starts: nothing is begun that cannot be finished
+        Query(network, i, rates[i], int(key))
+    load_nxsdk()
+    check_environment()
+    device = Device(network)
+    try:
+        device.start()
+        for first in range(0, len(keys), batch):
+            part = range(first, min(first + batch, len(keys)))
+            seconds = timeout or 60.0 + 10.0 * len(part)
+            text = f"queries {part[0]} to {part[-1]}: the board did not finish within {seconds:g} s"
+            with Watchdog(seconds + min(GRACE, seconds), "run", text):
+                try:
+                    queries = [Query(network, i, rates[i], int(keys[i])) for i in part]
+                    device.answer(queries, first + 1, time.monotonic() + seconds, results)
+                except Refused:
+                    raise
+                except Exception as error:
+                    text = f"queries {part[0]} to {part[-1]}: the board failed ({told(error)})"
+                    raise Refused("run", text, traceback.format_exc()) from None
+    finally:
+        device.close()
+
+
+def load_queries(folder: str, network: Network) -> tuple:
+    """Rates and keys in ``folder``.
+
+    Raises:
+        Refused: they cannot be read or do not fit the network.
+    """
+    found = []
+    for name in ("rates.npy", "keys.npy"):
+        try:
+            found.append(np.load(os.path.join(folder, name), allow_pickle=False))
+        except (OSError, ValueError) as error:
+            raise Refused("input", f"{os.path.join(folder, name)}: cannot be read ({told(error)})") from None
+    rates, keys = found
+    check_queries(rates, keys, network.inputs, folder)
+    return rates, keys
+
+
+def self_test(network: Network, n: int, options: argparse.Namespace) -> str:
+    """Present the first ``n`` references (0: all); what was compared.
+
+    Raises:
+        Refused: the counts are not those of the bundle.
+    """
+    array = network.bundle.array
+    rates, keys, labels = (array(f"host/{name}.npy") for name in ("rates", "keys", "labels"))
+    responses = array("host/responses.npy")
+    n, places = first_places(labels, n)
+    results = Results(n, network.neurons, options.out)
+    present(network, rates[:n], keys[:n], results, options.batch, options.timeout)
+    return compare(results.counts, labels[:n], places, responses)
+
+
+def check(network: Network) -> str:
+    """Everything but the board."""
+    device = Device(network)
+    device.close()
+    synapses = sum(core.synapses for core in network.cores)
+    text = f"ready: {len(network.cores)} cores, {synapses} synapses, {network.neurons} neurons"
+    return text if os.environ.get("KAPOHOBAY") == "1" else text + "; set KAPOHOBAY=1 to run on the board"
+
+
+def main(words: list) -> int:
+    """The command line; 0 if all was done."""
+    options = parsed(parser("Kapoho Bay"), words)
+    signal.signal(signal.SIGTERM, interrupt)
+    try:
+        Results(0, 0, options.out)  # what stands there from an earlier run is gone, whatever happens now
+        network = Network(Bundle(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))))
+        if options.check:
+            print(check(network))
+        elif options.self_test is not None:
+            print(self_test(network, options.self_test, options))
+        else:
+            rates, keys = load_queries(options.queries, network)
+            results = Results(len(keys), network.neurons, options.out)
+            present(network, rates, keys, results, options.batch, options.timeout)
+            print(f"{len(keys)} of {len(keys)} queries answered")
+        return 0
+    except Refused as error:
+        fail(error.stage, str(error), error.details)
+    except KeyboardInterrupt:
+        fail("run", "interrupted")
+    except OSError as error:
+        fail("input", f"{error.filename}: {error.strerror}")
+    return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,198 @@
+"""The network of the bundle in Lava, and how queries are presented to it."""
+
+from __future__ import annotations
+
+import mmap
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from input_draws import biases, draw_spikes, phases
+from refusals import Refused
+
+Arrays = dict[str, NDArray[Any]]
+VENDOR = "Intel's closed package, from its neuromorphic research cloud"
+
+
+def shared(shape: tuple[int, ...], kind: Any) -> NDArray[Any]:
+    """Zeros that forked processes share with this one."""
+    size = max(1, int(np.prod(shape)) * np.dtype(kind).itemsize)
+    return np.frombuffer(mmap.mmap(-1, size), kind, int(np.prod(shape))).reshape(shape)
+
+
+def define_processes() -> None:
+    """Make Spikes and Counter; Lava finds the models of a Process among the names of its module."""
+    from lava.magma.core.decorator import implements, requires
+    from lava.magma.core.model.py.model import PyLoihiProcessModel
+    from lava.magma.core.model.py.ports import PyInPort, PyOutPort
+    from lava.magma.core.model.py.type import LavaPyType
+    from lava.magma.core.process.ports.ports import InPort, OutPort
+    from lava.magma.core.process.process import AbstractProcess
+    from lava.magma.core.resources import CPU
+    from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
+
+    class Spikes(AbstractProcess):
+        """Sends the rows of a shared array, the first in step ``first[0] + 1``."""
+
+        def __init__(self, spikes: NDArray[np.uint8], first: NDArray[np.int64]) -> None:
+            super().__init__(spikes=spikes, first=first)
+            self.s_out = OutPort(shape=spikes.shape[1:])
+
+    class Counter(AbstractProcess):
+        """Counts spikes of each presentation, and the steps that it sees, in shared arrays."""
+
+        def __init__(self, counts: NDArray[np.int32], interval: int, seen: NDArray[np.int64]) -> None:
+            super().__init__(counts=counts, interval=interval, seen=seen)
+            self.s_in = InPort(shape=counts.shape[1:])
+
+    @implements(proc=Spikes, protocol=LoihiProtocol)
+    @requires(CPU)
+    class PySpikes(PyLoihiProcessModel):
+        s_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, np.int32, precision=24)
+
+        def run_spk(self) -> None:
+            row = self.time_step - 1 - int(self.proc_params["first"][0])
+            if not 0 <= row < len(self.proc_params["spikes"]):
+                raise IndexError(f"step {self.time_step} is outside the batch")
+            self.s_out.send(self.proc_params["spikes"][row].astype(np.int32))
+
+    @implements(proc=Counter, protocol=LoihiProtocol)
+    @requires(CPU)
+    class PyCounter(PyLoihiProcessModel):
+        s_in: PyInPort = LavaPyType(PyInPort.VEC_DENSE, np.int32, precision=24)
+
+        def run_spk(self) -> None:
+            fired = self.s_in.recv() != 0
+            self.proc_params["counts"][(self.time_step - 1) // self.proc_params["interval"]] += fired
+            self.proc_params["seen"][0] += 1
+
+    globals().update(Spikes=Spikes, Counter=Counter, PySpikes=PySpikes, PyCounter=PyCounter)
+
+
+def wire(weights: NDArray[Any], parameters: dict[str, Any], source: Any, counter: Any, simulate: bool) -> None:
+    """Inputs to exc; exc to inh, one to one; inh to all other exc; exc to the counter. Every arrow takes one step."""
+    from lava.proc.dense.process import Dense
+    from lava.proc.lif.process import LIF, LIFReset
+    from lava.proc.sparse.process import Sparse
+    from lava.utils.weightutils import SignMode
+    from scipy.sparse import identity
+
+    def across(out: Any, into: Any, adapter: str | None) -> None:
+        if adapter is None or simulate:
+            out.connect(into)
+            return
+        from lava.proc.embedded_io import spike  # of lava-loihi
+
+        between = getattr(spike, adapter)(shape=out.shape)
+        out.connect(between.inp)
+        between.out.connect(into)
+
+    n = len(weights)
+    relay = dict(parameters["relay"])
+    lateral = dict(parameters["inhibit"])
+    others = lateral.pop("weight") * (1 - np.eye(n, dtype=np.int32))
+    excite = Dense(weights=weights.astype(np.int32), sign_mode=SignMode.EXCITATORY, **parameters["excite"])
+    exc = LIFReset(shape=(n,), **parameters["exc"])
+    relays = Sparse(weights=relay.pop("weight") * identity(n, np.int32, "csr"), sign_mode=SignMode.EXCITATORY, **relay)
+    inh = LIFReset(shape=(n,), **parameters["inh"])
+    inhibit = Dense(weights=others, sign_mode=SignMode.INHIBITORY, **lateral)
+    across(source.s_out, excite.s_in, None if isinstance(source, LIF) else "PyToNxAdapter")
+    pairs = ((excite, exc), (relays, inh), (inhibit, exc))
+    for connection, population in pairs:
+        connection.a_out.connect(population.a_in)
+    exc.s_out.connect(relays.s_in)
+    inh.s_out.connect(inhibit.s_in)
+    across(exc.s_out, counter.s_in, "NxToPyAdapter")
+
+
+def start_board(process: Any) -> None:
+    """Compile for the board and see that nothing but the two ends runs on the CPU, which Lava does without a word."""
+    from lava.magma.core.model.py.model import AbstractPyProcessModel
+    from lava.magma.core.run_configs import Loihi2HwCfg
+
+    ends = (globals()["Spikes"], globals()["Counter"])
+    try:
+        executable = process.compile(Loihi2HwCfg())
+    except NameError as error:
+        raise Refused(
+            "missing", f"Loihi2HwCfg finds no models for the chip ({error}); install lava-loihi, {VENDOR}"
+        ) from None
+    parts = [part for part in executable.process_list if not isinstance(part, ends)]
+    found = sorted(f"{type(p).__name__} ({p.model_class.__name__})" for p in parts if on_cpu(p, AbstractPyProcessModel))
+    if found:
+        raise Refused(
+            "missing", f"Loihi2HwCfg would run on the CPU: {', '.join(found)}; install lava-loihi for lava-nc 0.10"
+        )
+    process.create_runtime(executable=executable)
+
+
+def on_cpu(process: Any, base: type) -> bool:
+    """Whether Lava picked a Python model for a Process."""
+    return issubclass(process.model_class, base)
+
+
+class Player:
+    """The network in Lava, and how a batch is presented to it."""
+
+    def __init__(self, weights: NDArray[Any], parameters: dict[str, Any], arrays: Arrays, options: dict[str, Any]):
+        from lava.proc.lif.process import LIF
+
+        self.rates, self.keys = arrays["rates"], arrays["keys"]
+        self.steps, self.silent = parameters["steps"], parameters["silent_steps"]
+        self.simulate, interval = options["simulate"], self.steps + self.silent
+        batch, inputs = min(options["batch"], len(self.rates)), weights.shape[1]
+        self.counts, self.seen = shared((len(self.rates), len(weights)), np.int32), shared((1,), np.int64)
+        self.first, self.started = shared((1,), np.int64), False
+        self.inputs = parameters["inputs"]
+        if self.inputs is None:
+            self.spikes = shared((batch * interval, inputs), np.uint8)
+            self.source: Any = globals()["Spikes"](self.spikes, self.first)
+        else:  # a Var cannot be set before the first step, so the first query's values are those it begins with
+            self.source = LIF(shape=(inputs,), **self.registers(0), **self.inputs)
+        counter = globals()["Counter"](self.counts, interval, self.seen)
+        wire(weights, parameters, self.source, counter, self.simulate)
+        if not self.simulate:
+            start_board(counter)
+        self.process = counter
+
+    def registers(self, query: int, before: int = 0) -> Arrays:
+        """Of the inputs, ``before`` steps before a query begins: its bias leads the membrane to its phase."""
+        level = self.inputs["vth"] << 6
+        mantissa, exponent = biases(self.rates[query], level)
+        v = phases(int(self.keys[query]), self.rates.shape[1], level) - before * (mantissa << exponent)
+        return {"bias_mant": mantissa, "bias_exp": exponent, "v": v}
+
+    def go(self, steps: int) -> None:
+        """Run Lava for ``steps`` steps."""
+        from lava.magma.core.run_conditions import RunSteps
+        from lava.magma.core.run_configs import Loihi2SimCfg
+
+        config = None if self.started or not self.simulate else Loihi2SimCfg(select_tag="fixed_pt")
+        self.process.run(condition=RunSteps(num_steps=steps), run_cfg=config)
+        self.started = True
+
+    def present(self, start: int, end: int) -> NDArray[np.int32]:
+        """Counts of the queries ``start`` .. ``end`` - 1."""
+        interval = self.steps + self.silent
+        if self.inputs is None:
+            train = self.spikes[: (end - start) * interval].reshape(end - start, interval, -1)
+            train[:] = 0
+            for row, query in zip(train, range(start, end), strict=True):
+                row[: self.steps] = draw_spikes(self.rates[query], int(self.keys[query]), self.steps)
+            self.first[0] = start * interval
+            self.go((end - start) * interval)
+        else:
+            for query in range(start, end):
+                self.go(self.steps)
+                # Phases are below the threshold, so in the silent steps nothing spikes, and one pause is enough.
+                for name, value in self.registers(min(query + 1, len(self.rates) - 1), self.silent).items():
+                    getattr(self.source, name).set(value)
+                self.go(self.silent)
+        if self.seen[0] != end * interval:
+            raise Refused(
+                "run",
+                f"queries {start} to {end - 1}: the read-out covers {self.seen[0] - start * interval:,} of "
+                f"{(end - start) * interval:,} steps; run them again, and see to the board if it happens again",
+            )
+        return self.counts[start:end]

@@ -1,0 +1,127 @@
+"""Runs the network of the bundle around it on a Loihi 2 board, or in Lava's bit-accurate simulation.
+
+    python run.py --check                    everything but the board: files, Lava, lava-loihi, a configured host
+    python run.py --self-test [N]            present the (first N) references; counts must be those of the bundle
+    python run.py --queries Q --out R        Q/rates.npy uint16 (n, inputs) in units of 2^-16 spikes a step and
+                                             Q/keys.npy uint64 (n,) in; R/counts.npy int32 (n, neurons) out
+
+With --simulate no board is needed. R/counts.npy holds -1 in every row that was not answered, R/done.npy says which
+were, R/status.json how many. They are replaced, each in one step, after every batch and when anything goes wrong: what
+was answered is kept, nothing is invented. Exit code 0: all done; 1: not, with one line on stderr that says why.
+
+This needs Python 3.10, lava-nc 0.10, numpy and scipy, for the board Intel's closed lava-loihi, and the files beside it,
+not lava-vpr. All names of lava-loihi are those that public programs use: lava.proc.embedded_io.spike in Intel's lava-dl
+and lava-nc.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import importlib.metadata
+import importlib.util
+import os
+import signal
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np  # noqa: F401 (without it nothing beside this file is to blame)
+
+sys.dont_write_bytecode = True  # nothing is added to the bundle, though Lava executes these files again
+try:
+    from bundle_files import read_files, read_manifest
+    from command_line import parsed, parser
+    from lava_network import VENDOR
+    from lava_worker import work
+    from query_files import Results, load_queries, load_references, named_array
+    from references import compare
+    from refusals import Refused, interrupt
+    from worker_process import run
+except Exception as damage:
+    place = os.path.dirname(os.path.abspath(__file__))
+    sys.exit(f"{place}: is damaged ({damage}); deploy the model again or fetch an intact copy")
+
+FORMAT, VERSION, TARGET = "lava-vpr bundle", 1, "loihi2"
+
+
+def read_bundle(folder: str) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """Manifest, and content of every file in it; refuses what is missing, altered or for another board."""
+    manifest = read_manifest(folder)
+    kind = (manifest["format"], manifest["version"], manifest["target"])
+    if kind != (FORMAT, VERSION, TARGET):
+        path = os.path.join(folder, "manifest.json")
+        raise Refused("bundle", f"{path}: is {kind[0]} {kind[1]} for {kind[2]}, not {FORMAT} {VERSION} for {TARGET}")
+    return manifest, read_files(folder, manifest)
+
+
+def require(simulate: bool) -> str:
+    """See that Lava, and for the board the vendor's part and a host, are here; what was found."""
+    if sys.version_info[:2] != (3, 10):
+        found = ".".join(map(str, sys.version_info[:3]))
+        raise Refused("missing", f"lava-nc 0.10 needs Python 3.10, this is {found}; run this program with Python 3.10")
+    try:
+        version = importlib.metadata.version("lava-nc")
+    except importlib.metadata.PackageNotFoundError:
+        raise Refused("missing", "lava-nc is not installed: pip install lava-nc==0.10.*") from None
+    if version.split(".")[:2] != ["0", "10"]:
+        raise Refused("missing", f"lava-nc {version} is installed, 0.10 is needed: pip install lava-nc==0.10.*")
+    if simulate:
+        return f"lava-nc {version}, simulated"
+    if importlib.util.find_spec("lava.utils.loihi2_profiler") is None:
+        raise Refused("missing", f"lava-loihi is not installed; it is {VENDOR}; --simulate needs none")
+    if os.environ.get("SLURM") != "1" and not os.environ.get("NXSDKHOST"):
+        raise Refused("missing", "no Loihi host is configured; set SLURM=1 or NXSDKHOST=ADDRESS; --simulate needs none")
+    return f"lava-nc {version}, lava-loihi, host {os.environ.get('NXSDKHOST') or 'by SLURM'}"
+
+
+def answer(files: dict[str, bytes], network: dict[str, int], args: argparse.Namespace) -> str:
+    """Present queries, or references; what was done."""
+    if args.queries is not None:
+        arrays = load_queries(Path(args.queries), network["inputs"])
+    else:
+        arrays, places = load_references(files, args.self_test, network["inputs"])
+    n = len(arrays["keys"])
+    results = Results(n, network["neurons"], args.out)
+    try:
+        run(files, arrays, args, results)
+        if args.queries is not None:
+            return f"{n} of {n} queries answered"
+        return compare(results.counts, arrays["labels"], places, named_array(files["host/responses.npy"], "responses"))
+    except (Refused, KeyboardInterrupt) as error:
+        stage, text = (error.stage, str(error)) if isinstance(error, Refused) else ("run", "interrupted")
+        with contextlib.suppress(Refused):
+            results.save(stage, text)
+        if stage in ("run", "start"):
+            text += results.answered()
+        raise Refused(stage, text) from None
+
+
+def main(words: list[str]) -> int:
+    """Do what the command line says; the exit code."""
+    options = parser("Loihi 2")
+    options.add_argument("--simulate", action="store_true", help="in Lava's bit-accurate simulation, without a board")
+    args = parsed(options, words)
+    signal.signal(signal.SIGTERM, interrupt)
+    try:
+        manifest, files = read_bundle(str(Path(__file__).absolute().parent.parent))
+        found, network = require(args.simulate), manifest["network"]
+        if args.check:
+            print(f"ready: {network['neurons']} neurons, {network['inputs']} inputs; {found}")
+        else:
+            print(answer(files, network, args))
+    except Refused as error:
+        print(error, file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["--worker"]:
+        code = work(Path(sys.argv[2]))
+        sys.stdout.flush()
+        os._exit(code)  # Lava's own ending can wait for ever
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,229 @@
+"""``lava-vpr deploy``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import asdict
+from pathlib import Path
+
+import click
+import numpy as np
+from numpy.typing import NDArray
+from rich.table import Table
+
+from lava_vpr.alignment import aligned_truth, choose_queries
+from lava_vpr.cli.common import (
+    PATH,
+    check_writable,
+    console,
+    encode,
+    every_option,
+    open_model,
+    places_option,
+    print_whole,
+    progress_bar,
+    stderr,
+    write_json,
+)
+from lava_vpr.config import INPUT_MODES
+from lava_vpr.deploy.board import BOARDS, Board
+from lava_vpr.deploy.bundle import check_replaceable
+from lava_vpr.deploy.calibration import calibrated, figures, search
+from lava_vpr.deploy.compression import Compressed, Figures, for_board
+from lava_vpr.deploy.deployment import Deployed
+from lava_vpr.deploy.deployment import deploy as write_bundle
+from lava_vpr.deploy.tables import core_table, summary
+from lava_vpr.encoding import EncodedTraverse
+from lava_vpr.engine.threads import cores
+from lava_vpr.errors import InputError
+from lava_vpr.model import Model
+from lava_vpr.traverse import open_traverse
+
+Calibration = tuple[EncodedTraverse, NDArray[np.bool_]]
+
+
+@click.command()
+@click.argument("model_path", metavar="MODEL", type=PATH)
+@click.option("--target", type=click.Choice(list(BOARDS)), required=True, help="Board to run on.")
+@click.option("-o", "--output", required=True, type=PATH, metavar="BUNDLE", help="Folder to write.")
+@click.option(
+    "--weight-bits",
+    type=click.IntRange(1, 8),
+    default=None,
+    help="Bits of one weight (default: the model's, or the most that fit).",
+)
+@click.option(
+    "--prune",
+    type=click.FloatRange(0, 1, max_open=True),
+    default=None,
+    metavar="P",
+    help="Share of each neuron's weights to set to 0, smallest first (default: none).",
+)
+@click.option("--calibrate", type=str, default=None, metavar="QUERY", help="Images to compare recall before and after.")
+@click.option(
+    "--max-loss",
+    type=click.FloatRange(0, 1),
+    default=None,
+    metavar="X",
+    help="Find the cheapest weights that lose at most this much R@1, a fraction, on the --calibrate images.",
+)
+@places_option("Images A..B-1 of --calibrate (default: the model's own range).")
+@every_option
+@click.option(
+    "--input-mode",
+    type=click.Choice(INPUT_MODES),
+    default=None,
+    help="Inputs' spikes are injected by the host, or inputs integrate a bias (default: the model's).",
+)
+@click.option(
+    "--learning",
+    is_flag=True,
+    help="Loihi 2: add the network that learns; with --calibrate, also train it and print its recall.",
+)
+@click.option("--json", "json_path", type=PATH, default=None, metavar="FILE", help="Write the figures as JSON.")
+def deploy(
+    model_path: Path,
+    target: str,
+    output: Path,
+    weight_bits: int | None,
+    prune: float | None,
+    calibrate: str | None,
+    max_loss: float | None,
+    places: tuple[int, int] | None,
+    every: float,
+    input_mode: str | None,
+    learning: bool,
+    json_path: Path | None,
+) -> None:
+    """Place the neurons of MODEL on a board's cores, and write all that the board needs as the folder BUNDLE.
+
+    Weights are quantised anew from those that were learned where bits, pruning or the way of input change, or where the
+    board demands it. With --max-loss, ways to do so are tried from cheap to dear, by synaptic operations of a query.
+    """
+    board = BOARDS[target]
+    _check_usage(board, calibrate, max_loss, places, learning)
+    for name, value in (("--prune", prune), ("--max-loss", max_loss)):
+        if value is not None and np.isnan(value):
+            raise click.UsageError(f"{name} is not a number")
+    check_replaceable(output)
+    if json_path is not None:
+        check_writable(json_path, model_path, calibrate)
+        if output.resolve() in json_path.resolve().parents:
+            raise InputError(f"{json_path}: would stand in the bundle, which holds its own files alone; name another")
+    model = open_model(model_path)
+    calibration = None
+    if calibrate is not None:
+        calibration = _calibration(model, calibrate, places, every, json_path)
+    compressed = _compressed(model, board, weight_bits, prune, calibration, max_loss, input_mode)
+    deployed = write_bundle(compressed.model, board, output, learning=learning, compression=compressed.as_json())
+    learned = _learned(deployed, model, calibration) if learning and calibration is not None else None
+    if json_path is not None:  # files first: whoever reads the table may go away
+        values = {
+            "places": model.places,
+            "neurons": model.neurons,
+            "weight_bits": compressed.model.weight_bits,
+            "cores": len(deployed.plan.cores),
+            "compression": compressed.as_json(),
+            "learning": asdict(learned) if learned is not None else None,
+        }
+        write_json(json_path, {"target": board.name, **values})
+    for note in compressed.notes:
+        stderr.print(f"note: {note}", markup=False)
+    if compressed.before is not None:
+        print_whole(_figures(compressed, learned))
+    print_whole(core_table(deployed.plan))
+    console.print("\n".join(summary(deployed.plan)), markup=False)
+    console.print(f"bundle: {output}", markup=False)
+
+
+def _check_usage(
+    board: Board, calibrate: str | None, max_loss: float | None, places: tuple[int, int] | None, learning: bool
+) -> None:
+    """Refuse options that contradict each other."""
+    if max_loss is not None and calibrate is None:
+        raise click.UsageError("--max-loss needs --calibrate QUERY: images to measure the loss on")
+    if places is not None and calibrate is None:
+        raise click.UsageError("--places chooses among the images of --calibrate QUERY; give it, too")
+    if learning and not board.shifts_sum:
+        raise click.UsageError(
+            "--learning needs --target loihi2: the network that learns is wired from Lava's library, which does not "
+            "run on Loihi 1"
+        )
+
+
+def _calibration(
+    model: Model, source: str, places: tuple[int, int] | None, every: float, json_path: Path | None
+) -> Calibration:
+    """The calibration images and which place each shows."""
+    traverse = choose_queries(model, open_traverse(source, every=every), places, aligned=True)
+    if json_path is not None:
+        check_writable(json_path, *traverse.paths)
+    return encode(traverse, model.config.encoder), aligned_truth(model, traverse)
+
+
+def _compressed(
+    model: Model,
+    board: Board,
+    weight_bits: int | None,
+    prune: float | None,
+    calibration: Calibration | None,
+    max_loss: float | None,
+    input_mode: str | None,
+) -> Compressed:
+    """The model as it is to be deployed."""
+    if calibration is not None and max_loss is not None:
+        with ExitStack() as bars:
+            return search(
+                model,
+                board,
+                calibration,
+                max_loss,
+                weight_bits=weight_bits,
+                prune=prune,
+                input_mode=input_mode,
+                threads=cores(),
+                begin=lambda points: _told(bars, points),
+            )
+    found = for_board(model, board, weight_bits=weight_bits, prune=prune or 0.0, input_mode=input_mode, threads=cores())
+    return found if calibration is None else calibrated(found, calibration, threads=cores())
+
+
+def _told(bars: ExitStack, points: int) -> Callable[[str], None]:
+    """A bar for a search of at most ``points``."""
+    advance = bars.enter_context(progress_bar("compressing", points))
+    return lambda note: advance(1, note)
+
+
+def _learned(deployed: Deployed, model: Model, calibration: Calibration) -> Figures:
+    """What the bundle's network that learns reaches, trained from the bundle's own files."""
+    from lava_vpr.deploy.learning import learned_on_chip, read_learning
+
+    with progress_bar("learning as on the chip", 1):
+        return figures(learned_on_chip(model, read_learning(deployed.bundle), cores()), calibration, threads=cores())
+
+
+def _figures(compressed: Compressed, learned: Figures | None) -> Table:
+    """The model before, all that was tried, what was chosen, and what the chip learns."""
+    table = Table(title="on the calibration images", title_justify="left")
+    table.add_column("weights", no_wrap=True)
+    for name in ("bits", "pruned %", "R@1", "R@100P", "AUC", "operations a query"):
+        table.add_column(name, justify="right", no_wrap=True)
+    model, original = compressed.model, compressed.original
+    if compressed.before is not None:
+        table.add_row("the model's", *_row(original.weight_bits, 0.0, compressed.before))
+    chosen = (model.weight_bits, compressed.prune)
+    for point, found in compressed.tried:
+        if (point.weight_bits, point.prune) != chosen:
+            table.add_row("tried", *_row(point.weight_bits, point.prune, found))
+    if compressed.after is not None:
+        table.add_row("deployed", *_row(*chosen, compressed.after), style="bold")
+    if learned is not None:
+        table.add_row("learned on the chip", *_row(original.weight_bits, 0.0, learned))
+    return table
+
+
+def _row(bits: int | None, prune: float, figures: Figures) -> list[str]:
+    recalls = (figures.recall_at_1, figures.recall_at_100_precision, figures.auc)
+    percents = ["-" if np.isnan(value) else f"{100 * value:.1f}" for value in recalls]
+    return [f"{bits}", f"{100 * prune:.1f}", *percents, f"{figures.operations:,.0f}"]

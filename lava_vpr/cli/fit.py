@@ -1,0 +1,129 @@
+"""``lava-vpr fit``."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+from rich.table import Table
+
+from lava_vpr.cli.common import PATH, check_writable, console, open_model, print_whole, stderr, write_json, write_text
+from lava_vpr.config import INPUT_MODES, preset
+from lava_vpr.configfile import update
+from lava_vpr.deploy.board import BOARDS, Board
+
+if TYPE_CHECKING:
+    from lava_vpr.deploy.capacity import Capacity
+
+
+@click.command()
+@click.argument("model", type=PATH, required=False)
+@click.option("--target", type=click.Choice(list(BOARDS)), required=True, help="Board to run on.")
+@click.option(
+    "--weight-bits",
+    type=click.IntRange(1, 8),
+    default=None,
+    help="Bits of one weight (default: the model's, or the most that fit).",
+)
+@click.option(
+    "--input-mode",
+    type=click.Choice(INPUT_MODES),
+    default=None,
+    help="Inputs' spikes are injected by the host, or inputs integrate a bias (default: the model's).",
+)
+@click.option(
+    "--neurons-per-place",
+    type=click.FloatRange(min=0, min_open=True, max=100),
+    default=None,
+    help="Without MODEL: excitatory neurons for each place (default: 1).",
+)
+@click.option(
+    "--picture", type=PATH, default=None, metavar="FILE.svg", help="With MODEL: draw the chips and what cores hold."
+)
+@click.option("--json", "json_path", type=PATH, default=None, metavar="FILE", help="Write the figures as JSON.")
+def fit(
+    model: Path | None,
+    target: str,
+    weight_bits: int | None,
+    input_mode: str | None,
+    neurons_per_place: float | None,
+    picture: Path | None,
+    json_path: Path | None,
+) -> None:
+    """Say whether MODEL fits a board, and what each core holds; without MODEL, the largest map that fits."""
+    if model is not None and neurons_per_place is not None:
+        raise click.UsageError("--neurons-per-place is for fit without MODEL; a model has its neurons")
+    if model is None and picture is not None:
+        raise click.UsageError("--picture draws the cores of a model; give MODEL")
+    for path in (picture, json_path):
+        if path is not None:
+            check_writable(path, model)
+    board = BOARDS[target]
+    if model is None:
+        _largest(board, weight_bits, input_mode, neurons_per_place, json_path)
+    else:
+        _model(board, model, weight_bits, input_mode, picture, json_path)
+
+
+def _model(
+    board: Board,
+    model_path: Path,
+    weight_bits: int | None,
+    input_mode: str | None,
+    picture: Path | None,
+    json_path: Path | None,
+) -> None:
+    """What each core of the board holds of a model."""
+    from lava_vpr.deploy.compression import for_board
+    from lava_vpr.deploy.deployment import mapping, plan_of
+    from lava_vpr.deploy.tables import core_table, summary
+    from lava_vpr.engine.threads import cores
+
+    model = open_model(model_path)
+    adapted = for_board(model, board, weight_bits=weight_bits, input_mode=input_mode, threads=cores())
+    plan = plan_of(adapted.model, board)
+    if json_path is not None:  # files first: whoever reads the table may go away
+        values = {"places": model.places, "neurons": model.neurons, "weight_bits": adapted.model.weight_bits}
+        write_json(json_path, {"target": board.name, "fits": True, **values, "mapping": mapping(plan)})
+    if picture is not None:
+        from lava_vpr.deploy.drawing import draw  # matplotlib takes a second to import
+
+        write_text(picture, draw(plan).decode())
+    for note in adapted.notes:
+        stderr.print(f"note: {note}", markup=False)
+    print_whole(core_table(plan))
+    console.print("\n".join(summary(plan)), markup=False)
+    if picture is not None:
+        console.print(f"picture: {picture}", markup=False)
+
+
+def _largest(
+    board: Board,
+    weight_bits: int | None,
+    input_mode: str | None,
+    neurons_per_place: float | None,
+    json_path: Path | None,
+) -> None:
+    """The largest maps that fit the board."""
+    from lava_vpr.deploy import capacity
+
+    chosen = {"weight_bits": weight_bits, "input_mode": input_mode, "neurons_per_place": neurons_per_place}
+    changes = {name: value for name, value in chosen.items() if value is not None}
+    config = update(preset("loihi"), {"network": changes})
+    rows = capacity.table(config, board) if weight_bits is None else (capacity.largest(config, board),)
+    if json_path is not None:
+        write_json(json_path, {"target": board.name, "largest": [asdict(row) for row in rows]})
+    print_whole(_capacities(board, rows))
+
+
+def _capacities(board: Board, rows: tuple[Capacity, ...]) -> Table:
+    """One row a width of weights."""
+    table = Table(title=f"the largest maps that fit {board.title}", title_justify="left")
+    for name in ("bits a weight", "places", "neurons", "cores"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("why not one place more", max_width=70)
+    for row in rows:
+        table.add_row(f"{row.weight_bits}", f"{row.places:,}", f"{row.neurons:,}", f"{row.cores:,}", row.limit)
+    return table

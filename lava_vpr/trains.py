@@ -1,0 +1,20 @@
+"""Every spike of some presentations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Trains:
+    """Spikes of each population, uint8 (n, steps + 3, width); None where a backend has no such spikes."""
+
+    exc: NDArray[np.uint8] = field(repr=False)
+    inputs: NDArray[np.uint8] | None = field(default=None, repr=False)
+    inh: NDArray[np.uint8] | None = field(default=None, repr=False)
+
+    POPULATIONS: ClassVar[tuple[str, ...]] = ("inputs", "exc", "inh")

@@ -1,0 +1,1 @@
+"""Input compartments that integrate a bias."""

@@ -1,0 +1,9 @@
+"""Stand-in for the builder of Nc Processes."""
+
+from __future__ import annotations
+
+from standin_chip.building import BoardBuilder
+
+
+class NcProcessBuilder(BoardBuilder):
+    """A Nc Process on the board."""

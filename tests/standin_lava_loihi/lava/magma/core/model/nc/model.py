@@ -1,0 +1,13 @@
+"""Stand-in for the models of neuron cores, where run_configs.py and compiler.py import them."""
+
+from __future__ import annotations
+
+from lava.magma.core.model.model import AbstractProcessModel
+
+
+class AbstractNcProcessModel(AbstractProcessModel):
+    """A model that runs on a neuron core."""
+
+
+class NcProcessModel(AbstractNcProcessModel):
+    """The same, under the name that examples use."""

@@ -1,0 +1,1 @@
+"""Stand-in: Lava takes lava-loihi for installed where this module is."""

@@ -1,0 +1,10 @@
+"""A stand-in for Intel's closed lava-loihi, for tests alone: a "chip" that runs Lava's own bit-accurate models.
+
+Written from what lava-nc 0.10 and public examples show of lava-loihi: where Lava looks for its modules, which classes
+they must have, and how its run configurations, compiler and runtime treat them. Nothing here is Intel's. Put this
+folder's parent on the search path for modules, ahead of lava-nc's, and Lava takes it for lava-loihi.
+
+The environment variable STANDIN_LOIHI names a JSON file with options: ``weights`` (a .npy file that the excitatory
+Dense must hold), ``log`` (a file that is told what was placed and run), ``step`` and ``fault`` (what goes wrong in
+which step: see `standin_chip.chip.FAULTS`).
+"""
