@@ -3,7 +3,7 @@ SHELL := /bin/sh
 BIN := .venv/bin
 STAMP := .venv/.installed
 
-.PHONY: help demo test test-slow test-all lint format bench recall peers peers-test oracles tutorial wheel clean
+.PHONY: help demo test test-slow test-all lint format bench recall peers peers-test oracles neurobench sanafe tutorial wheel clean
 .DEFAULT_GOAL := help
 
 help: ## What there is to make
@@ -67,6 +67,22 @@ $(ORACLES): .venv-%/.installed: requirements/%.txt scripts/find_python.sh
 oracles: $(STAMP) $(ORACLES) ## Other simulators of Loihi against our integers (environments of their own)
 	@$(BIN)/python -m benchmarks.oracles
 	@$(BIN)/python -m benchmarks.needs
+
+.venv-neurobench/.installed: requirements/neurobench.txt scripts/find_python.sh
+	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh) && "$$python" -m venv --clear .venv-neurobench
+	@.venv-neurobench/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/neurobench.txt
+	@touch $@
+
+neurobench: $(STAMP) .venv-neurobench/.installed ## Our metrics beside the package neurobench (an environment of its own, 6 GB)
+	@$(BIN)/python -m benchmarks.neurobench_metrics
+
+.venv-sanafe/.installed: requirements/sanafe.txt scripts/find_python.sh
+	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh) && "$$python" -m venv --clear .venv-sanafe
+	@.venv-sanafe/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/sanafe.txt
+	@touch $@
+
+sanafe: $(STAMP) .venv-sanafe/.installed ## The cost model's closed form against SANA-FE (an environment of its own)
+	@$(BIN)/python -m benchmarks.sanafe
 
 .venv-notebook/.installed: pyproject.toml requirements/lock.txt requirements/notebook.txt
 	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh) && "$$python" -m venv --clear .venv-notebook

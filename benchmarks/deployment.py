@@ -23,7 +23,7 @@ from lava_vpr.config import preset
 from lava_vpr.deploy.backends import player
 from lava_vpr.deploy.board import KAPOHO_BAY
 from lava_vpr.deploy.deployment import deploy, plan_of
-from lava_vpr.encoding import rates16
+from lava_vpr.encoding import query_rates16
 from lava_vpr.engine import fixed
 from lava_vpr.engine.fixed import SILENT_STEPS, FixedNetwork
 from lava_vpr.engine.random import presentation_keys
@@ -50,7 +50,7 @@ def row(places: int, queries: int, rounds: int) -> list[str]:
         bundle = deploy(model, KAPOHO_BAY, Path(folder) / "bundle").bundle
         written = time.perf_counter() - started
     images = part(encoded("winter", model.config.encoder), slice(0, queries))
-    rates = rates16(images.activity, model.config.encoder.query_spikes)
+    rates = query_rates16(images.activity, model.config.encoder)
     keys = presentation_keys(model.config.seed, "query", images.indices)
     play, steps = player(bundle), len(rates) * (network.steps + SILENT_STEPS)
     exc, _, _ = play(rates, keys)

@@ -1,6 +1,10 @@
-"""Milliseconds per presentation, one core, one process: Brian2, our `paper` preset, our `loihi` preset.
+"""Other systems beside this one, measured in one run.
 
-    python -m benchmarks.peers [--presentations N] [--images FOLDER] [--json FILE]      (`make peers` sets it up)
+    python -m benchmarks.peers [--presentations N] [--images FOLDER] [--peers-only] [--json FILE]   (`make peers`)
+
+First, milliseconds per presentation, one core, one process: Brian2, our `paper` preset, our `loihi` preset. Then every
+matcher of `lava_vpr.bench.peers` on the same places and queries: speed, recall and memory, real images where
+LAVA_VPR_DATA names them (Nordland 0:100), else the synthetic world.
 
 Brian2 and `paper` compute the same network; ``--parity`` (default) also gives both the very same input spikes and
 compares what comes out. All of them take turns, presentation by presentation, and the table holds medians, because
@@ -12,30 +16,41 @@ way: 100 neurons, 350 steps, one call for each presentation.
 from __future__ import annotations
 
 import json
+import os
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 import click
 import numpy as np
 from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
 
 from benchmarks.brian2_reference import Brian2Network
+from benchmarks.nordland import folder
+from lava_vpr.bench.peers import run_peers
+from lava_vpr.bench.results import Peer
 from lava_vpr.config import Config, LifNetwork, StdpLearning, preset
-from lava_vpr.encoding import rates16
+from lava_vpr.encoding import EncodedTraverse, encode_traverse, rates16
 from lava_vpr.engine import fixed, quantise, stdp
 from lava_vpr.engine.conductance import ConductanceState, count_spikes, initial_state, train_presentation
 from lava_vpr.engine.conductance_kernels import draw_spikes
 from lava_vpr.engine.random import presentation_key, presentation_keys
+from lava_vpr.engine.threads import cores
 from lava_vpr.errors import LavaVprError
 from lava_vpr.preprocess import orientation_channels, patch_normalised
-from lava_vpr.synthetic import World, render
+from lava_vpr.synthetic import World, render, write_traverses
+from lava_vpr.training import train
 from lava_vpr.traverse import open_traverse
 
 INPUTS = 784
 IMAGES = 20
 NEURONS = 100
+PLACES = (0, 100)
 Times = dict[str, list[float]]
 
 
@@ -130,23 +145,74 @@ def parity(config: Config, state: ConductanceState, images: NDArray[np.uint8], n
     return {"presentations": n, "equal": equal, "spikes": spikes, "largest_weight_difference": difference}
 
 
-@click.command()
-@click.option("--presentations", default=7, show_default=True, help="Timed presentations of each kind.")
-@click.option("--epochs", default=25, show_default=True, help=f"Epochs over {IMAGES} images before 'trained'.")
-@click.option("--images", type=click.Path(exists=True, file_okay=False, path_type=Path), help="Folder of images.")
-@click.option("--parity/--no-parity", "compare", default=True, help="Compare spikes, too.")
-@click.option("--json", "json_file", type=click.Path(dir_okay=False, path_type=Path), help="Write figures here.")
-def main(presentations: int, epochs: int, images: Path | None, compare: bool, json_file: Path | None) -> None:
-    """Time the reference network in Brian2 beside this project's engines."""
+def section() -> tuple[str, EncodedTraverse, EncodedTraverse]:
+    """References and queries of `PLACES`, and what they are."""
+    encoder = preset("loihi").encoder
+    if os.environ.get("LAVA_VPR_DATA"):
+        pair = [encode_traverse(open_traverse(folder(name), places=PLACES), encoder) for name in ("summer", "winter")]
+        return f"Nordland, summer to winter, places {PLACES[0]}:{PLACES[1]}", pair[0], pair[1]
+    with tempfile.TemporaryDirectory(prefix="lava-vpr-") as name:
+        root = Path(name) / "world"
+        write_traverses(root, PLACES[1] - PLACES[0], 0)
+        pair = [encode_traverse(open_traverse(root / kind), encoder) for kind in ("reference", "query")]
+    return "the synthetic world (set LAVA_VPR_DATA for real images)", pair[0], pair[1]
+
+
+def side_by_side() -> tuple[str, tuple[Peer, ...]]:
+    """Every matcher on the same places and queries, and what images those were."""
+    name, references, queries = section()
+    config = preset("loihi")
+    model = train([references], config, route_images=len(references), jobs=cores())
+    return name, run_peers(model, queries, np.eye(len(queries), dtype=bool))
+
+
+def print_peers(name: str, peers: tuple[Peer, ...]) -> None:
+    """The table; ratios are of speed, to this project's."""
+    console = Console(highlight=False)
+    table = Table(title=f"{name}; exact matches, percent", title_justify="left")
+    table.add_column("matcher", no_wrap=True)
+    for head in ("queries/s", "of lava-vpr", "threads", "R@1", "R@5", "R@10", "R@100P", "AUC", "kB kept"):
+        table.add_column(head, justify="right")
+    own = peers[0].queries_per_second
+    for one in peers:
+        if one.absent or one.queries_per_second is None or own is None or one.bytes is None:
+            table.add_row(one.name, *["-"] * 9)
+            continue
+        recall = ["-"] * 5
+        if one.metrics is not None:
+            m = one.metrics
+            values = (m.recall_at_1, m.recall_at_n[5], m.recall_at_n[10], m.recall_at_100_precision, m.auc)
+            recall = [f"{100 * value:.1f}" for value in values]
+        rate = f"{one.queries_per_second:,.0f}" if one.queries_per_second >= 10 else f"{one.queries_per_second:.2g}"
+        ratio = f"{one.queries_per_second / own:.2g}"
+        table.add_row(one.name, rate, ratio, f"{one.threads}", *recall, f"{one.bytes / 1000:,.0f}")
+    console.print(table)
+    for one in peers:
+        console.print(f"{one.name}: {one.absent or one.what}", style="dim", markup=False)
+
+
+def as_json(peers: tuple[Peer, ...]) -> dict[str, Any]:
+    """By name: queries per second, recall and bytes; null where there is none."""
+    return {
+        one.name: {
+            "queries_per_second": one.queries_per_second,
+            "threads": one.threads,
+            "bytes": one.bytes,
+            "recall": one.metrics.as_json() if one.metrics is not None else None,
+            "absent": one.absent or None,
+        }
+        for one in peers
+    }
+
+
+def print_presentations(presentations: int, epochs: int, images: Path | None, compare: bool) -> dict[str, Any]:
+    """The table of presentations and the comparison of spikes; their figures."""
     config = preset("paper")
-    try:
-        pictures = load_images(images)
-        patches = np.stack([patch_normalised(picture).ravel() for picture in pictures])
-        state, loihi = initial_state(config, INPUTS), Loihi(pictures)
-        times = measure(config, state, loihi, patches, presentations, "train, first epoch")
-        same = parity(config, state, patches, 3) if compare else None
-    except LavaVprError as error:
-        raise click.ClickException(str(error)) from None
+    pictures = load_images(images)
+    patches = np.stack([patch_normalised(picture).ravel() for picture in pictures])
+    state, loihi = initial_state(config, INPUTS), Loihi(pictures)
+    times = measure(config, state, loihi, patches, presentations, "train, first epoch")
+    same = parity(config, state, patches, 3) if compare else None
     rates = rates_per_step(patches, config)
     for epoch in range(epochs):
         for q, image in enumerate(rates):
@@ -163,8 +229,36 @@ def main(presentations: int, epochs: int, images: Path | None, compare: bool, js
             f"same input spikes: {same['equal']} of {same['presentations']} presentations give the same "
             f"{same['spikes']} spikes; largest weight difference {same['largest_weight_difference']:.1e}"
         )
+    return {"milliseconds": figures, "parity": same}
+
+
+@click.command()
+@click.option("--presentations", default=7, show_default=True, help="Timed presentations of each kind.")
+@click.option("--epochs", default=25, show_default=True, help=f"Epochs over {IMAGES} images before 'trained'.")
+@click.option("--images", type=click.Path(exists=True, file_okay=False, path_type=Path), help="Folder of images.")
+@click.option("--parity/--no-parity", "compare", default=True, help="Compare spikes, too.")
+@click.option("--peers-only", is_flag=True, help="Without the first table, which needs Brian2 in this Python.")
+@click.option("--json", "json_file", type=click.Path(dir_okay=False, path_type=Path), help="Write figures here.")
+def main(
+    presentations: int,
+    epochs: int,
+    images: Path | None,
+    compare: bool,
+    peers_only: bool,
+    json_file: Path | None,
+) -> None:
+    """Time the reference network in Brian2 beside this project's engines, and every peer beside lava-vpr."""
+    figures: dict[str, Any] = {}
+    try:
+        if not peers_only:
+            figures = print_presentations(presentations, epochs, images, compare)
+        name, peers = side_by_side()
+    except LavaVprError as error:
+        raise click.ClickException(str(error)) from None
+    print_peers(name, peers)
     if json_file is not None:
-        json_file.write_text(json.dumps({"milliseconds": figures, "parity": same}, indent=1, sort_keys=True) + "\n")
+        text = json.dumps(figures | {"peers": as_json(peers)}, indent=1, sort_keys=True)
+        json_file.write_text(text + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -13,15 +13,15 @@ from lava_vpr.deploy.compression import (
     Compressed,
     Figures,
     Point,
+    distinctive,
     expected_rates,
     fitting,
     for_board,
-    pruned,
     with_settings,
 )
 from lava_vpr.encoding import EncodedTraverse
-from lava_vpr.engine import quantise
 from lava_vpr.engine.fixed import FixedNetwork
+from lava_vpr.engine.quantise import pruned
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.model import Model
 from lava_vpr.recognition import recognise
@@ -68,7 +68,7 @@ def candidates(
     cheapest: dict[int, float] = {}
     points = []
     for share in PRUNES if prune is None else (prune,):
-        weights = quantise.equalise(pruned(model.learned, share))
+        weights = distinctive(model, pruned(model.learned, share))
         for bits in widths:
             try:
                 network = fitting(source, board, bits, weights)

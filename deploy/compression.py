@@ -19,6 +19,7 @@ from lava_vpr.deploy.references import measured_responses
 from lava_vpr.encoding import query_rates
 from lava_vpr.engine import quantise
 from lava_vpr.engine.fixed import FixedNetwork
+from lava_vpr.engine.quantise import pruned
 from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.model import Model
 from lava_vpr.training import coverage
@@ -95,25 +96,6 @@ def expected_rates(model: Model) -> NDArray[np.float64]:
     return np.asarray(rates.mean(axis=0) / 65536.0)
 
 
-def pruned(learned: NDArray[np.float32], share: float) -> NDArray[np.float32]:
-    """Set the smallest ``share`` of each neuron's weights to 0.
-
-    Args:
-        learned: float32 (inputs, neurons), not below 0; a neuron's scale does not matter.
-        share: In [0, 1), of all inputs. Of equal weights those of the first inputs go first.
-    Raises:
-        ConfigError: a share outside that range.
-    """
-    if not 0 <= share < 1:
-        raise ConfigError(f"the share of pruned weights is {share}, but must be in [0, 1); choose a smaller one")
-    count = round(share * len(learned))
-    if count == 0:
-        return learned
-    kept = learned.copy()
-    np.put_along_axis(kept, np.argsort(learned, axis=0, kind="stable")[:count], 0.0, axis=0)
-    return kept
-
-
 def requantised(
     model: Model,
     *,
@@ -128,7 +110,7 @@ def requantised(
     Args:
         model: With float weights (`Model.learned`).
         weight_bits: Bits of a weight, 1..8 (default: the model's).
-        prune: See `pruned`.
+        prune: Share of each neuron's learned weights that is set to 0 before all else (`quantise.pruned`).
         input_mode: ``injected`` or ``bias`` (default: the model's).
         shift: Right shift of the input sum (default: what `quantise` finds best).
         threads: For the references' responses; does not change the result.
@@ -138,7 +120,7 @@ def requantised(
     """
     source = with_settings(model, weight_bits, input_mode)
     learned = pruned(source.learned, prune)
-    network = _quantised(source, quantise.equalise(learned), shift)
+    network = _quantised(source, distinctive(source, learned), shift)
     return _measured(replace(source, learned=learned, network=network), threads)
 
 
@@ -159,11 +141,26 @@ def with_settings(model: Model, weight_bits: int | None, input_mode: str | None)
     return replace(model, config=update(model.config, {"network": chosen}))
 
 
-def _quantised(model: Model, weights: NDArray[np.float64], shift: int | None) -> FixedNetwork:
-    """The integer network of equalised ``weights`` under the settings of ``model``."""
+def distinctive(model: Model, learned: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Weights to quantise, from ``learned`` ones, under the settings of ``model``."""
+    return quantise.distinctive(learned, _lif(model))
+
+
+def _lif(model: Model) -> LifNetwork:
+    """Settings of the integer network.
+
+    Raises:
+        ConfigError: there is none.
+    """
     network = model.config.network
     if not isinstance(network, LifNetwork):
         raise ConfigError("only the lif network runs in integers")
+    return network
+
+
+def _quantised(model: Model, weights: NDArray[np.float64], shift: int | None) -> FixedNetwork:
+    """The integer network of equalised ``weights`` under the settings of ``model``."""
+    network = _lif(model)
     joined = len(model.stretches) > 1
     return quantise.quantise(weights, network, model.config.encoder.query_spikes, joined=joined, shift=shift)
 
@@ -236,7 +233,7 @@ def for_board(
     if wanted == model.weight_bits and prune == 0 and input_mode in (None, mode) and _runs(model, board):
         return Compressed(model, model, 0.0)
     source = with_settings(model, None, input_mode)
-    weights = quantise.equalise(pruned(model.learned, prune))
+    weights = distinctive(model, pruned(model.learned, prune))
     bits, reason = _most_bits(source, board, weights, wanted)
     if weight_bits is not None and bits != weight_bits:
         raise NetworkLimitError(

@@ -35,6 +35,7 @@ not lava-vpr.
     python program/run.py --check              everything but the board: the files, NxSDK, its version
     python program/run.py --self-test          the reference images; counts must equal host/responses.npy
     python program/run.py --queries Q --out R  Q/rates.npy and Q/keys.npy in, R/counts.npy out
+    .. --power P                               P, JSON: power in mW and time of a step, idle subtracted
 
 With lava-vpr on the same machine, images go in and places come out:
 
@@ -50,6 +51,7 @@ temporary folder and their paths must be short: if TMPDIR has over 59 characters
     python program/run.py --simulate --self-test  Lava's bit-accurate simulation, no board
     python program/run.py --self-test             the reference images; counts must equal host/responses.npy
     python program/run.py --queries Q --out R     Q/rates.npy and Q/keys.npy in, R/counts.npy out
+    .. --power P                                  P, JSON: power in mW and time of a step, idle subtracted
 
 With lava-vpr on the same machine, images go in and places come out:
 

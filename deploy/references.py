@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from lava_vpr import container
 from lava_vpr.deploy.bundle import Bundle, array_bytes
-from lava_vpr.encoding import query_rates, rates16
+from lava_vpr.encoding import query_rates, query_rates16
 from lava_vpr.engine import fixed
 from lava_vpr.engine.fixed import FixedNetwork
 from lava_vpr.engine.random import presentation_keys
@@ -27,7 +27,7 @@ def response_keys(model: Model) -> NDArray[np.uint64]:
 
 def measured_responses(model: Model, network: FixedNetwork, threads: int) -> NDArray[np.int32]:
     """S^R of ``network`` on the references of ``model``, as a bundle presents them, int32 (neurons, places)."""
-    rates = rates16(model.activity, model.config.encoder.query_spikes)
+    rates = query_rates16(model.activity, model.config.encoder)
     counts, _, _ = fixed.count_spikes(network, rates, response_keys(model), threads=threads)
     responses = np.zeros((network.neurons, model.places), np.int32)
     np.add.at(responses.T, model.labels, counts)

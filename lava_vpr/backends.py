@@ -148,14 +148,33 @@ class LavaBackend:
         results = self._run(network, rates, presentation_keys(seed, role, image_ids), record=True)
         return Trains(**{name: results[name] for name in Trains.POPULATIONS if name in results})
 
+    def timed(
+        self, model: Model, rates: NDArray[Any], *, image_ids: NDArray[np.int64], role: str, seed: int, single: bool
+    ) -> tuple[NDArray[np.int32], NDArray[np.float64], int | None]:
+        """Counts (n, neurons); when Lava ran, float64 (runs, 3); and the bytes that its processes held together.
+
+        A row is presentations, begin and end (`time.monotonic`); the first run includes what Lava compiles and starts.
+        With ``single`` every run is one presentation.
+        """
+        network = integer_network_of(model, None, self.name)
+        keys, timed = presentation_keys(seed, role, image_ids), "single" if single else "runs"
+        results = self._run(network, rates, keys, record=False, timed=timed)
+        return results["counts"].astype(np.int32), results["runs"], int(results["held"][0]) or None
+
     def _run(
-        self, network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.uint64], *, record: bool
+        self,
+        network: FixedNetwork,
+        rates: NDArray[np.uint16],
+        keys: NDArray[np.uint64],
+        *,
+        record: bool,
+        timed: str = "",
     ) -> dict[str, NDArray[Any]]:
         """Run the job on every presentation."""
         from lava_vpr.processes.runner import run_isolated  # Lava is imported only where it is used
 
         options: dict[str, Any] = {name: int(getattr(network, name)) for name in fixed.SCALARS}
-        options |= {"tag": self.tag, "record": record, "board": self.board}
+        options |= {"tag": self.tag, "record": record, "board": self.board, "timed": timed}
         arrays: dict[str, NDArray[Any]] = {"weights": network.weights, "rates": rates.astype(np.uint16), "keys": keys}
         steps = len(rates) * (network.steps + SILENT_STEPS)
         timeout = 120 + steps / SLOWEST

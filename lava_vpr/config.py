@@ -50,6 +50,7 @@ class EncoderConfig:
         pool_floor: Share of the image's mean edge energy that is added to each window's.
         train_spikes: Expected input spikes per step while training ("tot"), all inputs together.
         query_spikes: The same while answering a query.
+        query_inputs: Only so many inputs, those that respond most, spike while answering a query; 0: all.
         max_rate_hz: ``pixels`` under the ``paper`` preset: rate of a white pixel, in Hz.
     """
 
@@ -62,6 +63,7 @@ class EncoderConfig:
     blur: float = 0.7
     train_spikes: float = 12.0
     query_spikes: float = 20.0
+    query_inputs: int = 0
     max_rate_hz: float = 63.75
 
     def __post_init__(self) -> None:
@@ -78,6 +80,7 @@ class EncoderConfig:
             pool_floor="[0, 100]",
             train_spikes="(0, 1000]",
             query_spikes="(0, 1000]",
+            query_inputs="[0, 1000000]",
             max_rate_hz="(0, 1000]",
         )
 
@@ -101,6 +104,9 @@ class LifNetwork:
         neurons_per_place: Used when ``neurons`` is 0.
         steps: Steps of 1 ms with input in one presentation.
         weight_bits: Bits of one unsigned weight, 1..8.
+        common: So many times an input's mean weight over all neurons is taken off its weights (not below 0) before they
+            are quantised: what all places share costs operations and tells none apart.
+        prune: Share of each neuron's weights, the smallest, that are then set to 0.
         threshold: Firing threshold of every excitatory neuron.
         inhibition: What one spike takes from every other neuron, one stretch.
         joined_inhibition: The same when several stretches are joined into one network.
@@ -116,6 +122,8 @@ class LifNetwork:
     neurons_per_place: float = 1.0
     steps: int = 350
     weight_bits: int = 3
+    common: float = 0.0
+    prune: float = 0.0
     threshold: float = 10.0
     inhibition: float = 10.0
     joined_inhibition: float = 5.0
@@ -133,6 +141,8 @@ class LifNetwork:
             neurons_per_place="(0, 100]",
             steps="[1, 100000]",
             weight_bits="[1, 8]",
+            common="[0, 100]",
+            prune="[0, 1)",
             threshold="(0, 10000]",
             inhibition="[0, 10000]",
             joined_inhibition="[0, 10000]",
@@ -352,6 +362,17 @@ def _loihi() -> Config:
     return Config()
 
 
+def _fast() -> Config:
+    """The default's learning, and queries at less than a tenth of its modelled energy; see ``benchmarks/fast.py``."""
+    return Config(
+        preset="fast",
+        encoder=EncoderConfig(query_spikes=21.0, query_inputs=250),
+        network=LifNetwork(
+            steps=30, common=1.5, threshold=9.0, inhibition=4.0, joined_inhibition=3.0, tau_membrane=12.0
+        ),
+    )
+
+
 def _paper() -> Config:
     return Config(
         preset="paper",
@@ -363,7 +384,7 @@ def _paper() -> Config:
     )
 
 
-PRESETS: dict[str, typing.Callable[[], Config]] = {"loihi": _loihi, "paper": _paper}
+PRESETS: dict[str, typing.Callable[[], Config]] = {"loihi": _loihi, "fast": _fast, "paper": _paper}
 
 
 def preset(name: str) -> Config:

@@ -25,7 +25,7 @@ and on any machine. (The probability decoders then add up a query's scores in nu
 from __future__ import annotations
 
 import typing
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, Literal
 
 import numpy as np
@@ -231,13 +231,23 @@ def contrast(responses: Counts, spikes: Counts) -> Scores:
     Returns:
         Scores (n_queries, n_places), at least 0, in spikes.
     """
-    _check(responses, spikes)
+    return contrast_decoder(responses)(spikes)
+
+
+def contrast_decoder(responses: Counts) -> Callable[[Counts], Scores]:
+    """`contrast` for query after query: what ``responses`` say is worked out once."""
+    _check(responses, np.zeros((0, len(responses)), np.int64))
     table = _in_units(_shares(responses))
-    scores = np.empty((len(spikes), responses.shape[1]))
-    for block in _blocks(len(spikes)):
-        np.matmul(spikes[block].astype(np.float64), table, out=scores[block])
-    scores *= SHARE_UNIT
-    return scores
+
+    def scores_of(spikes: Counts) -> Scores:
+        _check(responses, spikes)
+        scores = np.empty((len(spikes), responses.shape[1]))
+        for block in _blocks(len(spikes)):
+            np.matmul(spikes[block].astype(np.float64), table, out=scores[block])
+        scores *= SHARE_UNIT
+        return scores
+
+    return scores_of
 
 
 def probability(scores: Scores) -> Scores:

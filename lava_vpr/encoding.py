@@ -23,6 +23,10 @@ THUMBNAIL = (64, 48)
 """Width and height in pixels of the small colour images kept for reports."""
 
 
+_BLOCK = 64
+"""Images whose query rates are made together."""
+
+
 @dataclass(frozen=True)
 class EncodedTraverse:
     """What is kept of a traverse once its images are read.
@@ -103,10 +107,33 @@ def rates16(activity: NDArray[np.float32], spikes_per_step: float) -> NDArray[np
     return np.minimum(np.round(share * (spikes_per_step * 65536.0)), 65535.0).astype(np.uint16)
 
 
+def strongest(activity: NDArray[np.float32], count: int) -> NDArray[np.float32]:
+    """Each image's ``count`` largest responses and those equal to the least of them, the others 0; a count of 0: all.
+
+    Args:
+        activity: Responses, float32 (n, inputs), at least 0.
+        count: How many.
+    """
+    inputs = activity.shape[1]
+    if count == 0 or count >= inputs:
+        return activity
+    least = np.partition(activity, inputs - count, axis=1)[:, inputs - count]
+    return np.where(activity >= least[:, None], activity, np.float32(0))
+
+
 def rates32(activity: NDArray[np.float32], max_rate_hz: float, dt_ms: float) -> NDArray[np.uint32]:
     """The paper's rates: a pixel of 255 fires at ``max_rate_hz``; uint32 (n, inputs), units of 2^-32 per step."""
     probability = activity.astype(np.float64) * (max_rate_hz * dt_ms / 1000.0 / 255.0)
     return np.minimum(np.round(probability * 2.0**32), 2.0**32 - 1).astype(np.uint32)
+
+
+def query_rates16(activity: NDArray[np.float32], encoder: EncoderConfig) -> NDArray[np.uint16]:
+    """Rates of a query of the integer network (and of a reference for its response), uint16 (n, inputs)."""
+    rates = np.empty(activity.shape, np.uint16)
+    for start in range(0, len(activity), _BLOCK):  # so much stays in the processor's cache
+        block = slice(start, start + _BLOCK)
+        rates[block] = rates16(strongest(activity[block], encoder.query_inputs), encoder.query_spikes)
+    return rates
 
 
 def training_rates(activity: NDArray[np.float32], config: Config) -> NDArray[np.uint16] | NDArray[np.uint32]:
@@ -120,7 +147,7 @@ def query_rates(activity: NDArray[np.float32], config: Config) -> NDArray[np.uin
     """Rates of a query (and of the references when their responses are measured)."""
     if isinstance(config.network, ConductanceNetwork):
         return rates32(activity, config.encoder.max_rate_hz, config.network.dt_ms)
-    return rates16(activity, config.encoder.query_spikes)
+    return query_rates16(activity, config.encoder)
 
 
 def draw_spikes(rates: NDArray[np.uint16] | NDArray[np.uint32], key: int, steps: int) -> NDArray[np.bool_]:

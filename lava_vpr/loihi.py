@@ -107,3 +107,40 @@ AXON_IN_NS, SYNAPSE_DENSE_NS, SYNAPSE_SPARSE_NS, ACCESS_NS, UPDATE_NS, SPIKE_NS,
 )
 """Time on a Loihi 1 core, in ns: of a message received, a synaptic operation (dense or sparse row), a neuron's access
 and its update, a spike out, and a message sent. Source: SANA-FE 2.2.9, ``arch/loihi.yaml`` (fitted to silicon)."""
+
+SYNAPSE_DENSE_PJ, SYNAPSE_SPARSE_PJ, ACCESS_PJ, UPDATE_PJ, SPIKE_PJ, MESSAGE_PJ = 35.5, 33.6, 51.2, 21.6, 69.3, 111.0
+"""Energy on a Loihi 1 core, in pJ: of a synaptic operation (dense or sparse row), a neuron's access and its update, a
+spike out, and a message sent; a message received takes none. Source: as the times above."""
+
+HOP_EAST_WEST_PJ, HOP_NORTH_SOUTH_PJ = 3.0, 4.2
+"""Energy of a message that crosses a tile, in pJ. Source: as the times above."""
+
+BARRIER_US = {1: 0.6, 2: 1.0, 4: 1.4, 29: 1.8}
+"""Time of the barrier at the end of a step, in us, by tiles in use: the entry of the largest number that is not above
+it. Source: as the times above."""
+
+DAVIES_SYNAPSE_PJ, DAVIES_ACTIVE_PJ, DAVIES_INACTIVE_PJ, DAVIES_MESSAGE_PJ = 23.6, 81.0, 52.0, 1.7
+DAVIES_HOP_EAST_WEST_PJ, DAVIES_HOP_NORTH_SOUTH_PJ = 3.0, 4.0
+"""Energy of a synaptic operation (at least), a neuron's update (active, inactive), a spike within a tile, and a tile
+crossed, in pJ. Source: Davies et al., IEEE Micro 38(1), 2018, table 2, doi 10.1109/MM.2018.112130359."""
+
+DAVIES_SYNAPSE_NS, DAVIES_ACTIVE_NS, DAVIES_INACTIVE_NS, DAVIES_MESSAGE_NS = 3.5, 8.4, 5.3, 2.1
+"""Their times, in ns. Source: as above."""
+
+DAVIES_BARRIER_US = {1: 0.113, 32: 0.465}
+"""Time of the barrier with 1 and with 32 tiles, in us. Source: as above."""
+
+CHIP_MILLIWATTS, EMBEDDED_MILLIWATTS, IDLE_MILLIWATTS = 104.0, 65.0, 29.0
+"""Power of a Loihi 1 chip that does nothing: its cores and mesh, and its embedded x86 processors (Frady et al., NICE
+2020, doi 10.1145/3381755.3398695: 3.34 W and 65 mW a chip for 32 chips); and what another board drew idle, all of it
+(Blouw et al., NICE 2019, arXiv 1812.01739)."""
+
+POHOIKI_STEP_US = 5.8
+"""Shortest step measured on 32 chips, in us. Source: Frady et al., as above."""
+
+KAPOHO_BAY_MESSAGE_US = 13.9
+"""A message between host and Kapoho Bay over USB, in us. Source: one public log; not verified."""
+
+EMBEDDED_WRITE_NS = 100.0
+"""A register that an embedded processor writes, in ns, at most. An assumption: some tens of cycles at some hundreds of
+MHz; no figure is public."""

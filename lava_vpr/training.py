@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.checkpoint import Checkpoint, fingerprint
 from lava_vpr.config import ConductanceLearning, Config, LifNetwork, StdpLearning
-from lava_vpr.encoding import EncodedTraverse, rates16, training_rates
+from lava_vpr.encoding import EncodedTraverse, query_rates16, training_rates
 from lava_vpr.engine import conductance, fixed, integer, quantise, stdp
 from lava_vpr.engine.random import presentation_key, presentation_keys
 from lava_vpr.errors import ConfigError, InputError, NetworkLimitError
@@ -294,7 +294,7 @@ def integer_network(learned: NDArray[np.float32], config: Config, *, joined: boo
     """
     if not isinstance(config.network, LifNetwork):
         raise ConfigError("only the lif network runs in integers")
-    weights = quantise.equalise(learned)
+    weights = quantise.distinctive(learned, config.network)
     return quantise.quantise(weights, config.network, config.encoder.query_spikes, joined=joined)
 
 
@@ -305,7 +305,7 @@ def reference_responses(
     total = np.zeros((network.neurons, len(references[0])), np.int32)
     for traverse, reference in enumerate(references):
         keys = presentation_keys(config.seed, "response", reference.indices, traverse)
-        rates = rates16(reference.activity, config.encoder.query_spikes)
+        rates = query_rates16(reference.activity, config.encoder)
         counts, _, _ = fixed.count_spikes(network, rates, keys, threads=threads)
         total += counts.T
     return total

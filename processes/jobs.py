@@ -3,7 +3,8 @@
 Each takes ``arrays``: ``weights`` uint8 (inputs, neurons), ``rates`` uint16 (n, inputs), ``keys`` uint64 (n,); and
 ``options``: the other fields of `FixedNetwork`, ``tag`` (``fixed_pt`` or ``floating_pt``) and ``record`` (bool). Each
 returns ``counts`` int32 (n, neurons) and ``input_spikes`` int64 (inputs,), how many each input sent; with ``record``
-also the rasters ``exc``, ``inh`` uint8 (n, steps + 3, neurons) and ``inputs`` uint8 (n, steps + 3, inputs).
+also the rasters ``exc``, ``inh`` uint8 (n, steps + 3, neurons) and ``inputs`` uint8 (n, steps + 3, inputs). With option
+``timed``, ``runs`` (many presentations a run of Lava where that is faster) or ``single`` (one), also what `Clock` has.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from lava.magma.core.run_configs import Loihi2HwCfg, Loihi2SimCfg, RunConfig
 from lava.proc.lif.process import LIF
 from numpy.typing import NDArray
 
+from lava_vpr import memory
 from lava_vpr.engine.fixed import EVENTS, SCALARS, SILENT_STEPS, FixedNetwork
 from lava_vpr.engine.regular import biases, schedule
 from lava_vpr.processes.bias_input.process import BiasInputs
@@ -36,6 +38,36 @@ REPORT_SECONDS = 0.5
 """Aim for the time between two reports; one return from Lava costs 1-2 ms."""
 
 Arrays = dict[str, NDArray[Any]]
+
+
+class Clock:
+    """When each run of Lava began and ended, and what its processes held.
+
+    `arrays` are ``runs`` float64 (runs, 3): presentations, begin and end in seconds of `time.monotonic`; the first
+    run includes what Lava compiles and starts; and ``held`` int64 (1,): bytes of all processes after the last run, 0
+    where that is not known.
+    """
+
+    def __init__(self, options: dict[str, Any]) -> None:
+        self.wanted = bool(options.get("timed"))
+        self.single = options.get("timed") == "single"
+        self._rows: list[tuple[float, float, float]] = []
+        self._held = 0
+
+    def add(self, presentations: int, began: float) -> None:
+        """A run of Lava that has just ended."""
+        self._rows.append((float(presentations), began, time.monotonic()))
+
+    def look(self) -> None:
+        """Note what is held; while Lava's processes are there."""
+        if self.wanted:
+            self._held = memory.held_by_family() or 0
+
+    def arrays(self) -> Arrays:
+        """See above; nothing if nobody asked."""
+        if not self.wanted:
+            return {}
+        return {"runs": np.array(self._rows, np.float64).reshape(-1, 3), "held": np.array([self._held], np.int64)}
 
 
 def network_of(arrays: Arrays, options: dict[str, Any]) -> FixedNetwork:
@@ -59,7 +91,14 @@ def _begin(process: AbstractProcess, tag: str, board: bool) -> RunConfig | None:
 
 
 def play(
-    process: AbstractProcess, units: int, steps: int, tag: str, presentations: int, batch: int = 1, board: bool = False
+    process: AbstractProcess,
+    units: int,
+    steps: int,
+    tag: str,
+    presentations: int,
+    batch: int = 1,
+    board: bool = False,
+    clock: Clock | None = None,
 ) -> None:
     """Run Lava and report the presentations that are done.
 
@@ -71,37 +110,49 @@ def play(
         presentations: In all units together.
         batch: Presentations of a unit.
         board: On a Loihi 2 board instead of in simulation.
+        clock: Told of every run.
     Raises:
         BackendUnavailableError: a part of the network would run on the CPU instead of the board.
     """
+    clock = clock or Clock({})
     config = _begin(process, tag, board)
     done, chunk = 0, 1
     while done < units:
         size = min(chunk, units - done)
-        started = time.perf_counter()
+        began = time.monotonic()
         process.run(condition=RunSteps(num_steps=steps * size), run_cfg=config)
-        elapsed = time.perf_counter() - started
-        report(min(presentations, (done + size) * batch) - done * batch)
-        if done:  # the first run includes what Lava compiles and starts
+        elapsed = time.monotonic() - began
+        presented = min(presentations, (done + size) * batch) - done * batch
+        clock.add(presented, began)
+        report(presented)
+        if done and not clock.single:  # the first run includes what Lava compiles and starts
             chunk = max(1, min(2 * chunk, int(REPORT_SECONDS * size / elapsed)))
         done += size
+    clock.look()
     # Only after a good end: where a model failed, Lava would wait for its peers for ever.
     process.stop()
 
 
-def play_written(inputs: LibraryInputs, presentations: int, steps: int, tag: str, board: bool = False) -> None:
+def play_written(
+    inputs: LibraryInputs, presentations: int, steps: int, tag: str, board: bool = False, clock: Clock | None = None
+) -> None:
     """Run Lava with a pause in each presentation, after its ``steps`` steps with input, to write to the inputs.
 
     Raises:
         BackendUnavailableError: a part of the network would run on the CPU instead of the board.
     """
+    clock = clock or Clock({})
     config = _begin(inputs.lif, tag, board)
+    began = time.monotonic()
     inputs.lif.run(condition=RunSteps(num_steps=steps), run_cfg=config)
     for done in range(1, presentations + 1):
         inputs.write(min(done, presentations - 1))
         onward = steps if done < presentations else 0
         inputs.lif.run(condition=RunSteps(num_steps=SILENT_STEPS + onward), run_cfg=config)
+        clock.add(1, began)
+        began = time.monotonic()
         report(1)
+    clock.look()
     inputs.lif.stop()
 
 
@@ -135,7 +186,7 @@ def _wired(network: PlaceNetwork | LibraryPlaceNetwork, arrays: Arrays, options:
 
     Regular inputs of the library's network are its own LIF compartments, all others a Process of this project.
     """
-    spec, interval = network.network, network.interval
+    spec, interval, clock = network.network, network.interval, Clock(options)
     tag, board, record = str(options.get("tag", FIXED_TAG)), bool(options.get("board")), bool(options.get("record"))
     rates, keys = np.ascontiguousarray(arrays["rates"], np.uint16), np.asarray(arrays["keys"], np.uint64)
     n, counts = len(rates), {"exc": shared_array((len(rates), spec.neurons), np.int32)}
@@ -167,11 +218,11 @@ def _wired(network: PlaceNetwork | LibraryPlaceNetwork, arrays: Arrays, options:
         )
         across(port, counter.s_in, "NxToPyAdapter" if board and (written or name != "inputs") else None)
     if not written:
-        play(source, n, interval, tag, n, board=board)
-        return result
-    play_written(written, n, spec.steps, tag, board=board)
+        play(source, n, interval, tag, n, board=board, clock=clock)
+        return result | clock.arrays()
+    play_written(written, n, spec.steps, tag, board=board, clock=clock)
     own = counts["inputs"].sum(axis=0) if "inputs" in counts else input_spikes(rates, keys, spec.steps)
-    return result | {"input_spikes": own.astype(np.int64)}
+    return result | {"input_spikes": own.astype(np.int64)} | clock.arrays()
 
 
 def composed(arrays: Arrays, options: dict[str, Any]) -> Arrays:
@@ -188,8 +239,8 @@ def library(arrays: Arrays, options: dict[str, Any]) -> Arrays:
 def fused(arrays: Arrays, options: dict[str, Any]) -> Arrays:
     """The network as one Process; integers only.
 
-    Option ``batch`` (64): images of one Lava step. Returns ``counts``, ``events`` int64 in the order of `EVENTS`, and
-    with ``record`` the raster ``exc``: it has no inputs and relays of its own.
+    Option ``batch`` (64): images of one Lava step; one if each is timed. Returns ``counts``, ``events`` int64 in the
+    order of `EVENTS`, and with ``record`` the raster ``exc``: it has no inputs and relays of its own.
     """
     spec = network_of(arrays, options)
     rates, keys = np.ascontiguousarray(arrays["rates"], np.uint16), np.asarray(arrays["keys"], np.uint64)
@@ -200,8 +251,9 @@ def fused(arrays: Arrays, options: dict[str, Any]) -> Arrays:
     }
     if options.get("record"):
         result["exc"] = shared_array((n, interval, spec.neurons), np.uint8)
+    clock = Clock(options)
     if n:
-        batch = int(options.get("batch", 64))
+        batch = 1 if clock.single else int(options.get("batch", 64))
         network = FusedPlaceNetwork(
             network=spec,
             rates=rates,
@@ -210,6 +262,7 @@ def fused(arrays: Arrays, options: dict[str, Any]) -> Arrays:
             counts=result["counts"],
             raster=result.get("exc"),
             events=result["events"],
+            ahead=not clock.single,
         )
-        play(network, network.batches, 1, str(options.get("tag", FIXED_TAG)), n, batch)
-    return result
+        play(network, network.batches, 1, str(options.get("tag", FIXED_TAG)), n, batch, clock=clock)
+    return result | clock.arrays()

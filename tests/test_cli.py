@@ -91,7 +91,7 @@ def commands() -> Iterator[tuple[str, click.Command]]:
 
 def test_every_command_and_option_says_what_it_is() -> None:
     seen = dict(commands())
-    assert list(seen) == ["demo", "synth", "train", "eval", "query", "verify", "fit", "deploy", "doctor"]
+    assert list(seen) == ["demo", "synth", "train", "eval", "query", "verify", "fit", "deploy", "bench", "doctor"]
     overview = run("--help").stdout
     assert overview == run("-h").stdout
     for name, command in seen.items():

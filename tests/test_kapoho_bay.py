@@ -44,7 +44,7 @@ def two_chips(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathF
 def test_the_program_needs_python_3_6_and_numpy_only() -> None:
     known = {"argparse", "contextlib", "hashlib", "io", "json", "os", "re", "shutil", "signal", "sys", "tempfile"}
     others = host_programs.imported("kapoho_bay", (3, 6)) - known
-    assert others == {"numpy", "nxsdk", "threading", "time", "traceback", "typing", "zlib"}
+    assert others == {"math", "numpy", "nxsdk", "threading", "time", "traceback", "typing", "zlib"}
 
 
 def test_the_chips_program_and_the_host_number_alike(program: Any) -> None:

@@ -25,6 +25,16 @@ def test_compiled_and_python_mix_agree() -> None:
         assert int(random.mix(np.uint64(x))) == random._mix(x)
 
 
+@pytest.mark.parametrize("role", random.ROLES)
+def test_keys_of_many_images_are_those_of_each(role: str) -> None:
+    images = np.array([0, 1, 499, -1, 2**63 - 1, -(2**63), *np.random.default_rng(0).integers(-(2**63), 2**63 - 1, 50)])
+    for seed, epoch in ((0, 0), (7, 3), (2**63 - 1, 1)):
+        keys = random.presentation_keys(seed, role, images, epoch)
+        assert keys.dtype == np.uint64
+        assert keys.tolist() == [random.presentation_key(seed, role, int(i), epoch) for i in images]
+    assert random.presentation_keys(0, role, images[:0]).shape == (0,)
+
+
 def test_a_draw_depends_on_its_own_coordinates_only() -> None:
     whole = random.draws(key(), STEPS, INPUTS)
     assert np.array_equal(whole[:7, :5], random.draws(key(), 7, 5))

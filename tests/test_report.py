@@ -26,7 +26,7 @@ from lava_vpr.evaluation import Metrics, evaluate
 from lava_vpr.preprocess import orientation_channels
 from lava_vpr.report import Raster, ReportData, write_report
 from lava_vpr.report.html import page
-from lava_vpr.report.plots import THEME
+from lava_vpr.report.svg import THEME
 
 WRONG, REJECTED = 5, 9
 # For tests that look at words: drawing takes most of the time.

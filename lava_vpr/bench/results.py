@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from lava_vpr.deploy.ranges import Range
+from lava_vpr.deploy.costs import Modelled as Modelled
+from lava_vpr.deploy.ranges import Range as Range
+from lava_vpr.deploy.sanafe import CrossCheck as CrossCheck
 from lava_vpr.evaluation import Metrics
 
 
@@ -38,46 +40,6 @@ class Measured:
     no_energy: str = ""
     absent: str = ""
     board: dict[str, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Modelled:
-    """A query on a board, by the cost model; nothing of this was measured on a chip.
-
-    Attributes:
-        target: Name of the board.
-        chips: All of the board; all of them draw static power, used or not.
-        cores, tiles: In use.
-        steps: Of a presentation, the silent ones included.
-        input_mode: ``injected`` or ``bias``.
-        counts: Events of a query, mean over the queries, by name as in the JSON contract, and more.
-        dynamic_microjoules: Of a query by component, clearing of states included, host I/O not.
-        milliseconds: Of a query on the chip: all its steps and the clearing of states.
-        step_microseconds: Of one step, mean over the steps.
-        static_millijoules: Of all chips and embedded processors during that time.
-        io_milliseconds: Of the host's traffic for the query, apart: both ways of input, and the way in use first.
-        io_microjoules: Dynamic energy on the chip that only one way of input needs, by way.
-        clearing: How states are cleared, what it takes: writes, microjoules, milliseconds.
-        assumptions: What was assumed, a sentence each, with source.
-        unavailable: Why there are no energies and times (Loihi 2); empty if there are. Ranges are None then.
-    """
-
-    target: str
-    chips: int
-    cores: int
-    tiles: int | None
-    steps: int
-    input_mode: str
-    counts: dict[str, float]
-    dynamic_microjoules: dict[str, Range] | None
-    milliseconds: Range | None
-    step_microseconds: Range | None
-    static_millijoules: Range | None
-    io_milliseconds: dict[str, Range] | None
-    io_microjoules: dict[str, Range] | None
-    clearing: dict[str, Any]
-    assumptions: tuple[str, ...] = ()
-    unavailable: str = ""
 
 
 @dataclass(frozen=True)
@@ -140,7 +102,8 @@ class Candidate:
         microjoules: Dynamic energy of a query.
         milliseconds: Of a query on the chip.
         mean_steps: Steps of a query; fewer than ``steps`` with early stopping.
-        front: No other point is at least as good in recall, energy and time and better in one.
+        front: No other point is at least as good in recall, energy and time and better in one; of points without early
+            stopping, which no backend does yet, no other without it.
         chosen: The preset ``fast``, or this model as it stands.
     """
 
@@ -154,24 +117,22 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class CrossCheck:
-    """SANA-FE on the same network, mapping and spikes, beside the closed form.
+class StepTimes:
+    """When a board is busy during a presentation, by the cost model with nominal constants; mean over the queries.
 
     Attributes:
-        version: Of SANA-FE.
-        queries: Compared.
-        microjoules: By component: (closed form, SANA-FE).
-        simple_milliseconds: (closed form, SANA-FE with ``simple`` timing).
-        detailed_milliseconds: SANA-FE with ``detailed`` timing: the bound with contention.
-        absent: Why it was not run; empty if it was.
+        target: Name of the board.
+        receive: Microseconds that what arrives takes on the busiest core in each step.
+        neurons: Microseconds that neurons and their messages take on the busiest core in each step.
+        busiest: The longer of both in each step of each query.
+        barrier: Microseconds of the synchronisation that ends each step.
     """
 
-    version: str = ""
-    queries: int = 0
-    microjoules: dict[str, tuple[float, float]] = field(default_factory=dict)
-    simple_milliseconds: tuple[float, float] | None = None
-    detailed_milliseconds: float | None = None
-    absent: str = ""
+    target: str
+    receive: tuple[float, ...] = field(repr=False)
+    neurons: tuple[float, ...] = field(repr=False)
+    busiest: tuple[float, ...] = field(repr=False)
+    barrier: float
 
 
 @dataclass(frozen=True)
@@ -183,7 +144,16 @@ class Bench:
         machine: Processor, cores, what software.
         recall: Of the default decoder on the same queries.
         images: Queries.
+        measured: Backends and stages, timed here.
         targets: Of `Modelled`, by name.
+        workload: None: the model is no integer network.
+        cross_check: SANA-FE beside the closed form.
+        peers, sweep: Empty if they were not asked for, or failed.
+        events: What the host engine counted, per query; of every network, a float one too.
+        constants: Of the cost model: objects with name, what, low, nominal, high, unit, source.
+        step_times: Of the targets that have times.
+        command: How to repeat the run.
+        failed: What was asked for and could not be done, by stage, with the reason.
     """
 
     model: dict[str, Any]
@@ -192,7 +162,12 @@ class Bench:
     recall: Metrics
     measured: tuple[Measured, ...]
     targets: dict[str, Modelled]
-    workload: Workload
+    workload: Workload | None
     cross_check: CrossCheck
     peers: tuple[Peer, ...] = ()
     sweep: tuple[Candidate, ...] = ()
+    events: dict[str, float] = field(default_factory=dict)
+    constants: tuple[Any, ...] = ()
+    step_times: tuple[StepTimes, ...] = ()
+    command: str = ""
+    failed: dict[str, str] = field(default_factory=dict)

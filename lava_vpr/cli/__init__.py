@@ -20,6 +20,7 @@ COMMANDS = {
     "verify": ("lava_vpr.cli.verify", "verify", "Compare every spike on every backend."),
     "fit": ("lava_vpr.cli.fit", "fit", "Say what fits on a board, and what each core holds."),
     "deploy": ("lava_vpr.cli.deploy", "deploy", "Write all that a board needs to run a model."),
+    "bench": ("lava_vpr.cli.bench", "bench", "Say what a query costs: recall, time, memory, energy."),
     "doctor": ("lava_vpr.cli.doctor", "doctor", "Say what is installed and what can run."),
 }
 
@@ -43,4 +44,5 @@ def main() -> None:
     lava-vpr verify route.lvpr WINTER/                 the same spikes in Lava as on the host?
     lava-vpr fit route.lvpr --target kapoho-bay        what would each core hold?
     lava-vpr deploy route.lvpr --target loihi2 -o out  write all that a board needs
+    lava-vpr bench route.lvpr WINTER/ --report report  what does a query cost?
     """

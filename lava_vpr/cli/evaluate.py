@@ -221,6 +221,8 @@ def command_line(ctx: click.Context) -> str:
         shown = [Path(v).name if isinstance(v, Path) or param.name == "query" else str(v) for v in values]
         if isinstance(param, click.Argument):
             words += shown
+        elif isinstance(param, click.Option) and param.is_flag:
+            words += [param.opts[-1]] if value else []
         elif param.multiple:
             words += [word for one in shown for word in (param.opts[-1], one)]
         else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,8 @@ from lava_vpr.config import LifNetwork
 from lava_vpr.engine.fixed import FixedNetwork
 from lava_vpr.errors import ConfigError
 from lava_vpr.loihi import DECAY_BITS, INPUT_LIMIT, LOIHI_1_INPUT_LIMIT, WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
+
+Weight = TypeVar("Weight", np.float32, np.float64)
 
 MEAN_WEIGHT = 0.1
 """Mean that float weights are brought to before they are quantised; `LifNetwork.drive` refers to it."""
@@ -25,7 +28,7 @@ ROUNDING = 0.97
 """Share of the accumulator that unrounded weights may fill."""
 
 
-def equalise(weights: NDArray[np.float32]) -> NDArray[np.float64]:
+def equalise(weights: NDArray[Weight]) -> NDArray[np.float64]:
     """Give every neuron (column) the same Euclidean norm, and all weights together the mean `MEAN_WEIGHT`.
 
     Equal norms make neurons comparable under one threshold; this is what recall at high precision hangs on.
@@ -40,6 +43,43 @@ def equalise(weights: NDArray[np.float32]) -> NDArray[np.float64]:
     if not mean > 0:
         raise ConfigError("all weights are 0: nothing was learned; check learning.eta and the reference images")
     return scaled * (MEAN_WEIGHT / mean)
+
+
+def pruned(weights: NDArray[Weight], share: float) -> NDArray[Weight]:
+    """Set the smallest ``share`` of each neuron's weights to 0.
+
+    Args:
+        weights: (inputs, neurons), not below 0; a neuron's scale does not matter.
+        share: In [0, 1), of all inputs. Of equal weights those of the first inputs go first.
+    Raises:
+        ConfigError: a share outside that range.
+    """
+    if not 0 <= share < 1:
+        raise ConfigError(f"the share of pruned weights is {share}, but must be in [0, 1); choose a smaller one")
+    count = round(share * len(weights))
+    if count == 0:
+        return weights
+    kept = weights.copy()
+    np.put_along_axis(kept, np.argsort(weights, axis=0, kind="stable")[:count], 0.0, axis=0)
+    return kept
+
+
+def distinctive(learned: NDArray[np.float32], network: LifNetwork) -> NDArray[np.float64]:
+    """Equalised weights of ``learned`` ones (inputs, neurons), without what ``network.common`` and ``prune`` take off.
+
+    Raises:
+        ConfigError: no weight is above 0.
+    """
+    weights = equalise(learned)
+    if network.common == 0 and network.prune == 0:
+        return weights
+    if network.common > 0:
+        weights = np.maximum(weights - network.common * weights.mean(axis=1, keepdims=True), 0.0)
+        if not weights.any():
+            raise ConfigError(
+                f"network.common {network.common:g} takes every weight off: all neurons have learned the same; lower it"
+            )
+    return equalise(pruned(weights, network.prune))
 
 
 def weight_scale(weights: NDArray[np.float64], bits: int) -> float:

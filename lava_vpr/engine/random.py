@@ -48,12 +48,19 @@ def presentation_key(seed: int, role: str, image_id: int, epoch: int = 0) -> int
         image_id: Absolute number of the image, of any size.
         epoch: Epoch of a training presentation.
     """
+    return _next_key(_key_before(seed, role, epoch), image_id)
+
+
+def _next_key(key: int, word: int) -> int:
+    """``key`` with another word hashed in."""
+    return _mix((key ^ (word & _MASK)) + int(GOLDEN) & _MASK)
+
+
+def _key_before(seed: int, role: str, epoch: int) -> int:
+    """The key of a presentation before its image is hashed in."""
     if role not in ROLES:
         raise ValueError(f"role is {role!r}, but must be one of {', '.join(ROLES)}")
-    key = _mix((seed + int(GOLDEN)) & _MASK)
-    for word in (zlib.crc32(role.encode()), epoch, image_id):
-        key = _mix((key ^ (word & _MASK)) + int(GOLDEN) & _MASK)
-    return key
+    return _next_key(_next_key(_mix((seed + int(GOLDEN)) & _MASK), zlib.crc32(role.encode())), epoch)
 
 
 def derived_key(key: int, purpose: str) -> int:
@@ -63,7 +70,11 @@ def derived_key(key: int, purpose: str) -> int:
 
 def presentation_keys(seed: int, role: str, image_ids: NDArray[np.int64], epoch: int = 0) -> NDArray[np.uint64]:
     """`presentation_key` of many images, shape (n,)."""
-    return np.array([presentation_key(seed, role, int(i), epoch) for i in image_ids], dtype=np.uint64)
+    start = np.uint64(_key_before(seed, role, epoch))
+    x = (start ^ np.asarray(image_ids, np.int64).astype(np.uint64)) + GOLDEN
+    x = (x ^ (x >> _S30)) * _MIX_1
+    x = (x ^ (x >> _S27)) * _MIX_2
+    return np.asarray(x ^ (x >> _S31))
 
 
 def hashes(key: int, blocks: NDArray[np.int64], inputs: NDArray[np.int64]) -> NDArray[np.uint64]:

@@ -25,10 +25,18 @@ def write_report(data: ReportData, folder: Path) -> Path:
     Raises:
         InputError: the folder cannot be made or written.
     """
-    content = page(data).encode("utf-8", "replace")
-    target = folder / "report.html"
+    return write_page(page(data), folder / "report.html")
+
+
+def write_page(text: str, target: Path) -> Path:
+    """Write a page, complete or not at all, and its folder if it is missing.
+
+    Raises:
+        InputError: the folder cannot be made or written.
+    """
+    content = text.encode("utf-8", "replace")
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        target.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(target, lambda file: file.write(content))
     except OSError as error:
         raise InputError(
@@ -38,4 +46,4 @@ def write_report(data: ReportData, folder: Path) -> Path:
     return target
 
 
-__all__ = ["Figures", "Raster", "ReportData", "write_report"]
+__all__ = ["Figures", "Raster", "ReportData", "write_page", "write_report"]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.configfile import to_toml
-from lava_vpr.encoding import EncodedTraverse, rates16
+from lava_vpr.encoding import EncodedTraverse, query_rates16
 from lava_vpr.engine import fixed
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.model import Model
@@ -76,7 +76,7 @@ def _rasters(model: Model, queries: EncodedTraverse, result: Recognition, seed: 
     if not isinstance(model.network, fixed.FixedNetwork):
         return ()
     chosen = _chosen(result)
-    rates = rates16(queries.activity[chosen], model.config.encoder.query_spikes)
+    rates = query_rates16(queries.activity[chosen], model.config.encoder)
     keys = presentation_keys(seed, "query", queries.indices[chosen])
     rasters = []
     for k, query in enumerate(chosen):

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import json
 import math
 from typing import Any
 
 import numpy as np
 
-from lava_vpr import __version__
 from lava_vpr.config import DECODERS
 from lava_vpr.report import sections
-from lava_vpr.report.assets import SCRIPT, STYLE
+from lava_vpr.report.assets import SCRIPT
 from lava_vpr.report.data import Figures, ReportData
+from lava_vpr.report.frame import document
 from lava_vpr.report.plots import precision_recall, series_style
 from lava_vpr.report.text import fraction, is_number, label, plain, safe
 
@@ -170,18 +168,7 @@ def page(data: ReportData) -> str:
         for (name, text), part in zip(_NAVIGATION.items(), parts, strict=True)
         if part
     )
-    digest = base64.b64encode(hashlib.sha256(SCRIPT.encode()).digest()).decode()
-    policy = f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{digest}'"
-    return f"""<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8">
-<meta http-equiv="Content-Security-Policy" content="{policy}">
-<meta name="viewport" content="width=device-width,initial-scale=1">
-<link rel="icon" href="data:,"><title>{safe(data.title)}</title>
-<style>{STYLE}{sheet_style}</style></head><body>
-{_header(data)}
+    body = f"""{_header(data)}
 <nav aria-label="Sections"><ul>{links}</ul></nav>
-<main>{"".join(parts)}</main>
-<footer>Written by lava-vpr {__version__}. One file, no network needed.</footer>
-<script type="application/json" id="report-data">{_payload(data, sheets)}</script>
-<script>{SCRIPT}</script></body></html>
-"""
+<main>{"".join(parts)}</main>"""
+    return document(data.title, body, style=sheet_style, payload=_payload(data, sheets), script=SCRIPT)

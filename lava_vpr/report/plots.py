@@ -1,60 +1,26 @@
-"""The report's plots, as SVG text: matplotlib without pyplot, without global state, without dates.
-
-Colours are written as CSS variables of the page, so that one drawing serves the light and the dark theme; equal data
-give equal bytes.
-"""
+"""The report's plots, as SVG text (`lava_vpr.report.svg`); equal data give equal bytes."""
 
 from __future__ import annotations
 
-import io
 import math
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_svg import FigureCanvasSVG
-from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 from numpy.typing import NDArray
 
 from lava_vpr.report.data import Figures, Raster
-
-# matplotlib needs real colours: each of these stands for the CSS variable of its name until the text is written.
-_VARIABLES = ("ink", "muted", "line", "panel", "right", "wrong", *(f"c{i}" for i in range(8)))
-THEME = {name: f"#0{i:x}e5f{i:x}" for i, name in enumerate(_VARIABLES)}
+from lava_vpr.report.svg import THEME, Style, canvas, to_svg
 
 LARGEST_MATRIX = 360
 """Matrices with more rows or columns than this are pooled before they are drawn."""
 
 MATRIX_BOX = (0.13, 0.03, 0.84, 0.84)
 """Left, top, width and height of a matrix within its drawing, as shares of it."""
-
-_STYLE = {
-    "svg.fonttype": "none",
-    "svg.hashsalt": "lava-vpr",
-    "svg.image_inline": True,
-    "image.composite_image": False,
-    "path.simplify": False,
-    "font.family": "sans-serif",
-    "font.sans-serif": ["DejaVu Sans"],
-    "font.size": 10.5,
-    "text.parse_math": False,
-    "text.color": THEME["ink"],
-    "axes.edgecolor": THEME["line"],
-    "axes.labelcolor": THEME["muted"],
-    "axes.facecolor": "none",
-    "figure.facecolor": "none",
-    "xtick.color": THEME["line"],
-    "ytick.color": THEME["line"],
-    "xtick.labelcolor": THEME["muted"],
-    "ytick.labelcolor": THEME["muted"],
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-}
 
 _MARKERS = "osD^vPX*"
 
@@ -64,51 +30,13 @@ def series_style(index: int, default: bool, baseline: bool) -> tuple[str, str]:
     return ("c0" if default else f"c{1 + index % 7}"), ("5 3" if baseline else "")
 
 
-def _to_svg(figure: Figure, prefix: str, label: str) -> str:
-    """``figure`` as an ``<svg>`` element for use inside a page; ``prefix`` keeps its ids apart from other drawings'."""
-    text = io.StringIO()
-    figure.savefig(text, format="svg", metadata={"Date": None})
-    svg = text.getvalue()
-    svg = svg[svg.index("<svg") :].strip()
-    svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
-    svg = re.sub(r' id="', f' id="{prefix}-', svg)
-    svg = re.sub(r'(href="#|url\(#)', rf"\1{prefix}-", svg)
-    for name, colour in THEME.items():
-        svg = svg.replace(colour, f"var(--{name})")
-    svg = re.sub(r"'DejaVu Sans'[^;\"]*", "var(--sans)", svg)
-    view = re.search(r'viewBox="[^"]*"', svg)
-    # Neither a fixed size nor namespaces: the page scales the drawing, and HTML knows what SVG is.
-    opening = f'<svg role="img" aria-label="{label}" {view.group(0) if view else ""}>'
-    return opening + re.sub(r"\n\s*", "\n", svg[svg.index(">") + 1 :])
-
-
-def _canvas(width: float, height: float) -> Figure:
-    """A figure whose SVG units are CSS pixels at its natural size, with a canvas of its own."""
-    figure = Figure(figsize=(width / 72, height / 72), dpi=72)
-    FigureCanvasSVG(figure)
-    return figure
-
-
-class _Style:
-    """The report's settings for the length of a ``with`` block, whatever the user's matplotlibrc says."""
-
-    def __enter__(self) -> None:
-        self._context = matplotlib.rc_context()
-        self._context.__enter__()
-        matplotlib.rcdefaults()
-        matplotlib.rcParams.update(_STYLE)
-
-    def __exit__(self, *error: Any) -> None:
-        self._context.__exit__(*error)
-
-
 def precision_recall(metrics: Mapping[str, Figures], default: str, baselines: Sequence[str], label: str) -> str:
     """All precision-recall curves; curve ``k`` of ``metrics`` has the id ``pr-k``.
 
     Every exact point is marked (queries of equal confidence form one), unless there are too many to tell apart.
     """
-    with _Style():
-        figure = _canvas(470, 385)
+    with Style():
+        figure = canvas(470, 385)
         axes = figure.add_axes((0.1, 0.11, 0.885, 0.865))
         axes.grid(color=THEME["line"], linewidth=0.6, alpha=0.6)
         axes.set(xlim=(0, 1.012), ylim=(0, 1.03), xlabel="recall", ylabel="precision")
@@ -128,7 +56,7 @@ def precision_recall(metrics: Mapping[str, Figures], default: str, baselines: Se
                 zorder=4 if name == default else 3,
                 clip_on=False,
             )
-        return _to_svg(figure, "pr", label)
+        return to_svg(figure, "pr", label)
 
 
 def pooled(scores: NDArray[Any], largest: int = LARGEST_MATRIX) -> tuple[NDArray[np.float64], int, int]:
@@ -210,8 +138,8 @@ def score_matrix(
     queries, places = scores.shape
     values, rows, columns = pooled(scores)
     extent = (-0.5, queries - 0.5, places - 0.5, -0.5)
-    with _Style():
-        figure = _canvas(330, 330)
+    with Style():
+        figure = canvas(330, 330)
         left, top, width, height = MATRIX_BOX
         axes = figure.add_axes((left, 1 - top - height, width, height))
         colours = matplotlib.colormaps["viridis"].with_extremes(bad="#888888")
@@ -228,7 +156,7 @@ def score_matrix(
         _marks(axes, known, matches[known], truth[known, matches[known]])
         axes.set(xlim=extent[:2], ylim=extent[2:], xlabel="query", ylabel="place")
         axes.locator_params(nbins=5, integer=True)
-        return _to_svg(figure, prefix, label), max(rows, columns)
+        return to_svg(figure, prefix, label), max(rows, columns)
 
 
 def _ticks(axes: Axes, steps: NDArray[Any], rows: NDArray[Any], half: float, colour: str, width: float) -> None:
@@ -257,8 +185,8 @@ def spike_raster(
     rows[order] = np.arange(raster.neurons)
     steps, neurons = np.asarray(raster.spike_steps), np.asarray(raster.spike_neurons)
     counts = np.bincount(neurons, minlength=raster.neurons)
-    with _Style():
-        figure = _canvas(470, 240)
+    with Style():
+        figure = canvas(470, 240)
         axes = figure.add_axes((0.1, 0.17, 0.705, 0.8))
         bars = figure.add_axes((0.825, 0.17, 0.155, 0.8), sharey=axes)
         # A tick is at least three pixels tall, however many neurons share the height.
@@ -283,4 +211,4 @@ def spike_raster(
         bars.set(xlim=(0, max(1, int(counts.max(initial=0))) * 1.05), xlabel="spikes")
         bars.locator_params(axis="x", nbins=2, integer=True)
         bars.tick_params(axis="y", left=False, labelleft=False)
-        return _to_svg(figure, prefix, label)
+        return to_svg(figure, prefix, label)

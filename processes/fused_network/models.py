@@ -35,6 +35,7 @@ class PyFusedPlaceNetworkFixed(PyLoihiProcessModel):
         self.network, self.batch = proc_params["network"], proc_params["batch"]
         self.rates, self.keys = proc_params["rates"], proc_params["keys"]
         self.shared: dict[str, NDArray[Any] | None] = proc_params["shared"]
+        self.look_ahead = bool(proc_params["ahead"])
         self.pool: ThreadPoolExecutor | None = None  # made in the forked process, which would not inherit its thread
         self.ahead: Future[Any] | None = None
 
@@ -50,7 +51,7 @@ class PyFusedPlaceNetworkFixed(PyLoihiProcessModel):
             return
         part, then = (slice(k, min(k + self.batch, n)) for k in (start, start + self.batch))
         counts, events, film = self.ahead.result() if self.ahead is not None else self._present(part)
-        if then.start < n:
+        if then.start < n and self.look_ahead:
             self.pool = self.pool or ThreadPoolExecutor(1)
             self.ahead = self.pool.submit(self._present, then)
         raster = self.shared["raster"]

@@ -39,6 +39,7 @@ class FusedPlaceNetwork(CheckedProcess):
         rates: NDArray[np.uint16],
         keys: NDArray[np.uint64],
         batch: int = 64,
+        ahead: bool = True,
         counts: NDArray[np.int32] | None = None,
         raster: NDArray[np.uint8] | None = None,
         events: NDArray[np.int64] | None = None,
@@ -51,6 +52,7 @@ class FusedPlaceNetwork(CheckedProcess):
             rates: Spike probabilities in units of 2^-16, uint16 (n, inputs).
             keys: One key per presentation, uint64 (n,).
             batch: Images of one Lava step.
+            ahead: Compute the next step's images while Lava turns to it; else each step does its own, to be timed.
             counts, events: Shared arrays for the results, besides the Vars; the Vars' shapes and types.
             raster: Shared array for every excitatory spike, uint8 (n, steps + 3, neurons).
         Raises:
@@ -78,6 +80,7 @@ class FusedPlaceNetwork(CheckedProcess):
             rates=np.ascontiguousarray(rates),
             keys=keys,
             batch=int(batch),
+            ahead=bool(ahead),
             shared={"counts": counts, "raster": raster, "events": events},
             **kwargs,
         )

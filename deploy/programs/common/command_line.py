@@ -15,6 +15,12 @@ def parser(board: str) -> argparse.ArgumentParser:
     own.add_argument(
         "--timeout", type=float, default=0.0, metavar="S", help="seconds that one run may take (by its size)"
     )
+    own.add_argument(
+        "--power",
+        metavar="FILE",
+        default="",
+        help="measure power too, all queries in one run; into this file (JSON)",
+    )
     return own
 
 
@@ -23,6 +29,8 @@ def parsed(own: argparse.ArgumentParser, words: list) -> argparse.Namespace:
     options = own.parse_args(words)
     if options.queries is not None and not options.out:
         own.error("--queries needs --out")
+    if options.power and options.queries is None:
+        own.error("--power needs --queries")
     if options.batch < 1 or options.timeout < 0 or (options.self_test or 0) < 0:
         own.error("--batch, --timeout and N must be positive")
     return options

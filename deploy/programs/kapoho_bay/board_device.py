@@ -12,6 +12,7 @@ import traceback
 
 import numpy as np
 
+import board_power
 from board_link import Link
 from board_network import Core, Network
 from outcome import GRACE, Results, Watchdog
@@ -70,7 +71,7 @@ def check_environment() -> None:
 class Device:
     """The network on the board: configured when made, running after `start`."""
 
-    def __init__(self, network: Network) -> None:
+    def __init__(self, network: Network, power_steps: int = 0) -> None:
         board_class, self.phase, self.condition = load_nxsdk()
         self.network, self.run_number = network, 0
         self.folder = tempfile.mkdtemp(prefix="kapoho-bay-")
@@ -87,6 +88,8 @@ class Device:
             for core in network.cores:
                 self._connect(core)
             self.probes = self._probes()
+            if power_steps:
+                board_power.attach(self.board, power_steps)
             self.links = [Link(self, chip) for chip in network.chips]
         except Refused:
             raise

@@ -5,6 +5,7 @@
     python run.py --self-test [N]            present the (first N) references; counts must be those of the bundle
     python run.py --queries Q --out R        Q/rates.npy uint16 (n, inputs) in units of 2^-16 spikes a step and
                                              Q/keys.npy uint64 (n,) in; R/counts.npy int32 (n, neurons) out
+    .. --power P                             and P, JSON: power in mW and time, all queries in one run
 
 R/counts.npy holds -1 in every row that was not answered, R/done.npy says which were, R/status.json how many. They are
 replaced, each in one step, after every batch and when anything goes wrong: what was answered is kept, nothing is
@@ -27,6 +28,7 @@ import numpy as np
 
 sys.dont_write_bytecode = True  # nothing is added to the bundle
 try:
+    import board_power
     from board_device import Device, check_environment, load_nxsdk
     from board_input import Query
     from board_network import Bundle, Network
@@ -34,20 +36,24 @@ try:
     from outcome import GRACE, Results, Watchdog, fail
     from references import check_queries, compare, first_places
     from refusals import Refused, interrupt, told
+    from result_files import put
 except Exception as damage:
     place = os.path.dirname(os.path.abspath(__file__))
     sys.exit(f"{place}: is damaged ({damage}); deploy the model again or fetch an intact copy")
 
 
 def present(
-    network: Network, rates: np.ndarray, keys: np.ndarray, results: Results, batch: int, timeout: float
+    network: Network, rates: np.ndarray, keys: np.ndarray, results: Results, batch: int, timeout: float, power: str = ""
 ) -> None:
-    """Present all queries, ``batch`` in a run of the board, which may take ``timeout`` seconds (0: by its size)."""
+    """Present all queries, ``batch`` in a run of the board, which may take ``timeout`` seconds (0: by its size); with
+    ``power``, all in one run, of which power is measured and written there."""
+    batch = len(keys) if power else batch
     for i, key in enumerate(keys):  # before the board starts: nothing is begun that cannot be finished
         Query(network, i, rates[i], int(key))
     load_nxsdk()
     check_environment()
-    device = Device(network)
+    steps = 2 + len(keys) * (network.steps + network.silent)
+    device = Device(network, steps if power else 0)
     try:
         device.start()
         for first in range(0, len(keys), batch):
@@ -65,6 +71,8 @@ def present(
                     raise Refused("run", text, traceback.format_exc()) from None
     finally:
         device.close()
+    if power:
+        put(power, board_power.figures(device.board, steps))
 
 
 def load_queries(folder: str, network: Network) -> tuple:
@@ -122,7 +130,7 @@ def main(words: list) -> int:
         else:
             rates, keys = load_queries(options.queries, network)
             results = Results(len(keys), network.neurons, options.out)
-            present(network, rates, keys, results, options.batch, options.timeout)
+            present(network, rates, keys, results, options.batch, options.timeout, options.power)
             print(f"{len(keys)} of {len(keys)} queries answered")
         return 0
     except Refused as error:

@@ -106,14 +106,17 @@ def wire(weights: NDArray[Any], parameters: dict[str, Any], source: Any, counter
     across(exc.s_out, counter.s_in, "NxToPyAdapter")
 
 
-def start_board(process: Any) -> None:
-    """Compile for the board and see that nothing but the two ends runs on the CPU, which Lava does without a word."""
+def start_board(process: Any, callbacks: list[Any]) -> None:
+    """Compile for the board, and see that nothing but the two ends runs on the CPU, which Lava does without a word.
+
+    ``callbacks`` are called before and after a run.
+    """
     from lava.magma.core.model.py.model import AbstractPyProcessModel
     from lava.magma.core.run_configs import Loihi2HwCfg
 
     ends = (globals()["Spikes"], globals()["Counter"])
     try:
-        executable = process.compile(Loihi2HwCfg())
+        executable = process.compile(Loihi2HwCfg(callback_fxs=callbacks))
     except NameError as error:
         raise Refused(
             "missing", f"Loihi2HwCfg finds no models for the chip ({error}); install lava-loihi, {VENDOR}"
@@ -144,7 +147,11 @@ class Player:
         batch, inputs = min(options["batch"], len(self.rates)), weights.shape[1]
         self.counts, self.seen = shared((len(self.rates), len(weights)), np.int32), shared((1,), np.int64)
         self.first, self.started = shared((1,), np.int64), False
-        self.inputs = parameters["inputs"]
+        self.inputs, self.profiler = parameters["inputs"], None
+        if options.get("power"):
+            from lava_power import Profiler
+
+            self.profiler = Profiler(len(self.rates) * interval)
         if self.inputs is None:
             self.spikes = shared((batch * interval, inputs), np.uint8)
             self.source: Any = globals()["Spikes"](self.spikes, self.first)
@@ -153,7 +160,7 @@ class Player:
         counter = globals()["Counter"](self.counts, interval, self.seen)
         wire(weights, parameters, self.source, counter, self.simulate)
         if not self.simulate:
-            start_board(counter)
+            start_board(counter, self.profiler.callbacks if self.profiler else [])
         self.process = counter
 
     def registers(self, query: int, before: int = 0) -> Arrays:

@@ -91,6 +91,8 @@ def work(folder: Path) -> int:
             end = min(len(rates), start + options["batch"])
             put(str(folder / f"batch-{start}.npy"), player.present(start, end))
         player.process.stop()
+        if player.profiler:
+            put(str(folder / "power.json"), player.profiler.figures())
     except BaseException as error:
         record(folder, error)
         return 1

@@ -4,6 +4,7 @@
     python run.py --self-test [N]            present the (first N) references; counts must be those of the bundle
     python run.py --queries Q --out R        Q/rates.npy uint16 (n, inputs) in units of 2^-16 spikes a step and
                                              Q/keys.npy uint64 (n,) in; R/counts.npy int32 (n, neurons) out
+    .. --power P                             and P, JSON: power in mW and time, all queries in one run
 
 With --simulate no board is needed. R/counts.npy holds -1 in every row that was not answered, R/done.npy says which
 were, R/status.json how many. They are replaced, each in one step, after every batch and when anything goes wrong: what
@@ -11,7 +12,7 @@ was answered is kept, nothing is invented. Exit code 0: all done; 1: not, with o
 
 This needs Python 3.10, lava-nc 0.10, numpy and scipy, for the board Intel's closed lava-loihi, and the files beside it,
 not lava-vpr. All names of lava-loihi are those that public programs use: lava.proc.embedded_io.spike in Intel's lava-dl
-and lava-nc.
+and lava-nc, lava.utils.loihi2_profiler in the benchmarks of lava-dl.
 """
 
 from __future__ import annotations
@@ -105,6 +106,9 @@ def main(words: list[str]) -> int:
     signal.signal(signal.SIGTERM, interrupt)
     try:
         manifest, files = read_bundle(str(Path(__file__).absolute().parent.parent))
+        if args.power and (args.simulate or manifest["network"].get("regular")):
+            text = "--power needs the board, without --simulate, and injected input, of which all queries are one run"
+            raise Refused("input", text)
         found, network = require(args.simulate), manifest["network"]
         if args.check:
             print(f"ready: {network['neurons']} neurons, {network['inputs']} inputs; {found}")

@@ -85,7 +85,8 @@ def run(files: dict[str, bytes], arrays: Arrays, args: argparse.Namespace, resul
     if not n:
         return
     adopt_orphans()
-    options = {"batch": args.batch, "simulate": args.simulate, "caller": os.getpid()}
+    args.batch = n if args.power else args.batch
+    options = {"batch": args.batch, "simulate": args.simulate, "caller": os.getpid(), "power": bool(args.power)}
     with job(files, arrays, options) as folder, (folder / "log").open("wb") as log:
         interval = steps_of(files)
         worker = subprocess.Popen(
@@ -103,6 +104,9 @@ def run(files: dict[str, bytes], arrays: Arrays, args: argparse.Namespace, resul
                 seconds = args.timeout or (START_SECONDS if start == 0 else 60) + (end - start) * interval / SLOWEST
                 wait(worker, folder, f"batch-{start}.npy", seconds, f"queries {start} to {end - 1}")
                 results.add(start, named_array(read(str(folder), f"batch-{start}.npy"), "answer").astype(np.int32))
+            if args.power:
+                wait(worker, folder, "power.json", args.timeout or 60, "power")
+                put(args.power, json.loads((folder / "power.json").read_bytes()))
             with contextlib.suppress(subprocess.TimeoutExpired):
                 worker.wait(GRACE)
         finally:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 from typing import Any
 
-from nxsdk.graph.monitor.probes import SpikeProbeCondition
+from nxsdk.api.enums.api_enums import ProbeParameter
+from nxsdk.graph.monitor.probes import PerformanceProbeCondition, SpikeProbeCondition
 from nxsdk.graph.processes.phase_enums import Phase
 
 from nxsdk_standin.channels import Channel, Traffic
@@ -76,7 +78,15 @@ class N2Board:
         self.traffic = Traffic()
         self.attempts = 0
         self.thread: threading.Thread | None = None
+        self.measured = 0
+        self.energyTimeMonitor: Any = None
         self.machine: Machine | None = None
+
+    def probe(self, probeType: ProbeParameter, probeCondition: PerformanceProbeCondition) -> None:
+        """Measure energy from the first step on."""
+        if probeType is not ProbeParameter.ENERGY or self.attempts:
+            raise StandinError(f"probe({probeType}) after the board has started")
+        self.measured = probeCondition.tEnd
 
     def createSnip(self, **given: Any) -> Snip:
         """An embedded program."""
@@ -127,6 +137,8 @@ class N2Board:
         self.traffic.check()
         if not self.executor.started or self.thread is not None or not aSync:
             raise StandinError("run() before start() or finishRun(), or it would not return")
+        if self.measured not in (0, numSteps):
+            raise StandinError(f"{self.measured} steps are to be measured, but {numSteps} are run")
         self.thread = threading.Thread(target=self._run, args=(numSteps,), daemon=True)
         self.thread.start()
 
@@ -162,5 +174,9 @@ class N2Board:
     def disconnect(self) -> None:
         """Let go of the board."""
         FAULTS.note("disconnect")
+        if self.measured and FAULTS.sensors:
+            power = {"total": 950.0, "static": 900.0, "dynamic": 50.0}
+            stats = SimpleNamespace(timePerTimestep=12.5, power=power)
+            self.energyTimeMonitor = SimpleNamespace(powerProfileStats=stats)
         self.executor.started = self.traffic.open = False
         self.traffic.stop(ConnectionError("disconnected"))  # programs that wait for a packet end

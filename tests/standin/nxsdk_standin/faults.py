@@ -27,6 +27,7 @@ class Faults:
     wrong_query: Number of the packet from chip 0 that carries another query's number; -1: none.
     lag: Steps until a spike is seen in its counter: 0 or 1.
     no_counters: Probes do not tell their counters.
+    sensors: The board measures its power.
     once: File that the first fault creates; none happens while it exists.
     log: File to which starts, runs and disconnections are appended.
     """
@@ -43,6 +44,7 @@ class Faults:
     wrong_query: int = -1
     lag: int = 0
     no_counters: bool = False
+    sensors: bool = True
     once: str = ""
     log: str = ""
 

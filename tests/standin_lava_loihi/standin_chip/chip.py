@@ -72,7 +72,7 @@ class Chip:
         self.steps = 0
         asked = options()
         self.fault, self.fault_step = asked.get("fault"), asked.get("step", 0)
-        if self.fault is not None and self.fault not in FAULTS:
+        if self.fault is not None and self.fault not in (*FAULTS, "no power"):
             raise StandinError(f"there is no fault {self.fault!r}")
         note(f"placed {', '.join(sorted(builder.kind for builder in (*nc, *c)))}")
 

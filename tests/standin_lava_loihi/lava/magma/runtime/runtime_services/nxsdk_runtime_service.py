@@ -18,6 +18,7 @@ class NxSdkRuntimeService(AbstractRuntimeService):
     def __init__(self, protocol: Any, *args: Any, **kwargs: Any) -> None:
         super().__init__(protocol)
         self.builders = kwargs["nc_builders"], kwargs["c_builders"]
+        self.callbacks = kwargs["callback_fxs"]
 
     def start(self) -> None:
         """Build the chip and serve until told to stop."""
@@ -58,6 +59,8 @@ class NxSdkRuntimeService(AbstractRuntimeService):
 
     def _steps(self, steps: int) -> None:
         """Run; after the fault ``pause`` only what the host's models have begun."""
+        for callback in self.callbacks:
+            callback.pre_run_callback(self.chip, {})
         for _ in range(steps):
             if self.chip.step():
                 self.service_to_runtime.send(MGMT_RESPONSE.REQ_PAUSE)
@@ -65,6 +68,8 @@ class NxSdkRuntimeService(AbstractRuntimeService):
                     time.sleep(QUIET)
                 self._finish()
                 return
+        for callback in self.callbacks:
+            callback.post_run_callback(self.chip, {})
         self.service_to_runtime.send(MGMT_RESPONSE.DONE)
 
     def _finish(self) -> None:

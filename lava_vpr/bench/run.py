@@ -1,0 +1,311 @@
+"""Everything of `lava-vpr bench`, one stage after another; what cannot be done here is said and not raised."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import platform
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr import __version__
+from lava_vpr.backends import HostBackend
+from lava_vpr.bench.measure import measure, measure_encoding
+from lava_vpr.bench.peers import run_peers
+from lava_vpr.bench.results import Bench, Candidate, CrossCheck, Measured, Modelled, Peer, StepTimes, Workload
+from lava_vpr.bench.sweep import BUDGET, sweep
+from lava_vpr.bench.workload import workload
+from lava_vpr.deploy.activity import Activity, activity_of
+from lava_vpr.deploy.board import BOARDS, Board
+from lava_vpr.deploy.closed_form import step_nanoseconds
+from lava_vpr.deploy.constants import CONSTANTS, barrier
+from lava_vpr.deploy.costs import modelled
+from lava_vpr.deploy.deployment import plan_of
+from lava_vpr.deploy.plan import Plan
+from lava_vpr.deploy.sanafe import cross_check
+from lava_vpr.encoding import EncodedTraverse, query_rates
+from lava_vpr.engine.fixed import SILENT_STEPS, FixedNetwork
+from lava_vpr.engine.threads import cores
+from lava_vpr.errors import BackendUnavailableError, LavaVprError, NetworkLimitError
+from lava_vpr.model import Model
+from lava_vpr.recognition import BASELINES, Recognition, recognise
+from lava_vpr.trains import Trains
+from lava_vpr.traverse import Traverse
+
+T = TypeVar("T")
+
+DEFAULT_BACKENDS = ("host", "lava-fixed", "lava-fused", "bundle")
+"""What is timed if nothing is asked for: all that needs no board."""
+
+COUNTED = 500
+"""Queries whose every spike is counted, at most: the counts of each step and core are kept."""
+
+CHECKED = 3
+"""Queries that go through SANA-FE, too: it takes about a second for each."""
+
+Advance = Callable[[int], None]
+Begin = Callable[[str, int], Advance]
+"""Told what begins and in how many parts; returns what is told of parts done."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What to find out.
+
+    Attributes:
+        targets: Boards to model.
+        backends: To time on this machine.
+        sweep, peers: Whether to search settings, and to run other matchers.
+        limit: Most queries that a backend is timed on; None: by backend.
+        seed: Of the queries' noise; None: the model's.
+    """
+
+    targets: tuple[str, ...] = tuple(BOARDS)
+    backends: tuple[str, ...] = DEFAULT_BACKENDS
+    sweep: bool = False
+    peers: bool = False
+    limit: int | None = None
+    seed: int | None = None
+
+
+def plans(model: Model, targets: tuple[str, ...]) -> dict[str, Plan | str]:
+    """Where the network stands on each board, or why it cannot."""
+    found: dict[str, Plan | str] = {}
+    for name in targets:
+        try:
+            found[name] = plan_of(model, BOARDS[name])
+        except (NetworkLimitError, BackendUnavailableError) as error:
+            found[name] = str(error)
+    return found
+
+
+def run(
+    model: Model,
+    traverse: Traverse,
+    queries: EncodedTraverse,
+    truth: NDArray[np.bool_],
+    wanted: Wanted,
+    *,
+    placed: dict[str, Plan | str] | None = None,
+    command: str = "",
+    begin: Begin = lambda text, parts: lambda done: None,
+) -> Bench:
+    """Recall, then costs.
+
+    Args:
+        model: A trained model.
+        traverse: The query images' files.
+        queries: The same, encoded with the model's settings.
+        truth: bool (queries, places).
+        wanted: What to find out.
+        placed: `plans` of the model, if they are known.
+        command: How to repeat the run, for the report.
+        begin: Told what begins.
+    Raises:
+        LavaVprError: recall cannot be computed. Whatever else is missing is said in the result.
+    """
+    begin("recall", 1)
+    rivals = BASELINES if wanted.peers else ()
+    answers = recognise(model, queries, truth, seed=wanted.seed, rivals=rivals, threads=cores(), keep_scores=False)
+    placed = plans(model, wanted.targets) if placed is None else placed
+    begin("counting", 1)
+    trains = spikes(model, queries, wanted.seed)
+    costs = {name: _costs(model, name, plan, trains, len(queries)) for name, plan in placed.items()}
+    measured = _measured(model, traverse, queries, wanted, begin)
+    failed: dict[str, str] = {}
+
+    def attempt(stage: str, work: Callable[[], T], otherwise: T) -> T:
+        """What a stage finds out; minutes of other work are not lost if it cannot."""
+        try:
+            return work()
+        except LavaVprError as error:
+            failed[stage] = str(error)
+            return otherwise
+
+    return Bench(
+        model=_model(model, answers),
+        machine=machine(),
+        images=len(queries),
+        recall=answers.metrics[answers.default],
+        measured=measured,
+        targets={name: found for name, (found, _) in costs.items()},
+        workload=attempt("workload", lambda: _workload(model, queries, wanted.seed), None),
+        cross_check=_cross_check(placed, trains, begin),
+        peers=attempt("peers", lambda: _peers(model, queries, truth, answers, wanted, begin), ()),
+        sweep=attempt("sweep", lambda: _sweep(model, queries, truth, wanted, begin), ()),
+        events={name: value / max(1, len(queries)) for name, value in answers.events.items()},
+        constants=CONSTANTS,
+        step_times=tuple(times for _, times in costs.values() if times is not None),
+        command=command,
+        failed=failed,
+    )
+
+
+def spikes(model: Model, queries: EncodedTraverse, seed: int | None) -> Trains | None:
+    """Every spike of at most `COUNTED` queries, evenly spread; None: no integer network."""
+    if not isinstance(model.network, FixedNetwork):
+        return None
+    n = len(queries)
+    chosen = np.arange(n) if n <= COUNTED else np.linspace(0, n - 1, COUNTED).round().astype(np.int64)
+    rates = query_rates(queries.activity[chosen], model.config)
+    own = model.config.seed if seed is None else seed
+    return HostBackend(cores()).trains(model, rates, image_ids=queries.indices[chosen], role="query", seed=own)
+
+
+def _costs(
+    model: Model, name: str, plan: Plan | str, trains: Trains | None, queries: int
+) -> tuple[Modelled, StepTimes | None]:
+    """The costs on one board, and its time in each step."""
+    if isinstance(plan, str) or trains is None:
+        return _unavailable(model, BOARDS[name], plan if isinstance(plan, str) else "no integer network"), None
+    activity = activity_of(plan, trains)
+    found = modelled(plan, activity)
+    if activity.queries < queries:
+        told = f"Counted on {activity.queries} of the {queries} queries, evenly spread."
+        found = replace(found, assumptions=(*found.assumptions, told))
+    return found, None if found.unavailable else step_times(name, activity)
+
+
+def step_times(name: str, activity: Activity) -> StepTimes:
+    """What the board does in each step, mean over the queries, with nominal constants."""
+    receive, neurons = step_nanoseconds(activity, "nominal")
+
+    def mean(nanoseconds: NDArray[np.float64]) -> tuple[float, ...]:
+        return tuple((nanoseconds.mean(axis=0) / 1e3).tolist())
+
+    return StepTimes(
+        target=name,
+        receive=mean(receive),
+        neurons=mean(neurons),
+        busiest=mean(np.maximum(receive, neurons)),
+        barrier=barrier(activity.tiles or 1).nominal,
+    )
+
+
+def _unavailable(model: Model, board: Board, reason: str) -> Modelled:
+    """A board that the network cannot run on."""
+    network = model.network
+    steps, mode = model.config.network.steps, "injected"
+    if isinstance(network, FixedNetwork):
+        steps, mode = network.steps + SILENT_STEPS, "bias" if network.regular else "injected"
+    return Modelled(
+        target=board.name,
+        chips=board.chips,
+        cores=0,
+        tiles=None,
+        steps=steps,
+        input_mode=mode,
+        counts={},
+        dynamic_microjoules=None,
+        milliseconds=None,
+        step_microseconds=None,
+        static_millijoules=None,
+        io_milliseconds=None,
+        io_microjoules=None,
+        clearing={},
+        unavailable=reason,
+    )
+
+
+def _measured(
+    model: Model, traverse: Traverse, queries: EncodedTraverse, wanted: Wanted, begin: Begin
+) -> tuple[Measured, ...]:
+    """Every backend that was asked for, timed; the encoding before it."""
+    begin("timing encoding", 1)
+    rows = [measure_encoding(traverse, model.config)]
+    for name in wanted.backends:
+        begin(f"timing {name}", 1)
+        rows.append(measure(model, queries, name, seed=wanted.seed, limit=wanted.limit))
+    return tuple(rows)
+
+
+def _model(model: Model, answers: Recognition) -> dict[str, object]:
+    """Figures of the model that the others are to be read with."""
+    return {
+        "preset": model.config.preset,
+        "places": model.places,
+        "neurons": model.neurons,
+        "inputs": model.config.encoder.inputs,
+        "weight_bits": model.weight_bits,
+        "steps": model.config.network.steps,
+        "input_spikes_per_step": model.config.encoder.query_spikes,
+        "decoder": answers.default,
+    }
+
+
+def machine(cpuinfo: Path = Path("/proc/cpuinfo")) -> dict[str, object]:
+    """Processor and software that the measured figures belong to."""
+    try:
+        lines = cpuinfo.read_text(errors="replace").splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    found: dict[str, object] = {
+        "processor": names[0] if names else platform.processor() or platform.machine(),
+        "processors": cores(),
+        "system": f"{platform.system()} {platform.machine()}",
+        "python": platform.python_version(),
+        "lava_vpr": __version__,
+    }
+    for package in ("numpy", "numba", "lava-nc"):
+        try:
+            found[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            found[package] = None
+    return found
+
+
+def _workload(model: Model, queries: EncodedTraverse, seed: int | None) -> Workload | None:
+    """NeuroBench's metrics; None: no integer network."""
+    return workload(model, queries, seed=seed) if isinstance(model.network, FixedNetwork) else None
+
+
+def _cross_check(placed: dict[str, Plan | str], trains: Trains | None, begin: Begin) -> CrossCheck:
+    """SANA-FE on the first board whose operations it knows, on some of the queries."""
+    found = next((plan for plan in placed.values() if isinstance(plan, Plan) and plan.board.timed), None)
+    if found is None or trains is None:
+        return CrossCheck(absent="SANA-FE knows Loihi 1, and no board with that chip is modelled here")
+    begin("cross-check with SANA-FE", 1)
+    some = {name: getattr(trains, name) for name in Trains.POPULATIONS}
+    return cross_check(found, Trains(**{name: part[:CHECKED] for name, part in some.items() if part is not None}))
+
+
+def _peers(
+    model: Model,
+    queries: EncodedTraverse,
+    truth: NDArray[np.bool_],
+    answers: Recognition,
+    wanted: Wanted,
+    begin: Begin,
+) -> tuple[Peer, ...]:
+    """Other matchers on the same images, if they were asked for."""
+
+    def advance(text: str) -> None:
+        begin(f"peers: {text}", 1)
+
+    if not wanted.peers:
+        return ()
+    return run_peers(model, queries, truth, recognition=answers, seed=wanted.seed, advance=advance)
+
+
+def sweepable(model: Model) -> str | None:
+    """Why settings of ``model`` cannot be searched; None if they can."""
+    if not isinstance(model.network, FixedNetwork):
+        return "settings of integer networks are searched, and this model is the float one of preset paper"
+    if not model.learned.size:
+        return "a bundle has no float weights to quantise anew; give the model that was deployed"
+    return None
+
+
+def _sweep(
+    model: Model, queries: EncodedTraverse, truth: NDArray[np.bool_], wanted: Wanted, begin: Begin
+) -> tuple[Candidate, ...]:
+    """The search around the model's settings, if it was asked for."""
+    if not wanted.sweep:
+        return ()
+    advance = begin("sweep of settings", BUDGET)
+    return sweep(model, queries, truth, seed=wanted.seed, threads=cores(), advance=advance)

@@ -1,0 +1,163 @@
+"""``lava-vpr bench``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from lava_vpr import backends
+from lava_vpr.alignment import aligned_truth, by_number, choose_queries
+from lava_vpr.cli.common import (
+    PATH,
+    check_folder,
+    check_writable,
+    console,
+    encode,
+    every_option,
+    open_model,
+    places_option,
+    print_whole,
+    progress_bar,
+    seed_type,
+    stderr,
+    write_json,
+)
+from lava_vpr.cli.evaluate import command_line
+from lava_vpr.deploy.board import BOARDS
+from lava_vpr.errors import ConfigError
+from lava_vpr.model import Model
+from lava_vpr.traverse import open_traverse
+
+if TYPE_CHECKING:
+    from lava_vpr.bench.results import Bench
+
+
+@click.command("bench")
+@click.argument("model_path", metavar="MODEL", type=PATH)
+@click.argument("query", type=str)
+@places_option("Query images A..B-1 (default: the model's own range).")
+@every_option
+@click.option(
+    "--target",
+    "targets",
+    type=click.Choice(list(BOARDS)),
+    multiple=True,
+    help="Board whose costs to model (default: all); one that the model does not fit is an error then.",
+)
+@click.option(
+    "--backend",
+    "names",
+    type=click.Choice(list(backends.BACKENDS)),
+    multiple=True,
+    help="Backend to time on this machine (default: host, lava-fixed, lava-fused and bundle).",
+)
+@click.option("--sweep", is_flag=True, help="Also search settings for the best recall at the least modelled cost.")
+@click.option("--peers", is_flag=True, help="Also run other matchers on the same images.")
+@click.option(
+    "--limit",
+    type=click.IntRange(min=1),
+    default=None,
+    metavar="N",
+    help="Queries that each backend is timed on, from the first (default: all; fewer of slow ones).",
+)
+@click.option("--seed", type=seed_type, default=None, help="Seed of the queries' spikes (default: the model's).")
+@click.option("--json", "json_path", type=PATH, default=None, metavar="FILE", help="Write the figures as JSON.")
+@click.option("--report", "report_folder", type=PATH, default=None, metavar="DIR", help="Write DIR/bench.html.")
+@click.pass_context
+def bench(
+    ctx: click.Context,
+    model_path: Path,
+    query: str,
+    places: tuple[int, int] | None,
+    every: float,
+    targets: tuple[str, ...],
+    names: tuple[str, ...],
+    sweep: bool,
+    peers: bool,
+    limit: int | None,
+    seed: int | None,
+    json_path: Path | None,
+    report_folder: Path | None,
+) -> None:
+    """Say what it costs MODEL to recognise an image of QUERY: recall first, then time and memory measured here, then
+    energy and time modelled for the boards.
+
+    Query i shows place i. What this machine lacks (a board, energy counters, SANA-FE) is said, and the rest is told.
+    """
+    if json_path is not None:
+        check_writable(json_path, model_path, query)
+    if report_folder is not None:
+        check_folder(report_folder)
+    # The cost model and what it needs take a second to import: --help does not wait for them.
+    from lava_vpr.bench.run import DEFAULT_BACKENDS, Wanted, run
+
+    model = open_model(model_path)
+    _refuse(model, model_path, targets, names, sweep)
+    traverse = choose_queries(model, open_traverse(query, every=every), places, aligned=True)
+    if json_path is not None:
+        check_writable(json_path, *traverse.paths)
+    truth = aligned_truth(model, traverse)
+    if not by_number(model, traverse):
+        stderr.print(
+            f"note: images {traverse.indices[0]}:{traverse.indices[-1] + 1} are taken, in order, as the places "
+            f"{model.place_indices[0]}:{model.place_indices[-1] + 1}",
+            markup=False,
+        )
+    queries = encode(traverse, model.config.encoder)
+    wanted = Wanted(
+        targets=tuple(dict.fromkeys(targets)) or tuple(BOARDS),
+        backends=tuple(dict.fromkeys(names)) or DEFAULT_BACKENDS,
+        sweep=sweep,
+        peers=peers,
+        limit=limit,
+        seed=seed,
+    )
+    with ExitStack() as bars:
+
+        def begin(text: str, parts: int) -> Callable[[int], None]:
+            bars.close()
+            advance = bars.enter_context(progress_bar(text, parts))
+            return lambda done: advance(done, "")
+
+        found = run(model, traverse, queries, truth, wanted, command=command_line(ctx), begin=begin)
+    _tell(found, json_path, report_folder)
+
+
+def _refuse(model: Model, path: Path, targets: tuple[str, ...], names: tuple[str, ...], sweep: bool) -> None:
+    """Refuse, before any work is done, what was asked for by name and cannot be."""
+    from lava_vpr.bench.run import sweepable
+    from lava_vpr.deploy.deployment import plan_of
+
+    reason = sweepable(model) if sweep else None
+    if reason is not None:
+        raise ConfigError(f"{path}: --sweep: {reason}")
+    for name in targets:
+        plan_of(model, BOARDS[name])
+    for name in names:
+        backends.require(name, model)
+
+
+def _tell(found: Bench, json_path: Path | None, report_folder: Path | None) -> None:
+    """Files first: whoever reads the tables may go away."""
+    from lava_vpr.bench.document import as_json
+    from lava_vpr.bench.tables import absences, tables
+
+    if json_path is not None:
+        write_json(json_path, as_json(found))
+    page = None
+    if report_folder is not None:
+        # matplotlib takes a second to import: only those who want a report wait for it.
+        from lava_vpr.bench.page import page as page_of
+        from lava_vpr.report import write_page
+
+        page = write_page(page_of(found), report_folder / "bench.html")
+    for table in tables(found):
+        print_whole(table)
+    for line in absences(found):
+        console.print(line, markup=False)
+    if page is not None:
+        console.print(f"report: {page}", markup=False)

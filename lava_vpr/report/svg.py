@@ -1,0 +1,80 @@
+"""Drawings as SVG text for a page: matplotlib without pyplot, without global state, without dates.
+
+Colours are written as CSS variables of the page (`lava_vpr.report.assets`), so that one drawing serves the light and
+the dark theme; equal data give equal bytes.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from typing import Any
+
+import matplotlib
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+
+# matplotlib needs real colours: each of these stands for the CSS variable of its name until the text is written.
+_VARIABLES = ("ink", "muted", "line", "panel", "right", "wrong", *(f"c{i}" for i in range(8)))
+THEME = {name: f"#0{i:x}e5f{i:x}" for i, name in enumerate(_VARIABLES)}
+
+_STYLE = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "lava-vpr",
+    "svg.image_inline": True,
+    "image.composite_image": False,
+    "path.simplify": False,
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 10.5,
+    "text.parse_math": False,
+    "text.color": THEME["ink"],
+    "axes.edgecolor": THEME["line"],
+    "axes.labelcolor": THEME["muted"],
+    "axes.facecolor": "none",
+    "figure.facecolor": "none",
+    "xtick.color": THEME["line"],
+    "ytick.color": THEME["line"],
+    "xtick.labelcolor": THEME["muted"],
+    "ytick.labelcolor": THEME["muted"],
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+}
+
+
+def to_svg(figure: Figure, prefix: str, label: str) -> str:
+    """``figure`` as an ``<svg>`` element for use inside a page; ``prefix`` keeps its ids apart from other drawings'."""
+    text = io.StringIO()
+    figure.savefig(text, format="svg", metadata={"Date": None})
+    svg = text.getvalue()
+    svg = svg[svg.index("<svg") :].strip()
+    svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
+    svg = re.sub(r' id="', f' id="{prefix}-', svg)
+    svg = re.sub(r'(href="#|url\(#)', rf"\1{prefix}-", svg)
+    for name, colour in THEME.items():
+        svg = svg.replace(colour, f"var(--{name})")
+    svg = re.sub(r"'DejaVu Sans'[^;\"]*", "var(--sans)", svg)
+    view = re.search(r'viewBox="[^"]*"', svg)
+    # Neither a fixed size nor namespaces: the page scales the drawing, and HTML knows what SVG is.
+    opening = f'<svg role="img" aria-label="{label}" {view.group(0) if view else ""}>'
+    return opening + re.sub(r"\n\s*", "\n", svg[svg.index(">") + 1 :])
+
+
+def canvas(width: float, height: float) -> Figure:
+    """A figure whose SVG units are CSS pixels at its natural size, with a canvas of its own."""
+    figure = Figure(figsize=(width / 72, height / 72), dpi=72)
+    FigureCanvasSVG(figure)
+    return figure
+
+
+class Style:
+    """The report's settings for the length of a ``with`` block, whatever the user's matplotlibrc says."""
+
+    def __enter__(self) -> None:
+        self._context = matplotlib.rc_context()
+        self._context.__enter__()
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(_STYLE)
+
+    def __exit__(self, *error: Any) -> None:
+        self._context.__exit__(*error)
