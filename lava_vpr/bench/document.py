@@ -133,6 +133,7 @@ def _modelled(one: Modelled) -> dict[str, Any]:
         "wall_milliseconds": one.wall_milliseconds,
         "wall_static_millijoules": one.wall_static_millijoules,
         "busiest": one.busiest or None,
+        "busiest_core": one.busiest_core or None,
         "clearing": one.clearing,
         "counts": one.counts,
         "unavailable": one.unavailable or None,

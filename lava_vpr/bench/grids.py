@@ -208,11 +208,15 @@ def counted(bench: Bench) -> Grid:
     sources = boards or {"host": {**bench.events}}
     names = dict.fromkeys((*counts(bench), *(name for values in boards.values() for name in values)))
     rows = [(named(name), *(_count(values.get(name)) for values in sources.values())) for name in names]
-    note = (
-        "Counted from every spike of the queries; messages and hops depend on where the neurons stand."
-        if boards
-        else ""
-    )
+    most = {name: bench.targets[name].busiest_core for name in boards}
+    rows += [
+        (f"busiest core, a step: {named(name)}", *(_count(values.get(name)) for values in most.values()))
+        for name in dict.fromkeys(name for values in most.values() for name in values)
+    ]
+    told = [text for name in boards if bench.targets[name].unavailable for text in bench.targets[name].assumptions]
+    if boards:
+        told.insert(0, "Counted from every spike of the queries; messages and hops depend on where the neurons stand.")
+    note = " ".join(told)
     return Grid("counted events, mean of a query", ("event", *sources), tuple(rows), note=note)
 
 
