@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from lava_vpr import backends
-from lava_vpr.alignment import aligned_truth, by_number, choose_queries
+from lava_vpr.alignment import choose_queries
 from lava_vpr.cli.common import (
     PATH,
     check_folder,
@@ -23,7 +23,7 @@ from lava_vpr.cli.common import (
     print_whole,
     progress_bar,
     seed_type,
-    stderr,
+    truth_in_order,
     write_json,
 )
 from lava_vpr.cli.evaluate import command_line
@@ -100,13 +100,7 @@ def bench(
     traverse = choose_queries(model, open_traverse(query, every=every), places, aligned=True)
     if json_path is not None:
         check_writable(json_path, *traverse.paths)
-    truth = aligned_truth(model, traverse)
-    if not by_number(model, traverse):
-        stderr.print(
-            f"note: images {traverse.indices[0]}:{traverse.indices[-1] + 1} are taken, in order, as the places "
-            f"{model.place_indices[0]}:{model.place_indices[-1] + 1}",
-            markup=False,
-        )
+    truth = truth_in_order(model, traverse)
     queries = encode(traverse, model.config.encoder)
     wanted = Wanted(
         targets=tuple(dict.fromkeys(targets)) or tuple(BOARDS),

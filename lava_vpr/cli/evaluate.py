@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from lava_vpr import backends
-from lava_vpr.alignment import aligned_truth, by_number, choose_queries, positions_truth
+from lava_vpr.alignment import choose_queries, positions_truth
 from lava_vpr.cli.common import (
     PATH,
     answer_options,
@@ -25,6 +25,7 @@ from lava_vpr.cli.common import (
     places_option,
     print_whole,
     stderr,
+    truth_in_order,
     write_json,
 )
 from lava_vpr.engine.threads import cores
@@ -163,13 +164,7 @@ def _truth(
     elif positions is not None and radius is not None:
         truth = positions_truth(model, queries, positions, radius)
     else:
-        truth = aligned_truth(model, queries, tolerance)
-        if not by_number(model, queries):
-            stderr.print(
-                f"note: images {queries.indices[0]}:{queries.indices[-1] + 1} are taken, in order, as the places "
-                f"{model.place_indices[0]}:{model.place_indices[-1] + 1}",
-                markup=False,
-            )
+        truth = truth_in_order(model, queries, tolerance)
     without = int(np.count_nonzero(~truth.any(axis=1)))
     if without:
         stderr.print(f"note: {without} of {len(truth)} queries show none of the places; they count as not recalled")
