@@ -71,6 +71,8 @@ def test_doctor_says_what_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
     assert re.search(r"│ lava-nc +│ 0\.10\.", text)
     for extra in ("brian2", "lava-dl", "lava-loihi", "nxsdk"):
         assert re.search(rf"│ {extra} +│ ", text)
+    assert re.search(r"│ SANA-FE +│ (not )?installed", text)
+    assert re.search(r"│ RAPL +│ (not )?readable", text)
     module = importlib.import_module("lava_vpr.cli.doctor")
     known = module.version
     monkeypatch.setattr(module, "version", lambda package: None if package == "scipy" else known(package))

@@ -40,6 +40,22 @@ def version(package: str) -> str | None:
         return None
 
 
+def _costing() -> list[tuple[str, str, str]]:
+    """What ``bench`` uses where it is: name, whether it is there, what for."""
+    from lava_vpr.bench import rapl  # only here: it is quick, but the command line need not wait for it
+    from lava_vpr.deploy.sanafe import find_sanafe
+
+    try:
+        rapl.counters()
+        there, why = "readable", ""
+    except rapl.NoRaplError as error:
+        there, why = "not readable", f"; {error}"
+    return [
+        ("SANA-FE", "installed" if find_sanafe() else "not installed", "checks the cost model of bench: make sanafe"),
+        ("RAPL", there, f"energy of the processor, for bench{why}"),
+    ]
+
+
 @click.command()
 def doctor() -> None:
     """Say what is installed, what each optional part is for, and which backends can run."""
@@ -61,6 +77,8 @@ def doctor() -> None:
         )
     browser = next((name for name in BROWSERS if shutil.which(name)), None)
     table.add_row("Chromium", browser or "not installed", "optional: the test that opens a report in a real browser")
+    for name, found, purpose in _costing():
+        table.add_row(name, found, f"optional: {purpose}")
     console.print(table)
     names = Table(title="backends", title_justify="left")
     for column in ("backend", "can run", "what"):
