@@ -1,7 +1,8 @@
 """VPRTempo, a peer of this project, written from its equations.
 
 Hines, Stratton, Milford, Fischer, "VPRTempo: A Fast Temporally Encoded Spiking Neural Network for Visual Place
-Recognition", ICRA 2024 (arXiv 2309.10225): equation and table numbers are its. One spike of each neuron stands for when
+Recognition", ICRA 2024 (arXiv 2309.10225). Equation and table numbers are the paper's as others quote them: its full
+text was not at hand, and the rules were read off the released code as well. One spike of each neuron stands for when
 it fires in a cycle: a brighter pixel fires earlier and counts more, so a spike is a number, 0..0.9 (pixels: 0..1), and
 a layer is a matrix product. A feature layer learns by spike timing without labels, then an output layer with one neuron
 a place is forced to spike for its own place.
