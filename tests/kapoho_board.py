@@ -120,7 +120,15 @@ def start(made: Made, *words: object, before: str = "", env: dict[str, str] | No
         "TMPDIR": str(made.path.parent),
     }
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    return subprocess.Popen([*command, *map(str, words)], env=given, text=True, start_new_session=True, **pipes)
+    return subprocess.Popen(
+        [*command, *map(str, words)],
+        env=given,
+        text=True,
+        start_new_session=True,
+        # Whoever starts the tests in the background may have them ignore it.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+        **pipes,
+    )
 
 
 def child(made: Made, *words: object, **given: Any) -> Ended:
