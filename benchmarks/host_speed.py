@@ -5,17 +5,16 @@
 Nordland, 100 summer places, winter queries; all cores. Ours is timed from input rates to match: spikes drawn, network
 run, counts decoded; queries are repeated, each time with other noise. Of SAD and cosine there are two each: what
 `lava-vpr eval` computes (exact sums in float64), and the fastest plain way we know: absolute differences of bytes in a
-compiled loop, and one product of float32 matrices. They are timed from patches, or input rates, to match.
+compiled loop, and one product of float32 matrices, as ``bench --peers`` times them. They are timed from patches, or
+input rates, to match.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any
 
 import click
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
@@ -25,8 +24,9 @@ from benchmarks.nordland import encoded
 from benchmarks.recall import learn
 from benchmarks.speed import cpu_flags
 from lava_vpr import baselines
+from lava_vpr.bench.peers import cosine_answer, sad_answer
 from lava_vpr.bench.timed import batch, host_answer, repeated
-from lava_vpr.config import PRESETS, preset
+from lava_vpr.config import preset
 from lava_vpr.encoding import query_rates
 from lava_vpr.engine.threads import cores, share
 from lava_vpr.model import Model
@@ -36,40 +36,6 @@ PLACES = (0, 100)
 OURS = "lava-vpr, host engine"
 
 
-@nb.njit(cache=False, nogil=True)
-def _nearest_bytes(references: NDArray[np.uint8], queries: NDArray[np.uint8], out: Matches) -> None:
-    """Row of ``references`` (r, pixels) with the smallest sum of absolute differences, for each of ``queries``."""
-    for q in range(queries.shape[0]):
-        least, best = np.int32(2**31 - 1), 0
-        for r in range(references.shape[0]):
-            total = np.int32(0)
-            for i in range(references.shape[1]):
-                # Kept to 32 bits, the compiler makes the processor's own sum of absolute differences of this.
-                difference = np.int32(np.int32(queries[q, i]) - np.int32(references[r, i]))
-                total = np.int32(total + (difference if difference > 0 else np.int32(-difference)))
-            if total < least:
-                least, best = total, r
-        out[q] = best
-
-
-def sad_of_bytes(references: NDArray[np.uint8], queries: NDArray[np.uint8], threads: int) -> Matches:
-    """Matches (n,) of patches (n, pixels)."""
-    out = np.empty(len(queries), np.int64)
-    share(lambda piece: _nearest_bytes(references, queries[piece], out[piece]), len(queries), threads)
-    return out
-
-
-def cosine_of_floats(references: NDArray[np.float32], queries: NDArray[np.uint16]) -> Matches:
-    """Matches (n,) of rates (n, inputs) to references of unit length; a query's own length changes no match."""
-    return np.asarray((queries.astype(np.float32) @ references.T).argmax(axis=1))
-
-
-def unit_length(rates: NDArray[Any]) -> NDArray[np.float32]:
-    """Rows of length 1."""
-    values = rates.astype(np.float64)
-    return np.asarray(values / np.linalg.norm(values, axis=1, keepdims=True), np.float32)
-
-
 def matchers(model: Model, presentations: int) -> tuple[dict[str, Callable[[], Matches]], int]:
     """Each matcher as a function that matches all queries, and how many these are."""
     winter, threads = encoded("winter", model.config.encoder), cores()
@@ -77,20 +43,23 @@ def matchers(model: Model, presentations: int) -> tuple[dict[str, Callable[[], M
     times = -(-presentations // len(ids))
     rates, ids = repeated(rates, ids, times)
     patches = np.tile(winter.patches, (times, 1, 1))
-    known = query_rates(model.activity, model.config)
-    flat, known_flat = patches.reshape(len(patches), -1), model.patches.reshape(len(model.patches), -1)
-    units, answer = unit_length(known), host_answer(model, model.config.seed)
+    known, answer = query_rates(model.activity, model.config), host_answer(model, model.config.seed)
+    (sad, _), (cosine, _) = sad_answer(model, patches), cosine_answer(model, rates)
+
+    def sad_of_bytes() -> Matches:
+        return np.concatenate(share(sad, len(ids), threads))
+
     return {
         OURS: lambda: batch(answer, rates, ids, threads),
         "SAD, exact (lava-vpr eval)": lambda: baselines.sad_distances(model.patches, patches).argmin(axis=1),
-        "SAD, compiled, bytes": lambda: sad_of_bytes(known_flat, flat, threads),
+        "SAD, compiled, bytes": sad_of_bytes,
         "cosine, exact (lava-vpr eval)": lambda: baselines.cosine_similarities(known, rates).argmax(axis=1),
-        "cosine, float32 matrix product": lambda: cosine_of_floats(units, rates),
+        "cosine, float32 matrix product": lambda: cosine(slice(None)),
     }, len(ids)
 
 
 @click.command()
-@click.option("--preset", "name", default="fast" if "fast" in PRESETS else "loihi", show_default=True)
+@click.option("--preset", "name", default="fast", show_default=True)
 @click.option("--rounds", default=15, show_default=True)
 @click.option("--presentations", default=5000, show_default=True, help="Queries of a round, at least.")
 def main(name: str, rounds: int, presentations: int) -> None:

@@ -30,8 +30,8 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.brian2_reference import Brian2Network
 from benchmarks.nordland import folder
+from lava_vpr.bench.brian2_reference import Brian2Network
 from lava_vpr.bench.peers import run_peers
 from lava_vpr.bench.results import Peer
 from lava_vpr.config import Config, LifNetwork, StdpLearning, preset

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import functools
 import json
-import os
 import stat
 import sys
 import tempfile
@@ -310,11 +309,10 @@ def test_sanafe_itself_agrees(seed: int) -> None:
     assert found.detailed_milliseconds >= found.simple_milliseconds[1] * (1 - LIMIT)
 
 
+@pytest.mark.data
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "places"), [("loihi", 100), ("loihi", 500), ("fast", 100)])
-def test_sanafe_agrees_on_real_images(name: str, places: int) -> None:
+def test_sanafe_agrees_on_real_images(name: str, places: int, data_root: Path) -> None:
     installed()
-    if not os.environ.get("LAVA_VPR_DATA"):
-        pytest.skip("no real images: LAVA_VPR_DATA does not name them")
     own = real(name, learn((0, places), preset(name)), 2)
     assert failures(own, cross_check(own.plan, own.trains)) == []
