@@ -52,10 +52,10 @@ recall: $(STAMP) ## Recall on real images (LAVA_VPR_DATA)
 	@touch .venv-peers/.installed
 
 peers: .venv-peers/.installed ## Side by side with the reference network in Brian2 (an environment of its own)
-	@.venv-peers/bin/python -m benchmarks.peers
+	@.venv-peers/bin/python -m benchmarks.peers.side_by_side
 
 peers-test: .venv-peers/.installed ## The tests that hold the paper preset against Brian2
-	@.venv-peers/bin/python -m pytest tests/test_conductance.py -m slow --timeout 1800
+	@.venv-peers/bin/python -m pytest tests/engine/test_conductance.py -m slow --timeout 1800
 
 ORACLES := .venv-brian2-loihi/.installed .venv-nengo-loihi/.installed
 
@@ -65,8 +65,8 @@ $(ORACLES): .venv-%/.installed: requirements/%.txt scripts/find_python.sh
 	@touch $@
 
 oracles: $(STAMP) $(ORACLES) ## Other simulators of Loihi against our integers (environments of their own)
-	@$(BIN)/python -m benchmarks.oracles
-	@$(BIN)/python -m benchmarks.needs
+	@$(BIN)/python -m benchmarks.oracles.compare
+	@$(BIN)/python -m benchmarks.oracles.needs
 
 .venv-neurobench/.installed: requirements/neurobench.txt scripts/find_python.sh
 	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh) && "$$python" -m venv --clear .venv-neurobench
@@ -74,7 +74,7 @@ oracles: $(STAMP) $(ORACLES) ## Other simulators of Loihi against our integers (
 	@touch $@
 
 neurobench: $(STAMP) .venv-neurobench/.installed ## Our metrics beside the package neurobench (an environment of its own, 6 GB)
-	@$(BIN)/python -m benchmarks.neurobench_metrics
+	@$(BIN)/python -m benchmarks.neurobench.metrics
 
 .venv-sanafe/.installed: requirements/sanafe.txt scripts/find_python.sh
 	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh) && "$$python" -m venv --clear .venv-sanafe
@@ -82,7 +82,7 @@ neurobench: $(STAMP) .venv-neurobench/.installed ## Our metrics beside the packa
 	@touch $@
 
 sanafe: $(STAMP) .venv-sanafe/.installed ## The cost model's closed form against SANA-FE (an environment of its own)
-	@$(BIN)/python -m benchmarks.sanafe
+	@$(BIN)/python -m benchmarks.sanafe.compare
 
 .venv-notebook/.installed: pyproject.toml requirements/lock.txt requirements/notebook.txt
 	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh) && "$$python" -m venv --clear .venv-notebook

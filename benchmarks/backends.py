@@ -17,9 +17,9 @@ from rich.table import Table
 
 from benchmarks.nordland import SECTIONS
 from benchmarks.recall import answer, learn, mean
-from lava_vpr import backends
+from lava_vpr.backends import registry as backends
 from lava_vpr.config import preset
-from lava_vpr.evaluation import Metrics
+from lava_vpr.matching.evaluation import Metrics
 
 console = Console(highlight=False, width=110)
 

@@ -3,8 +3,8 @@
     LAVA_VPR_DATA=... python -m benchmarks.chip_learning [--seeds 0,1,2]
 
 Float and integer learning have rising thresholds, a floor and a step of rest. A chip with Lava's library has neither:
-thresholds are folded into the weights between presentations (`lava_vpr.engine.folded`). That row is trained from the
-files that a bundle holds, read back from its bytes.
+thresholds are folded into the weights between presentations (`engine.learning.lava_order`). That row is trained from
+the files that a bundle holds, read back from its bytes.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from benchmarks.nordland import SECTIONS
 from benchmarks.recall import answer, learn, mean
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
-from lava_vpr.deploy.bundle import Bundle
-from lava_vpr.deploy.learning import learned_on_chip, learning_files, read_learning
+from lava_vpr.deploy.bundle.folder import Bundle
+from lava_vpr.deploy.bundle.learning import learned_on_chip, learning_files, read_learning
 from lava_vpr.engine.threads import cores
-from lava_vpr.evaluation import Metrics
+from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.model import Model
 
 console = Console(highlight=False, width=110)

@@ -19,13 +19,13 @@ from rich.table import Table
 
 from benchmarks.nordland import encoded, part
 from benchmarks.recall import learn
+from lava_vpr.backends.deployed import player
 from lava_vpr.config import preset
-from lava_vpr.deploy.backends import player
-from lava_vpr.deploy.board import KAPOHO_BAY
-from lava_vpr.deploy.deployment import deploy, plan_of
+from lava_vpr.deploy.boards.board import KAPOHO_BAY
+from lava_vpr.deploy.bundle.deployment import deploy, plan_of
 from lava_vpr.encoding import query_rates16
-from lava_vpr.engine import fixed
-from lava_vpr.engine.fixed import SILENT_STEPS, FixedNetwork
+from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import InputError
 

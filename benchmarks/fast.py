@@ -19,13 +19,13 @@ from rich.table import Table
 
 from benchmarks.nordland import SECTIONS, encoded, part
 from benchmarks.recall import answer, learn
-from lava_vpr.bench.cases import Case, Measurement, current, figures, mean, runs_of
 from lava_vpr.bench.results import Candidate
-from lava_vpr.bench.stopping import MARGINS
-from lava_vpr.bench.sweep import search
+from lava_vpr.bench.sweep.cases import Case, Measurement, current, figures, mean, runs_of
+from lava_vpr.bench.sweep.stopping import MARGINS
+from lava_vpr.bench.sweep.sweep import search
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
-from lava_vpr.deploy.board import KAPOHO_BAY
+from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.engine.threads import cores
 
 Places = tuple[int, int]

@@ -23,12 +23,12 @@ from rich.table import Table
 from benchmarks.nordland import encoded
 from benchmarks.recall import learn
 from benchmarks.speed import cpu_flags
-from lava_vpr import baselines
+from lava_vpr.bench.measure.timed import batch, host_answer, repeated
 from lava_vpr.bench.peers import cosine_answer, sad_answer
-from lava_vpr.bench.timed import batch, host_answer, repeated
 from lava_vpr.config import preset
 from lava_vpr.encoding import query_rates
 from lava_vpr.engine.threads import cores, share
+from lava_vpr.matching import baselines
 from lava_vpr.model import Model
 
 Matches = NDArray[np.int64]

@@ -28,14 +28,14 @@ from rich.console import Console
 from rich.table import Table
 
 from lava_vpr.encoding import draw_trains
-from lava_vpr.engine.fixed import FixedNetwork, count_spikes
+from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import LavaRunError
-from lava_vpr.processes.fused_network.process import FusedPlaceNetwork
-from lava_vpr.processes.place_network.process import RELAY_WEIGHT, PlaceNetwork
+from lava_vpr.isolated.runner import run_isolated
+from lava_vpr.processes.base.shared import FIXED_TAG, shared_array
+from lava_vpr.processes.networks.fused_place_network.process import FusedPlaceNetwork
+from lava_vpr.processes.networks.place_network.process import RELAY_WEIGHT, PlaceNetwork
 from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
-from lava_vpr.processes.runner import run_isolated
-from lava_vpr.processes.shared import FIXED_TAG, shared_array
 
 ROUNDS = 9
 BATCH, BATCHES = 64, 40
@@ -123,7 +123,7 @@ def composed_and_library(arrays: Arrays, options: dict[str, Any]) -> Arrays:
     source.stop()
     theirs.stop()
     if not equal:
-        raise LavaRunError("our network and the library's differ; run tests/test_processes.py")
+        raise LavaRunError("our network and the library's differ; run tests/processes/test_processes.py")
     return {"rates": interval / times}
 
 
@@ -146,7 +146,7 @@ def fused_and_host(arrays: Arrays, options: dict[str, Any]) -> Arrays:
     times = alternate(lambda: fused.run(**step), host, rounds)
     fused.stop()
     if not np.array_equal(counts, np.tile(np.concatenate(expected), (rounds + 1, 1))):
-        raise LavaRunError("the fused Process and the host engine differ; run tests/test_processes.py")
+        raise LavaRunError("the fused Process and the host engine differ; run tests/processes/test_processes.py")
     # The first batch of a run was computed at the end of the one before: it does not count.
     return {"rates": np.array([[n - batch], [n]]) / times}
 

@@ -17,7 +17,7 @@ from rich.table import Table
 from benchmarks.recall import answer, learn
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
-from lava_vpr.evaluation import Metrics
+from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.model import Model
 
 console = Console(highlight=False, width=110)

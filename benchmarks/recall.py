@@ -22,13 +22,13 @@ from rich.table import Table
 from benchmarks.nordland import SECTIONS, encoded, part
 from lava_vpr.config import INPUT_MODES, Config, preset
 from lava_vpr.configfile import update
-from lava_vpr.engine.fixed import FixedNetwork
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import ConfigError
-from lava_vpr.evaluation import Metrics
+from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.model import Model
 from lava_vpr.recognition import Recognition, recognise
-from lava_vpr.training import reference_responses, train
+from lava_vpr.training.loop import reference_responses, train
 
 Figures = dict[str, Metrics]
 console = Console(highlight=False, width=110)

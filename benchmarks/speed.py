@@ -19,11 +19,11 @@ from benchmarks.nordland import encoded, folder, part
 from benchmarks.recall import learn
 from lava_vpr.config import preset
 from lava_vpr.encoding import activity_of, query_rates
-from lava_vpr.engine import fixed
+from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.random import presentation_keys
-from lava_vpr.preprocess import patch_normalised
+from lava_vpr.inputs.preprocess import patch_normalised
 from lava_vpr.recognition import decode
-from lava_vpr.training import train
+from lava_vpr.training.loop import train
 from lava_vpr.traverse import open_traverse
 
 console = Console(highlight=False, width=100)

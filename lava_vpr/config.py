@@ -97,7 +97,7 @@ class LifNetwork:
     """The integer network that Loihi runs: current-based LIF, one threshold, relayed lateral inhibition.
 
     Thresholds and inhibition are given in the float units of training, where the drive of a mean weight is 0.69 per
-    step whatever the number of input spikes; `lava_vpr.engine.quantise` turns them into the chip's integers.
+    step whatever the number of input spikes; `lava_vpr.engine.inference.quantise` turns them into the chip's integers.
 
     Attributes:
         neurons: Excitatory neurons of one stretch; 0 means `neurons_per_place` for each place.
@@ -113,7 +113,7 @@ class LifNetwork:
         tau_membrane: Membrane time constant, in steps.
         drive: Drive per step of a neuron whose weights are all at the mean.
         input_mode: How queries reach the network: spikes ``injected`` into the chip (Poisson trains), or input
-            compartments that integrate a ``bias`` written once a query (regular trains, `lava_vpr.engine.regular`).
+            compartments that integrate a ``bias`` written once a query (regular trains, `engine.inference.bias_input`).
             Learning always injects.
     """
 
@@ -160,7 +160,7 @@ class StdpLearning:
     averages the noise of single presentations out of what each neuron has made its own.
 
     Attributes:
-        arithmetic: ``float``, or ``integer``: Loihi's own (`lava_vpr.engine.integer`). Either result is quantised.
+        arithmetic: ``float``, or ``integer``: Loihi's own (`engine.learning.integer`). Either result is quantised.
         theta_update: Thresholds rise with each ``spike``, or all after a ``presentation``.
         epochs: Times that every reference image is shown.
         competition_epochs: How many of them belong to the first phase, at most half (`competing`). In that phase only

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.config import ConductanceNetwork, Config, EncoderConfig
+from lava_vpr.engine.inference.bias_input import regular_spikes
 from lava_vpr.engine.random import draws
-from lava_vpr.engine.regular import regular_spikes
-from lava_vpr.preprocess import on_off, orientation_channels, patch_normalised
+from lava_vpr.inputs.preprocess import on_off, orientation_channels, patch_normalised
 from lava_vpr.traverse import Traverse
 
 THUMBNAIL = (64, 48)
@@ -171,7 +171,7 @@ def draw_trains(
         keys: uint64 (n,).
         steps: Steps with input.
         total: Steps of a presentation.
-        regular: `lava_vpr.engine.regular.regular_spikes` instead of `draw_spikes`.
+        regular: `lava_vpr.engine.inference.bias_input.regular_spikes` instead of `draw_spikes`.
     """
     spikes_of = regular_spikes if regular else draw_spikes
     trains = np.zeros((len(rates), total, rates.shape[1]), np.uint8)

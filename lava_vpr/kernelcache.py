@@ -13,17 +13,16 @@ import tempfile
 from pathlib import Path
 
 PACKAGE = Path(__file__).parent
-SOURCES = ("engine/*.py", "preprocess.py")
+SOURCES = ("engine/**/*.py", "inputs/*.py")
 
 
 def drop_stale() -> None:
     """Delete compiled kernels in the package's own folders that are older than any of their sources."""
     newest = max(path.stat().st_mtime for pattern in SOURCES for path in PACKAGE.glob(pattern))
-    for folder in (PACKAGE, PACKAGE / "engine"):
-        for path in folder.glob("__pycache__/*.nb[ci]"):
-            with contextlib.suppress(OSError):
-                if path.stat().st_mtime < newest:
-                    path.unlink()
+    for path in PACKAGE.rglob("__pycache__/*.nb[ci]"):
+        with contextlib.suppress(OSError):
+            if path.stat().st_mtime < newest:
+                path.unlink()
 
 
 def _writable(folder: Path) -> bool:

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from lava_vpr import __version__, container
 from lava_vpr.config import Config, LifNetwork
 from lava_vpr.configfile import from_dict, to_dict
-from lava_vpr.decoding import assign
-from lava_vpr.engine.conductance import ConductanceState
-from lava_vpr.engine.fixed import SCALARS, FixedNetwork
+from lava_vpr.engine.conductance.model import ConductanceState
+from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork
 from lava_vpr.errors import BackendUnavailableError, LavaVprError, ModelFileError
+from lava_vpr.matching.decoders import assign
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr import backends, baselines, decoding, matching
+from lava_vpr.backends import registry as backends
 from lava_vpr.config import DECODERS, Config
 from lava_vpr.encoding import EncodedTraverse, query_rates
 from lava_vpr.errors import InputError
-from lava_vpr.evaluation import Metrics, evaluate
+from lava_vpr.matching import baselines, decoders, sequences
+from lava_vpr.matching.evaluation import Metrics, evaluate
 from lava_vpr.model import Model
 
 BASELINES = ("sad", "cosine")
@@ -46,7 +47,7 @@ class Recognition:
     events: dict[str, int]
 
 
-def decoder_variant(config: Config) -> decoding.Variant:
+def decoder_variant(config: Config) -> decoders.Variant:
     """Which reading of the four decoders a preset uses: ``paper`` the released code's, others the printed equations."""
     return "vprsnn2022" if config.preset == "paper" else "paper"
 
@@ -80,7 +81,7 @@ def count_query_spikes(
 
 def decode(model: Model, counts: NDArray[np.int32], name: str) -> NDArray[np.float64]:
     """Scores float64 (n, places) of spike counts by the decoder ``name``."""
-    return decoding.decode(
+    return decoders.decode(
         name, model.responses, counts, variant=decoder_variant(model.config), gamma=model.config.decoder.gamma
     )
 
@@ -105,7 +106,7 @@ def recognise(
         model: A trained model.
         queries: Encoded with the model's settings.
         truth: bool (n_queries, places).
-        backend: Name in `lava_vpr.backends.BACKENDS`.
+        backend: Name in `lava_vpr.backends.registry.BACKENDS`.
         seed: Of the queries' noise; None: the model's.
         sequence: Queries that are matched together; 1: each alone.
         rivals: Baselines to compute, of `BASELINES`.
@@ -116,7 +117,7 @@ def recognise(
     """
     # What files or options can be wrong about comes first, before the work.
     if sequence > 1:
-        truth = matching.sequence_truth(truth, sequence)
+        truth = sequences.sequence_truth(truth, sequence)
     others: dict[str, NDArray[np.float64]] = {}
     if descriptors is not None:
         others["descriptors"] = baselines.descriptor_similarities(
@@ -128,11 +129,11 @@ def recognise(
     metrics = {}
     # One matrix at a time: of long routes, all of them together would not fit small memories.
     for name, scores in _every_matcher(model, queries, counts, rivals, others):
-        matrix = matching.sequence_scores(scores, sequence) if sequence > 1 else scores
-        sure = decoding.confidence("sequence" if sequence > 1 else name, matrix)
+        matrix = sequences.sequence_scores(scores, sequence) if sequence > 1 else scores
+        sure = decoders.confidence("sequence" if sequence > 1 else name, matrix)
         metrics[name] = evaluate(matrix, sure, truth)
         if name == default:
-            matches, confidence = decoding.best(matrix), sure
+            matches, confidence = decoders.best(matrix), sure
         if keep_scores and (name == default or name not in DECODERS):
             kept[name] = matrix
     return Recognition(

@@ -2,7 +2,7 @@
 
 A traverse is read from a folder, a list, a video or one image, and is lazy: it holds names and loads one image at a
 time. Every image keeps its absolute index, its number (from 0) in the whole sequence of its source, also when only a
-part of that is taken; positions and ground truth (`lava_vpr.groundtruth`) are in absolute indices, too.
+part of that is taken; positions and ground truth (`lava_vpr.truth.groundtruth`) are in absolute indices, too.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
-from lava_vpr.imageio import (
+from lava_vpr.images.imageio import (
     IMAGE_SUFFIXES,
     VIDEO_SUFFIXES,
     csv_rows,

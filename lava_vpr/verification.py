@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr import backends, decoding
-from lava_vpr.backends import Trains
+from lava_vpr.backends import registry as backends
+from lava_vpr.backends.registry import Trains
 from lava_vpr.encoding import EncodedTraverse, query_rates
-from lava_vpr.engine.conductance import ConductanceState
+from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.errors import BackendUnavailableError, InputError, NetworkLimitError
-from lava_vpr.evaluation import evaluate
+from lava_vpr.matching import decoders
+from lava_vpr.matching.evaluation import evaluate
 from lava_vpr.model import Model
 from lava_vpr.recognition import decode
 
@@ -134,7 +135,7 @@ def recall_at_1(model: Model, counts: NDArray[np.int32], truth: NDArray[np.bool_
     """R@1 of the model's default decoder on spike counts (n, neurons)."""
     name = model.config.decoder.default
     scores = decode(model, counts, name)
-    return evaluate(scores, decoding.confidence(name, scores), truth).recall_at_1
+    return evaluate(scores, decoders.confidence(name, scores), truth).recall_at_1
 
 
 def verify(

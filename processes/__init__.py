@@ -1,41 +1,37 @@
 """Custom Lava Processes, one folder each with ``process.py`` and ``models.py`` (import as `lava_vpr.processes`).
 
 ``from lava_vpr.processes import PoissonEncoder, PlaceNetwork``: every Process can be imported from here; Lava itself is
-imported only when one is. docs/lava.md lists them.
+imported only when one is. docs/lava.md lists them. A folder's ``__init__.py`` names its Process as ``PROCESS``.
 """
 
 from __future__ import annotations
 
 import importlib
+import pkgutil
+from types import ModuleType
 from typing import Any
 
-_FOLDERS = {
-    "PoissonEncoder": "poisson_encoder",
-    "BiasInputs": "bias_input",
-    "DenseSynapses": "dense_synapses",
-    "ExcitatoryLIF": "excitatory_lif",
-    "InhibitoryLIF": "inhibitory_lif",
-    "OneToOne": "one_to_one",
-    "LateralInhibition": "lateral_inhibition",
-    "SpikeCounter": "spike_counter",
-    "PlaceNetwork": "place_network",
-    "LibraryPlaceNetwork": "library_network",
-    "FusedPlaceNetwork": "fused_network",
-    "PlasticDense": "plastic_dense",
-    "LearningPlaceNetwork": "learning_network",
-    "LibraryLearningNetwork": "library_learning",
-    "FinePoissonEncoder": "fine_poisson_encoder",
-    "ConductanceLIF": "conductance_lif",
-    "DelayedDense": "delayed_dense",
-    "ConductancePlastic": "conductance_plastic",
-    "ConductancePlaceNetwork": "conductance_network",
-}
 
-__all__ = list(_FOLDERS)
+def _process_modules(package: ModuleType | None = None) -> dict[str, str]:
+    """The module that defines each Process, by the Process's name: every folder below this one is asked for its own."""
+    path, name = (__path__, __name__) if package is None else (package.__path__, package.__name__)
+    modules: dict[str, str] = {}
+    for entry in pkgutil.iter_modules(path, f"{name}."):
+        if entry.ispkg:
+            folder = importlib.import_module(entry.name)
+            modules |= (
+                {folder.PROCESS: f"{entry.name}.process"} if hasattr(folder, "PROCESS") else _process_modules(folder)
+            )
+    return modules
+
+
+_MODULES = _process_modules()
+
+__all__ = list(_MODULES)
 
 
 def __getattr__(name: str) -> Any:
     """The Process called ``name``."""
-    if name not in _FOLDERS:
+    if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{_FOLDERS[name]}.process"), name)
+    return getattr(importlib.import_module(_MODULES[name]), name)

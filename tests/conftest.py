@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 import pytest
-from commands import link_route, make_route
+from support.common.commands import link_route, make_route
 
 
 @pytest.fixture(scope="session")

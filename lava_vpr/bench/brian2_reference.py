@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.config import ConductanceLearning, ConductanceNetwork, Config
 from lava_vpr.configfile import from_dict
-from lava_vpr.engine.conductance import ConductanceState
+from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.errors import BackendUnavailableError
 
 try:

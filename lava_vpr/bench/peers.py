@@ -26,15 +26,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.bench import vprtempo
+from lava_vpr.bench.measure.timed import NOISE, host_answer
 from lava_vpr.bench.results import Peer
-from lava_vpr.bench.timed import NOISE, host_answer
 from lava_vpr.config import ConductanceNetwork, Config, preset
 from lava_vpr.configfile import to_dict
 from lava_vpr.encoding import EncodedTraverse, query_rates
-from lava_vpr.engine.conductance import ConductanceState, initial_state
+from lava_vpr.engine.conductance.model import ConductanceState, initial_state
 from lava_vpr.engine.threads import cores, share
 from lava_vpr.errors import BackendUnavailableError, InputError
-from lava_vpr.evaluation import Metrics, evaluate
+from lava_vpr.matching.evaluation import Metrics, evaluate
 from lava_vpr.model import Model
 from lava_vpr.recognition import BASELINES, Recognition, recognise
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from lava_vpr.deploy.costs import Modelled as Modelled
-from lava_vpr.deploy.ranges import Range as Range
-from lava_vpr.deploy.sanafe import CrossCheck as CrossCheck
-from lava_vpr.evaluation import Metrics
+from lava_vpr.deploy.boards.estimate import Range as Range
+from lava_vpr.deploy.cost.costs import Modelled as Modelled
+from lava_vpr.deploy.sanafe.comparison import CrossCheck as CrossCheck
+from lava_vpr.matching.evaluation import Metrics
 
 
 @dataclass(frozen=True)

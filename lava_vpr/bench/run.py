@@ -13,27 +13,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr import __version__
-from lava_vpr.backends import HostBackend
-from lava_vpr.bench.measure import measure, measure_encoding
+from lava_vpr.backends.registry import HostBackend
+from lava_vpr.bench.measure.host import measure, measure_encoding
+from lava_vpr.bench.measure.workload import workload
 from lava_vpr.bench.peers import run_peers
 from lava_vpr.bench.results import Bench, Candidate, CrossCheck, Measured, Modelled, Peer, StepTimes, Workload
-from lava_vpr.bench.sweep import BUDGET, sweep
-from lava_vpr.bench.workload import workload
-from lava_vpr.deploy.activity import Activity, activity_of
-from lava_vpr.deploy.board import BOARDS, Board
-from lava_vpr.deploy.closed_form import step_nanoseconds
-from lava_vpr.deploy.constants import CONSTANTS, barrier
-from lava_vpr.deploy.costs import modelled
-from lava_vpr.deploy.deployment import plan_of
-from lava_vpr.deploy.plan import Plan
-from lava_vpr.deploy.sanafe import cross_check
+from lava_vpr.bench.sweep.sweep import BUDGET, sweep
+from lava_vpr.deploy.boards.board import BOARDS, Board
+from lava_vpr.deploy.boards.constants import CONSTANTS, barrier
+from lava_vpr.deploy.boards.plan import Plan
+from lava_vpr.deploy.bundle.deployment import plan_of
+from lava_vpr.deploy.cost.closed_form import step_nanoseconds
+from lava_vpr.deploy.cost.costs import modelled
+from lava_vpr.deploy.cost.events import Activity, activity_of
+from lava_vpr.deploy.sanafe.comparison import cross_check
 from lava_vpr.encoding import EncodedTraverse, query_rates
-from lava_vpr.engine.fixed import SILENT_STEPS, FixedNetwork
+from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork
 from lava_vpr.engine.threads import cores
+from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import BackendUnavailableError, LavaVprError, NetworkLimitError
 from lava_vpr.model import Model
 from lava_vpr.recognition import BASELINES, Recognition, recognise
-from lava_vpr.trains import Trains
 from lava_vpr.traverse import Traverse
 
 T = TypeVar("T")

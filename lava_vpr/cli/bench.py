@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from lava_vpr import backends
-from lava_vpr.alignment import choose_queries
+from lava_vpr.backends import registry as backends
 from lava_vpr.cli.common import (
     PATH,
     check_folder,
@@ -27,10 +26,11 @@ from lava_vpr.cli.common import (
     write_json,
 )
 from lava_vpr.cli.evaluate import command_line
-from lava_vpr.deploy.board import BOARDS
+from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.errors import ConfigError
 from lava_vpr.model import Model
 from lava_vpr.traverse import open_traverse
+from lava_vpr.truth.alignment import choose_queries
 
 if TYPE_CHECKING:
     from lava_vpr.bench.results import Bench
@@ -124,7 +124,7 @@ def bench(
 def _refuse(model: Model, path: Path, targets: tuple[str, ...], names: tuple[str, ...], sweep: bool) -> None:
     """Refuse, before any work is done, what was asked for by name and cannot be."""
     from lava_vpr.bench.run import sweepable
-    from lava_vpr.deploy.deployment import plan_of
+    from lava_vpr.deploy.bundle.deployment import plan_of
 
     reason = sweepable(model) if sweep else None
     if reason is not None:
@@ -137,15 +137,15 @@ def _refuse(model: Model, path: Path, targets: tuple[str, ...], names: tuple[str
 
 def _tell(found: Bench, json_path: Path | None, report_folder: Path | None) -> None:
     """Files first: whoever reads the tables may go away."""
-    from lava_vpr.bench.document import as_json
-    from lava_vpr.bench.tables import absences, tables
+    from lava_vpr.bench.show.document import as_json
+    from lava_vpr.bench.show.terminal import absences, tables
 
     if json_path is not None:
         write_json(json_path, as_json(found))
     page = None
     if report_folder is not None:
         # matplotlib takes a second to import: only those who want a report wait for it.
-        from lava_vpr.bench.page import page as page_of
+        from lava_vpr.bench.show.page import page as page_of
         from lava_vpr.report import write_page
 
         page = write_page(page_of(found), report_folder / "bench.html")

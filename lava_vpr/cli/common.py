@@ -19,15 +19,15 @@ from rich.measure import Measurement
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from lava_vpr import backends
 from lava_vpr import model as model_file
-from lava_vpr.alignment import aligned_truth, by_number
+from lava_vpr.backends import registry as backends
 from lava_vpr.config import EncoderConfig
 from lava_vpr.container import write_atomically
 from lava_vpr.encoding import EncodedTraverse, encode_traverse
 from lava_vpr.errors import InputError, ModelFileError
 from lava_vpr.model import Model
 from lava_vpr.traverse import Traverse
+from lava_vpr.truth.alignment import aligned_truth, by_number
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -143,7 +143,7 @@ def open_model(path: Path) -> Model:
     """
     if not path.is_dir():
         return model_file.load(path)
-    from lava_vpr.deploy.opening import open_bundle  # only those who have a bundle wait for it
+    from lava_vpr.deploy.bundle.opening import open_bundle  # only those who have a bundle wait for it
 
     return open_bundle(path)
 

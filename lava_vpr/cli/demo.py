@@ -8,7 +8,6 @@ from pathlib import Path
 import click
 
 from lava_vpr import model as model_file
-from lava_vpr.alignment import aligned_truth, choose_queries
 from lava_vpr.cli.common import PATH, console, encode, seed_type, write_json
 from lava_vpr.cli.evaluate import print_table
 from lava_vpr.config import preset
@@ -16,9 +15,10 @@ from lava_vpr.engine.threads import cores
 from lava_vpr.recognition import as_json, recognise
 from lava_vpr.report import write_report
 from lava_vpr.report.build import report_data
-from lava_vpr.synthetic import write_traverses
-from lava_vpr.training import train as train_model
+from lava_vpr.synthetic.world import write_traverses
+from lava_vpr.training.loop import train as train_model
 from lava_vpr.traverse import open_traverse
+from lava_vpr.truth.alignment import aligned_truth, choose_queries
 
 
 @click.command()

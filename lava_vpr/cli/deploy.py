@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
-from lava_vpr.alignment import aligned_truth, choose_queries
 from lava_vpr.cli.common import (
     PATH,
     check_writable,
@@ -27,18 +26,19 @@ from lava_vpr.cli.common import (
     write_json,
 )
 from lava_vpr.config import INPUT_MODES
-from lava_vpr.deploy.board import BOARDS, Board
-from lava_vpr.deploy.bundle import check_replaceable
-from lava_vpr.deploy.calibration import calibrated, figures, search
-from lava_vpr.deploy.compression import Compressed, Figures, for_board
-from lava_vpr.deploy.deployment import Deployed
-from lava_vpr.deploy.deployment import deploy as write_bundle
-from lava_vpr.deploy.tables import core_table, summary
+from lava_vpr.deploy.boards.board import BOARDS, Board
+from lava_vpr.deploy.bundle.deployment import Deployed
+from lava_vpr.deploy.bundle.deployment import deploy as write_bundle
+from lava_vpr.deploy.bundle.folder import check_replaceable
+from lava_vpr.deploy.compression.calibration import calibrated, figures, search
+from lava_vpr.deploy.compression.compression import Compressed, Figures, for_board
+from lava_vpr.deploy.show.tables import core_table, summary
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
 from lava_vpr.model import Model
 from lava_vpr.traverse import open_traverse
+from lava_vpr.truth.alignment import aligned_truth, choose_queries
 
 Calibration = tuple[EncodedTraverse, NDArray[np.bool_]]
 
@@ -197,7 +197,7 @@ def _told(bars: ExitStack, points: int) -> Callable[[str], None]:
 
 def _learned(deployed: Deployed, model: Model, calibration: Calibration) -> Figures:
     """What the bundle's network that learns reaches, trained from the bundle's own files."""
-    from lava_vpr.deploy.learning import learned_on_chip, read_learning
+    from lava_vpr.deploy.bundle.learning import learned_on_chip, read_learning
 
     with progress_bar("learning as on the chip", 1):
         return figures(learned_on_chip(model, read_learning(deployed.bundle), cores()), calibration, threads=cores())

@@ -10,7 +10,8 @@ import shutil
 import click
 from rich.table import Table
 
-from lava_vpr import __version__, backends
+from lava_vpr import __version__
+from lava_vpr.backends import registry as backends
 from lava_vpr.cli.common import console
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import BackendUnavailableError
@@ -42,8 +43,8 @@ def version(package: str) -> str | None:
 
 def _costing() -> list[tuple[str, str, str]]:
     """What ``bench`` uses where it is: name, whether it is there, what for."""
-    from lava_vpr.bench import rapl  # only here: it is quick, but the command line need not wait for it
-    from lava_vpr.deploy.sanafe import find_sanafe
+    from lava_vpr.bench.measure import rapl  # only here: it is quick, but the command line need not wait for it
+    from lava_vpr.deploy.sanafe.comparison import find_sanafe
 
     try:
         rapl.counters()

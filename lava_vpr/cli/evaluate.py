@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
-from lava_vpr import backends
-from lava_vpr.alignment import choose_queries, positions_truth
+from lava_vpr.backends import registry as backends
 from lava_vpr.cli.common import (
     PATH,
     answer_options,
@@ -29,11 +28,12 @@ from lava_vpr.cli.common import (
     write_json,
 )
 from lava_vpr.engine.threads import cores
-from lava_vpr.evaluation import Metrics
-from lava_vpr.groundtruth import read_ground_truth
+from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.model import Model
 from lava_vpr.recognition import BASELINES, Recognition, as_json, recognise
 from lava_vpr.traverse import Traverse, open_traverse
+from lava_vpr.truth.alignment import choose_queries, positions_truth
+from lava_vpr.truth.groundtruth import read_ground_truth
 
 
 @click.command("eval")

@@ -12,10 +12,10 @@ from rich.table import Table
 from lava_vpr.cli.common import PATH, check_writable, console, open_model, print_whole, stderr, write_json, write_text
 from lava_vpr.config import INPUT_MODES, preset
 from lava_vpr.configfile import update
-from lava_vpr.deploy.board import BOARDS, Board
+from lava_vpr.deploy.boards.board import BOARDS, Board
 
 if TYPE_CHECKING:
-    from lava_vpr.deploy.capacity import Capacity
+    from lava_vpr.deploy.mapping.capacity import Capacity
 
 
 @click.command()
@@ -76,9 +76,9 @@ def _model(
     json_path: Path | None,
 ) -> None:
     """What each core of the board holds of a model."""
-    from lava_vpr.deploy.compression import for_board
-    from lava_vpr.deploy.deployment import mapping, plan_of
-    from lava_vpr.deploy.tables import core_table, summary
+    from lava_vpr.deploy.bundle.deployment import mapping, plan_of
+    from lava_vpr.deploy.compression.compression import for_board
+    from lava_vpr.deploy.show.tables import core_table, summary
     from lava_vpr.engine.threads import cores
 
     model = open_model(model_path)
@@ -88,7 +88,7 @@ def _model(
         values = {"places": model.places, "neurons": model.neurons, "weight_bits": adapted.model.weight_bits}
         write_json(json_path, {"target": board.name, "fits": True, **values, "mapping": mapping(plan)})
     if picture is not None:
-        from lava_vpr.deploy.drawing import draw  # matplotlib takes a second to import
+        from lava_vpr.deploy.show.drawing import draw  # matplotlib takes a second to import
 
         write_text(picture, draw(plan).decode())
     for note in adapted.notes:
@@ -107,7 +107,7 @@ def _largest(
     json_path: Path | None,
 ) -> None:
     """The largest maps that fit the board."""
-    from lava_vpr.deploy import capacity
+    from lava_vpr.deploy.mapping import capacity
 
     chosen = {"weight_bits": weight_bits, "input_mode": input_mode, "neurons_per_place": neurons_per_place}
     changes = {name: value for name, value in chosen.items() if value is not None}

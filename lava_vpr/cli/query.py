@@ -10,7 +10,7 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr import backends, decoding, matching
+from lava_vpr.backends import registry as backends
 from lava_vpr.cli.common import (
     PATH,
     answer_options,
@@ -25,6 +25,7 @@ from lava_vpr.cli.common import (
 )
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
+from lava_vpr.matching import decoders, sequences
 from lava_vpr.model import Model
 from lava_vpr.recognition import count_query_spikes, decode
 from lava_vpr.traverse import open_traverse
@@ -96,13 +97,13 @@ def answer(model: Model, counts: NDArray[np.int32], sequence: int) -> tuple[NDAr
     name = model.config.decoder.default
     scores = decode(model, counts, name)
     if sequence == 1:
-        return decoding.best(scores), decoding.confidence(name, scores)
-    windows = matching.causal_sequence_scores(scores, sequence)
+        return decoders.best(scores), decoders.confidence(name, scores)
+    windows = sequences.causal_sequence_scores(scores, sequence)
     matches = np.full(len(counts), -1, np.int64)
     confidence = np.full(len(counts), -np.inf)
-    best = decoding.best(windows)
+    best = decoders.best(windows)
     matches[sequence - 1 :] = np.where(best >= 0, best + sequence - 1, -1)
-    confidence[sequence - 1 :] = decoding.confidence("sequence", windows)
+    confidence[sequence - 1 :] = decoders.confidence("sequence", windows)
     return matches, confidence
 
 

@@ -28,8 +28,8 @@ from lava_vpr.configfile import read_toml, update
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import ModelFileError
 from lava_vpr.model import Model
-from lava_vpr.training import Progress, check_references, check_size, presentations, split
-from lava_vpr.training import train as train_model
+from lava_vpr.training.loop import Progress, check_references, check_size, presentations, split
+from lava_vpr.training.loop import train as train_model
 from lava_vpr.traverse import open_traverse
 
 

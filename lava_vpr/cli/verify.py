@@ -9,8 +9,7 @@ from pathlib import Path
 import click
 from rich.table import Table
 
-from lava_vpr import backends
-from lava_vpr.alignment import aligned_truth, choose_queries
+from lava_vpr.backends import registry as backends
 from lava_vpr.cli.common import (
     PATH,
     check_writable,
@@ -27,6 +26,7 @@ from lava_vpr.cli.common import (
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
 from lava_vpr.traverse import open_traverse
+from lava_vpr.truth.alignment import aligned_truth, choose_queries
 from lava_vpr.verification import Verdict
 from lava_vpr.verification import verify as verify_spikes
 

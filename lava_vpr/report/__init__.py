@@ -1,6 +1,6 @@
 """The evaluation report: one HTML file that needs nothing else, from plain arrays.
 
-`ReportData` in, ``report.html`` out. Everything is drawn here and nothing is computed that `lava_vpr.evaluation` has
+`ReportData` in, ``report.html`` out. Everything is drawn here and nothing is computed that `matching.evaluation` has
 not computed already, so that the report and the JSON never disagree.
 """
 

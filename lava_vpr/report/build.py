@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.configfile import to_toml
 from lava_vpr.encoding import EncodedTraverse, query_rates16
-from lava_vpr.engine import fixed
+from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.model import Model
 from lava_vpr.recognition import Recognition

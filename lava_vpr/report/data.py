@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 
 class Figures(Protocol):
-    """One matcher's figures, fractions in 0..1; `lava_vpr.evaluation.Metrics` is one. None or NaN: not computable."""
+    """One matcher's figures, fractions in 0..1; `matching.evaluation.Metrics` is one. None or NaN: not computable."""
 
     @property
     def recall_at_1(self) -> float | None: ...

@@ -157,7 +157,7 @@ def scores(data: ReportData) -> str:
             matches = data.matches
         else:
             filled = np.where(np.isfinite(matrix), matrix, -np.inf)
-            # As in `lava_vpr.evaluation`: a query whose scores are all 0 matches no place.
+            # As in `lava_vpr.matching.evaluation`: a query whose scores are all 0 matches no place.
             matches = np.where((np.isfinite(matrix) & (matrix != 0)).any(axis=1), filled.argmax(axis=1), -1)
         known = np.flatnonzero(matches >= 0)
         correct = int(data.truth[known, matches[known]].sum())

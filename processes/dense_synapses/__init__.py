@@ -1,1 +1,3 @@
 """Synapses from every input to every neuron."""
+
+PROCESS = "DenseSynapses"

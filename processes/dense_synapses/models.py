@@ -13,7 +13,7 @@ from lava.magma.core.resources import CPU
 from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 from numpy.typing import NDArray
 
-from lava_vpr.engine.lif import dense_step, stored_weights
+from lava_vpr.engine.general.lif import dense_step, stored_weights
 from lava_vpr.processes.dense_synapses.process import DenseSynapses
 
 

@@ -11,15 +11,15 @@ from lava.magma.core.process.variable import Var
 from lava.utils.weightutils import SignMode
 from numpy.typing import NDArray
 
-from lava_vpr.engine import lif
+from lava_vpr.engine.general import lif
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import WEIGHT_BITS, WEIGHT_EXPONENT_LIMIT
-from lava_vpr.processes.shared import CheckedProcess, RegisterVar, require, whole
+from lava_vpr.processes.base.shared import CheckedProcess, RegisterVar, require, whole
 
 
 @lru_cache(maxsize=1)
 def compile_dense() -> None:
-    """Compile `lava_vpr.engine.lif.dense_step`, or load it."""
+    """Compile `lava_vpr.engine.general.lif.dense_step`, or load it."""
     lif.dense_step(np.zeros((1, 1), np.int32), np.ones(1, bool), 0, np.zeros(1, np.int64), np.zeros(1, np.int32))
 
 

@@ -1,1 +1,3 @@
 """The excitatory population."""
+
+PROCESS = "ExcitatoryLIF"

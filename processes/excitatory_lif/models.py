@@ -6,8 +6,8 @@ from lava.magma.core.decorator import implements, requires, tag
 from lava.magma.core.resources import CPU
 from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 
+from lava_vpr.processes.base.neurons import LifModelFixed, LifModelFloat
 from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF
-from lava_vpr.processes.neurons import LifModelFixed, LifModelFloat
 
 
 @implements(proc=ExcitatoryLIF, protocol=LoihiProtocol)

@@ -1,1 +1,3 @@
 """The inhibitory population."""
+
+PROCESS = "InhibitoryLIF"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from lava_vpr.processes.neurons import LifProcess
+from lava_vpr.processes.base.neurons import LifProcess
 
 
 class InhibitoryLIF(LifProcess):

@@ -1,1 +1,3 @@
 """Inhibition of all others."""
+
+PROCESS = "LateralInhibition"

@@ -9,15 +9,9 @@ from lava.magma.core.process.ports.ports import InPort, OutPort
 from lava.magma.core.process.variable import Var
 from numpy.typing import NDArray
 
-from lava_vpr.engine.lif import need
+from lava_vpr.engine.general.lif import need
 from lava_vpr.loihi import INPUT_LIMIT, WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
-from lava_vpr.processes.shared import (
-    CheckedProcess,
-    RegisterVar,
-    check_shape,
-    vector,
-    whole,
-)
+from lava_vpr.processes.base.shared import CheckedProcess, RegisterVar, check_shape, vector, whole
 
 
 class LateralInhibition(CheckedProcess):

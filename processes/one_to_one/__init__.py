@@ -1,1 +1,3 @@
 """One synapse from each neuron to its partner."""
+
+PROCESS = "OneToOne"

@@ -13,11 +13,11 @@ from lava.magma.core.resources import CPU
 from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 from numpy.typing import NDArray
 
-from lava_vpr.engine.integer import Rule, normalise, step_draws
-from lava_vpr.engine.integer_kernels import decay_traces, learn_column
+from lava_vpr.engine.learning.integer import Rule, normalise, step_draws
+from lava_vpr.engine.learning.integer_kernels import decay_traces, learn_column
 from lava_vpr.loihi import TRACE_LIMIT
+from lava_vpr.processes.base.rules import FloatRule
 from lava_vpr.processes.plastic_dense.process import PlasticDense, interval_of
-from lava_vpr.processes.rules import FloatRule
 
 
 class PlasticModel(PyLoihiProcessModel):

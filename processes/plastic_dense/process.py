@@ -10,13 +10,13 @@ from lava.magma.core.process.ports.ports import InPort, OutPort
 from lava.magma.core.process.variable import Var
 from numpy.typing import NDArray
 
-from lava_vpr.engine.fixed import SILENT_STEPS
-from lava_vpr.engine.integer import Rule, normalise
-from lava_vpr.engine.integer_kernels import decay_traces, learn_column
-from lava_vpr.engine.lif import need, stored_weights
+from lava_vpr.engine.general.lif import need, stored_weights
+from lava_vpr.engine.inference.fixed import SILENT_STEPS
+from lava_vpr.engine.learning.integer import Rule, normalise
+from lava_vpr.engine.learning.integer_kernels import decay_traces, learn_column
 from lava_vpr.loihi import WEIGHT_EXPONENT_LIMIT
-from lava_vpr.processes.rules import FloatRule
-from lava_vpr.processes.shared import CheckedProcess, RegisterVar, check_outputs
+from lava_vpr.processes.base.rules import FloatRule
+from lava_vpr.processes.base.shared import CheckedProcess, RegisterVar, check_outputs
 
 Draws = tuple[NDArray[np.uint64], NDArray[np.uint64]]
 
@@ -29,7 +29,7 @@ def lava_streams(rng_seed: int, steps: int) -> Draws:
         steps: Lava steps from the start of the run.
     Returns:
         One number a step for traces and one a step for weights, uint64 (steps,) each, as `PlasticDense` and
-        `lava_vpr.engine.integer.present` take them.
+        `lava_vpr.engine.learning.integer.present` take them.
     Source: lava-nc 0.10, ``magma/core/learning/random.py``: either generator draws once when it is made; traces then
     draw twice a step, weights once, with a seed of 2 that cannot be changed.
     """
@@ -48,7 +48,7 @@ def compile_plasticity() -> None:
 
 
 class PlasticDense(CheckedProcess):
-    """All-to-all synapses with the STDP rule of `lava_vpr.engine.integer` and `lava_vpr.engine.stdp`.
+    """All-to-all synapses with the STDP rule of `lava_vpr.engine.learning.integer` and `lava_vpr.engine.learning.stdp`.
 
     In a Lava step, in this order: send what the spikes of the step before bring; receive this step's input spikes and
     sum their weights for the next step; let the traces decay and set those of spiking inputs; receive this step's
@@ -90,7 +90,7 @@ class PlasticDense(CheckedProcess):
             draws: Random numbers instead of those of the keys: for traces and for weights, 53 bits each, one for every
                 Lava step, uint64 (k,). After k steps nothing is learned any more.
             record_weights, record_traces: Filled at the end of each presentation, (n, neurons, inputs) and (n, inputs),
-                uint8 or, for the floating-point model, float64; from `lava_vpr.processes.shared.shared_array`.
+                uint8 or, for the floating-point model, float64; from `lava_vpr.processes.base.shared.shared_array`.
         Raises:
             NetworkLimitError: arrays that do not fit each other, or values that the learning engine cannot hold.
         """
@@ -141,7 +141,12 @@ class PlasticDense(CheckedProcess):
             NetworkLimitError: the rule is a `FloatRule`.
         """
         fixed = isinstance(self.rule, Rule)
-        need(fixed, "PlasticDense: rule", "a FloatRule", "a lava_vpr.engine.integer.Rule for the fixed-point model")
+        need(
+            fixed,
+            "PlasticDense: rule",
+            "a FloatRule",
+            "a lava_vpr.engine.learning.integer.Rule for the fixed-point model",
+        )
 
     def compile_kernels(self) -> None:
         """Compile the host engine's kernels before the models are forked."""

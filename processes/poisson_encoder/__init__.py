@@ -1,1 +1,3 @@
 """Poisson input spikes."""
+
+PROCESS = "PoissonEncoder"

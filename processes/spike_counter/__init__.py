@@ -1,1 +1,3 @@
 """Counts spikes per presentation."""
+
+PROCESS = "SpikeCounter"

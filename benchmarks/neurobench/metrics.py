@@ -1,0 +1,136 @@
+"""Our metrics (`lava_vpr.bench.measure.workload`) beside those of the package neurobench, on the same spikes.
+
+    LAVA_VPR_DATA=... python -m benchmarks.neurobench.metrics [--queries 20]
+
+`make neurobench` installs the package in an environment of its own; `benchmarks/neurobench_package.py` runs there, in a
+process of its own, and builds the network again in torch. Its neurons must spike as ours do, and every metric be equal:
+counts exactly, fractions to the digits that the package rounds to.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import click
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+from lava_vpr.bench.measure.workload import of_trains
+from lava_vpr.bench.results import Workload
+from lava_vpr.config import PRESETS, preset
+from lava_vpr.configfile import update
+from lava_vpr.encoding import draw_trains, query_rates
+from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork, count_spikes
+from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.trains import Trains
+from lava_vpr.errors import BackendUnavailableError, LavaRunError
+
+ROOT = Path(__file__).resolve().parents[2]
+PYTHON = ROOT / ".venv-neurobench" / "bin" / "python"
+PROGRAM = ROOT / "benchmarks" / "neurobench_package.py"
+NUMBERS = ("shift", "threshold", "decay", "inhibition", "inhibition_exponent")
+ROUNDED = 0.5e-4
+"""neurobench 2.3.0 rounds connection sparsity to 4 digits."""
+
+Pair = tuple[float, float]
+
+
+def trains_of(network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.uint64]) -> Trains:
+    """Every spike of some presentations, as the host engine has them."""
+    _, _, exc = count_spikes(network, rates, keys, raster=True)
+    inputs = draw_trains(rates, keys, network.steps, network.steps + SILENT_STEPS)
+    return Trains(exc, inputs, np.concatenate([np.zeros_like(exc[:, :1]), exc[:, :-1]], axis=1))
+
+
+def compare(network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.uint64]) -> dict[str, Pair]:
+    """Every metric by name: ours, neurobench's. Inputs must be injected: neurobench takes them for data.
+
+    Raises:
+        BackendUnavailableError: the package is not installed.
+        LavaRunError: it failed, or its neurons spike otherwise.
+    """
+    if not PYTHON.exists():
+        raise BackendUnavailableError(f"{PYTHON}: there is no neurobench; run make neurobench")
+    trains = trains_of(network, rates, keys)
+    ours = of_trains(network, trains, rates, keys)
+    with tempfile.TemporaryDirectory(prefix="lava-vpr-") as folder:
+        problem = Path(folder) / "problem.npz"
+        numbers = {name: np.int64(getattr(network, name)) for name in NUMBERS}
+        np.savez(problem, weights=network.weights, spikes=trains.inputs, **numbers)
+        ran = subprocess.run([str(PYTHON), str(PROGRAM), str(problem)], capture_output=True, text=True, check=False)
+    if ran.returncode:
+        raise LavaRunError(f"neurobench failed: {ran.stderr.strip().splitlines()[-1]}", ran.stderr)
+    found = json.loads(ran.stdout.strip().splitlines()[-1])
+    if not np.array_equal(np.array(found["counts"]), trains.exc.sum(axis=1, dtype=np.int64)):
+        raise LavaRunError("the network built for neurobench spikes otherwise than ours", ran.stderr)
+    theirs = found["metrics"] | found["metrics"].pop("SynapticOperations")
+    return {name: (float(getattr(ours, name)), float(theirs[key])) for name, key in THEIRS.items()}
+
+
+THEIRS = {
+    "footprint_bytes": "Footprint",
+    "parameters": "ParameterCount",
+    "connection_sparsity": "ConnectionSparsity",
+    "activation_sparsity": "ActivationSparsity",
+    "dense_operations": "Dense",
+    "effective_macs": "Effective_MACs",
+    "effective_acs": "Effective_ACs",
+    "membrane_updates": "MembraneUpdates",
+}
+"""Fields of `Workload` and neurobench's names."""
+
+
+def equal(pairs: dict[str, Pair]) -> bool:
+    """Whether all agree."""
+    if set(pairs) != set(Workload.__dataclass_fields__):
+        return False
+    allowed = {"connection_sparsity": ROUNDED, "activation_sparsity": 1e-12}
+    return all(abs(a - b) <= allowed.get(name, 0.0) for name, (a, b) in pairs.items())
+
+
+def problems(queries: int) -> list[tuple[str, FixedNetwork, NDArray[np.uint16], NDArray[np.uint64]]]:
+    """Networks learned from real images, and winter queries."""
+    from benchmarks.nordland import encoded, part
+    from benchmarks.recall import learn
+
+    wanted = {name: preset(name) for name in PRESETS if name != "paper"}
+    wanted["loihi, 1 bit"] = update(preset("loihi"), {"network": {"weight_bits": 1}})
+    made = []
+    for name, config in wanted.items():
+        for places in ((0, 100), (0, 200)):
+            network = learn(places, config).network
+            if isinstance(network, FixedNetwork):
+                winter = part(encoded("winter", config.encoder), slice(0, queries))
+                keys = presentation_keys(config.seed, "query", winter.indices)
+                made.append((f"{name}, {places[1]} places", network, query_rates(winter.activity, config), keys))
+    return made
+
+
+@click.command()
+@click.option("--queries", default=20, show_default=True, help="Winter images that are presented.")
+def main(queries: int) -> None:
+    """Print both sides of every metric."""
+    console, failed = Console(highlight=False, width=110), []
+    for name, network, rates, keys in problems(queries):
+        pairs = compare(network, np.asarray(rates, np.uint16), keys)
+        table = Table(title=f"{name}, {len(keys)} queries", title_justify="left")
+        for column in ("per query where it depends on it", "ours", "neurobench 2.3.0"):
+            table.add_column(column, justify="left" if column[0] == "p" else "right")
+        for metric, (own, other) in pairs.items():
+            table.add_row(metric, *(f"{value:,.6g}" if value < 1 else f"{value:,.2f}" for value in (own, other)))
+        console.print(table)
+        if not equal(pairs):
+            failed.append(name)
+    if failed:
+        sys.exit(f"not equal: {', '.join(failed)}")
+    console.print("all equal, and so are the spikes")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,116 @@
+"""The network as the package neurobench sees it: python neurobench_package.py PROBLEM.npz (in its own environment).
+
+Reads weights, numbers and input spikes (`benchmarks.neurobench.metrics` has the format), builds the network in torch
+with neurons of its own arithmetic, runs neurobench's benchmark on it, and prints metrics and spike counts as JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import Any
+
+import numpy as np
+import snntorch
+import torch
+from neurobench.benchmarks import Benchmark
+from neurobench.metrics.static import ConnectionSparsity, Footprint, ParameterCount
+from neurobench.metrics.workload import ActivationSparsity, MembraneUpdates, SynapticOperations
+from neurobench.models import SNNTorchModel, TorchModel
+from torch import Tensor, nn
+from torch.utils.data import DataLoader, TensorDataset
+
+LIMIT = 1 << 23
+NUMBERS = ("shift", "threshold", "decay", "inhibition", "inhibition_exponent")
+Numbers = dict[str, int]
+
+
+class Neurons(snntorch.SpikingNeuron):
+    """Leaky integrate-and-fire in Loihi's integers, held exactly in float64."""
+
+    def __init__(self, threshold: int, decay: int) -> None:
+        super().__init__(threshold=float(threshold << 6))
+        self.keep, self.mem = float(4096 - decay), torch.zeros(1)
+
+    def forward(self, drive: Tensor) -> tuple[Tensor, Tensor]:
+        """One step; spikes and membranes."""
+        u = drive * 64
+        u = torch.where(u > LIMIT, u - 2 * LIMIT, torch.where(u <= -LIMIT, u + 2 * LIMIT, u))
+        v = torch.sign(self.mem) * torch.floor(torch.abs(self.mem) * self.keep / 4096) + u
+        v = torch.clamp(v, 1 - LIMIT, LIMIT - 1)
+        spikes = (v > self.threshold).to(v.dtype)
+        self.mem = v * (1 - spikes)
+        return spikes, self.mem
+
+
+class Network(nn.Module):
+    """Inputs to exc, exc to inh one to one, inh to all other exc; every arrow takes one step."""
+
+    def __init__(self, weights: np.ndarray, numbers: Numbers, batch: int) -> None:
+        super().__init__()
+        inputs, n = weights.shape
+        self.excite, self.inhibit = nn.Linear(inputs, n, bias=False), nn.Linear(n, n, bias=False)
+        self.relay = nn.Conv1d(n, n, 1, groups=n, bias=False)
+        with torch.no_grad():
+            self.excite.weight.copy_(torch.from_numpy(weights.T.astype(np.float64)))
+            self.relay.weight.fill_(2.0)
+            self.inhibit.weight.copy_(float(numbers["inhibition"]) * (1 - torch.eye(n)))
+        self.exc, self.inh = Neurons(numbers["threshold"], numbers["decay"]), Neurons(1, 0)
+        self.shift, self.batch, self.n = float(1 << numbers["shift"]), batch, n
+        self.exponent = float(1 << numbers["inhibition_exponent"])
+        self.counts = torch.zeros(batch, n)
+        self.reset()
+
+    def reset(self) -> None:
+        """Before a presentation."""
+        self.drive = self.relayed = torch.zeros(self.batch, self.n)
+        self.exc.mem = self.inh.mem = torch.zeros(self.batch, self.n)
+
+    def forward(self, spikes: Tensor) -> tuple[Tensor, Tensor]:
+        """One step; synapses are given the spikes of this step and deliver them in the next."""
+        exc, mem = self.exc(self.drive)
+        inh, _ = self.inh(self.relayed)
+        self.drive = torch.floor(self.excite(spikes) / self.shift) - self.exponent * self.inhibit(inh)
+        self.relayed = self.relay(exc[:, :, None])[:, :, 0]
+        self.counts = self.counts + exc
+        return exc, mem
+
+
+class Stored(nn.Module):
+    """What is stored: one byte a weight, four a membrane."""
+
+    def __init__(self, network: Network) -> None:
+        super().__init__()
+        self.layers = nn.ModuleList([network.excite, network.relay, network.inhibit])
+        for layer in self.layers:
+            layer.weight = nn.Parameter(layer.weight.detach().to(torch.uint8), requires_grad=False)
+        for name in ("exc", "inh"):
+            self.register_buffer(name, torch.zeros(network.n, dtype=torch.int32))
+
+
+def measured(weights: np.ndarray, numbers: Numbers, spikes: np.ndarray) -> dict[str, Any]:
+    """Every metric, and the spike counts (n, neurons)."""
+    network = Network(weights, numbers, len(spikes))
+    data = TensorDataset(torch.from_numpy(spikes.astype(np.float64)), torch.zeros(len(spikes)))
+    loader = DataLoader(data, batch_size=len(spikes))
+    workload = [ActivationSparsity, SynapticOperations, MembraneUpdates]
+    with torch.no_grad():
+        found = Benchmark(SNNTorchModel(network), loader, [], [], [[], workload]).run(quiet=True)
+        counts = network.counts.numpy().astype(int).tolist()
+    stored = TorchModel(Stored(network))
+    found |= {metric.__name__: metric()(stored) for metric in (Footprint, ParameterCount, ConnectionSparsity)}
+    return {"metrics": found, "counts": counts}
+
+
+def main(path: str) -> None:
+    """Print the metrics of a problem."""
+    torch.set_default_dtype(torch.float64)
+    torch.set_num_threads(1)
+    problem = np.load(path)
+    numbers = {name: int(problem[name]) for name in NUMBERS}
+    result = measured(problem["weights"], numbers, problem["spikes"])
+    print(json.dumps(result, default=float))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

@@ -1,0 +1,1 @@
+"""Other simulators of Loihi beside our integers."""

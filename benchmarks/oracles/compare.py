@@ -1,0 +1,289 @@
+"""Other people's simulators of Loihi against this project's integers, spike for spike and membrane for membrane.
+
+    python -m benchmarks.oracles.compare [--networks N] [--queries N] [--only NAME]      (`make oracles` sets it up)
+
+brian2-loihi and nengo-loihi's emulator each live in an environment of their own; networks and results travel as files.
+Where a simulator's arithmetic is ours it has to agree: one spike or membrane that differs is a failure. Where it is
+not, every network that differs is given the fewest named rules with which our own arithmetic, written out plainly,
+gives exactly what the simulator says; a network without such rules is a failure, too.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import click
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.nordland import encoded, part
+from benchmarks.oracles.networks import edge_networks, is_common, random_networks, reaches_limits
+from benchmarks.oracles.problems import Problem, Result, engine_result, inference_problem, read_result, write_problem
+from benchmarks.oracles.rules import RULES, explain, literal
+from benchmarks.recall import learn
+from lava_vpr.config import preset
+from lava_vpr.configfile import update
+from lava_vpr.encoding import rates16
+from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
+from lava_vpr.engine.random import presentation_keys
+from lava_vpr.errors import InputError, LavaVprError
+
+ROOT = Path(__file__).resolve().parents[2]
+SCRIPTS = {name: Path(__file__).with_name(f"{name.replace('-', '_')}.py") for name in RULES}
+TIMEOUT_S = 1200
+SMALL = ((1, 0, 12), (2, 0, 30), (3, 0, 60), (3, 1, 30), (8, 5, 60))
+"""bits, shift and threshold of small inference networks; the last two shift their sums by bits that weights use."""
+RULE_COLUMNS = ("networks", "spikes", "membranes", "needed in")
+LEGEND = """\
+common: no rule of this simulator changes anything in our own arithmetic, so everything has to be equal
+at limits: a current wraps or a membrane is clipped; needed in: networks that cannot be reproduced without this rule
+"""
+console = Console(highlight=False, width=118)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A network, what our engine makes of it, and whether the simulator has to agree."""
+
+    group: str
+    problem: Problem
+    expected: Result
+    common: bool
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How a simulator's answer compares: entries of the raster and of the membranes that differ, and the fewest rules
+    that explain it exactly (None: unexplained)."""
+
+    case: Case
+    spikes: int
+    membranes: int
+    rules: tuple[str, ...] | None
+
+
+def environment(simulator: str) -> Path:
+    """The Python in which ``simulator`` is installed; it need not exist."""
+    return ROOT / f".venv-{simulator}" / "bin" / "python"
+
+
+def ask(simulator: str, problems: Sequence[Problem], timeout_s: float = TIMEOUT_S) -> list[Result]:
+    """What ``simulator`` makes of ``problems``, in its own environment.
+
+    Raises:
+        InputError: it is not installed, fails, or takes too long.
+    """
+    python = environment(simulator)
+    if not python.exists():
+        raise InputError(f"{simulator}: not installed in {python.parent.parent.name}; run make oracles")
+    with tempfile.TemporaryDirectory(prefix="oracle-") as folder:
+        for i, problem in enumerate(problems):
+            write_problem(Path(folder) / f"{i:04d}.problem.npz", problem)
+        try:
+            done = subprocess.run(
+                [str(python), str(SCRIPTS[simulator]), folder],
+                env={name: value for name, value in os.environ.items() if not name.startswith("PYTHON")},
+                cwd=folder,
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                text=True,
+                timeout=timeout_s,
+                check=False,
+            )
+        except subprocess.TimeoutExpired:
+            raise InputError(f"{simulator}: not done after {timeout_s:g} s; ask for fewer --networks") from None
+        if done.returncode != 0:
+            last = done.stderr.strip().splitlines()[-1:] or [f"exit status {done.returncode}"]
+            raise InputError(f"{simulator}: {last[0]}; delete {python.parent.parent.name} and run make oracles")
+        return [read_result(Path(folder) / f"{i:04d}.result.npz", problem) for i, problem in enumerate(problems)]
+
+
+def random_cases(simulator: str, count: int) -> list[Case]:
+    """``count`` networks that the simulator has to agree on, and as many beyond.
+
+    Only where the simulator has registers of our width can a network that it agrees on reach their ends.
+    """
+    limits = 0 if simulator == "brian2-loihi" else max(1, count // 5)
+    common = random_networks(simulator, count - limits, common=True)
+    common += random_networks(simulator, limits, common=True, limits=True)
+    beyond = random_networks(simulator, count, common=False)
+    edges = [(*made, is_common(*made, simulator)) for made in edge_networks()]
+    return [
+        *(Case("random, common arithmetic", *made, True) for made in common),
+        *(Case("random, beyond it", *made, False) for made in beyond),
+        *(Case(f"edge of the register{'' if made[-1] else ', beyond it'}", *made) for made in edges),
+    ]
+
+
+def inference(
+    group: str, network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.uint64]
+) -> tuple[Problem, Result]:
+    """The inference network; both of our engines have to agree on it first.
+
+    Raises:
+        InputError: they do not.
+    """
+    network.check()
+    problem = inference_problem(group, network, rates, keys)
+    expected = engine_result(problem)
+    _, _, film = count_spikes(network, rates, keys, raster=True)
+    if not np.array_equal(film, expected.spikes[:, :, : network.neurons]):
+        raise InputError(f"{group}: the inference engine and the step kernels differ; mend them first")
+    return problem, expected
+
+
+def small_inference() -> list[tuple[Problem, Result]]:
+    """Inference networks of 60 inputs and 12 neurons."""
+    made = []
+    for bits, shift, threshold in SMALL:
+        rng = np.random.default_rng([bits, shift])
+        weights = (rng.integers(0, 1 << bits, (60, 12)) * (rng.random((60, 12)) < 0.6)).astype(np.uint8)
+        network = FixedNetwork(weights, bits, shift, threshold, min(255, threshold), 0, 137, 60)
+        rates = rng.integers(0, 12_000, (3, 60)).astype(np.uint16)
+        keys = presentation_keys(0, "query", np.arange(3))
+        made.append(inference("inference, made up", network, rates, keys))
+    return made
+
+
+@cache
+def real_inference(queries: int) -> list[tuple[Problem, Result]]:
+    """The network trained on real images and real queries, one a case; with 3 bits, then with 8.
+
+    Raises:
+        InputError: LAVA_VPR_DATA does not name the images.
+    """
+    made = []
+    for bits, count in ((3, queries), (8, max(1, queries // 4))):
+        config = update(preset("loihi"), {"network": {"weight_bits": bits}})
+        network = learn((0, 100), config).network
+        if not isinstance(network, FixedNetwork):
+            raise InputError(f"preset {config.preset}: not a fixed-point network; choose loihi")
+        images = part(encoded("winter", config.encoder), slice(0, count))
+        rates = rates16(images.activity, config.encoder.query_spikes)
+        keys = presentation_keys(config.seed, "query", images.indices)
+        group = f"inference, real queries, {bits} bits"
+        for i in range(len(images)):
+            made.append(inference(group, network, rates[i : i + 1], keys[i : i + 1]))
+    return made
+
+
+def inference_cases(simulator: str, queries: int) -> list[Case]:
+    """Made-up inference networks, and the real one on ``queries`` images."""
+    made = small_inference() + (real_inference(queries) if queries else [])
+    return [
+        Case(f"{problem.name}{'' if common else ', beyond it'}", problem, expected, common)
+        for problem, expected in made
+        for common in [is_common(problem, expected, simulator)]
+    ]
+
+
+def judge(case: Case, theirs: Result, rules: tuple[str, ...]) -> Verdict:
+    """Compare, and explain what differs; a difference in common arithmetic stays unexplained."""
+    spikes = int((theirs.spikes != case.expected.spikes).sum())
+    membranes = int((theirs.v != case.expected.v).sum())
+    if not spikes and not membranes:
+        return Verdict(case, 0, 0, ())
+    return Verdict(case, spikes, membranes, None if case.common else explain(case.problem, theirs, rules))
+
+
+def _table(title: str, *columns: str) -> Table:
+    table = Table(title=title, title_justify="left")
+    for i, name in enumerate(columns):
+        table.add_column(name, justify="right" if i else "left")
+    return table
+
+
+def group_table(simulator: str, verdicts: Sequence[Verdict]) -> Table:
+    """One line a group: what was compared, what differs, how many networks stay unexplained."""
+    columns = ("networks", "at limits", "spikes", "differ", "membranes", "differ", "unexplained")
+    table = _table(f"{simulator}: spikes and membranes", "", *columns)
+    for group in dict.fromkeys(v.case.group for v in verdicts):
+        own = [v for v in verdicts if v.case.group == group]
+        figures = (
+            len(own),
+            sum(reaches_limits(v.case.problem, v.case.expected) for v in own),
+            sum(int(v.case.expected.spikes.sum()) for v in own),
+            sum(v.spikes for v in own),
+            sum(v.case.expected.v.size for v in own),
+            sum(v.membranes for v in own),
+            sum(v.rules is None for v in own),
+        )
+        table.add_row(group, *(f"{figure:,}" for figure in figures))
+    return table
+
+
+def rule_table(simulator: str, verdicts: Sequence[Verdict]) -> Table:
+    """What explains the networks that differ, each counted once: by one rule, by several together, or not at all."""
+    table = _table(f"{simulator}: what differs, by the fewest rules that reproduce it", "", *RULE_COLUMNS)
+    differing = [v for v in verdicts if v.spikes or v.membranes]
+
+    def row(name: str, own: Sequence[Verdict], *needed: int) -> None:
+        figures = (len(own), sum(v.spikes for v in own), sum(v.membranes for v in own), *needed)
+        table.add_row(name, *(f"{figure:,}" for figure in figures))
+
+    for rule in RULES[simulator]:
+        needed = sum(rule in (v.rules or ()) for v in differing)
+        row(rule, [v for v in differing if v.rules == (rule,)], needed)
+    row("two or more of these together", [v for v in differing if len(v.rules or ()) > 1])
+    row("unexplained", [v for v in differing if v.rules is None])
+    return table
+
+
+def failures(verdicts: Iterable[Verdict]) -> list[str]:
+    """What must not be: silent networks, our plain arithmetic apart from the engine, differences without a reason."""
+    found = []
+    for v in verdicts:
+        if not v.case.expected.spikes.any():
+            found.append(f"{v.case.problem.name}: no spike, so nothing was compared")
+        if literal(v.case.problem).differs(v.case.expected):
+            found.append(f"{v.case.problem.name}: the plain arithmetic differs from the engine")
+        if v.rules is None:
+            where = "in common arithmetic" if v.case.common else "that no rules explain"
+            found.append(f"{v.case.problem.name}: {v.spikes} spikes and {v.membranes} membranes differ {where}")
+    return found
+
+
+def compare(simulator: str, networks: int, queries: int) -> list[Verdict]:
+    """Everything for one simulator."""
+    cases = random_cases(simulator, networks) + inference_cases(simulator, queries)
+    started = time.perf_counter()
+    answers = ask(simulator, [case.problem for case in cases])
+    console.print(f"{simulator}: {len(cases)} networks in {time.perf_counter() - started:.0f} s")
+    return [judge(case, answer, RULES[simulator]) for case, answer in zip(cases, answers, strict=True)]
+
+
+@click.command()
+@click.option("--networks", default=50, show_default=True, help="Random networks within common arithmetic, and beyond.")
+@click.option("--queries", default=8, show_default=True, help="Real queries, if LAVA_VPR_DATA names the images.")
+@click.option("--only", type=click.Choice(list(RULES)), help="One simulator.")
+def main(networks: int, queries: int, only: str | None) -> None:
+    """Hold this project's integers against other simulators of Loihi."""
+    if queries and not os.environ.get("LAVA_VPR_DATA"):
+        console.print("no real queries: LAVA_VPR_DATA does not name the images")
+        queries = 0
+    found = []
+    for simulator in [only] if only else list(RULES):
+        try:
+            verdicts = compare(simulator, networks, queries)
+        except LavaVprError as error:
+            raise click.ClickException(str(error)) from None
+        console.print(group_table(simulator, verdicts), rule_table(simulator, verdicts), LEGEND, sep="\n")
+        found += [f"{simulator}, {line}" for line in failures(verdicts)]
+    for line in found:
+        console.print(line)
+    if found:
+        raise SystemExit(1)
+    console.print("every spike and membrane is equal, or differs by a named rule")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,128 @@
+"""What cores need of Loihi 1 as nengo-loihi counts it: python nengo_needs.py FOLDER (in its own environment).
+
+Reads every ``*.core.npz`` (`benchmarks.oracles.needs` has the format): which neurons stand on a core and which weights
+lead to them. Builds nengo-loihi's own block of it, lets its own functions count bits, axons and configurations and
+validate it, and writes ``*.needs.json`` beside it.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from nengo.exceptions import BuildError
+from nengo_loihi.block import Axon, LoihiBlock, Synapse, SynapseConfig
+from nengo_loihi.builder.validate import validate_block
+from nengo_loihi.hardware.allocators import Allocator
+from nengo_loihi.hardware.nxsdk_objects import Board
+from nengo_loihi.hardware.validate import validate_core
+
+EXCITATORY, INHIBITORY = 2, 3
+
+
+def synapse(
+    label: str, rows: list[Any], indices: list[Any] | None, code: dict[str, int], shared: list[int] | None = None
+) -> Synapse:
+    """A group of rows in one format: dense without ``indices``; ``shared`` says which row each axon uses."""
+    made = Synapse(len(rows) if shared is None else len(shared), label=label)
+    made.axon_to_weight_map = shared
+    made._set_weights_indices(rows, indices=indices, weight_dtype=np.int32, compression=3 if indices is None else 0)
+    made.format(**code)
+    return made
+
+
+def code(bits: int, exponent: int, sign: int) -> dict[str, int]:
+    """The registers of a format."""
+    return {"weight_bits": SynapseConfig.WEIGHT_BITS_MAP.index(bits), "weight_exp": exponent, "fanout_type": sign}
+
+
+def groups(problem: Any) -> list[Synapse]:
+    """All synapses of the core: rows of the inputs, of the relays elsewhere, of its own, and those to its relays."""
+    scalar = {name: int(problem[name]) for name in problem.files if problem[name].ndim == 0}
+    weights, dense = problem["weights"].astype(np.int32), problem["dense"]
+    made = []
+    inputs = code(scalar["bits"], scalar["exponent"], EXCITATORY)
+    used = weights.any(axis=1)
+    if (used & dense).any():
+        made.append(synapse("dense inputs", list(weights[used & dense]), None, inputs))
+    if (used & ~dense).any():
+        rows = weights[used & ~dense]
+        columns = [np.flatnonzero(row) for row in rows]
+        made.append(synapse("sparse inputs", [r[c] for r, c in zip(rows, columns)], columns, inputs))  # noqa: B905
+    exc, own = weights.shape[1], scalar["own"]
+    lateral = code(scalar["lateral_bits"], scalar["lateral_exponent"], INHIBITORY)
+    if scalar["inhibition"] and exc:
+        full = np.full(exc, scalar["inhibition"], np.int32)
+        if scalar["elsewhere"]:
+            made.append(synapse("relays elsewhere", [full], None, lateral, [0] * scalar["elsewhere"]))
+        rows, columns = [], []
+        for neuron in range(own):
+            others = np.delete(np.arange(exc), neuron)
+            row = full.copy()
+            row[neuron] = 0
+            rows.append(row if scalar["dense_lateral"] else full[others])
+            columns.append(others)
+        rows = [row for row in rows if row.size]
+        columns = [column for column in columns if column.size]
+        if rows:
+            made.append(synapse("own relays", rows, None if scalar["dense_lateral"] else columns, lateral))
+    relays = scalar["relays"]
+    if relays:
+        rows = [np.array([2], np.int32)] * relays
+        columns = [np.array([exc + i]) for i in range(relays)]
+        made.append(
+            synapse("to relays", rows, columns, code(scalar["relay_bits"], scalar["relay_exponent"], EXCITATORY))
+        )
+    return made
+
+
+def needs(problem: Any) -> dict[str, Any]:
+    """What nengo-loihi's own functions say."""
+    size = int(problem["compartments"])
+    block = LoihiBlock(size)
+    registers = block.compartment
+    registers.decay_u, registers.decay_v = problem["decay_u"], problem["decay_v"]
+    registers.vth = problem["threshold"].astype(np.int64) << 6
+    registers.refract_delay = np.ones(size, np.int32)
+    registers.scale_u = registers.scale_v = False
+    for group in groups(problem):
+        block.add_synapse(group)
+    for count in problem["axons_out"]:
+        axon = Axon(int(count))
+        axon.target = SimpleNamespace(pop_type=0)  # synapses on another core, of single axons
+        block.add_axon(axon)
+    found: dict[str, Any] = {"error": None}
+    try:
+        validate_block(block)
+        board = Board()
+        chip = board.new_chip()
+        Allocator().block_to_new_core(block, chip)
+        core = chip.cores[0]
+        validate_core(core)
+        found["profiles"], found["thresholds"] = len(core.compartment_cfgs), len(core.vth_cfgs)
+    except (BuildError, AssertionError) as error:
+        found["error"] = str(error) or type(error).__name__
+    formats = {tuple(getattr(group.synapse_cfg, name) for name in SynapseConfig.params) for group in block.synapses}
+    return found | {
+        "compartments": size,
+        "axons_in": sum(group.n_axons for group in block.synapses),
+        "axons_out": sum(axon.axon_slots() for axon in block.axons),
+        "synapse_bits": sum(group.bits() for group in block.synapses),
+        "formats": len(formats),
+    }
+
+
+def main(folder: str) -> None:
+    """Every core of ``folder``."""
+    for path in sorted(Path(folder).glob("*.core.npz")):
+        with np.load(path, allow_pickle=False) as problem:
+            found = needs(problem)
+        path.with_name(path.name.replace(".core.npz", ".needs.json")).write_text(json.dumps(found))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,1 @@
+"""Other place recognition systems beside ours."""

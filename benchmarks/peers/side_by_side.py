@@ -1,0 +1,268 @@
+"""Other systems beside this one, measured in one run.
+
+    python -m benchmarks.peers.side_by_side [--presentations N] [--images FOLDER] [--peers-only] [--json FILE]
+
+(`make peers` sets it up.)
+
+First, milliseconds per presentation, one core, one process: Brian2, our `paper` preset, our `loihi` preset. Then every
+matcher of `lava_vpr.bench.peers` on the same places and queries: speed, recall and memory, real images where
+LAVA_VPR_DATA names them (Nordland 0:100), else the synthetic world.
+
+Brian2 and `paper` compute the same network; ``--parity`` (default) also gives both the very same input spikes and
+compares what comes out. All of them take turns, presentation by presentation, and the table holds medians, because
+other programs share the machine. Compilation is not counted. Learning is timed twice: at the start, when a
+hundred neurons answer every image, and after ``--epochs`` epochs. `loihi` learns and answers the same images in its own
+way: 100 neurons, 350 steps, one call for each presentation.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import click
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.nordland import folder
+from lava_vpr.bench.brian2_reference import Brian2Network
+from lava_vpr.bench.peers import run_peers
+from lava_vpr.bench.results import Peer
+from lava_vpr.config import Config, LifNetwork, StdpLearning, preset
+from lava_vpr.encoding import EncodedTraverse, encode_traverse, rates16
+from lava_vpr.engine.conductance.kernels import draw_spikes
+from lava_vpr.engine.conductance.model import ConductanceState, count_spikes, initial_state, train_presentation
+from lava_vpr.engine.inference import fixed, quantise
+from lava_vpr.engine.learning import stdp
+from lava_vpr.engine.random import presentation_key, presentation_keys
+from lava_vpr.engine.threads import cores
+from lava_vpr.errors import LavaVprError
+from lava_vpr.inputs.preprocess import orientation_channels, patch_normalised
+from lava_vpr.synthetic.world import World, render, write_traverses
+from lava_vpr.training.loop import train
+from lava_vpr.traverse import open_traverse
+
+INPUTS = 784
+IMAGES = 20
+NEURONS = 100
+PLACES = (0, 100)
+Times = dict[str, list[float]]
+
+
+def load_images(folder: Path | None) -> list[NDArray[np.uint8]]:
+    """The first images of ``folder``, or of the synthetic world."""
+    if folder is None:
+        return [render(World(), place, "summer") for place in range(IMAGES)]
+    whole = open_traverse(folder)
+    return list(whole.take(range(min(IMAGES, len(whole)))).images())
+
+
+class Loihi:
+    """The `loihi` preset on the same images: a plastic network that has seen them all, and its quantised form."""
+
+    def __init__(self, images: list[NDArray[np.uint8]]) -> None:
+        config = preset("loihi")
+        if not isinstance(config.learning, StdpLearning) or not isinstance(config.network, LifNetwork):
+            raise TypeError("the loihi preset is a lif network")
+        activity = np.stack([orientation_channels(image) for image in images])
+        self.learning_rates = rates16(activity, config.encoder.train_spikes)
+        self.query_rates = rates16(activity, config.encoder.query_spikes)
+        self.keys = presentation_keys(config.seed, "query", np.arange(len(images)))
+        start = stdp.initial_state(config.encoder.inputs, NEURONS, config.learning, config.seed)
+        self.trainer = stdp.Trainer(start, config.learning, config.encoder.train_spikes, config.network.drive)
+        for q in range(len(images)):
+            self.train(q)
+        weights = quantise.equalise(start.weights)
+        self.network = quantise.quantise(weights, config.network, config.encoder.query_spikes)
+
+    def train(self, q: int) -> None:
+        """One training presentation."""
+        self.trainer.present(self.learning_rates[q], presentation_key(0, "train", q))
+
+    def test(self, q: int) -> None:
+        """One query."""
+        fixed.count_spikes(self.network, self.query_rates[q : q + 1], self.keys[q : q + 1])
+
+
+def rates_per_step(images: NDArray[np.uint8], config: Config) -> NDArray[np.uint32]:
+    """The paper's rates, value / 4 Hz, as probabilities per step in units of 2^-32."""
+    per_step = images * (config.encoder.max_rate_hz / 255.0) * config.network.dt_ms * 1e-3  # type: ignore[union-attr]
+    return np.round(per_step * 2.0**32).astype(np.uint32)
+
+
+def copy_of(state: ConductanceState) -> ConductanceState:
+    """A state of its own."""
+    return ConductanceState(state.weights.copy(), state.theta_mv.copy(), state.delays.copy())
+
+
+def timed(times: Times, name: str, call: Callable[[], object]) -> None:
+    """Append the milliseconds that ``call`` takes."""
+    start = time.perf_counter()
+    call()
+    times.setdefault(name, []).append(1e3 * (time.perf_counter() - start))
+
+
+def measure(
+    config: Config, state: ConductanceState, loihi: Loihi, images: NDArray[np.uint8], repeats: int, label: str
+) -> Times:
+    """All three in turns, the conductance model from ``state``: milliseconds by ``train``/``test`` and name."""
+    rates, hertz = rates_per_step(images, config), images * (config.encoder.max_rate_hz / 255.0)
+    learning = Brian2Network(config, copy_of(state), learn=True)
+    frozen = Brian2Network(config, copy_of(state), learn=False)
+    ours, fixed = copy_of(state), copy_of(state)
+    keys = presentation_keys(config.seed, "query", np.arange(len(images)))
+    times: Times = {}
+    for k in range(repeats + 1):
+        if k == 1:  # the first round compiles, or loads what was compiled before
+            times.clear()
+        q = k % len(images)
+        timed(times, f"{label}/brian2", lambda q=q: learning.present(hertz[q]))  # type: ignore[misc]
+        timed(times, f"{label}/paper", lambda q=q, k=k: train_presentation(ours, rates[q], 1000 + k, config))  # type: ignore[misc]
+        timed(times, f"{label}/loihi", lambda q=q: loihi.train(q))  # type: ignore[misc]
+        timed(times, "test/brian2", lambda q=q: frozen.present(hertz[q]))  # type: ignore[misc]
+        timed(times, "test/paper", lambda q=q: count_spikes(fixed, rates[q : q + 1], keys[q : q + 1], config))  # type: ignore[misc]
+        timed(times, "test/loihi", lambda q=q: loihi.test(q))  # type: ignore[misc]
+    return times
+
+
+def parity(config: Config, state: ConductanceState, images: NDArray[np.uint8], n: int) -> dict[str, float]:
+    """The same input spikes to both: presentations with equal counts, and the largest weight difference."""
+    rates, ours = rates_per_step(images, config), copy_of(state)
+    theirs = Brian2Network(config, copy_of(state), learn=True, inputs="spikes")
+    equal = spikes = 0
+    for k in range(n):
+        key = presentation_key(config.seed, "train", k)
+        counts, _ = train_presentation(ours, rates[k % len(rates)], key, config)
+        reference, _ = theirs.present_spikes(*draw_spikes(rates[k % len(rates)], np.uint64(key), config.network.steps))
+        equal += np.array_equal(counts, reference)
+        spikes += int(counts.sum())
+    difference = float(np.abs(ours.weights - theirs.weights).max())
+    return {"presentations": n, "equal": equal, "spikes": spikes, "largest_weight_difference": difference}
+
+
+def section() -> tuple[str, EncodedTraverse, EncodedTraverse]:
+    """References and queries of `PLACES`, and what they are."""
+    encoder = preset("loihi").encoder
+    if os.environ.get("LAVA_VPR_DATA"):
+        pair = [encode_traverse(open_traverse(folder(name), places=PLACES), encoder) for name in ("summer", "winter")]
+        return f"Nordland, summer to winter, places {PLACES[0]}:{PLACES[1]}", pair[0], pair[1]
+    with tempfile.TemporaryDirectory(prefix="lava-vpr-") as name:
+        root = Path(name) / "world"
+        write_traverses(root, PLACES[1] - PLACES[0], 0)
+        pair = [encode_traverse(open_traverse(root / kind), encoder) for kind in ("reference", "query")]
+    return "the synthetic world (set LAVA_VPR_DATA for real images)", pair[0], pair[1]
+
+
+def side_by_side() -> tuple[str, tuple[Peer, ...]]:
+    """Every matcher on the same places and queries, and what images those were."""
+    name, references, queries = section()
+    config = preset("loihi")
+    model = train([references], config, route_images=len(references), jobs=cores())
+    return name, run_peers(model, queries, np.eye(len(queries), dtype=bool))
+
+
+def print_peers(name: str, peers: tuple[Peer, ...]) -> None:
+    """The table; ratios are of speed, to this project's."""
+    console = Console(highlight=False)
+    table = Table(title=f"{name}; exact matches, percent", title_justify="left")
+    table.add_column("matcher", no_wrap=True)
+    for head in ("queries/s", "of lava-vpr", "threads", "R@1", "R@5", "R@10", "R@100P", "AUC", "kB kept"):
+        table.add_column(head, justify="right")
+    own = peers[0].queries_per_second
+    for one in peers:
+        if one.absent or one.queries_per_second is None or own is None or one.bytes is None:
+            table.add_row(one.name, *["-"] * 9)
+            continue
+        recall = ["-"] * 5
+        if one.metrics is not None:
+            m = one.metrics
+            values = (m.recall_at_1, m.recall_at_n[5], m.recall_at_n[10], m.recall_at_100_precision, m.auc)
+            recall = [f"{100 * value:.1f}" for value in values]
+        rate = f"{one.queries_per_second:,.0f}" if one.queries_per_second >= 10 else f"{one.queries_per_second:.2g}"
+        ratio = f"{one.queries_per_second / own:.2g}"
+        table.add_row(one.name, rate, ratio, f"{one.threads}", *recall, f"{one.bytes / 1000:,.0f}")
+    console.print(table)
+    for one in peers:
+        console.print(f"{one.name}: {one.absent or one.what}", style="dim", markup=False)
+
+
+def as_json(peers: tuple[Peer, ...]) -> dict[str, Any]:
+    """By name: queries per second, recall and bytes; null where there is none."""
+    return {
+        one.name: {
+            "queries_per_second": one.queries_per_second,
+            "threads": one.threads,
+            "bytes": one.bytes,
+            "recall": one.metrics.as_json() if one.metrics is not None else None,
+            "absent": one.absent or None,
+        }
+        for one in peers
+    }
+
+
+def print_presentations(presentations: int, epochs: int, images: Path | None, compare: bool) -> dict[str, Any]:
+    """The table of presentations and the comparison of spikes; their figures."""
+    config = preset("paper")
+    pictures = load_images(images)
+    patches = np.stack([patch_normalised(picture).ravel() for picture in pictures])
+    state, loihi = initial_state(config, INPUTS), Loihi(pictures)
+    times = measure(config, state, loihi, patches, presentations, "train, first epoch")
+    same = parity(config, state, patches, 3) if compare else None
+    rates = rates_per_step(patches, config)
+    for epoch in range(epochs):
+        for q, image in enumerate(rates):
+            train_presentation(state, image, presentation_key(config.seed, "train", q, epoch), config)
+    times |= measure(config, state, loihi, patches, presentations, f"train, epoch {epochs + 1}")
+    figures = {name: median(values) for name, values in times.items()}
+    head = "".join(f"{name:>10}" for name in ("Brian2", "paper", "ratio", "loihi", "ratio"))
+    click.echo(f"{'ms per presentation':28}{head}")
+    for row in dict.fromkeys(name.split("/")[0] for name in figures):
+        brian, paper, own = (figures[f"{row}/{name}"] for name in ("brian2", "paper", "loihi"))
+        click.echo(f"{row:28}{brian:10.1f}{paper:10.1f}{brian / paper:10.0f}{own:10.3f}{brian / own:10.0f}")
+    if same is not None:
+        click.echo(
+            f"same input spikes: {same['equal']} of {same['presentations']} presentations give the same "
+            f"{same['spikes']} spikes; largest weight difference {same['largest_weight_difference']:.1e}"
+        )
+    return {"milliseconds": figures, "parity": same}
+
+
+@click.command()
+@click.option("--presentations", default=7, show_default=True, help="Timed presentations of each kind.")
+@click.option("--epochs", default=25, show_default=True, help=f"Epochs over {IMAGES} images before 'trained'.")
+@click.option("--images", type=click.Path(exists=True, file_okay=False, path_type=Path), help="Folder of images.")
+@click.option("--parity/--no-parity", "compare", default=True, help="Compare spikes, too.")
+@click.option("--peers-only", is_flag=True, help="Without the first table, which needs Brian2 in this Python.")
+@click.option("--json", "json_file", type=click.Path(dir_okay=False, path_type=Path), help="Write figures here.")
+def main(
+    presentations: int,
+    epochs: int,
+    images: Path | None,
+    compare: bool,
+    peers_only: bool,
+    json_file: Path | None,
+) -> None:
+    """Time the reference network in Brian2 beside this project's engines, and every peer beside lava-vpr."""
+    figures: dict[str, Any] = {}
+    try:
+        if not peers_only:
+            figures = print_presentations(presentations, epochs, images, compare)
+        name, peers = side_by_side()
+    except LavaVprError as error:
+        raise click.ClickException(str(error)) from None
+    print_peers(name, peers)
+    if json_file is not None:
+        text = json.dumps(figures | {"peers": as_json(peers)}, indent=1, sort_keys=True)
+        json_file.write_text(text + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

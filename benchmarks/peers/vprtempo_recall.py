@@ -1,0 +1,102 @@
+"""VPRTempo written from its equations, on real images: recall of winter queries, exact matches, five sections.
+
+    LAVA_VPR_DATA=... python -m benchmarks.peers.vprtempo_recall [--seeds 0,1,2] [--own] [--variants]
+
+Without options: 28x28 images patch-normalised as in VPRSNN, as model files hold them. ``--own`` adds VPRTempo's own
+56x56 images, gamma-corrected, window 15 (about a minute a seed). Nothing here was chosen on recall.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable
+from functools import lru_cache
+
+import click
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.nordland import SECTIONS, folder
+from lava_vpr.bench.vprtempo import (
+    SIDE,
+    SMALL_SIDE,
+    SMALL_WINDOW,
+    WINDOW,
+    VprTempoConfig,
+    input_spikes,
+    preprocess,
+    train,
+)
+from lava_vpr.errors import LavaVprError
+from lava_vpr.inputs.preprocess import patch_normalised
+from lava_vpr.matching.evaluation import Metrics, evaluate
+from lava_vpr.traverse import open_traverse
+
+console = Console(highlight=False, width=140)
+Prepare = Callable[[NDArray[np.uint8]], NDArray[np.uint8]]
+
+IMAGES: dict[str, Prepare] = {
+    "28x28, window 7, as lava-vpr and SAD see them": patch_normalised,
+    "28x28, window 7, its own preprocessing": lambda image: preprocess(image, SMALL_SIDE, SMALL_WINDOW),
+    "56x56, window 15, its own preprocessing": lambda image: preprocess(image, SIDE, WINDOW),
+}
+VARIANTS = {
+    "": {},
+    ", spikes clamped in queries, too": {"clamp": True},
+    ", constant input 0.1 (paper)": {"constant": 0.1},
+    ", both": {"clamp": True, "constant": 0.1},
+}
+
+
+@lru_cache(maxsize=2)
+def spikes_of(season: str, kind: str) -> NDArray[np.float32]:
+    """Input spikes of all images of a season."""
+    return input_spikes(np.stack([IMAGES[kind](image) for image in open_traverse(folder(season)).images()]))
+
+
+def section(kind: str, places: tuple[int, int], config: VprTempoConfig, seed: int) -> Metrics:
+    """Recall of one section; the best amplitude is the confidence, as in the released code."""
+    own = slice(*places)
+    scores = train(spikes_of("summer", kind)[own], config=config, seed=seed).scores(spikes_of("winter", kind)[own])
+    values = scores.astype(np.float64)
+    return evaluate(values, values.max(axis=1), np.eye(len(values), dtype=bool))
+
+
+@click.command()
+@click.option("--seeds", default="0,1,2", show_default=True, help="Seeds, separated by commas.")
+@click.option("--own", is_flag=True, help="Also VPRTempo's own preprocessing and its 56x56 images.")
+@click.option("--variants", is_flag=True, help="Also what the paper has and its code has not.")
+def main(seeds: str, own: bool, variants: bool) -> None:
+    """Print recall on real images."""
+    chosen = [int(seed) for seed in seeds.split(",")]
+    table = Table(title=f"VPRTempo, five sections of 100 places, seeds {seeds}, percent", title_justify="left")
+    table.add_column("", no_wrap=True)
+    for name in ("R@1", "R@100P", "AUC", "R@1 by section", "by seed", "s a section"):
+        table.add_column(name, justify="right")
+    try:
+        for kind in list(IMAGES) if own else list(IMAGES)[:1]:
+            for variant, changes in (VARIANTS if variants else {"": {}}).items():
+                started = time.perf_counter()
+                config = dataclasses.replace(VprTempoConfig(), **changes)  # type: ignore[arg-type]
+                results = [[section(kind, places, config, seed) for places in SECTIONS] for seed in chosen]
+                figures = 100 * np.array(
+                    [[(m.recall_at_1, m.recall_at_100_precision, m.auc) for m in row] for row in results]
+                )
+                table.add_row(
+                    kind + variant,
+                    *(f"{value:.1f}" for value in figures.mean(axis=(0, 1))),
+                    " ".join(f"{value:.0f}" for value in figures[..., 0].mean(axis=0)),
+                    " ".join(f"{value:.1f}" for value in figures[..., 0].mean(axis=1)),
+                    f"{(time.perf_counter() - started) / (len(chosen) * len(SECTIONS)):.1f}",
+                )
+                console.print(f"{kind}{variant}: done", style="dim")
+    except LavaVprError as error:
+        raise click.ClickException(str(error)) from None
+    console.print(table)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,196 @@
+"""The closed form of the cost model beside SANA-FE, component by component, on the same networks, mappings and spikes.
+
+    [LAVA_VPR_DATA=...] python -m benchmarks.sanafe.compare [--queries N] [--random N]      (`make sanafe` sets it up)
+
+Real: models of summer images as they are deployed on Kapoho Bay, asked winter images: the default preset with 100 and
+500 places, preset fast, other bits, pruned, input compartments. Random: networks of a few dozen neurons on boards
+shrunk until they need many cores and tiles, and scattered over the mesh of both chips. All figures are modelled. Fails
+where energy or ``simple`` time is apart by more than 1e-6, in any step, or where SANA-FE's own spikes or counts are not
+ours.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.nordland import encoded, part
+from benchmarks.recall import learn
+from lava_vpr.backends.registry import HostBackend
+from lava_vpr.config import preset
+from lava_vpr.deploy.boards.board import KAPOHO_BAY
+from lava_vpr.deploy.boards.plan import Plan
+from lava_vpr.deploy.bundle.deployment import plan_of
+from lava_vpr.deploy.compression.compression import for_board
+from lava_vpr.deploy.mapping.partition import partition
+from lava_vpr.deploy.registers.core_images import FORGETS
+from lava_vpr.deploy.sanafe.comparison import CrossCheck, cross_check, find_sanafe
+from lava_vpr.encoding import draw_trains, query_rates
+from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork, count_spikes
+from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.trains import Trains
+from lava_vpr.loihi import TILE_CORES
+from lava_vpr.model import Model
+
+LIMIT = 1e-6
+SEEDS = (0, 1, 2, 5, 6, 15, 24, 31, 39, 44)
+"""Random networks: 1 to 31 tiles, so every entry of the barrier's table; in some of them zeros of dense rows reach
+membranes that are 0, which SANA-FE updates and the chip's registers do not tell from idle ones."""
+
+console = Console(highlight=False, width=118)
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is compared; `lava_vpr.deploy.sanafe.comparison.cross_check` has ``input_core``."""
+
+    name: str
+    plan: Plan
+    trains: Trains
+    input_core: bool = True
+
+
+def real(name: str, model: Model, queries: int) -> Case:
+    """A model on Kapoho Bay, and winter images spread over its places."""
+    chosen = np.linspace(0, model.places - 1, queries).astype(np.int64)
+    images = part(encoded("winter", model.config.encoder), chosen)
+    rates = query_rates(images.activity, model.config)
+    trains = HostBackend().trains(model, rates, image_ids=images.indices, role="query", seed=model.config.seed)
+    return Case(name, plan_of(model, KAPOHO_BAY), trains)
+
+
+def real_cases(queries: int) -> Iterator[Case]:
+    """Models of real images."""
+    small, large = (learn((0, places), preset("loihi")) for places in (100, 500))
+    default = real("100 places, preset loihi", small, queries)
+    yield default
+    yield replace(default, name="the same, injecting takes no time", input_core=False)
+    yield real("500 places", large, queries)
+    fast = for_board(learn((0, 100), preset("fast")), KAPOHO_BAY).model
+    yield real("100 places, preset fast", fast, queries)
+    for bits, prune in ((2, 0.5), (1, 0.0), (4, 0.0)):
+        made = for_board(small, KAPOHO_BAY, weight_bits=bits, prune=prune).model
+        yield real(f"100 places, {bits} bit{'s' * (bits > 1)}{f', {prune:.0%} pruned' if prune else ''}", made, queries)
+    for name, model in (("100", small), ("500", large)):
+        made = for_board(model, KAPOHO_BAY, input_mode="bias").model
+        yield real(f"{name} places, input compartments", made, queries)
+
+
+def random_case(seed: int, queries: int = 2) -> Case:
+    """A random network on a board shrunk around it; every third one scattered over both chips.
+
+    Membranes of some forget at once.
+    """
+    rng = np.random.default_rng([seed, 6])
+    neurons, inputs, bits = int(rng.integers(12, 60)), int(rng.integers(20, 80)), int(rng.integers(1, 9))
+    weights = rng.integers(1, 1 << bits, (inputs, neurons)) * (rng.random((inputs, neurons)) < rng.uniform(0.1, 0.9))
+    rates = (rng.random((queries, inputs)) * rng.uniform(3_000, 20_000)).astype(np.uint16)
+    drive = int((rates.mean(axis=0) @ weights).max()) >> 16
+    threshold = max(1, int(drive * rng.uniform(1.0, 6.0)))
+    inhibition = int(rng.choice([0, min(255, threshold // 2), min(255, threshold)]))
+    decay = FORGETS if seed % 5 == 2 else int(rng.integers(50, 900))
+    made = FixedNetwork(weights.astype(np.uint8), bits, 0, threshold, inhibition, 0, decay, 40, seed % 2)
+    compartments = int(rng.integers(3, 7) if seed % 3 == 0 else rng.integers(8, 40))
+    words = int(rng.integers(inputs * 2, inputs * 6))
+    board = replace(KAPOHO_BAY, cores=int(rng.integers(16, 129)), compartments=compartments, synapse_words=words)
+    plan = partition(made, board, rates.mean(axis=0) / (1 << 16))
+    if seed % 3 == 0:
+        plan = scattered(plan, rng)
+    keys = presentation_keys(seed, "query", np.arange(queries))
+    _, _, exc = count_spikes(made, rates, keys, raster=True)
+    inh = np.zeros_like(exc)
+    inh[:, 1:] = exc[:, :-1]
+    spikes = draw_trains(rates, keys, made.steps, made.steps + SILENT_STEPS, regular=bool(made.regular))
+    kind = ("input compartments" if made.regular else "injected") + ", scattered" * (seed % 3 == 0)
+    name = f"random {seed}: {neurons} neurons on {len(plan.cores)} cores, {kind}"
+    return Case(name, plan, Trains(exc, spikes, inh), input_core=seed % 4 < 2)
+
+
+def scattered(plan: Plan, rng: np.random.Generator) -> Plan:
+    """The same cores on tiles of their own, anywhere on both chips of Kapoho Bay."""
+    tiles = np.sort(rng.choice(KAPOHO_BAY.chips * KAPOHO_BAY.cores // TILE_CORES, len(plan.cores), replace=False))
+    places = tiles * TILE_CORES + rng.integers(0, TILE_CORES, tiles.size)
+    order = rng.permutation(len(plan.cores))
+    cores = [
+        replace(plan.cores[i], chip=int(place) // KAPOHO_BAY.cores, core=int(place) % KAPOHO_BAY.cores)
+        for i, place in zip(order, places, strict=True)
+    ]
+    return replace(plan, board=KAPOHO_BAY, cores=tuple(cores))
+
+
+def failures(case: Case, found: CrossCheck) -> list[str]:
+    """What must not be."""
+    told = []
+    if found.absent:
+        return [found.absent]
+    if not (found.difference is not None and found.difference <= LIMIT):
+        told.append(f"apart by {found.difference}")
+    if found.spikes_differ:
+        told.append(f"{found.spikes_differ} of SANA-FE's own spikes are not ours")
+    told += [f"{name}: {ours:g}, SANA-FE {theirs:g}" for name, (ours, theirs) in found.counts.items() if ours != theirs]
+    if not case.trains.exc.any():
+        told.append("no neuron spiked, so little was compared")
+    return told
+
+
+def rows(table: Table, case: Case, found: CrossCheck) -> None:
+    """A section of the table: figures of a query, mean over the queries."""
+
+    def row(name: str, pair: tuple[float, float], digits: str) -> None:
+        ours, theirs = pair
+        apart = "0" if ours == theirs else f"{abs(ours - theirs) / max(abs(ours), abs(theirs)):.1e}"
+        table.add_row(name, f"{ours:{digits}}", f"{theirs:{digits}}", apart)
+
+    table.add_section()
+    table.add_row(f"[bold]{case.name}[/bold]", "", "", f"[bold]{found.difference:.1e}[/bold]")
+    for name, pair in found.microjoules.items():
+        row(f"  {name}, uJ", pair, ",.8g")
+    if found.simple_milliseconds is not None:
+        row("  time, simple, ms", found.simple_milliseconds, ",.8g")
+    table.add_row("  time, detailed, ms", "", f"{found.detailed_milliseconds:,.8g}", "")
+    for name, pair in found.counts.items():
+        row(f"  {name}", pair, ",.12g")
+
+
+@click.command()
+@click.option("--queries", default=2, show_default=True, help="Of each network.")
+@click.option("--random", "count", default=0, show_default=True, help="More random networks.")
+def main(queries: int, count: int) -> None:
+    """Hold the closed form against SANA-FE."""
+    if find_sanafe() is None:
+        raise click.ClickException("SANA-FE is not installed; run make sanafe")
+    cases = list(real_cases(queries)) if os.environ.get("LAVA_VPR_DATA") else []
+    if not cases:
+        console.print("no real images: LAVA_VPR_DATA does not name them")
+    cases += [random_case(seed, queries) for seed in (*SEEDS, *range(100, 100 + count))]
+    title = f"modelled energy and time of a query, mean of {queries}; bold: largest difference of any query and step"
+    table = Table(title=title, title_justify="left")
+    for i, name in enumerate(("", "closed form", "SANA-FE", "relative difference")):
+        table.add_column(name, justify="right" if i else "left", no_wrap=True)
+    bad, largest, started = [], 0.0, time.perf_counter()
+    for case in cases:
+        found = cross_check(case.plan, case.trains, input_core=case.input_core)
+        bad += [f"{case.name}: {line}" for line in failures(case, found)]
+        if not found.absent:
+            rows(table, case, found)
+            largest = max(largest, found.difference or 0.0)
+    console.print(table)
+    for line in bad:
+        console.print(line)
+    if bad:
+        raise SystemExit(1)
+    took = time.perf_counter() - started
+    console.print(
+        f"{len(cases)} networks equal within {LIMIT:g}, the largest difference is {largest:.1e} ({took:.0f} s)"
+    )
+
+
+if __name__ == "__main__":
+    main()

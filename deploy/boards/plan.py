@@ -1,0 +1,126 @@
+"""Which neurons stand on which core of a board, and in which format their synapses are stored."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.deploy.boards.board import Board
+from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.loihi import BLOCK_HEADER_BITS, BLOCK_SYNAPSES, WORD_BITS
+
+PopulationName = Literal["exc", "inh", "inputs"]
+
+RELAY_WEIGHT, RELAY_THRESHOLD = 2, 1
+"""An excitatory spike brings its relay 2 << 6, which is above 1 << 6; the chip takes no threshold of 0."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """Neurons ``first`` .. ``first + size - 1`` of a population, on a core's compartments from ``compartment``."""
+
+    population: PopulationName
+    first: int
+    size: int
+    compartment: int
+
+
+@dataclass(frozen=True)
+class Needs:
+    """What a core's content takes of its limits; None where the board's way of counting is not public."""
+
+    compartments: int
+    axons_in: int | None
+    axons_out: int | None
+    synapse_words: int | None
+    profiles: int | None
+    thresholds: int | None
+    formats: int | None
+
+
+@dataclass(frozen=True)
+class Load:
+    """What a core is expected to do in one step with input, and its time in ns by SANA-FE's constants.
+
+    Attributes:
+        messages_in, messages_out: Spikes that arrive and leave.
+        operations_dense, operations_sparse: Synaptic operations by the format of their rows.
+        updates: Compartments that are accessed and updated.
+        spikes: Spikes of its compartments.
+        nanoseconds: Of all these.
+    """
+
+    messages_in: float
+    operations_dense: float
+    operations_sparse: float
+    updates: float
+    spikes: float
+    messages_out: float
+    nanoseconds: float
+
+
+@dataclass(frozen=True)
+class CorePlan:
+    """One core.
+
+    Attributes:
+        chip, core: Which, from 0.
+        parts: What stands on it, in the order of its compartments: exc, inh, inputs.
+        dense_inputs: bool (inputs,): the row of this input is stored dense (every compartment of exc here, without
+            indices); else sparse: the weights that are not 0. A row without any weight is not stored.
+        dense_lateral: Rows of its own relays (zero for one neuron each) are stored dense. The row of relays elsewhere,
+            the same for all of them, is stored once, and dense.
+        needs, load: See there.
+    """
+
+    chip: int
+    core: int
+    parts: tuple[Part, ...]
+    dense_inputs: NDArray[np.bool_] = field(repr=False)
+    dense_lateral: bool
+    needs: Needs
+    load: Load
+
+    def part(self, population: PopulationName) -> Part:
+        """Its part of ``population``; of size 0 if there is none."""
+        found = [part for part in self.parts if part.population == population]
+        return found[0] if found else Part(population, 0, 0, 0)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A network on a board.
+
+    Attributes:
+        network: The network.
+        board: Where.
+        cores: Those in use, by chip and core.
+        weight_bits, lateral_bits: Bits of a stored weight of the inputs' and of the relays' synapses.
+        hops: Expected tiles that messages between cores cross in one step; None: the mesh is not public.
+        host_spikes: Spikes that the host sends to each chip in one step, mean plus six standard deviations; 0 if inputs
+            integrate a bias.
+    """
+
+    network: FixedNetwork = field(repr=False)
+    board: Board = field(repr=False)
+    cores: tuple[CorePlan, ...]
+    weight_bits: int
+    lateral_bits: int
+    hops: float | None
+    host_spikes: float
+
+
+def row_words(synapses: NDArray[np.int64], bits: int) -> NDArray[np.int64]:
+    """Words of synapse memory of rows (the synapses of one input axon).
+
+    Args:
+        synapses: Number of synapses of each row, int64, any shape.
+        bits: Of one synapse: weight, and index if the row is sparse.
+    """
+    whole, rest = np.divmod(np.asarray(synapses, np.int64), BLOCK_SYNAPSES)
+    full = -(-(BLOCK_SYNAPSES * bits + BLOCK_HEADER_BITS) // WORD_BITS)
+    last = -(-(rest * bits + BLOCK_HEADER_BITS) // WORD_BITS)
+    return whole * full + np.where(rest > 0, last, 0)

@@ -1,0 +1,178 @@
+"""From a model to a bundle: partition, registers, host tables, and everything else that the folder holds."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from lava_vpr import __version__
+from lava_vpr.deploy.boards.board import Board
+from lava_vpr.deploy.boards.plan import CorePlan, Plan
+from lava_vpr.deploy.bundle import folder as bundle_folder
+from lava_vpr.deploy.bundle import loihi2
+from lava_vpr.deploy.bundle.folder import Bundle, array_bytes, json_bytes
+from lava_vpr.deploy.bundle.opening import CORE_ARRAYS, HOST_TABLES
+from lava_vpr.deploy.bundle.readme import readme
+from lava_vpr.deploy.bundle.references import measured_responses, reference_files
+from lava_vpr.deploy.compression.compression import expected_rates
+from lava_vpr.deploy.mapping.partition import partition
+from lava_vpr.deploy.registers.clearing import clearing
+from lava_vpr.deploy.registers.core_images import core_images, host_tables
+from lava_vpr.engine.inference.fixed import SCALARS, SILENT_STEPS, FixedNetwork
+from lava_vpr.engine.threads import cores
+from lava_vpr.errors import BackendUnavailableError
+from lava_vpr.model import Model
+
+PROGRAMS = Path(__file__).parent / "programs"
+
+
+@dataclass(frozen=True)
+class Deployed:
+    """A bundle that was written, and where its neurons stand."""
+
+    bundle: Bundle
+    plan: Plan
+
+
+def plan_of(model: Model, board: Board) -> Plan:
+    """Where the neurons of ``model`` stand on ``board``.
+
+    Raises:
+        BackendUnavailableError: the model is no integer network.
+        NetworkLimitError: it does not fit; the message names resource, need, limit and remedy.
+    """
+    if not isinstance(model.network, FixedNetwork):
+        raise BackendUnavailableError(
+            "only integer networks can be deployed, but this model is the float conductance model of preset paper; "
+            "train with --preset loihi"
+        )
+    return partition(model.network, board, expected_rates(model))
+
+
+def contents(
+    model: Model,
+    board: Board,
+    *,
+    learning: bool = False,
+    compression: dict[str, Any] | None = None,
+    picture: bool = True,
+) -> tuple[dict[str, Any], dict[str, bytes], Plan]:
+    """Manifest (for `deploy.bundle.folder.sealed`), files and plan of the bundle of ``model``; see `deploy`."""
+    plan = plan_of(model, board)
+    network = plan.network
+    files = reference_files(replace(model, responses=measured_responses(model, network, cores())))
+    files |= loihi2.network_files(network) if board.shifts_sum else _core_files(plan)
+    files |= _programs(board)
+    if learning:
+        from lava_vpr.deploy.bundle.learning import learning_files
+
+        files |= learning_files(model)
+    files["mapping.json"] = json_bytes(mapping(plan))
+    files["README.md"] = readme(model, board, plan, learning)
+    if picture:
+        from lava_vpr.deploy.show.drawing import draw  # matplotlib takes a second to import
+
+        files["mapping.svg"] = draw(plan)
+    return _manifest(model, plan, compression), files, plan
+
+
+def deploy(
+    model: Model,
+    board: Board,
+    path: Path,
+    *,
+    learning: bool = False,
+    compression: dict[str, Any] | None = None,
+    picture: bool = True,
+) -> Deployed:
+    """Write the bundle of ``model`` for ``board``.
+
+    Args:
+        model: As it is to run (compressed, with its way of input).
+        board: From `lava_vpr.deploy.boards.board`.
+        path: The folder; a bundle that stands there is replaced in one step.
+        learning: Also hold the network that learns (Loihi 2).
+        compression: What compression did, for the manifest.
+        picture: Also draw where the neurons stand.
+    Raises:
+        BackendUnavailableError: the model is no integer network.
+        NetworkLimitError: it does not fit the board.
+        BundleError: the folder cannot be written.
+    """
+    bundle_folder.check_replaceable(path)
+    manifest, files, plan = contents(model, board, learning=learning, compression=compression, picture=picture)
+    return Deployed(bundle_folder.write(path, manifest, files), plan)
+
+
+def _manifest(model: Model, plan: Plan, compression: dict[str, Any] | None) -> dict[str, Any]:
+    """What the bundle says of itself."""
+    network, board = plan.network, plan.board
+    limits = {name: "unknown" if value is None else value for name, value in asdict(board).items()}
+    scalars = {name: int(getattr(network, name)) for name in SCALARS}
+    return {
+        "target": board.name,
+        "lava_vpr": __version__,
+        "network": {
+            "inputs": network.inputs,
+            "neurons": network.neurons,
+            **scalars,
+            "silent_steps": SILENT_STEPS,
+            "places": model.places,
+        },
+        "input": {
+            "mode": "bias" if network.regular else "injected",
+            "host_spikes_per_step": round(plan.host_spikes, 3),
+        },
+        "clearing": clearing(network, board, plan),
+        "limits": limits,
+        "compression": compression,
+    }
+
+
+def mapping(plan: Plan) -> dict[str, Any]:
+    """What each core holds, needs and is expected to do, as JSON."""
+    rows = []
+    for core in plan.cores:
+        rows.append(
+            {
+                "chip": core.chip,
+                "core": core.core,
+                "parts": [asdict(part) for part in core.parts],
+                "dense_input_rows": int(core.dense_inputs.sum()),
+                "dense_lateral_rows": core.dense_lateral,
+                "needs": {name: "unknown" if value is None else value for name, value in asdict(core.needs).items()},
+                "load": _load(plan.board, core),
+            }
+        )
+    return {
+        "weight_bits": plan.weight_bits,
+        "lateral_bits": plan.lateral_bits,
+        "hops_per_step": "unknown" if plan.hops is None else round(plan.hops, 6),
+        "cores": rows,
+    }
+
+
+def _load(board: Board, core: CorePlan) -> dict[str, Any]:
+    """What a core is expected to do in a step."""
+    load = {name: round(value, 6) for name, value in asdict(core.load).items()}
+    return load if board.timed else load | {"nanoseconds": "unknown"}
+
+
+def _core_files(plan: Plan) -> dict[str, bytes]:
+    """Registers, memory and axons of every core, and the host's tables."""
+    files = {}
+    for image in core_images(plan):
+        folder = f"cores/chip{image.chip}-core{image.core:03d}"
+        files[f"{folder}/registers.json"] = json_bytes(image.registers)
+        for name in CORE_ARRAYS:
+            files[f"{folder}/{name}.npy"] = array_bytes(getattr(image, name))
+    tables = host_tables(plan)
+    return files | {f"host/{name}.npy": array_bytes(getattr(tables, name)) for name in HOST_TABLES}
+
+
+def _programs(board: Board) -> dict[str, bytes]:
+    """The host program ``run.py``, and the files that it needs beside it."""
+    folders = (PROGRAMS / "common", PROGRAMS / board.name.replace("-", "_"))
+    files = sorted(path for folder in folders for path in folder.iterdir() if path.is_file())
+    return {f"program/{path.name}": path.read_bytes() for path in files}

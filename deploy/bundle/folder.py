@@ -1,0 +1,263 @@
+"""The bundle: a folder that holds everything a board needs to run a model, and refuses to be used once altered.
+
+``manifest.json`` lists every file with its size and SHA-256, and carries a SHA-256 of itself. Files are read once,
+checked, and used from memory: what was checked is what runs. Equal models give equal bytes: no dates, no paths.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import io
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.deploy.boards.board import BOARDS
+from lava_vpr.errors import BundleError
+
+FORMAT, VERSION = "lava-vpr bundle", 1
+MANIFEST = "manifest.json"
+AGAIN = "deploy the model again or fetch an intact copy"
+
+
+@dataclass(frozen=True)
+class Bundle:
+    """A bundle that was read and found intact.
+
+    Attributes:
+        path: Its folder.
+        manifest: What it says of itself.
+        files: Content of every file in the manifest, by its name relative to the folder.
+    """
+
+    path: Path
+    manifest: dict[str, Any] = field(repr=False)
+    files: dict[str, bytes] = field(repr=False)
+
+    @property
+    def target(self) -> str:
+        """Name of its board, a key of `lava_vpr.deploy.boards.board.BOARDS`."""
+        return str(self.manifest["target"])
+
+    def data(self, name: str) -> bytes:
+        """Content of a file.
+
+        Raises:
+            BundleError: the bundle has none of that name.
+        """
+        if name not in self.files:
+            raise BundleError(f"{self.path / name}: the bundle lacks this file; {AGAIN}")
+        return self.files[name]
+
+    def array(self, name: str) -> NDArray[Any]:
+        """The array in a ``.npy`` file.
+
+        Raises:
+            BundleError: missing, or no array.
+        """
+        try:
+            loaded: NDArray[Any] = np.load(io.BytesIO(self.data(name)), allow_pickle=False)
+            return loaded
+        except (ValueError, EOFError, OSError) as error:
+            raise BundleError(f"{self.path / name}: is no array ({error}); {AGAIN}") from None
+
+    def json(self, name: str) -> Any:
+        """The value in a ``.json`` file.
+
+        Raises:
+            BundleError: missing, or no JSON.
+        """
+        try:
+            return json.loads(self.data(name))
+        except ValueError as error:
+            raise BundleError(f"{self.path / name}: is no JSON ({error}); {AGAIN}") from None
+
+    def folders(self, under: str) -> tuple[str, ...]:
+        """Folders below ``under`` that hold files, sorted."""
+        names = (PurePosixPath(name) for name in self.files)
+        return tuple(sorted({str(name.parent) for name in names if name.parent.parent == PurePosixPath(under)}))
+
+
+def array_bytes(array: NDArray[Any]) -> bytes:
+    """``array`` as a ``.npy`` file: version 1, C order, little endian."""
+    buffer = io.BytesIO()
+    plain = np.ascontiguousarray(array)
+    np.lib.format.write_array(buffer, plain.astype(plain.dtype.newbyteorder("<")), version=(1, 0), allow_pickle=False)
+    return buffer.getvalue()
+
+
+def json_bytes(value: Any) -> bytes:
+    """``value`` as JSON for people and programs; equal values give equal bytes."""
+    return (json.dumps(value, indent=1, allow_nan=False) + "\n").encode()
+
+
+def self_digest(manifest: Mapping[str, Any]) -> str:
+    """SHA-256 of a manifest without its own key ``sha256``."""
+    rest = {key: value for key, value in manifest.items() if key != "sha256"}
+    text = json.dumps(rest, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def sealed(manifest: Mapping[str, Any], files: Mapping[str, bytes]) -> dict[str, Any]:
+    """``manifest`` with format, version, the list of ``files`` and its own checksum."""
+    listed = {
+        name: {"bytes": len(data), "sha256": hashlib.sha256(data).hexdigest()} for name, data in sorted(files.items())
+    }
+    whole = {"format": FORMAT, "version": VERSION, **manifest, "files": listed}
+    return {**whole, "sha256": self_digest(whole)}
+
+
+def check_replaceable(path: Path) -> None:
+    """Refuse to replace what is no bundle, before any work is done.
+
+    Raises:
+        BundleError: a file, or a folder that holds something else; or the folder above is missing or closed to us.
+    """
+    above = path.absolute().parent
+    if not above.is_dir():
+        raise BundleError(f"{path}: the folder {above} does not exist; create it first")
+    if not os.access(above, os.W_OK):
+        raise BundleError(f"{path}: no permission to write in {above}; choose another place")
+    if not path.exists() and not path.is_symlink():
+        return
+    if not path.is_dir() or path.is_symlink():
+        raise BundleError(f"{path}: is no folder, and a bundle is one; name another")
+    if not any(path.iterdir()):
+        return
+    try:
+        manifest = json.loads((path / MANIFEST).read_bytes())
+        known = {*manifest["files"], MANIFEST} if manifest["format"] == FORMAT else set()
+    except (OSError, ValueError, KeyError, TypeError):
+        known = set()
+    if not known:
+        raise BundleError(f"{path}: holds something else than a bundle; name another folder")
+    found = (file.relative_to(path) for file in path.rglob("*") if not file.is_dir())
+    own = [name for name in found if name.as_posix() not in known and "__pycache__" not in name.parts]
+    if own:
+        raise BundleError(f"{path}: holds {min(own)}, which is no part of the bundle; move it or name another folder")
+
+
+def write(path: Path, manifest: Mapping[str, Any], files: Mapping[str, bytes]) -> Bundle:
+    """Write a bundle; it appears complete or not at all, and replaces an older one in one step.
+
+    Args:
+        path: The folder.
+        manifest: Without format, version, files and checksum.
+        files: Content by name.
+    Raises:
+        BundleError: it cannot be written; what stood there still does.
+    """
+    check_replaceable(path)
+    whole = sealed(manifest, files)
+    try:
+        temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.absolute().parent))
+        try:
+            for name, data in (*sorted(files.items()), (MANIFEST, json_bytes(whole))):
+                target = temporary / name
+                target.parent.mkdir(parents=True, exist_ok=True)
+                with target.open("wb") as file:
+                    file.write(data)
+                    file.flush()
+                    os.fsync(file.fileno())
+            umask = os.umask(0)
+            os.umask(umask)
+            temporary.chmod(0o777 & ~umask)
+            _put(temporary, path)
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)  # after an exchange it is the old bundle
+    except OSError as error:
+        raise BundleError(
+            f"{path}: the bundle cannot be written ({error.strerror}); free space or choose another place"
+        ) from None
+    return Bundle(path, whole, dict(files))
+
+
+def _put(new: Path, path: Path) -> None:
+    """Put the folder ``new`` in the place of ``path``; if that exists, exchange the two."""
+    if not path.exists():
+        new.rename(path)
+        return
+    libc = ctypes.CDLL(None, use_errno=True)
+    here, exchange = -100, 2  # AT_FDCWD, RENAME_EXCHANGE
+    try:
+        failed = libc.renameat2(here, os.fsencode(new.absolute()), here, os.fsencode(path.absolute()), exchange)
+    except AttributeError:
+        failed = -1
+    if failed:  # an old system, or a file system without it: two steps, the old bundle stays beside if we die between
+        aside = new.with_suffix(".old")
+        path.rename(aside)
+        try:
+            new.rename(path)
+        except OSError:
+            aside.rename(path)
+            raise
+        aside.rename(new)
+
+
+def _manifest(path: Path) -> dict[str, Any]:
+    """The manifest of a bundle, itself intact.
+
+    Raises:
+        BundleError: see `load`.
+    """
+    file = path / MANIFEST
+    if not path.is_dir():
+        what = "is not a bundle, which is a folder" if path.exists() else "does not exist"
+        raise BundleError(f"{path}: {what}; give a folder written by `lava-vpr deploy`")
+    try:
+        manifest = json.loads(file.read_bytes())
+    except FileNotFoundError:
+        raise BundleError(
+            f"{path}: holds no {MANIFEST}, so it is no bundle; give a model file or a folder written by "
+            "`lava-vpr deploy`"
+        ) from None
+    except OSError as error:
+        raise BundleError(f"{file}: cannot be read ({error.strerror}); check its permissions") from None
+    except ValueError as error:
+        raise BundleError(f"{file}: is no JSON ({error}); {AGAIN}") from None
+    if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
+        raise BundleError(f"{file}: is not a bundle's manifest; give a folder written by `lava-vpr deploy`")
+    if manifest.get("version") != VERSION:
+        raise BundleError(
+            f"{file}: is of version {manifest.get('version')!r}, this program reads {VERSION}; deploy the model again"
+        )
+    if manifest.get("sha256") != self_digest(manifest):
+        raise BundleError(f"{file}: was altered (checksum differs); {AGAIN}")
+    if manifest.get("target") not in BOARDS or not isinstance(manifest.get("files"), dict):
+        raise BundleError(f"{file}: is for the unknown board {manifest.get('target')!r}; {AGAIN}")
+    return manifest
+
+
+def load(path: Path) -> Bundle:
+    """The bundle in the folder ``path``.
+
+    Raises:
+        BundleError: missing, foreign, of another version, altered, truncated, or with files missing.
+    """
+    manifest = _manifest(path)
+    files = {}
+    for name, facts in manifest["files"].items():
+        pure, file = PurePosixPath(name), path / name
+        if pure.is_absolute() or ".." in pure.parts:
+            raise BundleError(f"{path / MANIFEST}: names {name!r}, which is not in the bundle; {AGAIN}")
+        try:
+            data = file.read_bytes()
+        except FileNotFoundError:
+            raise BundleError(f"{file}: is missing from the bundle; {AGAIN}") from None
+        except OSError as error:
+            raise BundleError(f"{file}: cannot be read ({error.strerror}); check its permissions") from None
+        if len(data) != facts["bytes"]:
+            raise BundleError(f"{file}: has {len(data):,} bytes instead of {facts['bytes']:,}; {AGAIN}")
+        if hashlib.sha256(data).hexdigest() != facts["sha256"]:
+            raise BundleError(f"{file}: was altered (checksum differs); {AGAIN}")
+        files[name] = data
+    return Bundle(path, manifest, files)

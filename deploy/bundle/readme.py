@@ -1,0 +1,94 @@
+"""The README in a bundle, for the person at the board."""
+
+from __future__ import annotations
+
+from lava_vpr.deploy.boards.board import Board
+from lava_vpr.deploy.boards.plan import Plan
+from lava_vpr.model import Model
+
+_TEXT = """\
+# A place network for {title}
+
+It recognises {places} places (`{first}` to `{last}`) with {neurons} excitatory neurons, as many inhibitory
+relays and {inputs} inputs; weights of {bits} bits; {steps} steps of input a query, then three silent ones.
+Input is {way}.
+
+{programs}
+## What is what
+
+- `manifest.json`: network, limits of the board, how states are cleared between queries, checksums of all
+  files. The programs refuse to run a bundle that was altered.
+{parts}- `host/rates.npy`, `host/keys.npy`: the reference images as spike probabilities (units of 2^-16 a step) and
+  the keys of their random numbers; `host/responses.npy`: the spike counts (neurons, places) they must give.
+- `host/references.lvpr`: names, settings and small images, for lava-vpr's decoders and reports.
+
+A place's score is the sum over neurons of responses[i, place] / responses[i].sum() * counts[i], which the
+configured decoder scales; the highest score is the place.
+"""
+
+_KAPOHO_BAY = """\
+Needs: the board, Intel's NxSDK 0.9 to 1.0 (closed; from Intel's neuromorphic research community) and a Python
+that has it, with numpy. NxSDK compiles `program/embedded.c` for the chips' embedded processors. Nothing else,
+not lava-vpr.
+
+    export KAPOHOBAY=1                         NxSDK looks for this board then
+    python program/run.py --check              everything but the board: the files, NxSDK, its version
+    python program/run.py --self-test          the reference images; counts must equal host/responses.npy
+    python program/run.py --queries Q --out R  Q/rates.npy and Q/keys.npy in, R/counts.npy out
+    .. --power P                               P, JSON: power in mW and time of a step, idle subtracted
+
+With lava-vpr on the same machine, images go in and places come out:
+
+    NXSDK_PYTHON=/path/to/python lava-vpr eval THIS_FOLDER QUERY_IMAGES --backend kapoho-bay
+"""
+
+_LOIHI_2 = """\
+Needs: Lava 0.10 under Python 3.10, Intel's lava-loihi (closed; from Intel's neuromorphic research community)
+and a configured Loihi 2 host (SLURM=1 or NXSDKHOST). Nothing else, not lava-vpr. Lava makes sockets in the
+temporary folder and their paths must be short: if TMPDIR has over 59 characters, `export TMPDIR=/tmp`.
+
+    python program/run.py --check                 everything but the board
+    python program/run.py --simulate --self-test  Lava's bit-accurate simulation, no board
+    python program/run.py --self-test             the reference images; counts must equal host/responses.npy
+    python program/run.py --queries Q --out R     Q/rates.npy and Q/keys.npy in, R/counts.npy out
+    .. --power P                                  P, JSON: power in mW and time of a step, idle subtracted
+
+With lava-vpr on the same machine, images go in and places come out:
+
+    lava-vpr eval THIS_FOLDER QUERY_IMAGES --backend loihi2
+"""
+
+_CORES = """\
+- `cores/chipC-coreNNN/`: registers, compartments (profile, threshold, bias mantissa, bias exponent), synapse
+  memory in 64-bit words, input axons (first word, words, synapses), output axons (source, chip, core, axon).
+- `host/injection.npy` (input, chip, core, axon), `host/inputs.npy`, `host/exc.npy`, `host/inh.npy` (chip,
+  core, compartment): where spikes go in and out.
+- `mapping.json`, `mapping.svg`: what each core holds.
+"""
+
+_NETWORK = """\
+- `network/`: the parameters of Lava's own Dense, Sparse and LIFReset; Intel's compiler places them.
+- `mapping.json`, `mapping.svg`: an estimate by the limits that are public.
+"""
+
+_LEARNING = "- `learning/`: the network that learns, for Lava's LearningDense: rule, start weights, schedule.\n"
+_WAYS = ("injected, spike by spike", "integrated by input compartments from a bias written once a query")
+
+
+def readme(model: Model, board: Board, plan: Plan, learning: bool) -> bytes:
+    """What the folder is and how to run it."""
+    network, lava = plan.network, board.shifts_sum
+    text = _TEXT.format(
+        title=board.title,
+        places=model.places,
+        first=model.place_names[0],
+        last=model.place_names[-1],
+        neurons=network.neurons,
+        inputs=network.inputs,
+        bits=network.bits,
+        steps=network.steps,
+        way=_WAYS[network.regular],
+        programs=_LOIHI_2 if lava else _KAPOHO_BAY,
+        parts=(_NETWORK if lava else _CORES) + _LEARNING * learning,
+    )
+    return text.encode()

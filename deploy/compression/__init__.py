@@ -1,0 +1,1 @@
+"""Fewer bits and pruned weights, chosen on images."""

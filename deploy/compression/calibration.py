@@ -1,0 +1,153 @@
+"""Recall of compressed models on calibration images, and the search for the cheapest one that is good enough."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.deploy.boards.board import Board
+from lava_vpr.deploy.compression.compression import (
+    Compressed,
+    Figures,
+    Point,
+    distinctive,
+    expected_rates,
+    fitting,
+    for_board,
+    with_settings,
+)
+from lava_vpr.encoding import EncodedTraverse
+from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.inference.quantise import pruned
+from lava_vpr.errors import NetworkLimitError
+from lava_vpr.model import Model
+from lava_vpr.recognition import recognise
+
+PRUNES = (0.0, 0.3, 0.4, 0.5, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.925, 0.95, 0.97)
+"""Shares of pruned weights that `search` tries."""
+
+WORTH = 0.98
+"""A way is tried if it costs at most this share of the one with the same bits that is pruned less."""
+
+Begin = Callable[[int], Callable[[str], None]]
+"""Told the most points that will be tried; returns what is called after each, with a note for people."""
+
+
+def figures(model: Model, calibration: tuple[EncodedTraverse, NDArray[np.bool_]], *, threads: int = 1) -> Figures:
+    """How ``model`` does on calibration images and their truth, bool (images, places)."""
+    queries, truth = calibration
+    result = recognise(model, queries, truth, rivals=(), threads=threads, keep_scores=False)
+    metrics = result.metrics[result.default]
+    operations = result.events["synaptic_operations"] / max(1, len(queries))
+    return Figures(metrics.recall_at_1, metrics.recall_at_100_precision, metrics.auc, operations)
+
+
+def calibrated(
+    compressed: Compressed, calibration: tuple[EncodedTraverse, NDArray[np.bool_]], *, threads: int = 1
+) -> Compressed:
+    """``compressed`` with the figures of both models on calibration images."""
+    before = figures(compressed.original, calibration, threads=threads)
+    same = compressed.model is compressed.original
+    after = before if same else figures(compressed.model, calibration, threads=threads)
+    return replace(compressed, before=before, after=after)
+
+
+def candidates(
+    model: Model, board: Board, weight_bits: int | None, prune: float | None, input_mode: str | None
+) -> list[Point]:
+    """Ways to compress that ``board`` can run, from cheap to dear; empty if there is none.
+
+    Bits go up to the model's own unless given. Points that save nothing against less pruning are left out.
+    """
+    source = with_settings(model, None, input_mode)
+    rates = expected_rates(model)
+    widths = [weight_bits] if weight_bits is not None else range(1, (model.weight_bits or 0) + 1)
+    cheapest: dict[int, float] = {}
+    points = []
+    for share in PRUNES if prune is None else (prune,):
+        weights = distinctive(model, pruned(model.learned, share))
+        for bits in widths:
+            try:
+                network = fitting(source, board, bits, weights)
+            except NetworkLimitError:
+                continue
+            operations = float(rates @ network.prepared[1]) * network.steps
+            if operations <= WORTH * cheapest.get(bits, np.inf):
+                cheapest[bits] = operations
+                points.append(Point(bits, share, operations, _memory_bits(network)))
+    return sorted(points, key=lambda point: (point.input_operations, point.memory_bits, point.prune))
+
+
+def search(
+    model: Model,
+    board: Board,
+    calibration: tuple[EncodedTraverse, NDArray[np.bool_]],
+    max_loss: float,
+    *,
+    weight_bits: int | None = None,
+    prune: float | None = None,
+    input_mode: str | None = None,
+    threads: int = 1,
+    begin: Begin | None = None,
+) -> Compressed:
+    """The cheapest way to compress under which R@1 stays within ``max_loss`` of the model as it is.
+
+    Points are tried from cheap to dear by the operations of the inputs alone, which those of the whole network exceed:
+    once the next point's inputs cost more than a whole network that was found good, that one is the cheapest.
+
+    Args:
+        model: The model; ``weight_bits``, ``prune`` and ``input_mode`` fix what is not to be searched.
+        board: Where it is to run.
+        calibration: Queries, and truth bool (queries, places).
+        max_loss: What R@1 may lose, a fraction in 0..1.
+        weight_bits, prune, input_mode: See `for_board`.
+        threads: Does not change the result.
+        begin: See `Begin`.
+    Raises:
+        ConfigError: as `for_board`.
+        NetworkLimitError: nothing that the board can run is good enough.
+    """
+    points = candidates(model, board, weight_bits, prune, input_mode)
+    if not points:  # the reason is that of the plainest way
+        for_board(model, board, weight_bits=weight_bits, prune=prune or 0.0, input_mode=input_mode, threads=threads)
+    advance = begin(len(points)) if begin is not None else None
+    before = figures(model, calibration, threads=threads)
+    least = before.recall_at_1 - max_loss - 1e-9  # 0.91 - 0.02 is above 0.89
+    tried: list[tuple[Point, Figures]] = []
+    best: tuple[float, int, Compressed] | None = None
+    for point in points:
+        if best is not None and point.input_operations >= best[0]:
+            break
+        found = for_board(
+            model, board, weight_bits=point.weight_bits, prune=point.prune, input_mode=input_mode, threads=threads
+        )
+        after = figures(found.model, calibration, threads=threads)
+        tried.append((point, after))
+        cost = (after.operations, point.memory_bits)
+        if after.recall_at_1 >= least and (best is None or cost < best[:2]):
+            best = (*cost, replace(found, after=after))
+        if advance is not None:
+            advance(f"{point.weight_bits} bits, {point.prune:g} pruned: R@1 {100 * after.recall_at_1:.1f}")
+    if best is None:
+        raise NetworkLimitError(_none_good(board, before, max_loss, tried))
+    return replace(best[2], before=before, max_loss=max_loss, tried=tuple(tried))
+
+
+def _none_good(board: Board, before: Figures, max_loss: float, tried: list[tuple[Point, Figures]]) -> str:
+    """Why a search found nothing."""
+    point, best = max(tried, key=lambda one: one[1].recall_at_1)
+    enough = before.recall_at_1 - best.recall_at_1 + 5e-4
+    return (
+        f"nothing that {board.title} can run keeps R@1 within {max_loss:g} of {before.recall_at_1:.3f}; with "
+        f"{point.weight_bits} bits, {point.prune:g} pruned, it is {best.recall_at_1:.3f}: use --max-loss {enough:.3f}"
+    )
+
+
+def _memory_bits(network: FixedNetwork) -> int:
+    """Bits that the inputs' synapses take, each row dense or sparse, whichever is less; headers aside."""
+    index = max(1, network.neurons - 1).bit_length()
+    sparse = network.prepared[1] * (network.bits + index)
+    return int(np.minimum(sparse, network.neurons * network.bits).sum())

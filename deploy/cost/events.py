@@ -1,0 +1,197 @@
+"""What a board does for each query, step by step and core by core, counted from every spike and the mapping.
+
+The register-level simulation counts the same from registers and memory; `tests/deploy/cost/test_activity.py` holds the
+two against each other. A message belongs to the step of its spike: it is sent, received and meets its row in that step,
+and the sum counts in the next.
+
+**What is an update.** Every mapped compartment is accessed in every step. It is also updated when there is a reason:
+
+- `Activity.updates`, as the register-level simulation counts: the sum that arrived, the membrane or the bias is not 0.
+- `Activity.touched`, as SANA-FE 2.2.9 counts (``models.cpp``, ``LoihiLifModel::update``): any stored synapse delivered
+  to the compartment, be its weight 0 or the sum of all 0, or membrane or bias are not 0.
+
+The two differ by a handful in a million. Injected inputs are no compartments: neither accessed nor updated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.deploy.boards.plan import Plan
+from lava_vpr.deploy.cost.event_kernels import KINDS, Counts, Routes, count
+from lava_vpr.deploy.mapping.placement import tiles
+from lava_vpr.engine.trains import Trains
+from lava_vpr.loihi import DECAY_BITS, INPUT_SHIFT
+
+_DERIVED = ("accesses", "input_accesses", "input_spikes", "exc_spikes", "inh_spikes")
+
+
+@dataclass(frozen=True)
+class Activity:
+    """Events of some queries, int64 (n, steps, cores) in the order of the plan's cores; steps include the silent ones.
+
+    Attributes:
+        messages_in: Spikes that arrive, those of inputs included.
+        input_messages: Those of them that carry an input's spike. If inputs integrate a bias they are among
+            ``messages_out`` of the inputs' cores, too; injected ones are not, no core of the plan sends them.
+        operations_dense, operations_sparse: Synaptic operations by the format of the row that was met: all stored
+            synapses of a dense row, the weights that are not 0 of a sparse one.
+        updates, touched: Compartments updated, by two definitions; see the module.
+        spikes: Of compartments.
+        messages_out: Spikes sent to cores, one message for each core that they go to, the own one included.
+        read_outs: Spikes sent to the spike counters of the embedded processor (those of exc).
+        crossings: Messages out to another chip.
+        hops_east_west, hops_north_south: Tiles that messages out cross; 0 where the mesh is not public.
+        input_hops_east_west, input_hops_north_south: The same of input messages, by destination.
+        input_updates: Those of ``updates`` that are of input compartments.
+        accesses: Compartments mapped (a read-only view: the same in every step).
+        input_accesses: Those of them that are input compartments.
+        input_spikes, exc_spikes, inh_spikes: int64 (n, steps).
+        injected: Whether input spikes are injected.
+        tiles: In use; None: the mesh is not public.
+    """
+
+    messages_in: Counts = field(repr=False)
+    input_messages: Counts = field(repr=False)
+    operations_dense: Counts = field(repr=False)
+    operations_sparse: Counts = field(repr=False)
+    updates: Counts = field(repr=False)
+    touched: Counts = field(repr=False)
+    spikes: Counts = field(repr=False)
+    messages_out: Counts = field(repr=False)
+    read_outs: Counts = field(repr=False)
+    crossings: Counts = field(repr=False)
+    hops_east_west: Counts = field(repr=False)
+    hops_north_south: Counts = field(repr=False)
+    input_hops_east_west: Counts = field(repr=False)
+    input_hops_north_south: Counts = field(repr=False)
+    input_updates: Counts = field(repr=False)
+    accesses: Counts = field(repr=False)
+    input_accesses: Counts = field(repr=False)
+    input_spikes: Counts = field(repr=False)
+    exc_spikes: Counts = field(repr=False)
+    inh_spikes: Counts = field(repr=False)
+    injected: bool
+    tiles: int | None
+
+    @property
+    def queries(self) -> int:
+        """How many."""
+        return int(self.updates.shape[0])
+
+    @property
+    def steps(self) -> int:
+        """Of a presentation, silent ones included."""
+        return int(self.updates.shape[1])
+
+    def each(self, name: str) -> NDArray[np.int64]:
+        """Sum over steps and cores of the events ``name``, int64 (n,)."""
+        values = getattr(self, name)
+        return np.asarray(values.sum(axis=tuple(range(1, values.ndim)), dtype=np.int64))
+
+    def part(self, queries: slice) -> Activity:
+        """Of some of the queries."""
+        arrays: dict[str, Any] = {name: getattr(self, name)[queries] for name in (*KINDS, *_DERIVED)}
+        return replace(self, **arrays)
+
+
+def mapped_tiles(plan: Plan) -> int | None:
+    """Tiles that hold a core of ``plan``; None: the mesh is not public."""
+    if plan.board.tile_cores is None:
+        return None
+    return len({(core.chip, core.core // plan.board.tile_cores) for core in plan.cores})
+
+
+def routes(plan: Plan, entry: tuple[int, int] | None = None) -> Routes:
+    """Where every spike goes and what it meets there; see `activity_of`."""
+    network, total = plan.network, len(plan.cores)
+    homes = {"exc": network.neurons, "inh": network.neurons, "inputs": network.inputs}
+    home = {name: np.full(size, -1, np.int64) for name, size in homes.items()}
+    for k, core in enumerate(plan.cores):
+        for part in core.parts:
+            home[part.population][part.first : part.first + part.size] = k
+    stored = np.zeros(network.weights.shape, np.uint8)
+    input_rows = np.zeros((network.inputs, total, 2), np.int64)
+    relay_rows = np.zeros((network.neurons, total, 2), np.int64)
+    size = np.bincount(home["exc"], minlength=total)
+    for k, core in enumerate(plan.cores):
+        own = home["exc"] == k
+        present = network.weights[:, own] > 0
+        kept = present | (core.dense_inputs & present.any(axis=1))[:, None]
+        stored[:, own] = kept
+        input_rows[:, k, 0] = kept.sum(axis=1) * core.dense_inputs
+        input_rows[:, k, 1] = kept.sum(axis=1) * ~core.dense_inputs
+        if network.inhibition:
+            relay_rows[~own, k, 0] = size[k]
+            if size[k] > 1:
+                relay_rows[own, k, int(not core.dense_lateral)] = size[k] - (not core.dense_lateral)
+    return Routes(
+        home["exc"],
+        home["inh"],
+        home["inputs"],
+        input_rows,
+        relay_rows,
+        stored,
+        np.array([core.dense_lateral for core in plan.cores], np.bool_),
+        size,
+        *_ways(plan, entry),
+    )
+
+
+def _ways(plan: Plan, entry: tuple[int, int] | None) -> tuple[Counts, Counts]:
+    """``ways`` and ``entry`` of `Routes`."""
+    board, count = plan.board, len(plan.cores)
+    cores = np.array([(core.chip, core.core) for core in plan.cores], np.int64).reshape(-1, 2)
+    ways, first = np.zeros((count, count, 3), np.int64), np.zeros((count, 2), np.int64)
+    ways[..., 0] = cores[:, None, 0] != cores[None, :, 0]
+    if board.tile_cores is not None and board.columns is not None:
+        place = tiles(cores, board)
+        ways[..., 1:] = np.abs(place[:, None] - place[None, :])
+        corner = np.stack([cores[:, 0] * board.columns, np.zeros(count, np.int64)], axis=1)
+        first = np.abs(place - (corner if entry is None else np.array(entry)))
+    return ways, first
+
+
+def activity_of(plan: Plan, trains: Trains, *, entry: tuple[int, int] | None = None) -> Activity:
+    """Count what the cores of ``plan`` do while these spikes happen.
+
+    Args:
+        plan: Where the network stands.
+        trains: Every spike of exc and inputs, uint8 (n, steps + 3, width); relays follow from exc.
+        entry: Column and row of the tile from which input spikes are injected; None: tile 0 of the chip they go to.
+    Raises:
+        ValueError: the trains are not those of this network.
+    An input compartment whose phase and bias are both exactly 0 counts as updated (a phase has 512,000 values).
+    """
+    network, inputs, exc = plan.network, trains.inputs, trains.exc
+    if inputs is None or inputs.shape[2] != network.inputs or exc.shape[2] != network.neurons:
+        raise ValueError("trains hold no input spikes, or are not those of the plan's network")
+    found = routes(plan, entry)
+    shape = (*exc.shape[:2], len(plan.cores))
+    events = np.zeros((*shape, len(KINDS)), np.int64)
+    keep = (1 << DECAY_BITS) - network.decay
+    params = np.array([network.shift, network.threshold << INPUT_SHIFT, network.lateral, keep], np.int64)
+    bits = (np.ascontiguousarray(train).view(np.uint8) for train in (inputs, exc))
+    query, step = count(found, network.weights, params, network.steps, *bits, events)
+    if query >= 0:
+        raise ValueError(f"query {query}: the spikes of step {step} are not those of the plan's network")
+    sizes = [[(p.size, p.size * (p.population == "inputs")) for p in core.parts] for core in plan.cores]
+    mapped = np.array([np.sum(own, axis=0) for own in sizes], np.int64)
+    exc_spikes = exc.sum(axis=2, dtype=np.int64)
+    inh_spikes = np.zeros_like(exc_spikes)
+    inh_spikes[:, 1:] = exc_spikes[:, :-1]
+    arrays: dict[str, Any] = {name: np.ascontiguousarray(events[..., kind]) for kind, name in enumerate(KINDS)}
+    return Activity(
+        **arrays,
+        accesses=np.broadcast_to(mapped[:, 0], shape),
+        input_accesses=np.broadcast_to(mapped[:, 1], shape),
+        input_spikes=inputs.sum(axis=2, dtype=np.int64),
+        exc_spikes=exc_spikes,
+        inh_spikes=inh_spikes,
+        injected=not network.regular,
+        tiles=mapped_tiles(plan),
+    )

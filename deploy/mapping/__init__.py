@@ -1,0 +1,1 @@
+"""Which neuron stands on which core, and the largest map that fits."""

@@ -1,0 +1,1 @@
+"""Registers and synapse memory of a core, and their bit-level simulation."""

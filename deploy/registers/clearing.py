@@ -1,0 +1,52 @@
+"""How each board comes to rest between two queries; `docs/network.md` has the contract, this is who fulfils it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from lava_vpr.deploy.boards.board import Board
+from lava_vpr.deploy.boards.plan import Plan
+from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork
+from lava_vpr.loihi import DECAY_BITS, INPUT_SHIFT
+
+
+def rest_steps(network: FixedNetwork) -> int:
+    """Steps without input after which every membrane is 0 by its own decay, whatever it was.
+
+    From the threshold downwards, and from the deepest that inhibition of one step can reach upwards.
+    """
+    keep = (1 << DECAY_BITS) - network.decay
+    v, steps = max(network.threshold, (network.neurons - 1) * network.lateral) << INPUT_SHIFT, 0
+    while v and keep < 1 << DECAY_BITS:
+        v, steps = v * keep >> DECAY_BITS, steps + 1
+    return steps
+
+
+def clearing(network: FixedNetwork, board: Board, plan: Plan | None) -> dict[str, Any]:
+    """Which mechanism ``board`` uses, and what it costs in a query.
+
+    Args:
+        network: The network.
+        board: The board.
+        plan: Where its neurons stand; None if the board's compiler decides that.
+    """
+    neurons, inputs = network.neurons, network.inputs * network.regular
+    alternative = {"rest_steps_instead": rest_steps(network), "silent_steps": SILENT_STEPS}
+    if plan is None or board.shifts_sum:
+        return {
+            "mechanism": "LIFReset",
+            "what": "Lava's LIFReset sets u and v of exc and inh to 0 in the first step of each presentation",
+            "reset_interval": network.steps + SILENT_STEPS,
+            "reset_offset": 1,
+            "writes_per_query": 3 * inputs,
+            **alternative,
+        }
+    return {
+        "mechanism": "embedded writes",
+        "what": "an embedded processor of each chip writes v = 0 of its exc compartments after the last silent step; "
+        "currents have no memory, and relays are at 0 by then",
+        "exc_writes_per_query": neurons,
+        "input_writes_per_query": 3 * inputs,
+        "writes_per_query": neurons + 3 * inputs,
+        **alternative,
+    }

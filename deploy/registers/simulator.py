@@ -1,0 +1,380 @@
+"""Loihi 1 at the level of its registers: runs what stands in a bundle, and knows nothing of the network behind it.
+
+A step of a core: every accumulator becomes the current of its compartment, u' = D(u, 4095 - decayU) + a, which wraps at
+24 bits; v' = clip(D(v, 4096 - decayV) + u' + bias), with D(x, k) = sign(x) (|x| k >> 12); v' > vth << 6 spikes, and v'
+is 0 then and in the refractory steps. Each spike then goes along the output axons of its compartment, and each input
+axon that it meets adds its row to the accumulators, which count in the next step. Source: nengo-loihi 1.1.0,
+``emulator/interface.py``. What the chip would get wrong in silence, an accumulator beyond its 21 bits or a state that
+nothing clears between two presentations, is an error here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.deploy.registers.core_images import READ_OUT, CoreImage, HostTables
+from lava_vpr.deploy.registers.simulator_kernels import EVENTS, State, Wiring, present
+from lava_vpr.deploy.registers.synapses import Format, Rows, joined, stored_rows, unpack
+from lava_vpr.encoding import draw_spikes
+from lava_vpr.engine.inference.bias_input import biases, phases
+from lava_vpr.engine.threads import share
+from lava_vpr.errors import ModelFileError, NetworkLimitError
+from lava_vpr.loihi import (
+    BIAS_BITS,
+    BIAS_EXPONENT_LIMIT,
+    CEILING_EXPONENT_LIMIT,
+    CORE_AXONS,
+    CORE_COMPARTMENTS,
+    CORE_FORMATS,
+    CORE_PROFILES,
+    CORE_SYNAPSE_WORDS,
+    CORE_THRESHOLDS,
+    DECAY_BITS,
+    FLOOR_EXPONENT_LIMIT,
+    INPUT_SHIFT,
+    LOIHI_1_INPUT_LIMIT,
+    THRESHOLD_LIMIT,
+)
+
+Cores = tuple[tuple[int, int], ...]
+_REFRACTORY = 63
+"""Most that refractDelay holds. Source: nengo-loihi 1.1.0, ``hardware/validate.py:48``."""
+
+
+@dataclass(frozen=True)
+class Presented:
+    """What became of some presentations.
+
+    Attributes:
+        counts: Of each exc neuron, as the spike counters read out, int32 (n, neurons).
+        exc, inh, inputs: Every spike, uint8 (n, steps, width).
+        events: `EVENTS` by name, summed, int64 (cores,) in the order of `Chips.cores`.
+    """
+
+    counts: NDArray[np.int32]
+    exc: NDArray[np.uint8] = field(repr=False)
+    inh: NDArray[np.uint8] = field(repr=False)
+    inputs: NDArray[np.uint8] = field(repr=False)
+    events: dict[str, NDArray[np.int64]]
+
+
+class _Core(NamedTuple):
+    """A core's registers, for each of its compartments (the limits of the membrane: one), and its input axons' rows."""
+
+    keep_u: NDArray[np.int64]
+    keep_v: NDArray[np.int64]
+    refract: NDArray[np.int64]
+    register: NDArray[np.int64]
+    threshold: NDArray[np.int64]
+    bias: NDArray[np.int64]
+    limits: tuple[int, int]
+    row_of: NDArray[np.int64]
+    rows: Rows
+    value: NDArray[np.int32]
+    sparse: NDArray[np.int64]
+
+
+def _fault(where: str, what: str) -> ModelFileError:
+    return ModelFileError(f"{where}: {what}; deploy the model again")
+
+
+def _read(image: CoreImage) -> _Core:
+    """The registers and rows of a core.
+
+    Raises:
+        ModelFileError: they are not those of a Loihi 1 core.
+    """
+    where, registers, unity = image.name, image.registers, 1 << DECAY_BITS
+    size, words, axons = len(image.compartments), len(image.synapses), max(len(image.axons_in), len(image.axons_out))
+    limits = (CORE_COMPARTMENTS, CORE_SYNAPSE_WORDS, CORE_AXONS)
+    for name, have, limit in zip(("compartments", "synapse words", "axons"), (size, words, axons), limits, strict=True):
+        if have > limit:
+            raise _fault(where, f"holds {have} {name}, but a core has {limit}")
+    try:
+        profiles = [[p["decayU"], p["decayV"], p["refractDelay"]] for p in registers["cxProfileCfg"]]
+        vth = np.array([profile["vth"] for profile in registers["vthProfileCfg"]], np.int64)
+        shared = registers["dendriteSharedCfg"]
+        floor, ceiling = int(shared["negVmLimit"]), int(shared["posVmLimit"])
+        forms = [None if form is None else Format.of(form, where) for form in registers["synapseFmt"]]
+        own, register, mantissa, exponent = image.compartments.T.astype(np.int64)
+        decay_u, decay_v, refract = np.array(profiles, np.int64).reshape(-1, 3)[own].T
+        threshold = vth[register]
+    except (LookupError, TypeError, ValueError, OverflowError) as error:
+        raise _fault(where, f"its registers are not those of a Loihi 1 core ({error!r})") from None
+    for name, column, most in (
+        ("profile", own, CORE_PROFILES - 1),
+        ("threshold register", register, CORE_THRESHOLDS - 1),
+        ("decayU", decay_u, unity - 1),
+        ("decayV", decay_v, unity - 1),
+        ("vth", threshold, THRESHOLD_LIMIT - 1),
+        ("bias exponent", exponent, BIAS_EXPONENT_LIMIT),
+        ("refractDelay - 1", refract - 1, _REFRACTORY - 1),
+        ("bias mantissa", abs(mantissa), (1 << BIAS_BITS) - 1),
+        ("negVmLimit", np.array([floor]), FLOOR_EXPONENT_LIMIT),
+        ("posVmLimit", np.array([ceiling]), CEILING_EXPONENT_LIMIT),
+    ):
+        if size and not 0 <= column.min() <= column.max() <= most:
+            wrong = column.min() if column.min() < 0 else column.max()
+            raise _fault(where, f"a {name} of {wrong} is outside 0..{most}")
+    if len(forms) > CORE_FORMATS:
+        raise _fault(where, f"holds {len(forms)} synapse formats, but a core has {CORE_FORMATS}")
+    entries, row_of = stored_rows(image.synapses, image.axons_in, where)
+    rows = unpack(image.synapses, entries, forms, size, where)
+    sparse = np.array([form is not None and form.index_bits > 0 for form in forms], np.int64)[rows.formats]
+    return _Core(
+        unity - 1 - decay_u,
+        unity - decay_v,
+        refract,
+        register,
+        threshold << INPUT_SHIFT,
+        mantissa << exponent,
+        (1 - (1 << floor), (1 << 9 + 2 * ceiling) - 1),
+        row_of,
+        rows,
+        rows.currents(forms),
+        sparse,
+    )
+
+
+def _starts(sizes: Sequence[int] | NDArray[np.int64]) -> NDArray[np.int64]:
+    """0 and the sums of ``sizes`` so far, int64 (sizes + 1,)."""
+    return np.concatenate([np.zeros(1, np.int64), np.cumsum(np.asarray(sizes, np.int64))])
+
+
+def _found(
+    what: str, pairs: NDArray[np.int32], numbers: NDArray[np.int32], starts: NDArray[np.int64], cores: Cores
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Cores that ``pairs`` (n, 2) of chip and core name, and where in them all one after another ``numbers`` (n,) are.
+
+    Raises:
+        ModelFileError: there is no such core, or no such number on it.
+    """
+    index = {pair: k for k, pair in enumerate(cores)}
+    named, inverse = np.unique(pairs.reshape(-1, 2), axis=0, return_inverse=True)
+    core = np.array([index.get((int(a), int(b)), -1) for a, b in named], np.int64)[inverse.reshape(-1)]
+    bad = (core < 0) | (numbers < 0) | (numbers >= (starts[1:] - starts[:-1])[core])
+    if bad.any():
+        (chip, number), at = pairs[bad][0], numbers[bad][0]
+        raise _fault(what, f"names {at} of chip {chip} core {number}, which is not there")
+    return core, starts[core] + numbers
+
+
+def _wire(
+    images: Sequence[CoreImage], read: Sequence[_Core], cores: Cores, neurons: int, positions: NDArray[np.int64] | None
+) -> Wiring:
+    """Everything that is fixed; see `Chips.of`."""
+    first, axons = _starts([len(i.compartments) for i in images]), _starts([len(i.axons_in) for i in images])
+    sizes = [len(core.rows.formats) for core in read]
+    rows = joined([core.rows for core in read])
+    owner = np.repeat(np.arange(len(cores)), [len(i.axons_out) for i in images])
+    out = np.concatenate([np.zeros((0, 4), np.int32), *(image.axons_out for image in images)]).astype(np.int64)
+    counted = out[:, 2] == READ_OUT
+    chips = np.array([chip for chip, _ in cores], np.int64)
+    lost = (out[:, 0] < 0) | (out[:, 0] >= np.diff(first)[owner])
+    lost |= counted & ((out[:, 1] != chips[owner]) | (out[:, 3] < 0) | (out[:, 3] >= neurons))
+    if lost.any():
+        raise _fault(images[owner[lost][0]].name, "an output axon comes from no compartment or goes to no counter")
+    target, axon = out[:, 2].copy(), out[:, 3].copy()
+    target[~counted], axon[~counted] = _found("an output axon", out[~counted, 1:3], axon[~counted], axons, cores)
+    hops = np.zeros((len(out), 3), np.int64)
+    hops[~counted, 0] = chips[target[~counted]] != chips[owner[~counted]]
+    if positions is not None:
+        hops[~counted, 1:] = abs(positions[target[~counted]] - positions[owner[~counted]])
+    order = np.argsort(first[owner] + out[:, 0], kind="stable")
+    row_starts = _starts(sizes)[:-1]
+    return Wiring(
+        first=first,
+        keep_u=np.concatenate([core.keep_u for core in read]),
+        keep_v=np.concatenate([core.keep_v for core in read]),
+        refract=np.concatenate([core.refract for core in read]),
+        floor=np.array([core.limits[0] for core in read], np.int64),
+        ceiling=np.array([core.limits[1] for core in read], np.int64),
+        out_start=_starts(np.bincount(first[owner] + out[:, 0], minlength=int(first[-1]))),
+        out_core=target[order],
+        out_axon=axon[order],
+        hops=hops[order],
+        row_of=np.concatenate([core.row_of + start for core, start in zip(read, row_starts, strict=True)]),
+        row_start=rows.starts,
+        row_target=(rows.compartments + np.repeat(first[:-1], [len(c.value) for c in read])).astype(np.int32),
+        row_value=np.concatenate([core.value for core in read]),
+        row_sparse=np.concatenate([core.sparse for core in read]),
+    )
+
+
+@dataclass(frozen=True)
+class Chips:
+    """Loihi 1 chips that hold a network; see `Chips.of`."""
+
+    cores: Cores
+    wiring: Wiring = field(repr=False)
+    threshold: NDArray[np.int64] = field(repr=False)
+    bias: NDArray[np.int64] = field(repr=False)
+    injection: tuple[NDArray[np.int64], ...] = field(repr=False)
+    exc: NDArray[np.int64] = field(repr=False)
+    inh: NDArray[np.int64] = field(repr=False)
+    inputs: NDArray[np.int64] = field(repr=False)
+    steps: int
+    silent_steps: int
+    regular: bool
+
+    @staticmethod
+    def of(
+        images: Sequence[CoreImage],
+        tables: HostTables,
+        *,
+        steps: int,
+        silent_steps: int,
+        regular: bool,
+        positions: NDArray[np.int64] | None = None,
+    ) -> Chips:
+        """Chips that hold ``images``.
+
+        Args:
+            images: Of all cores.
+            tables: How the host reaches them.
+            steps: Steps with input of a presentation.
+            silent_steps: And without, after those.
+            regular: Input compartments integrate a bias; else spikes are injected.
+            positions: Column and row of each core's tile (`deploy.mapping.placement.tiles`), (cores, 2), for hops.
+        Raises:
+            ModelFileError: the images are no cores of Loihi 1, or contradict each other or the tables.
+        """
+        cores = tuple((image.chip, image.core) for image in images)
+        if not cores or len(set(cores)) != len(cores):
+            raise _fault("the images", "hold no core, or one twice")
+        read = [_read(image) for image in images]
+        wiring = _wire(images, read, cores, len(tables.exc), positions)
+        places = {}
+        for name in ("exc", "inh", "inputs"):
+            table = getattr(tables, name)
+            places[name] = _found(f"the host's table {name}", table[:, :2], table[:, 2], wiring.first, cores)[1]
+        axons = _starts([len(image.axons_in) for image in images])
+        way = tables.injection[np.argsort(tables.injection[:, 0], kind="stable")]
+        core, axon = _found("the host's table injection", way[:, 1:3], way[:, 3], axons, cores)
+        threshold = np.concatenate([core.threshold for core in read])
+        bias = np.concatenate([core.bias for core in read])
+        return Chips(
+            cores,
+            wiring,
+            threshold,
+            bias,
+            (way[:, 0].astype(np.int64), core, axon),
+            **places,
+            steps=steps,
+            silent_steps=silent_steps,
+            regular=regular,
+        )
+
+    def run(
+        self, rates: NDArray[np.uint16], keys: NDArray[np.uint64]
+    ) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8]]:
+        """Every spike of exc, inh and inputs, uint8 (n, steps, width); see `present`."""
+        seen = self.present(rates, keys)
+        return seen.exc, seen.inh, seen.inputs
+
+    def present(
+        self, rates: NDArray[np.uint16], keys: NDArray[np.uint64], *, threads: int = 1, record: bool = True
+    ) -> Presented:
+        """Present images, as the host program does.
+
+        Args:
+            rates: Spike probabilities in units of 2^-16, uint16 (n, inputs).
+            keys: One per presentation (`lava_vpr.engine.random.presentation_keys`), uint64 (n,).
+            threads: Threads that share the images; the result does not depend on it.
+            record: Keep every spike; else ``exc``, ``inh`` and ``inputs`` are empty.
+        Raises:
+            NetworkLimitError: an accumulator overflows.
+            ModelFileError: the cores do not come to rest after a presentation; inputs that are not in the tables.
+        """
+        n, total, inputs = len(rates), self.steps + self.silent_steps, rates.shape[1]
+        known = len(self.inputs) if self.regular else max(int(self.injection[0].max(initial=-1)) + 1, inputs)
+        if known != inputs:
+            raise _fault("the host's tables", f"hold {known} inputs, but images have {inputs}")
+        counts = np.zeros((n, self.exc.size), np.int32)
+        widths = (self.exc.size, self.inh.size, inputs)
+        exc, inh, sent = (np.zeros((n * record, total, width), np.uint8) for width in widths)
+
+        def run(part: slice) -> NDArray[np.int64]:
+            events = np.zeros((len(self.cores), len(EVENTS)), np.int64)
+            size = self.wiring.keep_u.size
+            u, v, sums, held = np.zeros((4, size), np.int64)
+            state = State(u, v, sums, held, self.bias.copy())
+            film = np.zeros((total, size), np.uint8)
+            for q in range(part.start, part.stop):
+                film[:] = 0
+                drawn = np.zeros((total, inputs), np.bool_)
+                self._write(state, rates[q], int(keys[q]))
+                if not self.regular:
+                    drawn[: self.steps] = draw_spikes(rates[q], int(keys[q]), self.steps)
+                counters = np.zeros(self.exc.size, np.int64)
+                flying, overflow = present(
+                    self.wiring,
+                    state,
+                    self.threshold,
+                    self.inputs,
+                    self.steps,
+                    *self._sent(drawn),
+                    counters,
+                    events,
+                    film,
+                )
+                self._check(state, q, flying, overflow)
+                counts[q] = counters
+                if record:
+                    exc[q], inh[q] = film[:, self.exc], film[:, self.inh]
+                    sent[q] = film[:, self.inputs] if self.regular else drawn
+            return events
+
+        events = np.sum([np.zeros((len(self.cores), len(EVENTS)), np.int64), *share(run, n, threads)], axis=0)
+        return Presented(counts, exc, inh, sent, dict(zip(EVENTS, events.T, strict=True)))
+
+    def _write(self, state: State, rates: NDArray[np.uint16], key: int) -> None:
+        """What is written between presentations: v = 0 of exc; bias and phase of the inputs.
+
+        Nothing else is, but for the inputs' bias, which is 0 in the silent steps.
+        """
+        state.v[self.exc] = 0
+        if self.regular:
+            state.bias[self.inputs] = np.left_shift(*biases(rates))
+            state.v[self.inputs] = phases(key, len(rates))
+
+    def _sent(self, drawn: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+        """Input axons that ``drawn`` (steps, inputs) is injected into: their place by step, cores and axons."""
+        source, core, axon = self.injection
+        steps, inputs = np.nonzero(drawn)
+        low, high = np.searchsorted(source, inputs), np.searchsorted(source, inputs, side="right")
+        sizes = high - low
+        ways = np.arange(sizes.sum()) + np.repeat(low - _starts(sizes)[:-1], sizes)
+        by_step = np.bincount(steps, weights=sizes, minlength=len(drawn)).astype(np.int64)
+        return _starts(by_step), core[ways], axon[ways]
+
+    def _name(self, i: int) -> str:
+        """Of a compartment, for messages."""
+        k = int(np.searchsorted(self.wiring.first, i, side="right")) - 1
+        return f"chip {self.cores[k][0]} core {self.cores[k][1]} compartment {i - self.wiring.first[k]}"
+
+    def _check(self, state: State, presentation: int, flying: int, overflow: int) -> None:
+        """Refuse a presentation with an overflow, or after which the cores are not at rest.
+
+        ``flying``: messages on their way after the last step (with an overflow: the step), see `_present`.
+        """
+        if overflow >= 0:
+            need = abs(int(state.sums[overflow])) >> INPUT_SHIFT
+            raise NetworkLimitError(
+                f"{self._name(overflow)}: receives {need:,} in step {flying} of presentation {presentation}, but its "
+                f"accumulator holds less than {LOIHI_1_INPUT_LIMIT:,}; lower network.inhibition or use fewer weight "
+                "bits"
+            )
+        if flying:
+            raise _fault(f"presentation {presentation}", f"{flying} spikes are still on their way after its last step")
+        active = (abs(state.u) * self.wiring.keep_u >> DECAY_BITS != 0) | (state.held != 0)
+        kept = state.v != 0
+        kept[self.exc] = kept[self.inputs] = False
+        if (active | kept).any():
+            what = f"is not at rest after presentation {presentation}, and nothing clears it"
+            raise _fault(self._name(int(np.argmax(active | kept))), what)

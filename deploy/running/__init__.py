@@ -1,0 +1,1 @@
+"""A bundle's host program, run from here."""

@@ -1,0 +1,1 @@
+"""The same figures by SANA-FE, in an environment of its own."""

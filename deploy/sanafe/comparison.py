@@ -1,0 +1,336 @@
+"""The closed form of the cost model beside SANA-FE 2.2.9, on the very same network, mapping and spikes.
+
+SANA-FE (Boyle et al., IEEE TCAD 2025, doi 10.1109/TCAD.2025.3537971) lives in an environment of its own, which `make
+sanafe` makes, and runs as another process that reads and writes files: it is licensed under GPL-3.0 and is never
+imported here. It gets the input spikes (or the bias of input compartments) and makes its own exc and inh spikes.
+
+**What SANA-FE counts** (``chip.cpp``, ``pipeline.hpp``, ``models.cpp``, ``schedule.cpp``), and `closed_form` too:
+
+- Access: every mapped neuron in every step, the silent ones too.
+- Update: a neuron whose membrane was not 0 after the step before, or to which any synapse delivered in the step
+  before, be its weight 0 (dense rows) or the sum of all 0, or that has a bias (`Activity.touched`). Whoever spikes is
+  updated as well.
+- Message: one for each core that a spike goes to, its own included, charged when it is sent. It is received and its
+  synapses are looked up in the same step; the sum counts in the next.
+- Synaptic operation: every synapse of the row on the target core, zeros of dense rows included.
+- Hops: columns and rows between the tiles; none within a tile. They take energy, and no time in ``simple``.
+- ``simple`` time of a step: the larger of the busiest sender (accesses, updates, spikes and messages sent of a core)
+  and the busiest receiver (16 ns a message and its synapses), each found over all cores; then the barrier by the
+  number of tiles that hold a neuron: the entry of its table with the largest number that is not above it.
+- ``detailed`` time puts single messages on links and queues: hops, waiting receivers and blocked routes count.
+
+It has no host: injected spikes come from one more core on tile 0 (`lava_vpr.deploy.sanafe.worker`), whose neurons are
+free and whose messages and hops are charged. It knows no read-out, static power, clearing or learning.
+
+Both sum the same products in another order: differences of about 1e-14 are rounding.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.deploy.boards.plan import Plan
+from lava_vpr.deploy.cost.closed_form import closed_form, step_microseconds, step_picojoules
+from lava_vpr.deploy.cost.events import Activity, activity_of
+from lava_vpr.deploy.sanafe.problem import group_name, problem_of
+from lava_vpr.engine.trains import Trains
+from lava_vpr.errors import BackendUnavailableError
+
+VARIABLE, ENVIRONMENT = "LAVA_VPR_SANAFE", ".venv-sanafe"
+REMEDY = "run make sanafe"
+WORKER = Path(__file__).with_name("worker.py")
+TIMEOUT_S = 600.0
+MOST_SYNAPSES = 3_000_000
+"""SANA-FE takes about a kilobyte for each."""
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CrossCheck:
+    """SANA-FE on the same network, mapping and spikes, beside the closed form; mean over the queries.
+
+    Attributes:
+        version: Of SANA-FE.
+        queries: Compared.
+        microjoules: By component: (closed form, SANA-FE).
+        simple_milliseconds: (closed form, SANA-FE with ``simple`` timing).
+        detailed_milliseconds: SANA-FE with ``detailed`` timing: the bound with contention.
+        absent: Why it was not run; empty if it was.
+        counts: Of events: (ours, SANA-FE's).
+        difference: Largest relative difference of all that was compared: energy by component and time of every query,
+            energy and time of every step.
+        spikes_differ: Spikes of exc, inh and input compartments that SANA-FE's own dynamics have elsewhere.
+    """
+
+    version: str = ""
+    queries: int = 0
+    microjoules: dict[str, tuple[float, float]] = field(default_factory=dict)
+    simple_milliseconds: tuple[float, float] | None = None
+    detailed_milliseconds: float | None = None
+    absent: str = ""
+    counts: dict[str, tuple[float, float]] = field(default_factory=dict)
+    difference: float | None = None
+    spikes_differ: int = 0
+
+
+def find_sanafe() -> Path | None:
+    """The Python that has SANA-FE; None: there is none.
+
+    What LAVA_VPR_SANAFE names, or else that of ``.venv-sanafe`` in this folder, or in the project's.
+    """
+    named = os.environ.get(VARIABLE, "")
+    folders = (Path.cwd(), Path(__file__).resolve().parents[2])
+    tried = [Path(named)] if named else [folder / ENVIRONMENT / "bin" / "python" for folder in folders]
+    return next((path.absolute() for path in tried if path.is_file()), None)
+
+
+def _missing() -> str:
+    """Why `find_sanafe` found none, and what to do."""
+    named = os.environ.get(VARIABLE, "")
+    if named:
+        return f"{VARIABLE} names {named}, which is not there; name a Python that has SANA-FE, or unset it and {REMEDY}"
+    return f"SANA-FE is not installed; {REMEDY}"
+
+
+def ask(python: Path, problem: dict[str, Any], timeout_s: float = TIMEOUT_S) -> dict[str, Any]:
+    """What SANA-FE makes of ``problem`` (`lava_vpr.deploy.sanafe.problem`).
+
+    Raises:
+        BackendUnavailableError: it fails, takes too long or answers what is no answer.
+    """
+    with tempfile.TemporaryDirectory(prefix="lava-vpr-sanafe-") as name:
+        folder = Path(name)
+        (folder / "problem.json").write_text(json.dumps(problem))
+        code = _run([str(python), "-I", "-B", str(WORKER), "problem.json", "result.json"], folder, timeout_s)
+        if code:
+            said = (folder / "stderr").read_text(errors="replace").strip().splitlines() or [f"exit code {code}"]
+            raise BackendUnavailableError(
+                f"SANA-FE failed ({said[-1].strip()[:200]}); delete {ENVIRONMENT} and {REMEDY}"
+            )
+        try:
+            answer = json.loads((folder / "result.json").read_text())
+        except (OSError, ValueError) as error:
+            raise BackendUnavailableError(
+                f"SANA-FE left no answer ({type(error).__name__}); delete {ENVIRONMENT} and {REMEDY}"
+            ) from None
+    if not isinstance(answer, dict):
+        raise BackendUnavailableError(f"SANA-FE answered something else; delete {ENVIRONMENT} and {REMEDY}")
+    return answer
+
+
+def _run(command: list[str], folder: Path, timeout_s: float) -> int:
+    """Exit code of ``command``, run in ``folder`` with its output in files there.
+
+    Raises:
+        BackendUnavailableError: it does not start, or takes too long; then it and all that it started are ended.
+    """
+    kept = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
+    with (folder / "stdout").open("wb") as out, (folder / "stderr").open("wb") as err:
+        try:
+            process = subprocess.Popen(
+                command,
+                cwd=folder,
+                env=kept | {"OMP_NUM_THREADS": "1"},
+                stdin=subprocess.DEVNULL,
+                stdout=out,
+                stderr=err,
+                start_new_session=True,
+            )
+        except OSError as error:
+            raise BackendUnavailableError(f"{command[0]}: does not start ({error.strerror}); {REMEDY}") from None
+        try:
+            return process.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            raise BackendUnavailableError(
+                f"SANA-FE was not done after {timeout_s:g} s; compare fewer queries"
+            ) from None
+        finally:
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
+
+
+@dataclass(frozen=True)
+class _Answer:
+    """SANA-FE's answer as arrays: steps (n, steps) in uJ and ms, counts (n,), fired by population (n, steps, width)."""
+
+    version: str
+    microjoules: dict[str, Floats]
+    milliseconds: Floats
+    detailed: Floats
+    counts: dict[str, Floats]
+    fired: dict[str, NDArray[np.bool_]]
+
+
+def _read(answer: dict[str, Any], plan: Plan, trains: Trains) -> _Answer:
+    """Check and convert; events of the port are subtracted, so that updates and spikes are those of compartments.
+
+    Raises:
+        BackendUnavailableError: it is no answer to this problem.
+    """
+    shape = trains.exc.shape[0], trains.exc.shape[1]
+    try:
+        queries = answer["queries"]
+        if not all(query["repeats"] for query in queries):
+            raise BackendUnavailableError(
+                "SANA-FE gave other events with detailed timing than with simple; nothing is compared"
+            )
+
+        def steps(key: str, scale: float) -> Floats:
+            return np.array([query[key] for query in queries], np.float64).reshape(shape) * scale
+
+        def count(key: str) -> Floats:
+            return np.array([np.sum(query[key]) for query in queries], np.float64).reshape(shape[0])
+
+        played = count("fired") - np.array([sum(map(len, query["fired_neurons"])) for query in queries])
+        return _Answer(
+            str(answer["version"]),
+            {name: steps(f"{name}_energy", 1e6) for name in ("synapse", "dendrite", "soma", "network", "total")},
+            steps("sim_time", 1e3),
+            np.array([query["detailed_time"] for query in queries], np.float64).reshape(shape[0]) * 1e3,
+            {
+                "synaptic operations": count("spikes"),
+                "updates": count("updated") - played,
+                "spikes": count("fired") - played,
+                "injected spikes": played,
+                "messages": count("packets"),
+                "hops": count("hops"),
+            },
+            _fired(queries, plan, shape),
+        )
+    except (LookupError, TypeError, ValueError) as error:
+        raise BackendUnavailableError(
+            f"SANA-FE's answer cannot be read ({error!r:.200}); delete {ENVIRONMENT} and {REMEDY}"
+        ) from None
+
+
+def _fired(queries: list[Any], plan: Plan, shape: tuple[int, int]) -> dict[str, NDArray[np.bool_]]:
+    """Spikes of each population."""
+    network = plan.network
+    widths = {"exc": network.neurons, "inh": network.neurons, "inputs": network.inputs}
+    found = {name: np.zeros((*shape, width), np.bool_) for name, width in widths.items()}
+    parts = {group_name(k, i): part for k, core in enumerate(plan.cores) for i, part in enumerate(core.parts)}
+    for q, query in enumerate(queries):
+        for step, neurons in enumerate(query["fired_neurons"]):
+            for group, offset in neurons:
+                found[parts[group].population][q, step, parts[group].first + offset] = True
+    return found
+
+
+def _our_counts(activity: Activity) -> dict[str, Floats]:
+    """The same counts as SANA-FE's, float64 (n,)."""
+
+    def each(*names: str) -> Floats:
+        return np.asarray(sum(activity.each(name) for name in names), np.float64)
+
+    injected = activity.injected
+    hops = ("hops_east_west", "hops_north_south")
+    return {
+        "synaptic operations": each("operations_dense", "operations_sparse"),
+        "updates": each("touched"),
+        "spikes": each("spikes"),
+        "injected spikes": each("input_spikes") * injected,
+        "messages": each("messages_out", *["input_messages"] * injected),
+        "hops": each(*hops, *[f"input_{name}" for name in hops if injected]),
+    }
+
+
+def _apart(ours: Any, theirs: Any) -> float:
+    """Largest relative difference; not a number if there is one among them, infinite where only ours is 0."""
+    a, b = np.asarray(ours, np.float64), np.asarray(theirs, np.float64)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return float(np.max(np.where(a == b, 0.0, np.abs(a - b) / np.abs(a)), initial=0.0))
+
+
+def compare(plan: Plan, trains: Trains, answer: dict[str, Any], *, input_core: bool, tiles: int) -> CrossCheck:
+    """SANA-FE's answer beside the closed form.
+
+    Args:
+        plan, trains: What was asked.
+        answer: Of `ask`.
+        input_core: As in `cross_check`.
+        tiles: That hold a neuron in SANA-FE.
+    Raises:
+        BackendUnavailableError: it is no answer to this problem.
+    """
+    theirs = _read(answer, plan, trains)
+    activity = activity_of(plan, trains, entry=(0, 0))
+    ours = closed_form(activity, tiles=tiles, updates="touched", input_core=input_core)
+    nothing = np.zeros(activity.queries)
+    energy = {**ours.microjoules, "dendrite": nothing, "total": ours.total_microjoules}
+    counts = _our_counts(activity)
+    picojoules = step_picojoules(activity, "nominal", "touched")
+    step_energy = sum(values for name, values in picojoules.items() if name != "read-out")
+    options = {"updates": "touched", "read_out": False, "input_core": input_core}
+    step_time = step_microseconds(activity, "nominal", tiles, **options)
+    pairs = [(energy[name], theirs.microjoules[name].sum(axis=1)) for name in theirs.microjoules]
+    pairs += [(ours.milliseconds, theirs.milliseconds.sum(axis=1)), (step_time / 1e3, theirs.milliseconds)]
+    pairs += [(np.asarray(step_energy) / 1e6, theirs.microjoules["total"])]
+    differ = 0
+    for name, fired in theirs.fired.items():
+        train = getattr(trains, name)
+        if name != "inputs" or plan.network.regular:
+            differ += int((fired != (np.asarray(train) != 0)).sum())
+
+    def mean(values: Floats) -> float:
+        return float(values.mean()) if values.size else 0.0
+
+    return CrossCheck(
+        version=theirs.version,
+        queries=activity.queries,
+        microjoules={name: (mean(a), mean(b)) for name, (a, b) in zip(theirs.microjoules, pairs, strict=False)},
+        simple_milliseconds=(mean(ours.milliseconds), mean(theirs.milliseconds.sum(axis=1))),
+        detailed_milliseconds=mean(theirs.detailed),
+        counts={name: (mean(counts[name]), mean(value)) for name, value in theirs.counts.items()},
+        difference=float(np.max([_apart(a, b) for a, b in pairs])),
+        spikes_differ=differ,
+    )
+
+
+def cross_check(
+    plan: Plan,
+    trains: Trains,
+    *,
+    python: Path | None = None,
+    input_core: bool = True,
+    timeout_s: float = TIMEOUT_S,
+) -> CrossCheck:
+    """Hold the closed form against SANA-FE on some queries.
+
+    Args:
+        plan: Where the network stands.
+        trains: Every spike of the queries, those of inputs and relays too.
+        python: That has SANA-FE; None: what `find_sanafe` finds.
+        input_core: Injected spikes take the one core that sends them the time of any core's messages, as SANA-FE has
+            it; else none, as the cost model has it, which knows a host.
+        timeout_s: For SANA-FE.
+    Returns:
+        The comparison; with ``absent`` where there is none to make, whatever happened to the other process.
+    """
+    python = find_sanafe() if python is None else python
+    if python is None:
+        return CrossCheck(absent=_missing())
+    try:
+        problem = problem_of(plan, trains, input_core=input_core)
+        synapses = sum(len(row["pre"]) for row in problem["synapses"])
+        if synapses > MOST_SYNAPSES:
+            return CrossCheck(
+                absent=f"SANA-FE would take some {synapses / 1e6:.0f} GB for {synapses:,} synapses; at most "
+                f"{MOST_SYNAPSES:,} are compared: use a model of fewer places"
+            )
+        answer = ask(python, problem, timeout_s)
+        tiles = len({group["tile"] for group in problem["groups"]})
+        return compare(plan, trains, answer, input_core=input_core, tiles=tiles)
+    except BackendUnavailableError as error:
+        return CrossCheck(absent=str(error))

@@ -1,0 +1,206 @@
+"""A plan and some queries as the JSON that `lava_vpr.deploy.sanafe.worker` sets up in SANA-FE.
+
+    {"columns", "rows", "tile_cores": of the mesh; "tiles": number of the last tile in use, and one more,
+     "port_units": inputs whose spikes are injected, "port_takes_time": whether sending them does,
+     "steps", "silent_steps",
+     "groups": [{"name", "tile", "core": within its tile, "size", "plays": a train, "attributes": of the soma}],
+     "synapses": [{"from", "to": groups, "kind": "dense" | "sparse", "pre", "post", "weights"}],
+     "queries": [{"trains": [[group, index, [0 | 1, ...]]], "biases": [[group, index, bias, potential]]}]}
+
+Groups stand in the order of each core's compartments. A unit of weight, threshold, bias and potential is 2^6 of v.
+SANA-FE's soma computes v' = trunc(v keep) + bias + sum with doubles that hold every number of ours exactly, so its exc
+and inh spikes are its own and come out equal. It neither wraps u nor clips v; a network that is deployed cannot make u
+wrap, and v is only clipped where inhibition drives it down to -2^23. Its Python interface turns floats into 32 bits:
+those handed over have at most 24 digits.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.deploy.boards.plan import RELAY_THRESHOLD, RELAY_WEIGHT, CorePlan, Part, Plan
+from lava_vpr.engine.inference import bias_input
+from lava_vpr.engine.inference.fixed import SILENT_STEPS
+from lava_vpr.engine.trains import Trains
+from lava_vpr.errors import BackendUnavailableError
+from lava_vpr.loihi import DECAY_BITS, INPUT_SHIFT
+
+PORT = "port"
+"""Group of the injected inputs."""
+
+Synapses = NDArray[np.bool_]
+
+
+def group_name(core: int, part: int) -> str:
+    """Of a part of a core, by their places in the plan."""
+    return f"{core}.{part}"
+
+
+def refuse(plan: Plan, trains: Trains) -> None:
+    """Refuse what SANA-FE cannot be asked.
+
+    Raises:
+        BackendUnavailableError: a board other than Loihi 1's, a network that shifts its sums, trains without inputs.
+    """
+    if plan.board.tile_cores is None or plan.board.columns is None or plan.board.rows is None or not plan.board.timed:
+        raise BackendUnavailableError(f"SANA-FE's architecture is Loihi 1, not {plan.board.title}")
+    if plan.network.shift:
+        raise BackendUnavailableError("SANA-FE adds weights without shifting their sum; use fewer weight bits")
+    if trains.inputs is None or trains.inh is None:
+        raise BackendUnavailableError("a cross-check needs the spikes of inputs and relays, too")
+
+
+def _attributes(plan: Plan, part: Part) -> dict[str, float]:
+    """Threshold and decay of a part's somata."""
+    unity = 1 << DECAY_BITS
+    threshold, decay = {
+        "exc": (plan.network.threshold, plan.network.decay),
+        "inh": (RELAY_THRESHOLD, unity - 1),
+        "inputs": (bias_input.THRESHOLD, 0),
+    }[part.population]
+    return {"threshold": threshold, "leak_decay": (unity - decay) / unity}
+
+
+def _groups(plan: Plan) -> list[dict[str, Any]]:
+    """Groups of all parts, and of the port."""
+    columns, rows, tile_cores = plan.board.columns or 0, plan.board.rows or 0, plan.board.tile_cores or 1
+    found = []
+    for k, core in enumerate(plan.cores):
+        place = {"tile": core.chip * columns * rows + core.core // tile_cores, "core": core.core % tile_cores}
+        for i in sorted(range(len(core.parts)), key=lambda i: core.parts[i].compartment):
+            part = core.parts[i]
+            own = {"name": group_name(k, i), "size": part.size, "plays": False, "attributes": _attributes(plan, part)}
+            found.append(own | place)
+    if not plan.network.regular:
+        size = plan.network.inputs
+        found.append({"name": PORT, "tile": 0, "core": tile_cores, "size": size, "plays": True, "attributes": {}})
+    return [group for group in found if group["size"]]
+
+
+def _rows(source: str, target: str, stored: Synapses, weights: NDArray[np.int64], dense: Synapses) -> list[Any]:
+    """Synapses from one group to another.
+
+    Args:
+        source, target: Their names.
+        stored: Which synapses there are, bool (sources, targets).
+        weights: Int64, same shape.
+        dense: Rows stored dense, bool (sources,).
+    """
+    found = []
+    for kind, own in (("dense", stored & dense[:, None]), ("sparse", stored & ~dense[:, None])):
+        pre, post = np.nonzero(own)
+        if pre.size:
+            values = weights[pre, post].tolist()
+            row = {"from": source, "to": target, "kind": kind, "pre": pre.tolist(), "post": post.tolist()}
+            found.append(row | {"weights": values})
+    return found
+
+
+def _to_exc(plan: Plan, core: CorePlan, part: Part, target: str) -> list[Any]:
+    """Synapses of inputs and relays to the excitatory neurons of ``part``."""
+    network, own = plan.network, slice(part.first, part.first + part.size)
+    weights = network.weights[:, own].astype(np.int64)
+    present = weights > 0
+    # A row without any weight is not stored, not even dense.
+    stored = present | (core.dense_inputs & present.any(axis=1))[:, None]
+    found = [] if network.regular else _rows(PORT, target, stored, weights, core.dense_inputs)
+    numbers = np.arange(network.neurons)
+    here = (numbers >= part.first) & (numbers < part.first + part.size)
+    lateral = np.ones((network.neurons, part.size), np.bool_)
+    if not core.dense_lateral:
+        lateral[numbers[here], numbers[here] - part.first] = False
+    if part.size == 1:
+        lateral[here] = False
+    pull = -network.lateral * (numbers[:, None] != numbers[None, own]).astype(np.int64)
+    dense = ~here | core.dense_lateral
+    for k, other in enumerate(plan.cores):
+        for i, sender in enumerate(other.parts):
+            name, those = group_name(k, i), slice(sender.first, sender.first + sender.size)
+            if sender.population == "inh" and network.inhibition:
+                found += _rows(name, target, lateral[those], pull[those], dense[those])
+            elif sender.population == "inputs":
+                found += _rows(name, target, stored[those], weights[those], core.dense_inputs[those])
+    return found
+
+
+def _synapses(plan: Plan) -> list[Any]:
+    """All of them."""
+    found: list[Any] = []
+    for k, core in enumerate(plan.cores):
+        for i, part in enumerate(core.parts):
+            if part.population == "exc":
+                found += _to_exc(plan, core, part, group_name(k, i))
+            for n, other in enumerate(plan.cores if part.population == "inh" else ()):
+                for m, sender in enumerate(other.parts):
+                    if sender.population == "exc":
+                        same = sender.first + np.arange(sender.size)[:, None] == part.first + np.arange(part.size)
+                        weights = np.full(same.shape, RELAY_WEIGHT)
+                        sparse = np.zeros(sender.size, np.bool_)
+                        found += _rows(group_name(n, m), group_name(k, i), same, weights, sparse)
+    return found
+
+
+def bias_and_membrane(train: NDArray[Any]) -> tuple[int, int]:
+    """A bias and a first membrane, in units of v, with which an input compartment gives ``train`` (steps,).
+
+    Trains do not tell the bias that made them. Energy and time do not depend on it: a compartment with any bias, or a
+    membrane, is updated in every step.
+
+    Raises:
+        BackendUnavailableError: no bias gives this train.
+    """
+    times = np.flatnonzero(train)
+    if not times.size:
+        return 0, 1
+    first = int(times[0])
+    gaps = set(np.diff(times).tolist()) or {max(first + 1, train.size - first)}
+    gap = gaps.pop()
+    bias = bias_input.LEVEL + 1 if gap == 1 else bias_input.LEVEL // (gap - 1)
+    if gaps or first >= gap or (times.size > 1 and bias_input.LEVEL // bias + 1 != gap):
+        raise BackendUnavailableError("spikes of an input compartment that no bias gives; the trains are not regular")
+    return bias, bias_input.LEVEL - first * bias
+
+
+def _query(plan: Plan, inputs: NDArray[np.uint8]) -> dict[str, Any]:
+    """What plays in one query; ``inputs`` (steps + 3, inputs)."""
+    trains, biases, unit = [], [], 1 << INPUT_SHIFT
+    if not plan.network.regular:
+        for j in np.flatnonzero(inputs.any(axis=0)).tolist():
+            last = int(np.flatnonzero(inputs[:, j])[-1])
+            trains.append([PORT, j, inputs[: last + 1, j].astype(int).tolist()])
+    for k, core in enumerate(plan.cores):
+        for i, part in enumerate(core.parts):
+            for n in range(part.size if part.population == "inputs" else 0):
+                bias, membrane = bias_and_membrane(inputs[: plan.network.steps, part.first + n])
+                biases.append([group_name(k, i), n, bias / unit, membrane / unit])
+    return {"trains": trains, "biases": biases}
+
+
+def problem_of(plan: Plan, trains: Trains, *, input_core: bool = True) -> dict[str, Any]:
+    """The whole problem.
+
+    Args:
+        plan: Where the network stands, on a Loihi 1 board.
+        trains: Every spike.
+        input_core: Sending injected spikes takes the port the time that it takes any core; else none.
+    Raises:
+        BackendUnavailableError: SANA-FE cannot be asked this.
+    """
+    refuse(plan, trains)
+    groups = _groups(plan)
+    return {
+        "columns": plan.board.chips * (plan.board.columns or 0),
+        "rows": plan.board.rows,
+        "tile_cores": plan.board.tile_cores,
+        "tiles": max(group["tile"] for group in groups) + 1,
+        "port_units": 0 if plan.network.regular else plan.network.inputs,
+        "port_takes_time": input_core,
+        "steps": plan.network.steps,
+        "silent_steps": SILENT_STEPS,
+        "groups": groups,
+        "synapses": _synapses(plan),
+        "queries": [_query(plan, own) for own in (trains.inputs if trains.inputs is not None else ())],
+    }

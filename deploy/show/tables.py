@@ -1,0 +1,154 @@
+"""Where the neurons of a deployment stand, as a table and in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from rich.table import Table
+
+from lava_vpr.deploy.boards.board import Board
+from lava_vpr.deploy.boards.plan import CorePlan, Part, Plan
+from lava_vpr.deploy.registers.clearing import clearing
+from lava_vpr.engine.inference.fixed import SILENT_STEPS
+
+MOST_ROWS = 24
+"""Of a table; what lies between the first and the last of more cores is left out."""
+
+UNKNOWN = "unknown"
+
+
+def span(part: Part) -> str:
+    """A part's neurons, ``exc 0..99``."""
+    return f"{part.population} {part.first}..{part.first + part.size - 1}"
+
+
+def step_time(board: Board, core: CorePlan) -> str:
+    """What a core is modelled to take for a step; unknown where the board's times are not public."""
+    return f"{core.load.nanoseconds / 1000:.2f} µs" if board.timed else UNKNOWN
+
+
+def rows_of(plan: Plan, core: CorePlan) -> tuple[int | None, int | None]:
+    """How many rows of the inputs a core stores dense, and how many sparse; a row without any weight is not stored."""
+    if plan.board.synapse_words is None:
+        return None, None
+    exc = core.part("exc")
+    used = plan.network.weights[:, exc.first : exc.first + exc.size].any(axis=1)
+    dense = int(np.count_nonzero(core.dense_inputs & used))
+    return dense, int(np.count_nonzero(used)) - dense
+
+
+def share(used: int | None, limit: int | None) -> str:
+    """``used`` in percent of ``limit``."""
+    return UNKNOWN if used is None or limit is None else f"{100 * used / limit:.1f} %"
+
+
+def _of(used: int | None, limit: int | None) -> str:
+    """``used`` and, if it is known, ``limit``."""
+    if used is None:
+        return UNKNOWN
+    return f"{used:,}" if limit is None else f"{used:,} of {limit:,}"
+
+
+def core_name(board: Board, core: CorePlan) -> str:
+    """A core as chip and number; just a number where the board's compiler chooses."""
+    return f"{core.chip}:{core.core}" if board.tile_cores is not None else f"{core.core}"
+
+
+def core_table(plan: Plan, *, most: int = MOST_ROWS) -> Table:
+    """One row a core, and their sums: what it holds and what that takes of the core's limits.
+
+    Args:
+        plan: The plan.
+        most: Rows; of more cores the first and the last are shown.
+    """
+    table = Table(title=plan.board.title, title_justify="left", caption=_caption(plan), caption_justify="left")
+    table.add_column("core", no_wrap=True)
+    table.add_column("holds", no_wrap=True)
+    for name in ("compartments", "axons in", "axons out", "synapse memory", "dense rows", "sparse rows", "a step"):
+        table.add_column(name, justify="right", no_wrap=True)
+    shown = plan.cores if len(plan.cores) <= most else (*plan.cores[: most // 2], *plan.cores[-(most - most // 2) :])
+    for number, core in enumerate(shown):
+        if len(shown) < len(plan.cores) and number == most // 2:
+            table.add_row("...", f"{len(plan.cores) - most} more cores")
+        table.add_row(*_row(plan, core))
+    table.add_section()
+    table.add_row(*_totals(plan))
+    return table
+
+
+def _caption(plan: Plan) -> str:
+    """What the table's words mean."""
+    bits = _bits(plan.weight_bits)
+    return f"row: the synapses of an input on a core, {bits} each, sparse ones with an index; a step: modelled time"
+
+
+def _bits(bits: int) -> str:
+    return f"{bits} bit{'s' * (bits != 1)}"
+
+
+def _row(plan: Plan, core: CorePlan) -> list[str]:
+    board, needs = plan.board, core.needs
+    dense, sparse = rows_of(plan, core)
+    return [
+        core_name(board, core),
+        ", ".join(span(part) for part in core.parts if part.size),
+        _of(needs.compartments, board.compartments),
+        _of(needs.axons_in, board.axons_in),
+        _of(needs.axons_out, board.axons_out),
+        share(needs.synapse_words, board.synapse_words),
+        _of(dense, None),
+        _of(sparse, None),
+        step_time(board, core),
+    ]
+
+
+def _sum(values: Sequence[int | None]) -> int | None:
+    """The sum; None if a value is not known."""
+    known = [value for value in values if value is not None]
+    return sum(known) if len(known) == len(values) else None
+
+
+def _totals(plan: Plan) -> list[str]:
+    needs = [core.needs for core in plan.cores]
+    rows = [rows_of(plan, core) for core in plan.cores]
+    words = _sum([need.synapse_words for need in needs])
+    return [
+        "all",
+        f"{len(plan.cores)} of {plan.board.chips * plan.board.cores} cores",
+        f"{sum(need.compartments for need in needs):,}",
+        *(_of(_sum(values), None) for values in ([n.axons_in for n in needs], [n.axons_out for n in needs])),
+        UNKNOWN if words is None else f"{words * 8 / 1024:,.1f} KiB",
+        *(_of(_sum(values), None) for values in ([dense for dense, _ in rows], [sparse for _, sparse in rows])),
+        step_time(plan.board, busiest(plan)),
+    ]
+
+
+def busiest(plan: Plan) -> CorePlan:
+    """The core that takes longest for a step; the first of equals."""
+    return max(plan.cores, key=lambda core: core.load.nanoseconds)
+
+
+def summary(plan: Plan) -> list[str]:
+    """What matters of a plan, a sentence each."""
+    board, network, core = plan.board, plan.network, busiest(plan)
+    steps = network.steps + SILENT_STEPS
+    lines = [f"{len(plan.cores)} of {board.chips * board.cores} cores, {_bits(plan.weight_bits)} a stored weight."]
+    if board.tile_cores is None:
+        lines.append("Which cores they are, and how synapses are stored, is decided by Intel's compiler.")
+    if board.timed:
+        lines.append(
+            f"Modelled: the busiest core ({core_name(board, core)}) takes {step_time(board, core)} a step, "
+            f"{steps * core.load.nanoseconds / 1e6:.2f} ms a query of {steps} steps"
+            + (f"; messages cross {plan.hops:.1f} tiles a step." if plan.hops is not None else ".")
+        )
+    else:
+        lines.append(f"Time of a step: {UNKNOWN}; nobody has published how long operations of {board.title} take.")
+    if network.regular:
+        lines.append("The host sends no spikes: inputs integrate a bias that is written once a query.")
+    else:
+        limit = UNKNOWN if board.host_spikes is None else f"{board.host_spikes}"
+        lines.append(f"The host sends up to {plan.host_spikes:.1f} spikes a step to each chip (limit: {limit}).")
+    known = None if board.shifts_sum else plan
+    lines.append(f"Between queries: {clearing(network, board, known)['what']}.")
+    return lines

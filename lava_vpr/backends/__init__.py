@@ -1,0 +1,1 @@
+"""What counts spikes: the host engine, Lava Processes, the simulation of a bundle, boards."""

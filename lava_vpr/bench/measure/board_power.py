@@ -1,0 +1,95 @@
+"""Power and time on a board as the vendor's profiler measures them; idle power subtracted, never modelled.
+
+The host program of a bundle drives the board (its option ``--power``). One run must be long: short ones have shown
+negative power.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.bench.measure.timed import repeated
+from lava_vpr.bench.results import Measured
+from lava_vpr.deploy.boards.board import BOARDS as ALL_BOARDS
+from lava_vpr.deploy.bundle.deployment import deploy
+from lava_vpr.deploy.running import host_program
+from lava_vpr.engine.inference.fixed import SILENT_STEPS
+from lava_vpr.engine.random import presentation_keys
+from lava_vpr.errors import LavaRunError
+from lava_vpr.model import Model, integer_network_of
+
+BOARDS = tuple(ALL_BOARDS)
+STEPS = 100_000
+"""Of a run at least; queries are repeated with other noise. Source: public measurements of idle power of Loihi and
+Loihi 2 run as many steps (lava-dl's tiny_yolo_sdnn benchmark; users' scripts for NxSDK)."""
+
+TIMEOUT = 2 * 3600.0
+FIGURES = ("steps", "microseconds_per_step", "milliwatts", "idle_milliwatts", "dynamic_milliwatts")
+
+
+def measure(model: Model, rates: NDArray[Any], ids: NDArray[np.int64], backend: str, seed: int) -> Measured:
+    """Run queries on the board for `STEPS` steps and take over what its profiler tells.
+
+    Args:
+        model: With an integer network, or a bundle for this board.
+        rates: Of the queries, uint16 (n, inputs).
+        ids: Of their images, int64 (n,).
+        backend: Name of the board.
+        seed: Of the queries' noise.
+    Raises:
+        LavaRunError: the board's program failed, or could measure no power; its own words.
+        NetworkLimitError: the model does not fit the board.
+    """
+    network = integer_network_of(model, None, backend)
+    interval = network.steps + SILENT_STEPS
+    rates, at = repeated(rates, ids, max(1, -(-STEPS // (interval * len(ids)))))
+    with tempfile.TemporaryDirectory(prefix="lava-vpr-") as folder:
+        bundle = model.bundle
+        if bundle is None:
+            bundle = deploy(model, ALL_BOARDS[backend], Path(folder) / "bundle", picture=False).bundle.path
+        found = _run(bundle, Path(folder), rates, presentation_keys(seed, "query", at), backend)
+    each = interval * found["microseconds_per_step"]
+    figures = found | {
+        "microseconds_per_query": each,
+        "dynamic_microjoules_per_query": each * found["dynamic_milliwatts"] * 1e-3,
+    }
+    return Measured(
+        backend,
+        f"a board, by the vendor's profiler: mean over {found['steps']:,.0f} steps, host's input and read-out included",
+        queries=len(ids),
+        queries_per_second=1e6 / each,
+        no_energy="the board's energy is under its own figures",
+        board=figures,
+    )
+
+
+def _run(bundle: Path, folder: Path, rates: NDArray[Any], keys: NDArray[np.uint64], backend: str) -> dict[str, float]:
+    """What the bundle's program measures."""
+    given, power = folder / "queries", folder / "power.json"
+    given.mkdir()
+    np.save(given / "rates.npy", np.ascontiguousarray(rates, np.uint16), allow_pickle=False)
+    np.save(given / "keys.npy", np.ascontiguousarray(keys, np.uint64), allow_pickle=False)
+    own = os.environ.get(host_program.PYTHON) if backend == "kapoho-bay" else None
+    words = [own or sys.executable, str(bundle.absolute() / "program" / "run.py")]
+    words += ["--queries", str(given), "--out", str(folder / "out"), "--power", str(power)]
+    try:
+        ran = subprocess.run(words, capture_output=True, text=True, timeout=TIMEOUT, check=False)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise LavaRunError(f"{backend}: the board's program did not end well ({error}); try its --self-test") from None
+    lines = [line.strip() for line in ran.stderr.splitlines() if line.strip()]
+    if ran.returncode:
+        raise LavaRunError(lines[-1] if lines else f"{backend}: the board's program failed without a word", ran.stderr)
+    try:
+        found = json.loads(power.read_text(encoding="utf-8"))
+        return {name: float(found[name]) for name in FIGURES}
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise LavaRunError(f"{backend}: the board's program told no power ({error}); deploy the model again") from None

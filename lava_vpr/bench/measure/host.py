@@ -1,0 +1,242 @@
+"""How long queries take on each backend, in what memory, and for what energy; measured on this machine, never modelled.
+
+A single query is timed from its input rates to its matched place: spikes drawn, network run, counts decoded; batch 1,
+one thread. What a program does once, when it starts, is not in it. Throughput is all queries in one batch.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr import model as model_file
+from lava_vpr.backends import deployed
+from lava_vpr.backends import registry as backends
+from lava_vpr.backends.registry import LavaBackend
+from lava_vpr.bench.measure import board_power, rapl
+from lava_vpr.bench.measure.timed import decoder_of, repeated
+from lava_vpr.bench.results import Measured
+from lava_vpr.config import Config
+from lava_vpr.encoding import EncodedTraverse, activity_of, query_rates
+from lava_vpr.engine.threads import cores
+from lava_vpr.errors import BackendUnavailableError, LavaVprError
+from lava_vpr.inputs.preprocess import patch_normalised
+from lava_vpr.isolated.runner import run_isolated
+from lava_vpr.model import Model
+from lava_vpr.traverse import Traverse
+
+BACKENDS = ("host", "lava-fixed", "lava-fused", "bundle")
+"""What is measured where there is no board."""
+
+LIMITS = {"lava-fixed": 16, "lava-float": 16, "lava-library": 16, "bundle": 100}
+"""Most queries of slow backends."""
+
+BATCHED = {"lava-fused": 2560}
+"""Presentations of a batch at least; queries are repeated with other noise."""
+
+SINGLES, SINGLE_SECONDS = 1000, 8.0
+ROUNDS, FILL = 5, 0.3
+TIMEOUT = 600.0
+_BLAS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+def measure(
+    model: Model,
+    queries: EncodedTraverse,
+    backend: str,
+    *,
+    seed: int | None = None,
+    limit: int | None = None,
+    rounds: int = ROUNDS,
+    rapl_root: Path = rapl.ROOT,
+) -> Measured:
+    """Time a backend in fresh processes.
+
+    Args:
+        model: A trained model.
+        queries: Encoded with the model's settings.
+        backend: Name in `lava_vpr.backends.registry.BACKENDS`.
+        seed: Of the queries' noise; None: the model's.
+        limit: Most queries to use; None: by backend (`LIMITS`).
+        rounds: Of the whole batch; the fastest counts.
+        rapl_root: Folder of the processor's energy counters.
+    Returns:
+        The figures; ``absent`` says why there are none. Nothing is raised for what this machine lacks.
+    """
+    chosen = slice(0, limit if limit is not None else LIMITS.get(backend))
+    rates, ids = query_rates(queries.activity[chosen], model.config), queries.indices[chosen]
+    own = model.config.seed if seed is None else seed
+    made = Measured(backend, backends.BACKENDS.get(backend, backend), queries=len(ids))
+    on_board = backend in board_power.BOARDS
+    try:
+        backends.require(backend, model)
+        if len(ids) == 0:
+            return replace(made, absent="there are no queries")
+        if on_board:
+            return board_power.measure(model, rates, ids, backend, own)
+        if backend in ("host", "bundle"):
+            return _compiled(model, rates, ids, made, own, rounds, rapl_root)
+        return _lava(model, rates, ids, made, own, rapl_root)
+    except LavaVprError as error:
+        missing = on_board and isinstance(error, BackendUnavailableError)
+        return replace(made, queries=0, absent=f"no board here: {error}" if missing else str(error))
+
+
+def _energy(meter: rapl.Meter, spans: NDArray[np.float64], presentations: float, watts: float | None) -> dict[str, Any]:
+    """Fields of `Measured` about energy, and what to say of it."""
+    parts = [meter.joules(float(began), float(ended)) for began, ended in spans]
+    if any(part is None for part in parts):
+        return {"no_energy": meter.reason}
+    spent = sum(part for part in parts if part is not None)
+    idle = "" if watts is None else f", which draw {watts:.1f} W when this program does nothing (not subtracted)"
+    return {"joules_per_query": spent / presentations, "energy_note": f"energy of {meter.sources}{idle}"}
+
+
+def _with_note(made: Measured, energy: dict[str, Any], **changes: Any) -> Measured:
+    """``made`` with figures and the note on energy."""
+    note = energy.pop("energy_note", "")
+    what = "; ".join(part for part in (changes.pop("what", made.what), note) if part)
+    return replace(made, what=what, **changes, **energy)
+
+
+@contextlib.contextmanager
+def _one_blas_thread() -> Iterator[None]:
+    """Processes started now keep their matrix products to one thread; ours shares queries among threads itself."""
+    before = {name: os.environ.get(name) for name in _BLAS}
+    os.environ.update(dict.fromkeys(_BLAS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+@contextlib.contextmanager
+def _on_disk(model: Model, backend: str) -> Iterator[Path]:
+    """Where a fresh process finds the model, or its bundle."""
+    if backend == "bundle":
+        with deployed.bundle_of(model) as bundle:
+            yield bundle.path
+        return
+    with tempfile.TemporaryDirectory(prefix="lava-vpr-") as folder:
+        path = Path(folder) / "model.lvpr"
+        model_file.save(model, path)
+        yield path
+
+
+def _compiled(
+    model: Model,
+    rates: NDArray[Any],
+    ids: NDArray[np.int64],
+    made: Measured,
+    seed: int,
+    rounds: int,
+    rapl_root: Path,
+) -> Measured:
+    """The host engine, or the simulation of a bundle."""
+    threads = cores() if made.name == "host" else 1
+    watts, _ = rapl.idle_watts(root=rapl_root)
+    options = {"backend": made.name, "seed": seed, "threads": threads, "rounds": rounds}
+    options |= {"singles": SINGLES, "seconds": SINGLE_SECONDS, "fill": FILL if made.name == "host" else 0.0}
+    with _on_disk(model, made.name) as path, _one_blas_thread(), rapl.Meter(rapl_root) as meter:
+        found = run_isolated(
+            "lava_vpr.bench.measure.timed:measure",
+            {"rates": rates, "ids": ids},
+            options | {"path": str(path.absolute())},
+            timeout=TIMEOUT,
+        )
+    spans, size = found["rounds"], int(found["batch"][0])
+    repeats = f", each {size // len(ids)} times with other noise" if size > len(ids) else ""
+    return _with_note(
+        made,
+        _energy(meter, spans, size * len(spans), watts),
+        what=f"{made.what}; input rates to match, spikes drawn; in one batch all queries{repeats}",
+        threads=threads,
+        queries_per_second=size / float((spans[:, 1] - spans[:, 0]).min()),
+        milliseconds=tuple(sorted(float(x) for x in found["milliseconds"])),
+        peak_bytes=int(found["peak"][0]) or None,
+    )
+
+
+def _lava(
+    model: Model, rates: NDArray[Any], ids: NDArray[np.int64], made: Measured, seed: int, rapl_root: Path
+) -> Measured:
+    """Lava: once with a run for each query, once with many a run. What it compiles and starts is told apart."""
+    backend = backends.get(made.name)
+    if not isinstance(backend, LavaBackend):
+        return replace(made, absent=f"{made.name} cannot be timed")
+    watts, _ = rapl.idle_watts(root=rapl_root)
+    # The first run is the start of Lava, so there is one query more than is timed.
+    own, at = np.concatenate([rates[:1], rates]), np.concatenate([ids[:1], ids])
+    given: dict[str, Any] = {"image_ids": at, "role": "query", "seed": seed}
+    counts, alone, _ = backend.timed(model, own, single=True, **given)
+    times = -(-BATCHED.get(made.name, 1) // len(at))
+    many, given["image_ids"] = repeated(own, at, times)
+    with rapl.Meter(rapl_root) as meter:
+        again, together, held = backend.timed(model, many, single=False, **given)
+    match, decoded = decoder_of(model), []
+    match(counts[:1])
+    for k in range(1, len(at)):
+        began = time.perf_counter()
+        match(counts[k : k + 1])
+        decoded.append(1e3 * (time.perf_counter() - began))
+    milliseconds = 1e3 * (alone[1:, 2] - alone[1:, 1]) + np.array(decoded)
+    later = together[1:] if len(together) > 1 else together[:0]
+    presented, seconds = float(later[:, 0].sum()), float((later[:, 2] - later[:, 1]).sum())
+    start = float(alone[0, 2] - alone[0, 1])
+    energy = _energy(meter, later[:, 1:], presented, watts) if presented else {"no_energy": "too few queries"}
+    if not np.array_equal(counts, again[: len(counts)]):
+        return replace(made, absent="two runs of the same queries gave different spikes; see lava-vpr verify")
+    return _with_note(
+        made,
+        energy,
+        what=f"{made.what}; input rates to match, spikes drawn; Lava's start, {start:.1f} s with its first query, is "
+        "not in it; memory of all its processes together",
+        threads=cores(),
+        queries_per_second=presented / seconds if seconds else None,
+        milliseconds=tuple(sorted(milliseconds.tolist())),
+        peak_bytes=held,
+    )
+
+
+def measure_encoding(traverse: Traverse, config: Config, limit: int = 200) -> Measured:
+    """The stage before: an image file read and turned into input rates, one after another.
+
+    Raises:
+        InputError: an image cannot be read.
+    """
+
+    def encode(image: NDArray[np.uint8]) -> None:
+        patch = patch_normalised(image) if config.encoder.kind != "orientation" else np.zeros((28, 28), np.uint8)
+        query_rates(activity_of(image, patch, config.encoder)[None], config)
+
+    taken = []
+    images = traverse.take(range(min(limit, len(traverse)))).images()
+    for image in traverse.take([0]).images():
+        encode(image)  # compiled now
+    began = time.perf_counter()
+    for image in images:
+        encode(image)
+        now = time.perf_counter()
+        taken.append(1e3 * (now - began))
+        began = now
+    return Measured(
+        "encoding",
+        "an image file read, its channels computed, to input rates; one thread",
+        queries=len(taken),
+        queries_per_second=1e3 * len(taken) / sum(taken) if taken else None,
+        milliseconds=tuple(sorted(taken)),
+        no_energy="not measured for this stage",
+    )

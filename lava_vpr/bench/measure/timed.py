@@ -1,0 +1,125 @@
+"""What `bench.measure.host` lets a fresh process do: answer queries, tell how long that took and what it held."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr import memory
+from lava_vpr import model as model_file
+from lava_vpr.backends import deployed
+from lava_vpr.backends.registry import HostBackend
+from lava_vpr.deploy.bundle import folder as bundle_folder
+from lava_vpr.deploy.bundle.opening import open_bundle
+from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.threads import share
+from lava_vpr.matching import decoders
+from lava_vpr.model import Model, integer_network_of
+from lava_vpr.recognition import decode
+
+Arrays = dict[str, NDArray[Any]]
+Answer = Callable[[NDArray[Any], NDArray[np.int64]], NDArray[np.int64]]
+"""From rates (n, inputs) and image ids (n,) to the matched places (n,)."""
+
+
+def decoder_of(model: Model) -> Callable[[NDArray[np.int32]], NDArray[np.int64]]:
+    """From spike counts (n, neurons) to matched places (n,), by the model's decoder."""
+    name = model.config.decoder.default
+    if name != "contrast":
+        return lambda counts: decoders.best(decode(model, counts, name))
+    scores_of = decoders.contrast_decoder(model.responses)
+    return lambda counts: decoders.best(scores_of(counts))
+
+
+def host_answer(model: Model, seed: int) -> Answer:
+    """On the host engine, one thread; the network is checked and prepared once."""
+    match = decoder_of(model)
+    if not isinstance(model.network, FixedNetwork):
+        host = HostBackend(1)
+        return lambda rates, ids: match(host.count_spikes(model, rates, image_ids=ids, role="query", seed=seed)[0])
+    network = integer_network_of(model, None, "host")
+    return lambda rates, ids: match(fixed.count_spikes(network, rates, presentation_keys(seed, "query", ids))[0])
+
+
+def bundle_answer(folder: Path, seed: int) -> Answer:
+    """By the simulation of a bundle's registers and memory, which are read once."""
+    match, play = decoder_of(open_bundle(folder)), deployed.player(bundle_folder.load(folder))
+
+    def answer(rates: NDArray[Any], ids: NDArray[np.int64]) -> NDArray[np.int64]:
+        keys = presentation_keys(seed, "query", ids)
+        parts = [slice(k, k + deployed.BATCH) for k in range(0, len(ids), deployed.BATCH)]
+        counts = [play(rates[part], keys[part])[0].sum(axis=1, dtype=np.int32) for part in parts]
+        return match(np.concatenate(counts))
+
+    return answer
+
+
+def singles(answer: Answer, rates: NDArray[Any], ids: NDArray[np.int64], count: int, seconds: float) -> list[float]:
+    """Milliseconds of one query after another, ``count`` or as many as fit ``seconds``, each with noise of its own."""
+    taken, end = [], time.monotonic() + seconds
+    for k in range(count):
+        i = k % len(ids)
+        own, at = rates[i : i + 1], ids[i : i + 1] + (k // len(ids)) * NOISE
+        began = time.perf_counter()
+        answer(own, at)
+        taken.append(1e3 * (time.perf_counter() - began))
+        if time.monotonic() > end:
+            break
+    return taken
+
+
+NOISE = 1 << 32
+"""Added to image ids when a query is presented again, for other noise; no traverse is that long."""
+
+
+def repeated(rates: NDArray[Any], ids: NDArray[np.int64], times: int) -> tuple[NDArray[Any], NDArray[np.int64]]:
+    """The queries ``times`` times over, each time with other noise."""
+    return np.tile(rates, (times, 1)), np.concatenate([ids + k * NOISE for k in range(times)])
+
+
+def batch(answer: Answer, rates: NDArray[Any], ids: NDArray[np.int64], threads: int) -> NDArray[np.int64]:
+    """All in one batch, shared among threads."""
+    return np.concatenate(share(lambda part: answer(rates[part], ids[part]), len(ids), threads))
+
+
+def measure(arrays: Arrays, options: dict[str, Any]) -> Arrays:
+    """Answer ``rates`` (n, inputs) of images ``ids`` int64 (n,), one by one and all together.
+
+    Args:
+        arrays: See above.
+        options: ``backend`` (``host`` or ``bundle``), ``path`` of the model or bundle, ``seed``, ``singles`` and
+            ``seconds`` (see `singles`), ``threads``, ``rounds`` of the batch, and ``fill``: seconds that a batch should
+            take at least, for which queries are repeated.
+    Returns:
+        ``milliseconds`` float64 (k,); ``rounds`` float64 (rounds, 2): begin and end in seconds of `time.monotonic`;
+        ``batch`` int64 (1,): presentations in a round; ``matches`` int64 (n,); ``peak`` int64 (1,), 0 if not known.
+    """
+    path, seed, threads = Path(options["path"]), int(options["seed"]), int(options["threads"])
+    on_host = options["backend"] == "host"
+    answer = host_answer(model_file.load(path), seed) if on_host else bundle_answer(path, seed)
+    rates, ids = arrays["rates"], arrays["ids"]
+    answer(rates[:1], ids[:1])  # what is compiled or read at the first use is not timed
+    milliseconds = singles(answer, rates, ids, int(options["singles"]), float(options["seconds"]))
+    matches = batch(answer, rates, ids, threads)
+    each = float(np.median(milliseconds)) * 1e-3 / threads
+    times = max(1, int(np.ceil(float(options["fill"]) / (each * len(ids)))))
+    whole = repeated(rates, ids, times)
+    rounds = []
+    for _ in range(int(options["rounds"])):
+        began = time.monotonic()
+        batch(answer, *whole, threads)
+        rounds.append((began, time.monotonic()))
+    return {
+        "milliseconds": np.array(milliseconds),
+        "rounds": np.array(rounds),
+        "batch": np.array([len(whole[1])]),
+        "matches": matches,
+        "peak": np.array([memory.own_peak() or 0]),
+    }

@@ -1,0 +1,150 @@
+"""What a network is and does, by NeuroBench's definitions, counted on the spikes of a run.
+
+Definitions: Yik et al., "The NeuroBench framework for benchmarking neuromorphic computing algorithms and systems",
+Nature Communications 16:1545 (2025), and where the text leaves it open, the package neurobench 2.3.0 (`benchmarks.
+neurobench_metrics` compares every figure with it). For this network that means:
+
+* **Layers** are the synapses inputs -> exc (inputs x neurons), exc -> inh (one to one) and inh -> exc (neurons x
+  neurons, its diagonal zero), and the neurons exc and inh; inputs that integrate a bias are neurons, too, injected ones
+  are data.
+* **Footprint**: bytes of all weights, one each as they are stored, and of all membranes (int32). Zeros take room.
+* **Connection sparsity**: zeros among the weights of all synapses. **Activation sparsity**: one minus spikes per neuron
+  and step, over all neurons and steps.
+* **Synaptic operations**: every spike, input or not, times its weights that are not 0. All inputs of synapses are 0 or
+  1, so that these are accumulates; multiply-accumulates there are none. **Dense**: all weights in every step.
+* **Membrane updates**: all neurons in the first step, later those whose membrane a step leaves with another value. A
+  relay that spikes and is reset within one step is none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.backends.registry import HostBackend
+from lava_vpr.bench.results import Workload
+from lava_vpr.encoding import EncodedTraverse, query_rates
+from lava_vpr.engine.inference.bias_input import LEVEL, biases, phases
+from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.threads import cores
+from lava_vpr.engine.trains import Trains
+from lava_vpr.loihi import DECAY_BITS, INPUT_SHIFT, STATE_LIMIT
+from lava_vpr.model import Model, integer_network_of
+
+QUERIES = 100
+"""Most that are counted; every spike of them is kept meanwhile."""
+
+MEMBRANE_BYTES = 4
+_BLOCK = 16
+
+
+def workload(model: Model, queries: EncodedTraverse, *, seed: int | None = None, limit: int = QUERIES) -> Workload:
+    """The metrics of a model on the first ``limit`` of ``queries``.
+
+    Args:
+        model: With an integer network.
+        queries: Encoded with the model's settings, at least one.
+        seed: Of the queries' noise; None: the model's.
+        limit: Most queries.
+    Raises:
+        BackendUnavailableError: the model has no integer network.
+    """
+    network = integer_network_of(model, None, "bench")
+    rates = query_rates(queries.activity[:limit], model.config).astype(np.uint16)
+    ids = queries.indices[:limit]
+    own = model.config.seed if seed is None else seed
+    trains = HostBackend(cores()).trains(model, rates, image_ids=ids, role="query", seed=own)
+    return of_trains(network, trains, rates, presentation_keys(own, "query", ids))
+
+
+def of_trains(network: FixedNetwork, trains: Trains, rates: NDArray[np.uint16], keys: NDArray[np.uint64]) -> Workload:
+    """The metrics of a network on given spikes.
+
+    Args:
+        network: Any.
+        trains: Every spike of all three populations, uint8 (n, steps + 3, width).
+        rates: Of these presentations, uint16 (n, inputs).
+        keys: Of these presentations, uint64 (n,).
+    """
+    if trains.inputs is None or trains.inh is None:
+        raise ValueError("trains of the inputs and of inh are needed")
+    neurons, inputs, (n, steps, _) = network.neurons, network.inputs, trains.exc.shape
+    own = inputs if network.regular else 0
+    weights = inputs * neurons + neurons + neurons * neurons
+    zeros = int(np.count_nonzero(network.weights == 0)) + neurons
+    if network.lateral == 0:
+        zeros += neurons * (neurons - 1)
+    sent = trains.inputs.sum(axis=(0, 1), dtype=np.int64)
+    exc, inh = int(trains.exc.sum(dtype=np.int64)), int(trains.inh.sum(dtype=np.int64))
+    effective = int(sent @ np.count_nonzero(network.weights, axis=1)) + exc
+    effective += inh * (neurons - 1) if network.lateral else 0
+    spikes = exc + inh + (int(sent.sum()) if network.regular else 0)
+    updates = membrane_updates(network, trains)
+    if network.regular:
+        updates += sum(
+            input_updates(own_rates, int(key), network.steps) for own_rates, key in zip(rates, keys, strict=True)
+        )
+    return Workload(
+        footprint_bytes=weights + MEMBRANE_BYTES * (2 * neurons + own),
+        parameters=weights,
+        connection_sparsity=zeros / weights,
+        activation_sparsity=1 - spikes / (n * steps * (2 * neurons + own)),
+        dense_operations=float(steps * weights),
+        effective_macs=0.0,
+        effective_acs=effective / n,
+        membrane_updates=updates / n,
+    )
+
+
+def membranes(network: FixedNetwork, trains: Trains) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    """Membranes of exc before and after every step, int64 (some queries, neurons), from what reaches them.
+
+    The equations are those of `lava_vpr.engine.inference.fixed`, in plain numpy; spikes of exc are not looked at.
+    """
+    if trains.inputs is None or trains.inh is None:
+        raise ValueError("trains of the inputs and of inh are needed")
+    weights, keep = network.weights.astype(np.float64), (1 << DECAY_BITS) - network.decay
+    for start in range(0, len(trains.exc), _BLOCK):
+        part = slice(start, start + _BLOCK)
+        n, steps, _ = trains.exc[part].shape
+        v = np.zeros((n, network.neurons), np.int64)
+        yield v, v
+        for step in range(1, steps):
+            arriving, inh = trains.inputs[part, step - 1], trains.inh[part, step - 1].astype(np.int64)
+            drive = (arriving.astype(np.float64) @ weights).astype(np.int64) >> network.shift
+            drive -= network.lateral * (inh.sum(axis=1, keepdims=True) - inh)
+            u = drive << INPUT_SHIFT
+            u = np.where(u > STATE_LIMIT, u - 2 * STATE_LIMIT, np.where(u <= -STATE_LIMIT, u + 2 * STATE_LIMIT, u))
+            after = np.sign(v) * (np.abs(v) * keep >> DECAY_BITS) + u
+            after = np.clip(after, 1 - STATE_LIMIT, STATE_LIMIT - 1)
+            after[after > network.threshold << INPUT_SHIFT] = 0
+            yield v, after
+            v = after
+
+
+def membrane_updates(network: FixedNetwork, trains: Trains) -> int:
+    """Updates of exc and inh; see the definition above. A relay's membrane is 0 before and after every step."""
+    changed = sum(int(np.count_nonzero(before != after)) for before, after in membranes(network, trains))
+    return changed + len(trains.exc) * 2 * network.neurons
+
+
+def input_updates(rates: NDArray[np.uint16], key: int, steps: int) -> int:
+    """Membrane updates of inputs that integrate a bias, in one presentation; in its silent steps nothing changes.
+
+    Args:
+        rates: uint16 (inputs,).
+        key: Of the presentation.
+        steps: Steps with input.
+    """
+    mantissa, exponent = biases(rates)
+    bias, v = (mantissa << exponent).astype(np.int64), phases(key, len(rates)).astype(np.int64)
+    changed = len(rates)
+    for step in range(steps):
+        after = v + bias
+        after[after > LEVEL] = 0
+        changed += int(np.count_nonzero(after != v)) if step else 0
+        v = after
+    return changed

@@ -1,0 +1,1 @@
+"""The results of a benchmark as JSON, terminal tables, a page and plots."""

@@ -1,0 +1,201 @@
+"""A run of `lava-vpr bench` as JSON values, and what was left out of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, is_dataclass
+from typing import Any
+
+import numpy as np
+
+from lava_vpr.bench.anchors import ANCHORS
+from lava_vpr.bench.results import Bench, Candidate, CrossCheck, Measured, Modelled, Peer
+from lava_vpr.deploy.boards.estimate import Range, total
+
+PERCENTILES = (50, 95, 99)
+
+COUNTS = (
+    "synaptic_operations",
+    "neuron_updates",
+    "input_spikes",
+    "exc_spikes",
+    "inh_spikes",
+    "messages",
+    "hops",
+    "steps",
+)
+"""Events per query that the JSON always holds, null where nobody counted them."""
+
+
+def percentiles(measured: Measured) -> dict[str, float] | None:
+    """Latency of single queries in ms, p50 to p99; None: not measured."""
+    if not measured.milliseconds:
+        return None
+    values = np.percentile(measured.milliseconds, PERCENTILES)
+    return {f"p{q}": float(value) for q, value in zip(PERCENTILES, values, strict=True)}
+
+
+def dynamic_energy(modelled: Modelled) -> Range | None:
+    """Of a query, all components, in microjoules; None: unavailable."""
+    parts = modelled.dynamic_microjoules
+    return None if parts is None else total(parts.values())
+
+
+def counts(bench: Bench) -> dict[str, float | None]:
+    """Events per query: of the first board that the network was mapped on, else those of the host engine."""
+    mapped = next((one.counts for one in bench.targets.values() if one.counts), bench.events)
+    return {name: mapped.get(name) for name in COUNTS} | {
+        name: value for name, value in mapped.items() if name not in COUNTS
+    }
+
+
+def absent(bench: Bench) -> list[dict[str, str]]:
+    """What this report lacks, and why: ``what`` and ``reason`` each."""
+    rows = [(f"{one.name}, measured", one.absent) for one in bench.measured]
+    without: dict[str, list[str]] = {}
+    for one in bench.measured:
+        if one.no_energy and not one.absent:
+            without.setdefault(one.no_energy, []).append(one.name)
+    rows += [(f"energy of {', '.join(names)}, measured", reason) for reason, names in without.items()]
+    rows += [(f"{name}, modelled energy and time", one.unavailable) for name, one in bench.targets.items()]
+    rows += [("cross-check with SANA-FE", bench.cross_check.absent)]
+    rows += [(f"{one.name}, as a peer", one.absent) for one in bench.peers]
+    if bench.workload is None and "workload" not in bench.failed:
+        rows += [("workload metrics", "they are defined on integer networks; this model is a float one")]
+    if not bench.peers and "peers" not in bench.failed:
+        rows += [("peers", "not asked for; --peers runs them")]
+    if not bench.sweep and "sweep" not in bench.failed:
+        rows += [("sweep of settings", "not asked for; --sweep runs it")]
+    rows += bench.failed.items()
+    return [{"what": what, "reason": reason} for what, reason in rows if reason]
+
+
+def as_json(bench: Bench) -> dict[str, Any]:
+    """The whole run; NaN and what was not computed are null, no value is a path or a date."""
+    values = {
+        "model": bench.model,
+        "queries": bench.images,
+        "recall": bench.recall.as_json(),
+        "measured": {one.name: _measured(one) for one in bench.measured},
+        "modelled": {name: _modelled(one) for name, one in bench.targets.items()},
+        "counts": counts(bench),
+        "workload": None if bench.workload is None else asdict(bench.workload),
+        "cross_check": _cross_check(bench.cross_check),
+        "peers": {one.name: _peer(one) for one in bench.peers} or None,
+        "sweep": [_candidate(one) for one in bench.sweep] or None,
+        "constants": {one.name: _constant(one) for one in bench.constants},
+        "anchors": [one.as_json() for one in ANCHORS],
+        "assumptions": assumptions(bench),
+        "absent": absent(bench),
+        "machine": bench.machine,
+        "command": bench.command,
+    }
+    return dict(_plain(values))
+
+
+def assumptions(bench: Bench) -> list[str]:
+    """Of the cost model, each once."""
+    return list(dict.fromkeys(text for one in bench.targets.values() for text in one.assumptions))
+
+
+def _measured(one: Measured) -> dict[str, Any]:
+    return {
+        "what": one.what,
+        "queries": one.queries,
+        "threads": one.threads,
+        "queries_per_second": one.queries_per_second,
+        "milliseconds_per_query": percentiles(one),
+        "peak_bytes": one.peak_bytes,
+        "joules_per_query": one.joules_per_query,
+        "no_energy": one.no_energy or None,
+        "absent": one.absent or None,
+        "board": one.board or None,
+    }
+
+
+def _modelled(one: Modelled) -> dict[str, Any]:
+    io = one.io_milliseconds
+    return {
+        "chips": one.chips,
+        "cores": one.cores,
+        "tiles": one.tiles,
+        "steps": one.steps,
+        "input_mode": one.input_mode,
+        "dynamic_microjoules": dynamic_energy(one),
+        "dynamic_by_component": one.dynamic_microjoules,
+        "milliseconds": one.milliseconds,
+        "step_microseconds": one.step_microseconds,
+        "static_millijoules": one.static_millijoules,
+        "io_milliseconds": next(iter(io.values())) if io else None,
+        "io_milliseconds_by_way": io,
+        "io_microjoules_by_way": one.io_microjoules,
+        "wall_milliseconds": one.wall_milliseconds,
+        "wall_static_millijoules": one.wall_static_millijoules,
+        "busiest": one.busiest or None,
+        "busiest_core": one.busiest_core or None,
+        "clearing": one.clearing,
+        "counts": one.counts,
+        "unavailable": one.unavailable or None,
+    }
+
+
+def _cross_check(one: CrossCheck) -> dict[str, Any]:
+    pairs = {name: {"closed_form": ours, "sanafe": theirs} for name, (ours, theirs) in one.microjoules.items()}
+    times = one.simple_milliseconds
+    return {
+        "version": one.version or None,
+        "queries": one.queries,
+        "modelled_microjoules": pairs or None,
+        "modelled_simple_milliseconds": {"closed_form": times[0], "sanafe": times[1]} if times else None,
+        "modelled_detailed_milliseconds": one.detailed_milliseconds,
+        "counts": {name: {"ours": ours, "sanafe": theirs} for name, (ours, theirs) in one.counts.items()} or None,
+        "largest_relative_difference": one.difference,
+        "spikes_differ": one.spikes_differ,
+        "absent": one.absent or None,
+    }
+
+
+def _peer(one: Peer) -> dict[str, Any]:
+    return {
+        "what": one.what,
+        "recall": one.metrics.as_json() if one.metrics is not None else None,
+        "queries_per_second": one.queries_per_second,
+        "threads": one.threads,
+        "bytes": one.bytes,
+        "queries": one.queries,
+        "absent": one.absent or None,
+    }
+
+
+def _candidate(one: Candidate) -> dict[str, Any]:
+    return {
+        "settings": one.settings,
+        "recall": one.metrics.as_json(),
+        "modelled_microjoules": one.microjoules,
+        "modelled_milliseconds": one.milliseconds,
+        "mean_steps": one.mean_steps,
+        "front": one.front,
+        "chosen": one.chosen or None,
+    }
+
+
+def _constant(one: Any) -> dict[str, Any]:
+    return {name: getattr(one, name) for name in ("what", "low", "nominal", "high", "unit", "source")}
+
+
+def _plain(value: Any) -> Any:
+    """``value`` as JSON knows it: ranges and arrays resolved, NaN and infinity null."""
+    if isinstance(value, Range):
+        return _plain(value.as_json())
+    if is_dataclass(value) and not isinstance(value, type):
+        return _plain(asdict(value))
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

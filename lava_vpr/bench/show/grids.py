@@ -1,0 +1,329 @@
+"""The tables of `lava-vpr bench` as plain text cells, for the terminal and for the page alike.
+
+Whatever the cost model says stands in a row or column whose heading says "modelled".
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from lava_vpr.bench.anchors import ANCHORS
+from lava_vpr.bench.results import Bench, Candidate, CrossCheck, Measured, Modelled, Peer, Workload
+from lava_vpr.bench.show.document import PERCENTILES, counts, dynamic_energy, percentiles
+from lava_vpr.deploy.boards.board import BOARDS
+from lava_vpr.deploy.boards.estimate import Range
+from lava_vpr.matching.evaluation import Metrics
+
+FIGURES = ("R@1", "R@5", "R@10", "R@100P", "P@100R", "AUC")
+NONE = "-"
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A table of text.
+
+    Attributes:
+        title: Above it.
+        columns: Headings.
+        rows: Cells, as many as headings.
+        words: How many of the first columns are words; the others are figures.
+        strong: Rows that matter most, by index.
+        long: Columns of long text, by index, which may wrap.
+        note: Below it.
+    """
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    words: int = 1
+    strong: frozenset[int] = frozenset()
+    long: frozenset[int] = field(default=frozenset())
+    note: str = ""
+
+
+def figure(value: float | None, digits: int = 3) -> str:
+    """A number with ``digits`` significant ones, thousands separated; a dash for none."""
+    if value is None or not math.isfinite(value):
+        return NONE
+    if value == 0:
+        return "0"
+    rounded = float(f"{value:.{digits - 1}e}")
+    places = digits - 1 - math.floor(math.log10(abs(rounded)))
+    if abs(rounded) < 1e-4:
+        return f"{value:.{digits - 1}e}"
+    return f"{rounded:,.{max(0, places)}f}"
+
+
+def percent(value: float | None) -> str:
+    """A fraction in percent."""
+    return NONE if value is None or math.isnan(value) else f"{100 * value:.1f}"
+
+
+def named(name: str) -> str:
+    """A key as words."""
+    return name.replace("_", " ")
+
+
+def size(count: int | None) -> str:
+    """Bytes as people read them."""
+    if count is None:
+        return NONE
+    for unit, scale in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+        if count >= scale:
+            return f"{figure(count / scale)} {unit}"
+    return f"{count} B"
+
+
+def figures_of(metrics: Metrics | None) -> tuple[str, ...]:
+    """Cells below `FIGURES`."""
+    if metrics is None:
+        return (NONE,) * len(FIGURES)
+    at = metrics.recall_at_n
+    values = (metrics.recall_at_1, at.get(5), at.get(10), metrics.recall_at_100_precision)
+    return tuple(map(percent, (*values, metrics.precision_at_100_recall, metrics.auc)))
+
+
+def recall(bench: Bench) -> Grid:
+    """What the answers are worth, before what they cost."""
+    model = bench.model
+    return Grid(
+        title=f"recall of {bench.images} queries, {model.get('places')} places, percent",
+        columns=("decoder", *FIGURES),
+        rows=((str(model.get("decoder", "default")), *figures_of(bench.recall)),),
+        strong=frozenset({0}),
+        note="R@100P: the largest recall without a single wrong match. P@100R: precision when every query is answered.",
+    )
+
+
+def measured(rows: Sequence[Measured]) -> Grid:
+    """Backends timed on this machine."""
+    cells = []
+    for one in rows:
+        if one.absent:
+            continue
+        at = percentiles(one) or {}
+        energy = NONE if one.joules_per_query is None else f"{figure(1e3 * one.joules_per_query)}"
+        latency = (figure(at.get(f"p{q}")) for q in PERCENTILES)
+        rate = figure(one.queries_per_second)
+        cells.append((one.name, *latency, rate, f"{one.threads}", f"{one.queries:,}", size(one.peak_bytes), energy))
+    latency_heads = tuple(f"p{q} ms" for q in PERCENTILES)
+    return Grid(
+        title="measured here, a query",
+        columns=("backend", *latency_heads, "queries/s", "threads", "queries", "memory", "mJ (CPU)"),
+        rows=tuple(cells),
+        note="p50, p95, p99: single queries one after another, one thread. queries/s: all queries in one batch.",
+    )
+
+
+def on_boards(rows: Sequence[Measured]) -> Grid:
+    """What the profilers of boards tell."""
+    measured_there = [one for one in rows if one.board]
+    names = dict.fromkeys(name for one in measured_there for name in one.board)
+    cells = [(named(name), *(figure(one.board.get(name), 4) for one in measured_there)) for name in names]
+    note = "By the vendor's profiler, idle power subtracted where it says dynamic; host's input and read-out included."
+    return Grid("measured on a board", ("figure", *(one.name for one in measured_there)), tuple(cells), note=note)
+
+
+def _three(name: str, values: Range | None) -> tuple[str, ...]:
+    if values is None:
+        return (name, NONE, NONE, NONE)
+    return (name, figure(values.low), figure(values.nominal), figure(values.high))
+
+
+def _clearing(told: dict[str, Any]) -> Iterable[tuple[str, ...]]:
+    """How states are cleared, contained in the figures above, and what steps of rest would take instead."""
+    for key, text in (
+        ("writes_per_query", "clearing of states: writes"),
+        ("microjoules", "  contained above, uJ"),
+        ("milliseconds", "  contained above, ms"),
+        ("rest_steps_instead", "  steps of rest instead"),
+        ("rest_microjoules", "  those would take, uJ"),
+        ("rest_milliseconds", "  those would take, ms"),
+    ):
+        value = told.get(key)
+        if isinstance(value, Range):
+            yield _three(text, value)
+        elif value is not None:
+            yield (text, NONE, f"{value:,}", NONE)
+
+
+def title_of(target: str) -> str:
+    """A board's name for people."""
+    return BOARDS[target].title if target in BOARDS else target
+
+
+def modelled(one: Modelled) -> Grid:
+    """The costs of a query on a board."""
+    rows: list[tuple[str, ...]] = [_three("dynamic energy, uJ", dynamic_energy(one))]
+    parts = sorted((one.dynamic_microjoules or {}).items(), key=lambda item: -item[1].nominal)
+    rows += [_three(f"  {named(name)}", value) for name, value in parts]
+    strong = {0, len(rows)}
+    rows += [_three("time on the chip, ms", one.milliseconds), _three("  one step, us", one.step_microseconds)]
+    static = f"static energy, apart, mJ ({one.chips} chips)"
+    rows += [_three(f"{static}, time on the chip", one.static_millijoules)]
+    for k, (way, value) in enumerate((one.io_milliseconds or {}).items()):
+        rows += [_three(f"host I/O, apart, ms: {way}{' (in use)' if k == 0 else ''}", value)]
+    for k, (way, value) in enumerate((one.io_microjoules or {}).items()):
+        told = "in use, contained above" if k == 0 else "instead"
+        rows += [_three(f"input on the chip, uJ: {way} ({told})", value)]
+    rows += [_three("time with host I/O, not overlapped, ms", one.wall_milliseconds)]
+    rows += [_three(f"{static}, that time", one.wall_static_millijoules)]
+    rows += _clearing(one.clearing)
+    return Grid(
+        title=f"modelled for {title_of(one.target)}: a query of {one.steps} steps, input {one.input_mode}",
+        columns=("modelled", "modelled low", "modelled nominal", "modelled high"),
+        rows=tuple(rows),
+        strong=frozenset(strong),
+        note=f"Modelled, not measured. {_place(one)}{_busy(one.busiest)}",
+    )
+
+
+def _place(one: Modelled) -> str:
+    """Cores and tiles in use."""
+    found = f"{one.cores} core{'s' * (one.cores != 1)}"
+    return f"{found}." if one.tiles is None else f"{found} on {one.tiles} tile{'s' * (one.tiles != 1)}."
+
+
+def _busy(shares: dict[str, float]) -> str:
+    """What the board waits for in how many steps."""
+    if not shares:
+        return ""
+    arriving = percent(shares.get("receive"))
+    return f" In {arriving} % of the steps the board waits for what arrives at a core, else for a core's neurons."
+
+
+def _count(value: float | None) -> str:
+    """A mean count; whole numbers as such."""
+    if value is not None and math.isfinite(value) and float(value).is_integer():
+        return f"{int(value):,}"
+    return figure(value, 4)
+
+
+def counted(bench: Bench) -> Grid:
+    """Events of a query, on every board and by the host engine."""
+    boards = {name: one.counts for name, one in bench.targets.items() if one.counts}
+    sources = boards or {"host": {**bench.events}}
+    names = dict.fromkeys((*counts(bench), *(name for values in boards.values() for name in values)))
+    rows = [(named(name), *(_count(values.get(name)) for values in sources.values())) for name in names]
+    most = {name: bench.targets[name].busiest_core for name in boards}
+    rows += [
+        (f"busiest core, a step: {named(name)}", *(_count(values.get(name)) for values in most.values()))
+        for name in dict.fromkeys(name for values in most.values() for name in values)
+    ]
+    told = [text for name in boards if bench.targets[name].unavailable for text in bench.targets[name].assumptions]
+    if boards:
+        told.insert(0, "Counted from every spike of the queries; messages and hops depend on where the neurons stand.")
+    note = " ".join(told)
+    return Grid("counted events, mean of a query", ("event", *sources), tuple(rows), note=note)
+
+
+def cross_check(one: CrossCheck) -> Grid:
+    """SANA-FE beside the closed form."""
+    rows = [
+        (f"{named(name)}, uJ", figure(ours, 7), figure(theirs, 7), _difference(ours, theirs))
+        for name, (ours, theirs) in one.microjoules.items()
+    ]
+    if one.simple_milliseconds is not None:
+        ours, theirs = one.simple_milliseconds
+        rows.append(("time, simple, ms", figure(ours, 7), figure(theirs, 7), _difference(ours, theirs)))
+    if one.detailed_milliseconds is not None:
+        rows.append(("time, detailed (with contention), ms", NONE, figure(one.detailed_milliseconds, 7), NONE))
+    largest = f" Largest difference of any query or step: {one.difference:.1e}." if one.difference is not None else ""
+    return Grid(
+        title=f"modelled twice: closed form and SANA-FE {one.version}, {one.queries} queries",
+        columns=("modelled", "modelled, closed form", "modelled, SANA-FE", "relative difference"),
+        rows=tuple(rows),
+        note="The same network, mapping and spikes, with SANA-FE's own constants; clearing and read-out, which it does "
+        f"not know, left out.{largest}",
+    )
+
+
+def _difference(ours: float, theirs: float) -> str:
+    return "0" if ours == theirs else f"{abs(ours - theirs) / max(abs(ours), abs(theirs)):.1e}"
+
+
+def peers(rows: Sequence[Peer]) -> Grid:
+    """Other matchers on the same images."""
+    cells = []
+    for one in rows:
+        if one.absent:
+            continue
+        at = figures_of(one.metrics)
+        rate = figure(one.queries_per_second)
+        cells.append((one.name, at[0], at[3], at[5], rate, f"{one.threads}", size(one.bytes), one.what))
+    heads = ("matcher", "R@1", "R@100P", "AUC", "queries/s", "threads", "of references", "what")
+    note = "Recall in percent. queries/s: measured here, from preprocessed image to match, all queries in one batch."
+    return Grid("peers on the same images", heads, tuple(cells), long=frozenset({7}), note=note)
+
+
+def sweep(rows: Sequence[Candidate]) -> Grid:
+    """The front of the sweep, dearest first, and what was chosen."""
+    shown = sorted((one for one in rows if one.front or one.chosen), key=lambda one: -one.microjoules)
+    cells: dict[tuple[object, ...], tuple[str, ...]] = {}
+    for one in shown:
+        costs = (figure(one.microjoules), figure(one.milliseconds), figure(one.mean_steps))
+        at = figures_of(one.metrics)
+        kind = "front, stops early" if "stop_margin" in one.settings else "front"
+        row = (one.chosen or kind, at[0], at[3], at[5], *costs, _settings(one.settings))
+        # Settings that change nothing, such as a margin that is never reached, would fill the table.
+        cells.setdefault((one.chosen, one.metrics.recall_at_1, one.microjoules, one.milliseconds), row)
+    found = tuple(cells.values())
+    return Grid(
+        title=f"sweep: the front of {len(rows)} points",
+        columns=("point", "R@1", "R@100P", "AUC", "modelled uJ", "modelled ms", "mean steps", "unlike this model"),
+        rows=found,
+        strong=frozenset(k for k, row in enumerate(found) if not row[0].startswith("front")),
+        long=frozenset({7}),
+        note="Recall in percent, on the very queries that the search chose on: judge a choice on others. Energy and "
+        "time modelled for Kapoho Bay, nominal, clearing included, host I/O not. Of points with equal figures, one. "
+        "No backend stops early yet.",
+    )
+
+
+def _settings(values: dict[str, Any]) -> str:
+    """Settings as words."""
+    given = {name: value for name, value in values.items() if value is not None}
+    return ", ".join(
+        f"{named(name)} {value:g}" if isinstance(value, float) else f"{named(name)} {value}"
+        for name, value in given.items()
+    )
+
+
+def workload(one: Workload) -> Grid:
+    """NeuroBench's metrics."""
+    rows = (
+        ("footprint", size(one.footprint_bytes)),
+        ("parameters", f"{one.parameters:,}"),
+        ("connection sparsity", figure(one.connection_sparsity)),
+        ("activation sparsity", figure(one.activation_sparsity, 4)),
+        ("synaptic operations a query, dense", figure(one.dense_operations, 4)),
+        ("effective multiply-accumulates a query", figure(one.effective_macs, 4)),
+        ("effective accumulates a query", figure(one.effective_acs, 4)),
+        ("membrane updates a query", figure(one.membrane_updates, 4)),
+    )
+    return Grid("workload metrics by NeuroBench's definitions", ("metric", "value"), rows)
+
+
+def constants(bench: Bench) -> Grid:
+    """Every constant of the cost model, with its source."""
+    rows = tuple(
+        (one.what or named(one.name), figure(one.low), figure(one.nominal), figure(one.high), one.unit, one.source)
+        for one in bench.constants
+    )
+    heads = ("constant", "low", "nominal", "high", "unit", "source")
+    return Grid("constants of the cost model", heads, rows, long=frozenset({0, 5}))
+
+
+def anchors() -> Grid:
+    """Published results, with their citations."""
+    rows = []
+    for one in ANCHORS:
+        kind = "" if one.kind == "measured" else f" ({one.kind})"
+        cited = f"{one.citation}, doi {one.doi}"
+        told = f"{one.task}; on {one.board}{kind}" + (f"; {one.note}" if one.note else "")
+        rows.append((one.name, figure(one.microjoules), figure(one.milliseconds), told, cited))
+    heads = ("published", "uJ", "ms", "task and board", "where")
+    return Grid("published figures, none of them the same task", heads, tuple(rows), long=frozenset({3, 4}))

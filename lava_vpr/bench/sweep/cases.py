@@ -1,0 +1,219 @@
+"""One point of the sweep on one or several models: quantised anew for a board, run, its costs modelled."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.backends.registry import HostBackend
+from lava_vpr.bench.sweep.stopping import leads, stops
+from lava_vpr.config import Config, LifNetwork, preset
+from lava_vpr.configfile import update
+from lava_vpr.deploy.boards.board import Board
+from lava_vpr.deploy.boards.plan import Plan
+from lava_vpr.deploy.bundle.deployment import plan_of
+from lava_vpr.deploy.compression.compression import requantised
+from lava_vpr.deploy.cost.closed_form import step_microseconds, step_picojoules
+from lava_vpr.deploy.cost.costs import quick
+from lava_vpr.deploy.cost.events import activity_of
+from lava_vpr.encoding import EncodedTraverse, query_rates
+from lava_vpr.engine.trains import Trains
+from lava_vpr.errors import ConfigError
+from lava_vpr.matching.decoders import confidence
+from lava_vpr.matching.evaluation import Metrics, evaluate
+from lava_vpr.model import Model
+from lava_vpr.recognition import decode
+from lava_vpr.training.loop import train
+
+Settings = dict[str, float]
+
+ENCODER = ("query_spikes", "query_inputs")
+NETWORK = ("steps", "weight_bits", "common", "prune", "threshold", "tau_membrane")
+WHOLE = ("steps", "weight_bits", "query_inputs")
+"""Settings by section of `lava_vpr.config`, and whole numbers; beside them ``inhibition``, which is
+``joined_inhibition`` where stretches are joined, and ``neurons_per_place``."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A model, queries and their truth, bool (queries, places); ``seed`` of the queries' noise (None: the model's).
+
+    ``learned`` keeps what was learned anew, by neurons per place.
+    """
+
+    model: Model = field(repr=False)
+    queries: EncodedTraverse = field(repr=False)
+    truth: NDArray[np.bool_] = field(repr=False)
+    seed: int | None = None
+    learned: dict[float, Model] = field(default_factory=dict, repr=False)
+
+
+@dataclass(frozen=True)
+class Run:
+    """The queries of a case through the network of a point.
+
+    Attributes:
+        model: As it runs.
+        plan: Where it stands.
+        trains: Every spike.
+        truth: bool (queries, places).
+    """
+
+    model: Model = field(repr=False)
+    plan: Plan = field(repr=False)
+    trains: Trains = field(repr=False)
+    truth: NDArray[np.bool_] = field(repr=False)
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """Figures of a point, means over the cases: of the default decoder, and modelled costs of a query.
+
+    Attributes:
+        metrics: Of the default decoder; curves are those of the first case.
+        microjoules, milliseconds: Dynamic energy and time on the board, clearing of states included, host I/O not.
+        steps: Of a query, silent ones included.
+    """
+
+    metrics: Metrics
+    microjoules: float
+    milliseconds: float
+    steps: float
+
+    @property
+    def objectives(self) -> tuple[float, float, float]:
+        """What the front is made of; lower is better."""
+        return -self.metrics.recall_at_1, self.microjoules, self.milliseconds
+
+
+def current(model: Model) -> Settings:
+    """The settings of ``model`` that a sweep varies.
+
+    Raises:
+        ConfigError: it has no integer network.
+    """
+    network, encoder = model.config.network, model.config.encoder
+    if not isinstance(network, LifNetwork):
+        raise ConfigError("only integer networks can be swept, but this model is of preset paper; train with another")
+    found = {name: float(getattr(encoder, name)) for name in ENCODER}
+    found |= {name: float(getattr(network, name)) for name in NETWORK}
+    lateral = network.joined_inhibition if len(model.stretches) > 1 else network.inhibition
+    return found | {"inhibition": lateral, "neurons_per_place": model.neurons / model.places}
+
+
+def fast_settings(model: Model) -> Settings:
+    """The settings of ``model`` with those of preset ``fast``; its neurons per place stay."""
+    config = preset("fast")
+    network = config.network
+    if not isinstance(network, LifNetwork):
+        raise ConfigError("preset fast has no integer network")
+    found = {name: float(getattr(config.encoder, name)) for name in ENCODER}
+    found |= {name: float(getattr(network, name)) for name in NETWORK}
+    lateral = network.joined_inhibition if len(model.stretches) > 1 else network.inhibition
+    return {**current(model), **found, "inhibition": lateral}
+
+
+def configured(config: Config, settings: Settings) -> Config:
+    """``config`` with ``settings``."""
+    plain: dict[str, float] = {name: int(value) if name in WHOLE else value for name, value in settings.items()}
+    network = {name: plain[name] for name in NETWORK}
+    network |= {"inhibition": plain["inhibition"], "joined_inhibition": plain["inhibition"]}
+    return update(config, {"encoder": {name: plain[name] for name in ENCODER}, "network": network})
+
+
+def references_of(model: Model) -> list[EncodedTraverse]:
+    """The reference traverses, as far as a model keeps them; thumbnails are those of the first."""
+    parts = []
+    for start in range(0, len(model.labels), model.places):
+        own = slice(start, start + model.places)
+        parts.append(
+            EncodedTraverse(
+                model.place_names, model.place_indices, model.patches[own], model.activity[own], model.thumbnails
+            )
+        )
+    return parts
+
+
+def _source(case: Case, settings: Settings, threads: int) -> Model:
+    """The model of a case, learned anew from the references that it keeps if neurons per place differ."""
+    number = settings["neurons_per_place"]
+    if number == current(case.model)["neurons_per_place"]:
+        return case.model
+    if number not in case.learned:
+        config = update(case.model.config, {"network": {"neurons": 0, "neurons_per_place": number}})
+        made = train(references_of(case.model), config, route_images=case.model.route_images, jobs=threads)
+        case.learned[number] = made
+    return case.learned[number]
+
+
+def _run(case: Case, settings: Settings, board: Board, threads: int) -> Run:
+    """The queries of ``case`` through its network under ``settings``."""
+    source = _source(case, settings, threads)
+    source = replace(source, config=configured(source.config, settings))
+    model = requantised(source, shift=None if board.shifts_sum else 0, threads=threads)
+    plan = plan_of(model, board)
+    trains = HostBackend(threads).trains(
+        model,
+        query_rates(case.queries.activity, model.config),
+        image_ids=case.queries.indices,
+        role="query",
+        seed=model.config.seed if case.seed is None else case.seed,
+    )
+    return Run(model, plan, trains, case.truth)
+
+
+def runs_of(cases: Sequence[Case], settings: Settings, board: Board, threads: int) -> tuple[Run, ...]:
+    """The queries of every case under ``settings`` (all that `current` names).
+
+    Raises:
+        ConfigError: there is nothing to quantise anew, or a value is outside its range.
+        NetworkLimitError: ``board`` cannot run it.
+    """
+    return tuple(_run(case, settings, board, threads) for case in cases)
+
+
+def figures(run: Run, margins: Sequence[float]) -> list[Measurement]:
+    """Recall and modelled costs of the queries of ``run``, stopped early by each of ``margins`` (inf: not at all)."""
+    activity = activity_of(run.plan, run.trains)
+    energy = np.cumsum(np.sum(list(step_picojoules(activity, "nominal").values()), axis=0), axis=1) / 1e6
+    time = np.cumsum(step_microseconds(activity, "nominal"), axis=1) / 1e3
+    trains = run.trains
+    first = {name: part[:1] for name in Trains.POPULATIONS if (part := getattr(trains, name)) is not None}
+    cleared = quick(run.plan, Trains(**first), np.zeros(1, np.int64))  # what a query of no step takes
+    total = np.cumsum(run.trains.exc, axis=1, dtype=np.int32)
+    name = run.model.config.decoder.default
+    lead = leads(run.model, total) if np.isfinite(margins).any() else np.zeros(total.shape[:2])
+    found = []
+    for margin in margins:
+        steps = stops(lead, margin)
+        at = np.arange(len(steps)), steps - 1
+        scores = decode(run.model, np.ascontiguousarray(total[at]), name)
+        found.append(
+            Measurement(
+                evaluate(scores, confidence(name, scores), run.truth),
+                float(energy[at].mean() + cleared.microjoules[0]),
+                float(time[at].mean() + cleared.milliseconds[0]),
+                float(steps.mean()),
+            )
+        )
+    return found
+
+
+def mean(found: Sequence[Measurement]) -> Measurement:
+    """Means over cases."""
+    first = found[0].metrics
+    metrics = replace(
+        first,
+        recall_at_1=float(np.mean([one.metrics.recall_at_1 for one in found])),
+        recall_at_100_precision=float(np.mean([one.metrics.recall_at_100_precision for one in found])),
+        precision_at_100_recall=float(np.mean([one.metrics.precision_at_100_recall for one in found])),
+        auc=float(np.mean([one.metrics.auc for one in found])),
+        recall_at_n={n: float(np.mean([one.metrics.recall_at_n[n] for one in found])) for n in first.recall_at_n},
+        queries=sum(one.metrics.queries for one in found),
+        without_place=sum(one.metrics.without_place for one in found),
+    )
+    costs = np.mean([(one.microjoules, one.milliseconds, one.steps) for one in found], axis=0)
+    return Measurement(metrics, *(float(value) for value in costs))

@@ -1,0 +1,1 @@
+"""VPRSNN's conductance-based network, preset ``paper``."""

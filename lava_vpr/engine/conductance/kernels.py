@@ -1,0 +1,231 @@
+"""Compiled kernels of the conductance network: input spikes, one presentation's dynamics, and its plasticity.
+
+Order within a step, as Brian2's default schedule has it: states, thresholds, synapses (input arrivals with their part
+of the learning, exc to inh, inh to exc, then the postsynaptic part of the learning), resets.
+
+What makes it fast without changing a bit of the result: a neuron's weights cannot change before its first spike of a
+presentation (the postsynaptic traces are 0), so its input is added up per arrival step when the input spikes depart.
+Only the few neurons that have spiked ("plastic" below) read their weights arrival by arrival. An inhibitory neuron
+that never received a spike stays exactly at rest, and so is not computed.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.engine.random import GOLDEN, mix
+
+FROZEN, TRIPLET, PAPER = 0, 1, 2
+E_REST, E_RESET, E_EXC, E_INH = -65.0, -65.0, 0.0, -100.0
+E_OFFSET, E_THRESHOLD = 20.0, -52.0
+I_REST, I_RESET, I_THRESHOLD = -60.0, -45.0, -40.0
+EXC_TO_INH, INH_TO_EXC = 10.4, 17.0
+NEVER = -(1 << 40)
+_S32 = np.uint64(32)
+_BLOCK = 8  # float64 of one cache line
+
+
+class Constants(NamedTuple):
+    """The network's settings in steps and shares per step; see `lava_vpr.engine.conductance.model.constants`."""
+
+    steps: int
+    total: int
+    freeze: int
+    timer: int
+    inh_freeze: int
+    exc_leak: float
+    inh_leak: float
+    ge_decay: float
+    gi_decay: float
+    theta_decay: float
+    theta_plus: float
+    eta_pre: float
+    eta_post: float
+    x_target: float
+    mu: float
+    w_max: float
+
+
+class Network(NamedTuple):
+    """Weights and delays (neurons, inputs), and one presentation's input spikes as `draw_spikes` returns them."""
+
+    weights: NDArray[np.float64]
+    delays: NDArray[np.uint16]
+    when: NDArray[np.int32]
+    sources: NDArray[np.int32]
+
+
+@nb.njit(cache=True, nogil=True)
+def draw_spikes(rates: NDArray[np.uint32], key: np.uint64, steps: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """All input spikes of one presentation: their steps, ascending, and their inputs, ascending within a step.
+
+    Equal to the ones in ``draws(key, steps, inputs, bits=32) < rates`` of `lava_vpr.engine.random`.
+    """
+    n = 0
+    expected = 0.0
+    active = np.empty(rates.size, np.int32)
+    for j in range(rates.size):
+        expected += rates[j] * 2.0**-32 * steps
+        if rates[j] > 0:
+            active[n] = j
+            n += 1
+    width = (n + 3) // 4 * 4  # both lanes of four inputs are one 64-bit word of flags; the padding never spikes
+    offsets = np.zeros(width, np.uint64)
+    limits = np.zeros(2 * width, np.uint32)
+    for k in range(n):
+        offsets[k] = key + GOLDEN * np.uint64(active[k])
+        limits[2 * k] = limits[2 * k + 1] = rates[active[k]]
+    words = np.empty(width, np.uint64)
+    flags = np.empty(2 * width, np.uint8)
+    spikes = np.empty((2, int(1.2 * expected) + 2 * n + 64), np.int32)
+    second = np.empty(n, np.int32)
+    end = 0
+    for block in range((steps + 1) // 2):
+        start = GOLDEN * (np.uint64(block) << _S32)
+        for k in range(width):
+            words[k] = mix(offsets[k] + start)
+        lanes = words.view(np.uint32)
+        for k in range(2 * width):
+            flags[k] = lanes[k] < limits[k]
+        if end + 2 * n > spikes.shape[1]:
+            grown = np.empty((2, 2 * spikes.shape[1] + 2 * n), np.int32)
+            for p in range(end):
+                grown[0, p], grown[1, p] = spikes[0, p], spikes[1, p]
+            spikes = grown
+        groups = flags.view(np.uint64)
+        n_second = 0
+        for p in range(width // 4):
+            if groups[p] != 0:
+                for k in range(4 * p, 4 * p + 4):
+                    if flags[2 * k]:
+                        spikes[0, end], spikes[1, end] = 2 * block, active[k]
+                        end += 1
+                    if flags[2 * k + 1]:
+                        second[n_second] = active[k]
+                        n_second += 1
+        for s in range(n_second if 2 * block + 1 < steps else 0):
+            spikes[0, end], spikes[1, end] = 2 * block + 1, second[s]
+            end += 1
+    return spikes[0, :end], spikes[1, :end]
+
+
+@nb.njit(cache=True, nogil=True)
+def normalise(weights: NDArray[np.float64], target: float) -> None:
+    """Scale the weights (neurons, inputs) of each neuron to the sum ``target``, in place; all zeros stay."""
+    for i in range(weights.shape[0]):
+        row = weights[i]
+        total = 0.0
+        for j in range(row.size):
+            total += row[j]
+        if total > 0:
+            factor = target / total
+            for j in range(row.size):
+                row[j] *= factor
+
+
+@nb.njit(cache=True, nogil=True)
+def first_spike(when: NDArray[np.int32], step: int) -> int:
+    """Index of the first spike at ``step`` or later, by bisection."""
+    low, high = 0, when.size
+    while low < high:
+        middle = (low + high) // 2
+        if when[middle] < step:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@nb.njit(cache=True, nogil=True)
+def input_drive(net: Network, begin: int, carry: NDArray[np.float64], drive: NDArray[np.float64]) -> None:
+    """Sum the weights that arrive at every neuron in the steps from ``begin``, as many as ``drive`` has rows.
+
+    ``carry`` (neurons, longest delay) holds what earlier spikes send into these steps, and afterwards what all send
+    into the following ones. Weights that arrive together are added in the order of departure, then of input. One
+    neuron after another, so that what is scattered to stays in the first-level cache.
+    """
+    span, longest = drive.shape[0], carry.shape[1]
+    first = first_spike(net.when, begin)
+    n = first_spike(net.when, begin + span) - first
+    when, source = np.empty(n, np.uint32), np.empty(n, np.uint32)  # unsigned: no test for negative indices below
+    for p in range(n):
+        when[p], source[p] = net.when[first + p] - begin, net.sources[first + p]
+    sums = np.empty((_BLOCK, span + longest))
+    for i0 in range(0, drive.shape[1], _BLOCK):
+        width = min(_BLOCK, drive.shape[1] - i0)
+        for k in range(width):
+            total, weight, delay = sums[k], net.weights[i0 + k], net.delays[i0 + k]
+            for t in range(longest):
+                total[t] = carry[i0 + k, t]
+            for t in range(longest, total.size):
+                total[t] = 0.0
+            for p in range(n):
+                j = np.uint64(source[p])
+                total[np.uint64(when[p]) + np.uint64(delay[j])] += weight[j]
+            for t in range(longest):
+                carry[i0 + k, t] = total[span + t]
+        for t in range(span):
+            for k in range(width):
+                drive[t, i0 + k] = sums[k, t]
+
+
+@nb.njit(cache=True, nogil=True)
+def update_exc(
+    v: NDArray[np.float64],
+    ge: NDArray[np.float64],
+    gi: NDArray[np.float64],
+    theta: NDArray[np.float64],
+    arriving: NDArray[np.float64],
+    c: Constants,
+    block: NDArray[np.float64],
+) -> int:
+    """One Euler step of all excitatory neurons, then the arriving input; returns how many are above threshold.
+
+    ``block`` is infinite while a neuron's refractory timer runs, else 0. Separate loops, because a compiler only
+    vectorises a loop over few arrays that could overlap.
+    """
+    leak = c.exc_leak
+    for i in range(v.size):
+        v[i] += leak * ((E_REST - v[i]) + ge[i] * (E_EXC - v[i]) + gi[i] * (E_INH - v[i]))
+    for i in range(v.size):
+        ge[i] = (ge[i] - c.ge_decay * ge[i]) + arriving[i]
+    for i in range(v.size):
+        gi[i] -= c.gi_decay * gi[i]
+    above = 0
+    for i in range(v.size):
+        theta[i] -= c.theta_decay * theta[i]
+        above += v[i] > ((theta[i] - E_OFFSET) + E_THRESHOLD) + block[i]
+    return above
+
+
+@nb.njit(cache=True, nogil=True)
+def calm(
+    v: NDArray[np.float64],
+    ge: NDArray[np.float64],
+    gi: NDArray[np.float64],
+    theta: NDArray[np.float64],
+    leak: float,
+    c: Constants,
+    rest: float,
+    limit: float,
+) -> bool:
+    """Whether no neuron can reach its threshold any more, once no input is left on its way.
+
+    With leak (1 + ge + gi) <= 1 a step moves v to a weighted mean of itself, the rest and the reversal potentials, so
+    a membrane at most M >= rest rises by at most leak |M| ge a step, |M| leak ge / ge_decay in all. 1e-3 mV covers
+    rounding. Empty ``theta``: the threshold is ``limit``; else theta + ``limit``, with theta's decay until the end.
+    """
+    for i in range(v.size):
+        if leak * (1.0 + ge[i] + gi[i]) > 1.0:
+            return False
+        top = max(v[i], rest)
+        threshold = limit
+        if theta.size > 0:
+            threshold += theta[i] * (1.0 - c.theta_decay * c.total)
+        if top - leak * top * ge[i] / c.ge_decay > threshold - 1e-3:
+            return False
+    return True

@@ -1,0 +1,1 @@
+"""The integer network that answers queries: its spec, its fast kernel, its quantisation, its inputs."""

@@ -1,0 +1,329 @@
+"""The inference network in Loihi's integer arithmetic, as Lava's bit-accurate models compute it.
+
+Per step, in the units and with the truncations of lava-nc 0.10 (``proc/lif/models.py``, ``proc/dense/models.py``)::
+
+    a  = (sum of weights of the inputs that spiked one step ago) >> shift
+         - inhibition (number of *other* neurons that spiked two steps ago)
+    u  = a << 6, wrapped into 24 bits         (du = 4095: currents have no memory)
+    v  = clip(sign(v) (|v| (4096 - dv) >> 12) + u, +-(2^23 - 1))
+    spike if v > vth << 6, then v = 0
+
+An excitatory spike makes its inhibitory relay fire one step later, which reaches every other neuron after one more. A
+presentation is ``steps`` steps with input and `SILENT_STEPS` without, after which nothing is in flight.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
+from lava_vpr.engine.inference.bias_input import biases, schedule
+from lava_vpr.engine.threads import share
+from lava_vpr.errors import NetworkLimitError
+from lava_vpr.loihi import (
+    DECAY_BITS,
+    INPUT_LIMIT,
+    STATE_LIMIT,
+    THRESHOLD_LIMIT,
+    WEIGHT_BITS,
+    WEIGHT_EXPONENT_LIMIT,
+    WEIGHT_LIMIT,
+)
+
+_PADDING = 32
+SCALARS = ("bits", "shift", "threshold", "inhibition", "inhibition_exponent", "decay", "steps", "regular")
+"""What `FixedNetwork` holds besides its weights."""
+
+EVENTS = (
+    "synaptic_operations",
+    "synaptic_operations_dense",
+    "neuron_updates",
+    "input_spikes",
+    "exc_spikes",
+    "inh_spikes",
+    "messages",
+    "steps",
+)
+"""What a run counts; see `named_events`."""
+
+SILENT_STEPS = 3
+"""After the last input: to exc (1), to its relay (2), to the others (3)."""
+
+
+@dataclass(frozen=True)
+class FixedNetwork:
+    """Everything about the inference network, in integers; every fixed-point backend runs exactly this.
+
+    Attributes:
+        weights: Unsigned weights k < 2^bits, uint8 (inputs, neurons).
+        bits: Bits of a weight, 1..8. Lava stores k << (8 - bits).
+        shift: Right shift of the input sum; Lava's weight_exp is ``bits - 8 - shift``.
+        threshold: vth, compared with v >> 6.
+        inhibition: What a spike takes from every other neuron, mantissa of the lateral synapses (<= 255 x 2^exponent).
+        inhibition_exponent: See ``inhibition``.
+        decay: dv in units of 2^-12.
+        steps: Steps with input in one presentation.
+        regular: 1: input compartments integrate a bias (`engine.inference.bias_input`); 0: Poisson spikes are injected.
+    """
+
+    weights: NDArray[np.uint8]
+    bits: int
+    shift: int
+    threshold: int
+    inhibition: int
+    inhibition_exponent: int
+    decay: int
+    steps: int
+    regular: int = 0
+
+    @property
+    def inputs(self) -> int:
+        """Number of inputs."""
+        return int(self.weights.shape[0])
+
+    @property
+    def neurons(self) -> int:
+        """Number of excitatory neurons."""
+        return int(self.weights.shape[1])
+
+    @property
+    def lateral(self) -> int:
+        """Inhibition of one spike in units of the input sum."""
+        return self.inhibition << self.inhibition_exponent
+
+    @property
+    def stored(self) -> tuple[NDArray[np.int32], int, int]:
+        """The weights as synapse memory holds them, (neurons, inputs), with Lava's num_weight_bits and weight_exp.
+
+        A b-bit weight k is stored as k 2^(8 - b), which the exponent takes back. Where that exponent would leave its
+        range, k moves down and takes more bits: the sums are the same.
+        """
+        spare = WEIGHT_BITS - self.bits
+        spare -= min(spare, max(0, spare + self.shift - WEIGHT_EXPONENT_LIMIT))
+        return self.weights.T.astype(np.int32) << spare, WEIGHT_BITS - spare, -spare - self.shift
+
+    @cached_property
+    def prepared(self) -> tuple[NDArray[np.uint8], NDArray[np.int64], NDArray[np.int64], bool]:
+        """What the kernel wants, made once: padded weights, non-zero weights of each input, parameters, narrow sums."""
+        weights = np.zeros((self.inputs, -(-self.neurons // _PADDING) * _PADDING), np.uint8)
+        weights[:, : self.neurons] = self.weights
+        chunk = 255 // max(1, int(weights.max(initial=0)))
+        params = [self.shift, self.threshold, self.lateral, self.decay, self.steps, chunk, self.regular]
+        narrow = int(weights.sum(axis=0, dtype=np.int64).max(initial=0)) < 1 << 15
+        row_sizes = np.count_nonzero(weights, axis=1).astype(np.int64)
+        return weights, row_sizes, np.array(params, np.int64), narrow
+
+    def check(self, limit: int = INPUT_LIMIT, target: str = "Loihi's 24-bit current") -> None:
+        """Refuse a network whose input sum of one step could overflow ``limit``.
+
+        Raises:
+            NetworkLimitError: naming need, limit and remedy.
+        """
+        if not 1 <= self.bits <= 8 or (self.weights.size and int(self.weights.max()) >= 1 << self.bits):
+            raise NetworkLimitError(f"weights need {self.bits} bits to hold {int(self.weights.max())}; use 1 to 8 bits")
+        exponent = WEIGHT_EXPONENT_LIMIT
+        for name, most in (("shift", exponent), ("decay", 1 << DECAY_BITS), ("inhibition_exponent", exponent)):
+            if not 0 <= getattr(self, name) <= most:
+                raise NetworkLimitError(f"{name} {getattr(self, name)} does not fit 0..{most}; train the model again")
+        if self.regular not in (0, 1):
+            raise NetworkLimitError(f"regular {self.regular} is neither 0 nor 1; train the model again")
+        if self.steps < 1:
+            raise NetworkLimitError(f"a presentation of {self.steps} steps holds no input; use at least 1")
+        if not 0 < self.threshold < THRESHOLD_LIMIT:
+            raise NetworkLimitError(
+                f"threshold {self.threshold} does not fit 1..{THRESHOLD_LIMIT - 1}; lower network.threshold"
+            )
+        if not 0 <= self.inhibition <= WEIGHT_LIMIT:
+            raise NetworkLimitError(
+                f"inhibition mantissa {self.inhibition} does not fit 0..{WEIGHT_LIMIT}; raise its exponent"
+            )
+        need = (self.neurons - 1) * self.lateral
+        if need >= limit:
+            most = (limit - 1) // max(1, self.lateral) + 1
+            raise NetworkLimitError(
+                f"lateral inhibition of {self.neurons} neurons can reach {need:,}, but {target} holds less than "
+                f"{limit:,}; lower network.inhibition (or joined_inhibition) or use at most {most} neurons"
+            )
+        excitation = int(self.weights.sum(axis=0, dtype=np.int64).max(initial=0)) >> self.shift
+        if excitation >= limit:
+            raise NetworkLimitError(
+                f"the weights of one neuron sum to {excitation:,}, but {target} holds less than {limit:,}; "
+                "use fewer weight bits or fewer inputs"
+            )
+
+
+@nb.njit(cache=True, inline="always")
+def _integrate(v: NDArray[np.int32], drive: NDArray[np.int32], shift: np.int32, keep: np.int32) -> np.int32:
+    """One membrane step of all neurons from ``drive`` >> ``shift``; returns the highest membrane.
+
+    sign(v) (|v| keep >> 12) stays within 32 bits because |v| = 4096 h + l: h keep + (l keep >> 12).
+    """
+    top, span, low = np.int32(STATE_LIMIT), np.int32(2 * STATE_LIMIT), np.int32(4095)
+    ceiling, bottom = np.int32(STATE_LIMIT - 1), np.int32(1 - STATE_LIMIT)
+    highest = bottom
+    for i in range(v.size):
+        u = np.int32(np.int32(np.int32(drive[i]) >> shift) << np.int32(6))
+        u = np.int32(u - span) if u > top else u
+        u = np.int32(u + span) if u <= -top else u
+        x = v[i]
+        sign = np.int32(x >> np.int32(31))
+        size = np.int32(np.int32(x ^ sign) - sign)
+        size = np.int32(
+            np.int32(np.int32(size >> np.int32(12)) * keep)
+            + np.int32(np.int32(np.int32(size & low) * keep) >> np.int32(12))
+        )
+        x = np.int32(np.int32(np.int32(size ^ sign) - sign) + u)
+        x = ceiling if x > ceiling else x
+        x = bottom if x < bottom else x
+        v[i] = x
+        highest = x if x > highest else highest
+    return highest
+
+
+@nb.njit(cache=True, nogil=True)
+def _present(
+    weights: NDArray[np.uint8],
+    row_sizes: NDArray[np.int64],
+    params: NDArray[np.int64],
+    rates: NDArray[np.uint16],
+    bias: NDArray[np.int32],
+    keys: NDArray[np.uint64],
+    acc: NDArray[np.int32],
+    counts: NDArray[np.int32],
+    events: NDArray[np.int64],
+    raster: NDArray[np.uint8],
+) -> None:
+    """All presentations of ``rates`` (n, inputs); fills ``counts`` (n, neurons), adds to ``events``.
+
+    ``weights`` and ``acc`` are padded with silent neurons to whole vector registers. ``params``: shift, threshold,
+    lateral, decay, steps, how many weights fit an 8-bit partial sum, and whether inputs are regular: then ``bias`` (n,
+    inputs) stands for ``rates``. ``acc`` is scratch, int16 where no input sum can leave it, else int32. ``raster`` (n,
+    steps + 3, neurons) is filled if not empty.
+    """
+    shift, threshold, lateral = np.int32(params[0]), np.int32(params[1] << 6), np.int32(params[2])
+    keep, steps = np.int32(4096 - params[3]), int(params[4])
+    chunk, regular = int(params[5]), params[6] != 0
+    nothing, no_members = np.zeros(0, np.int64), np.zeros(0, np.int32)
+    (inputs, width), neurons = weights.shape, counts.shape[1]
+    partial = np.zeros(width, np.uint8)
+    active, offsets, rates4, words, mask, occupied, spikes, spike_counts = scratch(inputs)
+    drive = np.zeros(width, np.int32)
+    v = np.zeros(width, np.int32)
+    fired = np.zeros((3, neurons), np.int32)
+    n_fired = np.zeros(3, np.int64)
+    operations, input_spikes, exc_spikes = 0, 0, 0
+    for q in range(rates.shape[0]):
+        if regular:
+            starts, members = schedule(bias[q], keys[q], steps)
+            n = 0
+        else:
+            starts, members = nothing, no_members
+            n = prepare_draws(rates[q], keys[q], active, offsets, rates4)
+        v[:] = 0
+        n_fired[:] = 0
+        # Input drawn at step t reaches the neurons at their step t + 1.
+        for step in range(1, steps + SILENT_STEPS):
+            lane = (step - 1) & 3
+            if step > steps:
+                spike_counts[lane] = 0
+            elif regular:
+                begin, spike_counts[lane] = starts[step - 1], starts[step] - starts[step - 1]
+                for s in range(spike_counts[lane]):
+                    spikes[lane, s] = members[begin + s]
+            elif lane == 0:
+                draw_block((step - 1) >> 2, n, active, offsets, rates4, words, mask, occupied, spikes, spike_counts)
+            acc[:] = 0
+            for start in range(0, spike_counts[lane], chunk):
+                partial[:] = 0
+                for s in range(start, min(start + chunk, spike_counts[lane])):
+                    row = np.uint64(spikes[lane, s])
+                    operations += row_sizes[row]
+                    for i in range(width):
+                        partial[i] += weights[row, i]
+                for i in range(width):
+                    acc[i] += partial[i]
+            input_spikes += spike_counts[lane]
+            now, before = step % 3, (step + 1) % 3  # (step - 2) mod 3
+            if n_fired[before] == 0:
+                highest = _integrate(v, acc, shift, keep)
+            else:
+                pull = np.int32(lateral * np.int32(n_fired[before]))
+                for i in range(width):
+                    drive[i] = np.int32(np.int32(np.int32(acc[i]) >> shift) - pull)
+                for s in range(n_fired[before]):
+                    drive[fired[before, s]] += lateral
+                highest = _integrate(v, drive, np.int32(0), keep)
+            n_fired[now] = 0
+            if highest > threshold:
+                for i in range(neurons):
+                    if v[i] > threshold:
+                        v[i] = 0
+                        fired[now, n_fired[now]] = i
+                        n_fired[now] += 1
+                        counts[q, i] += 1
+                        if raster.size > 0:
+                            raster[q, step, i] = 1
+                exc_spikes += n_fired[now]
+    events[0], events[1], events[2] = operations, input_spikes, exc_spikes
+
+
+def named_events(network: FixedNetwork, operations: int, input_spikes: int, exc_spikes: int, n: int) -> dict[str, int]:
+    """Named events of ``n`` presentations: ``operations`` are those of the input synapses with a weight.
+
+    A neuron counts as updated when it has a reason to: excitatory ones in every step from the first that input can
+    reach, inhibitory ones when hit. Every spike of the inputs and of both populations is one message (to one core).
+    """
+    exc = exc_spikes
+    lateral = exc * (network.neurons - 1)
+    return {
+        "synaptic_operations": operations + exc + lateral,
+        "synaptic_operations_dense": input_spikes * network.neurons + exc + exc * network.neurons,
+        "neuron_updates": n * network.neurons * (network.steps + SILENT_STEPS - 1) + exc,
+        "input_spikes": input_spikes,
+        "exc_spikes": exc,
+        "inh_spikes": exc,
+        "messages": input_spikes + 2 * exc,
+        "steps": n * (network.steps + SILENT_STEPS),
+    }
+
+
+def count_spikes(
+    network: FixedNetwork,
+    rates: NDArray[np.uint16],
+    keys: NDArray[np.uint64],
+    *,
+    threads: int = 1,
+    raster: bool = False,
+) -> tuple[NDArray[np.int32], dict[str, int], NDArray[np.uint8]]:
+    """Present every image to the network.
+
+    Args:
+        network: The network, checked (`FixedNetwork.check`).
+        rates: Spike probabilities in units of 2^-16, uint16 (n, inputs).
+        keys: One key per presentation (`lava_vpr.engine.random.presentation_keys`), uint64 (n,).
+        threads: Threads that share the images; the result does not depend on it.
+        raster: Also record every excitatory spike.
+    Returns:
+        Spike counts int32 (n, neurons); events by name, summed; raster uint8 (n, steps + 3, neurons) or empty.
+    """
+    n = len(rates)
+    counts = np.zeros((n, network.neurons), np.int32)
+    film = np.zeros((n, network.steps + SILENT_STEPS, network.neurons) if raster else (0, 0, 0), np.uint8)
+    weights, row_sizes, params, narrow = network.prepared
+    rates = np.ascontiguousarray(rates, dtype=np.uint16)
+    bias = np.left_shift(*biases(rates)) if network.regular else np.zeros((n, 0), np.int32)
+
+    def run(part: slice) -> NDArray[np.int64]:
+        events = np.zeros(3, np.int64)
+        acc = np.zeros(weights.shape[1], np.int16 if narrow else np.int32)
+        _present(weights, row_sizes, params, rates[part], bias[part], keys[part], acc, counts[part], events, film[part])
+        return events
+
+    totals = share(run, n, threads)
+    raw = np.sum(totals, axis=0, dtype=np.int64) if totals else np.zeros(3, np.int64)
+    return counts, named_events(network, int(raw[0]), int(raw[1]), int(raw[2]), n), film

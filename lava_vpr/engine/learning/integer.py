@@ -1,0 +1,330 @@
+"""Learning places by STDP in Loihi's integers: 8-bit weights, 7-bit traces, the rule as a sum of products.
+
+One presentation, step by step, with the delays and the arithmetic of Lava (lava-nc 0.10; its ``proc/lif``, and for the
+plasticity ``magma/core/model/py/connection.py`` and ``magma/core/learning``)::
+
+    a      = (sum of weights of the inputs that spiked one step ago) >> shift
+             - inhibition (number of other neurons that spiked two steps ago)
+    v      = clip(D(v, 4096 - dv) + (a << 6)), not below the floor, 0 while held after a spike
+    spike    if v > threshold << 6, then v = 0, threshold += theta_plus
+    x      = floor(x e^(-1/tau)), plus 1 with the probability of the fraction (stochastic rounding);
+             127 if the input spikes
+    on a spike: w = round(w + sum of S 2^E (x - target) (255 - w)^mu), stochastically, within 0..255
+
+Stochastic rounding compares with one random number for all traces of a step and one for all weights of a step, as Lava
+does. Between presentations the host brings each neuron's weights to the same sum, which no learning engine can: it adds
+over a neuron's synapses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.config import StdpLearning
+from lava_vpr.engine.general.lif import LifParameters
+from lava_vpr.engine.inference.fixed import SILENT_STEPS
+from lava_vpr.engine.inference.quantise import mantissa_of
+from lava_vpr.engine.learning.integer_kernels import normalise_columns, train
+from lava_vpr.engine.learning.stdp import mean_trace
+from lava_vpr.engine.random import derived_key, presentation_key, uniform
+from lava_vpr.errors import ConfigError, NetworkLimitError
+from lava_vpr.loihi import (
+    DECAY_BITS,
+    INPUT_LIMIT,
+    PRODUCT_EXPONENTS,
+    PRODUCT_MANTISSAS,
+    THRESHOLD_LIMIT,
+    TRACE_LIMIT,
+    WEIGHT_EXPONENT_LIMIT,
+    WEIGHT_LIMIT,
+)
+
+
+@dataclass(frozen=True)
+class Rule:
+    """Weight change on a postsynaptic spike, ``sum of mantissa 2^exponent y0 (x1 - target) (255 - w)^mu``.
+
+    Attributes:
+        products: (mantissa, exponent) of each product; mantissas in -8..7, exponents in -7..8.
+        target: What is subtracted from the trace.
+        mu: Power of the distance to the largest weight: 0, 1 or 2 (microcode has no other).
+        tau: Decay of the trace, in steps.
+    """
+
+    products: tuple[tuple[int, int], ...]
+    target: int
+    mu: int
+    tau: float
+
+    def check(self) -> None:
+        """Refuse what Loihi's learning engine cannot express.
+
+        Raises:
+            NetworkLimitError: naming the part.
+        """
+        for mantissa, exponent in self.products:
+            most = mantissa == -8 and exponent == max(PRODUCT_EXPONENTS)  # Lava's parser moves it out of range
+            if mantissa not in PRODUCT_MANTISSAS or exponent not in PRODUCT_EXPONENTS or most:
+                raise NetworkLimitError(
+                    f"a product {mantissa} x 2^{exponent} does not fit mantissas -8..7 and exponents -7..8; "
+                    "change learning.eta"
+                )
+        if self.mu not in (0, 1, 2):
+            raise NetworkLimitError(f"mu {self.mu} is no sum of products; use learning.mu 0, 1 or 2")
+        if not 0 <= self.target <= TRACE_LIMIT:
+            raise NetworkLimitError(f"x_target {self.target} is no 7-bit trace; lower learning.x_target")
+        if not self.tau >= 1:
+            raise NetworkLimitError(f"a trace that decays within {self.tau} steps leaves nothing; use at least 1")
+
+    def microcode(self) -> str:
+        """The rule in the notation of Lava's learning rules (``dw``)."""
+        factors = f"*(x1-{self.target})" + "*(255-w)" * self.mu
+        terms = [f"{mantissa}*2^{exponent}*y0{factors}" for mantissa, exponent in self.products]
+        return " + ".join(terms).replace("+ -", "- ")  # Lava cannot read a sign after a sign
+
+    def decay(self) -> tuple[NDArray[np.uint8], NDArray[np.uint64]]:
+        """Of each trace 0..127 one step later: its whole part, and the probability of one more in units of 2^-53.
+
+        A draw of 53 bits rounds up when it is below.
+        """
+        value = np.exp(-1 / self.tau) * np.arange(TRACE_LIMIT + 1)
+        return np.floor(value).astype(np.uint8), np.ceil((value % 1) * 2.0**53).astype(np.uint64)
+
+    def table(self) -> NDArray[np.int64]:
+        """What the kernel takes: products (n, 2) of mantissa and left shift; -8 2^E is -4 2^(E + 1), as in Lava."""
+        read = [(-4, e + 1) if m == -8 and e + 1 in PRODUCT_EXPONENTS else (m, e) for m, e in self.products]
+        return np.array([(mantissa, exponent + 7) for mantissa, exponent in read], np.int64).reshape(-1, 2)
+
+
+def products(rate: float) -> tuple[tuple[int, int], ...]:
+    """``rate``, a multiple of 2^-7 after rounding, as a sum of mantissa 2^exponent, mantissas at most 7."""
+    left = round(rate * 128)
+    parts = []
+    while left:
+        exponent = max(0, left.bit_length() - 3)
+        parts.append((left >> exponent, exponent - 7))
+        left -= left >> exponent << exponent
+    return tuple(parts)
+
+
+@dataclass(frozen=True)
+class IntegerLearning:
+    """One phase of learning, wholly in integers; every machine and Lava's Processes run exactly this.
+
+    Attributes:
+        rule: Weight change and trace.
+        shift: Right shift of the input sum.
+        inhibition: What a spike takes from every other neuron, in units of the shifted sum.
+        neurons: As in `LifParameters`: membrane decay, floor, hold, and what a spike adds to its neuron's threshold.
+        weight_sum: What the host normalises each neuron's weights to, before a presentation; 0: it does not.
+        steps: Steps with input in one presentation; `SILENT_STEPS` follow.
+        late_theta: Thresholds rise after a presentation, by the host, instead of at each spike.
+    """
+
+    rule: Rule
+    shift: int
+    inhibition: int
+    neurons: LifParameters
+    weight_sum: int
+    steps: int
+    late_theta: bool = False
+
+    def check(self, neurons: int) -> None:
+        """Refuse a phase that the chip cannot hold for so many neurons.
+
+        Raises:
+            NetworkLimitError: naming need, limit and remedy.
+        """
+        self.rule.check()
+        self.neurons.check()
+        if (neurons - 1) * self.inhibition >= INPUT_LIMIT:
+            raise NetworkLimitError(
+                f"lateral inhibition of {neurons} neurons can reach {(neurons - 1) * self.inhibition:,} while "
+                f"learning, but Loihi's 24-bit current holds less than {INPUT_LIMIT:,}; lower learning.inhibition or "
+                "use shorter stretches (--stretch)"
+            )
+
+
+@dataclass
+class IntegerState:
+    """What training changes: ``weights`` uint8 (inputs, neurons), ``theta`` int32 (neurons,), thresholds."""
+
+    weights: NDArray[np.uint8]
+    theta: NDArray[np.int32]
+
+
+def unit(learning: StdpLearning, inputs: int, spikes_per_step: float, drive: float, neurons: int) -> tuple[float, int]:
+    """Units of the shifted input sum per float unit of the membrane, and the shift: the smallest without overflow."""
+    mean = learning.mean_weight / learning.w_max * WEIGHT_LIMIT
+    for shift in range(WEIGHT_EXPONENT_LIMIT + 1):
+        per_unit = mean * spikes_per_step / drive / (1 << shift)
+        if (neurons - 1) * _lateral(learning, per_unit) < INPUT_LIMIT:
+            break
+    return per_unit, shift
+
+
+def _lateral(learning: StdpLearning, per_unit: float) -> int:
+    """Inhibition as lateral synapses hold it, 8 bits and an exponent."""
+    mantissa, exponent = mantissa_of(learning.inhibition * per_unit)
+    return mantissa << exponent
+
+
+def phases(
+    learning: StdpLearning, inputs: int, neurons: int, spikes_per_step: float, drive: float
+) -> tuple[IntegerLearning, IntegerLearning]:
+    """Competition and consolidation of float settings, in integers.
+
+    Raises:
+        ConfigError: a setting that integers cannot express.
+        NetworkLimitError: the network could overflow.
+    """
+    if learning.mu not in (0, 1, 2):
+        raise ConfigError(f"learning.mu is {learning.mu!r}, but must be 0, 1 or 2 with --learning integer")
+    per_unit, shift = unit(learning, inputs, spikes_per_step, drive, neurons)
+    scale = WEIGHT_LIMIT / learning.w_max
+    mu = int(learning.mu)
+
+    def phase(eta: float, tau: float, target: float, theta_plus: float) -> IntegerLearning:
+        # (x - target) is in units of 1/127 here, (w_max - w) and the change itself in units of 1/scale; the products of
+        # mu > 0 lose 9 mu - 4 bits to the 15-bit accumulator.
+        rate = eta * scale / TRACE_LIMIT / scale**mu * (1 << max(0, 9 * mu - 4))
+        x_target = target * mean_trace(inputs, spikes_per_step, tau)
+        return IntegerLearning(
+            rule=Rule(products(rate), round(x_target * TRACE_LIMIT), mu, tau),
+            shift=shift,
+            inhibition=_lateral(learning, per_unit),
+            neurons=LifParameters(
+                dv=min((1 << DECAY_BITS) - 1, round((1 << DECAY_BITS) / learning.tau_membrane)),
+                floor=round(learning.floor * per_unit),
+                hold_steps=learning.hold_steps,
+                theta_plus=round(theta_plus * per_unit),
+            ),
+            weight_sum=round(learning.mean_weight * scale * inputs),
+            steps=learning.steps,
+            late_theta=learning.theta_update == "presentation",
+        )
+
+    first = phase(learning.eta, learning.tau_trace, learning.x_target, learning.theta_plus)
+    second = phase(learning.consolidation_eta, learning.consolidation_tau_trace, learning.consolidation_x_target, 0.0)
+    for part in (first, second):
+        part.check(neurons)
+    return first, second
+
+
+def initial_state(
+    inputs: int, neurons: int, learning: StdpLearning, per_unit: float, seed: int, stretch: int = 0
+) -> IntegerState:
+    """Random start weights, those of float learning rounded; every stretch of a route draws its own."""
+    draws = uniform(presentation_key(seed, "start", stretch), inputs * neurons).reshape(inputs, neurons)
+    weights = learning.start_weight * (draws + 0.01) * (WEIGHT_LIMIT / learning.w_max)
+    theta = np.full(neurons, round(learning.threshold * per_unit), np.int32)
+    return IntegerState(np.minimum(np.round(weights), WEIGHT_LIMIT).astype(np.uint8), theta)
+
+
+def step_draws(key: int, steps: int) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
+    """The 53-bit random numbers of a presentation: one a step for its traces, one a step for its weights."""
+    traces = uniform(derived_key(key, "trace"), steps) * 2.0**53
+    weights = uniform(derived_key(key, "round"), steps) * 2.0**53
+    return traces.astype(np.uint64), weights.astype(np.uint64)
+
+
+def normalise(weights: NDArray[np.uint8], total: int, key: int) -> None:
+    """Bring each neuron's weights (a column) in place to the sum ``total``, rounding stochastically."""
+    normalise_columns(weights, total, np.uint64(derived_key(key, "normalise")))
+
+
+def present(
+    state: IntegerState,
+    learning: IntegerLearning,
+    rates: NDArray[np.uint16],
+    key: int,
+    *,
+    draws: tuple[NDArray[np.uint64], NDArray[np.uint64]] | None = None,
+    traces: NDArray[np.uint8] | None = None,
+    inhibition: NDArray[np.int64] | None = None,
+    raster: bool = False,
+) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.uint8]]:
+    """Normalise, show one image, learn; changes ``state``.
+
+    Args:
+        state: Weights and thresholds.
+        learning: The phase.
+        rates: Spike probabilities in units of 2^-16, uint16 (inputs,).
+        key: The presentation's key (`lava_vpr.engine.random.presentation_key`).
+        draws: Random numbers for traces and weights, 53 bits each, one a step (default: `step_draws` of the key).
+        traces: Traces at the start, changed in place (default: all 0).
+        inhibition: What a spike takes from each other neuron, int64 (neurons,), in units of the shifted sum (default:
+            ``learning.inhibition`` from all).
+        raster: Also record every spike.
+    Returns:
+        Spike counts int32 (neurons,); numbers of input and excitatory spikes, int64 (2,); raster uint8
+        (steps + 3, neurons) or empty.
+    """
+    inputs, neurons = state.weights.shape
+    rule, total = learning.rule, learning.steps + SILENT_STEPS
+    if learning.weight_sum:
+        normalise(state.weights, learning.weight_sum, key)
+    counts, events = np.zeros(neurons, np.int32), np.zeros(2, np.int64)
+    film = np.zeros((total, neurons) if raster else (0, 0), np.uint8)
+    lif = replace(learning.neurons, theta_plus=0) if learning.late_theta else learning.neurons
+    params = np.array([learning.shift, learning.steps, rule.target, rule.mu], np.int64)
+    lateral = np.full(neurons, learning.inhibition, np.int64) if inhibition is None else inhibition
+    whole, fraction = rule.decay()
+    trace_draws, weight_draws = step_draws(key, total) if draws is None else draws
+    x = np.zeros(inputs, np.uint8) if traces is None else traces
+    train(
+        state.weights,
+        state.theta,
+        rates,
+        np.uint64(key),
+        params,
+        lateral,
+        lif.constants,
+        rule.table(),
+        whole,
+        fraction,
+        trace_draws,
+        weight_draws,
+        x,
+        counts,
+        events,
+        film,
+    )
+    if learning.late_theta:
+        raised = state.theta + counts * np.int32(learning.neurons.theta_plus)
+        state.theta[:] = np.minimum(raised, THRESHOLD_LIMIT - 1)
+    return counts, events, film
+
+
+class IntegerTrainer:
+    """One stretch's plastic network in integers, ready to be shown images; the counterpart of `stdp.Trainer`."""
+
+    def __init__(
+        self,
+        inputs: int,
+        neurons: int,
+        learning: StdpLearning,
+        spikes_per_step: float,
+        drive: float,
+        seed: int,
+        stretch: int,
+    ) -> None:
+        per_unit, _ = unit(learning, inputs, spikes_per_step, drive, neurons)
+        self.learning = learning
+        self.competition, self.consolidation = phases(learning, inputs, neurons, spikes_per_step, drive)
+        self.state = initial_state(inputs, neurons, learning, per_unit, seed, stretch)
+        self.phase = self.competition
+
+    def begin_epoch(self, epoch: int) -> None:
+        """To be called before the first image of every epoch (from 0): chooses the phase."""
+        if epoch == self.learning.competing:
+            factor = round(self.learning.consolidation_threshold * 256)
+            self.state.theta[:] = np.maximum(1, self.state.theta.astype(np.int64) * factor >> 8)
+        self.phase = self.competition if epoch < self.learning.competing else self.consolidation
+
+    def present(self, rates: NDArray[np.uint16], key: int) -> NDArray[np.int32]:
+        """Normalise, show one image, learn; spike counts int32 (neurons,)."""
+        return present(self.state, self.phase, rates, key)[0]

@@ -1,0 +1,183 @@
+"""Compiled kernels of `lava_vpr.engine.learning.integer`: normalisation, traces, weight changes, one presentation."""
+
+from __future__ import annotations
+
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
+from lava_vpr.engine.general.lif import lif_step
+from lava_vpr.engine.inference.fixed import SILENT_STEPS
+from lava_vpr.engine.random import GOLDEN, mix
+from lava_vpr.loihi import TRACE_LIMIT, WEIGHT_LIMIT
+
+_S32 = np.uint64(32)
+_ACCUMULATOR = (1 << 15) - 1
+
+
+@nb.njit(cache=True, nogil=True)
+def normalise_columns(weights: NDArray[np.uint8], total: int, key: np.uint64) -> None:
+    """Bring each column's sum in place to ``total``, rounding stochastically: w total / sum.
+
+    Quotients are taken in float64, which is exact here: numerator and denominator are whole and far below 2^53, so that
+    none rounds up to the next whole number. A draw of 32 bits d rounds up when d / 2^32 is below the fraction.
+    """
+    inputs, neurons = weights.shape
+    sums = np.zeros(neurons, np.int64)
+    for j in range(inputs):
+        for i in range(neurons):
+            sums[i] += weights[j, i]
+    divisors = np.maximum(sums, 1).astype(np.float64)
+    wanted = np.float64(total)
+    counters = np.empty(neurons, np.uint64)
+    for i in range(neurons):
+        counters[i] = key + GOLDEN * (np.uint64(i) << _S32)
+    for j in range(inputs):
+        own = GOLDEN * np.uint64(j)
+        for i in range(neurons):
+            scaled = np.float64(weights[j, i]) * wanted
+            whole = np.floor(scaled / divisors[i])
+            rest = np.uint64(np.int32(scaled - whole * divisors[i]))
+            draw = mix(counters[i] + own) >> _S32
+            whole += np.float64(draw * np.uint64(sums[i]) < rest << _S32)
+            weights[j, i] = np.uint8(np.int32(min(whole, np.float64(WEIGHT_LIMIT))))
+
+
+@nb.njit(cache=True, nogil=True)
+def decay_traces(x: NDArray[np.uint8], whole: NDArray[np.uint8], fraction: NDArray[np.uint64], draw: np.uint64) -> None:
+    """All traces ``x`` (inputs,) one step later, in place; tables from `Rule.decay`, ``draw`` of 53 bits."""
+    after = np.empty(whole.size, np.uint8)
+    for k in range(whole.size):
+        after[k] = whole[k] + np.uint8(draw < fraction[k])
+    for j in range(x.size):
+        x[j] = after[x[j]]
+
+
+@nb.njit(cache=True, nogil=True)
+def learn_column(
+    weights: NDArray[np.uint8],
+    column: int,
+    x: NDArray[np.uint8],
+    products: NDArray[np.int64],
+    target: int,
+    mu: int,
+    draw: np.uint64,
+) -> None:
+    """The weight change of all synapses of neuron ``column``, which spikes; as Lava's ``LearningDense`` computes it.
+
+    All intermediate values fit 32 bits: 127 x 255^mu x 8 >> (9 mu - 4), shifted left by at most 15.
+    """
+    top, bottom, zero = np.int32(_ACCUMULATOR), np.int32(-_ACCUMULATOR - 2), np.int32(0)
+    right, limit = np.int32(max(0, 9 * mu - 4)), np.int32(WEIGHT_LIMIT)
+    # A draw of 53 bits is below a fraction k / 2^7 if its highest 7 bits are below k.
+    chance = np.int32(draw >> np.uint64(46))
+    total, factor = np.empty(x.size, np.int32), np.empty(x.size, np.int32)
+    for j in range(x.size):
+        total[j] = np.int32(weights[j, column])
+    for j in range(x.size):
+        factor[j] = np.int32(np.int32(x[j]) - np.int32(target))
+    for _ in range(mu):
+        for j in range(x.size):
+            factor[j] = np.int32(factor[j] * np.int32(limit - total[j]))
+    for j in range(x.size):
+        total[j] = np.int32(total[j] << np.int32(7))
+    for p in range(products.shape[0]):
+        mantissa, left = np.int32(products[p, 0]), np.int32(products[p, 1])
+        for j in range(x.size):
+            change = np.int32(np.int32(np.int32(factor[j] * mantissa) >> right) << left)
+            change = min(max(change, bottom), top)
+            total[j] = min(max(np.int32(total[j] + change), bottom), top)
+    for j in range(x.size):
+        w = max(total[j], zero)
+        w = np.int32(np.int32(w >> np.int32(7)) + np.int32(chance < np.int32(w & np.int32(127))))
+        total[j] = min(w, limit)
+    for j in range(x.size):
+        weights[j, column] = np.uint8(total[j])
+
+
+@nb.njit(cache=True, nogil=True)
+def _decay_epochs(
+    value: NDArray[np.uint8], newest: int, whole: NDArray[np.uint8], fraction: NDArray[np.uint64], draw: np.uint64
+) -> None:
+    """`decay_traces` of what spikes of each step have left, ``value[:newest]``; ever less with their age."""
+    for s in range(newest - 1, -1, -1):
+        k = value[s]
+        if k == 0:
+            return
+        value[s] = whole[k] + np.uint8(draw < fraction[k])
+
+
+@nb.njit(cache=True, nogil=True)
+def train(
+    weights: NDArray[np.uint8],
+    theta: NDArray[np.int32],
+    rates: NDArray[np.uint16],
+    key: np.uint64,
+    params: NDArray[np.int64],
+    inhibition: NDArray[np.int64],
+    constants: NDArray[np.int64],
+    products: NDArray[np.int64],
+    whole: NDArray[np.uint8],
+    fraction: NDArray[np.uint64],
+    trace_draws: NDArray[np.uint64],
+    weight_draws: NDArray[np.uint64],
+    x: NDArray[np.uint8],
+    counts: NDArray[np.int32],
+    events: NDArray[np.int64],
+    raster: NDArray[np.uint8],
+) -> None:
+    """One presentation; changes ``weights``, ``theta`` and traces ``x``, fills ``counts``, adds to ``events``.
+
+    Every spike sets its trace to the same value, and all traces of a step share one random number: traces last set in
+    the same step stay equal, and only one value a step is followed.
+    """
+    shift, steps, target, mu = params[0], params[1], params[2], params[3]
+    inputs, neurons = weights.shape
+    active, offsets, rates4, words, mask, occupied, spikes, spike_counts = scratch(inputs)
+    n = prepare_draws(rates, key, active, offsets, rates4)
+    u, v = np.zeros(neurons, np.int32), np.zeros(neurons, np.int32)
+    held, bias = np.zeros(neurons, np.int32), np.zeros(neurons, np.int64)
+    buffer, drive = np.zeros(neurons, np.int32), np.zeros(neurons, np.int64)
+    fired = np.zeros((3, neurons), np.bool_)
+    n_fired = np.zeros(3, np.int64)
+    classes = TRACE_LIMIT + 1
+    value = np.arange(classes + steps).astype(np.uint8)  # of traces at the start, then of those set in each step
+    last = x.astype(np.int32)  # where in ``value`` each trace is
+    warm = x.max() > 0
+    for step in range(steps + SILENT_STEPS):
+        now, before = step % 3, (step + 1) % 3  # (step - 2) mod 3
+        for i in range(neurons):
+            drive[i] = buffer[i] >> shift
+            if n_fired[before] > 0:
+                drive[i] -= inhibition[i] * (n_fired[before] - np.int64(fired[before, i]))
+        n_fired[now] = lif_step(u, v, theta, held, drive, bias, constants, fired[now])
+        # What the inputs of this step will bring, by the weights before this step's learning.
+        lane = step & 3
+        if lane == 0 and step < steps:
+            draw_block(step >> 2, n, active, offsets, rates4, words, mask, occupied, spikes, spike_counts)
+        arrivals = spike_counts[lane] if step < steps else 0
+        buffer[:] = 0
+        if warm:
+            _decay_epochs(value[:classes], classes, whole, fraction, trace_draws[step])
+        _decay_epochs(value[classes:], min(step, steps), whole, fraction, trace_draws[step])
+        if step < steps:
+            value[classes + step] = TRACE_LIMIT
+        for s in range(arrivals):
+            row = np.uint64(spikes[lane, s])
+            last[row] = classes + step
+            for i in range(neurons):
+                buffer[i] += weights[row, i]
+        events[0] += arrivals
+        if n_fired[now] > 0:
+            events[1] += n_fired[now]
+            for j in range(inputs):
+                x[j] = value[last[j]]
+            for i in range(neurons):
+                if fired[now, i]:
+                    counts[i] += 1
+                    if raster.size > 0:
+                        raster[step, i] = 1
+                    learn_column(weights, i, x, products, target, mu, weight_draws[step])
+    for j in range(inputs):
+        x[j] = value[last[j]]

@@ -1,0 +1,288 @@
+"""Integer learning with what Lava's library has: one threshold for all neurons, no floor, no hold, no normalisation.
+
+Thresholds that rise are folded into the weights. The membrane is linear and reset to 0, so that a neuron of threshold T
+spikes exactly when one of threshold ``common`` would whose inputs were all scaled by common / T. Between presentations
+the host, which normalises each neuron's weights anyway (no learning engine adds over a neuron's synapses), does that::
+
+    W      = normalised(W)                   to ``weight_sum``, as `lava_vpr.engine.learning.integer.normalise`
+    w      = min(255, W common / T)          what the chip gets, rounded stochastically
+    L      = min(top, (2 M common + T) // 2T) 2^E     its lateral weight, M 2^E the inhibition at T = common
+    ...      one presentation on the chip, from cleared states: w becomes w', neuron i spikes n_i times
+    W      = clip(W + w' - w, 0, 255)        what was learned, in full
+    T      = T + theta_plus n                at most 17 bits
+
+The host keeps W and T; the chip knows w, L and the one threshold. ``common`` is the upper median of T at the start of
+an epoch: at the scale of 1 the 8 bits of a weight are used in full, and the chip's rule, which adds the same absolute
+amount to every weight, adds the right one. A neuron whose T lies above learns too fast within a presentation, one below
+too slowly, but what it keeps is that amount, not its quotient by the scale.
+
+Random numbers within a presentation are those of Lava's fixed-point ``LearningDense``, in one run of Lava an epoch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.config import StdpLearning
+from lava_vpr.engine.general.lif import LifParameters
+from lava_vpr.engine.inference.fixed import SILENT_STEPS
+from lava_vpr.engine.inference.quantise import mantissa_of
+from lava_vpr.engine.learning.integer import (
+    IntegerLearning,
+    IntegerState,
+    initial_state,
+    normalise,
+    phases,
+    present,
+    unit,
+)
+from lava_vpr.engine.random import GOLDEN, derived_key, mix, presentation_key
+from lava_vpr.errors import ConfigError
+from lava_vpr.loihi import INPUT_LIMIT, THRESHOLD_LIMIT, WEIGHT_LIMIT
+
+FACTOR_BITS = 8
+"""`FoldedPhase.threshold_factor` is in units of 2^-8."""
+
+_S32 = np.uint64(32)
+
+
+@dataclass(frozen=True)
+class FoldedPhase:
+    """One phase of folded learning.
+
+    Attributes:
+        chip: What the chip runs: no floor, no hold, thresholds that stay, weights that are not normalised.
+        weight_sum: What the host normalises each neuron's weights to.
+        theta_plus: What the host adds to a neuron's threshold for each of its spikes.
+        threshold_factor: All thresholds are multiplied by it / 256 when the phase begins.
+        epochs: How many.
+    """
+
+    chip: IntegerLearning
+    weight_sum: int
+    theta_plus: int
+    threshold_factor: int
+    epochs: int
+
+
+def settings(learning: StdpLearning) -> StdpLearning:
+    """The settings that folded learning derives its integers from; see `ETA` and `THETA_PLUS`."""
+    return replace(
+        learning,
+        arithmetic="integer",
+        theta_update="presentation",
+        eta=learning.eta * ETA,
+        theta_plus=learning.theta_plus * THETA_PLUS,
+    )
+
+
+ETA, THETA_PLUS = 0.6, 1.0
+"""Of ``learning.eta`` (first phase) and ``learning.theta_plus``. Chosen on Nordland 0:500, seeds 0 to 2: recall
+there is optimistic. Without the step of rest after a spike, and with a threshold that stays where it is during a
+presentation, a neuron spikes more often in it; at the full rate it then learns one presentation by heart
+(`benchmarks.chip_learning`)."""
+
+
+def folded_phases(
+    learning: StdpLearning, inputs: int, neurons: int, spikes_per_step: float, drive: float
+) -> tuple[FoldedPhase, FoldedPhase]:
+    """Both phases of folded learning under the settings of float learning.
+
+    Raises:
+        ConfigError: a setting that the chip cannot express.
+        NetworkLimitError: the network could overflow.
+    """
+    own = settings(learning)
+    for name in ("tau_trace", "consolidation_tau_trace"):
+        tau = getattr(own, name)
+        if tau != int(tau):  # Lava keeps it in an integer Var, which it reads whenever one is set
+            raise ConfigError(f"learning.{name} is {tau!r}, but must be a whole number of steps to learn on the chip")
+    first, second = (
+        FoldedPhase(
+            chip=replace(part, neurons=LifParameters(dv=part.neurons.dv), weight_sum=0, late_theta=False),
+            weight_sum=part.weight_sum,
+            theta_plus=part.neurons.theta_plus,
+            threshold_factor=factor,
+            epochs=epochs,
+        )
+        for part, factor, epochs in zip(
+            phases(own, inputs, neurons, spikes_per_step, drive),
+            (1 << FACTOR_BITS, round(own.consolidation_threshold * (1 << FACTOR_BITS))),
+            (own.competing, own.epochs - own.competing),
+            strict=True,
+        )
+    )
+    return first, second
+
+
+def start_state(
+    learning: StdpLearning, inputs: int, neurons: int, spikes_per_step: float, drive: float, seed: int, stretch: int
+) -> IntegerState:
+    """Start weights and thresholds, those of integer learning."""
+    per_unit, _ = unit(learning, inputs, spikes_per_step, drive, neurons)
+    return initial_state(inputs, neurons, learning, per_unit, seed, stretch)
+
+
+def library_seed(seed: int, stretch: int, epoch: int) -> int:
+    """Lava's ``rng_seed`` of the run of one stretch's epoch, 31 bits."""
+    return derived_key(presentation_key(seed, "start", stretch, epoch), "library") >> 33
+
+
+class LibraryDraws:
+    """The random numbers of Lava's LearningDense, presentation after presentation of one run.
+
+    Source: lava-nc 0.10, ``magma/core/learning/random.py``: either generator draws once when it is made; traces then
+    draw twice a step, weights once, with a seed of 2 that cannot be changed.
+    """
+
+    def __init__(self, rng_seed: int) -> None:
+        self._traces, self._weights = np.random.default_rng(rng_seed), np.random.default_rng(2)
+        self._traces.random()
+        self._weights.random()
+
+    def next(self, steps: int) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
+        """53-bit numbers of the next ``steps`` steps, for traces and for weights, uint64 (steps,) each."""
+        traces, weights = self._traces.random(2 * steps)[1::2], self._weights.random(steps)
+        return (traces * 2.0**53).astype(np.uint64), (weights * 2.0**53).astype(np.uint64)
+
+
+def common_threshold(thresholds: NDArray[np.int32]) -> int:
+    """The one threshold of an epoch: the upper median of the neurons' own."""
+    return int(np.sort(thresholds)[len(thresholds) // 2])
+
+
+def fold(weights: NDArray[np.uint8], thresholds: NDArray[np.int32], common: int, key: int) -> NDArray[np.uint8]:
+    """The chip's weights, ``min(255, W common / T)``, rounded stochastically.
+
+    Args:
+        weights: The host's, uint8 (inputs, neurons).
+        thresholds: Of the neurons, int32 (neurons,), at least 1.
+        common: The chip's one threshold.
+        key: Of the presentation.
+    """
+    return _fold(weights, thresholds, np.int64(common), np.uint64(derived_key(key, "fold")))
+
+
+def unfold(weights: NDArray[np.uint8], before: NDArray[np.uint8], after: NDArray[np.uint8]) -> None:
+    """Add to the host's ``weights``, in place, how the chip's changed in a presentation."""
+    weights[...] = np.clip(weights.astype(np.int16) + after - before.astype(np.int16), 0, WEIGHT_LIMIT)
+
+
+@nb.njit(cache=True, nogil=True)
+def _fold(weights: NDArray[np.uint8], thresholds: NDArray[np.int32], common: int, key: np.uint64) -> NDArray[np.uint8]:
+    """`fold`; quotients in float64 are exact, as in `normalise_columns`."""
+    inputs, neurons = weights.shape
+    folded = np.empty(weights.shape, np.uint8)
+    divisors = thresholds.astype(np.float64)
+    counters = np.empty(neurons, np.uint64)
+    for i in range(neurons):
+        counters[i] = key + GOLDEN * (np.uint64(i) << _S32)
+    for j in range(inputs):
+        own = GOLDEN * np.uint64(j)
+        for i in range(neurons):
+            scaled = np.float64(np.int64(weights[j, i]) * common)
+            whole = np.floor(scaled / divisors[i])
+            rest = np.uint64(np.int32(scaled - whole * divisors[i]))
+            draw = mix(counters[i] + own) >> _S32
+            whole += np.float64(draw * np.uint64(thresholds[i]) < rest << _S32)
+            folded[j, i] = np.uint8(np.int32(min(whole, np.float64(WEIGHT_LIMIT))))
+    return folded
+
+
+def laterals(inhibition: int, thresholds: NDArray[np.int32], common: int) -> tuple[NDArray[np.int64], int]:
+    """Each neuron's lateral weight, as mantissas int64 (neurons,) of 8 bits and one exponent.
+
+    It is cut off where all other neurons at once would overflow Loihi's current: nobody far below ``common`` has won.
+    """
+    mantissa, exponent = mantissa_of(inhibition)
+    top = min(WEIGHT_LIMIT, (INPUT_LIMIT - 1) // max(1, len(thresholds) - 1) >> exponent)
+    own = thresholds.astype(np.int64)
+    return np.minimum((2 * mantissa * common + own) // (2 * own), top), exponent
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """What the host gives the chip before a presentation: weights uint8 (inputs, neurons), lateral weights."""
+
+    weights: NDArray[np.uint8]
+    mantissas: NDArray[np.int64]
+    exponent: int
+
+
+class FoldedTrainer:
+    """One stretch's plastic network as the library runs it; counterpart of `engine.learning.integer.IntegerTrainer`.
+
+    `present` is `begin`, a presentation on the host's model of the chip, and `end`; with a chip, or Lava, between the
+    two this is its host program.
+    """
+
+    def __init__(self, learning: Sequence[FoldedPhase], state: IntegerState, seeds: Sequence[int]) -> None:
+        """Begin.
+
+        Args:
+            learning: The phases.
+            state: Weights and thresholds at the start, which live on here.
+            seeds: Lava's ``rng_seed`` of each epoch (`library_seed`).
+        """
+        self.learning, self._state, self.seeds = tuple(learning), state, tuple(seeds)
+        self.phase, self.common = self.learning[0], common_threshold(state.theta)
+        self.draws = LibraryDraws(0)
+
+    def begin_epoch(self, epoch: int) -> None:
+        """To be called before the first image of every epoch (from 0): chooses phase and common threshold."""
+        first = 0
+        for phase in self.learning:
+            if first <= epoch < first + phase.epochs:
+                self.phase = phase
+                if epoch == first:
+                    scaled = self._state.theta.astype(np.int64) * phase.threshold_factor >> FACTOR_BITS
+                    self._state.theta[:] = np.maximum(1, scaled)
+            first += phase.epochs
+        self.common = common_threshold(self._state.theta)
+        self.draws = LibraryDraws(self.seeds[epoch])
+
+    def begin(self, key: int) -> Boundary:
+        """Normalise and fold, for the presentation with this key."""
+        normalise(self._state.weights, self.phase.weight_sum, key)
+        mantissas, exponent = laterals(self.phase.chip.inhibition, self._state.theta, self.common)
+        return Boundary(fold(self._state.weights, self._state.theta, self.common, key), mantissas, exponent)
+
+    def end(self, given: Boundary, weights: NDArray[np.uint8], counts: NDArray[np.int32]) -> None:
+        """Take over what the chip learned: its ``weights`` after the presentation, and its spike counts."""
+        unfold(self._state.weights, given.weights, weights)
+        raised = self._state.theta + counts.astype(np.int64) * self.phase.theta_plus
+        self._state.theta[:] = np.minimum(raised, THRESHOLD_LIMIT - 1)
+
+    def present(self, rates: NDArray[np.uint16], key: int, place: int = 0, epoch: int = 0) -> NDArray[np.int32]:
+        """Show one image, learn; spike counts int32 (neurons,). ``place`` and ``epoch`` are not needed."""
+        counts, _, _ = self.record(rates, key)
+        return counts
+
+    def record(
+        self, rates: NDArray[np.uint16], key: int, raster: bool = False
+    ) -> tuple[NDArray[np.int32], dict[str, NDArray[np.uint8]], NDArray[np.uint8]]:
+        """`present`; also the chip's ``weights`` and ``traces`` after it, and the raster (steps + 3, neurons)."""
+        given = self.begin(key)
+        chip = IntegerState(given.weights.copy(), np.full(len(self._state.theta), self.common, np.int32))
+        traces = np.zeros(len(chip.weights), np.uint8)
+        counts, _, film = present(
+            chip,
+            self.phase.chip,
+            rates,
+            key,
+            draws=self.draws.next(self.phase.chip.steps + SILENT_STEPS),
+            traces=traces,
+            inhibition=given.mantissas << given.exponent,
+            raster=raster,
+        )
+        self.end(given, chip.weights, counts)
+        return counts, {"weights": chip.weights, "traces": traces}, film
+
+    def state(self) -> dict[str, NDArray[np.uint8] | NDArray[np.int32]]:
+        """Live arrays: the host's ``weights`` and ``theta``."""
+        return {"weights": self._state.weights, "theta": self._state.theta}

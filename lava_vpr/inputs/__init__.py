@@ -1,0 +1,1 @@
+"""From pixels to the activity of input channels."""

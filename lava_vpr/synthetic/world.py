@@ -1,0 +1,252 @@
+"""The built-in synthetic world: one route seen from a vehicle, in several seasons, lights and weathers.
+
+It is what `lava-vpr demo` and `synth` show and what tests measure without a data set. A place is drawn from its own
+geometry (`lava_vpr.synthetic.scene`), so neighbours share what stands between them; a condition changes colours, light,
+air, weather, the vehicle's stance and traffic, and nothing else. Snow turns much of what was dark against its
+surroundings into something bright, as on real winter journeys. Every image depends on (seed, place, condition) only.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import tempfile
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.errors import ConfigError, InputError
+from lava_vpr.synthetic.drawing import Camera, Painter, draw_backdrop, draw_land
+from lava_vpr.synthetic.looks import LOOKS
+from lava_vpr.synthetic.scene import OCCLUDER, SKY, SURVEY, VIEW, WEATHER, ahead, generator, route
+from lava_vpr.synthetic.things import draw_occluder, draw_things
+
+CONDITIONS: tuple[str, ...] = tuple(LOOKS)
+MAX_PLACES = 100_000
+
+_SAMPLING = 2  # canvas pixels per image pixel and axis
+_SKY_PLACES = 4  # so many places share a sky: minutes of a journey
+_GPS_ERROR_M = 1.5
+_FOLDERS = ("reference", "query")
+_ENTRIES = ("reference", "query", "reference_positions.csv", "query_positions.csv")
+_IMAGE = re.compile(r"place_\d{5,}\.png")
+
+
+@dataclass(frozen=True)
+class World:
+    """A route with its places.
+
+    Attributes:
+        seed: Seed of everything drawn, in [0, 2^63).
+        places: Number of places.
+        width, height: Size of an image in pixels.
+        spacing_m: Metres of track between two places.
+    """
+
+    seed: int = 0
+    places: int = 100
+    width: int = 128
+    height: int = 64
+    spacing_m: float = 20.0
+
+    def __post_init__(self) -> None:
+        for name, value, low, high in (
+            ("seed", self.seed, 0, 2**63 - 1),
+            ("places", self.places, 1, MAX_PLACES),
+            ("width", self.width, 32, 512),
+            ("height", self.height, 24, 512),
+            ("spacing_m", self.spacing_m, 1, 1000),
+        ):
+            if not low <= value <= high:
+                raise ConfigError(f"the synthetic world's {name} is {value!r}, but must be in {low}..{high}")
+
+
+def _number(condition: str) -> int:
+    """A condition's number, the key of its random streams."""
+    if condition not in CONDITIONS:
+        raise InputError(f"there is no condition {condition!r}; choose from {', '.join(CONDITIONS)}")
+    return CONDITIONS.index(condition)
+
+
+def _camera(world: World, place: int, number: int) -> Camera:
+    """Where the vehicle was when it took the picture: a little ahead or behind, beside, turned and tilted."""
+    forward, right, yaw, pitch = generator(world.seed, VIEW, place, number).uniform(-1, 1, 4).tolist()
+    s = place * world.spacing_m + 0.4 * forward
+    return Camera(s=s, right=0.07 * right, yaw=0.009 * yaw, pitch=0.0045 * pitch)
+
+
+def _clouds(world: World, place: int, number: int, count: int) -> list[tuple[float, float, float]]:
+    """The clouds over a place and its neighbours: column, row and size as shares of the sky."""
+    rng = generator(world.seed, SKY, place // _SKY_PLACES, number)
+    return [(rng.uniform(-0.1, 1.1), rng.uniform(0.0, 0.7), rng.uniform(0.04, 0.14)) for _ in range(count)]
+
+
+def _precipitation(image: NDArray[np.uint8], flakes: int, streaks: int, rng: np.random.Generator) -> NDArray[np.uint8]:
+    """``image`` with up to so many snow flakes and so many streaks of rain."""
+    h, w = image.shape[:2]
+    if flakes:
+        for _ in range(int(rng.integers(flakes // 5, flakes))):
+            x, y, radius = int(rng.integers(8 * w)), int(rng.integers(8 * h)), int(rng.integers(3, 7))
+            cv2.circle(image, (x, y), radius, (252, 250, 248), -1, cv2.LINE_8, 3)
+    if streaks:
+        wet = image.copy()
+        for _ in range(streaks):
+            x, y, length = int(rng.integers(w)), int(rng.integers(-5, h)), int(rng.integers(4, 10))
+            cv2.line(wet, (x, y), (x - length // 4, y + length), (210, 206, 202), 1)
+        image = cv2.addWeighted(image, 0.65, wet, 0.35, 0)
+    return image
+
+
+def _grain(image: NDArray[np.uint8], amount: int, rng: np.random.Generator) -> NDArray[np.uint8]:
+    """``image`` with the sensor's noise, in brightness and in colour, at most twice ``amount`` grey levels."""
+    h, w = image.shape[:2]
+    noise = rng.integers(-amount, amount + 1, (h, w, 1), dtype=np.int16)
+    noise = noise + rng.integers(-amount, amount + 1, (h, w, 3), dtype=np.int16)
+    return np.clip(image + noise, 0, 255).astype(np.uint8)
+
+
+def render(world: World, place: int, condition: str) -> NDArray[np.uint8]:
+    """One image of a place.
+
+    Args:
+        world: The route.
+        place: Number of the place, in [0, world.places).
+        condition: One of `CONDITIONS`.
+    Returns:
+        BGR image, uint8 (world.height, world.width, 3); equal arguments give equal bytes.
+    Raises:
+        InputError: there is no such place or condition.
+    """
+    number = _number(condition)
+    if not 0 <= place < world.places:
+        raise InputError(f"place {place} is not in the synthetic world; choose one of 0..{world.places - 1}")
+    look, camera = LOOKS[condition], _camera(world, place, number)
+    canvas = np.empty((_SAMPLING * world.height, _SAMPLING * world.width, 3), dtype=np.uint8)
+    painter = Painter(canvas, camera, look, route(world.seed))
+    draw_backdrop(painter, _clouds(world, place, number, look.cloudiness))
+    things = ahead(world.seed, camera.s)
+    draw_land(painter, things)
+    draw_things(painter, things)
+    rng = generator(world.seed, OCCLUDER, place, number)
+    if rng.uniform(0, 1) < look.occluders:
+        draw_occluder(painter, rng)
+    image = cv2.resize(canvas, (world.width, world.height), interpolation=cv2.INTER_AREA)
+    rng = generator(world.seed, WEATHER, place, number)
+    return _grain(_precipitation(image, look.flakes, look.streaks, rng), look.grain, rng)
+
+
+def positions(world: World, condition: str) -> NDArray[np.float64]:
+    """Positions as a satellite receiver reported them on the journey, x and y in metres, shape (places, 2)."""
+    number = _number(condition)
+    way, steps = route(world.seed), max(1, round(world.spacing_m))
+    s = np.arange(world.places * steps) * (world.spacing_m / steps)
+    heading = np.zeros_like(s)
+    for amplitude, frequency, phase in way.heading.terms:
+        heading += amplitude * np.sin(frequency * s + phase)
+    path = np.cumsum(np.stack([np.cos(heading), -np.sin(heading)], axis=1), axis=0) * (world.spacing_m / steps)
+    error = generator(world.seed, SURVEY, number).uniform(-_GPS_ERROR_M, _GPS_ERROR_M, (world.places, 2))
+    return (path - path[0])[::steps] + error
+
+
+def _write_journey(folder: Path, kind: str, world: World, condition: str) -> None:
+    """Write one journey's images and positions below ``folder``, which exists."""
+    (folder / kind).mkdir()
+    rows = ["name,x,y"]
+    for place, (x, y) in enumerate(positions(world, condition)):
+        name = f"place_{place:05d}.png"
+        encoded = cv2.imencode(".png", render(world, place, condition))[1]
+        (folder / kind / name).write_bytes(encoded.tobytes())
+        rows.append(f"{name},{x:.2f},{y:.2f}")
+    (folder / f"{kind}_positions.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+
+
+def _foreign(folder: Path, keep: Collection[str]) -> Path | None:
+    """The first entry of ``folder`` that `write_traverses` did not write and that is not named in ``keep``, if any."""
+    for entry in sorted(folder.iterdir()):
+        if entry.name in keep and entry.name not in _ENTRIES:
+            continue
+        if entry.name not in _ENTRIES or entry.is_symlink() or entry.is_dir() != (entry.name in _FOLDERS):
+            return entry
+        if entry.is_dir():
+            inside = (e for e in sorted(entry.iterdir()) if not (e.is_file() and _IMAGE.fullmatch(e.name)))
+            if (stranger := next(inside, None)) is not None:
+                return stranger
+    return None
+
+
+def _install(new: Path, folder: Path, spare: Path) -> None:
+    """Move what is in ``new`` to ``folder``; what it replaces goes to ``spare``, and back on failure."""
+    if not folder.exists():
+        os.rename(new, folder)
+        return
+    spare.mkdir()
+    try:
+        for name in _ENTRIES:
+            if (folder / name).exists():
+                os.rename(folder / name, spare / name)
+        for name in _ENTRIES:
+            os.rename(new / name, folder / name)
+    except OSError:
+        for old in spare.iterdir():
+            if (folder / old.name).exists():
+                os.rename(folder / old.name, new / old.name)
+            os.rename(old, folder / old.name)
+        raise
+
+
+def write_traverses(
+    folder: Path,
+    places: int,
+    seed: int,
+    conditions: Sequence[str] = ("summer", "winter"),
+    keep: Collection[str] = (),
+) -> None:
+    """Write two journeys along a synthetic route as folders of images.
+
+    ``folder`` receives ``reference/`` and ``query/`` with ``place_00000.png`` ..., and ``reference_positions.csv`` and
+    ``query_positions.csv`` (columns name, x, y; metres). They appear when all are complete, or not at all; an earlier
+    result of this function is replaced.
+
+    Args:
+        folder: Where to write; created with its parents.
+        places, seed: As in `World`.
+        conditions: Of the reference and of the query journey, each one of `CONDITIONS`.
+        keep: Names of other entries that ``folder`` may hold; they stay as they are.
+    Raises:
+        ConfigError: ``places`` or ``seed`` out of range.
+        InputError: an unknown condition, a folder that holds something else, or a folder that cannot be written.
+    """
+    world = World(seed=seed, places=places)
+    if len(conditions) != 2:
+        raise InputError(f"{len(conditions)} conditions are given; give two, of the reference and of the query journey")
+    for condition in conditions:
+        _number(condition)
+    target = Path(os.path.abspath(folder))
+    workshop: Path | None = None
+    try:
+        if os.path.lexists(target) and not target.is_dir():
+            raise InputError(f"{folder}: exists and is not a folder; choose another name")
+        if target.is_dir() and (stranger := _foreign(target, keep)) is not None:
+            raise InputError(f"{folder}: holds something else ({stranger.name}); choose a new or an empty folder")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        workshop = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
+        (workshop / "new").mkdir()
+        for kind, condition in zip(_FOLDERS, conditions, strict=True):
+            _write_journey(workshop / "new", kind, world, condition)
+        _install(workshop / "new", target, workshop / "old")
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        raise InputError(
+            f"{folder}: cannot be written ({reason}); choose a folder on a disk with free space where you may write"
+        ) from None
+    finally:
+        if workshop is not None:
+            shutil.rmtree(workshop, ignore_errors=True)
+
+
+__all__ = ["CONDITIONS", "MAX_PLACES", "World", "positions", "render", "write_traverses"]

@@ -1,0 +1,313 @@
+"""The training loop: stretches in parallel, checkpoints, and the frozen network's responses to the references."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.config import ConductanceLearning, Config, LifNetwork, StdpLearning
+from lava_vpr.encoding import EncodedTraverse, query_rates16, training_rates
+from lava_vpr.engine.conductance import model as conductance
+from lava_vpr.engine.inference import fixed, quantise
+from lava_vpr.engine.learning import integer, stdp
+from lava_vpr.engine.random import presentation_key, presentation_keys
+from lava_vpr.errors import ConfigError, InputError, NetworkLimitError
+from lava_vpr.model import Model, Stretch
+from lava_vpr.training.checkpoint import Checkpoint, fingerprint
+from lava_vpr.training.trainers import ConductanceTrainer, StretchTrainer, restore, trainer_of
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far one stretch has come; ``neurons_used`` and ``places_covered`` speak of its last whole epoch."""
+
+    stretch: int
+    epoch: int
+    presentations: int
+    spikes_per_image: float
+    neurons_used: int
+    places_covered: int
+
+
+def split(places: int, config: Config) -> tuple[Stretch, ...]:
+    """Cut a route of ``places`` into the fewest stretches of at most ``config.stretch`` places, as even as can be."""
+    parts = 1 if config.stretch == 0 else -(-places // config.stretch)
+    bounds = [round(places * k / parts) for k in range(parts + 1)]
+    stretches, neuron = [], 0
+    for first, end in itertools.pairwise(bounds):
+        neurons = config.neurons_for(end - first)
+        stretches.append(Stretch(first, end - first, neuron, neurons))
+        neuron += neurons
+    return tuple(stretches)
+
+
+def check_size(places: int, config: Config) -> tuple[Stretch, ...]:
+    """The stretches of a route of ``places``, or a refusal before anything is learned.
+
+    Raises:
+        ConfigError: stretches for a model that cannot be joined.
+        NetworkLimitError: more neurons than one inhibition can serve, or integer learning that could overflow.
+    """
+    stretches = split(places, config)
+    if not isinstance(config.network, LifNetwork):
+        if len(stretches) > 1:
+            raise ConfigError("the conductance model learns a route in one network; use --stretch 0")
+        return stretches
+    network, joined = config.network, len(stretches) > 1
+    inhibition = network.joined_inhibition if joined else network.inhibition
+    neurons = sum(stretch.neurons for stretch in stretches)
+    most = quantise.most_neurons(network.threshold, inhibition)
+    if neurons > most:
+        raise NetworkLimitError(
+            f"{neurons:,} neurons are more than the {most:,} that one inhibition of {inhibition:g} can serve without "
+            f"overflow; lower network.{'joined_' * joined}inhibition, or learn fewer places"
+        )
+    learning = config.learning
+    if isinstance(learning, StdpLearning) and learning.arithmetic == "integer":
+        inputs, spikes = config.encoder.inputs, config.encoder.train_spikes
+        integer.phases(learning, inputs, max(stretch.neurons for stretch in stretches), spikes, network.drive)
+    return stretches
+
+
+def check_references(sizes: Sequence[int]) -> None:
+    """Refuse reference traverses (their numbers of images) that do not show the same number of places.
+
+    Raises:
+        InputError: none, too few places, or unequal numbers.
+    """
+    if not sizes or sizes[0] < 2:
+        raise InputError("a route needs at least 2 places; give more reference images")
+    for number, size in enumerate(sizes[1:], start=2):
+        if size != sizes[0]:
+            raise InputError(
+                f"reference traverse {number} has {size} images, the first has {sizes[0]}: place i "
+                "must be image i of each; choose with --places A:B or give lists of matching images"
+            )
+
+
+def train(
+    references: Sequence[EncodedTraverse],
+    config: Config,
+    *,
+    route_images: int | None = None,
+    jobs: int = 1,
+    checkpoint: Path | None = None,
+    interval: float = 2.0,
+    resume: bool = False,
+    progress: Callable[[Progress], None] | None = None,
+    resumed: Callable[[dict[int, int]], None] | None = None,
+) -> Model:
+    """Learn the places of a route.
+
+    Args:
+        references: One or more traverses of the same places.
+        config: Settings; equal settings and images give the bit-identical model whatever ``jobs``.
+        route_images: Images in the whole first traverse (default: as many as given).
+        jobs: Threads; each learns one stretch at a time.
+        checkpoint: Where to keep checkpoints; None keeps none.
+        interval: Least seconds between two checkpoints.
+        resume: Go on from ``checkpoint``.
+        progress: Called after every presentation, from any thread.
+        resumed: Told the epochs done per stretch when training resumes.
+    Raises:
+        InputError: references do not match.
+        ModelFileError: the checkpoint cannot be used or written.
+        NetworkLimitError: the trained network could overflow.
+    """
+    check_references([len(reference) for reference in references])
+    stretches = check_size(len(references[0]), config)
+    trainers = [trainer_of(config, stretch, number) for number, stretch in enumerate(stretches)]
+    store = Checkpoint(checkpoint, fingerprint(references, config), interval)
+    if resume:
+        store.load()
+        for number, trainer in enumerate(trainers):
+            if number in store.epochs:
+                restore(trainer, store.of(number))
+        if resumed is not None:
+            resumed(dict(store.epochs))
+    rates = [training_rates(reference.activity, config) for reference in references]
+    stop = threading.Event()
+
+    def learn(number: int) -> None:
+        stretch, trainer = stretches[number], trainers[number]
+        for epoch in range(store.epochs.get(number, 0), config.learning.epochs):
+            if not _epoch(trainer, stretch, number, epoch, references, rates, config, progress, stop):
+                return
+            store.update(number, epoch + 1, trainer.state())
+
+    _run(learn, len(stretches), jobs, stop, store)
+    try:
+        return _finish(references, config, stretches, trainers, route_images or len(references[0]), jobs)
+    except NetworkLimitError:
+        # Only other settings help, and those cannot go on from here.
+        if checkpoint is not None:
+            checkpoint.unlink(missing_ok=True)
+        raise
+
+
+def _run(learn: Callable[[int], None], stretches: int, jobs: int, stop: threading.Event, store: Checkpoint) -> None:
+    """Learn every stretch, on ``jobs`` threads; an interrupt or error stops all and saves what is known."""
+
+    def guarded(number: int) -> None:
+        try:
+            learn(number)
+        except BaseException:
+            stop.set()  # at once, before a thread takes up the next stretch
+            raise
+
+    with ThreadPoolExecutor(max(1, min(jobs, stretches))) as pool:
+        futures = [pool.submit(guarded, number) for number in range(stretches)]
+        try:
+            pending = set(futures)
+            while pending:  # a finite wait lets Ctrl-C through
+                done, pending = wait(pending, timeout=0.2, return_when=FIRST_EXCEPTION)
+                for future in done:
+                    future.result()
+        except BaseException:
+            stop.set()
+            for future in futures:
+                future.cancel()
+            wait(futures)
+            store.flush()
+            raise
+
+
+def traverses_shown(config: Config, epoch: int, given: int) -> int:
+    """How many of the ``given`` traverses an epoch shows: while neurons compete for places, the first alone."""
+    competing = isinstance(config.learning, StdpLearning) and epoch < config.learning.competing
+    return 1 if competing else given
+
+
+def presentations(config: Config, places: int, given: int, epochs: int) -> int:
+    """Training presentations of ``places`` places in the first ``epochs`` epochs."""
+    return places * sum(traverses_shown(config, epoch, given) for epoch in range(epochs))
+
+
+def _epoch(
+    trainer: StretchTrainer,
+    stretch: Stretch,
+    number: int,
+    epoch: int,
+    references: Sequence[EncodedTraverse],
+    rates: Sequence[NDArray[Any]],
+    config: Config,
+    progress: Callable[[Progress], None] | None,
+    stop: threading.Event,
+) -> bool:
+    """Show the images of one stretch, first traverse first; False if training was stopped."""
+    counts = np.zeros((stretch.places, stretch.neurons), np.int64)
+    shown = 0
+    trainer.begin_epoch(epoch)
+    traverses = traverses_shown(config, epoch, len(references))
+    for traverse, reference in enumerate(references[:traverses]):
+        for place in range(stretch.places):
+            if stop.is_set():
+                return False
+            image = stretch.first_place + place
+            key = presentation_key(
+                config.seed, "train", int(reference.indices[image]), epoch * len(references) + traverse
+            )
+            counts[place] += trainer.present(rates[traverse][image], key, place, epoch)
+            shown += 1
+            if progress is not None:
+                progress(_progress(number, epoch, shown, counts, shown == stretch.places * traverses))
+    return True
+
+
+def _progress(number: int, epoch: int, shown: int, counts: NDArray[np.int64], whole: bool) -> Progress:
+    """Figures of one stretch; those that cost time only at the end of an epoch (else -1)."""
+    if not whole:
+        return Progress(number, epoch, shown, -1.0, -1, -1)
+    used, covered = coverage(counts.T)
+    return Progress(number, epoch, shown, float(counts.sum() / shown), used, covered)
+
+
+def coverage(responses: NDArray[Any]) -> tuple[int, int]:
+    """Neurons with any spike, and places to which some neuron responds most, of counts (neurons, places)."""
+    used = responses.any(axis=1)
+    return int(used.sum()), len(np.unique(responses[used].argmax(axis=1)))
+
+
+def _finish(
+    references: Sequence[EncodedTraverse],
+    config: Config,
+    stretches: tuple[Stretch, ...],
+    trainers: Sequence[StretchTrainer],
+    route_images: int,
+    jobs: int,
+) -> Model:
+    """The model of trained stretches: joined, quantised, its responses to the references measured."""
+    network: fixed.FixedNetwork | conductance.ConductanceState
+    activity = np.concatenate([reference.activity for reference in references])
+    if isinstance(config.network, LifNetwork) and isinstance(config.learning, StdpLearning):
+        parts = [trainer.state()["weights"].astype(np.float32) for trainer in trainers]
+        for part in parts:
+            stdp.normalise(part, config.learning.mean_weight)
+        learned = np.concatenate(parts, axis=1)
+        network = integer_network(learned, config, joined=len(stretches) > 1)
+        responses = reference_responses(network, references, config, jobs)
+    else:
+        if not isinstance(trainers[0], ConductanceTrainer):
+            raise TypeError("the conductance model is learned by a ConductanceTrainer")
+        learned, network, responses = np.zeros((0, 0), np.float32), trainers[0].network, trainers[0].responses
+    used, covered = coverage(responses)
+    places = len(references[0])
+    return Model(
+        config=config,
+        network=network,
+        learned=learned,
+        responses=responses,
+        stretches=stretches,
+        place_indices=references[0].indices,
+        place_names=references[0].names,
+        route_images=route_images,
+        labels=np.tile(np.arange(places), len(references)),
+        patches=np.concatenate([reference.patches for reference in references]),
+        activity=activity,
+        thumbnails=references[0].thumbnails,
+        training={
+            "spikes_per_image": float(responses.sum() / (places * _response_presentations(config, references))),
+            "neurons_used": used,
+            "places_covered": covered,
+        },
+    )
+
+
+def _response_presentations(config: Config, references: Sequence[EncodedTraverse]) -> int:
+    """How often each place was shown to count its responses."""
+    learning = config.learning
+    repeats = min(learning.label_epochs, learning.epochs) if isinstance(learning, ConductanceLearning) else 1
+    return repeats * len(references)
+
+
+def integer_network(learned: NDArray[np.float32], config: Config, *, joined: bool) -> fixed.FixedNetwork:
+    """The integer network of ``learned`` float weights (inputs, neurons).
+
+    Raises:
+        NetworkLimitError: it could overflow Loihi's registers.
+    """
+    if not isinstance(config.network, LifNetwork):
+        raise ConfigError("only the lif network runs in integers")
+    weights = quantise.distinctive(learned, config.network)
+    return quantise.quantise(weights, config.network, config.encoder.query_spikes, joined=joined)
+
+
+def reference_responses(
+    network: fixed.FixedNetwork, references: Sequence[EncodedTraverse], config: Config, threads: int
+) -> NDArray[np.int32]:
+    """S^R: spike counts of the frozen network on the references, int32 (neurons, places), traverses summed."""
+    total = np.zeros((network.neurons, len(references[0])), np.int32)
+    for traverse, reference in enumerate(references):
+        keys = presentation_keys(config.seed, "response", reference.indices, traverse)
+        rates = query_rates16(reference.activity, config.encoder)
+        counts, _, _ = fixed.count_spikes(network, rates, keys, threads=threads)
+        total += counts.T
+    return total

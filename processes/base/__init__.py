@@ -1,0 +1,1 @@
+"""What several Processes share: neurons, checked arrays, learning rules, wiring."""

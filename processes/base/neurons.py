@@ -1,0 +1,230 @@
+"""Populations of leaky integrate-and-fire neurons: what the excitatory and the inhibitory Process have in common.
+
+Both models compute `engine.general.lif`'s equations; the floating-point one without its truncation, wrapping and
+clipping, and with u and v in the unit of the threshold (2^6 times the integer model's)::
+
+    u' = u (4095 - du) / 4096 + a;   v' = max(v (4096 - dv) / 4096 + u' + b, floor);   spike = v' > vth;   v'[spike] = 0
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache, partial
+from typing import Any
+
+import numpy as np
+from lava.magma.core.model.py.model import PyLoihiProcessModel
+from lava.magma.core.model.py.ports import PyInPort, PyOutPort
+from lava.magma.core.model.py.type import LavaPyType
+from lava.magma.core.process.ports.ports import InPort, OutPort
+from numpy.typing import NDArray
+
+from lava_vpr.engine.general.lif import LifParameters, bias_of, check_thresholds, lif_step, need
+from lava_vpr.loihi import DECAY_BITS, INPUT_LIMIT, INPUT_SHIFT, STATE_LIMIT
+from lava_vpr.processes.base.shared import CheckedProcess, RegisterVar, check_shape, require, vector, whole
+
+NO_FLOOR = -INPUT_LIMIT
+"""What the Var ``floor`` holds when there is none: below every membrane of the integer model."""
+
+_UNITY = 1 << DECAY_BITS
+
+
+@lru_cache(maxsize=1)
+def compile_lif() -> None:
+    """Compile `lif_step`, or load it."""
+    state, sums = np.zeros((4, 1), np.int32), np.zeros((2, 1), np.int64)
+    lif_step(*state, *sums, LifParameters().constants, np.zeros(1, bool))
+
+
+def check_state(name: str, value: NDArray[Any]) -> None:
+    """Refuse values of u, v or held that are not whole numbers of 24 bits.
+
+    Raises:
+        NetworkLimitError: naming the range.
+    """
+    low = 0 if name == "held" else 1 - STATE_LIMIT
+    fits = (value >= low) & (value < STATE_LIMIT) & (value == np.floor(value))
+    require(name, value, fits, f"a whole number in {low}..{STATE_LIMIT - 1}")
+
+
+class LifProcess(CheckedProcess):
+    """Leaky integrate-and-fire neurons.
+
+    Ports: ``a_in``, ``s_out`` (neurons,). Vars (neurons,): ``u``, ``v``, ``vth``, ``held`` (steps that a membrane still
+    stays at 0), ``bias_mant``, ``bias_exp``; Vars (1,): ``du``, ``dv``, ``floor``, ``hold_steps``, ``theta_plus``.
+    All can be read whenever the run pauses. With ``reset_interval`` R, u, v and held are 0 at the start of the steps
+    1, R + 1, 2 R + 1, ..., before anything is integrated; thresholds are kept.
+    """
+
+    def __init__(
+        self,
+        *,
+        shape: tuple[int, ...],
+        dv: float,
+        vth: Any,
+        du: float = 4095,
+        bias_mant: Any = 0,
+        bias_exp: Any = 0,
+        floor: float | None = None,
+        hold_steps: int = 0,
+        theta_plus: float = 0,
+        reset_interval: int = 0,
+        **kwargs: Any,
+    ) -> None:
+        n = check_shape(type(self).__name__, shape)
+        need(whole(hold_steps) and hold_steps >= 0, "hold_steps", hold_steps, "a whole number, at least 0")
+        need(whole(reset_interval) and reset_interval >= 0, "reset_interval", reset_interval, "whole, at least 0")
+        super().__init__(shape=shape, reset_interval=int(reset_interval), **kwargs)
+        given: dict[str, tuple[Any, int]] = {
+            "du": (du, 1),
+            "dv": (dv, 1),
+            "floor": (NO_FLOOR if floor is None else floor, 1),
+            "hold_steps": (hold_steps, 1),
+            "theta_plus": (theta_plus, 1),
+            "vth": (vth, n),
+            "bias_mant": (bias_mant, n),
+            "bias_exp": (bias_exp, n),
+        }
+        init = {name: vector(name, value, size) for name, (value, size) in given.items()}
+        self.a_in = InPort(shape=shape)
+        self.s_out = OutPort(shape=shape)
+        for name in ("u", "v", "held"):
+            setattr(self, name, RegisterVar((n,), 0, partial(check_state, name)))
+        for name, value in init.items():
+            setattr(self, name, RegisterVar(value.shape, value, partial(self._check_new, name)))
+        if whole(*init.values()):
+            self.check_fixed()
+
+    def _check_new(self, name: str, value: NDArray[Any]) -> None:
+        self.check_fixed(**{name: value})
+
+    def check_fixed(self, **changed: NDArray[Any]) -> None:
+        """Refuse what the registers cannot hold.
+
+        Args:
+            **changed: Values that Vars are about to be set to, by name.
+        Raises:
+            NetworkLimitError: a parameter out of its range, or not a whole number.
+        """
+        names = ("du", "dv", "floor", "hold_steps", "theta_plus", "vth", "bias_mant", "bias_exp")
+        values = {name: np.asarray(changed.get(name, getattr(self, name).init)) for name in names}
+        for name, value in values.items():
+            require(name, value, value == np.floor(value), "a whole number for the integer model")
+        floor = int(values["floor"].flat[0])
+        scalars = {name: int(values[name].flat[0]) for name in ("du", "dv", "hold_steps", "theta_plus")}
+        LifParameters(floor=None if floor == NO_FLOOR else floor, **scalars).check()
+        check_thresholds(values["vth"])
+        for extreme in (np.min, np.max):
+            bias_of(int(extreme(values["bias_mant"])), int(extreme(values["bias_exp"])))
+
+    def compile_kernels(self) -> None:
+        """Compile `lif_step` before the models are forked."""
+        compile_lif()
+
+
+class LifModelFixed(PyLoihiProcessModel):
+    """`lif_step`, bit-accurate with Lava's LIF."""
+
+    a_in: PyInPort = LavaPyType(PyInPort.VEC_DENSE, np.int64, precision=24)
+    s_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, bool, precision=1)
+    u: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=24)
+    v: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=24)
+    vth: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=17)
+    held: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32)
+    bias_mant: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=13)
+    bias_exp: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=4)
+    du: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=12)
+    dv: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=13)
+    floor: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=18)
+    hold_steps: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32)
+    theta_plus: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=17)
+
+    def __init__(self, proc_params: Any) -> None:
+        super().__init__(proc_params)
+        self.interval: int = proc_params["reset_interval"]
+        self.spikes = np.zeros(proc_params["shape"], bool)
+        self.ready = False
+
+    def _prepare(self) -> None:
+        """Take over the Vars, at first and when one was set."""
+        floor = int(self.floor[0])
+        self.constants = LifParameters(
+            int(self.du[0]),
+            int(self.dv[0]),
+            None if floor == NO_FLOOR else floor,
+            int(self.hold_steps[0]),
+            int(self.theta_plus[0]),
+        ).constants
+        self.bias = bias_of(self.bias_mant, self.bias_exp)
+        self.ready = True
+
+    def on_var_update(self) -> None:
+        """A Var was set."""
+        self.ready = False
+
+    def run_spk(self) -> None:
+        """One step."""
+        if not self.ready:
+            self._prepare()
+        drive = self.a_in.recv()
+        if self.interval and (self.time_step - 1) % self.interval == 0:
+            self.u[:] = self.v[:] = self.held[:] = 0
+        lif_step(self.u, self.v, self.vth, self.held, drive, self.bias, self.constants, self.spikes)
+        self.s_out.send(self.spikes)
+
+
+class LifModelFloat(PyLoihiProcessModel):
+    """The same neurons in float64."""
+
+    a_in: PyInPort = LavaPyType(PyInPort.VEC_DENSE, float)
+    s_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, bool, precision=1)
+    u: NDArray[np.float64] = LavaPyType(np.ndarray, float)
+    v: NDArray[np.float64] = LavaPyType(np.ndarray, float)
+    vth: NDArray[np.float64] = LavaPyType(np.ndarray, float)
+    held: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32)
+    bias_mant: NDArray[np.float64] = LavaPyType(np.ndarray, float)
+    bias_exp: NDArray[np.float64] = LavaPyType(np.ndarray, float)
+    du: NDArray[np.float64] = LavaPyType(np.ndarray, float)
+    dv: NDArray[np.float64] = LavaPyType(np.ndarray, float)
+    floor: NDArray[np.float64] = LavaPyType(np.ndarray, float)
+    hold_steps: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32)
+    theta_plus: NDArray[np.float64] = LavaPyType(np.ndarray, float)
+
+    def __init__(self, proc_params: Any) -> None:
+        super().__init__(proc_params)
+        self.interval: int = proc_params["reset_interval"]
+        self.ready = False
+
+    def _prepare(self) -> None:
+        """Take over the Vars, at first and when one was set."""
+        self.keep_u = float((_UNITY - 1 - self.du[0]) / _UNITY)
+        self.keep_v = float((_UNITY - self.dv[0]) / _UNITY)
+        self.bias = self.bias_mant * 2.0 ** (self.bias_exp - INPUT_SHIFT)
+        self.ready = True
+
+    def on_var_update(self) -> None:
+        """A Var was set."""
+        self.ready = False
+
+    def run_spk(self) -> None:
+        """One step."""
+        if not self.ready:
+            self._prepare()
+        drive = self.a_in.recv()
+        if self.interval and (self.time_step - 1) % self.interval == 0:
+            self.u[:] = self.v[:] = self.held[:] = 0
+        self.u *= self.keep_u
+        self.u += drive
+        self.v *= self.keep_v
+        self.v += self.u
+        self.v += self.bias
+        if self.floor[0] != NO_FLOOR:
+            np.maximum(self.v, self.floor, out=self.v)
+        if self.hold_steps[0]:
+            waiting = self.held > 0
+            self.v[waiting] = 0
+            self.held -= waiting
+        spikes = self.v > self.vth
+        self.v[spikes] = 0
+        self.held[spikes] = self.hold_steps
+        self.vth[spikes] += self.theta_plus
+        self.s_out.send(spikes)

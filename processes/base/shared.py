@@ -1,0 +1,177 @@
+"""What all Processes have in common: memory shared with their models, and checks made before Lava starts anything."""
+
+from __future__ import annotations
+
+import mmap
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from lava.magma.core.process.process import AbstractProcess
+from lava.magma.core.process.variable import Var
+from numpy.typing import DTypeLike, NDArray
+
+from lava_vpr.engine.general.lif import need
+from lava_vpr.errors import NetworkLimitError
+
+FIXED_TAG = "fixed_pt"
+"""Tag of the models that compute in Loihi's integers."""
+
+
+def shared_array(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
+    """Zeros in anonymous memory that forked processes share with this one.
+
+    Lava runs every model in a fork, and reading a Var back takes 23 us per element; what a model writes here is simply
+    there. The memory lives as long as the array.
+
+    Args:
+        shape: Of the array; it may be empty.
+        dtype: Of the array.
+    """
+    kind = np.dtype(dtype)
+    size = int(np.prod(shape, dtype=np.int64)) * kind.itemsize
+    if size == 0:
+        return np.zeros(shape, kind)
+    return np.frombuffer(mmap.mmap(-1, size), kind).reshape(shape)
+
+
+def whole(*values: Any) -> bool:
+    """Whether all values are of an integer type: registers, not numbers for the floating-point model."""
+    return all(np.asarray(value).dtype.kind in "iub" for value in values)
+
+
+def require(name: str, values: NDArray[Any], fits: NDArray[np.bool_], limit: str) -> None:
+    """Refuse values of which one does not fit, naming the first such.
+
+    Raises:
+        NetworkLimitError: naming the parameter, the value and its range.
+    """
+    need(bool(np.all(fits)), name, "" if np.all(fits) else values[~fits].flat[0], limit)
+
+
+def check_outputs(name: str, **arrays: tuple[NDArray[Any] | None, tuple[int, ...], DTypeLike]) -> None:
+    """Refuse arrays for results that have another shape or type than the results.
+
+    Args:
+        name: Of the Process, for the message.
+        **arrays: Array, or None; its shape; its dtype.
+    Raises:
+        NetworkLimitError: naming the first.
+    """
+    for key, (array, shape, dtype) in arrays.items():
+        if array is not None and (array.shape != shape or array.dtype != np.dtype(dtype)):
+            raise NetworkLimitError(
+                f"{name}: {key} is {array.dtype} {array.shape}, but must be {np.dtype(dtype)} {shape}; "
+                "make it with lava_vpr.processes.base.shared.shared_array"
+            )
+
+
+def check_presentations(
+    name: str, rates: NDArray[np.uint16], keys: NDArray[np.uint64], steps: int, silent_steps: int
+) -> None:
+    """Refuse what an input Process cannot present.
+
+    Args:
+        name: Of the Process, for the message.
+        rates: Must be uint16 (n, inputs).
+        keys: Must be uint64 (n,).
+        steps, silent_steps: Of one presentation, at least 1 and 0.
+    Raises:
+        NetworkLimitError: naming the argument and the remedy.
+    """
+    if rates.dtype != np.uint16 or rates.ndim != 2 or not rates.shape[1]:
+        raise NetworkLimitError(
+            f"{name}: rates are {rates.dtype} {rates.shape}, but must be uint16 (n, inputs) in units of 2^-16; use "
+            "lava_vpr.encoding.rates16"
+        )
+    if keys.dtype != np.uint64 or keys.shape != rates.shape[:1]:
+        raise NetworkLimitError(
+            f"{name}: keys are {keys.dtype} {keys.shape}, but must be uint64 ({len(rates)},), one for each row of "
+            "rates; use lava_vpr.engine.random.presentation_keys"
+        )
+    if not whole(steps, silent_steps) or steps < 1 or silent_steps < 0:
+        raise NetworkLimitError(
+            f"{name}: {steps} steps and {silent_steps} silent ones, but at least 1 and 0 are needed"
+        )
+
+
+def check_shape(name: str, shape: tuple[int, ...]) -> int:
+    """The number of neurons of a one-dimensional ``shape``.
+
+    Raises:
+        NetworkLimitError: it has more dimensions, or no neurons.
+    """
+    if len(shape) != 1 or shape[0] < 1:
+        raise NetworkLimitError(f"{name}: shape is {shape}, but must be (neurons,) with at least one neuron")
+    return int(shape[0])
+
+
+class CheckedProcess(AbstractProcess):
+    """A Process that is checked in the moment in which Lava's compiler picks its model.
+
+    An error inside a running model can hang the program, and one Process serves both float and integer models. The
+    compiler names the picked model before it starts anything: the one place where a parameter that the integer model
+    cannot hold is refused as an ordinary exception.
+    """
+
+    _runtime: Any = None  # Lava's destructor asks for it, also where a constructor refused its arguments
+
+    def check_fixed(self) -> None:
+        """Refuse parameters that Loihi's registers cannot hold.
+
+        Raises:
+            NetworkLimitError: naming the parameter, its value and its range.
+        """
+
+    def compile_kernels(self) -> None:
+        """Compile what the models call, once and before they are forked."""
+
+    @property
+    def fixed(self) -> bool:
+        """Whether Lava has picked a model that computes in integers."""
+        return FIXED_TAG in getattr(self._model_class, "tags", ())
+
+    @property
+    def _model_class(self) -> Any:
+        return self.__dict__.get("_picked_model")
+
+    @_model_class.setter
+    def _model_class(self, model: Any) -> None:
+        self.__dict__["_picked_model"] = model
+        if model is not None:
+            if self.fixed:
+                self.check_fixed()
+            self.compile_kernels()
+
+
+class RegisterVar(Var):
+    """A Var whose new values are checked when it is set, while the integer model runs."""
+
+    def __init__(self, shape: tuple[int, ...], init: Any, check: Callable[[NDArray[Any]], object]) -> None:
+        super().__init__(shape=shape, init=init)
+        self.check = check
+
+    def set(self, value: Any, idx: Any = None) -> None:
+        """Set the value, as Lava's Var does.
+
+        Raises:
+            NetworkLimitError: Loihi's registers cannot hold it.
+        """
+        if getattr(self.process, "fixed", False):
+            self.check(np.asarray(value))
+        super().set(value, idx)
+
+
+def vector(name: str, value: Any, neurons: int) -> NDArray[Any]:
+    """``value``, one for all neurons or one each, as an array (neurons,) of its own type.
+
+    Raises:
+        NetworkLimitError: another number of values, or one that is not a finite number.
+    """
+    array = np.asarray(value)
+    if array.dtype.kind not in "iubf":
+        raise NetworkLimitError(f"{name} is {value!r}, but must be a number or an array of {neurons} numbers")
+    if array.shape not in ((), (1,), (neurons,)):
+        raise NetworkLimitError(f"{name} has shape {array.shape}, but must be one number or one each: ({neurons},)")
+    require(name, array, np.isfinite(array), "finite")
+    return np.broadcast_to(array, (neurons,)).copy()

@@ -1,1 +1,0 @@
-"""Input compartments that integrate a bias."""

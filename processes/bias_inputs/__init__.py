@@ -1,0 +1,3 @@
+"""Input compartments that integrate a bias."""
+
+PROCESS = "BiasInputs"

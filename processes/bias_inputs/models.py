@@ -1,0 +1,78 @@
+"""Models of `BiasInputs`: nothing they compute is ever rounded, so both send the same spikes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from lava.magma.core.decorator import implements, requires, tag
+from lava.magma.core.model.py.model import PyLoihiProcessModel
+from lava.magma.core.model.py.ports import PyOutPort
+from lava.magma.core.model.py.type import LavaPyType
+from lava.magma.core.resources import CPU
+from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
+from numpy.typing import NDArray
+
+from lava_vpr.engine.inference.bias_input import LEVEL, THRESHOLD, biases, phases
+from lava_vpr.loihi import INPUT_SHIFT
+from lava_vpr.processes.bias_inputs.process import BiasInputs
+
+
+class _InputsModel(PyLoihiProcessModel):
+    """Integrates in the unit of its kind: ``threshold`` is `LEVEL` in units of 1 / ``scale``."""
+
+    s_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, bool, precision=1)
+    emitted: NDArray[np.int64] = LavaPyType(np.ndarray, np.int64)
+    v: NDArray[Any]
+    bias_mant: NDArray[Any]
+    bias_exp: NDArray[Any]
+    threshold: float
+    scale: float
+
+    def __init__(self, proc_params: Any) -> None:
+        super().__init__(proc_params)
+        self.rates, self.keys = proc_params["rates"], proc_params["keys"]
+        self.steps, self.interval = proc_params["steps"], proc_params["interval"]
+        self.shared = proc_params["shared"]
+        self.silence = np.zeros(self.rates.shape[1], bool)
+
+    def run_spk(self) -> None:
+        """Send the spikes of this step."""
+        image, step = divmod(self.time_step - 1, self.interval)
+        if image >= len(self.keys) or step >= self.steps:
+            self.s_out.send(self.silence)
+            return
+        if step == 0:
+            self.bias_mant[:], self.bias_exp[:] = biases(self.rates[image])
+            self.v[:] = phases(self.keys[image], len(self.v)) * self.scale
+        self.v += self.bias_mant * 2**self.bias_exp * self.scale
+        spikes = self.v > self.threshold
+        self.v[spikes] = 0
+        self.s_out.send(spikes)
+        self.emitted += spikes
+        if self.shared is not None:
+            self.shared += spikes
+
+
+@implements(proc=BiasInputs, protocol=LoihiProtocol)
+@requires(CPU)
+@tag("floating_pt")
+class PyBiasInputsFloat(_InputsModel):
+    """In float64; v is in the unit of the threshold."""
+
+    v: NDArray[np.float64] = LavaPyType(np.ndarray, float)
+    bias_mant: NDArray[np.float64] = LavaPyType(np.ndarray, float)
+    bias_exp: NDArray[np.float64] = LavaPyType(np.ndarray, float)
+    threshold, scale = float(THRESHOLD), 2.0**-INPUT_SHIFT
+
+
+@implements(proc=BiasInputs, protocol=LoihiProtocol)
+@requires(CPU)
+@tag("bit_accurate_loihi", "fixed_pt")
+class PyBiasInputsFixed(_InputsModel):
+    """In Loihi's integers."""
+
+    v: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=24)
+    bias_mant: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=13)
+    bias_exp: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=3)
+    threshold, scale = LEVEL, 1

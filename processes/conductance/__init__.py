@@ -1,0 +1,1 @@
+"""The Processes of VPRSNN's conductance-based network, preset ``paper``."""

@@ -1,0 +1,3 @@
+"""A population of conductance-based neurons."""
+
+PROCESS = "ConductanceLIF"

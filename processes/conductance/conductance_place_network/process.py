@@ -1,0 +1,109 @@
+"""VPRSNN's network of two conductance-based populations, as one hierarchical Process."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from lava.magma.core.process.ports.ports import InPort, OutPort
+from lava.magma.core.process.process import AbstractProcess
+from lava.magma.core.process.variable import Var
+
+from lava_vpr.config import Config
+from lava_vpr.engine.conductance.kernels import (
+    E_EXC,
+    E_INH,
+    E_OFFSET,
+    E_RESET,
+    E_REST,
+    E_THRESHOLD,
+    I_RESET,
+    I_REST,
+    I_THRESHOLD,
+    INH_TO_EXC,
+    Constants,
+)
+from lava_vpr.engine.conductance.model import ConductanceState, constants
+from lava_vpr.errors import NetworkLimitError
+from lava_vpr.processes.conductance.delayed_dense.process import check_synapses
+from lava_vpr.processes.conductance.neurons import ConductanceNeuron
+
+
+def excitatory_neuron(c: Constants) -> ConductanceNeuron:
+    """The excitatory population of the ``paper`` preset."""
+    return ConductanceNeuron(
+        leak=c.exc_leak,
+        ge_decay=c.ge_decay,
+        gi_decay=c.gi_decay,
+        rest=E_REST,
+        reset=E_RESET,
+        threshold=E_THRESHOLD,
+        offset=E_OFFSET,
+        e_exc=E_EXC,
+        e_inh=E_INH,
+        freeze=c.freeze,
+        refractory=c.timer,
+        g_inh=INH_TO_EXC,
+        theta_plus=c.theta_plus,
+        theta_decay=c.theta_decay,
+    )
+
+
+def inhibitory_neuron(c: Constants) -> ConductanceNeuron:
+    """The inhibitory population; nothing inhibits it, and its thresholds are fixed."""
+    return ConductanceNeuron(
+        leak=c.inh_leak,
+        ge_decay=c.ge_decay,
+        gi_decay=c.gi_decay,
+        rest=I_REST,
+        reset=I_RESET,
+        threshold=I_THRESHOLD,
+        offset=0.0,
+        e_exc=0.0,
+        e_inh=-85.0,
+        freeze=c.inh_freeze,
+        refractory=c.inh_freeze,
+    )
+
+
+class ConductancePlaceNetwork(AbstractProcess):
+    """Input -> excitatory (all to all, delayed), excitatory -> inhibitory -> all *other* excitatory neurons.
+
+    Runs the spec of `engine.conductance.model`, every spike, weight and theta equal to that engine's: step k of a
+    presentation is Lava step k of it, for the input, both populations and every connection. With ``learn`` weights and
+    thetas change as in training, else they are frozen.
+
+    Ports: ``s_in`` input spikes (inputs,), ``s_out`` and ``s_out_inh`` spikes of the populations (neurons,).
+    Vars: ``v``, ``ge``, ``gi``, ``theta`` of the excitatory, ``v_inh`` of the inhibitory population, all (neurons,);
+    ``weights`` (neurons, inputs).
+    Run it with ``Loihi2SimCfg(select_tag="floating_pt", select_sub_proc_model=True)``.
+    """
+
+    def __init__(self, *, state: ConductanceState, config: Config, learn: bool = False, **kwargs: Any) -> None:
+        """Make the network.
+
+        Args:
+            state: Weights and delays (inputs, neurons), thetas (neurons,).
+            config: Settings with a conductance network.
+            learn: Whether weights and thetas change.
+        Raises:
+            ConfigError: settings of another network.
+            NetworkLimitError: arrays that do not fit each other or hold values out of range.
+        """
+        super().__init__(state=state, config=config, learn=learn, **kwargs)
+        check_synapses("ConductancePlaceNetwork", state.weights.T, state.delays.T, 0)
+        constants(config, learn=learn)
+        inputs, neurons = state.weights.shape
+        if state.theta_mv.shape != (neurons,) or not np.isfinite(state.theta_mv).all():
+            raise NetworkLimitError(
+                f"ConductancePlaceNetwork: theta {state.theta_mv.shape} must be finite, for {neurons} neurons"
+            )
+        self.s_in = InPort(shape=(inputs,))
+        self.s_out = OutPort(shape=(neurons,))
+        self.s_out_inh = OutPort(shape=(neurons,))
+        self.v = Var(shape=(neurons,), init=E_REST)
+        self.ge = Var(shape=(neurons,), init=0.0)
+        self.gi = Var(shape=(neurons,), init=0.0)
+        self.theta = Var(shape=(neurons,), init=state.theta_mv)
+        self.v_inh = Var(shape=(neurons,), init=I_REST)
+        self.weights = Var(shape=(neurons, inputs), init=np.array(state.weights.T, np.float64, order="C"))

@@ -1,0 +1,3 @@
+"""Delayed synapses that learn by the rules of the conductance-based network."""
+
+PROCESS = "ConductancePlastic"

@@ -1,0 +1,3 @@
+"""All-to-all synapses, each with a delay of its own."""
+
+PROCESS = "DelayedDense"

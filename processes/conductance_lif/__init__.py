@@ -1,1 +1,0 @@
-"""A population of conductance-based neurons."""

@@ -1,1 +1,0 @@
-"""VPRSNN's conductance-based network, composed of Processes."""

@@ -1,1 +1,0 @@
-"""The whole network as one fast Process."""

@@ -1,0 +1,1 @@
+"""Whole runs of Lava as functions of arrays, called in a child process."""

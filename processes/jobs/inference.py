@@ -1,0 +1,268 @@
+"""Whole runs of Lava as functions of arrays and options, to be called in a process of their own.
+
+Each takes ``arrays``: ``weights`` uint8 (inputs, neurons), ``rates`` uint16 (n, inputs), ``keys`` uint64 (n,); and
+``options``: the other fields of `FixedNetwork`, ``tag`` (``fixed_pt`` or ``floating_pt``) and ``record`` (bool). Each
+returns ``counts`` int32 (n, neurons) and ``input_spikes`` int64 (inputs,), how many each input sent; with ``record``
+also the rasters ``exc``, ``inh`` uint8 (n, steps + 3, neurons) and ``inputs`` uint8 (n, steps + 3, inputs). With option
+``timed``, ``runs`` (many presentations a run of Lava where that is faster) or ``single`` (one), also what `Clock` has.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+from lava.magma.core.process.ports.ports import InPort, OutPort
+from lava.magma.core.process.process import AbstractProcess
+from lava.magma.core.run_conditions import RunSteps
+from lava.magma.core.run_configs import Loihi2HwCfg, Loihi2SimCfg, RunConfig
+from lava.proc.lif.process import LIF
+from numpy.typing import NDArray
+
+from lava_vpr import memory
+from lava_vpr.engine.inference.bias_input import biases, schedule
+from lava_vpr.engine.inference.fixed import EVENTS, SCALARS, SILENT_STEPS, FixedNetwork
+from lava_vpr.isolated.worker import report
+from lava_vpr.processes.base.lava_checks import refuse_cpu_models
+from lava_vpr.processes.base.library_inputs import LibraryInputs
+from lava_vpr.processes.base.shared import FIXED_TAG, shared_array
+from lava_vpr.processes.bias_inputs.process import BiasInputs
+from lava_vpr.processes.networks.fused_place_network.process import FusedPlaceNetwork
+from lava_vpr.processes.networks.library_place_network.process import LibraryPlaceNetwork
+from lava_vpr.processes.networks.place_network.process import PlaceNetwork
+from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
+from lava_vpr.processes.spike_counter.process import SpikeCounter
+
+REPORT_SECONDS = 0.5
+"""Aim for the time between two reports; one return from Lava costs 1-2 ms."""
+
+Arrays = dict[str, NDArray[Any]]
+
+
+class Clock:
+    """When each run of Lava began and ended, and what its processes held.
+
+    `arrays` are ``runs`` float64 (runs, 3): presentations, begin and end in seconds of `time.monotonic`; the first
+    run includes what Lava compiles and starts; and ``held`` int64 (1,): bytes of all processes after the last run, 0
+    where that is not known.
+    """
+
+    def __init__(self, options: dict[str, Any]) -> None:
+        self.wanted = bool(options.get("timed"))
+        self.single = options.get("timed") == "single"
+        self._rows: list[tuple[float, float, float]] = []
+        self._held = 0
+
+    def add(self, presentations: int, began: float) -> None:
+        """A run of Lava that has just ended."""
+        self._rows.append((float(presentations), began, time.monotonic()))
+
+    def look(self) -> None:
+        """Note what is held; while Lava's processes are there."""
+        if self.wanted:
+            self._held = memory.held_by_family() or 0
+
+    def arrays(self) -> Arrays:
+        """See above; nothing if nobody asked."""
+        if not self.wanted:
+            return {}
+        return {"runs": np.array(self._rows, np.float64).reshape(-1, 3), "held": np.array([self._held], np.int64)}
+
+
+def network_of(arrays: Arrays, options: dict[str, Any]) -> FixedNetwork:
+    """The network that a job is asked to run."""
+    weights = np.ascontiguousarray(arrays["weights"], np.uint8)
+    return FixedNetwork(weights, **{name: int(options[name]) for name in SCALARS})
+
+
+def _begin(process: AbstractProcess, tag: str, board: bool) -> RunConfig | None:
+    """How to run the models ``tag``; None on a board, for which the network is compiled and started here.
+
+    Raises:
+        BackendUnavailableError: a part of the network would run on the CPU instead of the board.
+    """
+    if not board:
+        return Loihi2SimCfg(select_tag=tag, select_sub_proc_model=True)
+    on_host = (PoissonEncoder, SpikeCounter)
+    executable = refuse_cpu_models(process, Loihi2HwCfg(select_sub_proc_model=True), on_host)
+    process.create_runtime(executable=executable)
+    return None
+
+
+def play(
+    process: AbstractProcess,
+    units: int,
+    steps: int,
+    tag: str,
+    presentations: int,
+    batch: int = 1,
+    board: bool = False,
+    clock: Clock | None = None,
+) -> None:
+    """Run Lava and report the presentations that are done.
+
+    Args:
+        process: Any of the Processes to run.
+        units: Times that ``steps`` steps are run.
+        steps: Lava steps of a unit.
+        tag: Which models.
+        presentations: In all units together.
+        batch: Presentations of a unit.
+        board: On a Loihi 2 board instead of in simulation.
+        clock: Told of every run.
+    Raises:
+        BackendUnavailableError: a part of the network would run on the CPU instead of the board.
+    """
+    clock = clock or Clock({})
+    config = _begin(process, tag, board)
+    done, chunk = 0, 1
+    while done < units:
+        size = min(chunk, units - done)
+        began = time.monotonic()
+        process.run(condition=RunSteps(num_steps=steps * size), run_cfg=config)
+        elapsed = time.monotonic() - began
+        presented = min(presentations, (done + size) * batch) - done * batch
+        clock.add(presented, began)
+        report(presented)
+        if done and not clock.single:  # the first run includes what Lava compiles and starts
+            chunk = max(1, min(2 * chunk, int(REPORT_SECONDS * size / elapsed)))
+        done += size
+    clock.look()
+    # Only after a good end: where a model failed, Lava would wait for its peers for ever.
+    process.stop()
+
+
+def play_written(
+    inputs: LibraryInputs, presentations: int, steps: int, tag: str, board: bool = False, clock: Clock | None = None
+) -> None:
+    """Run Lava with a pause in each presentation, after its ``steps`` steps with input, to write to the inputs.
+
+    Raises:
+        BackendUnavailableError: a part of the network would run on the CPU instead of the board.
+    """
+    clock = clock or Clock({})
+    config = _begin(inputs.lif, tag, board)
+    began = time.monotonic()
+    inputs.lif.run(condition=RunSteps(num_steps=steps), run_cfg=config)
+    for done in range(1, presentations + 1):
+        inputs.write(min(done, presentations - 1))
+        onward = steps if done < presentations else 0
+        inputs.lif.run(condition=RunSteps(num_steps=SILENT_STEPS + onward), run_cfg=config)
+        clock.add(1, began)
+        began = time.monotonic()
+        report(1)
+    clock.look()
+    inputs.lif.stop()
+
+
+def across(source: OutPort, target: InPort, adapter: str | None) -> None:
+    """Connect two ports, through a spike adapter between processor and chip if one is named."""
+    if adapter is None:
+        source.connect(target)
+        return
+    # Intel's closed lava-loihi brings this module into Lava's own name space.
+    from lava.proc.embedded_io import spike
+
+    between = getattr(spike, adapter)(shape=source.shape)
+    source.connect(between.inp)
+    between.out.connect(target)
+
+
+def input_spikes(rates: NDArray[np.uint16], keys: NDArray[np.uint64], steps: int) -> NDArray[np.int64]:
+    """How many spikes regular inputs send in all presentations, by their definition; int64 (inputs,).
+
+    For input compartments on a board, whose spikes do not leave it.
+    """
+    total = np.zeros(rates.shape[1], np.int64)
+    for own, key in zip(rates, keys, strict=True):
+        _, members = schedule(np.left_shift(*biases(own)), key, steps)
+        total += np.bincount(members, minlength=len(total))
+    return total
+
+
+def _wired(network: PlaceNetwork | LibraryPlaceNetwork, arrays: Arrays, options: dict[str, Any]) -> Arrays:
+    """Inputs, network and counters; on a board, with the vendor's adapters between them.
+
+    Regular inputs of the library's network are its own LIF compartments, all others a Process of this project.
+    """
+    spec, interval, clock = network.network, network.interval, Clock(options)
+    tag, board, record = str(options.get("tag", FIXED_TAG)), bool(options.get("board")), bool(options.get("record"))
+    rates, keys = np.ascontiguousarray(arrays["rates"], np.uint16), np.asarray(arrays["keys"], np.uint64)
+    n, counts = len(rates), {"exc": shared_array((len(rates), spec.neurons), np.int32)}
+    result: Arrays = {"counts": counts["exc"], "input_spikes": shared_array((spec.inputs,), np.int64)}
+    if n == 0:
+        return result
+    written: LibraryInputs | None = None
+    source: BiasInputs | PoissonEncoder | LIF
+    if spec.regular and isinstance(network, LibraryPlaceNetwork):
+        written = LibraryInputs(rates=rates, keys=keys, floating=network.floating)
+        source = written.lif
+    else:
+        kind = BiasInputs if spec.regular else PoissonEncoder
+        source = kind(rates=rates, keys=keys, steps=spec.steps, emitted=result["input_spikes"])
+    across(source.s_out, network.s_in, "PyToNxAdapter" if board and not written else None)
+    ports = {"exc": network.s_out}
+    if record:
+        ports |= {"inh": network.s_out_inh, "inputs": source.s_out}
+        result |= {name: shared_array((n, interval, *port.shape), np.uint8) for name, port in ports.items()}
+    if written and (record or not board):
+        ports["inputs"], counts["inputs"] = source.s_out, shared_array((n, spec.inputs), np.int32)
+    for name, port in ports.items():
+        counter = SpikeCounter(
+            shape=port.shape,
+            presentations=n,
+            interval=interval,
+            counts=counts.get(name),
+            raster=result.get(name),
+        )
+        across(port, counter.s_in, "NxToPyAdapter" if board and (written or name != "inputs") else None)
+    if not written:
+        play(source, n, interval, tag, n, board=board, clock=clock)
+        return result | clock.arrays()
+    play_written(written, n, spec.steps, tag, board=board, clock=clock)
+    own = counts["inputs"].sum(axis=0) if "inputs" in counts else input_spikes(rates, keys, spec.steps)
+    return result | {"input_spikes": own.astype(np.int64)} | clock.arrays()
+
+
+def composed(arrays: Arrays, options: dict[str, Any]) -> Arrays:
+    """The network composed of this project's Processes."""
+    return _wired(PlaceNetwork(network=network_of(arrays, options)), arrays, options)
+
+
+def library(arrays: Arrays, options: dict[str, Any]) -> Arrays:
+    """The network wired from Lava's library."""
+    floating = options.get("tag", FIXED_TAG) != FIXED_TAG
+    return _wired(LibraryPlaceNetwork(network=network_of(arrays, options), floating=floating), arrays, options)
+
+
+def fused(arrays: Arrays, options: dict[str, Any]) -> Arrays:
+    """The network as one Process; integers only.
+
+    Option ``batch`` (64): images of one Lava step; one if each is timed. Returns ``counts``, ``events`` int64 in the
+    order of `EVENTS`, and with ``record`` the raster ``exc``: it has no inputs and relays of its own.
+    """
+    spec = network_of(arrays, options)
+    rates, keys = np.ascontiguousarray(arrays["rates"], np.uint16), np.asarray(arrays["keys"], np.uint64)
+    n, interval = len(rates), spec.steps + SILENT_STEPS
+    result: Arrays = {
+        "counts": shared_array((n, spec.neurons), np.int32),
+        "events": shared_array((len(EVENTS),), np.int64),
+    }
+    if options.get("record"):
+        result["exc"] = shared_array((n, interval, spec.neurons), np.uint8)
+    clock = Clock(options)
+    if n:
+        batch = 1 if clock.single else int(options.get("batch", 64))
+        network = FusedPlaceNetwork(
+            network=spec,
+            rates=rates,
+            keys=keys,
+            batch=batch,
+            counts=result["counts"],
+            raster=result.get("exc"),
+            events=result["events"],
+            ahead=not clock.single,
+        )
+        play(network, network.batches, 1, str(options.get("tag", FIXED_TAG)), n, batch, clock=clock)
+    return result | clock.arrays()

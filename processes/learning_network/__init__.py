@@ -1,1 +1,0 @@
-"""The network that learns places, of our own Processes."""

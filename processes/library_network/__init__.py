@@ -1,1 +1,0 @@
-"""The whole network of Lava library Processes."""

@@ -1,0 +1,1 @@
+"""Hierarchical Processes: whole networks, wired from others."""

@@ -1,0 +1,3 @@
+"""The whole network as one fast Process."""
+
+PROCESS = "FusedPlaceNetwork"

@@ -1,0 +1,94 @@
+"""The whole inference network in one leaf Process, for throughput: one Lava step is a batch of whole presentations."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from lava.magma.core.process.variable import Var
+from numpy.typing import NDArray
+
+from lava_vpr.engine.general.lif import need
+from lava_vpr.engine.inference.fixed import EVENTS, SILENT_STEPS, FixedNetwork, count_spikes
+from lava_vpr.errors import NetworkLimitError
+from lava_vpr.processes.base.shared import CheckedProcess, check_outputs, whole
+
+
+@lru_cache(maxsize=2)
+def compile_network(narrow: bool) -> None:
+    """Compile the network's kernel for ``narrow`` (16-bit) or wide input sums, or load it."""
+    weights = np.full((1 if narrow else 256, 1), 255, np.uint8)
+    network = FixedNetwork(weights, 8, 0, 1, 0, 0, 0, 1)
+    rates = np.zeros((1, len(weights)), np.uint16)
+    count_spikes(network, rates, np.zeros(1, np.uint64))
+
+
+class FusedPlaceNetwork(CheckedProcess):
+    """`FixedNetwork` with its input, by the compiled kernel of the host engine: bit-exact integers only.
+
+    **One Lava step is a whole presentation, of ``batch`` images at once**: step t presents the images
+    (t - 1) batch .. t batch - 1, and `batches` steps present all. It has no ports. Vars: ``counts`` int32 (n, neurons),
+    ``events`` int64, as `EVENTS`. Reading a large Var is slow; give shared arrays instead.
+    """
+
+    def __init__(
+        self,
+        *,
+        network: FixedNetwork,
+        rates: NDArray[np.uint16],
+        keys: NDArray[np.uint64],
+        batch: int = 64,
+        ahead: bool = True,
+        counts: NDArray[np.int32] | None = None,
+        raster: NDArray[np.uint8] | None = None,
+        events: NDArray[np.int64] | None = None,
+        **kwargs: Any,
+    ) -> None:
+        """Make the network.
+
+        Args:
+            network: What to run.
+            rates: Spike probabilities in units of 2^-16, uint16 (n, inputs).
+            keys: One key per presentation, uint64 (n,).
+            batch: Images of one Lava step.
+            ahead: Compute the next step's images while Lava turns to it; else each step does its own, to be timed.
+            counts, events: Shared arrays for the results, besides the Vars; the Vars' shapes and types.
+            raster: Shared array for every excitatory spike, uint8 (n, steps + 3, neurons).
+        Raises:
+            NetworkLimitError: a network that could overflow Loihi's registers, or arrays of another type or shape.
+        """
+        network.check()
+        if rates.dtype != np.uint16 or rates.shape != (len(rates), network.inputs) or not len(rates):
+            raise NetworkLimitError(
+                f"FusedPlaceNetwork: rates are {rates.dtype} {rates.shape}, but must be uint16 (n, {network.inputs})"
+            )
+        if keys.dtype != np.uint64 or keys.shape != (len(rates),):
+            raise NetworkLimitError(
+                f"FusedPlaceNetwork: keys are {keys.dtype} {keys.shape}, but must be uint64 ({len(rates)},)"
+            )
+        need(whole(batch) and batch >= 1, "batch", batch, "a whole number, at least 1")
+        n, shape = len(rates), (len(rates), network.neurons)
+        check_outputs(
+            "FusedPlaceNetwork",
+            counts=(counts, shape, np.int32),
+            raster=(raster, (n, network.steps + SILENT_STEPS, network.neurons), np.uint8),
+            events=(events, (len(EVENTS),), np.int64),
+        )
+        super().__init__(
+            network=network,
+            rates=np.ascontiguousarray(rates),
+            keys=keys,
+            batch=int(batch),
+            ahead=bool(ahead),
+            shared={"counts": counts, "raster": raster, "events": events},
+            **kwargs,
+        )
+        self.batches = -(-n // int(batch))
+        self.network = network
+        self.counts = Var(shape=shape, init=0)
+        self.events = Var(shape=(len(EVENTS),), init=0)
+
+    def compile_kernels(self) -> None:
+        """Compile the kernel before the model is forked, and prepare what it reads."""
+        compile_network(self.network.prepared[3])

@@ -1,0 +1,88 @@
+"""The network that learns places as one hierarchical Process of this project's own Processes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from lava.magma.core.process.ports.ports import InPort, OutPort
+from lava.magma.core.process.variable import Var
+from numpy.typing import NDArray
+
+from lava_vpr.engine.general.lif import check_thresholds, need
+from lava_vpr.engine.inference.fixed import SILENT_STEPS
+from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState
+from lava_vpr.loihi import THRESHOLD_LIMIT
+from lava_vpr.processes.base.shared import CheckedProcess
+from lava_vpr.processes.plastic_dense.process import Draws
+
+
+class LearningPlaceNetwork(CheckedProcess):
+    """`IntegerLearning` composed of PlasticDense, ExcitatoryLIF, OneToOne, InhibitoryLIF and LateralInhibition.
+
+    Every presentation of ``keys`` is `engine.learning.integer.present`: weights are normalised and membranes and traces
+    cleared in its first step; thresholds are kept. With ``late_theta`` thresholds rise between presentations and by the
+    host (`raise_thresholds`), as on a chip. Under ``floating_pt`` the same spec runs without rounding.
+
+    Ports: ``s_in`` spikes (inputs,), ``s_out`` spikes of exc (neurons,), ``s_out_inh`` those of inh. Vars: ``weights``
+    (neurons, inputs), ``x1`` traces (inputs,), ``u``, ``v``, ``vth`` of exc and ``v_inh`` (neurons,).
+    """
+
+    def __init__(
+        self,
+        *,
+        learning: IntegerLearning,
+        state: IntegerState,
+        keys: NDArray[np.uint64],
+        draws: Draws | None = None,
+        record_weights: NDArray[Any] | None = None,
+        record_traces: NDArray[Any] | None = None,
+        **kwargs: Any,
+    ) -> None:
+        """Make the network.
+
+        Args:
+            learning: One phase of learning.
+            state: Weights and thresholds at its start; not changed.
+            keys, draws, record_weights, record_traces: As of `lava_vpr.processes.plastic_dense.process.PlasticDense`.
+        Raises:
+            NetworkLimitError: it could overflow Loihi's registers, or arrays do not fit each other.
+        """
+        inputs, neurons = state.weights.shape
+        learning.check(neurons)
+        need(state.theta.shape == (neurons,), "LearningPlaceNetwork: theta", state.theta.shape, f"({neurons},)")
+        check_thresholds(state.theta)
+        plasticity: dict[str, Any] = {
+            "weights": np.ascontiguousarray(state.weights.T),
+            "rule": learning.rule,
+            "weight_exp": -learning.shift,
+            "steps": learning.steps,
+            "keys": keys,
+            "weight_sum": learning.weight_sum,
+            "draws": draws,
+            "record_weights": record_weights,
+            "record_traces": record_traces,
+        }
+        super().__init__(**kwargs)
+        self.learning, self.theta, self.plasticity = learning, state.theta.copy(), plasticity
+        self.s_in = InPort(shape=(inputs,))
+        self.s_out = OutPort(shape=(neurons,))
+        self.s_out_inh = OutPort(shape=(neurons,))
+        self.weights = Var(shape=(neurons, inputs), init=plasticity["weights"])
+        self.x1 = Var(shape=(inputs,), init=0)
+        self.vth = Var(shape=(neurons,), init=self.theta)
+        self.u, self.v, self.v_inh = (Var(shape=(neurons,), init=0) for _ in range(3))
+
+    @property
+    def interval(self) -> int:
+        """Steps of one presentation, the silent ones included."""
+        return self.learning.steps + SILENT_STEPS
+
+    def raise_thresholds(self, counts: NDArray[np.int32]) -> None:
+        """What the host does after a presentation with ``late_theta``; the run must pause.
+
+        Args:
+            counts: Spikes of each neuron in that presentation, (neurons,).
+        """
+        raised = self.vth.get() + counts * self.learning.neurons.theta_plus
+        self.vth.set(np.minimum(raised, THRESHOLD_LIMIT - 1))

@@ -1,0 +1,3 @@
+"""The network that learns places, of nothing but Lava's library."""
+
+PROCESS = "LibraryLearningNetwork"

@@ -1,0 +1,3 @@
+"""The whole network of Lava library Processes."""
+
+PROCESS = "LibraryPlaceNetwork"

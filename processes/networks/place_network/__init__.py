@@ -1,0 +1,3 @@
+"""The whole network of our own Processes."""
+
+PROCESS = "PlaceNetwork"

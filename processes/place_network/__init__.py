@@ -1,1 +1,0 @@
-"""The whole network of our own Processes."""

@@ -1,0 +1,320 @@
+"""The cross-check with SANA-FE: what it is asked, how its answer is compared, and what a broken one leads to."""
+
+from __future__ import annotations
+
+import copy
+import functools
+import json
+import stat
+import sys
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.recall import learn
+from benchmarks.sanafe.compare import LIMIT, SEEDS, Case, failures, random_case, real
+from lava_vpr.bench import results
+from lava_vpr.config import preset
+from lava_vpr.deploy.boards import constants
+from lava_vpr.deploy.boards.board import LOIHI_2
+from lava_vpr.deploy.cost import closed_form
+from lava_vpr.deploy.cost.events import routes
+from lava_vpr.deploy.mapping.partition import partition
+from lava_vpr.deploy.sanafe import comparison, worker
+from lava_vpr.deploy.sanafe.comparison import CrossCheck, ask, compare, cross_check, find_sanafe
+from lava_vpr.deploy.sanafe.problem import PORT, bias_and_membrane, problem_of
+from lava_vpr.engine.inference.bias_input import LEVEL, regular_spikes
+from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.trains import Trains
+from lava_vpr.errors import BackendUnavailableError
+
+LITERAL = Path(__file__).parents[1] / "support" / "literal" / "literal_sanafe.py"
+CHIP = """\
+architecture:
+  attributes:
+    width: 8
+    height: 4
+  tile:
+    - name: loihi_tile[0..31]
+      core:
+        - name: loihi_core[0..3]
+          attributes: {max_neurons_supported: 1024}
+          soma:
+            - name: loihi_inputs[0..1023]
+          axon_out:
+            - name: out
+              attributes:
+                latency_message_out: 5.1e-9
+"""
+
+
+@functools.cache
+def case(seed: int) -> Case:
+    return random_case(seed)
+
+
+def interpreter(folder: Path, script: str) -> Path:
+    """An executable that gets what a Python with SANA-FE would: -I -B WORKER PROBLEM RESULT."""
+    path = folder / "python"
+    path.write_text(f"#!/bin/sh\n{script}\n")
+    path.chmod(path.stat().st_mode | stat.S_IXUSR)
+    return path
+
+
+def literal(folder: Path) -> Path:
+    return interpreter(folder, f'exec "{sys.executable}" "{LITERAL}" "$@"')
+
+
+@functools.cache
+def answer(seed: int) -> dict[str, Any]:
+    """Of the literal stand-in."""
+    with tempfile.TemporaryDirectory() as folder:
+        own = case(seed)
+        return ask(literal(Path(folder)), problem_of(own.plan, own.trains, input_core=own.input_core))
+
+
+def again(seed: int, answered: dict[str, Any]) -> CrossCheck:
+    """The comparison with ``answered``."""
+    own = case(seed)
+    problem = problem_of(own.plan, own.trains, input_core=own.input_core)
+    tiles = len({group["tile"] for group in problem["groups"]})
+    return compare(own.plan, own.trains, answered, input_core=own.input_core, tiles=tiles)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 15, 31, 44])
+def test_the_closed_form_is_what_events_one_by_one_sum_to(seed: int, tmp_path: Path) -> None:
+    own = case(seed)
+    found = cross_check(own.plan, own.trains, python=literal(tmp_path), input_core=own.input_core)
+    assert failures(own, found) == []
+    assert found.version == "literal"
+    assert found.queries == 2
+    assert found.microjoules["total"][1] > 0
+    assert found.counts["spikes"][0] > 0
+
+
+def test_both_ways_of_injecting(tmp_path: Path) -> None:
+    own = case(24)
+    times = []
+    for input_core in (True, False):
+        found = cross_check(own.plan, own.trains, python=literal(tmp_path), input_core=input_core)
+        assert failures(own, found) == []
+        assert found.simple_milliseconds is not None
+        times.append(found.simple_milliseconds[0])
+    assert times[0] > times[1]
+
+
+def test_zeros_that_reach_a_membrane_of_zero_count_as_updates() -> None:
+    own = case(44)
+    activity = comparison.activity_of(own.plan, own.trains, entry=(0, 0))
+    assert activity.touched.sum() > activity.updates.sum()
+    assert again(44, answer(44)).counts["updates"][0] == activity.touched.sum() / 2
+
+
+@pytest.mark.parametrize("name", ["synapse_energy", "soma_energy", "network_energy", "total_energy", "sim_time"])
+def test_a_part_in_a_hundred_thousand_in_one_step_is_seen(name: str) -> None:
+    answered = copy.deepcopy(answer(0))
+    step = answered["queries"][1][name]
+    step[7] *= 1 + 1e-5 if name in ("total_energy", "sim_time") else 1.001
+    found = again(0, answered)
+    assert found.difference is not None
+    assert found.difference > LIMIT
+
+
+@pytest.mark.parametrize("name", ["updated", "spikes", "hops"])
+def test_one_event_more_is_seen(name: str) -> None:
+    answered = copy.deepcopy(answer(0))
+    answered["queries"][0][name][3] += 1
+    assert len(failures(case(0), again(0, answered))) == 1
+
+
+def test_another_spike_is_seen() -> None:
+    answered = copy.deepcopy(answer(0))
+    fired = next(step for step in answered["queries"][0]["fired_neurons"] if step)
+    fired[0][1] += 1 if fired[0][1] == 0 else -1
+    assert again(0, answered).spikes_differ in (1, 2)
+
+
+def test_what_is_no_number_is_no_agreement() -> None:
+    answered = copy.deepcopy(answer(0))
+    answered["queries"][0]["sim_time"][3] = float("nan")
+    assert failures(case(0), again(0, answered)) == ["apart by nan"]
+
+
+def test_a_wrong_constant_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    wrong = replace(constants.HOP_NORTH_SOUTH, nominal=4.2001)
+    monkeypatch.setattr(closed_form.c, "HOP_NORTH_SOUTH", wrong)
+    assert failures(case(0), again(0, answer(0)))[0].startswith("apart by")
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_rows_are_those_of_the_plan(seed: int) -> None:
+    own = case(seed)
+    problem, way = problem_of(own.plan, own.trains), routes(own.plan)
+    stored = {"dense": 0, "sparse": 0}
+    for row in problem["synapses"]:
+        assert len(row["pre"]) == len(row["post"]) == len(row["weights"]) > 0
+        stored[row["kind"]] += len(row["pre"])
+    network = own.plan.network
+    expected = way.input_rows.sum(axis=(0, 1)) + way.relay_rows.sum(axis=(0, 1)) + [0, network.neurons]
+    assert [stored["dense"], stored["sparse"]] == expected.tolist()
+    sizes = sum(group["size"] for group in problem["groups"])
+    assert sizes == 2 * network.neurons + network.inputs
+    assert any(group["name"] == PORT for group in problem["groups"]) != bool(network.regular)
+
+
+def test_a_bias_for_every_regular_train() -> None:
+    rng = np.random.default_rng(3)
+    for key in presentation_keys(1, "query", np.arange(6)):
+        rates = (rng.random(200) ** 3 * 65_535).astype(np.uint16)
+        trains = regular_spikes(rates, int(key), 90)
+        for train in trains.T:
+            bias, v = bias_and_membrane(train)
+            assert bias or v
+            assert v <= LEVEL
+            for expected in train:
+                v += bias
+                assert (v > LEVEL) == expected
+                v = 0 if expected else v
+
+
+def test_no_bias_for_other_trains() -> None:
+    for spikes in ([0, 1, 5], [5, 7]):
+        train = np.zeros(20, np.uint8)
+        train[spikes] = 1
+        with pytest.raises(BackendUnavailableError, match="not regular"):
+            bias_and_membrane(train)
+
+
+def test_what_cannot_be_asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = case(0)
+    python = interpreter(tmp_path, "exit 9")
+    other = partition(own.plan.network, LOIHI_2, np.full(own.plan.network.inputs, 0.01))
+    shifted = replace(own.plan, network=replace(own.plan.network, shift=1))
+    for plan, trains, why in (
+        (other, own.trains, "Loihi 1, not Loihi 2"),
+        (shifted, own.trains, "without shifting"),
+        (own.plan, Trains(own.trains.exc), "inputs and relays"),
+    ):
+        assert why in cross_check(plan, trains, python=python).absent
+    monkeypatch.setattr(comparison, "MOST_SYNAPSES", 10)
+    assert "at most 10 are compared" in cross_check(own.plan, own.trains, python=python).absent
+
+
+@pytest.mark.parametrize(
+    ("script", "why"),
+    [
+        ("echo 'No module named sanafe' >&2; exit 1", "SANA-FE failed (No module named sanafe); delete .venv-sanafe"),
+        ("exit 3", "failed (exit code 3)"),
+        ("kill -9 $$", "failed (exit code -9)"),
+        ("exit 0", "left no answer (FileNotFoundError)"),
+        ("echo rubbish > $5", "left no answer (JSONDecodeError)"),
+        ("head -c 100 /dev/urandom > $5; echo '\377' >> $5", "left no answer"),
+        ("echo '[1]' > $5", "answered something else"),
+        ("echo '{}' > $5", "cannot be read (KeyError"),
+        ("""echo '{"version": 1, "queries": [{"repeats": true}]}' > $5""", "cannot be read (KeyError"),
+        ("""echo '{"version": 1, "queries": 3}' > $5""", "cannot be read (TypeError"),
+        ("""echo '{"version": 1, "queries": [{"repeats": false}]}' > $5""", "other events with detailed timing"),
+    ],
+)
+def test_a_broken_sanafe_is_a_reason(script: str, why: str, tmp_path: Path) -> None:
+    own = case(0)
+    found = cross_check(own.plan, own.trains, python=interpreter(tmp_path, script))
+    assert why in found.absent
+    assert "\n" not in found.absent
+    assert found.difference is None
+
+
+def test_a_sanafe_that_hangs_is_ended_with_all_it_started(tmp_path: Path) -> None:
+    own, mark = case(0), tmp_path / "alive"
+    python = interpreter(tmp_path, f"(sleep 1; touch '{mark}') & sleep 60")
+    started = time.monotonic()
+    found = cross_check(own.plan, own.trains, python=python, timeout_s=0.3)
+    assert found.absent == "SANA-FE was not done after 0.3 s; compare fewer queries"
+    assert time.monotonic() - started < 1
+    time.sleep(1.1)
+    assert not mark.exists()
+
+
+def test_a_python_that_does_not_start(tmp_path: Path) -> None:
+    own, path = case(0), tmp_path / "python"
+    path.write_text("no program")
+    assert "does not start (Permission denied)" in cross_check(own.plan, own.trains, python=path).absent
+
+
+def test_where_sanafe_is_looked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(comparison, "__file__", str(tmp_path / "project" / "deploy" / "sanafe" / "comparison.py"))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv(comparison.VARIABLE, raising=False)
+    own = case(0)
+    assert find_sanafe() is None
+    assert cross_check(own.plan, own.trains).absent == "SANA-FE is not installed; run make sanafe"
+    for folder in (tmp_path / "project", tmp_path):
+        path = folder / ".venv-sanafe" / "bin" / "python"
+        path.parent.mkdir(parents=True)
+        path.write_text("")
+        assert find_sanafe() == path
+    monkeypatch.setenv(comparison.VARIABLE, str(tmp_path / "gone"))
+    assert find_sanafe() is None
+    assert "names " + str(tmp_path / "gone") in cross_check(own.plan, own.trains).absent
+    monkeypatch.setenv(comparison.VARIABLE, str(path))
+    assert find_sanafe() == path
+
+
+def test_the_chip_that_the_worker_makes() -> None:
+    problem = {"columns": 16, "rows": 4, "tile_cores": 4, "tiles": 2, "port_units": 7, "port_takes_time": False}
+    text = worker.architecture(problem, CHIP)
+    assert "    width: 16\n" in text
+    tile_0, tile_1 = text.split("- name: tile_0")[1].split("- name: tile_1")
+    for tile in (tile_0, tile_1):
+        assert tile.count("loihi_core[0..3]") == 1
+        assert tile.count("loihi_inputs[0..0]") == 1
+    assert "loihi_inputs[0..6]" in tile_0
+    assert "max_neurons_supported: 7" in tile_0
+    assert "latency_message_out: 5.1e-9" in tile_0
+    assert "latency_message_out: 0.0" in tile_0
+    assert "name: port" not in tile_1
+    assert "latency_message_out: 0.0" not in worker.architecture(problem | {"port_takes_time": True}, CHIP)
+    assert "name: port" not in worker.architecture(problem | {"port_units": 0}, CHIP)
+    with pytest.raises(SystemExit, match="width"):
+        worker.architecture(problem, CHIP.replace("width", "breadth"))
+
+
+def test_only_the_worker_imports_sanafe() -> None:
+    assert results.CrossCheck is CrossCheck
+    assert "sanafe" not in sys.modules
+    source = Path(worker.__file__).read_text()
+    assert "lava_vpr." not in source.replace("`lava_vpr.deploy.sanafe.problem`", "")
+    assert json.dumps(problem_of(case(0).plan, case(0).trains))
+
+
+def installed() -> Path:
+    python = find_sanafe()
+    if python is None:
+        pytest.skip("SANA-FE is not installed; run make sanafe")
+    return python
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", SEEDS)
+def test_sanafe_itself_agrees(seed: int) -> None:
+    python, own = installed(), case(seed)
+    found = cross_check(own.plan, own.trains, python=python, input_core=own.input_core)
+    assert failures(own, found) == []
+    assert found.version == "2.2.9"
+    assert found.simple_milliseconds is not None
+    assert found.detailed_milliseconds is not None
+    assert found.detailed_milliseconds >= found.simple_milliseconds[1] * (1 - LIMIT)
+
+
+@pytest.mark.data
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "places"), [("loihi", 100), ("loihi", 500), ("fast", 100)])
+def test_sanafe_agrees_on_real_images(name: str, places: int, data_root: Path) -> None:
+    installed()
+    own = real(name, learn((0, places), preset(name)), 2)
+    assert failures(own, cross_check(own.plan, own.trains)) == []

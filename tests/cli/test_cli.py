@@ -1,0 +1,251 @@
+"""The command line at work: demo, synth, train, help, output files. Wrong use is in test_cli_errors.py."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import CliRunner
+from support.common.commands import CONFIG, PLACES, images, listed, recall, run
+from support.common.imagefiles import video
+
+from lava_vpr import __version__, model
+from lava_vpr.cli import main
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+# --- demo, synth, doctor, help ---------------------------------------------------------------------------------------
+
+
+def test_demo_twice_into_the_same_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    module = importlib.import_module("lava_vpr.cli.demo")
+    draw = module.write_traverses
+    monkeypatch.setattr(module, "write_traverses", lambda out, places, seed, keep: draw(out, 12, seed, keep=keep))
+    monkeypatch.chdir(tmp_path)
+    results = []
+    for _ in range(2):
+        text = run("demo", "--out", "d").stdout
+        results.append((text, Path("d/figures.json").read_bytes(), Path("d/model.lvpr").read_bytes()))
+    assert results[0][1:] == results[1][1:]
+    text = results[0][0]
+    assert "12 queries, 12 places, 12 neurons" in text
+    for name in ("contrast *", "standard", "weighted_probability", "sad", "cosine"):
+        assert re.search(rf"│ {re.escape(name)} +│( +[\d.]+ │){{6}}\n", text), text
+    assert text.splitlines()[-1] == "report to open in a browser: d/report/report.html"
+    page = Path("d/report/report.html").read_text(encoding="utf-8")
+    assert "lava-vpr demo" in page
+    assert str(tmp_path) not in page
+    assert {p.name for p in Path("d").iterdir()} == {
+        *("reference", "query", "reference_positions.csv", "query_positions.csv"),
+        *("model.lvpr", "figures.json", "report"),
+    }
+    values = json.loads(results[0][1])
+    assert (values["places"], values["queries"], values["network"]["weight_bits"]) == (12, 12, 3)
+
+
+def test_synth_writes_two_journeys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run("synth", "s", "--places", 3, "--seed", 7).stdout == "3 places: s/reference, s/query\n"
+    names = [f"place_{k:05d}.png" for k in range(3)]
+    assert [p.name for p in images("s/reference")] == [p.name for p in images("s/query")] == names
+    run("synth", "t", "--places", 3, "--seed", 7)
+    run("synth", "u", "--places", 3, "--seed", 8)
+    first = Path("s/query", names[1]).read_bytes()
+    assert first == Path("t/query", names[1]).read_bytes()
+    assert first != Path("u/query", names[1]).read_bytes()
+
+
+def test_doctor_says_what_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = run("doctor").stdout
+    assert text.startswith(f"lava-vpr {__version__}, Python 3.10.")
+    assert re.search(r"│ host +│ yes +│", text)
+    assert re.search(r"│ lava-nc +│ 0\.10\.", text)
+    for extra in ("brian2", "lava-dl", "lava-loihi", "nxsdk"):
+        assert re.search(rf"│ {extra} +│ ", text)
+    assert re.search(r"│ SANA-FE +│ (not )?installed", text)
+    assert re.search(r"│ RAPL +│ (not )?readable", text)
+    module = importlib.import_module("lava_vpr.cli.doctor")
+    known = module.version
+    monkeypatch.setattr(module, "version", lambda package: None if package == "scipy" else known(package))
+    result = CliRunner().invoke(main, ["doctor"])
+    assert result.exit_code == 1
+    assert re.search(r"│ scipy +│ missing ", result.stdout)
+    assert "lava-vpr: error: scipy missing; install again" in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
+
+
+def commands() -> Iterator[tuple[str, click.Command]]:
+    ctx = click.Context(main)
+    for name in main.list_commands(ctx):
+        command = main.get_command(ctx, name)
+        assert command is not None
+        yield name, command
+
+
+def test_every_command_and_option_says_what_it_is() -> None:
+    seen = dict(commands())
+    assert list(seen) == ["demo", "synth", "train", "eval", "query", "verify", "fit", "deploy", "bench", "doctor"]
+    overview = run("--help").stdout
+    assert overview == run("-h").stdout
+    for name, command in seen.items():
+        assert command.name == name
+        assert len(command.help or "") > 20
+        assert re.search(rf"^  {name} +\S", overview, re.M), overview
+        text = " ".join(run(name, "--help").stdout.split())
+        for param in command.params:
+            if isinstance(param, click.Option):
+                assert len(param.help or "") > 8, f"{name} {param.opts}"
+                assert (param.help or "").rstrip("]").endswith((".", "100", "0")), f"{name} {param.opts}"
+                assert param.opts[-1].removeprefix("--") in text
+            else:
+                assert (param.metavar or param.human_readable_name).removesuffix("...") in (command.help or "") or (
+                    name in ("eval", "query") and param.human_readable_name == "MODEL"
+                ), f"{name}: the help does not speak of {param.human_readable_name}"
+
+
+def test_the_command_line_reference_is_up_to_date() -> None:
+    """docs/cli.md is what scripts/cli_reference.py writes."""
+    done = subprocess.run([sys.executable, "scripts/cli_reference.py", "--check"], cwd=ROOT, capture_output=True)
+    assert done.returncode == 0, done.stderr.decode()
+
+
+def test_version_and_the_module() -> None:
+    assert run("--version").stdout == f"lava-vpr, version {__version__}\n"
+    done = subprocess.run([sys.executable, "-m", "lava_vpr", "--version"], capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == (f"lava-vpr, version {__version__}\n", "")
+    shown = subprocess.run([sys.executable, "-m", "lava_vpr", "--help"], capture_output=True, text=True, check=True)
+    assert shown.stdout.startswith("Usage: lava-vpr [OPTIONS] COMMAND")
+
+
+# --- train -----------------------------------------------------------------------------------------------------------
+
+
+def test_train_is_quiet_in_a_pipe(here: Path) -> None:
+    result = run("train", "reference", "-o", "n.lvpr", "--config", "quick.toml")
+    pattern = (
+        r"learned 8 places in \d+\.\d s: 8 neurons, 3-bit weights, \d+\.\d spikes per image, "
+        r"\d neurons used, \d of 8 places covered\nmodel: n\.lvpr\n"
+    )
+    assert re.fullmatch(pattern, result.stdout), result.stdout
+    assert not list(here.glob("*.checkpoint"))
+    assert not list(here.glob(".n.lvpr*"))
+
+
+def test_equal_trainings_write_equal_bytes(here: Path) -> None:
+    for name, jobs in (("a", 1), ("b", 2)):
+        run("train", "reference", "-o", f"{name}.lvpr", "--config", "quick.toml", "--stretch", 3, "--jobs", jobs)
+    assert Path("a.lvpr").read_bytes() == Path("b.lvpr").read_bytes()
+    assert str(here).encode() not in Path("a.lvpr").read_bytes()
+
+
+def test_options_reach_the_model(here: Path) -> None:
+    options = "--stretch 3 --weight-bits 5 --neurons 4 --epochs 2 --seed 11 --input onoff"
+    text = run("train", "reference", "-o", "n.lvpr", "--config", "quick.toml", *options.split()).stdout
+    assert text.startswith("learned 8 places in 3 stretches in ")
+    assert ": 12 neurons, 5-bit weights, " in text
+    learned = model.load(Path("n.lvpr"))
+    assert [part.places for part in learned.stretches] == [3, 2, 3]
+    assert [part.neurons for part in learned.stretches] == [4, 4, 4]
+    assert learned.weight_bits == 5
+    assert 7 < learned.network.weights.max() < 32
+    config = learned.config
+    assert (config.learning.epochs, config.seed, config.stretch, config.encoder.kind) == (2, 11, 3, "onoff")
+    assert (config.network.steps, config.learning.steps) == (300, 300)  # from the file
+
+
+def test_an_option_outweighs_the_file_and_the_file_the_preset(here: Path) -> None:
+    Path("c.toml").write_text("seed = 4\n" + CONFIG)
+    run("train", "reference", "-o", "a.lvpr", "--config", "c.toml", "--epochs", 2)
+    run("train", "reference", "-o", "b.lvpr", "--config", "c.toml", "--seed", 5, "--preset", "loihi")
+    a, b = model.load(Path("a.lvpr")).config, model.load(Path("b.lvpr")).config
+    assert (a.learning.epochs, a.seed) == (2, 4)
+    assert (b.learning.epochs, b.seed) == (6, 5)
+
+
+def test_places_keep_their_absolute_indices(here: Path) -> None:
+    run("train", "reference", "-o", "m2.lvpr", "--config", "quick.toml", "--places", "2:6")
+    learned = model.load(Path("m2.lvpr"))
+    assert learned.place_indices.tolist() == [2, 3, 4, 5]
+    assert learned.place_names == tuple(f"place_{k:05d}.png" for k in range(2, 6))
+    assert learned.route_images == PLACES
+    # Queries default to the same range; `query` takes all and names absolute places.
+    run("eval", "m2.lvpr", "query", "--json", "f.json")
+    values = json.loads(Path("f.json").read_text())
+    assert (values["places"], values["queries"]) == (4, 4)
+    assert recall(values) >= 0.75
+    run("query", "m2.lvpr", "query", "-o", "q.csv", "--places", "3:6")
+    rows = [line.split(",") for line in Path("q.csv").read_text().splitlines()[1:]]
+    assert [row[0] for row in rows] == ["3", "4", "5"]
+    assert {row[2] for row in rows} <= {"2", "3", "4", "5"}
+    assert all(row[3] == f"place_{int(row[2]):05d}.png" for row in rows)
+    assert sum(row[0] == row[2] for row in rows) >= 2
+
+
+def test_several_references_and_lists(here: Path) -> None:
+    listed("a.txt", images("reference"))
+    text = run("train", "a.txt", "query", "-o", "n.lvpr", "--config", "quick.toml").stdout
+    assert text.startswith("learned 8 places in ")
+    learned = model.load(Path("n.lvpr"))
+    assert learned.labels.tolist() == [*range(PLACES), *range(PLACES)]
+    assert len(learned.activity) == 2 * PLACES
+    # A list is taken in its own order.
+    listed("back.txt", images("reference")[::-1])
+    run("train", "back.txt", "-o", "back.lvpr", "--config", "quick.toml", "--places", "0:3")
+    assert model.load(Path("back.lvpr")).place_names == tuple(f"place_{k:05d}.png" for k in (7, 6, 5))
+
+
+def test_a_video_is_a_traverse(here: Path) -> None:
+    video(Path("v.avi"), 20)
+    text = run("train", "v.avi", "-o", "v.lvpr", "--config", "quick.toml", "--every", 0.5).stdout
+    assert text.startswith("learned 4 places in ")
+    learned = model.load(Path("v.lvpr"))
+    assert learned.place_names == ("frame 000000", "frame 000005", "frame 000010", "frame 000015")
+
+
+# --- output files ----------------------------------------------------------------------------------------------------
+
+WRITERS = {
+    "n.lvpr": "train reference -o n.lvpr --config quick.toml",
+    "n.csv": "query m.lvpr query -o n.csv",
+    "n.json": "eval m.lvpr query --json n.json",
+}
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_an_existing_output_is_replaced_in_one_step(name: str, here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    Path(name).write_text("old")
+    os.link(name, "second name of the old file")
+    run(*WRITERS[name].split())
+    assert len(Path(name).read_bytes()) > 100
+    assert Path("second name of the old file").read_text() == "old"
+    fresh = Path(name).read_bytes()
+
+    def full(handle: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    result = CliRunner().invoke(main, WRITERS[name].split())
+    assert result.exit_code == 1
+    assert re.search(rf"^lava-vpr: error: {name}: .*No space left on device.*free", result.stderr)
+    assert Path(name).read_bytes() == fresh
+    assert not list(here.glob(".*.tmp"))
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_what_is_no_file_is_never_replaced(name: str, here: Path) -> None:
+    """A rename puts a file in the place of anything, for root even of a device such as /dev/null."""
+    os.mkfifo(name)
+    result = CliRunner().invoke(main, WRITERS[name].split())
+    assert Path(name).is_fifo()
+    assert result.exit_code == 1
+    assert result.stderr.startswith(f"lava-vpr: error: {name}: ")
+    assert not list(here.glob("*.checkpoint"))

@@ -1,0 +1,217 @@
+"""`lava-vpr eval` and `lava-vpr query`: the files and tables that others script against."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import cv2
+import numpy as np
+from click.testing import CliRunner
+from support.common.commands import figures, images, listed, matches, recall, run
+
+from lava_vpr.cli import main
+
+FIGURES = {"recall_at_1", "recall_at_n", "recall_at_100_precision", "precision_at_100_recall", "auc"}
+DECODERS = ["standard", "weighted", "probability", "weighted_probability", "contrast"]
+
+
+# --- eval ------------------------------------------------------------------------------------------------------------
+
+
+def test_the_json_has_these_keys_in_this_order(here: Path) -> None:
+    values = figures("query")
+    assert list(values) == ["places", "queries", "network", "default_decoder", "decoders", "baselines"]
+    assert (values["places"], values["queries"], values["default_decoder"]) == (8, 8, "contrast")
+    assert values["network"] == {"neurons": 8, "weight_bits": 3, "steps": 300}
+    assert list(values["decoders"]) == DECODERS
+    assert list(values["baselines"]) == ["sad", "cosine"]
+    for matcher in (*values["decoders"].values(), *values["baselines"].values()):
+        assert set(matcher) == FIGURES
+        assert set(matcher["recall_at_n"]) == {"5", "10"}
+        numbers = [matcher[key] for key in FIGURES - {"recall_at_n"}] + list(matcher["recall_at_n"].values())
+        assert all(isinstance(x, float) and 0 <= x <= 1 for x in numbers)
+        assert matcher["recall_at_n"]["10"] == 1.0  # of 8 places
+    assert recall(values) >= 0.75
+
+
+def test_equal_inputs_write_equal_bytes_wherever_they_are(here: Path) -> None:
+    written = []
+    for place in ("one", "another/deeper"):
+        folder = here / place
+        folder.mkdir(parents=True)
+        shutil.copy("m.lvpr", folder / "m.lvpr")
+        shutil.copytree("query", folder / "query")
+        names = ("--json", folder / "f.json", "--report", folder / "r")
+        table = run("eval", folder / "m.lvpr", folder / "query", *names).stdout
+        files = [p for p in sorted(folder.rglob("*")) if p.is_file() and "query" not in p.parts]
+        written.append({str(p.relative_to(folder)): p.read_bytes() for p in files})
+        assert table.startswith("8 queries, 8 places, 8 neurons\n")
+    assert written[0] == written[1]
+    assert {"f.json", "r/report.html"} <= set(written[0])
+    text = written[0]["f.json"].decode() + written[0]["r/report.html"].decode()
+    assert str(here) not in text
+    assert "lava-vpr eval m.lvpr query" in written[0]["r/report.html"].decode()
+    assert not re.search(r"\b20\d\d-\d\d-\d\d\b|\d\d:\d\d:\d\d", text)
+
+
+def test_ground_truth_says_which_places_are_right(here: Path) -> None:
+    plain = figures("query")
+    Path("gt.txt").write_text("".join(f"{k}: {k}\n" for k in range(8)))
+    assert figures("query", "--gt", "gt.txt") == plain
+    Path("wrong.json").write_text(json.dumps({str(k): (k + 4) % 8 for k in range(8)}))
+    assert recall(figures("query", "--gt", "wrong.json")) == 0
+    Path("any.json").write_text(json.dumps({str(k): list(range(8)) for k in range(8)}))
+    assert recall(figures("query", "--gt", "any.json")) == 1
+
+
+def test_fewer_and_more_queries_than_places(here: Path) -> None:
+    Path("gt.txt").write_text("".join(f"{k}: {k}\n" for k in range(8)))
+    few = figures("query", "--places", "5:8", "--gt", "gt.txt")
+    assert (few["places"], few["queries"]) == (8, 3)
+    assert recall(few) >= 2 / 3
+    order = [3, 1, 3, 0, 7, 7, 6, 5, 4, 2, 1, 0]
+    listed("more.txt", [images("query")[k] for k in order])
+    np.save("gt.npy", np.array(order))
+    more = figures("more.txt", "--gt", "gt.npy")
+    assert (more["places"], more["queries"]) == (8, 12)
+    assert recall(more) >= 0.75
+
+
+def test_some_of_the_places(here: Path) -> None:
+    """Queries that carry places' own numbers need no ground truth; others are taken in order, and that is said."""
+    Path("gt.txt").write_text("".join(f"{k}: {k}\n" for k in range(8)))
+    some = figures("query", "--places", "2:6")
+    assert (some["places"], some["queries"]) == (8, 4)
+    assert some == figures("query", "--places", "2:6", "--gt", "gt.txt")
+    assert recall(some) >= 0.75
+    run("train", "reference", "-o", "end.lvpr", "--config", "quick.toml", "--places", "4:8")
+    listed("end.txt", images("query")[4:])
+    words = ["eval", "end.lvpr", "end.txt", "--places", "0:4", "--json", "end.json"]
+    result = CliRunner().invoke(main, words)
+    assert result.exit_code == 0
+    assert result.stderr == "note: images 0:4 are taken, in order, as the places 4:8\n"
+    assert recall(json.loads(Path("end.json").read_text())) >= 0.75
+
+
+def test_positions_and_radius(here: Path) -> None:
+    positions = ("--positions", "reference_positions.csv", "query_positions.csv", "--radius")
+    assert figures("query", *positions, 8) == figures("query")  # places are 20 m apart, known to 3 m
+    assert recall(figures("query", *positions, 0)) == 0
+    wide = figures("query", *positions, 1000)
+    assert recall(wide) == recall(wide, "sad") == 1
+    few = figures("query", "--places", "5:8", *positions, 8)
+    assert (few["queries"], few["places"]) == (3, 8)
+
+
+def test_tolerance_counts_neighbours(here: Path) -> None:
+    listed("next.txt", images("query")[1:] + images("query")[:1])
+    assert recall(figures("next.txt")) <= 0.25
+    assert recall(figures("next.txt", "--tolerance", 1)) >= 0.75
+    assert recall(figures("next.txt", "--tolerance", 7)) == 1
+
+
+def test_sequences(here: Path) -> None:
+    triple = figures("query", "--sequence", 3)
+    assert list(triple["decoders"]) == DECODERS
+    assert triple["queries"] == 8
+    assert recall(triple) == 1
+    # Only whole windows count: six of them, named after their first query. Half of the queries are truly here.
+    Path("gt.json").write_text(json.dumps({str(k): k if k < 4 else [] for k in range(8)}))
+    assert recall(figures("query", "--gt", "gt.json")) == 4 / 8
+    assert recall(figures("query", "--gt", "gt.json", "--sequence", 3)) == 4 / 6
+    assert "6 sequences of 3 queries, 8 places, 8 neurons" in run("eval", "m.lvpr", "query", "--sequence", 3).stdout
+
+
+def test_one_baseline_only(here: Path) -> None:
+    everything = figures("query")
+    for name in ("sad", "cosine"):
+        assert figures("query", "--baseline", name)["baselines"] == {name: everything["baselines"][name]}
+    both = figures("query", "--baseline", "sad", "--baseline", "cosine")
+    assert both == everything
+
+
+def test_descriptors_of_another_method(here: Path) -> None:
+    np.save("r.npy", np.eye(8, dtype=np.float32))
+    np.save("q.npy", np.roll(np.eye(8, dtype=np.float32), 1, axis=0))
+    right = figures("query", "--descriptors", "r.npy", "r.npy")
+    assert list(right["baselines"]) == ["sad", "cosine", "descriptors"]
+    assert recall(right, "descriptors") == 1
+    assert recall(figures("query", "--descriptors", "r.npy", "q.npy"), "descriptors") == 0
+
+
+def test_the_seed_of_queries_is_the_models_by_default(here: Path) -> None:
+    run("train", "reference", "-o", "s5.lvpr", "--config", "quick.toml", "--seed", 5)
+    answers = {}
+    for name, options in {"default": (), "5": ("--seed", 5), "0": ("--seed", 0)}.items():
+        run("query", "s5.lvpr", "query", "-o", f"{name}.csv", *options)
+        run("eval", "s5.lvpr", "query", "--json", f"{name}.json", "--sequence", 2, *options)
+        answers[name] = Path(f"{name}.csv").read_bytes(), Path(f"{name}.json").read_bytes()
+    assert answers["default"] == answers["5"]
+    assert answers["default"][0] != answers["0"][0]
+
+
+# --- query -----------------------------------------------------------------------------------------------------------
+
+
+def test_the_csv_has_these_columns(here: Path) -> None:
+    text = run("query", "m.lvpr", "query", "-o", "q.csv").stdout
+    assert text == "8 images, 8 recognised: q.csv\n"
+    lines = Path("q.csv").read_text().splitlines()
+    assert lines[0] == "query,query_name,place,place_name,confidence,accepted"
+    assert len(lines) == 9
+    for k, line in enumerate(lines[1:]):
+        assert re.fullmatch(rf"{k},place_{k:05d}\.png,(\d),place_0000\1\.png,\d[\d.e+-]*,true", line), line
+    rows = matches("query")
+    assert sum(row["query"] == row["place"] for row in rows) == round(8 * recall(figures("query")))
+
+
+def test_one_image_and_names_that_need_quotes(here: Path) -> None:
+    whole = matches("query")
+    shutil.copy("query/place_00000.png", '0, "the" first.png')
+    (row,) = matches('0, "the" first.png')
+    assert row == {**whole[0], "query_name": '0, "the" first.png'}
+
+
+def test_query_sequences_look_back(here: Path) -> None:
+    rows = matches("query", "--sequence", 3)
+    for row in rows[:2]:
+        assert [row[key] for key in ("place", "place_name", "confidence", "accepted")] == ["-1", "", "", "false"]
+    # Windows name their last pair, and the right one is found for all.
+    assert [row["place"] for row in rows[2:]] == [str(k) for k in range(2, 8)]
+    assert all(row["accepted"] == "true" for row in rows[2:])
+
+
+def test_min_confidence_accepts_the_surest(here: Path) -> None:
+    every = matches("query")
+    known = sorted({float(row["confidence"]) for row in every})
+    limit = (known[0] + known[-1]) / 2
+    some = matches("query", "--min-confidence", limit)
+    assert [{**row, "accepted": ""} for row in some] == [{**row, "accepted": ""} for row in every]
+    assert [row["accepted"] for row in some] == [str(float(row["confidence"]) >= limit).lower() for row in every]
+    assert 0 < sum(row["accepted"] == "true" for row in some) < 8
+    none = run("query", "m.lvpr", "query", "-o", "q.csv", "--min-confidence", "inf").stdout
+    assert none == "8 images, 0 recognised: q.csv\n"
+
+
+def test_a_confidence_copied_from_the_csv_accepts_its_own_row(here: Path) -> None:
+    for row in matches("query"):
+        again = matches("query", "--min-confidence", row["confidence"])[int(row["query"])]
+        assert again["accepted"] == "true", row
+
+
+def test_a_blank_image_matches_no_place(here: Path) -> None:
+    Path("mixed").mkdir()
+    cv2.imwrite("mixed/0.png", np.full((48, 64, 3), 90, np.uint8))
+    shutil.copy("query/place_00001.png", "mixed/1.png")
+    blank, other = matches("mixed")
+    assert [blank[key] for key in ("place", "place_name", "confidence", "accepted")] == ["-1", "", "", "false"]
+    assert int(other["place"]) >= 0
+    Path("blank").mkdir()
+    shutil.copy("mixed/0.png", "blank/0.png")
+    Path("gt.txt").write_text("0: 0\n")
+    values = figures("blank", "--gt", "gt.txt")
+    assert recall(values) == 0
+    assert values["decoders"]["contrast"]["recall_at_n"] == {"5": 0.0, "10": 0.0}

@@ -1,0 +1,283 @@
+"""``lava-vpr bench``: recall beside costs, what is absent and why, what is refused."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+from support.common.commands import PLACES, run
+
+from lava_vpr import model as model_file
+from lava_vpr.bench import run as stages
+from lava_vpr.bench.measure import host as timing
+from lava_vpr.bench.results import Candidate, CrossCheck, Measured, Peer
+from lava_vpr.cli import main
+from lava_vpr.encoding import encode_traverse
+from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork
+from lava_vpr.errors import ConfigError
+from lava_vpr.recognition import count_query_spikes
+from lava_vpr.traverse import open_traverse
+
+BENCH = ("bench", "m.lvpr", "query")
+
+
+@pytest.fixture
+def quick(here: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Nothing is timed, and SANA-FE is not asked."""
+
+    def measure(model: Any, queries: Any, name: str, **_: Any) -> Measured:
+        return Measured(name, "made up", len(queries), 2, 1000.0, (0.5, 1.0, 2.0), 10**8, no_energy="no counters")
+
+    monkeypatch.setattr(stages, "measure", measure)
+    monkeypatch.setattr(stages, "cross_check", lambda plan, trains: CrossCheck(absent="SANA-FE is not installed"))
+    return here
+
+
+def written(*words: object) -> tuple[dict[str, Any], str]:
+    """JSON and terminal text of a run."""
+    text = run(*BENCH, *words, "--json", "b.json").stdout
+    return json.loads(Path("b.json").read_text()), text
+
+
+def fails(*words: object) -> Result:
+    """A command that must fail with one line and no output."""
+    result = CliRunner().invoke(main, [str(word) for word in words])
+    assert result.exit_code != 0, result.output
+    assert "Traceback" not in result.output
+    if result.exit_code == 1:
+        assert len(result.stderr.strip().splitlines()) == 1, result.stderr
+        assert result.stderr.startswith("lava-vpr: error: ")
+        assert result.stdout == ""
+    return result
+
+
+# --- what is told ----------------------------------------------------------------------------------------------------
+
+
+def test_counts_and_recall_are_those_of_the_run(quick: Path) -> None:
+    values, text = written("--seed", 7)
+    run("eval", "m.lvpr", "query", "--seed", 7, "--json", "e.json")
+    figures = json.loads(Path("e.json").read_text())
+    assert values["recall"] == figures["decoders"][figures["default_decoder"]]
+    model = model_file.load("m.lvpr")
+    assert isinstance(model.network, FixedNetwork)
+    counts = values["counts"]
+    assert counts["steps"] == model.network.steps + SILENT_STEPS
+    assert counts == values["modelled"]["kapoho-bay"]["counts"]
+    # The engine counts inputs and spikes by itself, without a mapping.
+    queries = encode_traverse(open_traverse("query"), model.config.encoder)
+    spikes, events = count_query_spikes(model, queries, seed=7)
+    assert counts["exc_spikes"] == pytest.approx(spikes.sum() / len(queries))
+    assert counts["input_spikes"] == pytest.approx(events["input_spikes"] / len(queries))
+    assert counts["exc_spikes"] > 1
+    # A dense row also meets the weights that are 0.
+    assert counts["synaptic_operations"] >= events["synaptic_operations"] / len(queries)
+    assert text.index("R@1") < text.index("measured here") < text.index("modelled for Kapoho Bay")
+
+
+def test_boards_without_published_figures_are_counted_only(quick: Path) -> None:
+    values, text = written()
+    second = values["modelled"]["loihi2"]
+    assert second["dynamic_microjoules"] is second["milliseconds"] is second["static_millijoules"] is None
+    assert second["counts"]["synaptic_operations"] > 0
+    assert second["counts"]["hops"] is None
+    assert "absent: loihi2, modelled energy and time: no energy" in text
+    assert "absent: cross-check with SANA-FE: SANA-FE is not installed" in text
+    assert "absent: energy of host, lava-fixed, lava-fused, bundle, measured: no counters" in text
+    assert "absent: peers: not asked for" in text
+    first = values["modelled"]["kapoho-bay"]
+    assert first["chips"] == 2
+    assert first["clearing"]["writes_per_query"] == PLACES
+    assert 0 < first["dynamic_microjoules"]["low"] < first["dynamic_microjoules"]["nominal"] < 10
+    assert all(one["source"] for one in values["constants"].values())
+
+
+def test_what_is_modelled_repeats_to_the_byte(quick: Path) -> None:
+    first, text = written("--target", "kapoho-bay", "--report", "r")
+    page = Path("r/bench.html").read_bytes()
+    assert text.endswith("report: r/bench.html\n")
+    before = Path("b.json").read_bytes()
+    encoding = re.compile(rb'"encoding": .*?"board"', re.DOTALL)
+    second, _ = written("--target", "kapoho-bay")
+    assert encoding.sub(b"", Path("b.json").read_bytes()) == encoding.sub(b"", before)
+    assert list(first["modelled"]) == ["kapoho-bay"] == list(second["modelled"])
+    assert b"<script" not in page
+    assert first["command"] == "lava-vpr bench m.lvpr query --target kapoho-bay"
+    assert str(Path.cwd()).encode() not in page + before
+
+
+def test_a_bundle_costs_what_its_model_does(quick: Path) -> None:
+    run("deploy", "m.lvpr", "--target", "kapoho-bay", "-o", "b")
+    run("bench", "b", "query", "--target", "kapoho-bay", "--json", "c.json")
+    values, _ = written("--target", "kapoho-bay")
+    found = json.loads(Path("c.json").read_text())
+    assert found["modelled"] == values["modelled"]
+    assert found["recall"] == values["recall"]
+    result = fails("bench", "b", "query", "--sweep")
+    assert "b: --sweep: a bundle has no float weights" in result.stderr
+
+
+def test_some_queries_stand_for_many(quick: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stages, "COUNTED", 3)
+    values, _ = written("--target", "kapoho-bay")
+    assert "Counted on 3 of the 8 queries, evenly spread." in values["assumptions"]
+
+
+def test_what_was_asked_for_and_fails_is_said(quick: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object, **__: object) -> tuple[Candidate, ...]:
+        raise ConfigError("nothing that was tried fits")
+
+    called = []
+
+    def peers(*_: object, **given: Any) -> tuple[Peer, ...]:
+        called.append(given["recognition"])
+        return (Peer("sad", "the baseline", given["recognition"].metrics["sad"], 5000.0, 2, 6272, 8),)
+
+    monkeypatch.setattr(stages, "sweep", broken)
+    monkeypatch.setattr(stages, "run_peers", peers)
+    values, text = written("--sweep", "--peers")
+    assert values["sweep"] is None
+    assert "absent: sweep: nothing that was tried fits" in text
+    assert values["peers"]["sad"]["queries_per_second"] == 5000
+    assert {"sad", "cosine"} <= set(called[0].metrics)
+    assert values["command"] == "lava-vpr bench m.lvpr query --sweep --peers"
+
+
+def test_a_network_that_does_not_fit_is_told_unless_it_was_asked_for(quick: Path) -> None:
+    Path("many.toml").write_text("[encoder]\nquery_spikes = 60.0\n[learning]\nepochs = 1\n")
+    run("train", "reference", "-o", "many.lvpr", "--config", "many.toml")
+    text = run("bench", "many.lvpr", "query", "--json", "b.json").stdout
+    values = json.loads(Path("b.json").read_text())
+    board = values["modelled"]["kapoho-bay"]
+    assert board["dynamic_microjoules"] is None
+    assert "input spikes a step" in board["unavailable"]
+    assert values["counts"] == values["modelled"]["loihi2"]["counts"]
+    assert "absent: kapoho-bay, modelled energy and time" in text
+    assert values["cross_check"]["absent"].startswith("SANA-FE knows Loihi 1")
+    result = fails("bench", "many.lvpr", "query", "--target", "kapoho-bay")
+    assert "input spikes a step" in result.stderr
+
+
+def test_a_float_model_has_recall_and_nothing_modelled(quick: Path) -> None:
+    Path("p.toml").write_text(
+        "[network]\nneurons = 12\nsteps = 600\nrest_steps = 60\n[learning]\nepochs = 1\nlabel_epochs = 1\n"
+    )
+    run("train", "reference", "-o", "p.lvpr", "--preset", "paper", "--config", "p.toml")
+    text = run("bench", "p.lvpr", "query", "--json", "b.json", "--report", "r").stdout
+    values = json.loads(Path("b.json").read_text())
+    assert values["recall"]["recall_at_1"] is not None
+    assert values["workload"] is None
+    for one in values["modelled"].values():
+        assert one["dynamic_microjoules"] is None
+        assert "only integer networks" in one["unavailable"]
+    assert values["counts"]["input_spikes"] > 0
+    assert values["counts"]["hops"] is None
+    assert "absent: workload metrics" in text
+    assert "only integer networks" in fails("bench", "p.lvpr", "query", "--target", "loihi2").stderr
+    assert "--sweep" in fails("bench", "p.lvpr", "query", "--sweep").stderr
+
+
+# --- really ----------------------------------------------------------------------------------------------------------
+
+
+def test_the_host_is_timed(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is replaced, but fewer rounds."""
+    measure = stages.measure
+    monkeypatch.setattr(timing, "SINGLES", 50)
+    monkeypatch.setattr(stages, "measure", lambda *a, **k: measure(*a, **k, rounds=1))
+    values, text = written("--backend", "host", "--limit", 4, "--target", "kapoho-bay")
+    host = values["measured"]["host"]
+    assert host["absent"] is None
+    assert host["queries"] == 4
+    assert host["queries_per_second"] > 50
+    latency = host["milliseconds_per_query"]
+    assert 0 < latency["p50"] <= latency["p95"] <= latency["p99"] < 1000
+    assert list(values["measured"]) == ["encoding", "host"]
+    assert re.search(r"│ host +│ +[\d.]+ │ +[\d.]+ │ +[\d.]+ │", text), text
+
+
+@pytest.mark.slow
+def test_every_backend_is_timed(here: Path) -> None:
+    values, _ = written("--limit", 4, "--peers", "--report", "r")
+    for name in stages.DEFAULT_BACKENDS:
+        assert values["measured"][name]["absent"] is None, name
+        assert values["measured"][name]["milliseconds_per_query"]["p50"] > 0
+    assert values["peers"]["sad"]["queries_per_second"] > 0
+    check = values["cross_check"]
+    if check["absent"] is None:
+        assert check["largest_relative_difference"] < 1e-6
+
+
+# --- what is refused -------------------------------------------------------------------------------------------------
+
+USAGE = [
+    ("bench m.lvpr", "Missing argument 'QUERY'"),
+    ("bench m.lvpr query --target loihi1", "'loihi1' is not one of"),
+    ("bench m.lvpr query --backend cpu", "'cpu' is not one of"),
+    ("bench m.lvpr query --limit 0", "0 is not in the range x>=1"),
+    ("bench m.lvpr query --places 4:2", "holds no place"),
+]
+
+
+@pytest.mark.parametrize(("command", "message"), USAGE, ids=[command for command, _ in USAGE])
+def test_wrong_usage_exits_with_2(command: str, message: str, here: Path) -> None:
+    result = fails(*command.split())
+    assert result.exit_code == 2, result.output
+    assert message in " ".join(result.output.split()), result.output
+
+
+def nothing() -> None:
+    pass
+
+
+def altered() -> None:
+    run("deploy", "m.lvpr", "--target", "kapoho-bay", "-o", "b")
+    Path("b/host/responses.npy").write_bytes(b"other")
+
+
+def empty() -> None:
+    Path("none").mkdir()
+
+
+def in_the_way() -> None:
+    Path("r").write_text("a file")
+
+
+def damaged() -> None:
+    Path("d.lvpr").write_bytes(Path("m.lvpr").read_bytes()[:-9])
+
+
+DATA: list[tuple[Callable[[], None], str, str]] = [
+    (nothing, "bench none.lvpr query", "none.lvpr: the model cannot be read"),
+    (damaged, "bench d.lvpr query", "d.lvpr: "),
+    (altered, "bench b query", "host/responses.npy"),
+    (empty, "bench m.lvpr none", "none: "),
+    (nothing, "bench m.lvpr query --places 4:99", "query: has 8 images; places 4:99 go beyond"),
+    (nothing, "bench m.lvpr query --json m.lvpr", "m.lvpr: is also an input"),
+    (nothing, "bench m.lvpr query --json query/place_00001.png", "place_00001.png: is also an input"),
+    (nothing, "bench m.lvpr query --json no/b.json", "no/b.json: the folder no does not exist"),
+    (in_the_way, "bench m.lvpr query --report r", "r: is a file; name a folder"),
+    (nothing, "bench m.lvpr query --backend kapoho-bay", "NxSDK"),
+]
+
+
+@pytest.mark.parametrize(("prepare", "command", "message"), DATA, ids=[command for _, command, _ in DATA])
+def test_bad_data_is_one_line_and_leaves_nothing(
+    prepare: Callable[[], None], command: str, message: str, here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    prepare()
+    before = {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
+
+    def never(*_: object, **__: object) -> None:
+        raise RuntimeError("work was done before the error was found")
+
+    monkeypatch.setattr(stages, "run", never)
+    result = fails(*command.split())
+    assert result.exit_code == 1, result.output
+    assert message.lower() in result.stderr.lower(), result.stderr
+    assert {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()} == before

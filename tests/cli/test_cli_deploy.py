@@ -1,0 +1,231 @@
+"""``lava-vpr fit`` and ``lava-vpr deploy``: what fits, what is written, what is refused."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from support.common.commands import PLACES, run
+
+from lava_vpr import model
+from lava_vpr.cli import main
+from lava_vpr.deploy.bundle.folder import load as read
+
+ONE_CORE = r"│ 0:0 +│ exc 0\.\.7, inh 0\.\.7 +│ +16 of 1,024 │"
+
+
+def fails(*words: object) -> Result:
+    """A command that must fail with one line and no output."""
+    result = CliRunner().invoke(main, [str(word) for word in words])
+    assert result.exit_code != 0, result.output
+    assert "Traceback" not in result.output
+    if result.exit_code == 1:
+        lines = result.stderr.strip().splitlines()
+        assert len(lines) == 1, result.stderr
+        assert lines[0].startswith("lava-vpr: error: ")
+        assert result.stdout == ""
+    return result
+
+
+# --- fit -------------------------------------------------------------------------------------------------------------
+
+
+def test_fit_says_what_each_core_holds(here: Path) -> None:
+    text = run("fit", "m.lvpr", "--target", "kapoho-bay").stdout
+    assert re.search(ONE_CORE, text), text
+    assert re.search(r"│ all +│ 1 of 256 cores +│", text)
+    assert "\n1 of 256 cores, 3 bits a stored weight.\n" in text
+    assert re.search(r"The host sends up to [\d.]+ spikes a step to each chip \(limit: 50\)\.", text)
+    text = run("fit", "m.lvpr", "--target", "loihi2").stdout
+    assert "unknown" in text
+    assert "is decided by Intel's compiler" in text
+    text = run("fit", "m.lvpr", "--target", "kapoho-bay", "--input-mode", "bias").stdout
+    assert re.search(r"inputs \d+\.\.1567", text)
+    assert "The host sends no spikes" in text
+
+
+def test_fit_writes_a_picture_and_figures(here: Path) -> None:
+    words = ("fit", "m.lvpr", "--target", "kapoho-bay", "--weight-bits", 2)
+    text = run(*words, "--picture", "p.svg", "--json", "f.json").stdout
+    assert text.endswith("picture: p.svg\n")
+    assert Path("p.svg").read_text().startswith("<?xml")
+    values = json.loads(Path("f.json").read_text())
+    assert (values["target"], values["fits"], values["places"], values["weight_bits"]) == ("kapoho-bay", True, 8, 2)
+    (core,) = values["mapping"]["cores"]
+    assert core["parts"][0] == {"population": "exc", "first": 0, "size": 8, "compartment": 0}
+    before = Path("p.svg").read_bytes(), Path("f.json").read_bytes()
+    run(*words, "--picture", "p.svg", "--json", "f.json")
+    assert (Path("p.svg").read_bytes(), Path("f.json").read_bytes()) == before
+
+
+def test_fit_without_a_model_tells_the_largest_map(here: Path) -> None:
+    text = run("fit", "--target", "kapoho-bay", "--weight-bits", 3, "--json", "c.json").stdout
+    values = json.loads(Path("c.json").read_text())
+    assert values["target"] == "kapoho-bay"
+    (row,) = values["largest"]
+    assert row["weight_bits"] == 3
+    assert row["neurons"] == row["places"] >= 400
+    assert re.search(rf"│ +3 │ +{row['places']} │ +{row['neurons']} │ +{row['cores']} │", text)
+    run("fit", "--target", "kapoho-bay", "--weight-bits", 3, "--neurons-per-place", 2, "--json", "d.json")
+    (twice,) = json.loads(Path("d.json").read_text())["largest"]
+    assert twice["neurons"] == 2 * twice["places"]
+    assert twice["places"] < row["places"]
+
+
+def test_what_does_not_fit_is_one_line(here: Path) -> None:
+    result = fails("fit", "m.lvpr", "--target", "kapoho-bay", "--weight-bits", 7)
+    assert "cannot take 7 bits a weight of this model" in result.stderr
+    assert re.search(r"use at most --weight-bits \d$", result.stderr.strip())
+    Path("many.toml").write_text("[encoder]\nquery_spikes = 60.0\n[learning]\nepochs = 1\n")
+    run("train", "reference", "-o", "many.lvpr", "--config", "many.toml")
+    result = fails("fit", "many.lvpr", "--target", "kapoho-bay")
+    assert "input spikes a step" in result.stderr
+    assert "--input-mode bias" in result.stderr
+    run("fit", "many.lvpr", "--target", "kapoho-bay", "--input-mode", "bias")
+
+
+# --- deploy ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("target", ["kapoho-bay", "loihi2"])
+def test_deploy_writes_a_bundle(target: str, here: Path) -> None:
+    text = run("deploy", "m.lvpr", "--target", target, "-o", "b", "--json", "d.json").stdout
+    assert text.endswith("bundle: b\n")
+    bundle = read(Path("b"))
+    assert bundle.target == target
+    assert bundle.manifest["compression"] is None
+    assert bundle.manifest["input"]["mode"] == "injected"
+    learned = model.load("m.lvpr")
+    assert np.array_equal(bundle.array("host/responses.npy"), learned.responses)
+    values = json.loads(Path("d.json").read_text())
+    assert values == {
+        "target": target,
+        "places": PLACES,
+        "neurons": PLACES,
+        "weight_bits": 3,
+        "cores": 1,
+        "compression": None,
+        "learning": None,
+    }
+    # Once more, over the old one: the same bytes.
+    run("deploy", "m.lvpr", "--target", target, "-o", "b")
+    assert read(Path("b")).files == bundle.files
+    # A bundle is a model, too, but for its float weights.
+    run("fit", "b", "--target", target)
+    assert "no float weights to quantise anew" in fails("fit", "b", "--target", target, "--weight-bits", 2).stderr
+
+
+def test_deploy_compresses_and_tells_recall_before_and_after(here: Path) -> None:
+    words = ("deploy", "m.lvpr", "--target", "kapoho-bay", "-o", "b", "--calibrate", "query", "--json", "d.json")
+    text = run(*words, "--weight-bits", 2, "--prune", 0.5, "--input-mode", "bias").stdout
+    assert re.search(r"│ the model's │ +3 │ +0\.0 │ +[\d.]+ │ +[\d.]+ │ +[\d.]+ │ +[\d,]+ │", text), text
+    assert re.search(r"│ deployed +│ +2 │ +50\.0 │ +[\d.]+ │", text)
+    done = read(Path("b")).manifest
+    assert done["input"]["mode"] == "bias"
+    assert done["network"]["bits"] == 2
+    assert done["compression"] == json.loads(Path("d.json").read_text())["compression"]
+    assert done["compression"]["prune"] == 0.5
+    assert set(done["compression"]["calibration"]) == {"before", "after"}
+    assert "search" not in done["compression"]
+
+
+def test_deploy_searches_for_the_cheapest_weights(here: Path) -> None:
+    words = ("deploy", "m.lvpr", "--target", "kapoho-bay", "-o", "b", "--calibrate", "query", "--places", "2:8")
+    text = run(*words, "--max-loss", 0.2).stdout
+    values = read(Path("b")).manifest["compression"]
+    before, after = (values["calibration"][when] for when in ("before", "after"))
+    assert after["recall_at_1"] >= before["recall_at_1"] - 0.2
+    assert after["operations"] < 0.7 * before["operations"]
+    assert values["search"]["max_loss"] == 0.2
+    assert text.count("│ tried") == len(values["search"]["tried"]) - 1
+    assert text.count("│ deployed") == 1
+
+
+USAGE = [
+    ("fit m.lvpr", "Missing option '--target'"),
+    ("fit m.lvpr --target loihi1", "'loihi1' is not one of 'kapoho-bay', 'loihi2'"),
+    ("fit m.lvpr --target loihi2 --neurons-per-place 2", "--neurons-per-place is for fit without MODEL"),
+    ("fit --target loihi2 --picture p.svg", "--picture draws the cores of a model; give MODEL"),
+    ("fit --target loihi2 --weight-bits 9", "9 is not in the range 1<=x<=8"),
+    ("fit --target loihi2 --input-mode spikes", "'spikes' is not one of 'injected', 'bias'"),
+    ("deploy m.lvpr --target loihi2", "Missing option '-o'"),
+    ("deploy m.lvpr -o b", "Missing option '--target'"),
+    ("deploy m.lvpr --target loihi2 -o b --max-loss 0.1", "--max-loss needs --calibrate QUERY"),
+    ("deploy m.lvpr --target loihi2 -o b --places 0:4", "--places chooses among the images of --calibrate QUERY"),
+    ("deploy m.lvpr --target kapoho-bay -o b --learning", "--learning needs --target loihi2: the network that learns"),
+    ("deploy m.lvpr --target loihi2 -o b --prune 1", "1.0 is not in the range 0<=x<1"),
+    ("deploy m.lvpr --target loihi2 -o b --calibrate query --max-loss 2", "2.0 is not in the range 0<=x<=1"),
+    ("deploy m.lvpr --target loihi2 -o b --prune nan", "--prune is not a number"),
+    ("deploy m.lvpr --target loihi2 -o b --calibrate query --max-loss nan", "--max-loss is not a number"),
+]
+
+
+@pytest.mark.parametrize(("command", "message"), USAGE, ids=[command for command, _ in USAGE])
+def test_wrong_usage_exits_with_2(command: str, message: str, here: Path) -> None:
+    result = fails(*command.split())
+    assert result.exit_code == 2, result.output
+    assert message in " ".join(result.output.split()), result.output
+    assert not Path("b").exists()
+
+
+def nothing() -> None:
+    pass
+
+
+def someone_elses() -> None:
+    Path("b").mkdir()
+    Path("b/thesis.tex").write_text("years of work")
+
+
+def a_file() -> None:
+    Path("b").write_text("a file")
+
+
+DEPLOY = "deploy m.lvpr --target kapoho-bay -o b"
+DATA = [
+    (nothing, "fit none.lvpr --target loihi2", "none.lvpr: the model cannot be read (No such file or directory)"),
+    (nothing, "fit m.lvpr --target loihi2 --json m.lvpr", "m.lvpr: is also an input, which would be replaced"),
+    (nothing, "fit m.lvpr --target loihi2 --picture no/p.svg", "no/p.svg: the folder no does not exist"),
+    (nothing, f"{DEPLOY}/c", "b/c: the folder "),
+    (someone_elses, DEPLOY, "b: "),
+    (a_file, DEPLOY, "b: is no folder, and a bundle is one"),
+    (nothing, f"{DEPLOY} --weight-bits 7", "use at most --weight-bits"),
+    (nothing, f"{DEPLOY} --calibrate none", "none: cannot be opened"),
+    (nothing, f"{DEPLOY} --calibrate query --places 4:99", "query: has 8 images; places 4:99 go beyond"),
+    (nothing, f"{DEPLOY} --calibrate query --weight-bits 7 --max-loss 0.1", "cannot take 7 bits"),
+    (nothing, f"{DEPLOY} --calibrate query --prune 0.999 --max-loss 0", "keeps R@1 within 0 of "),
+    (nothing, f"{DEPLOY} --calibrate query --json query/place_00001.png", "place_00001.png: is also an input"),
+]
+
+
+@pytest.mark.parametrize(("prepare", "command", "message"), DATA, ids=[command for _, command, _ in DATA])
+def test_bad_data_is_one_line_and_leaves_nothing(prepare: object, command: str, message: str, here: Path) -> None:
+    assert callable(prepare)
+    prepare()
+    before = {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
+    result = fails(*command.split())
+    assert result.exit_code == 1, result.output
+    assert message in result.stderr, result.stderr
+    assert {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()} == before
+
+
+def test_figures_do_not_go_into_the_bundle(here: Path) -> None:
+    run("deploy", "m.lvpr", "--target", "loihi2", "-o", "b")
+    result = fails("deploy", "m.lvpr", "--target", "loihi2", "-o", "b", "--json", "b/d.json")
+    assert "b/d.json: would stand in the bundle" in result.stderr
+    read(Path("b"))
+
+
+def test_what_the_chip_learns_is_printed_beside_the_model(here: Path) -> None:
+    words = ("--target", "loihi2", "-o", "b", "--learning")
+    text = run("deploy", "m.lvpr", *words, "--calibrate", "query", "--json", "d.json").stdout
+    assert re.search(r"│ learned on the chip +│ +3 │ +0\.0 │ +\d", text)
+    figures = json.loads(Path("d.json").read_text())["learning"]
+    assert 0.5 <= figures["recall_at_1"] <= 1
+    bundle = read(Path("b"))
+    assert bundle.json("learning/learning.json")["stretches"][0]["phases"][0]["learning_rule"]["t_epoch"] == 1
+    assert "`learning/`" in bundle.data("README.md").decode()

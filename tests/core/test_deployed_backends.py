@@ -1,0 +1,217 @@
+"""Bundles in use: by `eval`, `query` and `verify`, and the backends that run them."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from numpy.typing import NDArray
+from support.common.commands import run
+from support.common.helpers import encoded, small_model, tiny_paper
+
+from benchmarks.nordland import encoded as real
+from benchmarks.nordland import part
+from benchmarks.recall import learn
+from lava_vpr import verification
+from lava_vpr.backends import deployed
+from lava_vpr.backends import registry as backends
+from lava_vpr.cli import main
+from lava_vpr.config import preset
+from lava_vpr.configfile import update
+from lava_vpr.deploy.boards.board import BOARDS, KAPOHO_BAY, LOIHI_2
+from lava_vpr.deploy.bundle.deployment import deploy
+from lava_vpr.deploy.bundle.folder import load
+from lava_vpr.deploy.bundle.opening import open_bundle
+from lava_vpr.encoding import query_rates
+from lava_vpr.engine.inference import fixed
+from lava_vpr.errors import BackendUnavailableError, NetworkLimitError
+from lava_vpr.model import Model
+from lava_vpr.training.loop import train
+from lava_vpr.verification import Mismatch, compare_counts, verify
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    """Eight places."""
+    return small_model()
+
+
+@pytest.mark.parametrize("board", BOARDS.values(), ids=BOARDS)
+def test_a_bundle_gives_its_model_back(model: Model, board: Any, tmp_path: Path) -> None:
+    deploy(model, board, tmp_path / "b", picture=False)
+    back = open_bundle(tmp_path / "b")
+    assert back.bundle == tmp_path / "b"
+    assert isinstance(back.network, fixed.FixedNetwork)
+    assert isinstance(model.network, fixed.FixedNetwork)
+    assert np.array_equal(back.network.weights, model.network.weights)
+    assert replace(back.network, weights=model.network.weights) == model.network
+    assert np.array_equal(back.responses, model.responses), "the self-test would not give the model's responses"
+    assert back.place_names == model.place_names
+    assert back.config == model.config
+
+
+@pytest.mark.parametrize("mode", ["injected", "bias"])
+def test_equal_models_give_equal_bundles(mode: str, tmp_path: Path) -> None:
+    config = update(small_model().config, {"network": {"input_mode": mode}})
+    for name in ("a", "b"):
+        deploy(train([encoded(8)], config), KAPOHO_BAY, tmp_path / name)
+    one, other = load(tmp_path / "a"), load(tmp_path / "b")
+    assert one.files == other.files
+    assert one.manifest == other.manifest
+    text = json.dumps(one.manifest) + one.data("README.md").decode() + one.data("mapping.json").decode()
+    assert str(tmp_path) not in text
+    assert one.manifest["input"]["mode"] == mode
+    assert one.manifest["clearing"]["input_writes_per_query"] == (3 * 1568 if mode == "bias" else 0)
+
+
+def test_what_is_not_public_says_so(model: Model, tmp_path: Path) -> None:
+    told = deploy(model, LOIHI_2, tmp_path / "b", picture=False).bundle
+    assert told.manifest["limits"]["synapse_words"] == "unknown"
+    assert told.manifest["clearing"]["mechanism"] == "LIFReset"
+    assert told.json("mapping.json")["cores"][0]["load"]["nanoseconds"] == "unknown"
+    assert told.json("mapping.json")["hops_per_step"] == "unknown"
+
+
+def runs(model: Model) -> dict[str, Any]:
+    """The arguments of a run of three queries."""
+    queries = encoded(3, seed=5)
+    return {"rates": query_rates(queries.activity, model.config), "image_ids": queries.indices, "role": "query"}
+
+
+@pytest.mark.parametrize("source", ["file", "kapoho-bay", "loihi2"])
+def test_the_bundle_counts_what_the_host_counts(model: Model, source: str, tmp_path: Path) -> None:
+    given = runs(model)
+    rates = given.pop("rates")
+    used = model
+    if source != "file":
+        deploy(model, BOARDS[source], tmp_path / "b", picture=False)
+        used = open_bundle(tmp_path / "b")
+    seen: list[int] = []
+    ours = backends.get("bundle", advance=seen.append)
+    for steps in (None, 40) if source == "file" else (None,):
+        counts, events = ours.count_spikes(used, rates, **given, seed=3, steps=steps)
+        expected, wanted = backends.HostBackend().count_spikes(model, rates, **given, seed=3, steps=steps)
+        assert np.array_equal(counts, expected)
+        assert events == wanted
+        assert counts.any()
+    assert sum(seen) == 3 * (2 if source == "file" else 1)
+
+
+def test_a_bundle_runs_its_own_steps_only(model: Model, tmp_path: Path) -> None:
+    deploy(model, KAPOHO_BAY, tmp_path / "b", picture=False)
+    given = runs(model)
+    with pytest.raises(BackendUnavailableError, match=r"b: runs \d+ steps a query, not 7; deploy the model with those"):
+        backends.get("bundle").count_spikes(open_bundle(tmp_path / "b"), **given, seed=0, steps=7)
+
+
+def test_the_wrong_board_and_the_wrong_network_are_refused(model: Model, tmp_path: Path) -> None:
+    deploy(model, LOIHI_2, tmp_path / "b", picture=False)
+    with pytest.raises(BackendUnavailableError, match="is a bundle for loihi2, which kapoho-bay cannot run; deploy"):
+        deployed.refuse("kapoho-bay", open_bundle(tmp_path / "b"))
+    floating = train([encoded(4, 784)], tiny_paper())
+    for name in backends.DEPLOYED:
+        with pytest.raises(
+            BackendUnavailableError, match=f"^{name} runs integer networks, but this model is the float"
+        ):
+            deployed.refuse(name, floating)
+    with pytest.raises(BackendUnavailableError, match="only integer networks can be deployed"):
+        deploy(floating, KAPOHO_BAY, tmp_path / "c")
+    assert not (tmp_path / "c").exists()
+
+
+def test_verify_says_why_a_model_does_not_fit(model: Model) -> None:
+    assert isinstance(model.network, fixed.FixedNetwork)
+    shifted = replace(model, network=replace(model.network, shift=1))
+    (_, verdict) = verify(shifted, encoded(8), np.eye(8, dtype=bool), names=("host", "bundle"))
+    assert verdict.as_json()["available"] is False
+    assert "shifts each weight" in str(verdict.reason)
+    with pytest.raises(NetworkLimitError, match="shifts each weight"):
+        backends.get("bundle").count_spikes(shifted, **runs(model), seed=0)
+
+
+class Counter:
+    """A board that tells counts only, and may lose one."""
+
+    def __init__(self, wrong: int) -> None:
+        self.wrong = wrong
+
+    def count_spikes(
+        self, model: Model, rates: NDArray[Any], **options: Any
+    ) -> tuple[NDArray[np.int32], dict[str, int]]:
+        counts, events = backends.HostBackend().count_spikes(model, rates, **options)
+        counts[2, 1] += self.wrong
+        return counts, events
+
+
+@pytest.mark.parametrize("wrong", [0, 1])
+def test_a_backend_without_spikes_is_compared_by_its_counts(
+    model: Model, wrong: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(verification.backends, "unavailable", lambda name: None)
+    monkeypatch.setattr(verification.backends, "get", lambda name, threads=1, advance=None: Counter(wrong))
+    queries = encoded(8)
+    host, verdict = verify(model, queries, np.eye(8, dtype=bool), names=("host", "kapoho-bay"))
+    assert verdict.equal is (wrong == 0)
+    assert verdict.differing == wrong
+    assert 0 < verdict.spikes < host.spikes
+    if wrong:
+        assert str(verdict.mismatch).startswith(f"query {queries.names[2]}, population exc, neuron 1: host ")
+    assert compare_counts(np.zeros((1, 2), np.int32), np.array([[0, 4]], np.int32), ("q",)) == (
+        1,
+        Mismatch("q", None, "exc", 1, 0, 4),
+    )
+
+
+def test_commands_take_bundles(here: Path) -> None:
+    run("deploy", "m.lvpr", "--target", "kapoho-bay", "-o", "b")
+    for command, output in ((("eval", "QUERY"), "--json"), (("query", "QUERY"), "-o")):
+        found = []
+        for source, backend in (("m.lvpr", "host"), ("m.lvpr", "bundle"), ("b", "bundle"), ("b", "host")):
+            run(command[0], source, "query", "--backend", backend, output, "out")
+            found.append(Path("out").read_bytes())
+        assert len(set(found)) == 1, f"{command[0]} answers differently"
+    text = run("verify", "b", "query", "--limit", 3, "--backend", "bundle", "--json", "v.json").stdout
+    assert "every spike equal" in text
+    verdict = json.loads(Path("v.json").read_text())["backends"]["bundle"]
+    assert verdict["equal"] is True
+    assert verdict["queries"] == 3
+    assert verdict["spikes_compared"] > 1000
+
+
+def test_an_altered_bundle_is_refused_by_every_command(here: Path) -> None:
+    run("deploy", "m.lvpr", "--target", "kapoho-bay", "-o", "b")
+    file = Path("b/cores/chip0-core000/synapses.npy")
+    file.write_bytes(file.read_bytes()[:-1] + b"\x01")
+    for words in (("eval", "b", "query"), ("query", "b", "query", "-o", "q.csv"), ("verify", "b", "query")):
+        result = CliRunner().invoke(main, [*words])
+        assert result.exit_code == 1
+        assert result.stderr == f"lava-vpr: error: {file}: was altered (checksum differs); {AGAIN}\n"
+    shutil.rmtree("b")
+
+
+AGAIN = "deploy the model again or fetch an intact copy"
+
+
+@pytest.mark.data
+@pytest.mark.slow
+@pytest.mark.parametrize("places", [100, 500])
+@pytest.mark.parametrize("mode", ["injected", "bias"])
+def test_a_hundred_real_queries_on_both_bundles(places: int, mode: str, data_root: Path, tmp_path: Path) -> None:
+    """The default model of 100 and of 500 places, both ways of input, deployed to both boards: every spike."""
+    config = update(preset("loihi"), {"network": {"input_mode": mode}})
+    model = learn((0, places), config)
+    queries = part(real("winter", config.encoder), slice(0, 100))
+    for board in BOARDS.values():
+        deploy(model, board, tmp_path / board.name)
+        own = open_bundle(tmp_path / board.name)
+        (_, verdict) = verify(own, queries, np.eye(100, places, dtype=bool), names=("host", "bundle"))
+        print(f"{places} places, {mode}, {board.name}: {verdict.spikes:,} spikes, {verdict.differing} differ")
+        assert verdict.equal, verdict.mismatch
+        assert verdict.queries == 100
+        assert verdict.spikes > 600_000

@@ -1,0 +1,149 @@
+"""What is promised on real images, with the functions that print the benchmark: nothing is measured twice."""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.nordland import SECTIONS, encoded, part
+from benchmarks.recall import answer, learn, mean, sections, shuffled
+from lava_vpr.config import preset
+from lava_vpr.encoding import encode_traverse
+from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.threads import cores
+from lava_vpr.matching.baselines import sad_distances
+from lava_vpr.matching.decoders import confidence
+from lava_vpr.matching.evaluation import Metrics, evaluate
+from lava_vpr.model import Model
+from lava_vpr.recognition import Recognition, recognise
+from lava_vpr.synthetic.world import write_traverses
+from lava_vpr.training.loop import train
+from lava_vpr.traverse import open_traverse
+
+SEEDS = (0, 1, 2)
+CONFIG = preset("loihi")
+
+
+@pytest.fixture(autouse=True)
+def only_with_images(request: pytest.FixtureRequest) -> None:
+    if request.node.get_closest_marker("data"):
+        request.getfixturevalue("data_root")
+
+
+@lru_cache(maxsize=1)
+def all_sections() -> dict[tuple[int, int], list[Recognition]]:
+    return sections(CONFIG, SEEDS)
+
+
+@lru_cache(maxsize=1)
+def whole_route() -> Model:
+    return learn((0, 500), CONFIG)
+
+
+def figures(name: str, of: slice = slice(None)) -> tuple[float, float, float]:
+    """Mean R@1, R@100P and AUC of one matcher over sections and seeds."""
+    chosen = list(all_sections().values())[of]
+    return mean(result.metrics[name] for results in chosen for result in results)
+
+
+@pytest.mark.data
+def test_sad_is_the_papers() -> None:
+    """The baseline that everything is held against, exactly."""
+    summer, winter = encoded("summer", CONFIG.encoder), encoded("winter", CONFIG.encoder)
+    rows: list[Metrics] = []
+    for section in SECTIONS:
+        a, b = part(summer, slice(*section)), part(winter, slice(*section))
+        scores = -sad_distances(a.patches, b.patches)
+        rows.append(evaluate(scores, confidence("sad", scores), np.eye(100, dtype=bool)))
+    assert mean(rows) == pytest.approx((0.578, 0.154, 0.487), abs=1e-3)
+
+
+@pytest.mark.data
+@pytest.mark.slow
+def test_recall_over_five_sections() -> None:
+    recall, at_full_precision, auc = figures(CONFIG.decoder.default)
+    print(f"R@1 {recall:.4f}, R@100P {at_full_precision:.4f}, AUC {auc:.4f}")  # shown by pytest -s
+    assert recall >= 0.92
+    assert at_full_precision >= 0.75
+    assert auc >= 0.91
+
+
+@pytest.mark.data
+@pytest.mark.slow
+def test_no_seed_and_no_section_is_an_accident() -> None:
+    default = CONFIG.decoder.default
+    for k in range(len(SEEDS)):
+        recall, at_full_precision, auc = mean(rows[k].metrics[default] for rows in all_sections().values())
+        assert recall >= 0.90
+        assert at_full_precision >= 0.55
+        assert auc >= 0.89
+    # The places that chose the settings are not the only ones that are recognised.
+    for of in (slice(0, 2), slice(2, 5)):
+        assert figures(default, of)[0] >= 0.83
+    for results in all_sections().values():
+        for result in results:
+            for name in ("recall_at_1", "recall_at_100_precision", "auc"):
+                assert getattr(result.metrics[default], name) > getattr(result.metrics["sad"], name)
+
+
+@pytest.mark.data
+@pytest.mark.slow
+def test_weights_are_few_bits_and_every_neuron_alike() -> None:
+    for seed in SEEDS:
+        network = learn(SECTIONS[0], dataclasses.replace(CONFIG, seed=seed)).network
+        assert isinstance(network, FixedNetwork)
+        assert network.bits <= 4
+        assert int(network.weights.max()) < 1 << network.bits
+        assert network.neurons == 100
+
+
+@pytest.mark.data
+@pytest.mark.slow
+def test_the_whole_route_in_one_model() -> None:
+    model = whole_route()
+    assert len(model.stretches) == 5
+    assert model.neurons == 500
+    result = answer(model, (0, 500))
+    metrics = result.metrics[result.default]
+    print(f"R@1 {metrics.recall_at_1:.4f}, AUC {metrics.auc:.4f}")
+    assert metrics.recall_at_1 >= 0.85
+    assert metrics.auc >= 0.84
+
+
+@pytest.mark.data
+@pytest.mark.slow
+def test_sequences_of_ten() -> None:
+    result = answer(whole_route(), (0, 500), sequence=10)
+    assert result.truth.shape == (491, 491)
+    assert result.metrics[result.default].recall_at_1 >= 0.99
+
+
+@pytest.mark.data
+@pytest.mark.slow
+def test_shuffled_and_renumbered_queries_are_recognised_as_well() -> None:
+    """Neither the order of the queries nor their numbers tell a place."""
+    default = CONFIG.decoder.default
+    models = {section: learn(section, CONFIG) for section in SECTIONS}
+    straight = mean(answer(model, section, rivals=()).metrics[default] for section, model in models.items())
+    for seed in (0, 1):
+        mixed = mean(shuffled(model, section, seed).metrics[default] for section, model in models.items())
+        assert abs(mixed[0] - straight[0]) <= 0.03
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_synthetic_world_is_a_fair_likeness(seed: int, tmp_path: Path) -> None:
+    """Summer and winter differ as much as in reality: images alone are not enough, the network is."""
+    write_traverses(tmp_path / "world", 100, seed)
+    summer, winter = (
+        encode_traverse(open_traverse(tmp_path / "world" / name), CONFIG.encoder) for name in ("reference", "query")
+    )
+    result = recognise(train([summer], CONFIG, jobs=cores()), winter, np.eye(100, dtype=bool), threads=cores())
+    ours, sad = result.metrics[result.default], result.metrics["sad"]
+    assert 0.4 <= sad.recall_at_1 <= 0.8
+    for name in ("recall_at_1", "recall_at_100_precision", "auc"):
+        assert getattr(ours, name) > getattr(sad, name)

@@ -1,0 +1,229 @@
+"""The training loop: same model whatever the threads, the interruptions and the batches."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.common.helpers import encoded, small_config, tiny_paper
+
+from lava_vpr import container, model
+from lava_vpr.config import Config, preset
+from lava_vpr.configfile import update
+from lava_vpr.encoding import EncodedTraverse
+from lava_vpr.engine.random import presentation_key
+from lava_vpr.errors import ConfigError, InputError, ModelFileError, NetworkLimitError
+from lava_vpr.model import Model
+from lava_vpr.training.loop import Progress, check_size, coverage, presentations, split, train
+
+
+class KilledError(Exception):
+    """Stands for whatever ends a training before it is done."""
+
+
+def stop_after(n: int):
+    seen = []
+
+    def progress(state: Progress) -> None:
+        seen.append(state)
+        if len(seen) == n:
+            raise KilledError
+
+    return progress
+
+
+def same(a: Model, b: Model, tmp_path: Path) -> bool:
+    model.save(a, tmp_path / "one")
+    model.save(b, tmp_path / "two")
+    return (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes()
+
+
+def cases() -> list[tuple[str, Config, list[EncodedTraverse]]]:
+    two = [encoded(), dataclasses.replace(encoded(noise=0.5), indices=np.arange(8) + 5)]
+    return [
+        ("one traverse", small_config(), [encoded()]),
+        ("two traverses", small_config(), two),
+        ("integers", small_config(learning={"arithmetic": "integer"}), [encoded()]),
+        ("paper", tiny_paper(), [encoded(inputs=784)]),
+    ]
+
+
+@pytest.mark.parametrize(("config", "references"), [c[1:] for c in cases()], ids=[c[0] for c in cases()])
+@pytest.mark.parametrize("after", [13, 21])
+def test_a_resumed_training_is_bit_identical(
+    config: Config, references: list[EncodedTraverse], after: int, tmp_path: Path
+) -> None:
+    unbroken = train(references, config)
+    checkpoint = tmp_path / "a.checkpoint"
+    with pytest.raises(KilledError):
+        train(references, config, checkpoint=checkpoint, interval=0.0, progress=stop_after(after))
+    assert checkpoint.exists()
+    told: list[dict[int, int]] = []
+    resumed = train(references, config, checkpoint=checkpoint, resume=True, resumed=told.append)
+    assert told
+    assert 0 < sum(told[0].values()) < config.learning.epochs * len(unbroken.stretches)
+    assert same(unbroken, resumed, tmp_path)
+
+
+def test_threads_do_not_matter(tmp_path: Path) -> None:
+    assert same(train([encoded()], small_config(), jobs=1), train([encoded()], small_config(), jobs=2), tmp_path)
+
+
+def test_seeds_do(tmp_path: Path) -> None:
+    other = dataclasses.replace(small_config(), seed=1)
+    assert not same(train([encoded()], small_config()), train([encoded()], other), tmp_path)
+
+
+@pytest.mark.parametrize("change", ["options", "images", "missing", "damaged", "nowhere"])
+def test_a_checkpoint_of_something_else_is_refused(change: str, tmp_path: Path) -> None:
+    checkpoint = tmp_path / "a.checkpoint"
+    config, images = small_config(), [encoded()]
+    with pytest.raises(KilledError):
+        train(images, config, checkpoint=checkpoint, interval=0.0, progress=stop_after(13))
+    message = r"a\.checkpoint: was made with other options or images; repeat the original command"
+    if change == "options":
+        config = update(config, {"learning": {"eta": 0.2}})
+    elif change == "images":
+        images = [encoded(seed=1)]
+    elif change == "missing":
+        checkpoint.unlink()
+        message = r"a\.checkpoint: there is no checkpoint to resume from; train without --resume"
+    elif change == "damaged":
+        checkpoint.write_bytes(checkpoint.read_bytes()[:-9])
+        message = r"a\.checkpoint: the checkpoint is damaged .*; delete it and train from the start"
+    with pytest.raises(ModelFileError, match=message if change != "nowhere" else "nowhere to resume from"):
+        train(images, config, checkpoint=None if change == "nowhere" else checkpoint, resume=True)
+
+
+def test_a_checkpoint_holds_whole_epochs_of_every_stretch(tmp_path: Path) -> None:
+    checkpoint = tmp_path / "a.checkpoint"
+    with pytest.raises(KilledError):
+        train([encoded()], small_config(), checkpoint=checkpoint, interval=0.0, progress=stop_after(27))
+    header, arrays = container.load(checkpoint, "checkpoint")
+    assert header["epochs"] == {"0": 5, "1": 1}
+    assert set(arrays) == {"0.weights", "0.theta", "1.weights", "1.theta"}
+
+
+def test_no_checkpoint_is_left_before_the_first_epoch(tmp_path: Path) -> None:
+    checkpoint = tmp_path / "a.checkpoint"
+    with pytest.raises(KilledError):
+        train([encoded()], small_config(), checkpoint=checkpoint, interval=0.0, progress=stop_after(2))
+    assert not checkpoint.exists()
+
+
+@pytest.mark.parametrize(
+    ("places", "stretch", "expected"),
+    [(100, 100, [100]), (101, 100, [50, 51]), (500, 100, [100] * 5), (7, 0, [7]), (7, 3, [2, 3, 2]), (3, 100, [3])],
+)
+def test_routes_are_cut_evenly(places: int, stretch: int, expected: list[int]) -> None:
+    parts = split(places, dataclasses.replace(preset("loihi"), stretch=stretch))
+    assert [p.places for p in parts] == expected
+    assert [p.first_place for p in parts] == np.cumsum([0, *expected[:-1]]).tolist()
+    assert [p.first_neuron for p in parts] == np.cumsum([0, *(p.neurons for p in parts[:-1])]).tolist()
+
+
+def test_every_place_is_learned() -> None:
+    learned = train([encoded(20)], update(small_config(), {"stretch": 10, "learning": {"epochs": 8, "steps": 200}}))
+    assert learned.training["places_covered"] >= 18
+    assert learned.responses.shape == (20, 20)
+    assert learned.weight_bits == 3
+    # Places of one stretch are learned by its own neurons.
+    own = learned.neuron_places()
+    assert np.mean(own[:10] < 10) > 0.8
+    assert np.mean(own[10:] >= 10) > 0.8
+
+
+def test_unequal_references_and_too_short_routes_are_refused() -> None:
+    with pytest.raises(InputError, match="reference traverse 2 has 7 images, the first has 8"):
+        train([encoded(8), encoded(7)], small_config())
+    with pytest.raises(InputError, match="at least 2 places"):
+        train([encoded(1)], small_config())
+    with pytest.raises(InputError, match="at least 2 places"):
+        train([], small_config())
+
+
+def test_inhibition_that_could_overflow_is_refused_before_anything_is_learned() -> None:
+    config = update(small_config(), {"network": {"threshold": 1.0, "joined_inhibition": 9000.0}})
+    with pytest.raises(NetworkLimitError, match="8 neurons are more than the 1 that one inhibition of 9000 can serve"):
+        train([encoded()], config, progress=stop_after(1))
+
+
+def test_integer_learning_that_cannot_be_is_refused_before_anything_is_learned() -> None:
+    integer = update(preset("loihi"), {"stretch": 0, "learning": {"arithmetic": "integer"}})
+    check_size(2000, integer)
+    with pytest.raises(NetworkLimitError, match=r"inhibition of 3000 neurons can reach .* while learning, .*--stretch"):
+        check_size(3000, integer)
+    with pytest.raises(ConfigError, match=r"^learning.mu is 0.5, but must be 0, 1 or 2 with --learning integer"):
+        check_size(10, update(integer, {"learning": {"mu": 0.5}}))
+
+
+def test_integer_learning_gives_a_model_of_its_own() -> None:
+    integer = train([encoded()], small_config(learning={"arithmetic": "integer"}))
+    np.testing.assert_allclose(integer.learned.mean(axis=0), 0.1, rtol=1e-4)  # as after learning in float
+    assert coverage(integer.responses)[1] >= 6
+    assert not np.array_equal(integer.responses, train([encoded()], small_config()).responses)
+
+
+def test_a_network_that_turns_out_too_large_leaves_no_checkpoint(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise NetworkLimitError("too large")
+
+    monkeypatch.setattr("lava_vpr.training.loop.integer_network", refuse)
+    with pytest.raises(NetworkLimitError, match="too large"):
+        train([encoded()], small_config(), checkpoint=tmp_path / "a.checkpoint", interval=0.0)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_conductance_model_refuses_stretches_before_it_learns() -> None:
+    with pytest.raises(ConfigError, match="in one network; use --stretch 0"):
+        train([encoded(inputs=784)], dataclasses.replace(tiny_paper(), stretch=3), progress=stop_after(1))
+
+
+def test_blank_images_learn_nothing_and_say_so() -> None:
+    blank = dataclasses.replace(encoded(), activity=np.zeros((8, 1568), np.float32))
+    learned = train([blank], small_config())
+    assert learned.training["spikes_per_image"] == 0
+    assert not learned.responses.any()
+
+
+def test_progress_tells_what_was_learned() -> None:
+    seen: list[Progress] = []
+    train([encoded()], small_config(), progress=seen.append)
+    assert len(seen) == 8 * 5
+    whole = [state for state in seen if state.neurons_used >= 0]
+    assert len(whole) == 2 * 5
+    assert whole[-1].spikes_per_image > 0
+    assert 0 < whole[-1].places_covered <= 4
+
+
+def test_no_two_training_presentations_share_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[int] = []
+
+    def recorded(*words: object) -> int:
+        drawn.append(presentation_key(*words))  # type: ignore[arg-type]
+        return drawn[-1]
+
+    monkeypatch.setattr("lava_vpr.training.loop.presentation_key", recorded)
+    train([encoded(), encoded(), encoded()], small_config())
+    # Two epochs of the first traverse alone, three of all.
+    assert len(drawn) == len(set(drawn)) == 2 * 8 + 3 * 3 * 8
+    roles = {presentation_key(0, role, image) for role in ("response", "query") for image in range(5, 13)}
+    assert not roles & set(drawn)
+
+
+def test_several_traverses_are_learned_by_the_same_neurons() -> None:
+    """The first traverse decides who learns what; the others are consolidated by the same neurons."""
+    config = update(small_config(), {"stretch": 20, "network": {"steps": 150}, "learning": {"epochs": 8, "steps": 200}})
+    first, second = encoded(16), encoded(16, noise=1.0)
+    seen: list[Progress] = []
+    both = train([first, second], config, progress=seen.append)
+    assert len(seen) == presentations(config, 16, 2, 8) == 16 * (4 + 2 * 4)
+    assert both.training["places_covered"] >= 15
+    alone = train([first], config)
+    assert both.training["places_covered"] >= alone.training["places_covered"] - 1
+    own = alone.neuron_places()[both.neuron_places() >= 0]
+    assert np.mean(own == both.neuron_places()[both.neuron_places() >= 0]) > 0.7

@@ -1,0 +1,199 @@
+"""`lava-vpr verify`: the same spikes on every backend, and what is said when they are not."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from support.common.commands import PLACES, figures, run
+from support.common.helpers import encoded, small_model, tiny_paper
+
+from benchmarks.backends import figures as recall_of
+from benchmarks.nordland import SECTIONS, part
+from benchmarks.nordland import encoded as real
+from benchmarks.recall import learn
+from lava_vpr import verification
+from lava_vpr.backends import registry as backends
+from lava_vpr.backends.registry import Trains
+from lava_vpr.cli import main
+from lava_vpr.config import preset
+from lava_vpr.configfile import update
+from lava_vpr.encoding import query_rates
+from lava_vpr.errors import BackendUnavailableError, InputError
+from lava_vpr.processes.base import lava_checks
+from lava_vpr.training.loop import train
+from lava_vpr.verification import Verdict, compare, verify
+
+FIXED = ("lava-fixed", "lava-fused", "lava-library")
+
+
+def trains() -> Trains:
+    rng = np.random.default_rng(0)
+    exc, inh, inputs = ((rng.random((2, 9, width)) < 0.3).astype(np.uint8) for width in (5, 5, 20))
+    return Trains(exc, inputs, inh)
+
+
+def test_every_spike_is_compared() -> None:
+    host = trains()
+    spikes, differing, mismatch = compare(host, host, ("a", "b"))
+    assert spikes == int(host.exc.sum() + host.inh.sum() + host.inputs.sum())  # type: ignore[union-attr]
+    assert (differing, mismatch) == (0, None)
+    only = Trains(host.exc)
+    assert compare(host, only, ("a", "b"))[0] == int(host.exc.sum())
+
+
+@pytest.mark.parametrize("population", Trains.POPULATIONS)
+def test_one_spike_too_many_or_too_few_is_found(population: str) -> None:
+    host = trains()
+    changed = getattr(host, population).copy()
+    changed[1, 4, 3] ^= 1
+    _, differing, mismatch = compare(host, replace(host, **{population: changed}), ("a", "b"))
+    assert differing == 1
+    was = int(getattr(host, population)[1, 4, 3])
+    assert str(mismatch) == (f"query b, step 4, population {population}, neuron 3: host {was}, backend {1 - was}")
+
+
+def test_the_first_mismatch_is_the_earliest_step() -> None:
+    host = trains()
+    inputs, inh = host.inputs.copy(), host.inh.copy()  # type: ignore[union-attr]
+    inputs[0, 7, 0] ^= 1
+    inh[0, 5, 2] ^= 1
+    _, differing, mismatch = compare(host, replace(host, inputs=inputs, inh=inh), ("a", "b"))
+    assert differing == 2
+    assert mismatch is not None
+    assert (mismatch.population, mismatch.step) == ("inh", 5)
+
+
+def test_trains_of_another_shape_are_refused() -> None:
+    host = trains()
+    with pytest.raises(InputError, match=r"^exc trains of shape \(2, 8, 5\) instead of \(2, 9, 5\); the backend runs"):
+        compare(host, replace(host, exc=host.exc[:, 1:]), ("a", "b"))
+
+
+def test_a_query_without_spikes_is_refused() -> None:
+    model, queries = small_model(PLACES), encoded(PLACES)
+    blank = queries.activity.copy()
+    blank[3] = 0
+    with pytest.raises(InputError, match=r"^img3.png: no neuron spikes for this query, .* \(1 of 8 such queries\)"):
+        verify(model, replace(queries, activity=blank), np.eye(PLACES, dtype=bool), names=("host",))
+
+
+class Tampered(backends.HostBackend):
+    """A backend that loses one spike."""
+
+    def trains(self, *args: Any, **options: Any) -> Trains:
+        host = super().trains(*args, **options)
+        query, step, neuron = np.argwhere(host.exc)[10]
+        host.exc[query, step, neuron] = 0
+        return host
+
+
+def test_a_lost_spike_fails_the_command(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(backends, "get", lambda name, threads=1, advance=None: Tampered())
+    result = CliRunner().invoke(main, ["verify", "m.lvpr", "query", "--backend", "lava-fixed", "--json", "v.json"])
+    assert result.exit_code == 1
+    assert result.stderr.startswith("lava-vpr: error: lava-fixed differs from the host in 1 places, first at query ")
+    assert "population exc, neuron " in result.stderr
+    assert "host 1, backend 0" in result.stderr
+    assert json.loads(Path("v.json").read_text())["backends"]["lava-fixed"]["equal"] is False
+
+
+def test_every_backend_on_a_synthetic_route(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The command itself, Lava and all: composed, fused, library and float."""
+    monkeypatch.setattr(lava_checks, "_loihi_installed", lambda: False)
+    result = run("verify", "m.lvpr", "query", "--limit", 3, "--json", "v.json")
+    values = json.loads(Path("v.json").read_text())["backends"]
+    assert list(values) == list(backends.BACKENDS)
+    spikes = values["host"]["spikes_compared"]
+    assert values["host"] == {"available": True, "equal": True, "queries": 3, "spikes_compared": spikes}
+    assert values["lava-fixed"] == values["lava-library"] == values["host"]
+    assert 0 < values["lava-fused"]["spikes_compared"] < spikes  # its inputs and relays have no trains of their own
+    assert values["lava-fused"]["equal"] is True
+    assert set(values["lava-float"]) == {"available", "equal", "queries", "recall_at_1"}
+    assert values["lava-float"]["equal"] is None
+    assert set(values["loihi2"]) == {"available", "reason"}
+    assert "every spike equal" in result.stdout
+    assert "not available" in result.stdout
+
+
+def test_eval_on_a_lava_backend_gives_the_hosts_figures(here: Path) -> None:
+    assert figures("query", "--backend", "lava-fused") == figures("query")
+
+
+@pytest.mark.parametrize("name", ["lava-fixed", "lava-library", "lava-fused"])
+def test_counts_and_events_are_the_hosts(name: str) -> None:
+    model, queries = small_model(PLACES), encoded(PLACES)
+    rates = query_rates(queries.activity, model.config)[:3]
+    options = {"image_ids": queries.indices[:3], "role": "query", "seed": 1, "steps": 40}
+    counts, events = backends.get("host").count_spikes(model, rates, **options)
+    got, same = backends.get(name).count_spikes(model, rates, **options)
+    assert counts.sum() > 0
+    np.testing.assert_array_equal(got, counts)
+    assert same == events
+
+
+def test_integer_backends_refuse_the_float_model() -> None:
+    model, queries = train([encoded(4, 784)], tiny_paper()), encoded(4, 784)
+    host, fixed, floating = verify(model, queries, np.eye(4, dtype=bool), names=("host", "lava-fixed", "lava-float"))
+    assert (host.equal, host.queries) == (True, 4)
+    assert fixed.as_json() == {"available": False, "reason": fixed.reason}
+    assert str(fixed.reason).startswith("lava-fixed runs integer networks")
+    assert floating.as_json() == {"available": True, "equal": None, "queries": 4, "recall_at_1": host.recall}
+    for name in FIXED:
+        with pytest.raises(BackendUnavailableError, match=rf"^{name} runs integer networks, .* use --backend host or"):
+            backends.require(name, model)
+    backends.require("lava-float", model)
+
+
+def test_what_is_missing_is_said_before_any_work(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lava_checks, "_loihi_installed", lambda: False)
+    for command in ("eval", "verify"):
+        result = CliRunner().invoke(main, [command, "m.lvpr", "nowhere", "--backend", "loihi2"])
+        assert result.exit_code == 1
+        assert result.stderr.startswith("lava-vpr: error: lava-loihi is not installed")
+        assert result.stderr.endswith("--backend lava-library simulates the same network\n")
+
+
+def test_verdicts_as_json() -> None:
+    assert verification.FLOAT == ("lava-float",)
+    assert Verdict("x", "no board").as_json() == {"available": False, "reason": "no board"}
+    assert Verdict("x", None, None, 3, 9, recall=0.5).as_json() == {
+        "available": True,
+        "equal": None,
+        "queries": 3,
+        "recall_at_1": 0.5,
+    }
+
+
+@pytest.mark.data
+@pytest.mark.slow
+@pytest.mark.parametrize("bits", range(1, 9))
+def test_twenty_real_queries_on_every_backend(bits: int, data_root: Path) -> None:
+    """Host, composed, fused and library-wired network: every spike of every population, for every width of weights."""
+    config = update(preset("loihi"), {"network": {"weight_bits": bits}})
+    model = learn(SECTIONS[0], config)
+    queries = part(real("winter", config.encoder), slice(0, 20))
+    verdicts = verify(model, queries, np.eye(20, 100, dtype=bool), names=FIXED)
+    for verdict in verdicts:
+        print(f"{bits} bits, {verdict.name}: {verdict.spikes:,} spikes of {verdict.queries} queries compared")
+        assert verdict.reason is None
+        assert verdict.equal, verdict.mismatch
+        assert verdict.queries == 20
+        # Of the fused Process those of exc are compared, about 40 a query; of the others all populations.
+        assert verdict.spikes > (400 if verdict.name == "lava-fused" else 100_000)
+
+
+@pytest.mark.data
+@pytest.mark.slow
+def test_the_float_network_recognises_as_well(data_root: Path) -> None:
+    """All five sections through the floating-point Processes: R@1 within 0.02 of the integers'."""
+    results = recall_of(("host", "lava-float"), seed=0)
+    fixed, floating = (float(np.mean([m.recall_at_1 for m in results[name]])) for name in ("host", "lava-float"))
+    print(f"R@1 of five sections: integers {fixed:.3f}, float {floating:.3f}")
+    assert fixed > 0.85
+    assert abs(fixed - floating) <= 0.02

@@ -1,0 +1,233 @@
+"""Learning as Loihi 2 can do it: thresholds folded into the weights, all of it in the bundle, and the same in Lava."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lava_vpr.config import Config, preset
+from lava_vpr.configfile import update
+from lava_vpr.deploy.bundle.folder import Bundle, json_bytes
+from lava_vpr.deploy.bundle.learning import ChipLearning, chip_learning, learned_on_chip, learning_files, read_learning
+from lava_vpr.encoding import EncodedTraverse, draw_spikes
+from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork
+from lava_vpr.engine.learning.lava_order import FoldedPhase, LibraryDraws, fold, laterals, unfold
+from lava_vpr.engine.random import GOLDEN, derived_key
+from lava_vpr.errors import BundleError, ConfigError
+from lava_vpr.isolated.runner import run_isolated
+from lava_vpr.loihi import INPUT_LIMIT
+from lava_vpr.model import Model
+from lava_vpr.processes.jobs.learning import FOLDED
+from lava_vpr.training.loop import train
+
+PLACES, STEPS = 8, 60
+
+
+def small_config(**learning: Any) -> Config:
+    """Short presentations of few inputs."""
+    changes = {"epochs": 4, "competition_epochs": 2, "steps": STEPS, **learning}
+    encoder = {"image_size": 32, "cell": 8, "orientations": 4}
+    return update(preset("loihi"), {"encoder": encoder, "learning": changes, "network": {"steps": STEPS}, "stretch": 4})
+
+
+def traverse(config: Config, seed: int) -> EncodedTraverse:
+    """Made-up responses of the input channels: what each place looks like, and some noise."""
+    inputs = config.encoder.inputs
+    looks = np.random.default_rng(0).random((PLACES, inputs)) ** 4
+    noise = np.random.default_rng(seed).random((PLACES, inputs)) * 0.02
+    return EncodedTraverse(
+        tuple(f"{i}.png" for i in range(PLACES)),
+        np.arange(PLACES),
+        np.zeros((PLACES, 28, 28), np.uint8),
+        (looks + noise).astype(np.float32),
+        np.zeros((PLACES, 48, 64, 3), np.uint8),
+    )
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    """A model of two stretches, from two traverses."""
+    config = small_config()
+    return train([traverse(config, 1), traverse(config, 2)], config)
+
+
+def bundle_of(model: Model) -> Bundle:
+    """Its learning files, as a bundle would hold them."""
+    return Bundle(Path("memory"), {}, learning_files(model))
+
+
+def test_what_is_read_is_what_was_written(model: Model) -> None:
+    written, read = chip_learning(model), read_learning(bundle_of(model))
+    assert len(read) == len(written) == 2
+    for one, other in zip(written, read, strict=True):
+        assert one.phases == other.phases
+        assert one.seeds == other.seeds
+        for name in ("epochs", "images", "keys", "rates"):
+            assert np.array_equal(getattr(one, name), getattr(other, name))
+        assert np.array_equal(one.start.weights, other.start.weights)
+        assert np.array_equal(one.start.theta, other.start.theta)
+    assert learning_files(model) == learning_files(model), "not the same bytes"
+
+
+def test_the_schedule_is_trainings_own(model: Model) -> None:
+    first, second = chip_learning(model)
+    # Two epochs of the first traverse alone, then two of both; four places a stretch.
+    assert np.bincount(first.epochs).tolist() == [4, 4, 8, 8]
+    assert first.images[:4].tolist() == [0, 1, 2, 3]
+    assert second.images[8:16].tolist() == [4, 5, 6, 7, 12, 13, 14, 15]
+    assert len(set(first.keys.tolist()) | set(second.keys.tolist())) == 48, "two presentations share their noise"
+
+
+def slow_fold(weights: NDArray[np.uint8], theta: NDArray[np.int32], common: int, key: int) -> NDArray[np.uint8]:
+    """`fold` in Python's integers."""
+    own, folded = derived_key(key, "fold"), np.zeros(weights.shape, np.uint8)
+    for j in range(weights.shape[0]):
+        for i in range(weights.shape[1]):
+            x = (own + int(GOLDEN) * ((i << 32) + j)) % (1 << 64)
+            x = (x ^ (x >> 30)) * 0xBF58476D1CE4E5B9 % (1 << 64)
+            x = (x ^ (x >> 27)) * 0x94D049BB133111EB % (1 << 64)
+            draw = (x ^ (x >> 31)) >> 32
+            whole, rest = divmod(int(weights[j, i]) * common, int(theta[i]))
+            folded[j, i] = min(255, whole + (draw * int(theta[i]) < rest << 32))
+    return folded
+
+
+def test_folding_is_division_with_stochastic_rounding() -> None:
+    rng = np.random.default_rng(3)
+    weights = rng.integers(0, 256, (40, 9)).astype(np.uint8)
+    theta = rng.integers(1, 2000, 9).astype(np.int32)
+    for key in (1, 2**63 - 1):
+        assert np.array_equal(fold(weights, theta, 700, key), slow_fold(weights, theta, 700, key))
+    same = np.full(9, 700, np.int32)
+    assert np.array_equal(fold(weights, same, 700, 5), weights)
+    half = np.mean([fold(np.full((40, 9), 101, np.uint8), 2 * same, 700, key) for key in range(200)])
+    assert abs(half - 50.5) < 0.02
+
+
+def test_what_the_chip_learned_is_added_in_full() -> None:
+    host = np.array([[100, 250, 3]], np.uint8)
+    unfold(host, np.array([[50, 10, 9]], np.uint8), np.array([[57, 20, 0]], np.uint8))
+    assert host.tolist() == [[107, 255, 0]]
+
+
+def test_lateral_weights_are_scaled_and_never_overflow() -> None:
+    mantissas, exponent = laterals(400, np.array([100, 200, 400], np.int32), 200)
+    assert exponent == 1
+    assert mantissas.tolist() == [255, 200, 100]
+    crowd, exponent = laterals(800, np.full(300, 10, np.int32), 200)
+    assert 299 * (int(crowd[0]) << exponent) < INPUT_LIMIT <= 299 * (int(crowd[0]) + 1 << exponent)
+
+
+def slow_presentation(
+    part: ChipLearning, phase: FoldedPhase, weights: NDArray[np.uint8], common: int, lateral: NDArray[np.int64], k: int
+) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+    """One presentation on the chip, step by step in plain numpy; the weights and spike counts after it."""
+    chip, rule = phase.chip, phase.chip.rule
+    draws = LibraryDraws(part.seeds[0])
+    for _ in range(k + 1):
+        trace_draws, weight_draws = draws.next(chip.steps + SILENT_STEPS)
+    spikes = draw_spikes(part.rates[part.images[k]], int(part.keys[k]), chip.steps)
+    w, neurons = weights.astype(np.int64), weights.shape[1]
+    v, x = np.zeros(neurons, np.int64), np.zeros(len(w), np.int64)
+    arrived, fired, relayed = np.zeros(neurons, np.int64), np.zeros(neurons, bool), np.zeros(neurons, bool)
+    counts = np.zeros(neurons, np.int64)
+    for step in range(chip.steps + SILENT_STEPS):
+        drive = (arrived >> chip.shift) - lateral * (relayed.sum() - relayed)
+        v = np.sign(v) * (np.abs(v) * (4096 - chip.neurons.dv) >> 12) + (drive << 6)
+        relayed, fired = fired, v > common << 6
+        v[fired] = 0
+        counts += fired
+        now = spikes[step] if step < chip.steps else np.zeros(len(w), bool)
+        arrived = w[now].sum(axis=0)
+        whole, chance = np.divmod(np.exp(-1 / rule.tau) * x, 1)
+        x = whole.astype(np.int64) + (int(trace_draws[step]) < np.ceil(chance * 2.0**53))
+        x[now] = 127
+        change = sum(m * 2.0**e for m, e in rule.products) * (x - rule.target)
+        for i in np.flatnonzero(fired):
+            total = w[:, i] + change
+            low = np.floor(total)
+            w[:, i] = np.clip(low + (int(weight_draws[step]) < np.ceil((total - low) * 2.0**53)), 0, 255)
+    return w.astype(np.uint8), counts
+
+
+def test_a_presentation_equals_a_literal_one(model: Model) -> None:
+    part = chip_learning(model)[0]
+    trainer = part.trainer()
+    trainer.begin_epoch(0)
+    learned = 0
+    for k in range(4):
+        before = trainer.state()["theta"].copy()
+        given = trainer.begin(int(part.keys[k]))
+        lateral = given.mantissas << given.exponent
+        weights, counts = slow_presentation(part, trainer.phase, given.weights, trainer.common, lateral, k)
+        again = part.trainer()
+        again.begin_epoch(0)
+        for j in range(k):
+            again.record(part.rates[part.images[j]], int(part.keys[j]))
+        seen, after, _ = again.record(part.rates[part.images[k]], int(part.keys[k]))
+        assert np.array_equal(seen, counts)
+        assert np.array_equal(after["weights"], weights)
+        trainer.end(given, weights, counts.astype(np.int32))
+        assert np.array_equal(trainer.state()["theta"], before + counts * trainer.phase.theta_plus)
+        assert np.array_equal(trainer.state()["weights"], again.state()["weights"])
+        learned += int(counts.sum())
+    assert learned > 0, "nothing was learned"
+
+
+@pytest.mark.parametrize("epoch", [0, 3])
+def test_lavas_library_learns_the_same(model: Model, epoch: int) -> None:
+    """LearningDense and LIFReset alone, both phases: every spike, weight and trace of several presentations."""
+    part = read_learning(bundle_of(model))[1]
+    trainer = part.trainer()
+    trainer.begin_epoch(0)
+    for image, key in zip(part.images[:4], part.keys[:4], strict=True):
+        trainer.present(part.rates[image], int(key))
+    state = {name: value.copy() for name, value in trainer.state().items()}
+    arrays, options = part.job(3)
+    arrays |= {"weights": state["weights"], "theta": state["theta"]}
+    got = run_isolated(FOLDED, arrays, options | {"epoch": epoch}, timeout=300)
+    trainer.begin_epoch(epoch)
+    spikes = 0
+    for k in range(3):
+        counts, after, film = trainer.record(arrays["rates"][k], int(arrays["keys"][k]), raster=True)
+        assert np.array_equal(got["raster"][k], film)
+        assert np.array_equal(got["weights"][k], after["weights"])
+        assert np.array_equal(got["traces"][k], after["traces"])
+        spikes += int(counts.sum())
+    assert spikes > 0
+    assert np.array_equal(got["host_weights"], trainer.state()["weights"])
+    assert np.array_equal(got["host_theta"], trainer.state()["theta"])
+
+
+def test_what_is_learned_recognises_its_places(model: Model) -> None:
+    learned = learned_on_chip(model, read_learning(bundle_of(model)), 1)
+    assert isinstance(learned.network, FixedNetwork)
+    assert learned.network.weights.shape == model.network.weights.shape
+    own = learned.responses.argmax(axis=0)
+    assert len(set(own.tolist())) >= PLACES - 2, "places share their neurons"
+
+
+def test_what_cannot_be_learned_on_the_chip_is_told(model: Model) -> None:
+    fractional = replace(model, config=small_config(tau_trace=10.5))
+    with pytest.raises(ConfigError, match=r"learning.tau_trace is 10.5, but must be a whole number of steps"):
+        learning_files(fractional)
+    with pytest.raises(ConfigError, match="the float conductance model of preset paper does not learn on a chip"):
+        learning_files(replace(model, config=preset("paper")))
+
+
+def test_a_bundle_without_or_with_garbled_learning(model: Model) -> None:
+    with pytest.raises(BundleError, match="holds no network that learns; deploy the model with --learning"):
+        read_learning(Bundle(Path("memory"), {}, {}))
+    files = learning_files(model)
+    told = bundle_of(model).json("learning/learning.json")
+    told["stretches"][0]["phases"][0]["learning_rule"]["dw"] = "2^-1*y0*(x1-1)"
+    with pytest.raises(BundleError, match=r"learning.json: lacks or garbles dw .* not the sum of its products"):
+        read_learning(Bundle(Path("memory"), {}, {**files, "learning/learning.json": json_bytes(told)}))
+    del told["stretches"][0]["phases"]
+    with pytest.raises(BundleError, match=r"learning.json: lacks or garbles 'phases'; deploy"):
+        read_learning(Bundle(Path("memory"), {}, {**files, "learning/learning.json": json_bytes(told)}))

@@ -1,0 +1,125 @@
+"""The network files of a Loihi 2 bundle: whole, refused if they contradict, simulated as the engine does."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from support.boards.loihi2_bundles import AGAIN, INTERVAL, network, queries
+
+from lava_vpr.deploy.bundle import loihi2
+from lava_vpr.deploy.bundle.folder import array_bytes, json_bytes
+from lava_vpr.encoding import draw_trains
+from lava_vpr.engine.inference.fixed import SCALARS, count_spikes
+from lava_vpr.errors import BundleError, NetworkLimitError
+
+QUICK = settings(deadline=None, max_examples=25, derandomize=True)
+
+
+@QUICK
+@given(
+    bits=st.integers(1, 8),
+    shift=st.integers(0, 7),
+    regular=st.integers(0, 1),
+    decay=st.integers(0, 4095),
+    exponent=st.integers(0, 3),
+    seed=st.integers(0, 99),
+)
+def test_files_hold_the_whole_network(
+    bits: int, shift: int, regular: int, decay: int, exponent: int, seed: int
+) -> None:
+    changes = {"bits": bits, "shift": shift, "regular": regular, "decay": decay, "inhibition_exponent": exponent}
+    net = network(seed, **changes)
+    files = loihi2.network_files(net)
+    assert files == loihi2.network_files(net)
+    read = loihi2.network_of(files)
+    assert np.array_equal(read.weights, net.weights)
+    assert all(getattr(read, name) == getattr(net, name) for name in SCALARS)
+
+
+def test_parameters_have_the_names_of_lavas_arguments() -> None:
+    files = loihi2.network_files(network(bits=3, shift=2, inhibition_exponent=1, regular=1))
+    reset = {"reset_interval": 33, "reset_offset": 1}
+    told = json.loads(files[loihi2.PARAMETERS])
+    assert told.pop("network")["shift"] == 2
+    assert told == {
+        "steps": 30,
+        "silent_steps": 3,
+        "inputs": {"du": 4095, "dv": 0, "vth": 8000},
+        "excite": {"num_weight_bits": 3, "weight_exp": -7},
+        "exc": {"du": 4095, "dv": 137, "vth": 20, **reset},
+        "relay": {"weight": 2, "num_weight_bits": 8, "weight_exp": 0},
+        "inh": {"du": 4095, "dv": 4095, "vth": 1, **reset},
+        "inhibit": {"weight": -10, "num_weight_bits": 8, "weight_exp": 1},
+    }
+
+
+@QUICK
+@given(bits=st.integers(1, 8), shift=st.integers(0, 3), regular=st.integers(0, 1), seed=st.integers(0, 99))
+def test_simulation_equals_the_engine(bits: int, shift: int, regular: int, seed: int) -> None:
+    """Two implementations: every spike, also over more presentations than are simulated in one go."""
+    shift = min(shift, bits - 1)
+    net = network(seed, bits=bits, shift=shift, regular=regular, threshold=3 << bits >> shift)
+    rates, keys = queries(n=loihi2.CHUNK + 2, seed=seed)
+    exc, inh, inputs = loihi2.simulate(net, rates, keys)
+    _, _, film = count_spikes(net, rates, keys, raster=True)
+    assert film.any()
+    assert np.array_equal(exc, film)
+    assert np.array_equal(inh[:, 1:], film[:, :-1])
+    assert np.array_equal(inputs, draw_trains(rates, keys, net.steps, INTERVAL, regular=bool(regular)))
+
+
+def altered(change: Callable[[dict[str, Any]], object]) -> dict[str, bytes]:
+    """Files of a network, with other parameters."""
+    files = loihi2.network_files(network())
+    parameters = json.loads(files[loihi2.PARAMETERS])
+    change(parameters)
+    return files | {loihi2.PARAMETERS: json_bytes(parameters)}
+
+
+@pytest.mark.parametrize(
+    ("files", "said"),
+    [
+        ({}, "network/weights.npy: the bundle lacks this file"),
+        (
+            altered(lambda p: p["exc"].update(vth=21)),
+            "network/parameters.json: 'exc' contradicts the rest of the bundle",
+        ),
+        (altered(lambda p: p.update(more=1)), "network/parameters.json: 'more' contradicts the rest of the bundle"),
+        (altered(lambda p: p.pop("relay")), "network/parameters.json: 'relay' contradicts the rest of the bundle"),
+        (altered(lambda p: p["network"].update(neurons=9)), "network/parameters.json: 'network' contradicts"),
+        (altered(lambda p: p.pop("network")), "network/parameters.json: describes no network that Loihi 2 can run;"),
+        (altered(lambda p: p["network"].update(steps=1.5)), "network/parameters.json: describes no network"),
+        (
+            altered(lambda p: p["network"].update(threshold=0)),
+            "network/parameters.json: describes no network that Loihi 2 can run (threshold 0 does not fit 1..131071",
+        ),
+        (
+            loihi2.network_files(network()) | {loihi2.WEIGHTS: array_bytes(np.full((10, 24), 33, np.uint8))},
+            "network/weights.npy: holds more than the 3 bits of a weight",
+        ),
+        (
+            loihi2.network_files(network()) | {loihi2.WEIGHTS: array_bytes(np.zeros(3, np.int8))},
+            "network/weights.npy: is int8 (3,), but must be uint8 (neurons, inputs)",
+        ),
+        (loihi2.network_files(network()) | {loihi2.WEIGHTS: b"no"}, "network/weights.npy: is no array ("),
+        (loihi2.network_files(network()) | {loihi2.PARAMETERS: b"no"}, "network/parameters.json: is no JSON ("),
+    ],
+)
+def test_contradictory_files_are_refused(files: dict[str, bytes], said: str) -> None:
+    with pytest.raises(BundleError) as caught:
+        loihi2.network_of(files)
+    assert str(caught.value).startswith(said)
+    assert str(caught.value).endswith(AGAIN)
+
+
+def test_what_loihi_cannot_hold_is_refused() -> None:
+    with pytest.raises(NetworkLimitError, match=r"^decay 4096 does not fit Loihi 2's 0\.\.4095; train with "):
+        loihi2.network_files(network(decay=4096))
+    with pytest.raises(NetworkLimitError, match=r"^rates are \(5, 3\), but the bundle's network has 24 inputs"):
+        loihi2.simulate(network(), queries(3)[0], queries(3)[1])

@@ -1,0 +1,235 @@
+"""The program for Kapoho Bay: what it draws, unpacks and configures, and that the stand-in board counts as the host."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from support.boards import host_programs, kapoho_board
+from support.boards.host_programs import SOURCES
+from support.boards.kapoho_board import Board, altered, answers, child, load_program, write_queries
+from support.boards.kapoho_bundles import LAYOUTS, Made, layout, make, plan_by_hand, random_network
+from support.common.helpers import small_model
+
+from lava_vpr.deploy.boards.board import KAPOHO_BAY
+from lava_vpr.deploy.bundle.deployment import deploy
+from lava_vpr.deploy.registers.core_images import core_images
+from lava_vpr.deploy.registers.synapses import Format, unpack
+from lava_vpr.encoding import draw_spikes
+from lava_vpr.engine.inference import bias_input
+
+board = kapoho_board.board
+SLOW = settings(deadline=None, max_examples=8, derandomize=True)
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """The modules of the program."""
+    return load_program(host_programs.flat("kapoho_bay", tmp_path_factory.mktemp("flat") / "program"))
+
+
+@pytest.fixture(scope="module", params=[0, 1], ids=["injected", "bias"])
+def two_chips(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Made:
+    """A network on two chips; never written to."""
+    return make(tmp_path_factory.mktemp("made"), layout("two chips", random_network(regular=request.param)))
+
+
+def test_the_program_needs_python_3_6_and_numpy_only() -> None:
+    known = {"argparse", "contextlib", "hashlib", "io", "json", "os", "re", "shutil", "signal", "sys", "tempfile"}
+    others = host_programs.imported("kapoho_bay", (3, 6)) - known
+    assert others == {"math", "numpy", "nxsdk", "threading", "time", "traceback", "typing", "zlib"}
+
+
+def test_the_chips_program_and_the_host_number_alike(program: Any) -> None:
+    text, packets = (SOURCES / "kapoho_bay" / "embedded.c").read_text(), program.packets
+    enums = [re.findall(r"LV_(\w+)", body) for body in re.findall(r"enum \{(.*?)\}", text, re.DOTALL)]
+    kinds, words, faults = enums[0], enums[1], enums[2]
+    assert [getattr(packets, name) for name in kinds] == list(range(1, 8))
+    assert [getattr(packets, name) for name in words[:-2]] == list(range(8))
+    assert [name.removeprefix("BAD_").lower() for name in faults[2:]] == list(packets.FAULTS[2:])
+    assert f"LV_MAGIC {packets.MAGIC:#x}" in text
+    assert text.count('#include "embedded.h"') == 1
+
+
+@SLOW
+@given(st.integers(0, 2**64 - 1), st.integers(1, 40), st.integers(1, 30))
+def test_input_is_the_encoders(program: Any, key: int, inputs: int, steps: int) -> None:
+    rates = np.random.default_rng(inputs).integers(0, 1 << 16, inputs).astype(np.uint16)
+    own = program.board_input
+    assert np.array_equal(own.draw_spikes(rates, key, steps), draw_spikes(rates, key, steps))
+    for found, other in zip(own.biases(rates, own.LEVEL), bias_input.biases(rates), strict=True):
+        assert np.array_equal(found, other)
+    assert np.array_equal(own.phases(key, inputs, own.LEVEL), bias_input.phases(key, inputs))
+    assert own.LEVEL == bias_input.LEVEL
+
+
+@pytest.mark.parametrize("dense", [0.0, 0.5, 1.0])
+def test_words_are_unpacked_as_they_were_packed(program: Any, tmp_path: Path, dense: float) -> None:
+    plan = layout("apart", random_network(inputs=150, neurons=10), dense)
+    network = program.board_network.Network(program.board_network.Bundle(str(make(tmp_path, plan).path)))
+    for image in core_images(plan):
+        core = network.of[image.chip, image.core]
+        known = image.registers["synapseFmt"]
+        formats = [None if form is None else Format.of(form, "") for form in known]
+        rows = unpack(image.synapses, image.axons_in, formats, len(image.compartments))
+        for axon, row in enumerate(core.row_of_axon.reshape(-1)):
+            number, compartments, weights = core.rows[row]
+            own = slice(rows.starts[axon], rows.starts[axon + 1])
+            assert number == rows.formats[axon]
+            assert compartments == rows.compartments[own].tolist()
+            form = known[number]
+            worth = np.array(weights) * 2.0 ** (6 + form["wgtExp"])
+            assert np.array_equal(worth, rows.currents(formats)[own])
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+@pytest.mark.parametrize("mode", [0, 1], ids=["injected", "bias"])
+def test_the_board_counts_as_the_host(board: Board, tmp_path: Path, name: str, mode: int) -> None:
+    lag = mode ^ (name == "apart")  # it is not public which slot of a counter a spike is in
+    made = make(tmp_path, layout(name, random_network(3, regular=mode), dense=float(lag)))
+    assert made.counts.sum() > 20
+    ended = board.run(made, "--self-test", lag=lag)
+    assert (ended.code, ended.err) == (0, "")
+    assert ended.out == f"equal: 5 references, 50 counts, {made.counts.sum()} spikes\n"
+
+
+def test_more_neurons_than_a_packet_holds(board: Board, tmp_path: Path) -> None:
+    network = random_network(5, inputs=40, neurons=70, regular=1, threshold=60, inhibition=3)
+    plan = plan_by_hand(network, {(1, 0): [("exc", 0, 70), ("inh", 0, 70), ("inputs", 0, 40)]})
+    made = make(tmp_path, plan, images=3)
+    ended = board.run(made, "--self-test")
+    assert (ended.code, ended.err) == (0, "")
+    assert made.counts[:, 60:].sum() > 0
+
+
+def test_queries_in_batches(board: Board, two_chips: Made, tmp_path: Path) -> None:
+    queries = write_queries(tmp_path / "q", two_chips.rates, two_chips.keys)
+    log = tmp_path / "log"
+    ended = board.run(two_chips, "--queries", queries, "--out", tmp_path / "r", "--batch", 2, log=str(log))
+    assert (ended.code, ended.out, ended.err) == (0, "5 of 5 queries answered\n", "")
+    counts, done, status = answers(tmp_path / "r")
+    assert counts.dtype == np.int32
+    assert np.array_equal(counts, two_chips.counts)
+    assert done.all()
+    assert status == {"done": 5, "of": 5, "stage": None, "error": None}
+    steps = two_chips.network.steps + 3
+    runs = [f"run {2 + n * steps}" for n in (2, 2, 1)]
+    assert log.read_text().split("\n") == ["start", *(x for run in runs for x in (run, "finished")), "disconnect", ""]
+    assert sorted(path.name for path in (tmp_path / "r").iterdir()) == ["counts.npy", "done.npy", "status.json"]
+
+
+def test_no_query_is_no_work(board: Board, two_chips: Made, tmp_path: Path) -> None:
+    queries = write_queries(tmp_path / "q", two_chips.rates[:0], two_chips.keys[:0])
+    assert board.run(two_chips, "--queries", queries, "--out", tmp_path / "r").code == 0
+    assert answers(tmp_path / "r")[0].shape == (0, 10)
+
+
+def test_self_test_sums_the_images_of_a_place(board: Board, tmp_path: Path) -> None:
+    made = make(tmp_path, layout("one core", random_network(1)), images=3, traverses=2)
+    assert board.run(made, "--self-test").out.startswith("equal: 6 references, 30 counts")
+    assert board.run(made, "--self-test", 5).out.startswith("equal: 5 references, 20 counts")
+    ended = board.run(made, "--self-test", 3)
+    assert (ended.code, ended.err) == (1, "the first 3 references are not all of any place; present more\n")
+
+
+def test_self_test_tells_the_first_difference(board: Board, tmp_path: Path) -> None:
+    made = make(tmp_path, layout("one core", random_network(1)))
+    right = int(made.counts[1, 4])
+    array_at = 128 + 4 * (4 * 5 + 1)  # neuron 4, place 1
+
+    def more(content: bytes) -> bytes:
+        return content[:array_at] + bytes([right + 1]) + content[array_at + 1 :]
+
+    altered(made, "host/responses.npy", more)
+    ended = board.run(made, "--self-test")
+    said = f"neuron 4 counts {right} spikes for place 1 instead of {right + 1}; 1 of 50 counts differ"
+    assert (ended.code, ended.err) == (1, f"self-test: {said}\n")
+
+
+@pytest.mark.parametrize("mode", [0, 1], ids=["injected", "bias"])
+def test_a_deployed_model(board: Board, tmp_path: Path, mode: int) -> None:
+    model = small_model()
+    network = replace(model.network, shift=0, threshold=2 * model.network.threshold, regular=mode)
+    bundle = deploy(replace(model, network=network), KAPOHO_BAY, tmp_path / "bundle", picture=False).bundle
+    held = {name: data for name, data in bundle.files.items() if name.startswith("program/")}
+    assert held == {f"program/{name}": data for name, data in host_programs.files("kapoho_bay").items()}
+    clearing = bundle.manifest["clearing"]
+    assert clearing["input_writes_per_query"] == 3 * mode * network.inputs
+    assert clearing["writes_per_query"] == network.neurons + 3 * mode * network.inputs
+    ended = board.run(Made(tmp_path / "bundle", network, *3 * [np.zeros(0)]), "--self-test", 2)
+    assert (ended.code, ended.err) == (0, "")
+
+
+def test_check_needs_no_board(two_chips: Made) -> None:
+    without = {name: value for name, value in kapoho_board.SEEDS.items() if name != "KAPOHOBAY"}
+    ended = child(two_chips, "--check", env=without | {"KAPOHOBAY": ""}, version="0.9.9", start_hangs=True)
+    assert (ended.code, ended.err) == (0, "")
+    assert ended.out == "ready: 3 cores, 296 synapses, 10 neurons; set KAPOHOBAY=1 to run on the board\n"
+
+
+MUTATIONS: dict[str, tuple[str, str, int, str]] = {
+    "no flush": ("nx_flush_core", "(void)", 0, "registers were written and not flushed"),
+    "no clearing": (".U = 0, .V = 0}", ".U = 0, .V = 5000}", 0, "instead of"),
+    "a slot less": ("#define LV_SLOTS 4 ", "#define LV_SLOTS 3 ", 0, "instead of"),
+    "bias stays": ("lv_step == LV_STEPS - 1", "lv_step == LV_STEPS + 99", 1, "instead of"),
+    "bias too large": ("bias & 0xfff", "bias & 0x1fff", 1, "does not fit its register"),
+    "a threshold written": ("settings.Bias = bias & 0xfff;", "core->vth = bias;", 1, "does not compile"),
+    "profiles lost": ("= core->cx_cfg[lv_source_places[i].compartment];", "= {0};", 1, "profile of a compartment was"),
+    "early silence": ("lv_step == LV_STEPS - 1", "lv_step == LV_STEPS / 2", 1, "instead of"),
+    "wrong axon": ("input][core]);", "input][core] | 0x400);", 0, "a spike came to input axon"),
+    "wrong time": ("(uint16_t)s->time_step,", "(uint16_t)~s->time_step,", 0, "a spike is sent in step"),
+    "not sent": ("lv_received++;", "lv_received += input % 2;", 0, "the chip took"),
+    "another query": ("lv_query++;", "lv_query += 2;", 0, "a packet came with query 2 instead of 3"),
+    "a warning": ("(void)s;", "int unused;", 0, "does not compile"),
+}
+
+
+@pytest.mark.parametrize("name", MUTATIONS)
+def test_the_stand_in_sees_defects_of_the_chips_program(board: Board, tmp_path: Path, name: str) -> None:
+    old, new, mode, said = MUTATIONS[name]
+    made = make(tmp_path, layout("one core", random_network(1, regular=mode)), images=3)
+    altered(made, "program/embedded.c", lambda content: content.replace(old.encode(), new.encode()))
+    ended = board.run(made, "--self-test", "--timeout", 3)
+    assert ended.code == 1
+    assert said in ended.err, ended.err
+    assert len(ended.err.splitlines()) == 1
+
+
+EDITS: dict[str, tuple[str, str, str]] = {
+    "no phase": ("own.cxMetaState[i // 4].configure", "dict", "phase0 is used but was not configured"),
+    "no epoch": ("own.timeState[0].tepoch = 2", "pass", "delayBits or tepoch"),
+    "no updates": ("own.numUpdates.configure", "dict", "numUpdates is used but was not configured"),
+    "twice": ("in enumerate(weights):", "in 2 * list(enumerate(weights)):", "is written twice"),
+    "a float": ("Wgt=weight", "Wgt=weight / 1", "is a float, not an integer"),
+    "wrong sign": ("sign = -1 if", "sign = 1 if", "a weight has the wrong sign"),
+    "not shifted": ("stored << WEIGHT_BITS - weight_bits", "stored", "does not fit 3 bits"),
+    "number for id": ("=self.core(chip, target).id", "=target", "leads nowhere"),
+    "no such name": ("synapseLen =", "synapseLength =", "has no field synapseLength"),
+    "active probes": ("NEVER = 10**8", "NEVER = 1", "a spike probe that begins"),
+    "another phase": ("EMBEDDED_MGMT,", "EMBEDDED_SPIKING,", "createSnip"),
+}
+
+
+@pytest.mark.parametrize("name", EDITS)
+def test_the_stand_in_sees_defects_of_the_program(board: Board, tmp_path: Path, name: str) -> None:
+    old, new, said = EDITS[name]
+    made = make(tmp_path, layout("two chips", random_network()), images=2)
+    (name,) = [file for file, content in host_programs.files("kapoho_bay").items() if old.encode() in content]
+    altered(made, f"program/{name}", lambda content: content.replace(old.encode(), new.encode()))
+    edited = replace(board, program=load_program(made.path / "program"))
+    ended = edited.run(made, "--self-test")
+    assert ended.code == 1
+    assert said in ended.err, ended.err
+
+
+@pytest.mark.parametrize("two_chips", [0], indirect=True, ids=["injected"])
+def test_chips_that_step_together_are_not_sent_to_one_after_the_other(two_chips: Made) -> None:
+    ended = child(two_chips, "--self-test", "--timeout", 0.5, before="board_device.CHUNK = board_link.CHUNK = 1000")
+    assert ended.code == 1
+    assert "did not finish within 0.5 s (0 of 5 queries answered)" in ended.err

@@ -1,0 +1,381 @@
+"""The host program of a Loihi 2 bundle, with Lava's simulation and with a stand-in for lava-loihi."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import importlib.util
+import json
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from support.boards import host_programs
+from support.boards.loihi2_bundles import (
+    AGAIN,
+    INTERVAL,
+    STANDIN,
+    answers,
+    asked,
+    environment,
+    network,
+    program,
+    queries,
+    running,
+    write_bundle,
+)
+from support.common.helpers import small_model
+
+from lava_vpr.backends import registry as backends
+from lava_vpr.deploy.bundle import folder as bundle_folder
+from lava_vpr.deploy.bundle.folder import json_bytes
+from lava_vpr.encoding import draw_spikes, query_rates
+from lava_vpr.engine.inference import bias_input
+from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
+from lava_vpr.errors import LavaRunError
+from lava_vpr.isolated.runner import run_isolated
+
+QUICK = settings(deadline=None, max_examples=25, derandomize=True)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Bundles with injected and with regular inputs, and queries; never written to."""
+    root = tmp_path_factory.mktemp("loihi2")
+    rates, keys = queries()
+    (root / "queries").mkdir()
+    np.save(root / "queries" / "rates.npy", rates)
+    np.save(root / "queries" / "keys.npy", keys)
+    injected, biased = (write_bundle(root / f"bundle{r}", network(regular=r)) for r in (0, 1))
+    return {"injected": injected, "bias": biased, "queries": root / "queries"}
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """The modules of the program, by name; they import neither Lava nor lava_vpr by that."""
+    return host_programs.load(host_programs.flat("loihi2", tmp_path_factory.mktemp("flat") / "program"))
+
+
+# The program's own numbers
+
+
+@QUICK
+@given(key=st.integers(0, 2**64 - 1), steps=st.integers(1, 9), inputs=st.integers(1, 30), seed=st.integers(0, 99))
+def test_the_program_draws_what_the_host_draws(run: Any, key: int, steps: int, inputs: int, seed: int) -> None:
+    rates = np.random.default_rng(seed).integers(0, 65536, inputs).astype(np.uint16)
+    rates[::5] = 65535
+    assert np.array_equal(run.input_draws.draw_spikes(rates, key, steps), draw_spikes(rates, key, steps))
+    for own, wanted in zip(run.input_draws.biases(rates, bias_input.LEVEL), bias_input.biases(rates), strict=True):
+        assert np.array_equal(own, wanted)
+    assert np.array_equal(run.input_draws.phases(key, inputs, bias_input.LEVEL), bias_input.phases(key, inputs))
+
+
+def test_the_program_stands_alone() -> None:
+    assert host_programs.imported("loihi2", (3, 10)) - sys.stdlib_module_names == {"numpy", "scipy", "lava"}
+
+
+# The program's refusals
+
+
+def refusal(run: Any, simulate: bool = False) -> str:
+    with pytest.raises(run.refusals.Refused) as caught:
+        run.run.require(simulate)
+    assert caught.value.stage == "missing"
+    return str(caught.value)
+
+
+def test_what_is_missing_is_said_in_one_line(run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("SLURM", "NXSDKHOST"):
+        monkeypatch.delenv(name, raising=False)
+    vendor = "Intel's closed package, from its neuromorphic research cloud"
+    assert refusal(run) == f"lava-loihi is not installed; it is {vendor}; --simulate needs none"
+    assert run.run.require(True) == "lava-nc 0.10.0, simulated"
+    with monkeypatch.context() as patch:
+        patch.setattr(importlib.util, "find_spec", lambda name: object())
+        assert refusal(run) == ("no Loihi host is configured; set SLURM=1 or NXSDKHOST=ADDRESS; --simulate needs none")
+        patch.setenv("NXSDKHOST", "10.0.0.2")
+        assert run.run.require(False) == "lava-nc 0.10.0, lava-loihi, host 10.0.0.2"
+        patch.setattr(importlib.metadata, "version", lambda name: "0.9.0")
+        assert refusal(run) == "lava-nc 0.9.0 is installed, 0.10 is needed: pip install lava-nc==0.10.*"
+
+        def absent(name: str) -> str:
+            raise importlib.metadata.PackageNotFoundError(name)
+
+        patch.setattr(importlib.metadata, "version", absent)
+        assert refusal(run, simulate=True) == "lava-nc is not installed: pip install lava-nc==0.10.*"
+        patch.setattr(run.run, "sys", SimpleNamespace(version_info=(3, 11, 4, "final", 0)))
+        assert refusal(run) == "lava-nc 0.10 needs Python 3.10, this is 3.11.4; run this program with Python 3.10"
+
+
+def test_an_altered_bundle_is_not_run(made: dict[str, Path], tmp_path: Path) -> None:
+    own = tmp_path / "bundle"
+
+    def said(name: str, data: bytes | None) -> str:
+        shutil.rmtree(own, ignore_errors=True)
+        shutil.copytree(made["injected"], own)
+        (own / name).unlink() if data is None else (own / name).write_bytes(data)
+        code, text = program(own, "--check", "--simulate")
+        assert code == 1
+        return text
+
+    weights = bytearray((made["injected"] / "network" / "weights.npy").read_bytes())
+    weights[-1] ^= 1
+    differs = f"was altered (checksum differs){AGAIN}"
+    assert said("network/weights.npy", bytes(weights)) == f"{own}/network/weights.npy: {differs}"
+    missing = f"{own}/host/keys.npy: cannot be read (No such file or directory){AGAIN}"
+    assert said("host/keys.npy", None) == missing
+    manifest = json.loads((made["injected"] / "manifest.json").read_bytes())
+    changed = json_bytes(manifest | {"target": "kapoho-bay"})
+    assert said("manifest.json", changed) == f"{own}/manifest.json: {differs}"
+    assert said("manifest.json", b"[]") == f"{own}/manifest.json: is not a bundle's manifest{AGAIN}"
+    other = {key: value for key, value in manifest.items() if key != "sha256"} | {"target": "kapoho-bay"}
+    resealed = json_bytes(other | {"sha256": bundle_folder.self_digest(other)})
+    assert said("manifest.json", resealed) == (
+        f"{own}/manifest.json: is lava-vpr bundle 1 for kapoho-bay, not lava-vpr bundle 1 for loihi2"
+    )
+
+
+@pytest.mark.slow
+def test_queries_that_do_not_fit_are_refused(made: dict[str, Path], tmp_path: Path) -> None:
+    words = ("--queries", tmp_path, "--out", tmp_path / "out", "--simulate")
+    missing = f"{tmp_path}/rates.npy: cannot be read (No such file or directory); write the queries there"
+    assert program(made["injected"], *words) == (1, missing)
+    np.save(tmp_path / "rates.npy", np.zeros((2, 3), np.uint16))
+    np.save(tmp_path / "keys.npy", np.zeros(2, np.uint64))
+    assert program(made["injected"], *words) == (
+        1,
+        f"{tmp_path}: rates.npy is uint16 (2, 3), but must be uint16 (n, 24)",
+    )
+    np.save(tmp_path / "rates.npy", np.zeros((0, 24), np.uint16))
+    assert program(made["injected"], *words) == (1, f"{tmp_path}: keys.npy is uint64 (2,), but must be uint64 (0,)")
+    np.save(tmp_path / "keys.npy", np.zeros(0, np.uint64))
+    assert program(made["injected"], *words) == (0, "0 of 0 queries answered")
+    assert answers(tmp_path / "out")[2] == {"done": 0, "of": 0, "stage": None, "error": None}
+    assert program(made["injected"], "--queries", tmp_path)[0] == 2
+    assert program(made["injected"], "--self-test", "1", "--simulate") == (
+        1,
+        "the first 1 references are not all of any place; present more",
+    )
+
+
+# The program in Lava's simulation, and on the stand-in
+
+
+@pytest.mark.parametrize("way", ["injected", "bias"])
+def test_lavas_simulation_counts_what_the_host_counts(made: dict[str, Path], way: str, tmp_path: Path) -> None:
+    words = ("--queries", made["queries"], "--out", tmp_path / "out", "--batch", 2, "--simulate")
+    assert program(made[way], *words) == (0, "5 of 5 queries answered")
+    counts, done, status = answers(tmp_path / "out")
+    wanted, _, _ = count_spikes(network(regular=int(way == "bias")), *queries())
+    assert counts.dtype == np.int32
+    assert np.array_equal(counts, wanted)
+    assert wanted.any(axis=1).all()
+    assert done.all()
+    assert status == {"done": 5, "of": 5, "stage": None, "error": None}
+    assert not running(made[way])
+    assert not list(made[way].rglob("__pycache__"))  # the bundle is as it was
+
+
+@pytest.mark.parametrize("way", ["injected", "bias"])
+def test_the_board_answers_as_the_host(made: dict[str, Path], way: str, tmp_path: Path) -> None:
+    """All of the network is on the chip, with the bundle's own weights; all steps are run, and no more."""
+    weights = str(made[way] / "network" / "weights.npy")
+    env = environment(options=asked(tmp_path, weights=weights, log=str(tmp_path / "log")))
+    code, text = program(made[way], "--self-test", "--batch", 3, env=env)
+    wanted, _, _ = count_spikes(network(regular=int(way == "bias")), *queries())
+    assert (code, text) == (0, f"equal: 5 references, 40 counts, {wanted.sum()} spikes")
+    own = "NxToPyAdapter, PyToNxAdapter" if way == "injected" else "LIF, LIFReset, LIFReset, NxToPyAdapter"
+    parts = ["Dense", "Dense", *(["LIFReset", "LIFReset"] if way == "injected" else []), *own.split(", "), "Sparse"]
+    log = (tmp_path / "log").read_text(encoding="utf-8").splitlines()
+    assert log == [f"placed {', '.join(sorted(parts))}", f"ran {5 * INTERVAL} steps"]
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        ("raise", "NxSdkRuntimeService: ConnectionError: the board does not answer any more"),
+        pytest.param(
+            "exit", r"a process of Lava's \(SystemProcess-\d+\) ended with code 9; run again", marks=pytest.mark.slow
+        ),
+        ("pause", r"queries 2 to 3: the read-out covers \d+ of 66 steps; run them again, and see to the board"),
+    ],
+)
+def test_a_board_that_fails_loses_no_answer(made: dict[str, Path], fault: str, said: str, tmp_path: Path) -> None:
+    """In the third query: the first two are kept, the others are not answered, none is invented."""
+    env = environment(options=asked(tmp_path, fault=fault, step=80))
+    out = tmp_path / "out"
+    code, text = program(made["injected"], "--queries", made["queries"], "--out", out, "--batch", 2, env=env)
+    assert code == 1
+    assert re.match(said, text)
+    assert text.endswith(" (2 of 5 queries answered)")
+    counts, done, status = answers(out)
+    wanted, _, _ = count_spikes(network(), *queries())
+    assert done.tolist() == [True, True, False, False, False]
+    assert np.array_equal(counts[:2], wanted[:2])
+    assert (counts[2:] == -1).all()
+    assert {key: status[key] for key in ("done", "of", "stage")} == {"done": 2, "of": 5, "stage": "run"}
+    assert re.match(said, status["error"])
+    assert not running(made["injected"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", ["hang", pytest.param("lose", marks=pytest.mark.slow)])
+def test_a_board_that_never_ends_is_given_up(made: dict[str, Path], fault: str, tmp_path: Path) -> None:
+    env = environment(options=asked(tmp_path, fault=fault, step=10))
+    out = tmp_path / "out"
+    words = ("--queries", made["queries"], "--out", out, "--timeout", 3)
+    code, text = program(made["injected"], *words, env=env)
+    assert code == 1
+    assert text.startswith("queries 0 to 4: Lava or the board did not finish within 3 s and was ended, ")
+    assert text.endswith(" steps were read out in all; see to the board or raise --timeout (0 of 5 queries answered)")
+    assert (answers(out)[0] == -1).all()
+    assert not running(made["injected"])
+
+
+@pytest.fixture
+def short() -> Iterator[Path]:
+    """A temporary folder with a short path: Lava makes sockets there."""
+    with tempfile.TemporaryDirectory(prefix="t") as name:
+        yield Path(name)
+
+
+def test_a_temporary_folder_has_a_short_path(run: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    long = tmp_path / ("x" * 60)
+    long.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(long))
+    with pytest.raises(run.refusals.Refused) as caught, run.worker_process.job({}, {}, {}):
+        pass
+    assert str(caught.value) == f"{long}: too long a path for Lava's sockets; set TMPDIR to a shorter one"
+    assert caught.value.stage == "start"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_nothing_outlives_the_program(made: dict[str, Path], number: int, tmp_path: Path, short: Path) -> None:
+    env = {**environment(options=asked(tmp_path, fault="hang", step=40)), "TMPDIR": str(short)}
+    out = tmp_path / "out"
+    bundle = shutil.copytree(made["injected"], tmp_path / "bundle")
+    words = ["--queries", str(made["queries"]), "--out", str(out), "--batch", "1"]
+    command = [sys.executable, str(bundle / "program" / "run.py"), *words]
+    with subprocess.Popen(command, env=env, stderr=subprocess.PIPE, text=True) as process:
+        until(
+            lambda: process.poll() is not None or ((out / "done.npy").exists() and bool(np.load(out / "done.npy")[0]))
+        )
+        process.send_signal(number)
+        said = process.communicate(timeout=60)[1]
+    until(lambda: not running(bundle))
+    assert not list(short.iterdir())
+    if number == signal.SIGTERM:
+        assert (process.returncode, said.strip()) == (1, "interrupted (1 of 5 queries answered)")
+        assert answers(out)[2] == {"done": 1, "of": 5, "stage": "run", "error": "interrupted"}
+
+
+def until(condition: Callable[[], bool]) -> None:
+    """Wait, at most a minute."""
+    end = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+def test_a_network_on_the_cpu_is_refused(made: dict[str, Path], tmp_path: Path) -> None:
+    """Lava would run it there without a word: a lava-loihi that lacks one model."""
+    lacking = shutil.copytree(STANDIN, tmp_path / "standin")
+    (lacking / "lava" / "proc" / "sparse" / "ncmodels.py").unlink()
+    code, text = program(made["injected"], "--self-test", env=environment(lacking))
+    assert code == 1
+    assert text == (
+        "Loihi2HwCfg would run on the CPU: Sparse (PySparseModelFloat); install lava-loihi for lava-nc 0.10"
+    )
+
+
+def test_counts_that_differ_fail_the_self_test(run: Any) -> None:
+    """A place is the sum of all its images; a place of which some are not among those presented is not compared."""
+    counts, labels = np.array([[1, 2], [3, 4], [5, 6]], np.int32), np.array([0, 1, 0])
+    responses = np.array([[6, 3, 9], [8, 4, 9]], np.int32)
+    assert (
+        run.references.compare(counts, labels, np.array([0, 1]), responses)
+        == "equal: 3 references, 4 counts, 21 spikes"
+    )
+    responses[1, 0] = 7
+    assert run.references.compare(counts, labels, np.array([1]), responses) == "equal: 3 references, 2 counts, 7 spikes"
+    with pytest.raises(run.refusals.Refused) as caught:
+        run.references.compare(counts, labels, np.array([0, 1]), responses)
+    assert str(caught.value) == ("self-test: neuron 1 counts 8 spikes for place 0 instead of 7; 1 of 4 counts differ")
+    assert caught.value.stage == "result"
+
+
+# The backend loihi2, and the stand-in itself
+
+
+@pytest.fixture
+def board(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., None]:
+    """lava-loihi's stand-in on the search path, which the runner's processes inherit; sets its options."""
+    monkeypatch.syspath_prepend(str(STANDIN))
+    monkeypatch.setenv("NXSDKHOST", "10.0.0.2")
+
+    def options(**asked_for: Any) -> None:
+        monkeypatch.setenv("STANDIN_LOIHI", str(asked(tmp_path, **asked_for)))
+
+    return options
+
+
+@pytest.mark.parametrize("way", [0, pytest.param(1, marks=pytest.mark.slow)])
+def test_the_backend_counts_what_the_host_counts(board: Callable[..., None], way: int, tmp_path: Path) -> None:
+    model = small_model()
+    assert isinstance(model.network, FixedNetwork)
+    model = replace(model, network=replace(model.network, regular=way))
+    np.save(tmp_path / "weights.npy", model.network.stored[0])
+    board(weights=str(tmp_path / "weights.npy"), log=str(tmp_path / "log"))
+    rates, ids = query_rates(model.activity, model.config)[:3], np.arange(3)
+    host, chip = backends.get("host"), backends.get("loihi2")
+    wanted = host.count_spikes(model, rates, image_ids=ids, role="query", seed=0)
+    found = chip.count_spikes(model, rates, image_ids=ids, role="query", seed=0)
+    assert wanted[0].any()
+    assert np.array_equal(found[0], wanted[0])
+    assert found[1] == wanted[1]
+    trains = chip.trains(model, rates, image_ids=ids, role="query", seed=0)
+    expected = host.trains(model, rates, image_ids=ids, role="query", seed=0)
+    assert all(np.array_equal(getattr(trains, name), getattr(expected, name)) for name in trains.POPULATIONS)
+    log = (tmp_path / "log").read_text(encoding="utf-8").splitlines()
+    assert len(log) == 4
+    assert log[1] == f"ran {3 * (model.network.steps + 3)} steps"
+
+
+def test_the_backend_says_that_the_board_fails(board: Callable[..., None]) -> None:
+    board(fault="raise", step=70)
+    model = small_model()
+    rates = query_rates(model.activity, model.config)[:2]
+    with pytest.raises(LavaRunError, match="the board does not answer any more"):
+        backends.get("loihi2").count_spikes(model, rates, image_ids=np.arange(2), role="query", seed=0)
+
+
+def test_the_standin_refuses_what_the_chip_cannot_hold(board: Callable[..., None]) -> None:
+    said = {name: str(text) for name, text in run_isolated("standin_chip.trials:refusals", {}, timeout=120).items()}
+    assert said == {
+        "a good neuron": "nothing",
+        "du": "LIF.du 4096 is outside 0..4095",
+        "vth": "LIFReset.vth 131072 is outside 0..131071",
+        "fraction": "LIF.dv is float64, not a whole number",
+        "bias": "LIF.bias_mant 4096 is outside -4096..4095",
+        "offset": "reset_offset 3 is outside 0..2",
+        "good synapses": "nothing",
+        "sign": "sign mode None leaves it to Lava to choose",
+        "weight": "weight 256 is outside 0..255",
+        "bits": "weights have more than 5 bits, the lowest would be lost",
+        "exponent": "weight_exp -8 is outside -7..7",
+        "foreign": "RingBuffer is not a Process of Lava's library that the stand-in knows",
+        "written": "LIF.v 8388608 is outside -8388607..8388607",
+    }

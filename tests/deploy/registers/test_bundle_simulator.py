@@ -1,0 +1,337 @@
+"""Registers, run step by step, spike as the engine does; and what they do wrong is seen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from support.boards.plans import busy_plan, chips_of, pictures, random_network, simple_plan
+
+from lava_vpr.deploy.boards.plan import Plan
+from lava_vpr.deploy.registers.core_images import READ_OUT, CoreImage, HostTables, core_images, host_tables
+from lava_vpr.deploy.registers.simulator import Chips
+from lava_vpr.deploy.registers.simulator_kernels import EVENTS, State, Wiring, update
+from lava_vpr.deploy.registers.synapses import Format
+from lava_vpr.encoding import draw_trains
+from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
+from lava_vpr.errors import ModelFileError, NetworkLimitError
+from lava_vpr.loihi import BLOCK_HEADER_BITS
+
+
+def compare(plan: Plan, seed: int) -> tuple[int, Chips]:
+    """Every spike equals the engine's; how many of exc there were."""
+    network, chips = plan.network, chips_of(plan)
+    rates, keys = pictures(network, 3, seed)
+    exc, inh, inputs = chips.run(rates, keys)
+    _, _, film = count_spikes(network, rates, keys, raster=True)
+    drawn = draw_trains(rates, keys, network.steps, film.shape[1], regular=bool(network.regular))
+    assert np.array_equal(inputs, drawn)
+    assert np.array_equal(exc, film)
+    assert np.array_equal(inh[:, 1:], film[:, :-1])
+    assert not inh[:, 0].any()
+    assert {array.dtype for array in (exc, inh, inputs)} == {np.dtype(np.uint8)}
+    return int(film.sum()), chips
+
+
+@pytest.mark.parametrize(("bits", "regular"), list(product(range(1, 9), (0, 1))))
+def test_spikes_are_those_of_the_engine(bits: int, regular: int) -> None:
+    spikes, chips, sparse, cores = 0, set(), set(), set()
+    for seed in range(5):
+        network = random_network(100 * bits + seed, bits=bits, regular=regular)
+        plan = simple_plan(network, 1 + (bits + seed) % 6, seed)
+        found, machine = compare(plan, seed)
+        spikes += found
+        chips |= {chip for chip, _ in machine.cores}
+        sparse |= set(machine.wiring.row_sparse.tolist())
+        cores.add(len(machine.cores))
+    assert spikes > 100
+    assert chips == sparse == {0, 1}
+    assert len(cores) > 3
+
+
+@pytest.mark.parametrize("regular", [0, 1])
+def test_each_presentation_stands_alone(regular: int) -> None:
+    plan = busy_plan(regular=regular)
+    chips = chips_of(plan)
+    rates, keys = pictures(plan.network, 5, 7)
+    whole = chips.present(rates, keys)
+    assert whole.counts.sum() > 50
+    assert np.array_equal(whole.counts, whole.exc.sum(axis=1))
+    assert np.array_equal(whole.counts, count_spikes(plan.network, rates, keys)[0])
+    for q in (4, 0, 2):
+        assert np.array_equal(chips.run(rates[[q]], keys[[q]])[0][0], whole.exc[q])
+    shared = chips.present(rates, keys, threads=3, record=False)
+    assert np.array_equal(shared.counts, whole.counts)
+    assert shared.exc.size == shared.inputs.size == 0
+    assert all(np.array_equal(shared.events[name], whole.events[name]) for name in EVENTS)
+    assert chips.present(rates[:0], keys[:0]).counts.shape == (0, 20)
+
+
+@pytest.mark.parametrize("regular", [0, 1])
+def test_what_is_counted(regular: int) -> None:
+    plan = busy_plan(regular=regular)
+    images, tables = core_images(plan), host_tables(plan)
+    rng = np.random.default_rng(0)
+    positions = rng.integers(0, 8, (len(images), 2))
+    rates, keys = pictures(plan.network, 2, 1)
+    seen = chips_of(plan, positions=positions).present(rates, keys)
+    expected = {name: np.zeros(len(images), np.int64) for name in EVENTS}
+    place = {(image.chip, image.core): k for k, image in enumerate(images)}
+    formats = [[f and f["compression"] for f in image.registers["synapseFmt"]] for image in images]
+
+    def arrive(k: int, axon: int, times: int) -> None:
+        first, _, synapses = images[k].axons_in[axon]
+        sparse = formats[k][int(images[k].synapses[first]) & 15] == 0
+        expected["messages_in"][k] += times
+        expected["operations_sparse" if sparse else "operations_dense"][k] += times * synapses
+
+    for name, table in (("exc", tables.exc), ("inh", tables.inh), ("inputs", tables.inputs)):
+        spikes = getattr(seen, name).sum(axis=(0, 1))
+        for number, (chip, core, compartment) in enumerate(table):
+            k, times = place[chip, core], int(spikes[number])
+            expected["spikes"][k] += times
+            for _, target_chip, target_core, axon in images[k].axons_out[images[k].axons_out[:, 0] == compartment]:
+                if target_core == READ_OUT:
+                    expected["read_outs"][k] += times
+                    continue
+                target = place[target_chip, target_core]
+                expected["messages_out"][k] += times
+                expected["crossings"][k] += times * (target_chip != chip)
+                expected["hops_east_west"][k] += times * abs(positions[k] - positions[target])[0]
+                expected["hops_north_south"][k] += times * abs(positions[k] - positions[target])[1]
+                arrive(target, axon, times)
+    for number, chip, core, axon in tables.injection:
+        arrive(place[chip, core], axon, int(seen.inputs[:, :, number].sum()))
+    for name in EVENTS:
+        if name != "updates":
+            assert np.array_equal(seen.events[name], expected[name]), name
+            assert expected[name].any(), name
+    # An update needs a reason: relays have one in the steps in which they are hit.
+    relays, steps = np.bincount([place[c, k] for c, k, _ in tables.inh], minlength=len(images)), 2 * 33
+    sizes = np.array([len(image.compartments) for image in images])
+    assert (seen.events["updates"] <= (sizes - relays) * steps + seen.inh.sum()).all()
+    assert seen.events["updates"].sum() > 0.5 * (20 + 30 * regular) * steps
+
+
+def literal_step(x: dict[str, int]) -> tuple[int, int, int, bool]:
+    """u, v and refractory steps of one compartment after one step, and whether it spikes."""
+
+    def shrunk(value: int, keep: int) -> int:
+        size = abs(value) * keep // 4096
+        return size if value >= 0 else -size
+
+    u = shrunk(x["u"], x["keep_u"]) + x["sums"]
+    if u > 1 << 23:
+        u -= 1 << 24
+    elif u <= -(1 << 23):
+        u += 1 << 24
+    v = max(x["low"], min(x["high"], shrunk(x["v"], x["keep_v"]) + u + x["bias"]))
+    held = x["held"]
+    if held:
+        v, held = 0, held - 1
+    return (u, 0, x["refract"] - 1, True) if v > x["threshold"] else (u, v, held, False)
+
+
+def test_one_step_of_any_registers() -> None:
+    rng = np.random.default_rng(0)
+    n, top = 4000, 1 << 23
+    names = ("u", "v", "sums", "held", "bias", "keep_u", "keep_v", "refract", "threshold")
+    x = {
+        "u": rng.integers(1 - top, top, n),
+        "v": rng.integers(1 - top, top, n),
+        "sums": rng.integers(1 - (1 << 21), 1 << 21, n),
+        "held": rng.integers(0, 3, n),
+        "bias": rng.integers(-4095, 4096, n) << rng.integers(0, 8, n),
+        "keep_u": rng.choice([0, 4095, 4096 - 1, 17, 3000], n),
+        "keep_v": rng.choice([4096, 1, 2000, 4000], n),
+        "refract": rng.integers(1, 64, n),
+        "threshold": rng.integers(0, 1 << 17, n) << 6,
+    }
+    for name in ("u", "v", "sums", "held", "bias"):
+        x[name][rng.random(n) < 0.4] = 0
+    low, high = np.array([1 - top, 1 - (1 << 20)]), np.array([top - 1, (1 << 19) - 1])
+    expected = [
+        literal_step({name: int(x[name][i]) for name in names} | {"low": int(low[i % 2]), "high": int(high[i % 2])})
+        for i in range(n)
+    ]
+    order = np.concatenate([np.arange(0, n, 2), np.arange(1, n, 2)])
+    state = State(*(x[name][order].astype(np.int64) for name in ("u", "v", "sums", "held", "bias")))
+    empty = np.zeros(0, np.int64)
+    registers = [x[name][order] for name in ("keep_u", "keep_v", "refract")]
+    synapses = (empty, empty, empty.astype(np.int32), empty.astype(np.int32), empty)
+    wiring = Wiring(
+        np.array([0, n // 2, n]), *registers, low, high, empty, empty, empty, np.zeros((0, 3), np.int64), *synapses
+    )
+    fired = np.empty(n, np.int64)
+    events = np.zeros((2, len(EVENTS)), np.int64)
+    spikes, overflow = update(wiring, state, x["threshold"][order], events, fired)
+    assert overflow == -1
+    assert not state.sums.any()
+    for got, column in ((state.u, 0), (state.v, 1), (state.held, 2)):
+        assert got.tolist() == [expected[i][column] for i in order]
+    assert fired[:spikes].tolist() == [k for k, i in enumerate(order) if expected[i][3]]
+    assert 100 < spikes < n - 100
+    assert events[:, EVENTS.index("spikes")].sum() == spikes
+
+
+@pytest.mark.parametrize("regular", [0, 1])
+def test_a_flipped_bit_of_a_weight_is_seen(regular: int) -> None:
+    plan = busy_plan(regular=regular)
+    images = core_images(plan)
+    rates, keys = pictures(plan.network, 4, 2)
+    good = chips_of(plan).run(rates, keys)[0]
+    seen, flips = 0, 0
+    for k, image in enumerate(images):
+        forms = [None if form is None else Format.of(form, "") for form in image.registers["synapseFmt"]]
+        for first in image.axons_in[:, 0]:
+            form = forms[int(image.synapses[first]) & 15]
+            if form is None or form.sign == "inhibitory" or form.weight_bits != 5:
+                continue
+            words = image.synapses.copy()
+            words[first] ^= np.uint64(1 << BLOCK_HEADER_BITS + form.bits - 1)  # highest of an input's first weight
+            others = (*images[:k], replace(image, synapses=words), *images[k + 1 :])
+            flips += 1
+            seen += not np.array_equal(chips_of(plan, others).run(rates, keys)[0], good)
+    assert flips > 40
+    assert seen > 0.7 * flips  # not every weight decides over a spike; `network_of` sees them all
+
+
+def saturated(excitation: int, inhibition: int = 0) -> Plan:
+    """Two neurons on two cores, which receive at most ``excitation`` and spike in every step."""
+    rows = -(-excitation // 255)
+    weights = np.full((rows, 3), 255, np.uint8)
+    weights[-1] = excitation - 255 * (rows - 1)
+    network = FixedNetwork(weights, 8, 0, 1, inhibition, 0, 0, 6)
+    return simple_plan(network, 3, 1)
+
+
+def test_an_accumulator_that_overflows_is_an_error() -> None:
+    always = np.full((2, 129), 65535, np.uint16)
+    keys = np.arange(2, dtype=np.uint64)
+    below = saturated((1 << 15) - 1)
+    counts = chips_of(below).present(always, keys).counts
+    assert np.array_equal(counts, count_spikes(below.network, always, keys)[0])
+    assert (counts >= 5).all()
+    text = (
+        r"^chip 0 core 1 compartment 0: receives 32,768 in step \d of presentation 0, but its accumulator holds less "
+        "than 32,768; lower network.inhibition or use fewer weight bits$"
+    )
+    with pytest.raises(NetworkLimitError, match=text):
+        chips_of(saturated(1 << 15)).run(always, keys)
+    assert chips_of(saturated(1 << 15)).run(always // 40000, keys)[0].sum() < 20  # where they do not meet
+    weights = np.full((129, 4), 1, np.uint8)
+    many = replace(below.network, weights=weights, inhibition=255, inhibition_exponent=6, steps=9)
+    with pytest.raises(NetworkLimitError, match="receives 48,831 in step 3 of presentation 0"):
+        chips_of(simple_plan(many, 3, 1)).run(always, keys)
+
+
+def with_registers(image: CoreImage, group: str, index: int | None, **values: Any) -> CoreImage:
+    """``image`` with registers of one group changed."""
+    groups = image.registers[group]
+    if index is None:
+        return replace(image, registers=image.registers | {group: groups | values})
+    changed = [g | values if k == index else g for k, g in enumerate(groups)]
+    return replace(image, registers=image.registers | {group: changed})
+
+
+def test_what_does_not_come_to_rest_is_an_error() -> None:
+    plan = busy_plan(regular=0)
+    rates, keys = pictures(plan.network, 2, 1)
+    with pytest.raises(
+        ModelFileError, match=r"^presentation 0: \d+ spikes are still on their way after its last step;"
+    ):
+        chips_of(plan, silent_steps=0).run(rates, keys)
+    images = core_images(plan)
+    last = len(images) - 1
+
+    def refused(image: CoreImage) -> None:
+        with pytest.raises(
+            ModelFileError, match=r"^chip \d core \d+ compartment \d+: is not at rest after presentation"
+        ):
+            chips_of(plan, (*images[:last], image)).run(rates, keys)
+
+    assert [p["decayV"] for p in images[last].registers["cxProfileCfg"]] == [plan.network.decay, 4095]
+    slow = with_registers(images[last], "cxProfileCfg", 1, decayV=0)
+    refused(with_registers(slow, "vthProfileCfg", 1, vth=100000))  # relays that only add up
+    refused(with_registers(images[last], "cxProfileCfg", 0, decayU=0))
+    refused(with_registers(images[last], "cxProfileCfg", 0, refractDelay=63))
+
+
+def test_inputs_are_silent_because_their_bias_is_off() -> None:
+    plan = busy_plan(regular=1)
+    rates, keys = pictures(plan.network, 20, 1)
+    good = chips_of(plan)
+    _, late, sent = (train[:, plan.network.steps :] for train in good.run(rates, keys))
+    assert late.any(), "nothing happens in the silent steps"
+    assert not sent.any()
+    # Inputs that nobody switches off go on, and their spikes are then seen to be still on their way.
+    never = replace(good, steps=good.steps + good.silent_steps, silent_steps=0)
+    with pytest.raises(ModelFileError, match="spikes are still on their way after its last step"):
+        never.run(rates, keys)
+
+
+def table_with(table: NDArray[np.int32], *values: int) -> NDArray[np.int32]:
+    changed = table.copy()
+    changed[0] = values
+    return changed
+
+
+def test_images_and_tables_that_contradict_each_other() -> None:
+    plan = busy_plan(regular=0)
+    images, tables = core_images(plan), host_tables(plan)
+    rest, one = images[1:], images[0]
+
+    def refused(text: str, image: CoreImage | None = one, own: HostTables = tables) -> None:
+        others = rest if image is None else (image, *rest)
+        with pytest.raises(ModelFileError, match=f"^{text}.*; deploy the model again$"):
+            chips_of(plan, others, own)
+
+    refused(r"an output axon: names \d+ of chip 0 core 1, which is not there", None)
+    refused("the images: hold no core, or one twice", rest[0])
+    out = replace(one, axons_out=table_with(one.axons_out, 0, 0, 1, 4000))
+    refused("an output axon: names 4000 of chip 0 core 1, which is not there", out)
+    for row in ((99, 0, 1, 0), (0, 1, READ_OUT, 0), (0, 0, READ_OUT, 20)):
+        lost = replace(one, axons_out=table_with(one.axons_out, *row))
+        refused("chip 0 core 1: an output axon comes from no compartment or goes to no counter", lost)
+    text = "the host's table exc: names 77 of chip 0 core 1, which is not there"
+    refused(text, own=replace(tables, exc=table_with(tables.exc, 0, 1, 77)))
+    text = "the host's table injection: names 0 of chip 1 core 9, which is not there"
+    refused(text, own=replace(tables, injection=table_with(tables.injection, 0, 1, 9, 0)))
+    rates, keys = pictures(plan.network, 1, 1)
+    with pytest.raises(ModelFileError, match=r"^the host's tables: hold 30 inputs, but images have 29;"):
+        chips_of(plan).run(rates[:, :29], keys)
+
+
+def test_registers_that_no_core_has() -> None:
+    plan = busy_plan(regular=0)
+    one, *rest = core_images(plan)
+
+    def refused(text: str, image: CoreImage) -> None:
+        with pytest.raises(ModelFileError, match=f"^chip 0 core 1: .*{text}.*; deploy the model again$"):
+            chips_of(plan, (image, *rest))
+
+    refused("decayU of 4096 is outside 0..4095", with_registers(one, "cxProfileCfg", 0, decayU=4096))
+    refused("vth of -1 is outside 0..131071", with_registers(one, "vthProfileCfg", 0, vth=-1))
+    refused("refractDelay - 1 of -1 is", with_registers(one, "cxProfileCfg", 0, refractDelay=0))
+    refused("negVmLimit of 24", with_registers(one, "dendriteSharedCfg", None, negVmLimit=24))
+    refused("posVmLimit of 8", with_registers(one, "dendriteSharedCfg", None, posVmLimit=8))
+    refused("describe no synapse format", with_registers(one, "synapseFmt", 1, wgtBits=0))
+    for name in ("cxProfileCfg", "vthProfileCfg", "dendriteSharedCfg", "synapseFmt"):
+        fewer = {key: value for key, value in one.registers.items() if key != name}
+        refused("its registers are not those of a Loihi 1 core", replace(one, registers=fewer))
+    for column, value, text in ((0, 9, "its registers"), (1, -1, "threshold register of -1"), (3, 8, "bias exponent")):
+        compartments = one.compartments.copy()
+        compartments[0, column] = value
+        refused(text, replace(one, compartments=compartments))
+    many = replace(one, compartments=np.zeros((1025, 4), np.int32))
+    refused("holds 1025 compartments, but a core has 1024", many)
+    formats = replace(one, registers=one.registers | {"synapseFmt": [None] * 17})
+    refused("holds 17 synapse formats, but a core has 16", formats)
+    words = replace(one, synapses=np.zeros(16385, np.uint64))
+    refused("holds 16385 synapse words, but a core has 16384", words)
+    axons = replace(one, axons_in=np.zeros((4097, 3), np.int32))
+    refused("holds 4097 axons, but a core has 4096", axons)

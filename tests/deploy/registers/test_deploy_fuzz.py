@@ -1,0 +1,147 @@
+"""Random networks, partitioned: every limit holds, counted from the bundle's bytes; every spike is the engine's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.fuzz.fuzz_deploy import (
+    cores_of,
+    matrices,
+    memory_bundle,
+    model_of,
+    random_board,
+    random_network,
+    tables_of,
+    violations,
+)
+
+from lava_vpr.backends.deployed import player
+from lava_vpr.backends.registry import HostBackend
+from lava_vpr.deploy.boards.board import KAPOHO_BAY
+from lava_vpr.deploy.bundle import folder as bundle_folder
+from lava_vpr.deploy.bundle.deployment import contents
+from lava_vpr.deploy.bundle.folder import load, sealed
+from lava_vpr.deploy.bundle.opening import network as rebuilt
+from lava_vpr.encoding import query_rates
+from lava_vpr.engine.random import presentation_keys
+from lava_vpr.errors import NetworkLimitError
+
+SEEDS = 5000
+"""Most that are tried to find as many as fit."""
+
+
+def partitioned(wanted: int, start: int = 0) -> dict[str, int]:
+    """Deploy random networks until ``wanted`` fit; what was seen."""
+    seen = {"fit": 0, "refused": 0, "cores": 0, "several": 0, "chips": 0, "regular": 0}
+    for seed in range(start, start + SEEDS):
+        rng = np.random.default_rng(seed)
+        network = random_network(rng, large=seed % 8 == 0)
+        board = random_board(rng, network)
+        try:
+            manifest, files, _ = contents(model_of(network), board, picture=False)
+        except NetworkLimitError:
+            seen["refused"] += 1
+            continue
+        bundle = memory_bundle(sealed(manifest, files), files)
+        cores, tables = cores_of(bundle), tables_of(bundle)
+        assert violations(cores, board, tables) == [], f"seed {seed}"
+        to_exc, relay, lateral = matrices(cores, tables, network.inputs)
+        assert np.array_equal(to_exc, network.weights.astype(np.int64) << 6), f"seed {seed}"
+        if network.lateral and network.neurons > 1:
+            assert np.array_equal(relay, 128 * np.eye(network.neurons, dtype=np.int64)), f"seed {seed}"
+            assert np.array_equal(lateral, network.lateral * 64 * (np.eye(network.neurons, dtype=np.int64) - 1))
+        else:
+            assert not lateral.any(), f"seed {seed}"
+        seen["fit"] += 1
+        seen["cores"] += len(cores)
+        seen["several"] += len(cores) > 1
+        seen["chips"] += len({core.chip for core in cores}) > 1
+        seen["regular"] += network.regular
+        if seen["fit"] == wanted:
+            return seen
+    raise AssertionError(f"only {seen} of {wanted} fit")
+
+
+def test_every_limit_holds_of_forty_random_networks() -> None:
+    seen = partitioned(40, start=100)
+    assert seen["several"] > 8
+    assert seen["chips"] > 0
+    assert seen["regular"] > 5
+
+
+@pytest.mark.slow
+def test_every_limit_holds_of_a_thousand_random_networks() -> None:
+    seen = partitioned(1000, start=10_000)
+    print(seen)
+    assert seen["several"] > 200
+    assert seen["chips"] > 5
+    assert seen["regular"] > 100
+
+
+def simulated(wanted: int, start: int) -> tuple[int, int]:
+    """Compare the bundle's simulation with the engine; spikes of exc, and networks that took several cores."""
+    spikes, several, done = 0, 0, 0
+    for seed in range(start, start + SEEDS):
+        rng = np.random.default_rng(seed)
+        network = random_network(rng, large=seed % 10 == 0)
+        model = model_of(network)
+        try:
+            manifest, files, plan = contents(model, random_board(rng, network), picture=False)
+        except NetworkLimitError:
+            continue
+        rates = query_rates(model.activity, model.config)
+        ids = np.array([3, 4])
+        host = HostBackend().trains(model, rates, image_ids=ids, role="query", seed=1)
+        exc, inh, inputs = player(memory_bundle(sealed(manifest, files), files))(
+            rates, presentation_keys(1, "query", ids)
+        )
+        assert np.array_equal(exc, host.exc), f"seed {seed}"
+        assert np.array_equal(inputs, host.inputs), f"seed {seed}"
+        if network.lateral and network.neurons > 1:
+            assert np.array_equal(inh, host.inh), f"seed {seed}"
+        spikes += int(exc.sum())
+        several += len(plan.cores) > 1
+        done += 1
+        if done == wanted:
+            return spikes, several
+    raise AssertionError(f"only {done} of {wanted} fit")
+
+
+def test_every_spike_of_ten_random_networks() -> None:
+    spikes, several = simulated(10, 50_000)
+    assert spikes > 100
+    assert several > 0
+
+
+@pytest.mark.slow
+def test_every_spike_of_fifty_random_networks() -> None:
+    spikes, several = simulated(50, 60_000)
+    print(spikes, several)
+    assert spikes > 1000
+    assert several > 10
+
+
+def test_a_random_bundle_on_disk_gives_its_network_back(tmp_path: Path) -> None:
+    for seed in range(3):
+        network = random_network(np.random.default_rng(seed), large=False)
+        manifest, files, _ = contents(model_of(network), KAPOHO_BAY, picture=False)
+        bundle_folder.write(tmp_path / str(seed), manifest, files)
+        assert load(tmp_path / str(seed)).files == files
+        back = rebuilt(load(tmp_path / str(seed)))
+        assert np.array_equal(back.weights, network.weights)
+
+
+def test_a_violation_is_seen() -> None:
+    """The independent count must be able to fail: one word too many, one threshold too high."""
+    network = random_network(np.random.default_rng(5), large=False)
+    manifest, files, _ = contents(model_of(network), KAPOHO_BAY, picture=False)
+    bundle = memory_bundle(sealed(manifest, files), files)
+    cores, tables = cores_of(bundle), tables_of(bundle)
+    assert violations(cores, KAPOHO_BAY, tables) == []
+    cores[0].registers["vthProfileCfg"][0]["vth"] = 1 << 17
+    cores[0].registers["cxProfileCfg"] *= 40
+    texts = " ".join(violations(cores, KAPOHO_BAY, tables))
+    assert "threshold" in texts
+    assert "profiles" in texts

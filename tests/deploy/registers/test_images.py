@@ -1,0 +1,212 @@
+"""Register images of plans: what stands where, and the network that comes back out of them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from support.boards.plans import random_network, simple_plan, small_plan
+
+from lava_vpr.deploy.registers.core_images import (
+    READ_OUT,
+    CoreImage,
+    HostTables,
+    core_images,
+    host_tables,
+    lateral_synapse,
+    network_of,
+)
+from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork
+from lava_vpr.errors import ModelFileError, NetworkLimitError
+
+
+def scalars_of(network: FixedNetwork) -> dict[str, int]:
+    """What a manifest tells."""
+    return {name: int(getattr(network, name)) for name in ("inputs", "neurons", *SCALARS)}
+
+
+def equal(a: FixedNetwork, b: FixedNetwork) -> bool:
+    return np.array_equal(a.weights, b.weights) and scalars_of(a) == scalars_of(b)
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_the_network_comes_back_out_of_its_images(seed: int) -> None:
+    network = random_network(seed)
+    plan = simple_plan(network, 1 + seed % 6, seed)
+    images = [replace(i, registers=json.loads(json.dumps(i.registers))) for i in core_images(plan)]
+    assert equal(network_of(images[::-1], host_tables(plan), scalars_of(network)), network)
+
+
+def test_a_small_network_word_by_word() -> None:
+    one, two = core_images(small_plan())
+    # Format ids: 1 inputs dense, 2 inputs sparse, 3 lateral dense, 4 lateral sparse, 5 to the relays.
+    index = 6
+    words = [
+        1 | 1 << 4 | 5 << 10 | 6 << 13,
+        2 | 0 << 4 | 1 << 10 | 7 << 10 + index,
+        3 | 1 << 4 | 10 << 10 | 10 << 14,  # of the relay of the neuron elsewhere
+        4 | 0 << 4 | 1 << 10 | 10 << 10 + index,
+        4 | 0 << 4 | 0 << 10 | 10 << 10 + index,
+        *(5 | 0 << 4 | relay << 10 | 2 << 10 + index for relay in (2, 3, 4)),
+    ]
+    assert one.synapses.tolist() == words
+    # Inputs, lateral by source relay, to the relays.
+    assert one.axons_in[:, 0].tolist() == [0, 1, 3, 4, 2, 5, 6, 7]
+    assert one.axons_in[:, 2].tolist() == [2, 1, 1, 1, 2, 1, 1, 1]
+    assert two.synapses.tolist() == [1 | 0 << 4 | 10 << 10]  # a lone neuron: no input, and one row for both relays
+    assert two.axons_in.tolist() == [[0, 1, 1], [0, 1, 1]]
+    assert one.axons_out.tolist() == [
+        [0, 0, 4, 5],
+        [0, 0, READ_OUT, 0],
+        [1, 0, 4, 6],
+        [1, 0, READ_OUT, 1],
+        [2, 0, 4, 2],
+        [2, 1, 0, 0],
+        [3, 0, 4, 3],
+        [3, 1, 0, 1],
+        [4, 0, 4, 4],
+    ]
+    assert two.axons_out.tolist() == [[0, 0, 4, 7], [0, 1, READ_OUT, 2]]
+    assert one.compartments.tolist() == [[0, 0, 0, 0]] * 2 + [[1, 1, 0, 0]] * 3
+    registers = one.registers
+    assert [(p["decayU"], p["decayV"], p["refractDelay"]) for p in registers["cxProfileCfg"]] == [
+        (4095, 130, 1),
+        (4095, 4095, 1),
+    ]
+    assert registers["vthProfileCfg"] == [{"vth": 9}, {"vth": 1}]
+    shown = [None if f is None else (f["wgtBits"], f["idxBits"], f["wgtExp"]) for f in registers["synapseFmt"]]
+    # Lateral: mantissa 10 2^1; its 4 bits are the upper ones of 8.
+    assert shown == [None, (3, 0, -5), (3, 1, -5), (4, 0, -3), (4, 1, -3), (2, 1, -6)]
+    assert registers["dendriteSharedCfg"] == {"posVmLimit": 7, "negVmLimit": 23}
+    assert registers["numUpdates"]["numUpdates"] == 2
+    types = {name: getattr(one, name).dtype.name for name in ("compartments", "synapses", "axons_in", "axons_out")}
+    assert types == {"compartments": "int32", "synapses": "uint64", "axons_in": "int32", "axons_out": "int32"}
+
+
+def test_tables_of_a_small_network() -> None:
+    tables = host_tables(small_plan())
+    assert tables.injection.tolist() == [[0, 0, 4, 0], [1, 0, 4, 1]]
+    assert tables.exc.tolist() == [[0, 4, 0], [0, 4, 1], [1, 0, 0]]
+    assert tables.inh.tolist() == [[0, 4, 2], [0, 4, 3], [0, 4, 4]]
+    assert tables.inputs.shape == (0, 3)
+    plan = small_plan(regular=1)
+    tables, image = host_tables(plan), core_images(plan)[0]
+    assert tables.injection.shape == (0, 4)
+    assert tables.inputs.tolist() == [[0, 4, 5], [0, 4, 6]]
+    assert image.axons_out[-2:].tolist() == [[5, 0, 4, 0], [6, 0, 4, 1]]
+    assert image.registers["cxProfileCfg"][2]["decayV"] == 0
+    assert image.registers["vthProfileCfg"][2]["vth"] == 8000
+
+
+def test_without_inhibition_there_are_relays_but_no_lateral_axons() -> None:
+    one, two = core_images(small_plan(inhibition=0))
+    assert (len(one.axons_in), len(two.axons_in), len(two.synapses)) == (5, 0, 0)
+    assert one.axons_out[:, 0].tolist() == [0, 0, 1, 1]
+
+
+def test_lateral_weights() -> None:
+    def of(inhibition: int, exponent: int, bits: int) -> tuple[int, int]:
+        network = random_network(0, inhibition=inhibition, inhibition_exponent=exponent)
+        magnitude, e = lateral_synapse(network, bits)
+        assert (magnitude << 8 - bits) * 2.0**e == network.lateral
+        return magnitude, e
+
+    assert of(10, 0, 4) == (10, -4)
+    assert of(160, 2, 4) == (10, 2)
+    assert of(160, 2, 8) == (160, 2)
+    for inhibition, exponent, bits in ((11, 0, 3), (255, 7, 6), (128, 8, 1)):
+        with pytest.raises(NetworkLimitError, match=rf"{inhibition << exponent} does not fit a synapse of {bits} bits"):
+            of(inhibition, exponent, bits)
+
+
+def test_what_loihi_1_cannot_do_is_refused() -> None:
+    with pytest.raises(NetworkLimitError, match="shifts each weight, not their sum by 2 bits; use fewer weight bits"):
+        core_images(small_plan(shift=2))
+    with pytest.raises(NetworkLimitError, match=r"decay 4096 does not fit 0\.\.4095; raise"):
+        core_images(small_plan(decay=4096))
+
+
+def altered(images: tuple[CoreImage, ...], tables: HostTables, seed: int) -> tuple[Any, HostTables, str]:
+    """Images and tables with one number changed, and where."""
+    rng = np.random.default_rng(seed)
+    where = str(rng.choice(["compartments", "synapses", "axons_in", "axons_out", "injection", "inputs", "exc", "inh"]))
+    k = int(rng.integers(len(images)))
+    source = images[k] if hasattr(images[k], where) else tables
+    array = getattr(source, where).copy()
+    if array.size == 0:
+        return altered(images, tables, seed + 1000)
+    change = 1 << int(rng.integers(64)) if where == "synapses" else int(rng.choice([-1000, -1, 1, 1000]))
+    at = np.unravel_index(int(rng.integers(array.size)), array.shape)
+    array[at] = int(array[at]) ^ change if where == "synapses" else array[at] + change
+    if source is tables:
+        return images, replace(tables, **{where: array}), where
+    return (*images[:k], replace(images[k], **{where: array}), *images[k + 1 :]), tables, where
+
+
+@pytest.mark.parametrize("regular", [0, 1])
+def test_one_wrong_number_is_refused_or_is_another_network(regular: int) -> None:
+    network = random_network(3, regular=regular, size=(30, 20), bits=5, inhibition=60)
+    plan = simple_plan(network, 4, 5)
+    images, tables, told = core_images(plan), host_tables(plan), scalars_of(network)
+    refused = set()
+    for seed in range(120):
+        others, other_tables, where = altered(images, tables, seed)
+        text = ""
+        try:
+            found = network_of(others, other_tables, told)
+            # A weight has changed, or what one input did is now another's.
+            assert where in ("synapses", "axons_out", "injection")
+            assert not np.array_equal(found.weights, network.weights)
+        except ModelFileError as error:
+            text = str(error)
+            refused.add(where)
+        assert "\n" not in text
+        assert text.endswith("deploy the model again") or not text
+    expected = {"compartments", "synapses", "axons_in", "axons_out", "exc", "inh"}
+    assert refused == expected | {"inputs" if regular else "injection"}
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"threshold": 8}, "registers of chip 0 core 4 contradict"),
+        ({"decay": 7}, "registers of chip 0 core 4 contradict"),
+        ({"bits": 2}, "hold no network of ours .weights need 2 bits"),
+        ({"inhibition": 11}, "synapses of chip 0 core 4 contradict"),
+        ({"inhibition_exponent": 2}, "registers of chip 0 core 4 contradict"),
+        ({"shift": 1}, "hold no network of ours .Loihi 1 shifts"),
+        ({"neurons": 4}, "tables hold 3 neurons, 3 relays and 0 inputs, but the network has 4 neurons and 2 inputs"),
+        ({"regular": 1}, "tables hold 3 neurons, 3 relays and 0 inputs"),
+        ({"inputs": 1}, "hold no network of ours"),
+    ],
+)
+def test_scalars_that_the_images_do_not_bear_out(change: dict[str, int], text: str) -> None:
+    plan = small_plan()
+    told = scalars_of(plan.network)
+    assert equal(network_of(core_images(plan), host_tables(plan), told), plan.network)
+    with pytest.raises(ModelFileError, match=text):
+        network_of(core_images(plan), host_tables(plan), told | change)
+    with pytest.raises(ModelFileError, match="hold no network of ours"):
+        network_of(core_images(plan), host_tables(plan), {"inputs": 2})
+
+
+def test_registers_that_are_not_as_written() -> None:
+    plan = small_plan()
+    images, tables, told = core_images(plan), host_tables(plan), scalars_of(plan.network)
+    for name in images[0].registers:
+        fewer = {key: value for key, value in images[0].registers.items() if key != name}
+        with pytest.raises(ModelFileError, match="deploy the model again"):
+            network_of((replace(images[0], registers=fewer), images[1]), tables, told)
+    with pytest.raises(ModelFileError, match="deploy the model again"):
+        network_of(images[:1], tables, told)
+
+
+def test_input_axons_that_change_places_are_refused() -> None:
+    plan = small_plan()
+    one, two = core_images(plan)
+    order = [0, 1, 3, 2, 4, 5, 6, 7]  # of the relays of neurons 0 and 1: each would inhibit its own
+    with pytest.raises(ModelFileError, match=r"^axons_in of chip 0 core 4 contradict the rest of the network; deploy"):
+        network_of((replace(one, axons_in=one.axons_in[order]), two), host_tables(plan), scalars_of(plan.network))

@@ -1,0 +1,278 @@
+"""Inputs that integrate a bias: their trains by every definition, and networks on them on every backend."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lava.proc.lif.models import PyLifModelBitAcc
+from numpy.typing import NDArray
+from support.common.helpers import encoded, small_model
+from support.lava.bias_targets import Arrays
+from support.lava.model_harness import build, drive
+from support.lava.small_networks import options_of, random_network
+
+from benchmarks.nordland import SECTIONS, part
+from benchmarks.nordland import encoded as real
+from benchmarks.recall import learn
+from lava_vpr.backends import registry as backends
+from lava_vpr.config import preset
+from lava_vpr.configfile import update
+from lava_vpr.encoding import draw_trains, query_rates
+from lava_vpr.engine.inference.bias_input import LEVEL, biases, phases, regular_spikes, schedule
+from lava_vpr.engine.inference.fixed import EVENTS, SILENT_STEPS, FixedNetwork, count_spikes
+from lava_vpr.engine.random import presentation_key, presentation_keys
+from lava_vpr.errors import NetworkLimitError
+from lava_vpr.isolated.runner import run_isolated
+from lava_vpr.loihi import STATE_LIMIT
+from lava_vpr.processes.base.library_inputs import LibraryInputs
+from lava_vpr.processes.base.shared import shared_array
+from lava_vpr.processes.bias_inputs.models import PyBiasInputsFixed, PyBiasInputsFloat
+from lava_vpr.processes.bias_inputs.process import BiasInputs
+from lava_vpr.processes.jobs.inference import input_spikes
+from lava_vpr.verification import verify
+
+EVERY_RATE = np.arange(1 << 16).astype(np.uint16)
+MODELS = {"fixed": PyBiasInputsFixed, "float": PyBiasInputsFloat}
+
+
+def test_biases_fit_the_registers_with_the_smallest_exponent() -> None:
+    mantissa, exponent = biases(EVERY_RATE)
+    assert mantissa.min() == 0
+    assert mantissa.max() == 4095
+    assert exponent.min() == 0
+    assert exponent.max() == 7
+    assert (mantissa[exponent > 0] >= 2048).all()
+    bias = mantissa << exponent
+    assert bias[0] == 0
+    assert bias[1] > 0
+    assert (np.diff(bias) >= 0).all()
+
+
+def test_an_interval_is_the_nearest_whole_number() -> None:
+    r = EVERY_RATE[1:].astype(np.int64)
+    bias = np.left_shift(*biases(EVERY_RATE[1:]))
+    exact = 2.0 * r * LEVEL / ((1 << 17) - r)
+    lost = np.maximum(1 / exact, 2.0**-11)  # share of the bias that its whole mantissa of 12 bits may lose
+    late = LEVEL // bias + 1 - 65536 / r
+    assert (late > -0.5).all()
+    assert (late <= 0.5 + 65536 / r * lost / (1 - lost)).all()
+    usual = (r > 1000) & (r < 7000)
+    assert np.abs(late[usual]).max() < 0.55
+
+
+@pytest.mark.parametrize("rate", [0, 300, 836, 2000, 21_845, 32_768, 65_535])
+def test_the_mean_count_is_the_rate(rate: int) -> None:
+    steps, inputs = 350, 4000
+    key = presentation_key(0, "query", rate)
+    trains = regular_spikes(np.full(inputs, rate, np.uint16), key, steps)
+    mean = trains.sum(axis=0).mean()
+    assert mean == pytest.approx(steps * rate / 65_536, rel=0.02)
+    if rate <= 2000:  # of the rates that images give, no step has more than its share
+        assert np.abs(trains.mean(axis=1) - rate / 65_536).max() < 0.02
+    for train in trains.T[:50]:
+        assert len(set(np.diff(np.flatnonzero(train)).tolist())) <= 1
+
+
+def test_phases_differ_between_keys_and_inputs() -> None:
+    keys = presentation_keys(3, "query", np.arange(6))
+    drawn = np.array([phases(int(key), 1500) for key in keys])
+    assert drawn.min() >= 0
+    assert drawn.max() < LEVEL
+    for row in drawn:
+        assert len(np.unique(row)) > 1480
+        assert row.mean() == pytest.approx(LEVEL / 2, rel=0.05)
+        assert row.std() == pytest.approx(LEVEL / 12**0.5, rel=0.05)
+    correlation = np.corrcoef(drawn) - np.eye(6)
+    assert np.abs(correlation).max() < 0.1
+    assert np.array_equal(phases(int(keys[0]), 40), drawn[0, :40])
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(
+    rates=st.lists(st.one_of(st.integers(0, 65_535), st.sampled_from([0, 1, 65_535])), min_size=1, max_size=12),
+    image=st.integers(0, 10_000),
+    steps=st.integers(1, 300),
+)
+def test_the_compiled_schedule_is_the_definition(rates: list[int], image: int, steps: int) -> None:
+    values, key = np.array(rates, np.uint16), presentation_key(1, "query", image)
+    starts, members = schedule(np.left_shift(*biases(values)), np.uint64(key), steps)
+    expected = regular_spikes(values, key, steps)
+    assert starts[0] == 0
+    assert starts[-1] == len(members) == expected.sum()
+    for step in range(steps):
+        assert members[starts[step] : starts[step + 1]].tolist() == np.flatnonzero(expected[step]).tolist()
+    every = input_spikes(values[None], np.array([key], np.uint64), steps)
+    assert np.array_equal(every, expected.sum(axis=0))
+
+
+def some_rates(n: int, inputs: int) -> NDArray[np.uint16]:
+    """Mostly what images give, and the extremes: silent inputs, a silent image, inputs that spike in every step."""
+    rng = np.random.default_rng(n)
+    rates = rng.integers(0, 13_000, (n, inputs)) * (rng.random((n, inputs)) < 0.7)
+    rates[:, :2] = 65_535, 0
+    rates[-1, ::3] = 65_535
+    rates[n // 2] = 0
+    return rates.astype(np.uint16)
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_the_process_sends_the_definition(kind: str) -> None:
+    rates, keys, steps = some_rates(5, 60), presentation_keys(0, "query", np.arange(5)), 40
+    emitted = shared_array((60,), np.int64)
+    process = BiasInputs(rates=rates, keys=keys, steps=steps, emitted=emitted)
+    model = build(process, MODELS[kind])
+    expected = draw_trains(rates, keys, steps, process.interval, regular=True)
+    assert process.interval == steps + SILENT_STEPS
+    sent = drive(model, 5 * process.interval + 7, port_out="s_out")
+    assert sent.dtype == bool
+    assert np.array_equal(sent[:-7], expected.reshape(-1, 60))
+    assert not sent[-7:].any()
+    assert expected[:, :steps, 0].all(axis=1).tolist() == [True, True, False, True, True]
+    for counted in (model.emitted, emitted):
+        assert np.array_equal(counted, expected.sum(axis=(0, 1)))
+    unit = 64 if kind == "float" else 1
+    bias = np.ldexp(model.bias_mant, model.bias_exp.astype(int))
+    assert np.array_equal(bias, np.left_shift(*biases(rates[-1])))
+    assert (model.v * unit <= LEVEL).all()
+    assert (model.v * unit == np.floor(model.v * unit)).all()
+
+
+def test_a_new_bias_counts_at_once() -> None:
+    process = BiasInputs(rates=np.full((1, 3), 700, np.uint16), keys=np.ones(1, np.uint64), steps=50)
+    model = build(process, PyBiasInputsFixed)
+    drive(model, 1)
+    model.v[:], model.bias_mant[:], model.bias_exp[:] = LEVEL, (0, 1, 4095), 7
+    model.time_step = 2
+    model.run_spk()
+    assert model.s_out.sent.tolist() == [False, True, True]
+    for var, value in (("v", STATE_LIMIT), ("bias_mant", 4096), ("bias_mant", -1), ("bias_exp", 8)):
+        with pytest.raises(NetworkLimitError, match=rf"^{var} is {value}, but must be a whole number in .*\.\."):
+            getattr(process, var).check(np.array([0, value]))
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"rates": np.ones((2, 3))}, r"^BiasInputs: rates are float64 \(2, 3\), but must be uint16 \(n, inputs\) in "),
+        ({"rates": np.ones((2, 0), np.uint16)}, r"^BiasInputs: rates are uint16 \(2, 0\), but must be"),
+        ({"keys": np.ones(3, np.uint64)}, r"^BiasInputs: keys are uint64 \(3,\), but must be uint64 \(2,\), one for"),
+        ({"keys": np.ones(2, int)}, r"^BiasInputs: keys are int64 \(2,\), but .*; use lava_vpr.engine.random"),
+        ({"steps": 0}, "^BiasInputs: 0 steps and 3 silent ones, but at least 1 and 0 are needed"),
+        ({"steps": 2.5}, "^BiasInputs: 2.5 steps and 3 silent ones"),
+        ({"silent_steps": -1}, "^BiasInputs: 4 steps and -1 silent ones"),
+        ({"emitted": np.zeros(3)}, r"^BiasInputs: emitted is float64 \(3,\), but must be int64 \(3,\); make it with"),
+    ],
+)
+def test_what_is_no_input_is_refused(changes: dict[str, Any], text: str) -> None:
+    fine = {"rates": np.ones((2, 3), np.uint16), "keys": np.ones(2, np.uint64), "steps": 4}
+    with pytest.raises(NetworkLimitError, match=text):
+        BiasInputs(**fine | changes)
+
+
+def test_what_is_written_reaches_the_phase_without_a_spike() -> None:
+    """The library's LIF, from the pause before the silent steps to the end of the next presentation."""
+    rates, keys = np.stack([EVERY_RATE[::16], EVERY_RATE[::16][::-1]]), presentation_keys(5, "query", np.arange(2))
+    inputs = LibraryInputs(rates=rates, keys=keys)
+    values = inputs._values(1, SILENT_STEPS)
+    assert abs(values["v"]).max() < STATE_LIMIT
+    model = build(inputs.lif, PyLifModelBitAcc)
+    model.v[:], model.bias_mant[:], model.bias_exp[:] = values["v"], values["bias_mant"], values["bias_exp"]
+    assert not drive(model, SILENT_STEPS, port_out="s_out").any()
+    assert np.array_equal(model.v, phases(int(keys[1]), rates.shape[1]))
+    spikes = drive(model, 30, port_out="s_out")
+    assert np.array_equal(spikes, regular_spikes(rates[1], int(keys[1]), 30))
+
+
+FIXED = [(job, "fixed_pt") for job in ("fused", "composed", "library")]
+FLOAT = [(job, "floating_pt") for job in ("composed", "library")]
+
+
+def test_every_network_on_every_backend_equals_the_host() -> None:
+    networks = {"b3": random_network(3, seed=7, regular=1), "b8": random_network(8, seed=7, regular=1, steps=2)}
+    runs = {"b3": FIXED + FLOAT, "b8": FIXED}  # the latter: presentations with more silence than input
+    arrays: Arrays = {}
+    for name, network in networks.items():
+        arrays |= {f"{name}_weights": network.weights, f"{name}_rates": some_rates(4, network.inputs)}
+        arrays[f"{name}_keys"] = presentation_keys(2, "query", np.arange(4))
+    done: list[int] = []
+    got = run_isolated(
+        "support.lava.bias_targets:networks",
+        arrays,
+        {"networks": {name: options_of(network) for name, network in networks.items()}, "runs": runs},
+        timeout=200,
+        progress=done.append,
+    )
+    assert sum(done) == 4 * (5 + 3 + 1)
+    for name, network in networks.items():
+        check_runs(network, runs[name], arrays, got, name)
+    check_board(networks["b3"], arrays, got)
+
+
+def check_runs(network: FixedNetwork, runs: list[tuple[str, str]], arrays: Arrays, got: Arrays, name: str) -> None:
+    """Every run of one network against the host."""
+    rates, keys = arrays[f"{name}_rates"], arrays[f"{name}_keys"]
+    counts, events, film = count_spikes(network, rates, keys, raster=True)
+    inputs = draw_trains(rates, keys, network.steps, network.steps + SILENT_STEPS, regular=True)
+    assert counts.sum() > (60 if network.steps > 2 else 0)
+    for job, tag in runs:
+        one = {key: got[f"{name}_{job}_{tag}_{key}"] for key in ("counts", "exc")}
+        if tag == "fixed_pt":
+            assert np.array_equal(one["counts"], counts), (name, job)
+            assert np.array_equal(one["exc"], film), (name, job)
+        if job == "fused":
+            assert dict(zip(EVENTS, got[f"{name}_fused_{tag}_events"].tolist(), strict=True)) == events
+            continue
+        assert np.array_equal(got[f"{name}_{job}_{tag}_inputs"], inputs), (name, job, tag)
+        assert np.array_equal(got[f"{name}_{job}_{tag}_input_spikes"], inputs.sum(axis=(0, 1)))
+        assert np.array_equal(got[f"{name}_{job}_{tag}_inh"][:, 1:], one["exc"][:, :-1])
+    if not set(FLOAT) <= set(runs):
+        return
+    # Without truncation ours is the library's float network; inputs are exact in both.
+    ours, theirs = (got[f"{name}_{job}_floating_pt_exc"] for job in ("composed", "library"))
+    assert np.array_equal(ours, theirs)
+    assert np.abs(ours.sum(axis=1, dtype=int) - counts).sum() <= 0.1 * counts.sum()
+
+
+def check_board(network: FixedNetwork, arrays: Arrays, got: Arrays) -> None:
+    """As wired for a board: inputs are on the chip with all the rest; exc spikes alone leave it."""
+    rates, keys = arrays["b3_rates"].copy(), arrays["b3_keys"]
+    rates[1] = rates[0]
+    counts, _, _ = count_spikes(network, rates, keys)
+    assert np.array_equal(got["board_counts"], counts)
+    assert np.array_equal(got["board_input_spikes"], input_spikes(rates, keys, network.steps))
+    assert got["board_input_spikes"].sum() > 0
+    assert got["crossed"].tolist() == ["LIF.s_out None", "LibraryPlaceNetwork.s_out NxToPyAdapter"]
+    assert got["writes"].tolist() == [1, 3, 3, 1]
+
+
+@pytest.mark.slow
+def test_a_backend_counts_the_same_events() -> None:
+    model, queries = small_model(), encoded()
+    model = replace(model, network=replace(model.network, regular=1))
+    rates = query_rates(queries.activity, model.config)[:2]
+    options = {"image_ids": queries.indices[:2], "role": "query", "seed": 1, "steps": 30}
+    counts, events = backends.get("host").count_spikes(model, rates, **options)
+    assert counts.sum() > 0
+    got, same = backends.get("lava-library").count_spikes(model, rates, **options)
+    assert np.array_equal(got, counts)
+    assert same == events
+
+
+@pytest.mark.data
+@pytest.mark.slow
+def test_twenty_real_queries_with_a_bias_on_every_backend(data_root: Path) -> None:
+    config = update(preset("loihi"), {"network": {"input_mode": "bias"}})
+    model = learn(SECTIONS[0], config)
+    queries = part(real("winter", config.encoder), slice(0, 20))
+    names = ("lava-fixed", "lava-fused", "lava-library")
+    for verdict in verify(model, queries, np.eye(20, 100, dtype=bool), names=names):
+        print(f"{verdict.name}: {verdict.spikes:,} spikes of {verdict.queries} queries compared")
+        assert verdict.reason is None
+        assert verdict.equal, verdict.mismatch
+        assert verdict.spikes > (400 if verdict.name == "lava-fused" else 100_000)

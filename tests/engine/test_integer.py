@@ -1,0 +1,231 @@
+"""Learning in integers against a literal version of the same equations, and its invariants."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from support.literal import literal_integer
+
+from lava_vpr.config import StdpLearning
+from lava_vpr.encoding import draw_spikes
+from lava_vpr.engine.general.lif import LifParameters
+from lava_vpr.engine.learning import integer, integer_kernels
+from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, Rule
+from lava_vpr.engine.random import presentation_key
+from lava_vpr.errors import ConfigError, NetworkLimitError
+from lava_vpr.loihi import PRODUCT_EXPONENTS, PRODUCT_MANTISSAS
+
+INPUTS, NEURONS = 24, 5
+USUAL = IntegerLearning(
+    rule=Rule(((6, -6), (1, -7)), 15, 0, 20.0),
+    shift=2,
+    inhibition=60,
+    neurons=LifParameters(dv=205, floor=-120, hold_steps=1, theta_plus=8),
+    weight_sum=13 * INPUTS,
+    steps=60,
+)
+
+
+def changed(**changes: object) -> IntegerLearning:
+    """`USUAL` with other settings, those of its neurons and of its rule included."""
+    rule, neurons = (
+        {k: v for k, v in changes.items() if k in {f.name for f in dataclasses.fields(kind)}}
+        for kind in (Rule, LifParameters)
+    )
+    rest = {k: v for k, v in changes.items() if k not in rule and k not in neurons}
+    return dataclasses.replace(
+        USUAL,
+        rule=dataclasses.replace(USUAL.rule, **rule),
+        neurons=dataclasses.replace(USUAL.neurons, **neurons),
+        **rest,
+    )
+
+
+@pytest.mark.parametrize(
+    "learning",
+    [
+        USUAL,
+        changed(late_theta=True),
+        changed(theta_plus=0, hold_steps=0, floor=None),
+        changed(hold_steps=3, dv=0, inhibition=0),
+        changed(mu=1, products=((7, -2), (-3, -5)), target=30),
+        changed(mu=2, products=((5, -1),), target=30),
+        changed(products=((-8, -5), (7, 2), (3, -7)), target=60, tau=3.5),
+        changed(products=((7, 8), (7, 8)), target=80),
+        changed(weight_sum=0, shift=0, inhibition=500),
+        changed(floor=-1, weight_sum=40 * INPUTS, steps=33),
+    ],
+)
+def test_equals_the_literal_version(learning: IntegerLearning) -> None:
+    learning.check(NEURONS)
+    rng = np.random.default_rng(1)
+    state = IntegerState(rng.integers(0, 60, (INPUTS, NEURONS)).astype(np.uint8), np.full(NEURONS, 60, np.int32))
+    start = state.weights.copy()
+    fired = 0
+    for k in range(3):
+        key = presentation_key(3, "train", k)
+        rates = rng.integers(0, 16_000, INPUTS).astype(np.uint16)
+        spikes = draw_spikes(rates, key, learning.steps)
+        expected = literal_integer.present(state.weights, state.theta, spikes, learning, key)
+        traces = np.zeros(INPUTS, np.uint8)
+        counts, events, raster = integer.present(state, learning, rates, key, traces=traces, raster=True)
+        for found, wanted in zip((state.weights, state.theta, traces, raster), expected, strict=True):
+            assert np.array_equal(found, wanted)
+        assert np.array_equal(counts, raster.sum(axis=0, dtype=np.int64))
+        assert events.tolist() == [int(spikes.sum()), int(counts.sum())]
+        fired += int(counts.sum())
+    assert fired > 10
+    assert not np.array_equal(state.weights, start)
+
+
+@given(st.lists(st.sampled_from(PRODUCT_MANTISSAS), min_size=1, max_size=3), st.data())
+@settings(max_examples=60, deadline=None, derandomize=True)
+def test_a_weight_change_equals_the_literal_one(mantissas: list[int], data: st.DataObject) -> None:
+    exponents = data.draw(st.lists(st.sampled_from(PRODUCT_EXPONENTS), min_size=3, max_size=3))
+    mu, target = data.draw(st.integers(0, 2)), data.draw(st.integers(0, 127))
+    draw = data.draw(st.integers(0, 2**53 - 1))
+    products = tuple(zip(mantissas, exponents, strict=False))
+    rule = Rule(products, target, mu, 20.0)
+    literal = dataclasses.replace(rule, products=tuple((int(m), int(s) - 7) for m, s in rule.table()))
+    w = np.repeat(np.array([0, 1, 100, 254, 255], np.uint8), 4)
+    x = np.tile(np.array([0, 1, 60, 127], np.uint8), 5)
+    weights = w[:, None].copy()
+    integer_kernels.learn_column(weights, 0, x, rule.table(), target, mu, np.uint64(draw))
+    expected = [literal_integer.learned(int(a), int(b), literal, draw * 2.0**-53) for a, b in zip(w, x, strict=True)]
+    assert weights[:, 0].tolist() == expected
+
+
+def test_rounding_of_traces_is_unbiased() -> None:
+    rule, rng = Rule(((1, 0),), 0, 0, 20.0), np.random.default_rng(0)
+    whole, fraction = rule.decay()
+    draws = rng.integers(0, 1 << 53, 4000).astype(np.uint64)
+    total = np.zeros(128)
+    for draw in draws:
+        x = np.arange(128).astype(np.uint8)
+        integer_kernels.decay_traces(x, whole, fraction, draw)
+        total += x
+    exact = np.exp(-1 / 20) * np.arange(128)
+    assert np.abs(total / len(draws) - exact).max() < 4 * 0.5 / np.sqrt(len(draws))
+
+
+def test_rounding_of_weights_is_unbiased() -> None:
+    rule, rng = Rule(((3, -5),), 25, 0, 20.0), np.random.default_rng(0)
+    x = np.arange(128).astype(np.uint8)
+    draws = rng.integers(0, 1 << 53, 4000).astype(np.uint64)
+    total = np.zeros(128)
+    for draw in draws:
+        weights = np.full((128, 1), 100, np.uint8)
+        integer_kernels.learn_column(weights, 0, x, rule.table(), 25, 0, draw)
+        total += weights[:, 0]
+    exact = 100 + 3 / 32 * (np.arange(128) - 25)
+    assert np.abs(total / len(draws) - exact).max() < 4 * 0.5 / np.sqrt(len(draws))
+
+
+def test_normalised_sums_are_near_the_target_and_weights_in_range() -> None:
+    rng = np.random.default_rng(0)
+    weights = rng.integers(0, 30, (400, 6)).astype(np.uint8)
+    weights[:, 4] = 0
+    weights[:, 5] = 0
+    weights[7, 5] = 3  # alone it cannot reach the sum
+    for key in range(20):
+        integer.normalise(weights, 5000, key)
+        sums = weights.sum(axis=0, dtype=np.int64)
+        assert np.abs(sums[:4] - 5000).max() < 4 * 0.5 * np.sqrt(400)
+        assert sums[4] == 0
+        assert weights[7, 5] == 255
+    means = []
+    for key in range(200):
+        weights = np.full((10, 1), 7, np.uint8)
+        weights[0] = 10
+        integer.normalise(weights, 100, key)
+        means.append(weights[:, 0].astype(float))
+    exact = np.array([10] + [7] * 9) * 100 / 73
+    assert np.abs(np.mean(means, axis=0) - exact).max() < 4 * 0.5 / np.sqrt(200)
+
+
+@given(st.floats(0, 7 * 256.0))
+@settings(max_examples=200, deadline=None, derandomize=True)
+def test_products_sum_to_the_rate(rate: float) -> None:
+    found = integer.products(rate)
+    assert sum(mantissa * 2.0**exponent for mantissa, exponent in found) == round(rate * 128) / 128
+    assert all(1 <= mantissa <= 7 and exponent in PRODUCT_EXPONENTS for mantissa, exponent in found)
+
+
+def test_traces_given_go_on_and_the_default_starts_at_zero() -> None:
+    rates, key = np.zeros(INPUTS, np.uint16), 5
+    for traces, nonzero in ((np.full(INPUTS, 127, np.uint8), True), (np.zeros(INPUTS, np.uint8), False)):
+        state = IntegerState(np.full((INPUTS, NEURONS), 10, np.uint8), np.full(NEURONS, 50, np.int32))
+        integer.present(state, USUAL, rates, key, traces=traces)
+        assert traces.any() == nonzero
+        assert traces.max() < 127
+
+
+def test_a_drawn_number_below_the_fraction_rounds_up() -> None:
+    whole, fraction = Rule(((1, 0),), 0, 0, 20.0).decay()
+    for draw, up in ((int(fraction[100]) - 1, 1), (int(fraction[100]), 0)):
+        x = np.array([100], np.uint8)
+        integer_kernels.decay_traces(x, whole, fraction, np.uint64(draw))
+        assert x[0] == whole[100] + up
+
+
+@pytest.mark.parametrize(
+    ("learning", "text"),
+    [
+        (changed(products=((8, 0),)), "mantissas -8..7"),
+        (changed(products=((1, -8),)), "exponents -7..8"),
+        (changed(mu=3), "mu 3 is no sum of products"),
+        (changed(target=128), "no 7-bit trace"),
+        (changed(tau=0.5), r"decays within 0\.5 steps"),
+        (changed(dv=5000), "dv is 5000"),
+        (changed(floor=5), "floor is 5"),
+        (changed(inhibition=40_000), "lateral inhibition of 5 neurons can reach 160,000"),
+    ],
+)
+def test_what_the_chip_cannot_hold_is_refused(learning: IntegerLearning, text: str) -> None:
+    with pytest.raises(NetworkLimitError, match=text):
+        learning.check(NEURONS)
+
+
+def test_settings_without_an_integer_form_are_refused() -> None:
+    with pytest.raises(ConfigError, match=r"mu is 0\.5"):
+        integer.phases(StdpLearning(mu=0.5), 784, 100, 12.0, 0.69)
+    with pytest.raises(NetworkLimitError, match="no 7-bit trace"):
+        integer.phases(StdpLearning(x_target=50.0), 784, 100, 12.0, 0.69)
+
+
+def test_phases_are_the_float_settings_in_integers() -> None:
+    learning = StdpLearning()
+    competition, consolidation = integer.phases(learning, 784, 100, 12.0, 0.69)
+    per_unit, shift = integer.unit(learning, 784, 12.0, 0.69, 100)
+    assert competition.shift == shift
+    assert competition.inhibition == round(learning.inhibition * per_unit)
+    assert competition.neurons.theta_plus == round(learning.theta_plus * per_unit)
+    assert consolidation.neurons.theta_plus == 0
+    # A weight at rest, an input that has just spiked: the float change, in units of 2 / 255.
+    weights = np.full((1, 1), 100, np.uint8)
+    x = np.full(1, 127, np.uint8)
+    rule = competition.rule
+    integer_kernels.learn_column(weights, 0, x, rule.table(), rule.target, rule.mu, np.uint64(1 << 52))
+    mean = learning.x_target * integer.mean_trace(784, 12.0, learning.tau_trace)
+    assert weights[0, 0] - 100 == pytest.approx(learning.eta * (1 - mean) * 255 / 2, abs=1)
+
+
+def test_a_stretch_learns_what_it_is_shown() -> None:
+    learning = StdpLearning()
+    trainer = integer.IntegerTrainer(100, 4, learning, 12.0, 0.69, seed=0, stretch=0)
+    rates = np.zeros(100, np.uint16)
+    rates[:20] = round(12 / 20 * 65536 * 0.999)
+    for epoch in range(3):
+        trainer.begin_epoch(epoch)
+        counts = trainer.present(rates, epoch)
+    winner = int(counts.argmax())
+    assert trainer.state.weights[:20, winner].mean() > 5 * trainer.state.weights[20:, winner].mean()
+    before = trainer.state.theta.copy()
+    trainer.begin_epoch(learning.competing)
+    assert np.array_equal(trainer.state.theta, before >> 1)
+    trainer.present(rates, 9)
+    assert np.array_equal(trainer.state.theta, before >> 1)

@@ -1,0 +1,234 @@
+"""Positions and ground truth files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from support.common.imagefiles import QUICK, refused, written
+
+from lava_vpr.truth.groundtruth import EARTH_RADIUS_M, read_ground_truth, read_positions, read_positions_pair
+
+# ---------------------------------------------------------------- positions
+
+
+def positions(path: Path, text: str) -> Path:
+    return written(path, text.encode())
+
+
+@pytest.mark.parametrize(
+    "text", ["x,y\n1,2\n3.5,-4e1\n", "1,2\n3.5,-4e1", "n,Y,X\n0,2,1\n\n# c\n1,-40,3.5\n", "1;2\n3.5;-40"]
+)
+def test_positions_in_metres(tmp_path: Path, text: str) -> None:
+    got = read_positions(positions(tmp_path / "p.csv", text))
+    assert got.dtype == np.float64
+    np.testing.assert_array_equal(got, [[1, 2], [3.5, -40]])
+
+
+def haversine(a: tuple[float, float], b: tuple[float, float]) -> float:
+    (la, oa), (lb, ob) = np.radians(a), np.radians(b)
+    h = np.sin((lb - la) / 2) ** 2 + np.cos(la) * np.cos(lb) * np.sin((ob - oa) / 2) ** 2
+    return float(2 * EARTH_RADIUS_M * np.arcsin(np.sqrt(h)))
+
+
+@QUICK
+@given(
+    st.floats(-60, 60),
+    st.floats(-180, 180),
+    st.lists(st.tuples(st.floats(-0.09, 0.09), st.floats(-0.09, 0.09)), min_size=2, max_size=5),
+)
+def test_degrees_become_metres(
+    tmp_path_factory: pytest.TempPathFactory, lat: float, lon: float, steps: list[tuple[float, float]]
+) -> None:
+    base = tmp_path_factory.mktemp("p")
+    points = [(lat, lon)] + [(lat + a, (lon + b + 180) % 360 - 180) for a, b in steps]
+    reference = "latitude,longitude\n" + "".join(f"{a!r},{b!r}\n" for a, b in points)
+    query = "lon,lat\n" + "".join(f"{b!r},{a!r}\n" for a, b in reversed(points))
+    ours, theirs = read_positions_pair(positions(base / "r.csv", reference), positions(base / "q.csv", query))
+    np.testing.assert_allclose(theirs, ours[::-1], atol=1e-6)
+    np.testing.assert_array_equal(ours[0], [0, 0])
+    for k in range(1, len(points)):
+        assert abs(np.hypot(*(ours[k] - ours[k - 1])) - haversine(points[k], points[k - 1])) <= 1e-3 + 0.01 * haversine(
+            points[k], points[k - 1]
+        )
+
+
+def test_directions_of_the_projection(tmp_path: Path) -> None:
+    got = read_positions(positions(tmp_path / "p.csv", "lat,lon\n60,10\n60.001,10\n60,10.001\n"))
+    north = EARTH_RADIUS_M * np.radians(0.001)
+    np.testing.assert_allclose(got, [[0, 0], [0, north], [north / 2, 0]], atol=1e-5)
+    got = read_positions(positions(tmp_path / "p.csv", "lat,lng\n0,179.9995\n0,-179.9995\n0,180.0005\n"))
+    np.testing.assert_allclose(got, [[0, 0], [north, 0], [north, 0]], atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("", ["p.csv: holds no positions; write one row an image"]),
+        ("x,y\n", ["p.csv: holds no positions"]),
+        ("a,b\n1,2\n", ["p.csv line 1: no columns x,y or lat,lon among a, b; name them"]),
+        ("1,2,3\n", ["p.csv line 1: has 3 columns and no header; add one: x,y"]),
+        ("x,y\n1,2\n3\n", ["p.csv line 3: y is ''"]),
+        ("x,y\n\n1,2\n3,nan\n", ["p.csv line 4: y is 'nan'; give a number"]),
+        ("x,y\ninf,2\n", ["p.csv line 2: x is 'inf'"]),
+        ("1,2\n3,four\n", ["p.csv line 2: y is 'four'"]),
+        ("lat,lon\n91,2\n", ["p.csv line 2: latitude is '91'; give a number in its range"]),
+        ("lat,lon\n9,400\n", ["p.csv line 2: longitude is '400'"]),
+    ],
+)
+def test_positions_that_cannot_be_used(tmp_path: Path, text: str, parts: list[str]) -> None:
+    path = positions(tmp_path / "p.csv", text)
+    refused(lambda: read_positions(path), *parts)
+
+
+def test_positions_of_two_kinds_do_not_mix(tmp_path: Path) -> None:
+    metres, degrees = positions(tmp_path / "r.csv", "x,y\n1,2\n"), positions(tmp_path / "q.csv", "lat,lon\n1,2\n")
+    refused(lambda: read_positions_pair(metres, degrees), "q.csv: only one of it and", "r.csv holds lat,lon; give both")
+    ours, theirs = read_positions_pair(metres, metres)
+    np.testing.assert_array_equal(ours, theirs)
+    refused(lambda: read_positions(tmp_path / "no.csv"), "no.csv: cannot be read (No such file or directory)")
+
+
+# ---------------------------------------------------------------- ground truth
+
+QUERIES, PLACES = np.array([10, 11, 12], dtype=np.int64), np.array([20, 21, 22, 23], dtype=np.int64)
+#: Query 10 is at 20 and 21, query 11 nowhere, query 12 at 23.
+TRUTH = np.array([[1, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1]], dtype=bool)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("t.txt", "# truth\n10: 20 21\n11:\n12: 23 99\n"),
+        ("t.txt", "12 23\n10 21 # not 22\n10 20\n5 1\n"),
+        ("t.csv", "query,places\n10,20;21\n12,23\n"),
+        ("t.csv", "10,20,21\r\n11\r\n12,23\r\n"),
+        ("t.json", '{"10": [20, 21], "11": [], "12": 23, "77": [1]}'),
+        ("t.json", '{"10": [20], "10": 21, "12": [23]}'),
+        ("t.json", "[[20, 21], [], [23, 5]]"),
+        ("t.json", json.dumps([[]] * 10 + [[20, 21], [], 23])),
+    ],
+)
+def test_ground_truth_as_text(tmp_path: Path, name: str, text: str) -> None:
+    got = read_ground_truth(written(tmp_path / name, text.encode()), QUERIES, PLACES)
+    assert got.dtype == np.bool_
+    np.testing.assert_array_equal(got, TRUTH)
+
+
+def _wide() -> NDArray[np.bool_]:
+    wide = np.zeros((13, 24), dtype=bool)
+    wide[10:13, 20:24] = TRUTH
+    wide[3, 3] = True
+    return wide
+
+
+@pytest.mark.parametrize(
+    "array",
+    [
+        np.array([[10, 20], [12, 23], [10, 21], [3, 4]]),
+        np.array([[12, 23], [10, 20], [10, 21]], dtype=np.uint16),
+        TRUTH,
+        TRUTH.astype(np.uint8),
+        TRUTH.astype(np.float64),
+        _wide(),
+        _wide()[:, :24].astype(np.int64),
+    ],
+)
+def test_ground_truth_as_array(tmp_path: Path, array: NDArray[np.generic]) -> None:
+    np.save(tmp_path / "t.npy", array)
+    np.testing.assert_array_equal(read_ground_truth(tmp_path / "t.npy", QUERIES, PLACES), TRUTH)
+
+
+def test_ground_truth_as_one_place_a_query(tmp_path: Path) -> None:
+    expected = np.array([[0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1]], dtype=bool)
+    for array in ([21, -1, 23], [0] * 10 + [21, -1, 23, 7]):
+        np.save(tmp_path / "t.npy", np.array(array))
+        np.testing.assert_array_equal(read_ground_truth(tmp_path / "t.npy", QUERIES, PLACES), expected)
+
+
+@QUICK
+@given(st.lists(st.lists(st.integers(0, 30), max_size=4), min_size=1, max_size=8), st.integers(0, 20))
+def test_all_formats_say_the_same(tmp_path_factory: pytest.TempPathFactory, sets: list[list[int]], offset: int) -> None:
+    base = tmp_path_factory.mktemp("t")
+    queries = np.arange(offset, offset + len(sets), dtype=np.int64)
+    places = np.arange(31, dtype=np.int64)
+    literal = np.array([[int(p) in places_of for p in places] for places_of in sets])
+    text = "".join(f"{q}: {' '.join(map(str, s))}\n" for q, s in zip(queries, sets, strict=True))
+    mapping = {str(q): s for q, s in zip(queries, sets, strict=True)}
+    written(base / "a.txt", text.encode())
+    written(base / "a.csv", text.replace(": ", ",").replace(" ", ";").encode())
+    written(base / "a.json", json.dumps(mapping).encode())
+    written(base / "b.json", json.dumps(sets).encode())
+    np.save(base / "a.npy", literal)
+    for name in ("a.txt", "a.csv", "a.json", "b.json", "a.npy"):
+        np.testing.assert_array_equal(read_ground_truth(base / name, queries, places), literal)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "parts"),
+    [
+        ("t.txt", "", ["t.txt: holds no ground truth; write lines such as 7: 6 7 8"]),
+        ("t.txt", "10: 20\n11: x\n", ["t.txt line 2: 'x' is no index"]),
+        ("t.txt", "10: 20\n\n11: -4\n", ["t.txt line 3: '-4' is no index"]),
+        ("t.txt", "10: 20.5\n", ["t.txt line 1: '20.5' is no index"]),
+        ("t.csv", "q,p\nq,p\n10,20\n", ["t.csv line 2: 'q' is no index"]),
+        ("t.txt", "10: 20\n,;\n", ["t.txt line 2: ',;' is no index"]),
+        ("t.txt", "10: " + "9" * 5000, ["t.txt line 1"]),
+        ("t.txt", "0: 20\n1: 21\n", ["t.txt: names no query of this run (10..12); use absolute indices"]),
+        ("t.txt", "10: 1\n11: 2\n", ["t.txt: names no place of this run (20..23); use absolute indices"]),
+        ("t.json", '{"10": [20],\n "11": ]}', ["t.json line 2: is not JSON"]),
+        ("t.json", "3", ["t.json: holds a single value; write"]),
+        ("t.json", '{"ten": [20]}', ["t.json: key 'ten' is no index of a query"]),
+        ("t.json", '{"10": [20.0]}', ["t.json: query 10 has a place that is no index"]),
+        ("t.json", '{"10": [true]}', ["t.json: query 10 has a place that is no index"]),
+        ("t.json", '{"10": {"20": 1}}', ["t.json: query 10 has a place"]),
+        ("t.json", "[[20], [21]]", ["t.json: has 2 entries for 3 queries (10..12); give one for each of this run"]),
+        ("t.json", "[" * 100_000, ["t.json: is not JSON"]),
+        ("t.npy", "not numpy", ["t.npy: is no NumPy file of numbers; save integers (n,)"]),
+        ("t.mat", "", ["t.mat: is no known type of ground truth; give a .txt, .csv, .json or .npy file"]),
+    ],
+)
+def test_ground_truth_that_cannot_be_used(tmp_path: Path, name: str, text: str, parts: list[str]) -> None:
+    path = written(tmp_path / name, text.encode())
+    refused(lambda: read_ground_truth(path, QUERIES, PLACES), *parts)
+
+
+@pytest.mark.parametrize(
+    ("array", "part"),
+    [
+        (np.array([{"a": 1}], dtype=object), "is no NumPy file of numbers"),
+        (np.array(["a"]), "is no NumPy file of numbers"),
+        (np.zeros((2, 2, 2)), "is no NumPy file of numbers"),
+        (np.arange(3.0), "holds float64 (3,)"),
+        (np.full((3, 4), 2), "holds int64 (3, 4)"),
+        (np.zeros((4, 3), dtype=bool), "has 4 entries for 3 queries"),
+        (np.zeros((3, 5), dtype=bool), "has 5 entries for 4 places (20..23)"),
+        (np.array([1, 2]), "has 2 entries for 3 queries"),
+    ],
+)
+def test_arrays_that_are_no_ground_truth(tmp_path: Path, array: NDArray[np.generic], part: str) -> None:
+    np.save(tmp_path / "t.npy", array, allow_pickle=True)
+    refused(lambda: read_ground_truth(tmp_path / "t.npy", QUERIES, PLACES), "t.npy: ", part)
+
+
+@pytest.mark.parametrize("spoilt", ["{", "(", ",)", "'<i8'"])
+def test_a_damaged_array_header_is_refused(tmp_path: Path, spoilt: str) -> None:
+    np.save(tmp_path / "t.npy", QUERIES)
+    data = (tmp_path / "t.npy").read_bytes()
+    assert spoilt.encode() in data
+    path = written(tmp_path / "t.npy", data.replace(spoilt.encode(), b" " * len(spoilt), 1))
+    refused(lambda: read_ground_truth(path, QUERIES, PLACES), "t.npy: is no NumPy file of numbers; save integers")
+
+
+def test_queries_without_any_place_are_allowed(tmp_path: Path) -> None:
+    path = written(tmp_path / "t.txt", b"10:\n11:\n")
+    assert not read_ground_truth(path, QUERIES, PLACES).any()
+    np.save(tmp_path / "t.npy", np.array([-1, -1, -1]))
+    assert not read_ground_truth(tmp_path / "t.npy", QUERIES, PLACES).any()
+    refused(lambda: read_ground_truth(tmp_path / "no.npy", QUERIES, PLACES), "no.npy: cannot be read (No such file")
+    refused(lambda: read_ground_truth(tmp_path / "no.txt", QUERIES, PLACES), "no.txt: cannot be read (No such file")

@@ -1,0 +1,234 @@
+"""Image files: formats, orientation, damage."""
+
+from __future__ import annotations
+
+import os
+import re
+import struct
+import threading
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from support.common.imagefiles import (
+    QUICK,
+    encoded,
+    exif,
+    picture,
+    png,
+    png_chunk,
+    refused,
+    tiff,
+    upright,
+    webp_with_exif,
+    written,
+)
+
+from lava_vpr.errors import InputError
+from lava_vpr.images import imageio
+from lava_vpr.images.imageio import read_image
+from lava_vpr.traverse import open_traverse
+from lava_vpr.truth.groundtruth import read_positions
+
+# ---------------------------------------------------------------- image formats
+
+
+@pytest.mark.parametrize("suffix", [".png", ".bmp", ".tif", ".tiff", ".PNG", ".Bmp"])
+@pytest.mark.parametrize("shape", [(24, 36, 3), (24, 36)])
+def test_lossless_formats_come_back_exactly(tmp_path: Path, suffix: str, shape: tuple[int, ...]) -> None:
+    image = picture(1, shape)
+    got = read_image(written(tmp_path / f"a{suffix}", encoded(suffix, image)))
+    assert got.dtype == np.uint8
+    np.testing.assert_array_equal(got, image)
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".jpeg", ".JPG", ".webp"])
+def test_lossy_formats_come_back_nearly(tmp_path: Path, suffix: str) -> None:
+    image = picture(2)
+    got = read_image(written(tmp_path / f"a{suffix}", encoded(suffix, image)))
+    assert got.shape == image.shape
+    assert np.abs(got.astype(int) - image).mean() < 8
+
+
+def test_grey_jpeg_stays_grey(tmp_path: Path) -> None:
+    assert read_image(written(tmp_path / "g.jpg", encoded(".jpg", picture(3, (24, 36))))).shape == (24, 36)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif", ".webp"])
+def test_alpha_is_dropped_and_colours_stay_as_stored(tmp_path: Path, suffix: str) -> None:
+    image, alpha = picture(4), picture(5, (24, 36)) | 1
+    options = (cv2.IMWRITE_WEBP_QUALITY, 101) if suffix == ".webp" else ()
+    data = encoded(suffix, np.dstack([image, alpha]), *options)
+    np.testing.assert_array_equal(read_image(written(tmp_path / f"a{suffix}", data)), image)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif"])
+def test_16_bits_become_the_nearest_8(tmp_path: Path, suffix: str) -> None:
+    deep = np.arange(65536, dtype=np.uint16).reshape(256, 256)
+    got = read_image(written(tmp_path / f"a{suffix}", encoded(suffix, deep)))
+    np.testing.assert_array_equal(got, np.floor(deep / 257 + 0.5).astype(np.uint8))
+    image = picture(6)
+    got = read_image(written(tmp_path / f"b{suffix}", encoded(suffix, image.astype(np.uint16) * 257)))
+    np.testing.assert_array_equal(got, image)
+
+
+def test_bilevel_palette_and_grey_alpha_png(tmp_path: Path) -> None:
+    bits = png(8, 2, 1, 0, b"\0\xaa\0\x0f")
+    expected = np.array([[1, 0, 1, 0, 1, 0, 1, 0], [0, 0, 0, 0, 1, 1, 1, 1]], dtype=np.uint8) * 255
+    np.testing.assert_array_equal(read_image(written(tmp_path / "bits.png", bits)), expected)
+    palette = png(2, 2, 8, 3, b"\0\0\1\0\1\0", png_chunk(b"PLTE", bytes([10, 20, 30, 40, 50, 60])))
+    got = read_image(written(tmp_path / "palette.png", palette))
+    np.testing.assert_array_equal(got, [[[30, 20, 10], [60, 50, 40]], [[60, 50, 40], [30, 20, 10]]])
+    grey_alpha = png(2, 2, 8, 4, b"\0\7\0\x08\xff\0\x09\1\x0a\2")
+    got = read_image(written(tmp_path / "ga.png", grey_alpha))
+    np.testing.assert_array_equal(got, np.repeat(np.array([[7, 8], [9, 10]])[:, :, None], 3, axis=2))
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_exif_orientation_is_honoured_in_all_formats(tmp_path: Path, orientation: int) -> None:
+    image = picture(7)
+    for order in "<>":
+        block = exif(orientation, order)
+        plain = encoded(".jpg", image)
+        app1 = b"\xff\xe1" + struct.pack(">H", len(block) + 8) + b"Exif\0\0" + block
+        jpeg = written(tmp_path / f"{ord(order)}.jpg", plain[:2] + app1 + plain[2:])
+        stored = cv2.imdecode(np.frombuffer(plain, dtype=np.uint8), cv2.IMREAD_COLOR)
+        np.testing.assert_array_equal(read_image(jpeg), upright(stored, orientation))
+        np.testing.assert_array_equal(read_image(jpeg), cv2.imread(str(jpeg)))  # OpenCV's own reading agrees
+        plain = encoded(".png", image)
+        path = written(tmp_path / f"{ord(order)}.png", plain[:33] + png_chunk(b"eXIf", block) + plain[33:])
+        np.testing.assert_array_equal(read_image(path), upright(image, orientation))
+        path = written(tmp_path / f"{ord(order)}.webp", webp_with_exif(image, block))
+        np.testing.assert_array_equal(read_image(path), upright(image, orientation))
+        written(path, webp_with_exif(image, b"Exif\0\0" + block))  # some writers copy JPEG's prefix
+        np.testing.assert_array_equal(read_image(path), upright(image, orientation))
+    path = written(tmp_path / "a.tif", tiff(image[:, :, 0], orientation))
+    np.testing.assert_array_equal(read_image(path), upright(image[:, :, 0], orientation))
+
+
+@QUICK
+@given(st.binary(max_size=60), st.sampled_from([b"", b"MM\0*\0\0\0\x08", b"II*\0\x08\0\0\0"]))
+def test_any_exif_block_gives_an_orientation(block: bytes, start: bytes) -> None:
+    assert 1 <= imageio._orientation(start + block) <= 8
+    assert imageio._orientation(exif(9)) == 1
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64, np.int16, np.int32])
+def test_samples_of_unknown_range_are_refused(tmp_path: Path, kind: type) -> None:
+    image = picture(8).astype(kind)
+    if kind is np.float32:
+        image[0, 0, 0] = np.nan
+    path = written(tmp_path / "f.tif", encoded(".tif", image))
+    refused(lambda: read_image(path), "f.tif: holds", np.dtype(kind).name, "save it with 8 or 16 bits")
+
+
+def test_smallest_image(tmp_path: Path) -> None:
+    assert read_image(written(tmp_path / "2.png", encoded(".png", picture(9, (2, 2))))).shape == (2, 2)
+    path = written(tmp_path / "1.png", encoded(".png", np.zeros((1, 5), dtype=np.uint8)))
+    refused(lambda: read_image(path), "1.png: has 5 x 1 pixels, needs at least 2 x 2")
+
+
+# ---------------------------------------------------------------- damage
+
+_BIG = picture(10, (90, 120, 3))
+_WHOLE = {
+    "jpg": encoded(".jpg", _BIG),
+    "progressive.jpg": encoded(".jpg", _BIG, cv2.IMWRITE_JPEG_PROGRESSIVE, 1),
+    "restart.jpg": encoded(".jpg", _BIG, cv2.IMWRITE_JPEG_RST_INTERVAL, 2),
+    "png": encoded(".png", _BIG),
+    "bmp": encoded(".bmp", _BIG),
+    "lzw.tif": encoded(".tif", _BIG),
+    "raw.tif": encoded(".tif", _BIG, cv2.IMWRITE_TIFF_COMPRESSION, 1),
+    "webp": encoded(".webp", _BIG),
+    "lossless.webp": encoded(".webp", _BIG, cv2.IMWRITE_WEBP_QUALITY, 101),
+}
+
+
+@pytest.mark.parametrize("kind", _WHOLE)
+def test_a_file_cut_short_anywhere_is_refused_in_one_line(
+    tmp_path: Path, kind: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    data = _WHOLE[kind]
+    read_image(written(tmp_path / f"x.{kind}", data))
+    lengths = {1, 2, 3, 5, 9, 13, 21, 33, 40, len(data) - 2, len(data) - 1, *range(50, len(data), len(data) // 12)}
+    for length in sorted(lengths):
+        path = written(tmp_path / f"x.{kind}", data[:length])
+        text = refused(lambda path=path: read_image(path), f"x.{kind}: is ")
+        assert "damaged or cut short" in text or (length < 13 and "is not a JPEG" in text), text
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("kind", ["jpg", "progressive.jpg", "restart.jpg", "png", "webp", "bmp"])
+def test_our_own_walk_finds_every_cut(kind: str) -> None:
+    # Some OpenCV versions return half a picture and no error.
+    data = _WHOLE[kind]
+    for length in range(60, len(data), len(data) // 40):
+        with pytest.raises((imageio._DamagedError, struct.error)):
+            imageio._walk(data[:length])
+
+
+def test_trailing_bytes_do_no_harm(tmp_path: Path) -> None:
+    for kind, data in _WHOLE.items():
+        whole = read_image(written(tmp_path / f"a.{kind}", data))
+        np.testing.assert_array_equal(read_image(written(tmp_path / f"b.{kind}", data + b"\0tail\xff\xd8")), whole)
+
+
+@QUICK
+@given(st.sampled_from(sorted(_WHOLE)), st.integers(0, 10**6), st.binary(min_size=1, max_size=4))
+def test_damaged_bytes_give_a_picture_or_a_clear_error(kind: str, at: int, garbage: bytes) -> None:
+    data = bytearray(_WHOLE[kind])
+    at %= len(data)
+    data[at : at + len(garbage)] = garbage
+    cause = ""
+    try:
+        assert imageio.decode_image(bytes(data)).dtype == np.uint8
+    except InputError as error:
+        cause = str(error)
+    assert not cause or re.match("is |has |holds ", cause)
+
+
+def test_damaged_files_print_nothing(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    raw = bytearray(_WHOLE["png"])
+    raw[len(raw) // 2] ^= 0xFF
+    refused(lambda: read_image(written(tmp_path / "a.png", bytes(raw))), "a.png", "checksum of its 'IDAT' chunk")
+    idat = png(4, 4, 8, 0, b"\0\0", png_chunk(b"tEXt", b"no zero byte"))  # far too few rows
+    refused(lambda: read_image(written(tmp_path / "b.png", idat)), "b.png: is damaged")
+    jpeg = _WHOLE["jpg"]
+    broken = written(tmp_path / "c.jpg", jpeg[: len(jpeg) // 2] + b"\xff\xd9")
+    refused(lambda: read_image(broken), "c.jpg: is damaged or cut short (part of its picture data is missing)")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_what_other_threads_print_meanwhile_is_kept(capfd: pytest.CaptureFixture[str]) -> None:
+    with imageio._quiet() as messages:
+        other = threading.Thread(target=os.write, args=(2, b"progress 50 %\n"))
+        other.start()
+        other.join()
+        os.write(2, b"libpng warning: iCCP: known incorrect sRGB profile\n")
+    assert capfd.readouterr().err == "progress 50 %\n"
+    assert messages == [b"libpng warning: iCCP: known incorrect sRGB profile\n"]
+
+
+def test_files_that_are_no_images(tmp_path: Path) -> None:
+    refused(lambda: read_image(written(tmp_path / "zero.png", b"")), "zero.png: is empty (0 bytes); copy it again")
+    text = written(tmp_path / "text.png", b"hello, this is text\n" * 9)
+    refused(lambda: read_image(text), "text.png: is not a JPEG, PNG, BMP, TIFF or WebP image", "replace or remove")
+    refused(lambda: read_image(tmp_path / "no.png"), "no.png: cannot be read (No such file or directory); check path")
+    jpeg_named_png = written(tmp_path / "j.png", encoded(".jpg", picture()))
+    assert read_image(jpeg_named_png).shape == (24, 36, 3)
+
+
+def test_unreadable_file_and_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = written(tmp_path / "secret.png", encoded(".png", picture()))
+
+    def denied(*_: object) -> bytes:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "read_bytes", denied)
+    refused(lambda: open_traverse(tmp_path).load(0), "secret.png: cannot be read (Permission denied); check")
+    refused(lambda: read_positions(path), "secret.png: cannot be read (Permission denied); check")
+    monkeypatch.setattr(os, "scandir", denied)
+    refused(lambda: open_traverse(tmp_path), f"{tmp_path}: cannot be read (Permission denied)")

@@ -1,0 +1,157 @@
+"""Preprocessing against literal, pixel-by-pixel versions."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from lava_vpr.inputs.preprocess import edge_energy, on_off, orientation_channels, patch_normalised, window_z_score
+
+
+def picture(seed: int, height: int = 32, width: int = 64, colour: bool = True) -> NDArray[np.uint8]:
+    rng = np.random.default_rng(seed)
+    small = rng.integers(0, 256, (6, 9, 3) if colour else (6, 9)).astype(np.uint8)
+    noise = rng.integers(0, 20, (height, width, 3) if colour else (height, width))
+    return np.clip(cv2.resize(small, (width, height)) + noise, 0, 255).astype(np.uint8)
+
+
+def literal_patch_normalised(image: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """The released code's steps, one window at a time: NaN-padded, NaN-mean and NaN-standard-deviation."""
+    small = cv2.resize(image, (28, 28))
+    grey = cv2.cvtColor(small, cv2.COLOR_BGR2GRAY).astype(float)
+    padded = np.pad(grey, 3, constant_values=np.nan)
+    result = np.zeros((28, 28))
+    for row in range(28):
+        for column in range(28):
+            window = padded[row : row + 7, column : column + 7]
+            spread = np.nanstd(window)
+            z = (grey[row, column] - np.nanmean(window)) / spread if spread > 0 else 0.0
+            result[row, column] = 255 * (1 + min(1.0, max(-1.0, z))) / 2
+    return result
+
+
+@settings(max_examples=8, deadline=None, derandomize=True)
+@given(st.integers(0, 10_000), st.integers(8, 90), st.integers(8, 90))
+def test_patch_normalisation_equals_the_literal_version(seed: int, height: int, width: int) -> None:
+    image = picture(seed, height, width)
+    ours, literal = patch_normalised(image).astype(float), literal_patch_normalised(image)
+    # Truncation may fall either way only where the exact value is an integer and rounding noise decides.
+    differs = ours != np.floor(literal)
+    assert np.all(np.abs(literal[differs] - np.round(literal[differs])) < 1e-9)
+    assert differs.mean() < 0.01
+
+
+def test_patch_normalisation_of_a_blank_image_is_mid_grey() -> None:
+    assert np.all(patch_normalised(np.full((40, 60, 3), 200, np.uint8)) == 127)
+
+
+def test_window_z_score_is_exact_at_its_extremes() -> None:
+    image = np.zeros((28, 28), np.uint8)
+    image[10, 10] = 255
+    z = window_z_score(image)
+    assert z[10, 10] == pytest.approx(math.sqrt(48))
+    assert z[0, 0] == 0
+    assert np.isfinite(window_z_score(np.full((28, 28), 255, np.uint8))).all()
+
+
+def literal_orientation(
+    image: NDArray[np.uint8], side: int, cell: int, orientations: int, window: int, blur: float
+) -> NDArray:
+    grey = cv2.cvtColor(cv2.resize(image, (side, side), interpolation=cv2.INTER_AREA), cv2.COLOR_BGR2GRAY).astype(float)
+
+    def at(array: NDArray, row: int, column: int) -> float:
+        def fold(k: int) -> int:  # reflect 101
+            k = abs(k)
+            return k if k < side else 2 * (side - 1) - k
+
+        return float(array[fold(row), fold(column)])
+
+    if blur:
+        reach = int(8 * blur + 1.5) // 2  # OpenCV's: round(8 sigma + 1) taps, made odd
+        taps = np.exp(-(np.arange(-reach, reach + 1) ** 2) / (2 * blur**2))
+        taps /= taps.sum()
+        smooth = np.zeros((side, side))
+        for row in range(side):
+            for column in range(side):
+                smooth[row, column] = sum(
+                    taps[a + reach] * taps[b + reach] * at(grey, row + a, column + b)
+                    for a in range(-reach, reach + 1)
+                    for b in range(-reach, reach + 1)
+                )
+        grey = smooth
+    gx, gy = np.zeros((side, side)), np.zeros((side, side))
+    for row in range(side):
+        for column in range(side):
+            gx[row, column] = at(grey, row, column + 1) - at(grey, row, column - 1)
+            gy[row, column] = at(grey, row + 1, column) - at(grey, row - 1, column)
+    magnitude = np.hypot(gx, gy)
+    half, grid = window // 2, side // cell
+    result = np.zeros((orientations, grid, grid))
+    for row in range(side):
+        for column in range(side):
+            around = [
+                at(magnitude, row + a, column + b) for a in range(-half, half + 1) for b in range(-half, half + 1)
+            ]
+            energy = magnitude[row, column] / (sum(around) / window**2 + 0.3 * magnitude.mean() + 1e-3)
+            energy = max(0.0, min(4.0, energy) - 0.3)
+            position = (math.atan2(gy[row, column], gx[row, column]) % math.pi) * orientations / math.pi
+            below = int(position)
+            share = position - below
+            for channel, part in ((below, 1 - share), (below + 1, share)):
+                where = (channel % orientations, row // cell, column // cell)
+                result[where] = max(result[where], part * energy)
+    return result.reshape(-1)
+
+
+@pytest.mark.parametrize(
+    ("side", "cell", "orientations", "window", "blur"),
+    [(28, 2, 4, 7, 0.0), (24, 4, 6, 5, 0.7), (16, 4, 3, 3, 1.5), (28, 4, 8, 15, 0.7)],
+)
+def test_orientation_channels_equal_the_literal_version(
+    side: int, cell: int, orientations: int, window: int, blur: float
+) -> None:
+    for seed in range(2):
+        image = picture(seed, 40, 70)
+        ours = orientation_channels(image, side, cell, orientations, window, 0.3, blur)
+        assert np.allclose(ours, literal_orientation(image, side, cell, orientations, window, blur), atol=2e-5)
+        assert ours.max() > 0.5
+
+
+def test_channels_see_the_direction_of_an_edge_and_not_its_sign() -> None:
+    image = np.zeros((56, 56), np.uint8)
+    image[:, 28:] = 200
+    vertical = orientation_channels(image).reshape(8, 14, 14)
+    assert vertical[0].max() > 1
+    assert not vertical[4].any()
+    assert np.allclose(vertical, orientation_channels(255 - image).reshape(8, 14, 14), atol=1e-4)
+    horizontal = orientation_channels(np.ascontiguousarray(image.T)).reshape(8, 14, 14)
+    assert np.allclose(horizontal[4], vertical[0].T, atol=1e-4)
+
+
+def test_brightness_and_contrast_hardly_matter() -> None:
+    image = picture(3, 56, 56, colour=False) // 2
+    bright = np.clip(image.astype(int) + 60, 0, 255).astype(np.uint8)
+    assert np.allclose(orientation_channels(image), orientation_channels(bright), atol=1e-3)
+    energy, gx, gy = edge_energy(image, 56, 15, 0.1, 0.0)
+    assert energy.dtype == gx.dtype == gy.dtype == np.float32
+    assert np.array_equal(energy, edge_energy(bright, 56, 15, 0.1, 0.0)[0])
+
+
+def test_a_blank_image_has_no_edges_and_grey_equals_equal_colours() -> None:
+    assert not orientation_channels(np.full((64, 64, 3), 9, np.uint8)).any()
+    grey = picture(1, colour=False)
+    assert np.array_equal(orientation_channels(grey), orientation_channels(np.repeat(grey[:, :, None], 3, axis=2)))
+
+
+def test_on_off_channels_split_the_sign() -> None:
+    patches = np.array([[[0, 127], [128, 255]]], np.uint8).repeat(1, axis=0)
+    channels = on_off(patches)
+    assert channels.shape == (1, 8)
+    assert np.allclose(channels[0, :4] - channels[0, 4:], patches.reshape(-1) - 127.5)
+    assert np.all(np.minimum(channels[0, :4], channels[0, 4:]) == 0)

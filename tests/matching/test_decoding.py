@@ -1,0 +1,371 @@
+"""Decoders: against literal versions in fractions, the released responses, and their defined answers."""
+
+from __future__ import annotations
+
+import hashlib
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from lava_vpr.config import DECODERS
+from lava_vpr.errors import ConfigError, InputError
+from lava_vpr.matching import decoders
+from lava_vpr.matching.evaluation import evaluate, truth_from_indices
+
+quick = settings(deadline=None, max_examples=60, derandomize=True)
+
+
+def random_counts(seed: int, neurons: int, places: int, queries: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Sparse responses and spikes, with silent neurons, ties and a silent query among them."""
+    rng = np.random.default_rng(seed)
+    responses = rng.poisson(0.6, (neurons, places)) * rng.integers(1, 4, (neurons, places))
+    responses[rng.random(neurons) < 0.15] = 0
+    spikes = rng.poisson(0.8, (queries, neurons))
+    spikes[queries // 2] = 0
+    return responses, spikes
+
+
+@st.composite
+def counts(draw: Any) -> tuple[NDArray[Any], NDArray[Any]]:
+    shape = (draw(st.integers(1, 8)), draw(st.integers(1, 7)), draw(st.integers(1, 4)))
+    return random_counts(draw(st.integers(0, 10_000)), *shape)
+
+
+# The literal version: one query, loops and fractions, straight from the equations.
+
+
+def literal_label(row: list[int]) -> int:
+    return row.index(max(row)) if max(row) > 0 else -1
+
+
+def literal_pairs(
+    responses: list[list[int]], s: list[int], gamma: float, steps: tuple[bool, bool, bool], variant: str
+) -> list[list[Fraction]]:
+    """The summands of a weighted score, [neuron][label]."""
+    neurons, places = len(responses), len(responses[0])
+    pairs = [[Fraction(0)] * places for _ in range(neurons)]
+    labels = [literal_label(row) for row in responses]
+    for place in range(places):
+        if variant == "paper":
+            learned = [i for i in range(neurons) if responses[i][place] > 0]
+        else:
+            learned = [i for i in range(neurons) if sum(responses[i]) and responses[i][place] / sum(responses[i]) > 0.1]
+            if place not in labels:
+                continue
+        fired = sum(responses[i][place] for i in learned if s[i] > 0)
+        known = sum(responses[i][place] for i in learned)
+        for i in learned:
+            value = Fraction(s[i])
+            omega = sum(1 for count in responses[i] if count > 0)
+            many = omega >= gamma * places if variant == "vprsnn" else omega > gamma * places
+            if steps[0] and many:
+                value /= omega
+            if steps[1]:
+                value *= Fraction(responses[i][place], sum(responses[i]))
+            if steps[2]:
+                value *= Fraction(fired, known)
+            pairs[i][place] = value
+    return pairs
+
+
+def literal_standard(responses: list[list[int]], s: list[int], variant: str) -> list[Fraction]:
+    scores = []
+    for place in range(len(responses[0])):
+        own = [s[i] for i, row in enumerate(responses) if literal_label(row) == place]
+        scores.append(Fraction(sum(own), 1 if variant == "paper" else max(1, len(own))))
+    return scores
+
+
+def literal_min_max(values: list[Fraction], total: Fraction) -> list[Fraction]:
+    spread = max(values) - min(values)
+    return [(v - min(values)) / spread / total if spread and total else Fraction(0) for v in values]
+
+
+def literal_decode(name: str, responses: list[list[int]], s: list[int], variant: str, gamma: float) -> list[Fraction]:
+    neurons, places = len(responses), len(responses[0])
+    pairs = literal_pairs(responses, s, gamma, (True, True, True), variant)
+    if name == "contrast":
+        pairs = literal_pairs(responses, s, gamma, (False, True, False), "paper")
+    if name == "standard" or (name == "probability" and variant != "paper"):
+        scores = literal_standard(responses, s, variant)
+    elif name == "probability":
+        shares = literal_min_max([Fraction(v) for v in s], Fraction(sum(s)))
+        labels = [literal_label(row) for row in responses]
+        return [sum((shares[i] for i in range(neurons) if labels[i] == m), Fraction(0)) for m in range(places)]
+    elif name == "weighted_probability" and variant == "paper":
+        flat = [value for row in pairs for value in row]
+        shares = literal_min_max(flat, sum(flat, Fraction(0)))
+        return [sum((shares[i * places + m] for i in range(neurons)), Fraction(0)) for m in range(places)]
+    else:
+        scores = [sum((pairs[i][m] for i in range(neurons)), Fraction(0)) for m in range(places)]
+    if not name.endswith("probability"):
+        return scores
+    raised = [v - min(scores) for v in scores]
+    return [v / sum(raised) if sum(raised) else Fraction(0) for v in raised]
+
+
+@pytest.mark.parametrize("variant", decoders.VARIANTS)
+@pytest.mark.parametrize("name", DECODERS)
+@given(data=counts(), gamma=st.sampled_from([0.0, 0.02, 0.3, 0.5, 1.0]))
+@quick
+def test_decoders_equal_their_equations(name: str, variant: Any, data: Any, gamma: float) -> None:
+    responses, spikes = data
+    scores = decoders.decode(name, responses, spikes, variant=variant, gamma=gamma)
+    assert scores.dtype == np.float64
+    assert scores.shape == (len(spikes), responses.shape[1])
+    for q, s in enumerate(spikes.tolist()):
+        expected = literal_decode(name, responses.tolist(), s, variant, gamma)
+        np.testing.assert_allclose(scores[q], [float(v) for v in expected], rtol=1e-6, atol=1e-7)
+
+
+@pytest.mark.parametrize("variant", decoders.VARIANTS)
+@pytest.mark.parametrize("steps", [(a, b, c) for a in (False, True) for b in (False, True) for c in (False, True)])
+@given(data=counts())
+@settings(deadline=None, max_examples=15, derandomize=True)
+def test_each_step_of_the_weighted_decoder_can_be_switched(
+    variant: Any, steps: tuple[bool, bool, bool], data: Any
+) -> None:
+    responses, spikes = data
+    on = dict(zip(("involvement", "strength", "penalty"), steps, strict=True))
+    scores = decoders.weighted(responses, spikes, gamma=0.3, variant=variant, **on)
+    for q, s in enumerate(spikes.tolist()):
+        pairs = literal_pairs(responses.tolist(), s, 0.3, steps, variant)
+        expected = [float(sum(column)) for column in zip(*pairs, strict=True)]
+        np.testing.assert_allclose(scores[q], expected, rtol=1e-6, atol=1e-7)
+
+
+@pytest.mark.parametrize("variant", decoders.VARIANTS)
+@pytest.mark.parametrize("name", DECODERS)
+def test_a_query_alone_and_in_a_batch_has_the_same_bits(
+    name: str, variant: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    responses, spikes = random_counts(3, 257, 61, 40)
+    scores = decoders.decode(name, responses, spikes, variant=variant)
+    for q in (0, 7, 20, 39):
+        alone = decoders.decode(name, responses, spikes[q : q + 1], variant=variant)
+        np.testing.assert_array_equal(alone[0], scores[q])
+    order = np.random.default_rng(0).permutation(257)
+    mixed = decoders.decode(
+        name, np.asfortranarray(responses[order]), np.asfortranarray(spikes[:, order]), variant=variant
+    )
+    np.testing.assert_array_equal(mixed, scores)
+    monkeypatch.setattr(decoders, "QUERY_BLOCK", 7)
+    np.testing.assert_array_equal(decoders.decode(name, responses, spikes, variant=variant), scores)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.int32, np.uint16])
+@pytest.mark.parametrize("name", DECODERS)
+def test_narrow_counts_do_not_wrap(name: str, dtype: Any) -> None:
+    responses = np.full((90, 4), 50)
+    responses[np.arange(90), np.arange(90) % 4] = 200
+    spikes = np.random.default_rng(1).integers(0, 200, (5, 90))
+    narrow = decoders.decode(name, responses.astype(dtype), spikes.astype(dtype), gamma=0.5)
+    np.testing.assert_array_equal(narrow, decoders.decode(name, responses, spikes, gamma=0.5))
+
+
+def test_contrast_shares_out_every_spike() -> None:
+    responses, spikes = random_counts(5, 120, 30, 12)
+    heard = spikes[:, responses.any(axis=1)].sum(axis=1)
+    np.testing.assert_allclose(decoders.contrast(responses, spikes).sum(axis=1), heard, atol=1e-4)
+
+
+def test_assignments_take_the_most_spikes_and_the_lowest_of_equals() -> None:
+    responses = np.array([[0, 3, 3], [0, 0, 0], [5, 1, 0]])
+    assert decoders.assign(responses).tolist() == [1, -1, 0]
+
+
+def test_assignments_by_mean_count_differ_where_places_were_shown_unequally_often() -> None:
+    counts = np.array([[2, 0, 1], [2, 0, 2], [3, 0, 0], [0, 0, 1]], dtype=np.uint8)
+    labels = np.array([4, 4, 7, 9])
+    # Neuron 0: sums 4 against 3, means 2 against 3. Neuron 2: means 1.5 against 1.
+    assert decoders.assign_from_presentations(counts, labels).tolist() == [7, -1, 4]
+
+
+def test_equal_means_of_different_numbers_of_presentations_go_to_the_lowest_label() -> None:
+    counts = np.array([[1], [0], [0], [2], [0], [0], [0], [0], [0]])  # 1/3 and 2/6
+    assert decoders.assign_from_presentations(counts, np.array([5, 5, 5, 2, 2, 2, 2, 2, 2])).tolist() == [2]
+    assert decoders.assign_from_presentations(counts, np.array([2, 2, 2, 5, 5, 5, 5, 5, 5])).tolist() == [2]
+
+
+def test_assignments_without_presentations_are_none() -> None:
+    assert decoders.assign_from_presentations(np.zeros((0, 2), int), np.zeros(0, int)).tolist() == [-1, -1]
+
+
+def test_given_assignments_are_used() -> None:
+    responses, spikes = np.array([[3, 1], [3, 1]]), np.array([[2, 5]])
+    own = np.array([1, 1])
+    assert decoders.decode("standard", responses, spikes, assignments=own).tolist() == [[0.0, 7.0]]
+    released = decoders.decode("weighted", responses, spikes, variant="vprsnn", assignments=own)
+    assert released[0, 0] == 0
+    assert released[0, 1] > 0
+    assert decoders.decode("probability", responses, spikes, assignments=own)[0, 0] == 0
+
+
+@pytest.mark.parametrize("variant", decoders.VARIANTS)
+@pytest.mark.parametrize("name", DECODERS)
+def test_a_silent_query_matches_nothing(name: str, variant: Any) -> None:
+    responses, _ = random_counts(2, 10, 5, 2)
+    scores = decoders.decode(name, responses, np.zeros((2, 10), int), variant=variant)
+    assert not scores.any()
+    assert decoders.best(scores).tolist() == [-1, -1]
+    assert decoders.confidence(name, scores).tolist() == [-np.inf, -np.inf]
+
+
+@pytest.mark.parametrize("variant", decoders.VARIANTS)
+@pytest.mark.parametrize("name", DECODERS)
+def test_a_network_that_learned_nothing_matches_nothing(name: str, variant: Any) -> None:
+    scores = decoders.decode(name, np.zeros((4, 3), int), np.ones((2, 4), int), variant=variant)
+    assert decoders.best(scores).tolist() == [-1, -1]
+
+
+def test_scores_that_tell_no_places_apart_have_no_probability() -> None:
+    scores = decoders.probability(np.array([[2.0, 2.0, 2.0], [1.0, 3.0, 1.0]]))
+    assert scores.tolist() == [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
+
+
+def test_ties_go_to_the_lowest_place_and_show_in_the_confidence() -> None:
+    responses = np.array([[0, 2, 0, 2], [1, 0, 0, 0]])
+    scores = decoders.contrast(responses, np.array([[6, 0], [2, 1]]))
+    assert scores.tolist() == [[0, 3, 0, 3], [1, 1, 0, 1]]
+    assert decoders.best(scores).tolist() == [1, 0]
+    assert decoders.confidence("contrast", scores).tolist() == [0, 0]
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("standard", [8.0, 3.0]),
+        ("weighted_probability", [8.0, 3.0]),
+        ("sad", [8.0, 3.0]),
+        ("cosine", [5.0, 0.0]),
+        ("descriptors", [5.0, 0.0]),
+        ("sequence", [5.0, 0.0]),
+        ("contrast", [5.0 / 12**0.5, 0.0]),
+    ],
+)
+def test_confidence_of_each_matcher(name: str, expected: list[float]) -> None:
+    scores = np.array([[3.0, 8.0, 1.0], [3.0, 0.0, 3.0], [0.0, 0.0, 0.0]])
+    assert decoders.confidence(name, scores).tolist() == [*expected, -np.inf]
+
+
+def test_confidence_of_distances_and_of_a_single_place() -> None:
+    assert decoders.confidence("sad", np.array([[-4.0, -2.0]])).tolist() == [-2.0]
+    assert decoders.best(np.array([[-4.0, -2.0]])).tolist() == [1]
+    assert decoders.confidence("contrast", np.array([[8.0]])).tolist() == [8.0 / 3.0]
+
+
+@pytest.mark.parametrize("name", [*DECODERS, "sequence"])
+def test_no_queries_give_no_answers(name: str) -> None:
+    scores = np.zeros((0, 4))
+    if name in DECODERS:
+        scores = decoders.decode(name, np.ones((3, 4), int), np.zeros((0, 3), int))
+    assert scores.shape == (0, 4)
+    assert decoders.confidence(name, scores).shape == decoders.best(scores).shape == (0,)
+
+
+@pytest.mark.parametrize(
+    ("responses", "spikes", "message"),
+    [
+        (np.ones((2, 3)), np.ones((1, 2), int), "responses: float64 of shape (2, 3), must be whole numbers"),
+        (np.ones((2, 3), int), np.ones(2, int), "spikes: int64 of shape (2,), must be whole numbers in two dimensions"),
+        (np.ones((2, 3), int), -np.ones((1, 2), int), "spikes: holds a negative count"),
+        (np.ones((2, 0), int), np.ones((1, 2), int), "responses: shape (2, 0); train on at least one image"),
+        (np.ones((0, 2), int), np.ones((1, 0), int), "responses: shape (0, 2); train on at least one image"),
+        (np.ones((2, 3), int), np.ones((1, 4), int), "counts of 4 neurons, but responses hold 2; use one model"),
+        (np.ones((1, 3), int), np.array([[9_000_000]]), "a query has 9,000,000 spikes, at most 8,388,608; use fewer"),
+    ],
+)
+@pytest.mark.parametrize("name", DECODERS)
+def test_unusable_counts_are_refused(name: str, responses: Any, spikes: Any, message: str) -> None:
+    with pytest.raises(InputError) as error:
+        decoders.decode(name, responses, spikes)
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_unknown_names_are_refused() -> None:
+    one = np.ones((1, 1), int)
+    with pytest.raises(ConfigError, match=r"decoder 'best' is unknown; choose from contrast, standard"):
+        decoders.decode("best", one, one)
+    with pytest.raises(ConfigError, match="decoder variant '2023' is unknown; choose from paper, vprsnn2022, vprsnn"):
+        decoders.decode("contrast", one, one, variant="2023")  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match="matcher 'best' is unknown; choose from contrast"):
+        decoders.confidence("best", np.ones((1, 1)))
+
+
+def test_labels_that_do_not_fit_are_refused() -> None:
+    with pytest.raises(InputError, match=r"labels: shape \(3,\), must be one label for each of 2 presentations"):
+        decoders.assign_from_presentations(np.ones((2, 1), int), np.zeros(3, int))
+    with pytest.raises(InputError, match="labels: -1 is negative"):
+        decoders.assign_from_presentations(np.ones((1, 1), int), np.array([-1]))
+    with pytest.raises(InputError, match=r"assignments: shape \(1,\), must be one place for each of 2 neurons"):
+        decoders.standard(np.ones((2, 1), int), np.ones((1, 2), int), assignments=np.zeros(1, np.int64))
+
+
+# Released responses of the VPRSNN network on 100 Nordland places: 3 epochs of (100 spring, 100 fall).
+
+
+@pytest.fixture(scope="module")
+def released(data_root: Path) -> tuple[NDArray[Any], NDArray[Any]]:
+    path = data_root / "oracle" / "vprsnn_train_counts.npz"
+    if not path.is_file():
+        pytest.skip(f"needs the released spike counts {path.name}")
+    with np.load(path) as stored:
+        return stored["counts"], stored["labels"]
+
+
+def responses_of(counts: NDArray[Any], labels: NDArray[Any]) -> NDArray[Any]:
+    responses = np.zeros((counts.shape[1], 100), np.int64)
+    np.add.at(responses.T, labels, counts.astype(np.int64))
+    return responses
+
+
+@pytest.mark.data
+def test_assignments_of_the_released_responses(released: tuple[NDArray[Any], NDArray[Any]]) -> None:
+    counts, labels = released
+    assignments = decoders.assign_from_presentations(counts, labels)
+    np.testing.assert_array_equal(decoders.assign(responses_of(counts, labels)), assignments)
+    assert assignments[:10].tolist() == [54, 95, 57, 1, 14, 75, 62, 48, 87, 46]
+    assert hashlib.sha1(assignments.astype("<i2").tobytes()).hexdigest().startswith("29082fa7c84d")
+    per_label = np.bincount(assignments, minlength=100)
+    assert (per_label.min(), per_label.max(), len(per_label)) == (2, 6, 100)
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("variant", ["vprsnn2022", "vprsnn"])
+@pytest.mark.parametrize(
+    ("first", "standard", "probability", "weighted_sums", "standard_sum"),
+    [
+        (400, (0.67, 0.99615), (0.87, 0.99845), (594.741284, 426.361221), 425.25),
+        (500, (0.96, 0.99959), (0.92, 0.99922), (560.804193, 412.800634), 422.616667),
+    ],
+)
+def test_released_decoders_on_the_released_responses(
+    released: tuple[NDArray[Any], NDArray[Any]],
+    variant: Any,
+    first: int,
+    standard: tuple[float, float],
+    probability: tuple[float, float],
+    weighted_sums: tuple[float, float],
+    standard_sum: float,
+) -> None:
+    counts, labels = released
+    responses, spikes = responses_of(counts[:400], labels[:400]), counts[first : first + 100]
+    truth = truth_from_indices(labels[first : first + 100], np.arange(100))
+    figures, sums = {}, {}
+    for name in ("standard", "probability", "weighted", "weighted_probability"):
+        scores = decoders.decode(name, responses, spikes, variant=variant)
+        result = evaluate(scores, decoders.confidence(name, scores), truth, pr="vprsnn")
+        figures[name] = (round(result.recall_at_100_precision, 2), round(result.auc, 5))
+        sums[name] = scores.sum()
+    assert figures["standard"] == standard
+    assert figures["probability"] == probability
+    assert figures["weighted"] == (1.0, 1.0)
+    assert sums["standard"] == pytest.approx(standard_sum, abs=5e-7)
+    assert sums["weighted"] == pytest.approx(weighted_sums[variant == "vprsnn"], abs=5e-7)

@@ -1,0 +1,161 @@
+"""Sequences: against literal loops, the stream against the batch, and refusals."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from lava_vpr.errors import InputError
+from lava_vpr.matching.evaluation import truth_from_indices
+from lava_vpr.matching.sequences import (
+    SequenceMatcher,
+    causal_sequence_scores,
+    normalise_scores,
+    sequence_scores,
+    sequence_truth,
+)
+
+
+@st.composite
+def scores_and_length(draw: Any) -> tuple[NDArray[np.float64], int]:
+    n_queries, n_places = draw(st.integers(1, 9)), draw(st.integers(1, 9))
+    rng = np.random.default_rng(draw(st.integers(0, 10_000)))
+    scores = rng.random((n_queries, n_places)) * draw(st.sampled_from([1.0, -100.0]))
+    scores[rng.random(n_queries) < 0.2] = 0.0
+    return scores, draw(st.integers(1, min(n_queries, n_places)))
+
+
+def literal(scores: NDArray[np.float64], length: int, causal: bool) -> dict[tuple[int, int], float]:
+    """Sequence score of every (query, place) with a full window, by loops."""
+    rows = [[v / sum(map(abs, row)) if any(row) else 0.0 for v in row] for row in scores.tolist()]
+    step = -1 if causal else 1
+    result = {}
+    for q in range(len(rows)):
+        for r in range(len(rows[0])):
+            end_q, end_r = q + step * (length - 1), r + step * (length - 1)
+            if 0 <= end_q < len(rows) and 0 <= end_r < len(rows[0]):
+                result[q, r] = sum(rows[q + step * k][r + step * k] for k in range(length))
+    return result
+
+
+@given(case=scores_and_length())
+@settings(deadline=None, max_examples=80, derandomize=True)
+def test_sequences_equal_the_loops(case: tuple[NDArray[np.float64], int]) -> None:
+    scores, length = case
+    for causal, matrix in ((False, sequence_scores(scores, length)), (True, causal_sequence_scores(scores, length))):
+        shift = length - 1 if causal else 0
+        expected = literal(scores, length, causal)
+        assert matrix.size == len(expected)
+        for (q, r), value in expected.items():
+            assert matrix[q - shift, r - shift] == pytest.approx(value, abs=1e-12)
+
+
+@given(case=scores_and_length())
+@settings(deadline=None, max_examples=40, derandomize=True)
+def test_a_stream_gives_the_bits_of_the_batch(case: tuple[NDArray[np.float64], int]) -> None:
+    scores, length = case
+    matcher, answers = SequenceMatcher(scores.shape[1], length), []
+    for q, row in enumerate(scores):
+        matcher, answer = matcher.update(row)
+        assert (answer is None) == (q < length - 1)
+        assert len(matcher.rows) <= length - 1
+        if answer is not None:
+            answers.append(answer)
+    np.testing.assert_array_equal(np.array(answers), causal_sequence_scores(scores, length))
+
+
+def test_a_stream_is_not_changed_by_what_follows() -> None:
+    start, _ = SequenceMatcher(3, 2).update(np.array([1.0, 0.0, 0.0]))
+    row = np.array([0.0, 1.0, 0.0])
+    _, once = start.update(row)
+    start.update(np.array([5.0, 5.0, 5.0]))
+    row[:] = 9.0
+    _, again = start.update(np.array([0.0, 1.0, 0.0]))
+    assert once is not None
+    assert again is not None
+    assert once.tolist() == again.tolist() == [2.0, 0.0]
+
+
+def test_normalised_scores_of_similarities_distances_and_silence() -> None:
+    scores = np.array([[1.0, 3.0], [-1.0, -3.0], [0.0, 0.0], [-0.5, 0.5]])
+    assert normalise_scores(scores).tolist() == [[0.25, 0.75], [-0.25, -0.75], [0.0, 0.0], [-0.5, 0.5]]
+    assert normalise_scores(scores.astype(np.float32)).dtype == np.float64
+
+
+def test_normalising_does_not_depend_on_memory_layout_or_batch() -> None:
+    scores = np.random.default_rng(0).random((40, 333))
+    whole = normalise_scores(scores)
+    np.testing.assert_array_equal(normalise_scores(np.asfortranarray(scores)), whole)
+    np.testing.assert_array_equal(normalise_scores(scores[17:18])[0], whole[17])
+
+
+def test_the_input_is_left_as_it_was() -> None:
+    scores = np.random.default_rng(0).random((4, 4))
+    before = scores.copy()
+    for normalise in (True, False):
+        sequence_scores(scores, 2, normalise=normalise)
+    np.testing.assert_array_equal(scores, before)
+
+
+def test_scores_can_be_taken_as_they_are() -> None:
+    scores = np.array([[1.0, 2.0], [3.0, 4.0]])
+    assert sequence_scores(scores, 2, normalise=False).tolist() == [[5.0]]
+    assert causal_sequence_scores(scores, 2, normalise=False).tolist() == [[5.0]]
+    matcher, _ = SequenceMatcher(2, 2, normalise=False).update(scores[0])
+    answer = matcher.update(scores[1])[1]
+    assert answer is not None
+    assert answer.tolist() == [5.0]
+
+
+def test_a_sequence_finds_the_place_that_single_images_miss() -> None:
+    scores = np.eye(6) + 0.1
+    scores[3] = [0.1, 2.0, 0.1, 1.0, 0.1, 0.1]
+    assert scores.argmax(axis=1).tolist() == [0, 1, 2, 1, 4, 5]
+    assert sequence_scores(scores, 3).argmax(axis=1).tolist() == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize("tolerance", [0, 1, 3])
+def test_all_pairs_of_a_window_agree_with_a_tolerance(tolerance: int) -> None:
+    truth = truth_from_indices(np.arange(9), np.arange(9), tolerance)
+    for length in (1, 4, 9):
+        expected = np.array(
+            [[all(truth[q + k, r + k] for k in range(length)) for r in range(10 - length)] for q in range(10 - length)]
+        )
+        np.testing.assert_array_equal(sequence_truth(truth, length), expected)
+        np.testing.assert_array_equal(sequence_truth(truth, length, causal=True), expected)
+
+
+def test_a_window_is_true_where_its_first_or_last_query_is() -> None:
+    truth = np.zeros((3, 4), dtype=bool)
+    truth[0, 1] = truth[1, 3] = truth[2, 3] = True
+    assert sequence_truth(truth, 2).tolist() == [[False, True, False], [False, False, False]]
+    assert sequence_truth(truth, 2, causal=True).tolist() == [[False, False, True], [False, False, True]]
+
+
+@pytest.mark.parametrize("length", [0, -2])
+def test_a_sequence_without_length_is_refused(length: int) -> None:
+    with pytest.raises(InputError, match=f"sequence length is {length}, must be at least 1"):
+        sequence_scores(np.ones((3, 3)), length)
+    with pytest.raises(InputError, match=f"sequence length is {length}, must be at least 1"):
+        SequenceMatcher(3, length)
+
+
+def test_a_sequence_longer_than_the_route_is_refused() -> None:
+    with pytest.raises(InputError, match="sequence length 4 exceeds the 3 queries; use a shorter sequence"):
+        sequence_scores(np.ones((3, 9)), 4)
+    with pytest.raises(InputError, match="sequence length 4 exceeds the 3 places; use a shorter sequence"):
+        causal_sequence_scores(np.ones((9, 3)), 4)
+    with pytest.raises(InputError, match="sequence length 4 exceeds the 3 queries"):
+        sequence_truth(np.ones((3, 3), dtype=bool), 4)
+    with pytest.raises(InputError, match="sequence length 4 exceeds the 3 places"):
+        SequenceMatcher(3, 4)
+
+
+def test_scores_of_another_model_are_refused() -> None:
+    with pytest.raises(InputError, match=r"scores of shape \(4,\) given to a matcher of 3 places; use one model"):
+        SequenceMatcher(3, 2).update(np.ones(4))

@@ -1,0 +1,334 @@
+"""The conductance network as Lava Processes: every spike, weight and threshold equal to the host engine's."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from lava_vpr.config import Config, preset
+from lava_vpr.configfile import to_dict
+from lava_vpr.encoding import draw_spikes
+from lava_vpr.engine.conductance.kernels import Constants
+from lava_vpr.engine.conductance.model import (
+    ConductanceState,
+    constants,
+    count_spikes,
+    initial_state,
+    train_presentation,
+)
+from lava_vpr.engine.random import presentation_key, presentation_keys
+from lava_vpr.errors import ConfigError, LavaVprError, NetworkLimitError
+from lava_vpr.isolated.runner import run_isolated
+from lava_vpr.processes.conductance.conductance_lif.models import PyConductanceLIFFloat
+from lava_vpr.processes.conductance.conductance_lif.process import ConductanceLIF
+from lava_vpr.processes.conductance.conductance_place_network.process import (
+    ConductancePlaceNetwork,
+    excitatory_neuron,
+    inhibitory_neuron,
+)
+from lava_vpr.processes.conductance.conductance_plastic.process import ConductancePlastic
+from lava_vpr.processes.conductance.delayed_dense.models import PyDelayedDenseFloat
+from lava_vpr.processes.conductance.delayed_dense.process import DelayedDense
+from lava_vpr.processes.conductance.fine_poisson_encoder.models import PyFinePoissonEncoder
+from lava_vpr.processes.conductance.fine_poisson_encoder.process import FinePoissonEncoder
+from lava_vpr.processes.conductance.neurons import ConductanceNeuron
+
+INPUTS, NEURONS = 14, 6
+JOB = "lava_vpr.processes.jobs.conductance:conductance"
+EVENTS = ("synaptic_operations", "input_spikes", "exc_spikes", "inh_spikes")
+
+
+def small(rule: str = "triplet", **network: float) -> Config:
+    """A network of few neurons and steps that spikes a lot, and whose weights, clipping and theta all matter."""
+    paper = preset("paper")
+    values = {"neurons": NEURONS, "steps": 160, "rest_steps": 25, "delay_max_ms": 4.0, "timer_rate": 1.0} | network
+    learning = replace(
+        paper.learning, rule=rule, eta_pre=0.02, eta_post=0.4, weight_sum=6.0, theta_start_mv=12.0, tau_theta_ms=1e3
+    )
+    return replace(paper, network=replace(paper.network, **values), learning=learning)
+
+
+def some_rates(n: int, inputs: int = INPUTS, high: float = 0.3) -> NDArray[np.uint32]:
+    """Spike probabilities, a few of them 0, uint32 (n, inputs)."""
+    values = np.random.default_rng(n).uniform(-0.15 * high, high, (n, inputs))
+    return (np.maximum(values, 0) * 2**32).astype(np.uint32)
+
+
+def through_lava(
+    state: ConductanceState,
+    rates: NDArray[np.uint32],
+    keys: NDArray[np.uint64],
+    config: Config,
+    timeout: float = 120,
+    **options: bool,
+) -> dict[str, NDArray[Any]]:
+    """What the network of Processes makes of it, in a child process."""
+    arrays = {"weights": state.weights, "theta_mv": state.theta_mv, "delays": state.delays}
+    given_arrays = arrays | {"rates": rates, "keys": keys}
+    return run_isolated(JOB, given_arrays, {"config": to_dict(config), "raster": True} | options, timeout=timeout)
+
+
+def host_raster(
+    state: ConductanceState, rates: NDArray[np.uint32], keys: NDArray[np.uint64], config: Config
+) -> NDArray[np.int32]:
+    """Spikes of the steps with input by the host engine, from presentations of every length up to the full one."""
+    totals = [np.zeros((len(rates), state.weights.shape[1]), np.int32)]
+    for steps in range(1, config.network.steps + 1):
+        shorter = replace(config, network=replace(config.network, steps=steps))
+        totals.append(count_spikes(state, rates, keys, shorter)[0])
+    return np.diff(totals, axis=0).transpose(1, 0, 2)
+
+
+def test_every_spike_of_the_frozen_network_equals_the_host_engine() -> None:
+    config = small()
+    state = initial_state(config, INPUTS)
+    # Two neurons alike spike together, and so do their inhibitory ones; the rest is shorter than the delays.
+    for array in (state.weights, state.delays):
+        array[:, 1] = array[:, 0]
+    state.theta_mv[:] = [11.0, 11.0, 12.0, 12.5, 13.0, 14.0]
+    rates, keys = some_rates(3), presentation_keys(3, "query", np.arange(3))
+    got = through_lava(state, rates, keys, config)
+    counts, events = count_spikes(state, rates, keys, config)
+    np.testing.assert_array_equal(got["counts"], counts)
+    np.testing.assert_array_equal(got["events"], [events[name] for name in EVENTS])
+    np.testing.assert_array_equal(got["raster"][:, : config.network.steps], host_raster(state, rates, keys, config))
+    assert got["counts"].dtype == np.int32
+    assert (counts.sum(axis=1) > 2).all(), "every presentation must spike to test anything"
+    assert (counts.sum(axis=0) > 0).sum() > 2
+    assert got["raster_inh"].sum(axis=2).max() > 1
+    assert got["raster"].shape == got["raster_inh"].shape == (3, 185, NEURONS)
+
+
+@pytest.mark.parametrize("rule", ["triplet", "paper"])
+def test_every_weight_and_threshold_of_the_learning_network_equals_the_host_engine(rule: str) -> None:
+    config = small(rule, rest_steps=10)
+    state = initial_state(config, INPUTS)
+    rates = some_rates(3)
+    keys = np.array([presentation_key(3, "train", 0, epoch) for epoch in range(3)], np.uint64)
+    got = through_lava(state, rates, keys, config, learn=True)
+    before = state.weights.copy()
+    counts = [train_presentation(state, own, int(key), config)[0] for own, key in zip(rates, keys, strict=True)]
+    np.testing.assert_array_equal(got["counts"], counts)
+    np.testing.assert_array_equal(got["weights"], state.weights)
+    np.testing.assert_array_equal(got["theta_mv"], state.theta_mv)
+    assert np.sum(counts) > 10
+    assert not np.array_equal(before, state.weights)
+
+
+@pytest.mark.slow
+def test_a_presentation_at_full_size_equals_the_host_engine() -> None:
+    config = preset("paper")
+    state = initial_state(config, 784)
+    state.weights *= config.learning.weight_sum / state.weights.sum(axis=0)
+    rates, keys = some_rates(1, 784, high=60e-4), presentation_keys(0, "query", np.arange(1))
+    got = through_lava(state, rates, keys, config, timeout=300)
+    counts, events = count_spikes(state, rates, keys, config)
+    np.testing.assert_array_equal(got["counts"], counts)
+    np.testing.assert_array_equal(got["events"], [events[name] for name in EVENTS])
+    assert counts.sum() > 10
+
+
+class Wire:
+    """Stands for both ends of a port: gives the arrays of ``given`` in turn, keeps what is sent."""
+
+    def __init__(self, given: Any = ()) -> None:
+        self.given, self.sent = list(given), []
+
+    def recv(self) -> NDArray[Any]:
+        return self.given.pop(0)
+
+    def send(self, data: NDArray[Any]) -> None:
+        self.sent.append(data.copy())
+
+
+def run_model(model: Any, steps: int) -> None:
+    for _ in range(steps):
+        model.time_step += 1
+        model.run_spk()
+
+
+def alone(
+    neuron: ConductanceNeuron, excited: list[float], inhibited: list[int], gi: NDArray[np.float64] | None = None
+) -> PyConductanceLIFFloat:
+    """Neurons without Lava, one for each of ``gi`` (default: one at rest), after what arrives in each step."""
+    model = PyConductanceLIFFloat({"neuron": neuron, "interval": 0})
+    model.gi = np.zeros(1) if gi is None else gi.copy()
+    model.v, model.ge, model.theta = (np.full(len(model.gi), x) for x in (neuron.rest, 0.0, THETA))
+    model.since_spike = np.full(len(model.gi), 1 << 40)
+    model.g_e_in = Wire(np.full(len(model.gi), x) for x in excited)
+    model.g_i_in = Wire(np.full(len(model.gi), -float(k)) for k in inhibited)
+    model.s_out = Wire()
+    run_model(model, len(excited))
+    return model
+
+
+THETA = 9.0
+NEURON = excitatory_neuron(constants(small(), learn=True))
+
+
+@settings(deadline=None, max_examples=15, derandomize=True)
+@given(seed=st.integers(0, 2**32), strength=st.sampled_from([0.5, 3.0]), others=st.sampled_from([0.0, 0.02, 0.2]))
+def test_a_neuron_equals_its_equations_one_event_after_another(seed: int, strength: float, others: float) -> None:
+    rng = np.random.default_rng(seed)
+    excited = list(rng.uniform(0.0, strength, 120))
+    inhibited = list(rng.integers(2, 6, 120) * (rng.random(120) < others))
+    neuron = replace(NEURON, freeze=4, refractory=9)
+    model = alone(neuron, excited, inhibited)
+    v, ge, gi, theta, since, spikes = -65.0, 0.0, 0.0, THETA, 1 << 40, []
+    for step in range(120):
+        ge += excited[step]
+        for _ in range(inhibited[step]):
+            gi += 17.0
+        since += 1
+        if since >= 4:
+            v += (0.1 / 100.0) * ((-65.0 - v) + ge * (0.0 - v) + gi * (-100.0 - v))
+        ge -= (0.1 / 1.0) * ge
+        gi -= (0.1 / 2.0) * gi
+        theta -= (0.1 / 1e3) * theta
+        if v > (theta - 20.0) + -52.0 and since >= 9:
+            v, since = -65.0, 0
+            theta += 0.05
+            spikes.append(step)
+    assert [step for step, sent in enumerate(model.s_out.sent) if sent[0]] == spikes
+    assert (model.v[0], model.ge[0], model.gi[0], model.theta[0]) == (v, ge, gi, theta)
+    assert others > 0.0 or len(spikes) > 2
+
+
+def test_spikes_that_inhibit_together_are_added_one_by_one() -> None:
+    gi = np.random.default_rng(0).uniform(0.0, 17.0, 400)
+    one_by_one, grouped = (gi + 17.0) + 17.0, gi + 34.0
+    assert (one_by_one != grouped).any(), "otherwise this tests nothing"
+    model = alone(replace(NEURON, gi_decay=0.0), [0.0], [2], gi)
+    np.testing.assert_array_equal(model.gi, one_by_one)
+
+
+def test_a_neuron_holds_after_a_spike_and_its_theta_grows() -> None:
+    neuron = replace(NEURON, freeze=4, refractory=9, theta_decay=0.0)
+    model = alone(neuron, [50.0] * 40, [0] * 40)
+    fired = np.flatnonzero(np.concatenate(model.s_out.sent))
+    assert len(fired) > 2
+    assert (np.diff(fired) == 9).all()
+    assert model.theta[0] == pytest.approx(THETA + 0.05 * len(fired))
+
+
+def test_inhibition_keeps_a_neuron_silent() -> None:
+    free = alone(NEURON, [2.0] * 60, [0] * 60)
+    held = alone(NEURON, [2.0] * 60, [1] * 60)
+    assert np.concatenate(free.s_out.sent).sum() > np.concatenate(held.s_out.sent).sum() == 0
+
+
+@settings(deadline=None, max_examples=15, derandomize=True)
+@given(st.integers(0, 2**32), st.integers(0, 9), st.integers(5, 30))
+def test_delays_are_those_of_a_literal_version(seed: int, longest: int, interval: int) -> None:
+    rng = np.random.default_rng(seed)
+    weights, delays = rng.random((3, 4)), rng.integers(0, longest + 1, (3, 4))
+    spikes = rng.random((2 * interval, 4)) < 0.4
+    model = PyDelayedDenseFloat({"delays": delays, "interval": interval})
+    model.weights, model.s_in, model.a_out = weights, Wire(spikes), Wire()
+    run_model(model, len(spikes))
+    want = np.zeros((2 * interval + longest + 2, 3))
+    for step, source in np.argwhere(spikes):
+        for i in range(3):
+            arrival = step + delays[i, source] + 1
+            if arrival < (step // interval + 1) * interval:  # what is on its way when a presentation begins is lost
+                want[arrival, i] += weights[i, source]
+    np.testing.assert_array_equal(model.a_out.sent, want[: 2 * interval])
+
+
+def test_the_encoder_sends_the_draws_of_each_presentation_and_then_nothing() -> None:
+    rates, keys = some_rates(2), np.array([5, 6], np.uint64)
+    model = PyFinePoissonEncoder({"rates": rates, "keys": keys, "steps": 7, "rest_steps": 3})
+    model.s_out = Wire()
+    run_model(model, 25)
+    want = np.zeros((25, INPUTS), bool)
+    for image, (own, key) in enumerate(zip(rates, keys, strict=True)):
+        want[10 * image : 10 * image + 7] = draw_spikes(own, int(key), 7)
+    np.testing.assert_array_equal(model.s_out.sent, want)
+    assert want.sum() > 10
+
+
+def constants_of(total: int) -> Constants:
+    return constants(small(), learn=True)._replace(total=total)
+
+
+WEIGHTS, DELAYS = np.full((NEURONS, INPUTS), 0.3), np.ones((NEURONS, INPUTS), np.uint16)
+RATES, KEYS = np.ones((2, INPUTS), np.uint32), np.zeros(2, np.uint64)
+
+
+def holed() -> NDArray[np.float64]:
+    weights = WEIGHTS.copy()
+    weights[2, 3] = np.nan
+    return weights
+
+
+def network(config: Config, **changed: Any) -> ConductancePlaceNetwork:
+    state = {"weights": WEIGHTS.T, "theta_mv": np.full(NEURONS, 20.0), "delays": DELAYS.T} | changed
+    return ConductancePlaceNetwork(state=ConductanceState(**state), config=config)
+
+
+REFUSED = [
+    (lambda: DelayedDense(weights=WEIGHTS, delays=DELAYS[:, 1:]), NetworkLimitError, "of one shape, (neurons, inputs)"),
+    (lambda: DelayedDense(weights=holed(), delays=DELAYS), NetworkLimitError, "a weight is not finite"),
+    (lambda: DelayedDense(weights=WEIGHTS, delays=DELAYS * 0.5), NetworkLimitError, "float64 must be whole steps"),
+    (
+        lambda: DelayedDense(weights=WEIGHTS, delays=DELAYS.astype(np.int64) - 2),
+        NetworkLimitError,
+        "delays of -1..-1 steps",
+    ),
+    (lambda: DelayedDense(weights=WEIGHTS, delays=DELAYS * 65535), NetworkLimitError, "in 0..65534"),
+    (lambda: DelayedDense(weights=WEIGHTS, delays=DELAYS, interval=-1), NetworkLimitError, "interval is -1"),
+    (
+        lambda: ConductancePlastic(
+            weights=WEIGHTS, delays=DELAYS, learning=small().learning, constants=constants_of(0), dt_ms=0.1
+        ),
+        NetworkLimitError,
+        "a presentation of 0 steps",
+    ),
+    (
+        lambda: FinePoissonEncoder(rates=RATES.astype(np.uint16), keys=KEYS, steps=5),
+        NetworkLimitError,
+        "rates are uint16 (2, 14), but must be uint32",
+    ),
+    (lambda: FinePoissonEncoder(rates=RATES, keys=KEYS[:1], steps=5), NetworkLimitError, "must be uint64 (2,)"),
+    (lambda: FinePoissonEncoder(rates=RATES, keys=KEYS, steps=0), NetworkLimitError, "0 steps and 0 at rest"),
+    (lambda: replace(NEURON, leak=1.0), NetworkLimitError, "leak is 1.0, but Euler's method needs [0, 1)"),
+    (lambda: replace(NEURON, gi_decay=-0.1), NetworkLimitError, "gi_decay is -0.1"),
+    (lambda: replace(NEURON, threshold=float("nan")), NetworkLimitError, "threshold is nan, but must be finite"),
+    (lambda: replace(NEURON, freeze=-1), NetworkLimitError, "freeze is -1, but must be at least 0"),
+    (
+        lambda: ConductanceLIF(shape=(NEURONS,), neuron=NEURON, theta=np.zeros(3)),
+        NetworkLimitError,
+        "theta of shape (3,) must be finite, one value or of shape (6,)",
+    ),
+    (lambda: ConductanceLIF(shape=(2,), neuron=NEURON, interval=-1), NetworkLimitError, "interval is -1"),
+    (lambda: network(preset("loihi")), ConfigError, "use the preset paper"),
+    (lambda: network(small(), theta_mv=np.zeros(3)), NetworkLimitError, "theta (3,) must be finite, for 6 neurons"),
+    (lambda: network(small(), weights=WEIGHTS), NetworkLimitError, "of one shape"),
+]
+
+
+@pytest.mark.parametrize("case", range(len(REFUSED)))
+def test_what_is_out_of_range_is_refused(case: int) -> None:
+    make, error, text = REFUSED[case]
+    with pytest.raises(error) as caught:
+        make()
+    assert text in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_refusal_inside_the_job_reaches_the_caller() -> None:
+    config = small()
+    state = replace(initial_state(config, INPUTS), theta_mv=np.zeros(NEURONS - 1))
+    with pytest.raises(LavaVprError, match="theta"):
+        through_lava(state, some_rates(1), np.zeros(1, np.uint64), config)
+
+
+def test_inhibitory_neurons_feel_no_theta() -> None:
+    neuron = inhibitory_neuron(constants(small(), learn=True))
+    assert (neuron.theta_plus, neuron.theta_decay, neuron.offset, neuron.g_inh) == (0.0, 0.0, 0.0, 0.0)

@@ -1,0 +1,132 @@
+"""What our Processes refuse."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from lava.utils.weightutils import SignMode
+
+from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.errors import NetworkLimitError
+from lava_vpr.processes.dense_synapses.models import PyDenseSynapsesFixed, PyDenseSynapsesFloat
+from lava_vpr.processes.dense_synapses.process import DenseSynapses
+from lava_vpr.processes.excitatory_lif.models import PyExcitatoryLIFFixed, PyExcitatoryLIFFloat
+from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF
+from lava_vpr.processes.inhibitory_lif.process import InhibitoryLIF
+from lava_vpr.processes.lateral_inhibition.models import PyLateralInhibitionFixed, PyLateralInhibitionFloat
+from lava_vpr.processes.lateral_inhibition.process import LateralInhibition
+from lava_vpr.processes.networks.fused_place_network.process import FusedPlaceNetwork
+from lava_vpr.processes.networks.library_place_network.process import LibraryPlaceNetwork
+from lava_vpr.processes.networks.place_network.process import PlaceNetwork
+from lava_vpr.processes.one_to_one.models import PyOneToOneFixed, PyOneToOneFloat
+from lava_vpr.processes.one_to_one.process import OneToOne
+from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
+from lava_vpr.processes.spike_counter.process import SpikeCounter
+
+
+def dense(**changes: Any) -> DenseSynapses:
+    return DenseSynapses(**{"weights": np.ones((2, 3), int)} | changes)
+
+
+def lif(**changes: Any) -> ExcitatoryLIF:
+    return ExcitatoryLIF(**{"shape": (3,), "dv": 137, "vth": 80} | changes)
+
+
+def encoder(**changes: Any) -> PoissonEncoder:
+    return PoissonEncoder(**{"rates": np.ones((2, 3), np.uint16), "keys": np.ones(2, np.uint64), "steps": 4} | changes)
+
+
+def counter(**changes: Any) -> SpikeCounter:
+    return SpikeCounter(**{"shape": (3,), "presentations": 2, "interval": 4} | changes)
+
+
+def fused(**changes: Any) -> FusedPlaceNetwork:
+    network = FixedNetwork(np.ones((3, 2), np.uint8), 1, 0, 5, 5, 0, 137, 4)
+    return FusedPlaceNetwork(
+        **{"network": network, "rates": np.ones((2, 3), np.uint16), "keys": np.ones(2, np.uint64)} | changes
+    )
+
+
+REFUSED: list[tuple[Any, dict[str, Any], str]] = [
+    (dense, {"weights": np.full((2, 3), 256)}, "excitatory weight is 256, but must be a whole number in 0..255"),
+    (dense, {"weights": np.full((2, 3), -256)}, "inhibitory weight is -256"),
+    (dense, {"weights": np.array([[300, -1]])}, "mixed weight is 300, but must be a whole number in -256..255"),
+    (dense, {"sign_mode": "inhibitory"}, "inhibitory weight is 1"),
+    (dense, {"sign_mode": SignMode.NULL, "weights": np.array([[-1]])}, "null weight is -1"),
+    (dense, {"sign_mode": "both"}, "sign_mode is 'both', but must be null, mixed"),
+    (dense, {"weights": np.ones(3, int)}, "weights are int64 (3,), but must be numbers (post, pre)"),
+    (dense, {"weights": np.array([[np.nan]])}, "a weight is nan, but must be finite"),
+    (dense, {"num_weight_bits": 9}, "num_weight_bits is 9, but must be in 1..8"),
+    (dense, {"weight_exp": -8}, "weight_exp is -8, but must be in -7..7"),
+    (dense, {"weight_exp": 0.5}, "weight_exp is 0.5"),
+    (lif, {"vth": 1 << 17}, "threshold is 131072, but must be a whole number in 0..131071"),
+    (lif, {"vth": np.array([1, -1, 1])}, "threshold is -1"),
+    (lif, {"vth": np.ones(2, int)}, "vth has shape (2,), but must be one number or one each: (3,)"),
+    (lif, {"vth": float("nan")}, "vth is nan, but must be finite"),
+    (lif, {"vth": "high"}, "vth is 'high', but must be a number"),
+    (lif, {"du": 4096}, "du is 4096, but must be in 0..4095"),
+    (lif, {"dv": -1}, "dv is -1, but must be in 0..4096"),
+    (lif, {"floor": 1}, "floor is 1, but must be in -131071..0"),
+    (lif, {"hold_steps": -1}, "hold_steps is -1, but must be a whole number, at least 0"),
+    (lif, {"reset_interval": 0.5}, "reset_interval is 0.5"),
+    (lif, {"theta_plus": 1 << 17}, "theta_plus is 131072"),
+    (lif, {"bias_mant": 4096}, "bias mantissa is"),
+    (lif, {"bias_exp": 8}, "bias exponent is"),
+    (lif, {"shape": (3, 2)}, "ExcitatoryLIF: shape is (3, 2), but must be (neurons,)"),
+    (InhibitoryLIF, {"shape": (3,), "vth": -1}, "threshold is -1"),
+    (OneToOne, {"shape": (3,), "weight": 256}, "weight is 256, but must be a whole number in -255..255"),
+    (OneToOne, {"shape": (), "weight": 1}, "OneToOne: shape is ()"),
+    (LateralInhibition, {"shape": (3,), "inhibition": -1}, "inhibition is -1, but must be at least 0"),
+    (LateralInhibition, {"shape": (3,), "inhibition": 257}, "inhibition is 257, but must be m 2^e with m in 0..255"),
+    (LateralInhibition, {"shape": (3,), "inhibition": 1 << 15}, "inhibition is 32768"),
+    (LateralInhibition, {"shape": (600,), "inhibition": 255}, "inhibition by 599 neurons is 152745, but must be below"),
+    (encoder, {"rates": np.ones((2, 3))}, "rates are float64 (2, 3), but must be uint16 (n, inputs)"),
+    (encoder, {"keys": np.ones(3, np.uint64)}, "keys are uint64 (3,), but must be uint64 (2,)"),
+    (encoder, {"steps": 0}, "0 steps and 3 silent ones, but at least 1 and 0 are needed"),
+    (encoder, {"emitted": np.zeros(3, np.int32)}, "emitted is int32 (3,), but must be int64 (3,)"),
+    (counter, {"presentations": 0}, "presentations is 0"),
+    (counter, {"interval": 0}, "interval is 0"),
+    (counter, {"raster": np.zeros((2, 5, 3), np.uint8)}, "raster is uint8 (2, 5, 3), but must be uint8 (2, 4, 3)"),
+    (fused, {"batch": 0}, "batch is 0, but must be a whole number, at least 1"),
+    (fused, {"rates": np.ones((2, 4), np.uint16)}, "rates are uint16 (2, 4), but must be uint16 (n, 3)"),
+    (fused, {"keys": np.ones(2)}, "keys are float64 (2,), but must be uint64 (2,)"),
+    (fused, {"counts": np.zeros((2, 2))}, "counts is float64 (2, 2), but must be int32 (2, 2)"),
+]
+
+
+@pytest.mark.parametrize(("make", "changes", "text"), REFUSED)
+def test_what_cannot_be_is_refused_when_it_is_made(make: Any, changes: dict[str, Any], text: str) -> None:
+    with pytest.raises(NetworkLimitError) as caught:
+        make(**changes)
+    assert text in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("kind", [PlaceNetwork, LibraryPlaceNetwork])
+def test_networks_that_could_overflow_are_refused(kind: Any) -> None:
+    with pytest.raises(NetworkLimitError, match="lateral inhibition of 900 neurons can reach"):
+        kind(network=FixedNetwork(np.ones((3, 900), np.uint8), 1, 0, 5, 200, 0, 137, 4))
+
+
+FLOATS = [
+    (lambda: lif(vth=10.5), PyExcitatoryLIFFixed, PyExcitatoryLIFFloat, "vth is "),
+    (lambda: lif(vth=2e5), PyExcitatoryLIFFixed, PyExcitatoryLIFFloat, "threshold is 200000"),
+    (lambda: lif(floor=-60.5), PyExcitatoryLIFFixed, PyExcitatoryLIFFloat, "floor is "),
+    (lambda: dense(weights=np.array([[0.5]])), PyDenseSynapsesFixed, PyDenseSynapsesFloat, "weight is 0.5"),
+    (lambda: OneToOne(shape=(2,), weight=1.5), PyOneToOneFixed, PyOneToOneFloat, "weight is 1.5"),
+    (
+        lambda: LateralInhibition(shape=(2,), inhibition=0.1),
+        PyLateralInhibitionFixed,
+        PyLateralInhibitionFloat,
+        "inhibition is 0.1",
+    ),
+]
+
+
+@pytest.mark.parametrize(("make", "fixed", "floating", "text"), FLOATS)
+def test_floats_are_for_the_float_model_only(make: Any, fixed: Any, floating: Any, text: str) -> None:
+    make()._model_class = floating  # what Lava's compiler does when it has picked a model
+    with pytest.raises(NetworkLimitError, match=text):
+        make()._model_class = fixed

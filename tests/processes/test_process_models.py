@@ -1,0 +1,213 @@
+"""Each of our Processes against Lava's own models or a literal version."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lava.proc.dense.models import PyDenseModelBitAcc
+from lava.proc.dense.process import Dense
+from lava.proc.lif.models import PyLifResetModelBitAcc
+from lava.proc.lif.process import LIFReset
+from lava.utils.weightutils import SignMode
+from numpy.typing import NDArray
+from support.lava.model_harness import build, drive, some_spikes
+
+from lava_vpr.encoding import draw_spikes, rates16
+from lava_vpr.engine.random import presentation_keys
+from lava_vpr.processes.base.shared import shared_array
+from lava_vpr.processes.dense_synapses.models import PyDenseSynapsesFixed, PyDenseSynapsesFloat
+from lava_vpr.processes.dense_synapses.process import DenseSynapses
+from lava_vpr.processes.excitatory_lif.models import PyExcitatoryLIFFixed, PyExcitatoryLIFFloat
+from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF
+from lava_vpr.processes.inhibitory_lif.models import PyInhibitoryLIFFixed, PyInhibitoryLIFFloat
+from lava_vpr.processes.inhibitory_lif.process import InhibitoryLIF
+from lava_vpr.processes.lateral_inhibition.models import PyLateralInhibitionFixed, PyLateralInhibitionFloat
+from lava_vpr.processes.lateral_inhibition.process import LateralInhibition
+from lava_vpr.processes.one_to_one.models import PyOneToOneFixed, PyOneToOneFloat
+from lava_vpr.processes.one_to_one.process import OneToOne
+from lava_vpr.processes.poisson_encoder.models import PyPoissonEncoderFixed, PyPoissonEncoderFloat
+from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
+from lava_vpr.processes.spike_counter.models import PySpikeCounterFixed
+from lava_vpr.processes.spike_counter.process import SpikeCounter
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(
+    seed=st.integers(0, 1000),
+    mode=st.sampled_from([SignMode.NULL, SignMode.MIXED, SignMode.EXCITATORY, SignMode.INHIBITORY, None]),
+    bits=st.integers(1, 8),
+    exponent=st.integers(-7, 7),
+)
+def test_dense_equals_lavas(seed: int, mode: SignMode | None, bits: int, exponent: int) -> None:
+    rng = np.random.default_rng(seed)
+    low, high = {SignMode.MIXED: (-256, 256), SignMode.INHIBITORY: (-255, 1), None: (-200, 200)}.get(mode, (0, 256))
+    weights = rng.integers(low, high, (int(rng.integers(1, 9)), int(rng.integers(1, 12))))
+    spikes = some_spikes(rng, 12, weights.shape[1])
+    lava = Dense(weights=weights, num_weight_bits=bits, weight_exp=exponent, sign_mode=mode)
+    ours = DenseSynapses(weights=weights, num_weight_bits=bits, weight_exp=exponent, sign_mode=mode)
+    model = build(ours, PyDenseSynapsesFixed)
+    expected = drive(build(lava, PyDenseModelBitAcc), spikes, "s_in", "a_out")
+    assert np.array_equal(drive(model, spikes, "s_in", "a_out"), expected)
+    named = DenseSynapses(weights=weights, num_weight_bits=bits, sign_mode=mode and mode.name.lower())
+    assert named.sign == ours.sign
+    floating = drive(build(ours, PyDenseSynapsesFloat), spikes, "s_in", "a_out")
+    exact = (spikes.astype(float) @ weights.T) * 2.0**exponent
+    assert np.allclose(floating[1:], exact[:-1])
+    assert not floating[0].any()
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(
+    seed=st.integers(0, 1000),
+    du=st.sampled_from([0, 1, 400, 4094, 4095]),
+    dv=st.sampled_from([0, 1, 137, 4095]),
+    size=st.sampled_from([100, 5000, 131_000, 6_528_000]),
+    interval=st.sampled_from([1, 7, 1000]),
+)
+def test_lif_equals_lavas(seed: int, du: int, dv: int, size: int, interval: int) -> None:
+    rng = np.random.default_rng(seed)
+    n, vth = 6, int(rng.integers(0, min(131_072, 4 * size)))
+    drives = rng.integers(-size, size, (25, n)).astype(np.int32)
+    bias = {"bias_mant": rng.integers(-4096, 4096, n), "bias_exp": rng.integers(0, 8, n)}
+    lava = LIFReset(shape=(n,), du=du, dv=dv, vth=vth, reset_interval=interval, reset_offset=1, **bias)
+    ours = ExcitatoryLIF(shape=(n,), du=du, dv=dv, vth=vth, reset_interval=interval, **bias)
+    theirs, model = build(lava, PyLifResetModelBitAcc), build(ours, PyExcitatoryLIFFixed)
+    for step in range(25):
+        for one in (theirs, model):
+            one.time_step = step + 1
+            one.a_in.waiting = drives[step]
+            one.run_spk()
+        assert np.array_equal(theirs.s_out.sent, model.s_out.sent)
+        assert np.array_equal(theirs.u, model.u)
+        assert np.array_equal(theirs.v, model.v)
+
+
+def literal_lif(drives: NDArray[Any], process: ExcitatoryLIF, fixed: bool) -> NDArray[np.bool_]:
+    """Neuron by neuron, in Python numbers."""
+    get = {var.name: np.ravel(var.init).tolist() for var in process.vars}
+    scale = 64 if fixed else 1
+    spikes = np.zeros(drives.shape, bool)
+    for i in range(drives.shape[1]):
+        u, v, held, vth = 0, 0, 0, get["vth"][i]
+        bias = get["bias_mant"][i] * 2.0 ** get["bias_exp"][i] / (1 if fixed else 64)
+        for t in range(len(drives)):
+            if process.proc_params["reset_interval"] and t % process.proc_params["reset_interval"] == 0:
+                u = v = held = 0
+            u, v = u * (4095 - get["du"][0]) / 4096, v * (4096 - get["dv"][0]) / 4096
+            if fixed:
+                u, v, bias = int(u), int(v), int(np.floor(bias))
+            u += scale * drives[t, i]
+            v = max(v + u + bias, scale * get["floor"][0])
+            if held:
+                held, v = held - 1, 0
+            if v > scale * vth:
+                spikes[t, i], v, held, vth = True, 0, get["hold_steps"][0], vth + get["theta_plus"][0]
+    return spikes
+
+
+@pytest.mark.parametrize("kind", [PyExcitatoryLIFFixed, PyExcitatoryLIFFloat])
+@pytest.mark.parametrize("seed", range(6))
+def test_what_lavas_lif_lacks_equals_a_literal_version(kind: Any, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    drives = rng.integers(-120, 160, (60, 5))
+    process = ExcitatoryLIF(
+        shape=(5,),
+        du=int(rng.choice([4095, 3000])),
+        dv=137,
+        vth=rng.integers(50, 200, 5),
+        floor=[None, -30, -5][seed % 3],
+        hold_steps=seed % 4,
+        theta_plus=seed % 3 * 7,
+        bias_mant=rng.integers(-100, 100, 5),
+        bias_exp=rng.integers(-2, 3, 5),
+        reset_interval=[0, 13][seed % 2],
+    )
+    model = build(process, kind)
+    spikes = drive(model, drives, "a_in", "s_out")
+    expected = literal_lif(drives, process, kind is PyExcitatoryLIFFixed)
+    assert expected.sum() > 10
+    assert np.array_equal(spikes, expected)
+    assert np.array_equal(model.vth, process.vth.init + process.theta_plus.init * spikes.sum(axis=0))
+
+
+@pytest.mark.parametrize("kind", [PyInhibitoryLIFFixed, PyInhibitoryLIFFloat])
+def test_the_inhibitory_population_relays(kind: Any) -> None:
+    given = some_spikes(np.random.default_rng(0), 30, 4)
+    model = build(InhibitoryLIF(shape=(4,), reset_interval=9), kind)
+    assert np.array_equal(drive(model, given * 2, "a_in", "s_out"), given)
+
+
+@pytest.mark.parametrize("kind", [PyOneToOneFixed, PyOneToOneFloat])
+@pytest.mark.parametrize("weight", [2, -255, 255])
+def test_one_to_one_takes_one_step(kind: Any, weight: int) -> None:
+    spikes = some_spikes(np.random.default_rng(1), 20, 5)
+    sent = drive(build(OneToOne(shape=(5,), weight=weight), kind), spikes, "s_in", "a_out")
+    assert np.array_equal(sent[1:], weight * spikes[:-1])
+    assert not sent[0].any()
+
+
+@pytest.mark.parametrize("kind", [PyLateralInhibitionFixed, PyLateralInhibitionFloat])
+@pytest.mark.parametrize("inhibition", [0, 87, 255 << 5])
+def test_lateral_inhibition_is_a_matrix_without_diagonal(kind: Any, inhibition: int) -> None:
+    spikes = some_spikes(np.random.default_rng(2), 20, 6)
+    sent = drive(build(LateralInhibition(shape=(6,), inhibition=inhibition), kind), spikes, "s_in", "a_out")
+    assert np.array_equal(sent[1:], spikes[:-1].astype(int) @ (inhibition * (np.eye(6, dtype=int) - 1)))
+    assert not sent[0].any()
+
+
+@pytest.mark.parametrize("kind", [PyPoissonEncoderFixed, PyPoissonEncoderFloat])
+@pytest.mark.parametrize(("steps", "inputs"), [(1, 3), (6, 1), (13, 40)])
+def test_the_encoder_sends_the_drawn_spikes_then_nothing(kind: Any, steps: int, inputs: int) -> None:
+    rng = np.random.default_rng(steps)
+    rates = (rng.integers(0, 65_536, (3, inputs)) * (rng.random((3, inputs)) < 0.7)).astype(np.uint16)
+    keys, emitted = presentation_keys(1, "query", np.arange(3)), np.zeros(inputs, np.int64)
+    process = PoissonEncoder(rates=rates, keys=keys, steps=steps, silent_steps=2, emitted=emitted)
+    model = build(process, kind)
+    sent = drive(model, 4 * (steps + 2), port_out="s_out").reshape(4, steps + 2, inputs)
+    for image in range(3):
+        assert np.array_equal(sent[image, :steps], draw_spikes(rates[image], int(keys[image]), steps))
+    assert not sent[:, steps:].any()
+    assert not sent[3].any()
+    assert sent.any()
+    assert np.array_equal(emitted, sent.sum(axis=(0, 1)))
+    assert np.array_equal(model.emitted, emitted)
+
+
+def test_an_encoder_of_images() -> None:
+    activity = np.random.default_rng(0).random((2, 9)).astype(np.float32)
+    ids = np.array([4, 7])
+    encoder = PoissonEncoder.of_activity(
+        activity, spikes_per_step=3.0, seed=5, role="response", image_ids=ids, steps=8, silent_steps=1
+    )
+    assert np.array_equal(encoder.proc_params["rates"], rates16(activity, 3.0))
+    assert np.array_equal(encoder.proc_params["keys"], presentation_keys(5, "response", ids))
+    assert encoder.proc_params["interval"] == 9
+
+
+def test_the_counter_counts_and_records() -> None:
+    spikes = some_spikes(np.random.default_rng(3), 30, 4)
+    counts, raster = np.zeros((3, 4), np.int32), np.zeros((3, 7, 4), np.uint8)
+    model = build(
+        SpikeCounter(shape=(4,), presentations=3, interval=7, counts=counts, raster=raster), PySpikeCounterFixed
+    )
+    drive(model, spikes, "s_in")
+    assert np.array_equal(raster, spikes[:21].reshape(3, 7, 4))
+    assert np.array_equal(counts, raster.sum(axis=1))
+    assert np.array_equal(model.counts, counts)
+
+
+def test_shared_memory_is_shared_with_forks() -> None:
+    array = shared_array((3, 2), np.int32)
+    assert not array.any()
+    child = os.fork()
+    if child == 0:
+        array[1, 1] = 7
+        os._exit(0)
+    os.waitpid(child, 0)
+    assert array.sum() == array[1, 1] == 7
+    assert shared_array((0, 4), np.uint8).shape == (0, 4)

@@ -1,0 +1,162 @@
+"""Our Processes against Lava's own models, against literal versions, and whole networks against the host engine."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from support.lava.model_harness import build, drive
+from support.lava.small_networks import options_of, random_network
+
+from lava_vpr.encoding import draw_spikes
+from lava_vpr.engine.general.lif import stored_weights
+from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
+from lava_vpr.engine.random import presentation_keys
+from lava_vpr.isolated.runner import run_isolated
+from lava_vpr.processes.excitatory_lif.models import PyExcitatoryLIFFixed
+from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF
+from lava_vpr.processes.networks.fused_place_network.models import PyFusedPlaceNetworkFixed
+from lava_vpr.processes.networks.fused_place_network.process import EVENTS, FusedPlaceNetwork
+
+TIMEOUT = 200.0
+
+
+def some_input(network: FixedNetwork, n: int) -> tuple[NDArray[np.uint16], NDArray[np.uint64]]:
+    rates = np.random.default_rng(n).integers(0, 13_000, (n, network.inputs)).astype(np.uint16)
+    return rates, presentation_keys(2, "query", np.arange(n))
+
+
+def test_composed_and_library_networks_equal_the_host_for_all_bits() -> None:
+    networks = {f"b{bits}": random_network(bits) for bits in range(1, 9)}
+    arrays: dict[str, NDArray[Any]] = {}
+    for name, network in networks.items():
+        rates, keys = some_input(network, 3)
+        arrays |= {f"{name}_weights": network.weights, f"{name}_rates": rates, f"{name}_keys": keys}
+    options = {"networks": {name: options_of(network) for name, network in networks.items()}}
+    got = run_isolated("support.lava.process_targets:side_by_side", arrays, options, timeout=TIMEOUT)
+    for name, network in networks.items():
+        counts, _, film = count_spikes(network, arrays[f"{name}_rates"], arrays[f"{name}_keys"], raster=True)
+        assert (counts.sum(axis=1) > 3).all(), name
+        assert np.array_equal(got[f"{name}_place"], film), name
+        assert np.array_equal(got[f"{name}_library"], film), name
+
+
+def test_every_job_records_the_same() -> None:
+    network = random_network(3, seed=1, shift=0)
+    rates, keys = some_input(network, 4)
+    counts, events, film = count_spikes(network, rates, keys, raster=True)
+    inputs = np.zeros((4, network.steps + 3, network.inputs), np.uint8)
+    for image in range(4):
+        inputs[image, : network.steps] = draw_spikes(rates[image], int(keys[image]), network.steps)
+    runs = [
+        ("fused", "fixed_pt"),
+        *((job, tag) for job in ("composed", "library") for tag in ("fixed_pt", "floating_pt")),
+    ]
+    done: list[int] = []
+    got = run_isolated(
+        "support.lava.process_targets:every_job",
+        {"weights": network.weights, "rates": rates, "keys": keys},
+        {"runs": runs, "network": options_of(network) | {"batch": 3}},
+        timeout=TIMEOUT,
+        progress=done.append,
+    )
+    assert sum(done) == 4 * len(runs)
+    assert counts.sum() > 60
+    for job in ("composed", "library", "fused"):
+        parts = ("counts", "exc", *(("inh", "inputs", "input_spikes") if job != "fused" else ()))
+        one = {key: got[f"{job}_fixed_pt_{key}"] for key in parts}
+        assert one["counts"].dtype == np.int32
+        assert np.array_equal(one["counts"], counts)
+        assert np.array_equal(one["exc"], film)
+        if job == "fused":
+            assert "fused_fixed_pt_inh" not in got
+            continue
+        assert np.array_equal(one["inh"][:, 1:], film[:, :-1])
+        assert not one["inh"][:, 0].any()
+        assert np.array_equal(one["inputs"], inputs)
+        assert one["input_spikes"].dtype == np.int64
+        assert np.array_equal(one["input_spikes"], inputs.sum(axis=(0, 1)))
+    assert dict(zip(EVENTS, got["fused_fixed_pt_events"].tolist(), strict=True)) == events
+    # Without truncation ours is the library's float network; it differs from the integers where a decay was truncated.
+    for key in ("exc", "inh", "inputs"):
+        assert np.array_equal(got[f"composed_floating_pt_{key}"], got[f"library_floating_pt_{key}"])
+    apart = np.abs(got["composed_floating_pt_counts"] - counts).sum()
+    assert apart <= 0.1 * counts.sum()
+    assert np.array_equal(got["composed_floating_pt_inputs"], inputs)
+
+
+def test_the_fused_process_without_shared_arrays() -> None:
+    network = random_network(4)
+    rates, keys = some_input(network, 7)
+    counts, events, film = count_spikes(network, rates, keys, raster=True)
+    process = FusedPlaceNetwork(network=network, rates=rates, keys=keys, batch=3)
+    model = build(process, PyFusedPlaceNetworkFixed)
+    drive(model, process.batches + 1)
+    assert process.batches == 3
+    assert np.array_equal(model.counts, counts)
+    assert dict(zip(EVENTS, model.events.tolist(), strict=True)) == events
+    raster = np.zeros_like(film)
+    process = FusedPlaceNetwork(network=network, rates=rates, keys=keys, batch=64, raster=raster)
+    drive(build(process, PyFusedPlaceNetworkFixed), 1)
+    assert np.array_equal(raster, film)
+
+
+@pytest.mark.parametrize("bits", range(1, 9))
+@pytest.mark.parametrize("shift", range(8))
+def test_stored_weights_give_the_same_sums_within_the_exponents_range(bits: int, shift: int) -> None:
+    network = random_network(bits, shift=shift)
+    weights, stored_bits, exponent = network.stored
+    assert -7 <= exponent <= 0
+    assert bits <= stored_bits <= 8
+    kept = stored_weights(weights, stored_bits)
+    assert np.array_equal(kept.sum(axis=1) >> -exponent, network.weights.sum(axis=0, dtype=int) >> shift)
+    if bits - 8 - shift >= -7:
+        assert (stored_bits, exponent) == (bits, bits - 8 - shift)
+
+
+def test_vars_between_runs_and_refusals_before_them() -> None:
+    rng = np.random.default_rng(0)
+    rates, keys = rng.integers(0, 30_000, (1, 20)).astype(np.uint16), presentation_keys(0, "query", np.arange(1))
+    given = {"weights": rng.integers(0, 256, (6, 20)), "vth": rng.integers(500, 4000, 6), "rates": rates, "keys": keys}
+    network = random_network(5, shift=2)
+    own = dict(zip(("rates", "keys"), some_input(network, 1), strict=True)) | {"weights": network.weights}
+    got = run_isolated(
+        "support.lava.process_targets:small_runs",
+        {f"vars_{name}": value for name, value in given.items()} | {f"whole_{name}": own[name] for name in own},
+        {"steps": 60, "network": options_of(network)},
+        timeout=TIMEOUT,
+    )
+    check_vars(given, {name.removeprefix("vars_"): value for name, value in got.items()})
+    for name in ("weights", "u", "v", "v_inh"):
+        assert np.array_equal(got[f"place_{name}"], got[f"library_{name}"]), name
+    assert np.array_equal(got["place_weights"], network.stored[0])
+    assert got["place_v"].any()
+    assert (got["place_vth"] == network.threshold).all()
+    assert got["library_vth"].tolist() == [network.threshold]
+    for text, part in zip(got["refusals"], ("", "vth is 10.5, but", "excitatory weight is 0.5"), strict=True):
+        assert part in text
+        assert bool(part) == bool(text)
+
+
+def check_vars(given: dict[str, NDArray[Any]], got: dict[str, NDArray[Any]]) -> None:
+    """What `process_targets.read_and_set` found, against a model run without Lava's runtime."""
+    spikes = draw_spikes(given["rates"][0], int(given["keys"][0]), 60)
+    sums = np.zeros((60, 6), int)
+    sums[1:] = spikes[:-1].astype(int) @ given["weights"].T
+    process = ExcitatoryLIF(shape=(6,), dv=137, vth=given["vth"], theta_plus=3, hold_steps=2, floor=-50)
+    model = build(process, PyExcitatoryLIFFixed)
+    counts = drive(model, sums, "a_in", "s_out").sum(axis=0)
+    assert counts.min() > 0
+    assert len(set(counts)) > 2
+    assert np.array_equal(got["counts"][0], counts)
+    for name in ("u", "v", "vth", "held", "du", "dv", "floor", "hold_steps", "theta_plus", "bias_mant", "bias_exp"):
+        assert np.array_equal(got[name], getattr(model, name)), name
+    assert np.array_equal(got["vth"], given["vth"] + 3 * counts)
+    assert np.array_equal(got["emitted"], spikes.sum(axis=0))
+    assert np.array_equal(got["weights"], given["weights"][:, ::-1])
+    assert not got["counts_after"][1].any()
+    assert (got["vth_after"] == 131_071).all()
+    for text, name in zip(got["texts"], ("threshold is 131072", "v is 8388608", "weight is 256"), strict=True):
+        assert name in text

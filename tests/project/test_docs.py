@@ -1,0 +1,60 @@
+"""README and docs speak of what is there."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import click
+import pytest
+
+from lava_vpr.cli import main
+from lava_vpr.cli.group import LazyGroup
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def commands() -> list[str]:
+    """Every `lava-vpr ...` line of the README's code blocks."""
+    blocks = re.findall(r"```sh\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+    return [line.partition("#")[0].strip() for block in blocks for line in block.splitlines() if "lava-vpr " in line]
+
+
+@pytest.mark.parametrize("line", commands())
+def test_commands_of_the_readme_parse(line: str) -> None:
+    _, name, *words = shlex.split(line)
+    command = main.get_command(click.Context(main), name)
+    assert command is not None
+    # Parsing refuses unknown options, missing arguments and values of a wrong kind.
+    context = command.make_context(name, words, resilient_parsing=False)
+    assert context.command is command
+
+
+def test_there_are_commands_to_check() -> None:
+    assert len(commands()) >= 9
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    for target in re.findall(r"\]\((?!http)([^)#]+)\)", page.read_text()):
+        assert (page.parent / target).exists(), target
+
+
+def test_modules_that_the_architecture_names_exist() -> None:
+    text = (ROOT / "docs" / "architecture.md").read_text()
+    for name in re.findall(r"`([a-z_]+\.py)`", text):
+        assert any(list((ROOT / folder).rglob(name)) for folder in ("lava_vpr", "processes", "deploy")), name
+    for module in re.findall(r"python -m (benchmarks\.[a-z_]+)", (ROOT / "README.md").read_text()):
+        assert (ROOT / (module.replace(".", "/") + ".py")).exists()
+
+
+def test_listed_help_is_the_commands_own() -> None:
+    assert isinstance(main, LazyGroup)
+    for name, (_, _, text) in main.table.items():
+        command = main.get_command(click.Context(main), name)
+        assert command is not None
+        assert command.name == name
+        assert text.endswith(".")
+        assert command.help

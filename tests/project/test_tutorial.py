@@ -1,0 +1,213 @@
+"""The tutorial notebook is sound and clean (CI executes it); docs/lava.md names every Process, port and Var."""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lava_vpr.processes import __all__ as names_of_processes
+
+ROOT = Path(__file__).resolve().parents[2]
+PATH = ROOT / "docs" / "tutorial.ipynb"
+NOTEBOOK: dict[str, Any] = json.loads(PATH.read_text(encoding="utf-8"))
+CODE: list[dict[str, Any]] = [cell for cell in NOTEBOOK["cells"] if cell["cell_type"] == "code"]
+LAVA_PAGE = ROOT / "docs" / "lava.md"
+
+# What begins a path of a machine: one of the folders at its root, or a drive. A slash between words does not.
+ABSOLUTE = re.compile(r"(?<![\w./])(?:/(?:home|root|tmp|usr|work|var|opt|mnt|Users|private)\b|[A-Z]:\\)")
+
+
+def source(cell: dict[str, Any]) -> str:
+    return "".join(cell["source"])
+
+
+def texts(cell: dict[str, Any]) -> list[str]:
+    """All text of a code cell's stored outputs."""
+    found = []
+    for output in cell["outputs"]:
+        found.append("".join(output.get("text", "")))
+        found += ["".join(v) for kind, v in output.get("data", {}).items() if kind.startswith("text/")]
+    return found
+
+
+def test_it_is_a_notebook_of_format_4() -> None:
+    assert NOTEBOOK["nbformat"] == 4
+    assert len(CODE) >= 15
+    ids = [cell["id"] for cell in NOTEBOOK["cells"]]
+    assert len(set(ids)) == len(ids)
+    for cell in NOTEBOOK["cells"]:
+        assert cell["cell_type"] in ("markdown", "code")
+        assert source(cell).strip()
+
+
+@pytest.mark.parametrize("number", range(len(CODE)))
+def test_code_compiles(number: int) -> None:
+    compile(source(CODE[number]), f"cell {number}", "exec")
+
+
+def test_imports_lead_somewhere() -> None:
+    for cell in CODE:
+        for node in ast.walk(ast.parse(source(cell))):
+            if not isinstance(node, ast.ImportFrom) or not str(node.module).startswith("lava_vpr."):
+                continue
+            if node.module == "lava_vpr.processes":
+                assert {name.name for name in node.names} <= set(names_of_processes)
+                continue
+            folder, *parts = str(node.module).split(".")[1:]
+            path = (ROOT / folder if folder == "processes" else ROOT / "lava_vpr" / folder).joinpath(*parts)
+            text = path.with_suffix(".py").read_text() if path.with_suffix(".py").exists() else ""
+            for name in node.names:
+                known = re.search(rf"^(?:class|def) {name.name}\b|^{name.name}\b.*=", text, re.MULTILINE)
+                assert known or (path / f"{name.name}.py").exists(), f"{node.module}.{name.name}"
+
+
+def test_every_run_of_lava_is_stopped_in_its_cell() -> None:
+    runs = 0
+    for cell in CODE:
+        for process in set(re.findall(r"^\s*(\w+)\.run\(", source(cell), re.MULTILINE)) - {"subprocess"}:
+            runs += 1
+            assert re.search(rf"^\s*{process}\.stop\(\)$", source(cell), re.MULTILINE), source(cell)
+    assert runs >= 5
+
+
+def test_stored_outputs_are_those_of_one_run_from_the_top() -> None:
+    assert [cell["execution_count"] for cell in CODE] == list(range(1, len(CODE) + 1))
+    assert not any(output["output_type"] == "error" for cell in CODE for output in cell["outputs"])
+    assert sum("image/png" in output.get("data", {}) for cell in CODE for output in cell["outputs"]) >= 4
+
+
+def test_no_machine_and_no_date_is_named() -> None:
+    # That of the machine is what `scripts/run_notebook.py --save` itself looks for.
+    forbidden = [ABSOLUTE, re.compile(r"\b20\d\d-\d\d-\d\d\b"), re.compile(r"\b\d\d:\d\d:\d\d\b")]
+    for cell in CODE:
+        for text in (*texts(cell), source(cell)):
+            for pattern in forbidden:
+                assert not pattern.search(text), pattern.search(text)
+        assert "stderr" not in [output.get("name") for output in cell["outputs"]]
+        assert cell["metadata"] == {}
+    assert set(NOTEBOOK["metadata"]) == {"kernelspec", "language_info"}
+
+
+@pytest.mark.parametrize("line", ["see /home/me/x", "in /tmp/a.py", "'/work/main'", r"C:\x"])
+def test_an_absolute_path_is_noticed(line: str) -> None:
+    assert ABSOLUTE.search(line)
+
+
+@pytest.mark.parametrize("line", ["v / 64", "137/4096 a step", "docs/lava.md", "and/or", "route/query", "a/tmp"])
+def test_other_slashes_are_not(line: str) -> None:
+    assert not ABSOLUTE.search(line)
+
+
+def test_it_is_small() -> None:
+    assert PATH.stat().st_size < 400_000
+
+
+def test_links_lead_somewhere() -> None:
+    text = "\n".join(source(cell) for cell in NOTEBOOK["cells"] if cell["cell_type"] == "markdown")
+    links = re.findall(r"\]\((?!http)([^)#]+)\)", text)
+    assert links
+    for target in links:
+        assert (PATH.parent / target).exists(), target
+
+
+def processes() -> dict[str, tuple[str, str]]:
+    """Every Process of `processes/`: its folder and the text that makes its arguments, ports and Vars."""
+    found = {}
+    base = (ROOT / "processes" / "base" / "neurons.py").read_text()
+    for path in (ROOT / "processes").rglob("process.py"):
+        text = path.read_text()
+        for node in ast.parse(text).body:
+            bases = [ast.unparse(b) for b in node.bases] if isinstance(node, ast.ClassDef) else []
+            if isinstance(node, ast.ClassDef) and any(name.endswith("Process") for name in bases):
+                folder = str(path.parent.relative_to(ROOT / "processes"))
+                found[node.name] = folder, text + (base if "LifProcess" in bases else "")
+    return found
+
+
+def rows() -> dict[str, tuple[str, list[str]]]:
+    """The page's table of Processes: folder and the other cells of each row."""
+    table = re.findall(r"^\| `(\w+)` `([\w/]+)` \|(.*)\|$", LAVA_PAGE.read_text(), re.MULTILINE)
+    return {name: (folder, rest.split(" | ")) for name, folder, rest in table}
+
+
+def test_the_page_lists_every_process_and_no_other() -> None:
+    assert {name: folder for name, (folder, _) in processes().items()} == {
+        name: folder for name, (folder, _) in rows().items()
+    }
+
+
+@pytest.mark.parametrize("name", sorted(processes()))
+def test_the_page_gives_its_arguments_ports_and_vars(name: str) -> None:
+    _, text = processes()[name]
+    _, (arguments, ports, variables, _) = rows()[name]
+    own = next(node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ClassDef) and node.name == name)
+    maker = next(node for node in own.body if isinstance(node, ast.FunctionDef) and node.name == "__init__")
+    taken = {argument.arg for argument in maker.args.kwonlyargs}
+    for argument in taken:
+        assert re.search(rf"\b{argument}\b", arguments), f"{argument} is missing"
+    for argument in re.findall(r"(?:^|, )\s*(\w+)(?=[=,: (]|$)", arguments.strip()):
+        assert argument in taken, f"{argument} is no argument"
+    if ports.strip() == "as above":  # InhibitoryLIF, whose class is the same
+        return
+    # Ports and Vars are named where they are made: as attributes, or in a loop over their names.
+    listed = set(re.findall(r"`(\w+)`", ports + variables))
+    made = set(re.findall(r"self\.(\w+)(?=[\w., ]*(?:: \w+)? = .*(?:InPort|OutPort|Var)\()", text))
+    for line in re.findall(r"^\s*((?:self\.\w+, )+self\.\w+) = .*Var\(", text, re.MULTILINE):
+        made |= set(re.findall(r"self\.(\w+)", line))
+    if "setattr(self" in text:
+        made |= {"u", "v", "held", "du", "dv", "floor", "hold_steps", "theta_plus", "vth", "bias_mant", "bias_exp"}
+    assert listed == made
+
+
+def test_backends_that_the_page_names_exist() -> None:
+    from lava_vpr.backends.registry import BACKENDS
+
+    text = LAVA_PAGE.read_text()
+    assert all(f"`{name}`" in text for name in BACKENDS)
+    assert set(re.findall(r"`(lava-(?!nc|vpr|loihi|dl)\w+)`", text)) <= set(BACKENDS)
+
+
+BEFORE = """
+import numpy as np
+from lava_vpr import model as file
+from lava_vpr.config import Config, EncoderConfig
+from lava_vpr.encoding import encode_traverse, query_rates
+from lava_vpr.engine.inference.fixed import count_spikes
+from lava_vpr.synthetic import write_traverses
+from lava_vpr.training import train
+from lava_vpr.traverse import open_traverse
+from pathlib import Path
+
+write_traverses(Path("route"), places=4, seed=0)
+config = Config(encoder=EncoderConfig(orientations=4))
+images = encode_traverse(open_traverse("route/reference"), config.encoder)
+file.save(train([images], config), Path("route.lvpr"))
+rates, image_ids = query_rates(images.activity, config)[:2], images.indices[:2]
+"""
+AFTER = """
+assert counts.sum() > 20
+assert np.array_equal(counts, count_spikes(spec, rates, keys)[0])
+"""
+
+
+def test_the_first_example_of_the_page_gives_the_hosts_counts(tmp_path: Path) -> None:
+    example = re.findall(r"```python\n(.*?)```", LAVA_PAGE.read_text(), re.DOTALL)[0]
+    (tmp_path / "example.py").write_text(BEFORE + example + AFTER)
+    with (tmp_path / "log").open("w") as log:
+        done = subprocess.run(
+            [sys.executable, "example.py"],
+            cwd=tmp_path,
+            timeout=240,
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=log,
+            check=False,
+        )
+    assert done.returncode == 0, (tmp_path / "log").read_text()

@@ -1,0 +1,348 @@
+"""The evaluation report: equal bytes, nothing from outside, and a page that works in a real browser."""
+
+from __future__ import annotations
+
+import dataclasses
+import errno
+import json
+import math
+import os
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import cv2
+import matplotlib
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from support.common.browser import visit
+
+from lava_vpr.config import Config
+from lava_vpr.configfile import to_toml
+from lava_vpr.errors import InputError
+from lava_vpr.inputs.preprocess import orientation_channels
+from lava_vpr.matching.evaluation import Metrics, evaluate
+from lava_vpr.report import Raster, ReportData, write_report
+from lava_vpr.report.html import page
+from lava_vpr.report.svg import THEME
+
+WRONG, REJECTED = 5, 9
+# For tests that look at words: drawing takes most of the time.
+WORDS: dict[str, Any] = {"matrices": {}, "rasters": ()}
+
+
+def thumbnails(n: int, height: int = 24, width: int = 40) -> NDArray[np.uint8]:
+    """Images of a horizon, a sun and a track that move with the place."""
+    y, x = np.mgrid[:height, :width]
+    images = np.zeros((n, height, width, 3), np.uint8)
+    for i in range(n):
+        horizon = height * (0.3 + 0.25 * math.sin(i / 3))
+        images[i, ..., 0] = np.where(y < horizon, 210, 60)
+        images[i, ..., 1] = np.where(y < horizon, 190, 110)
+        sun = (y - 5) ** 2 + (x - (7 * i) % width) ** 2 < 12
+        track = (np.abs(x - width / 2) < (y - horizon) * 0.6) & (y > horizon)
+        images[i, ..., 2] = np.where(sun, 255, np.where(track, 120, 40))
+    return images
+
+
+def example(n: int = 12, kind: str = "orientation", **changes: Any) -> ReportData:
+    """A report over ``n`` places; query 5 is wrong and query 9 unanswered."""
+    rng = np.random.default_rng(7)
+    images, truth = thumbnails(n), np.eye(n, dtype=np.bool_)
+    scores = rng.uniform(0, 4, (n, n)) + 8 * truth
+    if n > REJECTED:
+        scores[WRONG, 2], scores[REJECTED] = 14.0, 0.0
+    matches = np.where(scores.any(axis=1), scores.argmax(axis=1), -1)
+    ranked = np.sort(np.pad(scores, ((0, 0), (1, 0))), axis=1)
+    confidence = ranked[:, -1] - ranked[:, -2]
+    sad = -rng.uniform(10, 60, (n, n)) + 20 * truth
+    matrices = {"contrast": scores, "sad": sad, "cosine": 1 + sad / 80}
+    metrics = {name: evaluate(s, s.max(axis=1), truth) for name, s in (*matrices.items(), ("weighted", scores))}
+    channels, grid = {"orientation": (4, 7), "onoff": (2, 28), "pixels": (1, 28)}[kind]
+    if kind == "orientation":
+        weights = np.stack([orientation_channels(i, side=28, orientations=4) for i in images], axis=1)
+    else:
+        weights = rng.integers(0, 8, (channels * grid * grid, n)).astype(np.float64)
+    shown = [q for q in (0, 1, WRONG, REJECTED) if q < n]
+    rasters = tuple(
+        Raster(q, int(matches[q]), q, 103, n, rng.integers(0, 103, 60), rng.integers(0, n, 60), 600 + q) for q in shown
+    )
+    data = ReportData(
+        title="Synthetic world, noon to dusk",
+        command="lava-vpr eval world.lvpr query/ --baseline sad --baseline cosine",
+        summary={"neurons": str(n), "weight bits": "3", "steps": "100"},
+        default_decoder="contrast",
+        metrics=metrics,
+        matrices=matrices,
+        truth=truth,
+        matches=matches,
+        confidence=confidence,
+        place_names=tuple(f"r{i:03}.png" for i in range(n)),
+        query_names=tuple(f"q{i:03}.png" for i in range(n)),
+        place_thumbnails=images,
+        query_thumbnails=255 - images,
+        input_kind=kind,
+        orientations=4,
+        grid=grid,
+        weights=weights,
+        neuron_places=np.arange(n)[::-1].copy(),
+        rasters=rasters,
+        events={"synaptic_operations": 88012, "exc_spikes": 41.25, "messages": 4250},
+        config_toml=to_toml(Config()),
+    )
+    return dataclasses.replace(data, **changes)
+
+
+@pytest.fixture(scope="module")
+def text() -> str:
+    return page(example())
+
+
+class Outline(HTMLParser):
+    """Elements of a page as (tag, attributes), in order."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs)))
+
+
+# The file
+
+
+def test_equal_data_give_equal_bytes_whatever_the_users_style(tmp_path: Path) -> None:
+    first = write_report(example(), tmp_path / "a")
+    with matplotlib.rc_context({"lines.linewidth": 9, "font.size": 30, "svg.fonttype": "path", "axes.grid": True}):
+        before = dict(matplotlib.rcParams)
+        second = write_report(example(), tmp_path / "b" / "deep")
+        assert dict(matplotlib.rcParams) == before
+    assert first == tmp_path / "a" / "report.html"
+    assert first.read_bytes() == second.read_bytes()
+    assert sorted(p.name for p in first.parent.iterdir()) == ["report.html"]
+    assert page(example(title="another", **WORDS)) != first.read_text(encoding="utf-8")
+
+
+def test_a_report_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(InputError, match=r"file/report.html: the report cannot be written \(File exists\); give a"):
+        write_report(example(2, **WORDS), tmp_path / "file")
+    old = tmp_path / "report.html"
+    old.write_text("old")
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(InputError, match=r"\(No space left on device\)") as caught:
+        write_report(example(2, **WORDS), tmp_path)
+    assert "\n" not in str(caught.value)
+    assert old.read_text() == "old"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "report.html"]
+
+
+def test_large_maps_stay_below_eight_megabytes() -> None:
+    n = 1000
+    rng = np.random.default_rng(1)
+    scores = rng.normal(size=(n, n))
+    images = rng.integers(0, 256, (60, 34, 3), dtype=np.uint8)
+    views = np.broadcast_to(cv2.resize(images, (160, 90)), (n, 90, 160, 3))
+    data = example(
+        12,
+        truth=np.eye(n, dtype=np.bool_),
+        matrices={"contrast": scores, "sad": scores, "cosine": scores},
+        matches=scores.argmax(axis=1),
+        confidence=scores.max(axis=1),
+        place_names=tuple(f"images-{i:05}.png" for i in range(n)),
+        query_names=tuple(f"images-{i:05}.png" for i in range(n)),
+        place_thumbnails=views,
+        query_thumbnails=views,
+        weights=None,
+    )
+    size = len(page(data).encode())
+    assert 1_000_000 < size < 8_000_000
+
+
+# What is in it
+
+
+def test_nothing_comes_from_outside_and_everything_is_described(text: str) -> None:
+    elements = Outline(text).elements
+    assert not re.search(r"https?:|@import|xmlns", text)
+    for tag, attributes in elements:
+        for name in ("src", "href", "xlink:href"):
+            target = attributes.get(name)
+            assert target is None or target.startswith(("data:", "#")), (tag, target)
+        if tag == "img":
+            assert attributes.get("alt")
+        if tag == "svg":
+            assert attributes.get("aria-label") or attributes.get("aria-hidden") == "true"
+    ids = [a["id"] for _, a in elements if "id" in a]
+    assert len(ids) == len(set(ids))
+    targets = {a["href"] for tag, a in elements if tag == "a"}
+    assert targets == {f"#{a['id']}" for tag, a in elements if tag == "section"}
+    assert not [name for name, colour in THEME.items() if colour in text]
+    assert "<metadata" not in text
+    assert "var(--c0)" in text
+
+
+def test_figures_and_sentences(text: str) -> None:
+    assert 'Recognised <b class="num">10 of 12</b> places' in text
+    assert "R@1 0.83 with the <em>contrast</em>" in text
+    row = re.search(r"<tr class=default>.*?</tr>", text, re.DOTALL)
+    assert row
+    assert re.findall(r">([0-9.–]+)</td>", row[0])[:3] == ["0.833", "0.917", "0.917"]
+    assert text.count('<span class="tag">baseline</span>') == 2
+    assert text.count('<span class="tag">decoder</span>') == 1
+    assert "✗ wrong by 3 places" in text
+    assert "88,012" in text
+    assert "41.2<" in text
+    assert "10 of 12 best matches right" in text
+    assert "605 input spikes, 60 output spikes" in text
+    assert "steps = 350" in text
+
+
+def test_the_most_confident_mistake_comes_first() -> None:
+    n = 12
+    matches = np.roll(np.arange(n), 1)
+    matches[3] = 3
+    text = page(example(n, matches=matches, confidence=np.arange(n) / 10.0, **WORDS))
+    gallery = text[text.index('id="matches"') : text.index("Right matches")]
+    shown = [float(c) for c in re.findall(r"confidence ([0-9.]+)</span>", gallery)]
+    assert shown == [c / 10 for c in range(11, -1, -1) if c != 3]
+
+
+def test_names_cannot_break_the_page() -> None:
+    nasty = '</script><script>alert("1")</script>&\'$x_2$\udcff'
+    names = tuple(f"{nasty}{i}" for i in range(12))
+    data = example(title=nasty, command=nasty, summary={nasty: nasty}, place_names=names, query_names=names)
+    text = page(dataclasses.replace(data, matrices={}, rasters=data.rasters[:1]))
+    assert [a for tag, a in Outline(text).elements if tag == "script"] == [
+        {"type": "application/json", "id": "report-data"},
+        {},
+    ]
+    text.encode("utf-8")
+
+
+@pytest.mark.parametrize("kind", ["onoff", "pixels"])
+def test_other_inputs_are_drawn_as_images(kind: str) -> None:
+    text = page(example(kind=kind, **WORDS))
+    assert text.count('alt="Weights of neuron') == 12
+    assert 'class="strokes"' not in text
+    assert 'id="overlay"' not in text
+
+
+def test_degenerate_reports() -> None:
+    nothing = Metrics(math.nan, {}, math.nan, math.nan, math.nan, 0, 0, np.zeros(0), np.zeros(0), np.zeros(0))
+    data = example(1, metrics={"contrast": nothing}, rasters=(), weights=None, matrices={}, events={})
+    text = page(dataclasses.replace(data, matches=np.array([-1]), truth=np.zeros((1, 1), np.bool_)))
+    assert 'Recognised <b class="num">0 of 1</b> places' in text
+    assert text.count(">–</td>") == 6
+    for absent in ("scores", "fields", "spikes", "cost"):
+        assert f'id="{absent}"' not in text
+        assert f'href="#{absent}"' not in text
+    one_place = example(1, confidence=np.array([math.inf]), rasters=())
+    assert "Every query was matched to a true place." in page(one_place)
+    flat = np.zeros((12, 12))
+    unanswered = page(
+        example(matrices={"contrast": flat, "sad": np.full((12, 12), np.nan)}, matches=np.full(12, -1), rasters=())
+    )
+    assert "0 of 12 best matches right" in unanswered
+
+
+def test_arrays_that_do_not_belong_together_are_refused() -> None:
+    for name, value in (
+        ("truth", np.eye(3, dtype=np.bool_)),
+        ("matches", np.full(12, 12)),
+        ("weights", np.zeros((3, 12))),
+        ("query_thumbnails", np.zeros((12, 4, 4), np.uint8)),
+        ("default_decoder", "none"),
+    ):
+        with pytest.raises(ValueError, match=r"ReportData\.\w+ must"):
+            example(**{name: value})
+
+
+# In a browser
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_report(example(), tmp_path_factory.mktemp("report"))
+
+
+def test_the_page_runs_in_a_browser_without_a_word(report: Path) -> None:
+    result = visit(report)
+    assert result.console == ()
+    assert 'data-ready="yes"' in result.dom
+    body = result.dom[result.dom.index("<tbody") : result.dom.index("</tbody>")]
+    assert body.count("<tr") == 4
+    sections = "figures curves route scores fields spikes matches cost setup".split()
+    assert [a["id"] for tag, a in Outline(result.dom).elements if tag == "section"] == sections
+    # The script shows the most confident mistake first.
+    assert ">wrong, confidence " in result.dom
+    assert f"Query {WRONG} · q005.png" in result.dom
+
+
+ACTIONS = """
+document.querySelectorAll("table.sortable th button")[1].click();
+document.querySelector(".legend li[data-curve='1'] input").click();
+document.querySelector("[data-scale=query]").click();
+document.querySelector("[data-toggle*=truth]").click();
+document.querySelector("#overlay").click();
+for (let i = 0; i < 4; i++) document.querySelector("#browse-on").click();
+const found = {
+  order: [...document.querySelectorAll("table.sortable tbody tr")].map((r) => +r.children[1].dataset.value),
+  sort: document.querySelector("th[aria-sort]").getAttribute("aria-sort"),
+  curve: getComputedStyle(document.querySelector("#pr-1")).display,
+  other: getComputedStyle(document.querySelector("#pr-0")).display,
+  whole: getComputedStyle(document.querySelector("#m0-whole")).display,
+  query: getComputedStyle(document.querySelector("#m0-query")).display,
+  truth: getComputedStyle(document.querySelector("#m2-truth")).display,
+  overlay: document.querySelector("#field-grid").classList.contains("overlay"),
+  verdict: document.querySelector("#browse-verdict").textContent,
+  name: document.querySelector("#browse-query-name").textContent,
+  wide: document.documentElement.scrollWidth <= window.innerWidth,
+};
+document.body.textContent = "FOUND" + JSON.stringify(found);
+"""
+
+
+def test_its_switches_work(report: Path, tmp_path: Path) -> None:
+    # The page allows its own script only, by hash: the copy that is acted on has that policy taken out.
+    text = re.sub(r'<meta http-equiv="Content-Security-Policy"[^>]*>', "", report.read_text(encoding="utf-8"))
+    acted = tmp_path / "acted.html"
+    acted.write_text(text.replace("</body>", f"<script>{ACTIONS}</script></body>"), encoding="utf-8")
+    result = visit(acted, size="500,900")
+    assert result.console == ()
+    found = re.search(r"FOUND(\{.*\})", result.dom)
+    assert found, result.dom[-500:]
+    state = json.loads(found[1])
+    assert state.pop("order") == sorted((m.recall_at_1 for m in example().metrics.values()), reverse=True)
+    assert state == {
+        "sort": "descending",
+        "curve": "none",
+        "other": "inline",
+        "whole": "none",
+        "query": "inline",
+        "truth": "none",
+        "overlay": True,
+        "verdict": "no match",
+        "name": f"Query {REJECTED} · q009.png",
+        "wide": True,
+    }
+
+
+def test_foreign_scripts_are_refused_and_errors_are_seen(report: Path, tmp_path: Path) -> None:
+    text = report.read_text(encoding="utf-8")
+    foreign = tmp_path / "foreign.html"
+    foreign.write_text(text.replace("</body>", "<script>document.title = 'taken'</script></body>"), encoding="utf-8")
+    result = visit(foreign)
+    assert "Content Security Policy" in "".join(result.console)
+    assert "<title>taken" not in result.dom
+    broken = tmp_path / "broken.html"
+    broken.write_text("<!DOCTYPE html><title>x</title><script>null.x</script>", encoding="utf-8")
+    assert "TypeError" in "".join(visit(broken).console)

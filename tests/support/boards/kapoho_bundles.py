@@ -1,0 +1,115 @@
+"""Small bundles for Kapoho Bay, made of random networks, and what their programs are to answer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from support.boards import host_programs
+
+from lava_vpr.deploy.boards.board import KAPOHO_BAY
+from lava_vpr.deploy.boards.plan import CorePlan, Load, Needs, Part, Plan, PopulationName
+from lava_vpr.deploy.bundle import folder as bundle
+from lava_vpr.deploy.bundle.folder import array_bytes, json_bytes
+from lava_vpr.deploy.registers.core_images import core_images, host_tables
+from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference.fixed import SCALARS, SILENT_STEPS, FixedNetwork
+from lava_vpr.engine.random import presentation_keys
+from lava_vpr.loihi import HOST_SPIKES
+
+
+@dataclass(frozen=True)
+class Made:
+    """A bundle, the network in it, and presentations with the counts that the host gives them."""
+
+    path: Path
+    network: FixedNetwork
+    rates: NDArray[np.uint16]
+    keys: NDArray[np.uint64]
+    counts: NDArray[np.int32]
+
+
+def random_network(seed: int = 0, inputs: int = 30, neurons: int = 10, **changes: int) -> FixedNetwork:
+    """A network that spikes; a third of its weights are 0."""
+    rng = np.random.default_rng(seed)
+    weights = rng.integers(1, 8, (inputs, neurons)) * (rng.random((inputs, neurons)) < 0.67)
+    settings = {"bits": 3, "threshold": 90, "inhibition": 12, "inhibition_exponent": 0, "decay": 137, "steps": 40}
+    return FixedNetwork(weights.astype(np.uint8), **{**settings, "shift": 0, **changes})
+
+
+Place = tuple[PopulationName, int, int]
+"""A population, its first neuron on a core, and how many."""
+
+
+def plan_by_hand(
+    network: FixedNetwork, cores: dict[tuple[int, int], list[Place]], dense: float = 0.5, weight_bits: int = 3
+) -> Plan:
+    """Neurons where ``cores`` (chip, core) says; a part ``dense`` of the inputs' rows and, from 0.5, lateral ones."""
+    made = []
+    for (chip, core), places in cores.items():
+        parts, compartment = [], 0
+        for population, first, size in places:
+            parts.append(Part(population, first, size, compartment))
+            compartment += size
+        rows = np.arange(network.inputs) % 8 < 8 * dense
+        nothing = Load(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        needs = Needs(compartment, None, None, None, None, None, None)
+        made.append(CorePlan(chip, core, tuple(parts), rows, dense >= 0.5, needs, nothing))
+    return Plan(network, KAPOHO_BAY, tuple(made), weight_bits, network.inhibition.bit_length(), None, 0.0)
+
+
+LAYOUTS: dict[str, dict[tuple[int, int], list[Place]]] = {
+    "one core": {(0, 0): [("exc", 0, 10), ("inh", 0, 10), ("inputs", 0, 30)]},
+    "two chips": {
+        (0, 0): [("exc", 0, 4), ("inh", 0, 4), ("inputs", 0, 9)],
+        (0, 3): [("exc", 4, 1), ("inh", 4, 1), ("inputs", 9, 8)],
+        (1, 1): [("exc", 5, 5), ("inh", 5, 5), ("inputs", 17, 13)],
+    },
+    "apart": {
+        (0, 1): [("exc", 0, 6)],
+        (0, 2): [("exc", 6, 4)],
+        (1, 0): [("inh", 0, 10)],
+        (1, 5): [("inputs", 0, 30)],
+    },
+}
+"""Ways to spread 10 neurons and 30 inputs; the last has a chip without exc."""
+
+
+def layout(name: str, network: FixedNetwork, dense: float = 0.5) -> Plan:
+    """`LAYOUTS`, without input compartments if spikes are injected."""
+    cores = {
+        core: [place for place in places if network.regular or place[0] != "inputs"]
+        for core, places in LAYOUTS[name].items()
+    }
+    return plan_by_hand(network, {core: places for core, places in cores.items() if places}, dense)
+
+
+def make(folder: Path, plan: Plan, images: int = 5, traverses: int = 1, seed: int = 0) -> Made:
+    """Write the bundle of ``plan`` with ``images`` random references of each of ``traverses``."""
+    network, rng = plan.network, np.random.default_rng(seed + 1)
+    n = images * traverses
+    rates = (rng.random((n, network.inputs)) ** 3 * 20000).astype(np.uint16)
+    keys = presentation_keys(seed, "response", np.arange(n))
+    counts, _, _ = fixed.count_spikes(network, rates, keys)
+    labels = np.tile(np.arange(images), traverses)
+    responses = np.zeros((network.neurons, images), np.int32)
+    np.add.at(responses.T, labels, counts)
+    files = {"host/rates.npy": rates, "host/keys.npy": keys, "host/responses.npy": responses, "host/labels.npy": labels}
+    tables = host_tables(plan)
+    files |= {f"host/{name}.npy": getattr(tables, name) for name in ("injection", "inputs", "exc", "inh")}
+    registers = {}
+    for image in core_images(plan):
+        name = f"cores/chip{image.chip}-core{image.core:03d}"
+        registers[f"{name}/registers.json"] = json_bytes(image.registers)
+        arrays = ("compartments", "synapses", "axons_in", "axons_out")
+        files |= {f"{name}/{array}.npy": getattr(image, array) for array in arrays}
+    content = {f"program/{name}": data for name, data in host_programs.files("kapoho_bay").items()}
+    content |= {name: array_bytes(array) for name, array in files.items()} | registers
+    scalars = {name: int(getattr(network, name)) for name in SCALARS}
+    sizes = {"inputs": network.inputs, "neurons": network.neurons, "silent_steps": SILENT_STEPS}
+    manifest = {"target": "kapoho-bay", "network": {**sizes, **scalars}, "limits": {"host_spikes": HOST_SPIKES}}
+    path = folder / "bundle"
+    bundle.write(path, manifest, content)
+    return Made(path, network, rates, keys, counts)

@@ -1,0 +1,94 @@
+"""Small bundles for Loihi 2, made of random networks, and their programs as children."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from support.boards import host_programs
+
+from lava_vpr.deploy.bundle import folder as bundle_folder
+from lava_vpr.deploy.bundle import loihi2
+from lava_vpr.deploy.bundle.folder import array_bytes
+from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork, count_spikes
+from lava_vpr.engine.random import presentation_keys
+
+STANDIN = Path(__file__).parents[1] / "standins" / "standin_lava_loihi"
+AGAIN = "; deploy the model again or fetch an intact copy"
+IMAGES, PLACES, INTERVAL = 5, 4, 33
+
+
+def network(seed: int = 0, inputs: int = 24, neurons: int = 10, **changes: int) -> FixedNetwork:
+    """A small network whose neurons spike."""
+    numbers = {"bits": 3, "shift": 0, "threshold": 20, "inhibition": 10, "inhibition_exponent": 0, "decay": 137}
+    numbers |= {"steps": INTERVAL - 3, "regular": 0} | changes
+    weights = np.random.default_rng(seed).random((inputs, neurons)) ** 4 * (1 << numbers["bits"])
+    return FixedNetwork(weights.astype(np.uint8), **numbers)
+
+
+def queries(inputs: int = 24, n: int = IMAGES, seed: int = 0) -> tuple[NDArray[np.uint16], NDArray[np.uint64]]:
+    """Rates that bring six spikes a step, and keys."""
+    activity = np.random.default_rng(seed).random((n, inputs)) ** 3
+    share = activity / activity.sum(axis=1, keepdims=True)
+    return np.minimum(share * 6 * 65536, 65535).astype(np.uint16), presentation_keys(1, "response", np.arange(n))
+
+
+def write_bundle(path: Path, net: FixedNetwork) -> Path:
+    """A bundle of ``net`` with its references: the first place has two images."""
+    rates, keys = queries(net.inputs)
+    counts, _, _ = count_spikes(net, rates, keys)
+    labels, responses = np.arange(IMAGES) % PLACES, np.zeros((net.neurons, PLACES), np.int32)
+    np.add.at(responses.T, labels, counts)
+    arrays = {"rates": rates, "keys": keys, "labels": labels, "responses": responses}
+    files = loihi2.network_files(net) | {f"host/{name}.npy": array_bytes(array) for name, array in arrays.items()}
+    program = {f"program/{name}": data for name, data in host_programs.files("loihi2").items()}
+    told = {"target": "loihi2", "network": {name: int(getattr(net, name)) for name in ("inputs", "neurons", *SCALARS)}}
+    bundle_folder.write(path, told, files | program)
+    return path
+
+
+def environment(standin: Path | None = STANDIN, options: Path | None = None) -> dict[str, str]:
+    """For a program: with the stand-in on its path and a host configured, or without both."""
+    dropped = ("PYTHONPATH", "SLURM", "NXSDKHOST", "STANDIN_LOIHI")
+    own = {key: value for key, value in os.environ.items() if key not in dropped}
+    if standin is not None:
+        own |= {"PYTHONPATH": str(standin), "NXSDKHOST": "10.0.0.2"}
+    return own | ({"STANDIN_LOIHI": str(options)} if options is not None else {})
+
+
+def program(bundle: Path, *words: object, env: dict[str, str] | None = None) -> tuple[int, str]:
+    """Run a bundle's program; exit code and what it says."""
+    command = [sys.executable, str(bundle / "program" / "run.py"), *map(str, words)]
+    ran = subprocess.run(
+        command, env=env or environment(None), capture_output=True, text=True, timeout=120, check=False
+    )
+    return ran.returncode, (ran.stdout + ran.stderr).strip()
+
+
+def running(bundle: Path) -> list[str]:
+    """Command lines of processes that run a bundle's program."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            found.append(path.read_text(encoding="utf-8", errors="replace"))
+        except OSError:
+            continue
+    return [line for line in found if str(bundle) in line]
+
+
+def asked(folder: Path, **options: Any) -> Path:
+    """The stand-in's options, in a file."""
+    path = folder / "standin.json"
+    path.write_text(json.dumps(options), encoding="utf-8")
+    return path
+
+
+def answers(out: Path) -> tuple[NDArray[np.int32], NDArray[np.bool_], dict[str, Any]]:
+    """What a program wrote."""
+    return np.load(out / "counts.npy"), np.load(out / "done.npy"), json.loads((out / "status.json").read_text())

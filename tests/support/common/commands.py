@@ -1,0 +1,69 @@
+"""Running commands in tests, on a small synthetic route."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from click.testing import CliRunner, Result
+
+from lava_vpr.cli import main
+from lava_vpr.synthetic.world import write_traverses
+
+CONFIG = "[network]\nsteps = 300\n[learning]\nsteps = 300\nepochs = 6\n"
+PLACES = 8
+
+
+def run(*words: object) -> Result:
+    """A command that must succeed with nothing but notes and warnings on stderr."""
+    result = CliRunner().invoke(main, [str(word) for word in words])
+    assert result.exit_code == 0, result.output
+    assert all(line.startswith(("note: ", "warning: ")) for line in result.stderr.splitlines()), result.stderr
+    return result
+
+
+def make_route(root: Path) -> Path:
+    """A synthetic route of eight places in ``root``, the settings ``quick.toml``, and a model ``m.lvpr``."""
+    write_traverses(root, PLACES, 0)
+    (root / "quick.toml").write_text(CONFIG)
+    run("train", root / "reference", "-o", root / "m.lvpr", "--config", root / "quick.toml")
+    return root
+
+
+def link_route(made: Path, folder: Path) -> Path:
+    """A folder to work in that sees what was made; nothing is written through the links."""
+    for entry in made.iterdir():
+        os.symlink(entry, folder / entry.name)
+    return folder
+
+
+def figures(*words: object) -> dict[str, Any]:
+    """What ``eval m.lvpr words --json`` writes."""
+    run("eval", "m.lvpr", *words, "--json", "f.json")
+    return dict(json.loads(Path("f.json").read_text()))
+
+
+def recall(values: dict[str, Any], name: str = "contrast") -> float:
+    """R@1 of one matcher."""
+    return float({**values["decoders"], **values["baselines"]}[name]["recall_at_1"])
+
+
+def matches(*words: object) -> list[dict[str, str]]:
+    """What ``query m.lvpr words`` writes."""
+    run("query", "m.lvpr", *words, "-o", "q.csv")
+    with Path("q.csv").open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def images(folder: str) -> list[Path]:
+    """The images of a folder, in order."""
+    return sorted(Path(folder).iterdir())
+
+
+def listed(name: str, paths: list[Path]) -> str:
+    """A list file of images."""
+    Path(name).write_text("".join(f"{path}\n" for path in paths))
+    return name

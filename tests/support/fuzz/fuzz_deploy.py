@@ -1,0 +1,248 @@
+"""Random networks on random boards, and what a bundle's cores need and hold, counted from the bundle's bytes alone.
+
+Nothing of `lava_vpr.deploy` but the bundle reader and the boards' limits is used here: words are read bit by bit.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.config import preset
+from lava_vpr.configfile import update
+from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
+from lava_vpr.deploy.bundle.folder import Bundle
+from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.model import Model, Stretch
+
+WEIGHT_BITS = (0, 1, 2, 3, 4, 5, 6, 8)
+READ_OUT = -1
+"""Core of an output axon that leads to the embedded processor."""
+Row = tuple[NDArray[np.int64], NDArray[np.int64]]
+"""Compartments of a row's synapses, and the currents they bring, in units of u."""
+INDEX_BITS = (0, 6, 7, 8, 9, 10, 11, 12)
+
+
+def random_network(rng: np.random.Generator, large: bool) -> FixedNetwork:
+    """A network of any size, density, width and way of input."""
+    inputs = int(rng.integers(1, 1600 if large else 90))
+    neurons = int(rng.integers(1, 260 if large else 40))
+    bits = int(rng.integers(1, 9))
+    density = rng.choice([0.0, 0.05, 0.3, 0.6, 1.0], p=[0.02, 0.18, 0.3, 0.3, 0.2])
+    weights = rng.integers(1, 1 << bits, (inputs, neurons)) * (rng.random((inputs, neurons)) < density)
+    weights = (weights * np.minimum(1, 30_000 / np.maximum(1, weights.sum(axis=0)))).astype(np.uint8)
+    most = max(1, min(255, 32_000 // max(1, neurons - 1)))
+    inhibition = int(rng.integers(0, most)) if rng.random() < 0.9 else 0
+    exponent = 0
+    while rng.random() < 0.3 and exponent < 4 and (neurons - 1) * inhibition << (exponent + 1) < 32_000:
+        exponent += 1
+    threshold = int(rng.integers(1, max(2, int(weights.sum(axis=0).max()) // 3 + 2)))
+    decay = int(rng.choice([0, 137, 1000, 4095]))
+    steps, regular = int(rng.integers(1, 40)), int(rng.random() < 0.4)
+    return FixedNetwork(weights, bits, 0, threshold, inhibition, exponent, decay, steps, regular)
+
+
+def random_board(rng: np.random.Generator, network: FixedNetwork) -> Board:
+    """Kapoho Bay, as it is or with cores so small that the network takes several."""
+    if rng.random() < 0.5:
+        return KAPOHO_BAY
+    least = network.inputs + network.neurons + 1
+    return replace(
+        KAPOHO_BAY,
+        cores=int(rng.choice([2, 4, 16, 128])),
+        compartments=int(rng.integers(2, 200)),
+        axons_in=int(rng.integers(least, 3 * least)),
+        axons_out=int(rng.integers(4, 400)),
+        synapse_words=int(rng.integers(network.inputs + 2 * network.neurons + 4, 9 * least)),
+    )
+
+
+def model_of(network: FixedNetwork) -> Model:
+    """A model around a random network: what deployment needs of it."""
+    rng = np.random.default_rng(network.inputs)
+    mode = "bias" if network.regular else "injected"
+    kinds = {
+        "encoder": {"kind": "pixels", "query_spikes": 5.0},
+        "network": {"input_mode": mode, "steps": network.steps},
+    }
+    neurons = network.neurons
+    return Model(
+        config=update(preset("loihi"), kinds),
+        network=network,
+        learned=np.zeros((0, 0), np.float32),
+        responses=np.zeros((neurons, 2), np.int32),
+        stretches=(Stretch(0, 2, 0, neurons),),
+        place_indices=np.arange(2),
+        place_names=("a", "b"),
+        route_images=2,
+        labels=np.arange(2),
+        patches=np.zeros((2, 28, 28), np.uint8),
+        activity=rng.random((2, network.inputs)).astype(np.float32),
+        thumbnails=np.zeros((2, 48, 64, 3), np.uint8),
+        training={},
+    )
+
+
+@dataclass
+class Core:
+    """A core as its bytes say."""
+
+    chip: int
+    number: int
+    registers: dict[str, Any]
+    compartments: NDArray[np.int32]
+    words: NDArray[np.uint64]
+    axons_in: NDArray[np.int32]
+    axons_out: NDArray[np.int32]
+    rows: list[Row] = field(default_factory=list)
+
+    def read_rows(self) -> None:
+        """Every axon's (compartment, current in units of u), bit by bit."""
+        formats = self.registers["synapseFmt"]
+        known: dict[tuple[int, ...], Row] = {}
+        for first, words, synapses in self.axons_in.tolist():
+            if (first, words, synapses) not in known:
+                known[first, words, synapses] = self._row(first, words, synapses, formats)
+            self.rows.append(known[first, words, synapses])
+
+    def _row(self, first: int, words: int, synapses: int, formats: Any) -> Row:
+        at, end, position = first, first + words, 0
+        found: list[Row] = [(np.zeros(0, np.int64), np.zeros(0, np.int64))]
+        while at < end:
+            head = int(self.words[at])
+            own = formats[head & 15]
+            count = (head >> 4 & 63) + 1
+            weight, index = WEIGHT_BITS[own["wgtBits"]], INDEX_BITS[own["idxBits"]]
+            length = -(-(10 + count * (weight + index)) // 64)
+            bits = np.unpackbits(self.words[at : at + length].astype("<u8").view(np.uint8), bitorder="little")
+            fields = bits[10 : 10 + count * (weight + index)].reshape(count, weight + index).astype(np.int64)
+            places = fields[:, :index] @ (1 << np.arange(index)) if index else position + np.arange(count)
+            sizes = fields[:, index:] @ (1 << np.arange(weight))
+            position += count
+            shift = 8 - weight + 6 + own["wgtExp"]
+            currents = sizes << shift if shift >= 0 else sizes >> -shift
+            currents = -currents if own["fanoutType"] == 3 else currents
+            found.append((places, currents))
+            at += length
+        assert at == end, "a row does not end where its axon says"
+        assert position == synapses, "a row has other synapses than its axon says"
+        targets, amounts = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
+        assert len(set(targets.tolist())) == synapses, "two synapses of a row lead to one compartment"
+        return targets, amounts
+
+
+def cores_of(bundle: Bundle) -> list[Core]:
+    """Every core of a bundle."""
+    made = []
+    for folder in bundle.folders("cores"):
+        chip, number = (int(part[4:]) for part in folder.removeprefix("cores/").split("-"))
+        names = ("compartments", "synapses", "axons_in", "axons_out")
+        arrays = [bundle.array(f"{folder}/{name}.npy") for name in names]
+        core = Core(chip, number, bundle.json(f"{folder}/registers.json"), *arrays)
+        core.read_rows()
+        made.append(core)
+    return made
+
+
+def violations(cores: list[Core], board: Board, tables: dict[str, NDArray[Any]]) -> list[str]:
+    """Every limit that a bundle's content exceeds."""
+    found = []
+
+    def need(what: str, value: int, limit: int | None) -> None:
+        if limit is not None and value > limit:
+            found.append(f"{what}: {value} > {limit}")
+
+    exc = {tuple(row) for row in tables["exc"].tolist()}
+    places = {(core.chip, core.number) for core in cores}
+    if len(places) < len(cores):
+        found.append("two cores on one place")
+    for core in cores:
+        name = f"chip {core.chip} core {core.number}"
+        if not (0 <= core.chip < board.chips and 0 <= core.number < board.cores):
+            found.append(f"{name}: not on the board")
+        need(f"{name} compartments", len(core.compartments), board.compartments)
+        need(f"{name} input axons", len(core.axons_in), board.axons_in)
+        need(f"{name} output axons", len(core.axons_out), board.axons_out)
+        readout = sorted(source for source, _, number, _ in core.axons_out.tolist() if number == READ_OUT)
+        if readout != sorted(
+            compartment for chip, number, compartment in exc if (chip, number) == (core.chip, core.number)
+        ):
+            found.append(f"{name}: not every neuron is read out once")
+        spans = sorted({(first, words) for first, words, _ in core.axons_in.tolist()})
+        need(f"{name} words", max((a + b for a, b in spans), default=0), board.synapse_words)
+        need(f"{name} words stored", len(core.words), board.synapse_words)
+        for (one, size), (two, _) in itertools.pairwise(spans):
+            if one + size > two:
+                found.append(f"{name}: rows overlap at word {two}")
+        used = [(i, own) for i, own in enumerate(core.registers["synapseFmt"]) if own]
+        need(f"{name} formats", len(used), board.formats)
+        for number, own in used:
+            if number == 0 or WEIGHT_BITS[own["wgtBits"]] not in board.weight_bits or abs(own["wgtExp"]) > 7:
+                found.append(f"{name}: format {number} cannot be")
+        need(f"{name} profiles", len(core.registers["cxProfileCfg"]), board.profiles)
+        need(f"{name} thresholds", len(core.registers["vthProfileCfg"]), board.thresholds)
+        for own in core.registers["cxProfileCfg"]:
+            if not (0 <= own["decayU"] < 4096 and 0 <= own["decayV"] < 4096 and own["refractDelay"] >= 1):
+                found.append(f"{name}: decays {own}")
+        for own in core.registers["vthProfileCfg"]:
+            if not 0 < own["vth"] < 1 << 17:
+                found.append(f"{name}: threshold {own}")
+        received = np.zeros((2, len(core.compartments)), np.int64)
+        for places_hit, currents in core.rows:
+            received[0, places_hit] += np.maximum(currents, 0)
+            received[1, places_hit] += np.maximum(-currents, 0)
+        need(f"{name} received", int(received.max(initial=0)) >> 6, board.input_limit - 1)
+        for source, chip, number, axon in core.axons_out.tolist():
+            if number == READ_OUT:
+                continue
+            target = next((other for other in cores if (other.chip, other.number) == (chip, number)), None)
+            if not 0 <= source < len(core.compartments) or target is None or not 0 <= axon < len(target.axons_in):
+                found.append(f"{name}: an axon leads to chip {chip} core {number} axon {axon}, which is not there")
+    return found
+
+
+def matrices(cores: list[Core], tables: dict[str, NDArray[Any]], inputs: int) -> tuple[NDArray[np.int64], ...]:
+    """Currents from inputs to exc, from exc to inh and from inh to exc, in units of u, followed from axon to axon."""
+    by_place = {(core.chip, core.number): core for core in cores}
+    whose = {}
+    for name in ("exc", "inh", "inputs"):
+        for core in cores:
+            whose[name, core.chip, core.number] = np.full(len(core.compartments), -1)
+        for number, (chip, core_number, compartment) in enumerate(tables[name].tolist()):
+            whose[name, chip, core_number][compartment] = number
+    neurons = len(tables["exc"])
+    to_exc = np.zeros((inputs, neurons), np.int64)
+    relay, lateral = np.zeros((neurons, neurons), np.int64), np.zeros((neurons, neurons), np.int64)
+
+    def follow(matrix: NDArray[np.int64], source: int, chip: int, core: int, axon: int, target: str) -> None:
+        places, currents = by_place[chip, core].rows[axon]
+        numbers = whose[target, chip, core][places]
+        assert (numbers[currents != 0] >= 0).all(), f"a synapse leads elsewhere than to {target}"
+        matrix[source, numbers[numbers >= 0]] += currents[numbers >= 0]
+
+    for source, chip, core, axon in tables["injection"].tolist():
+        follow(to_exc, source, chip, core, axon, "exc")
+    for core in cores:
+        here = (core.chip, core.number)
+        for compartment, chip, number, axon in core.axons_out.tolist():
+            if number == READ_OUT:
+                continue
+            kind = next(name for name in ("exc", "inh", "inputs") if whose[(name, *here)][compartment] >= 0)
+            matrix, target = {"exc": (relay, "inh"), "inh": (lateral, "exc"), "inputs": (to_exc, "exc")}[kind]
+            follow(matrix, whose[(kind, *here)][compartment], chip, number, axon, target)
+    return to_exc, relay, lateral
+
+
+def tables_of(bundle: Bundle) -> dict[str, NDArray[Any]]:
+    """The host's tables."""
+    return {name: bundle.array(f"host/{name}.npy") for name in ("injection", "inputs", "exc", "inh")}
+
+
+def memory_bundle(manifest: dict[str, Any], files: dict[str, bytes]) -> Bundle:
+    """A bundle that never was on a disk."""
+    return Bundle(Path("memory"), manifest, files)
