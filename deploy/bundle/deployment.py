@@ -24,7 +24,7 @@ from lava_vpr.engine.threads import cores
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.model import Model
 
-PROGRAMS = Path(__file__).parent / "programs"
+PROGRAMS = Path(__file__).parents[1] / "programs"
 
 
 @dataclass(frozen=True)
