@@ -22,7 +22,7 @@ DEADLINE = 240.0  # seconds; reached only when something hangs
 # number argv[2] that never ends.
 TALKING = """
 import os, sys, time
-from lava_vpr import training
+from lava_vpr.training import loop as training
 from lava_vpr.cli import main
 training.train.__kwdefaults__["interval"] = float(sys.argv.pop(1))
 hang, writes, flush = int(sys.argv.pop(1)), [0], os.fsync

@@ -13,9 +13,9 @@ from lava_vpr import kernelcache
 @pytest.fixture
 def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     root = tmp_path / "lava_vpr"
-    for folder in (root / "__pycache__", root / "engine" / "__pycache__"):
+    for folder in (root / "engine" / "inference" / "__pycache__", root / "engine" / "__pycache__", root / "inputs"):
         folder.mkdir(parents=True)
-    for source in ("engine/draw.py", "engine/fixed.py", "preprocess.py"):
+    for source in ("engine/draw.py", "engine/inference/fixed.py", "inputs/preprocess.py"):
         (root / source).write_text("")
         os.utime(root / source, (1000, 1000))
     monkeypatch.setattr(kernelcache, "PACKAGE", root)
@@ -32,12 +32,12 @@ def compiled(package: Path, name: str, time: float) -> Path:
 
 
 def test_kernels_older_than_any_source_are_dropped(package: Path) -> None:
-    old = [compiled(package, f"engine/__pycache__/fixed.{end}", 999) for end in ("nbi", "1.nbc")]
+    old = [compiled(package, f"engine/inference/__pycache__/fixed.{end}", 999) for end in ("nbi", "1.nbc")]
     kept = [compiled(package, "engine/__pycache__/stdp.nbi", 1001), compiled(package, "engine/__pycache__/a.pyc", 5)]
     kernelcache.prepare()
     assert [path.exists() for path in (*old, *kept)] == [False, False, True, True]
     # Another file than the kernel's own has changed: its function may be inlined there.
-    os.utime(package / "preprocess.py", (2000, 2000))
+    os.utime(package / "inputs" / "preprocess.py", (2000, 2000))
     kernelcache.prepare()
     assert [path.exists() for path in kept] == [False, True]
     assert "NUMBA_CACHE_DIR" not in os.environ
