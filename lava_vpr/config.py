@@ -12,12 +12,12 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from lava_vpr.errors import ConfigError
+from lava_vpr.matching.decoders import DECODERS
 
 InputKind = Literal["orientation", "onoff", "pixels"]
 InputMode = Literal["injected", "bias"]
 INPUT_MODES: tuple[str, ...] = typing.get_args(InputMode)
 INPUT_KINDS: tuple[str, ...] = typing.get_args(InputKind)
-DECODERS = ("contrast", "standard", "weighted", "probability", "weighted_probability")
 
 
 def _need(condition: bool, name: str, value: object, limit: str) -> None:

@@ -16,7 +16,7 @@ from lava_vpr.configfile import from_dict, to_dict
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork
 from lava_vpr.errors import BackendUnavailableError, LavaVprError, ModelFileError
-from lava_vpr.matching.decoders import assign
+from lava_vpr.matching.equations import assign
 
 
 @dataclass(frozen=True)

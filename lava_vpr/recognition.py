@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,11 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.backends import registry as backends
-from lava_vpr.config import DECODERS, Config
+from lava_vpr.config import Config
 from lava_vpr.encoding import EncodedTraverse, query_rates
 from lava_vpr.errors import InputError
 from lava_vpr.matching import baselines, decoders, sequences
+from lava_vpr.matching.certainty import best
+from lava_vpr.matching.decoders import DECODERS
+from lava_vpr.matching.equations import Variant
 from lava_vpr.matching.evaluation import Metrics, evaluate
+from lava_vpr.matching.matchers import confidence as confidence_of
 from lava_vpr.model import Model
 
 BASELINES = ("sad", "cosine")
@@ -47,7 +51,7 @@ class Recognition:
     events: dict[str, int]
 
 
-def decoder_variant(config: Config) -> decoders.Variant:
+def decoder_variant(config: Config) -> Variant:
     """Which reading of the four decoders a preset uses: ``paper`` the released code's, others the printed equations."""
     return "vprsnn2022" if config.preset == "paper" else "paper"
 
@@ -83,6 +87,14 @@ def decode(model: Model, counts: NDArray[np.int32], name: str) -> NDArray[np.flo
     """Scores float64 (n, places) of spike counts by the decoder ``name``."""
     return decoders.decode(
         name, model.responses, counts, variant=decoder_variant(model.config), gamma=model.config.decoder.gamma
+    )
+
+
+def prepare(model: Model) -> Callable[[NDArray[np.int32]], NDArray[np.float64]]:
+    """The model's own decoder for query after query: from spike counts (n, neurons) to scores (n, places)."""
+    decoder = model.config.decoder
+    return decoders.prepare(
+        decoder.default, model.responses, variant=decoder_variant(model.config), gamma=decoder.gamma
     )
 
 
@@ -130,10 +142,10 @@ def recognise(
     # One matrix at a time: of long routes, all of them together would not fit small memories.
     for name, scores in _every_matcher(model, queries, counts, rivals, others):
         matrix = sequences.sequence_scores(scores, sequence) if sequence > 1 else scores
-        sure = decoders.confidence("sequence" if sequence > 1 else name, matrix)
+        sure = confidence_of("sequence" if sequence > 1 else name, matrix)
         metrics[name] = evaluate(matrix, sure, truth)
         if name == default:
-            matches, confidence = decoders.best(matrix), sure
+            matches, confidence = best(matrix), sure
         if keep_scores and (name == default or name not in DECODERS):
             kept[name] = matrix
     return Recognition(

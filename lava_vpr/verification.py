@@ -14,8 +14,8 @@ from lava_vpr.backends.registry import Trains
 from lava_vpr.encoding import EncodedTraverse, query_rates
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.errors import BackendUnavailableError, InputError, NetworkLimitError
-from lava_vpr.matching import decoders
 from lava_vpr.matching.evaluation import evaluate
+from lava_vpr.matching.matchers import confidence
 from lava_vpr.model import Model
 from lava_vpr.recognition import decode
 
@@ -135,7 +135,7 @@ def recall_at_1(model: Model, counts: NDArray[np.int32], truth: NDArray[np.bool_
     """R@1 of the model's default decoder on spike counts (n, neurons)."""
     name = model.config.decoder.default
     scores = decode(model, counts, name)
-    return evaluate(scores, decoders.confidence(name, scores), truth).recall_at_1
+    return evaluate(scores, confidence(name, scores), truth).recall_at_1
 
 
 def verify(

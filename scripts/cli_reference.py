@@ -14,7 +14,8 @@ import click
 
 from lava_vpr.cli import main
 from lava_vpr.cli.query import COLUMNS
-from lava_vpr.config import DECODERS
+from lava_vpr.config import DecoderConfig
+from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.recognition import BASELINES
 
 TARGET = Path(__file__).resolve().parent.parent / "docs" / "cli.md"
@@ -109,7 +110,7 @@ def reference() -> str:
     ]
     text = HEAD.format(usage="\n".join(lines))
     text += "".join(section(name, command, ctx) for name, command in commands.items() if command)
-    decoders = sorted(DECODERS, key=lambda name: name == DECODERS[0])  # the paper's first, as in the file
+    decoders = sorted(DECODERS, key=lambda name: name == DecoderConfig().default)  # the paper's first, as in the file
     return text + TAIL.format(
         decoders=", ".join(f'"{name}": M' for name in decoders),
         baselines=", ".join(f'"{name}": M' for name in (*BASELINES, "descriptors")),

@@ -25,7 +25,9 @@ from lava_vpr.cli.common import (
 )
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
-from lava_vpr.matching import decoders, sequences
+from lava_vpr.matching import sequences
+from lava_vpr.matching.certainty import best
+from lava_vpr.matching.matchers import confidence as confidence_of
 from lava_vpr.model import Model
 from lava_vpr.recognition import count_query_spikes, decode
 from lava_vpr.traverse import open_traverse
@@ -97,13 +99,13 @@ def answer(model: Model, counts: NDArray[np.int32], sequence: int) -> tuple[NDAr
     name = model.config.decoder.default
     scores = decode(model, counts, name)
     if sequence == 1:
-        return decoders.best(scores), decoders.confidence(name, scores)
+        return best(scores), confidence_of(name, scores)
     windows = sequences.causal_sequence_scores(scores, sequence)
     matches = np.full(len(counts), -1, np.int64)
     confidence = np.full(len(counts), -np.inf)
-    best = decoders.best(windows)
-    matches[sequence - 1 :] = np.where(best >= 0, best + sequence - 1, -1)
-    confidence[sequence - 1 :] = decoders.confidence("sequence", windows)
+    first = best(windows)
+    matches[sequence - 1 :] = np.where(first >= 0, first + sequence - 1, -1)
+    confidence[sequence - 1 :] = confidence_of("sequence", windows)
     return matches, confidence
 
 

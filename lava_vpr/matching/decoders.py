@@ -1,301 +1,138 @@
-"""From spike counts to place scores: neuronal assignments, the paper's four decoders, and the default, ``contrast``.
+"""Decoders: what turns the spike counts of a query into scores of places, one row each.
 
 A decoder sees the responses S^R (int, (n_exc, n_places): spikes of each neuron on the reference images of each place)
-and the spikes s of a query (int, (n_exc,)) and nothing else. Source of the four: Hussaini, Milford, Fischer, RA-L 2022
-(doi 10.1109/LRA.2022.3149030), equations (4) to (9), and its released code (variants ``vprsnn2022``, the release of the
-paper, and ``vprsnn``, its later head). How the paper's notation is read here (variant ``paper``):
-
-* (4) ``N_i = argmax_l S^R[i, l]``; equal counts go to the lowest label; a neuron silent on all references gets none.
-* (5) the score of l is the sum of s over M_l, the neurons assigned to l. (The released code takes their mean.)
-* (6) omega_i, printed as ``card({i | N_i in M_l})``, is what the text calls it: the number of labels with a spike of i.
-* (7) as printed. The sum that turns it into a label's score is not printed: all neurons count here. (The released code
-  takes neurons with more than 0.1 of their spikes at l, and only labels that are some neuron's first.)
-* (8) is printed over labels, where it would be 1 for every neuron that fires. The text sums over the neurons that
-  learned l: ``sum_i S^R[i, l] 1[s_i > 0] / sum_i S^R[i, l]``.
-* (9) is printed over neurons k at one label, which would turn a label's score into the inverse of its largest share.
-  The text scales "for every query image ... across all output neurons": minimum, maximum and sum are taken over the
-  query's whole array, neurons (and, if weighted, labels). (The released code: `probability`, on label scores.)
-
-Defined answers: a query without any score (no spike, or none that tells places apart) matches no place: `best` is -1
-and `confidence` -inf. Equal scores go to the lowest place. Sums of shares are exact: shares are rounded once to
-2^-30, and integers below 2^53 add up in float64 without error, so that a query's scores are the same bits in any batch
-and on any machine. (The probability decoders then add up a query's scores in numpy's order, the same in any batch.)
+and the spikes s of a query (int, (n_exc,)) and nothing else. `matching.equations` holds the paper's four decoders and
+the default, ``contrast``, as functions; the rows here say which function serves which variant, how sure an answer is,
+and what reports call the decoder. A new decoder is a function and a row: settings, commands, files and reports ask
+`DECODERS`.
 """
 
 from __future__ import annotations
 
-import typing
-from collections.abc import Callable, Iterator
-from typing import Any, Literal
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.config import DECODERS
-from lava_vpr.errors import ConfigError, InputError
-
-Counts = NDArray[np.integer[Any]]
-Scores = NDArray[np.float64]
-Variant = Literal["paper", "vprsnn2022", "vprsnn"]
-VARIANTS: tuple[str, ...] = typing.get_args(Variant)
-
-SHARE_UNIT = 2.0**-30
-# Shares are at most 2^30 units, so a query of this many spikes still adds up below 2^53.
-MAX_QUERY_SPIKES = 1 << 23
-QUERY_BLOCK = 1024  # queries at a time: bounds what is needed beside the scores themselves
+from lava_vpr.errors import ConfigError
+from lava_vpr.matching import certainty, equations
+from lava_vpr.matching.certainty import Matcher
+from lava_vpr.matching.equations import VARIANTS, Counts, Scores, Variant, check_variant
+from lava_vpr.registry import Registry
 
 
-def _check(responses: Counts, spikes: Counts, variant: str = "paper") -> None:
-    """Refuse arrays that are no spike counts, do not fit each other, or could not be added up exactly."""
-    for name, array in (("responses", responses), ("spikes", spikes)):
-        if array.ndim != 2 or array.dtype.kind not in "iu":
-            raise InputError(f"{name}: {array.dtype} of shape {array.shape}, must be whole numbers in two dimensions")
-        if array.size and int(array.min()) < 0:
-            raise InputError(f"{name}: holds a negative count, must be spike counts of at least 0")
-    if responses.size == 0:
-        raise InputError(f"responses: shape {responses.shape}; train on at least one image with at least one neuron")
-    if spikes.shape[1] != responses.shape[0]:
-        neurons = f"{spikes.shape[1]} neurons, but responses hold {responses.shape[0]}"
-        raise InputError(f"spikes: counts of {neurons}; use one model for both")
-    most = int(spikes.sum(axis=1, dtype=np.int64).max(initial=0))
-    if most > MAX_QUERY_SPIKES:
-        raise InputError(
-            f"spikes: a query has {most:,} spikes, at most {MAX_QUERY_SPIKES:,}; use fewer steps or neurons"
-        )
-    _check_variant(variant)
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """How the equations are read.
 
-
-def _check_variant(variant: str) -> None:
-    if variant not in VARIANTS:
-        raise ConfigError(f"decoder variant {variant!r} is unknown; choose from {', '.join(VARIANTS)}")
-
-
-def _blocks(n: int) -> Iterator[slice]:
-    return (slice(start, min(n, start + QUERY_BLOCK)) for start in range(0, n, QUERY_BLOCK))
-
-
-def _shares(responses: Counts) -> Scores:
-    """``S^R[i, l] / sum_m S^R[i, m]``, shape (n_exc, n_places); 0 for a neuron silent on all references."""
-    totals = responses.sum(axis=1, dtype=np.int64)[:, None]
-    return np.divide(responses, totals, out=np.zeros(responses.shape), where=totals > 0)
-
-
-def _in_units(table: Scores) -> Scores:
-    """``table``, values in [0, 1], as whole numbers of `SHARE_UNIT`."""
-    return np.rint(table * (1.0 / SHARE_UNIT))
-
-
-def assign(responses: Counts) -> NDArray[np.int64]:
-    """The label N_i of each neuron, equation (4).
-
-    Args:
-        responses: S^R, int (n_exc, n_places).
-    Returns:
-        int64 (n_exc,): the place with most spikes; equal counts: the lowest; -1 for a neuron silent on all references.
+    Attributes:
+        variant: Which form of the paper's four decoders.
+        gamma: As in `equations.weighted`.
+        assignments: Labels of the neurons, int64 (n_exc,), to use instead of `equations.assign` (responses).
     """
-    return _first_most(responses)
+
+    variant: Variant = "paper"
+    gamma: float = 0.02
+    assignments: NDArray[np.int64] | None = field(default=None, repr=False)
 
 
-def _first_most(table: NDArray[Any]) -> NDArray[np.int64]:
-    """Column of each row's largest value, the lowest of equal ones; -1 where all are 0."""
-    return np.where(table.any(axis=1), table.argmax(axis=1), -1).astype(np.int64)
+ScoreFunction = Callable[[Counts, Counts, Reading], Scores]
+"""From responses (n_exc, n_places), spikes (n_queries, n_exc) and the reading to scores (n_queries, n_places)."""
+PreparedScores = Callable[[Counts], Scores]
+"""From spikes (n_queries, n_exc) to scores (n_queries, n_places)."""
 
 
-def assign_from_presentations(counts: Counts, labels: Counts) -> NDArray[np.int64]:
-    """Labels by the highest *mean* count over a label's presentations, as the released code assigns them.
+@dataclass(frozen=True)
+class Decoder(Matcher):
+    """One decoder.
 
-    Differs from `assign` where places were presented unequally often.
-
-    Args:
-        counts: Spikes of each presentation, int (n_presentations, n_exc).
-        labels: Place of each presentation, int (n_presentations,), at least 0.
-    Returns:
-        int64 (n_exc,); equal means: the lowest label; -1 for a neuron that never spiked.
-    Raises:
-        InputError: lengths differ, or a label is negative.
+    Attributes:
+        scores: The score function of every variant. Each row of scores, at least 0, depends on that query alone, bit
+            for bit; responses or spikes that are no counts or do not fit each other are an `InputError`.
+        prepared: From responses to scores of query after query, what the responses say worked out once; equal to the
+            score function of every variant, bit for bit. None if nothing can be worked out before.
     """
-    if counts.ndim != 2 or labels.shape != counts.shape[:1]:
-        raise InputError(f"labels: shape {labels.shape}, must be one label for each of {counts.shape[0]} presentations")
-    if labels.size == 0:
-        return np.full(counts.shape[1], -1, np.int64)
-    if int(labels.min()) < 0:
-        raise InputError(f"labels: {int(labels.min())} is negative, must be a place of at least 0")
-    present, index, repeats = np.unique(labels, return_inverse=True, return_counts=True)
-    sums = np.zeros((len(present), counts.shape[1]), np.int64)
-    np.add.at(sums, index.reshape(-1), counts.astype(np.int64))
-    chosen = _first_most((sums / repeats[:, None]).T)  # equal fractions give equal quotients, so ties are exact
-    return np.where(chosen >= 0, present[np.maximum(chosen, 0)], -1).astype(np.int64)
+
+    scores: Mapping[str, ScoreFunction]
+    prepared: Callable[[Counts], PreparedScores] | None = None
+
+    def __post_init__(self) -> None:
+        missing = [variant for variant in VARIANTS if not callable(self.scores.get(variant))]
+        if missing:
+            raise TypeError(f"decoder {self.name!r}: no score function for the variant {', '.join(missing)}")
 
 
-def _members(responses: Counts, assignments: NDArray[np.int64] | None) -> Scores:
-    """M_l as a table (n_exc, n_places): 1 where neuron i is assigned to l."""
-    labels = assign(responses) if assignments is None else assignments
-    if labels.shape != responses.shape[:1]:
-        raise InputError(f"assignments: shape {labels.shape}, must be one place for each of {len(responses)} neurons")
-    return (labels[:, None] == np.arange(responses.shape[1])).astype(np.float64)
+DECODERS: Registry[Decoder] = Registry("decoder", ConfigError)
+"""All decoders by name, the default one first."""
 
 
-def standard(
-    responses: Counts, spikes: Counts, *, variant: Variant = "paper", assignments: NDArray[np.int64] | None = None
-) -> Scores:
-    """Standard assignments, equation (5): spikes of the neurons assigned to a place.
-
-    Args:
-        responses: S^R, int (n_exc, n_places).
-        spikes: Query spikes, int (n_queries, n_exc).
-        variant: ``paper`` sums over M_l, the released code takes the mean (0 where M_l is empty).
-        assignments: Labels to use instead of `assign` (responses), e.g. of `assign_from_presentations`.
-    Returns:
-        Scores (n_queries, n_places).
-    """
-    _check(responses, spikes, variant)
-    members = _members(responses, assignments)
-    scores = np.empty((len(spikes), responses.shape[1]))
-    for block in _blocks(len(spikes)):
-        np.matmul(spikes[block].astype(np.float64), members, out=scores[block])
-    return scores if variant == "paper" else scores / np.maximum(members.sum(axis=0), 1.0)
+def in_every_variant(scores: ScoreFunction) -> Mapping[str, ScoreFunction]:
+    """``scores`` as the score function of every variant."""
+    return dict.fromkeys(VARIANTS, scores)
 
 
-def _weighted_table(
-    responses: Counts, gamma: float, involvement: bool, strength: bool, variant: str
-) -> tuple[Scores, NDArray[np.bool_]]:
-    """What one spike of neuron i is worth at place l before the penalty, in `SHARE_UNIT`; and which i learned l."""
-    n_places = responses.shape[1]
-    totals = responses.sum(axis=1, dtype=np.int64)[:, None]
-    learned = responses > 0 if variant == "paper" else responses.astype(np.int64) * 10 > totals
-    table = np.where(learned, _shares(responses) if strength else 1.0, 0.0)
-    if involvement:
-        omega = np.count_nonzero(responses, axis=1)
-        limit = gamma * n_places
-        many = omega >= limit if variant == "vprsnn" else omega > limit
-        table /= np.where(many, np.maximum(omega, 1), 1)[:, None]
-    return _in_units(table), learned
+def _contrast(responses: Counts, spikes: Counts, reading: Reading) -> Scores:
+    return equations.contrast(responses, spikes)
 
 
-def weighted(
-    responses: Counts,
-    spikes: Counts,
-    *,
-    gamma: float = 0.02,
-    involvement: bool = True,
-    strength: bool = True,
-    penalty: bool = True,
-    variant: Variant = "paper",
-    assignments: NDArray[np.int64] | None = None,
-) -> Scores:
-    """Weighted assignments, equations (6) to (8), summed over the neurons.
-
-    Args:
-        responses: S^R, int (n_exc, n_places).
-        spikes: Query spikes, int (n_queries, n_exc).
-        gamma: Share of the places above which a neuron counts as involved in many.
-        involvement: Equation (6): spikes divided by omega_i if omega_i > gamma n_places (``vprsnn``: >=).
-        strength: Equation (7): times the share of the neuron's spikes that place l got.
-        penalty: Equation (8): times the share of l's spikes that came from neurons which fire at the query, too.
-        variant: ``paper``; the released code counts, at l, neurons with more than 0.1 of their spikes there, and
-            scores only places that are some neuron's label.
-        assignments: Labels to use instead of `assign` (responses); they matter to the released code only.
-    Returns:
-        Scores (n_queries, n_places), at least 0.
-    """
-    _check(responses, spikes, variant)
-    table, learned = _weighted_table(responses, gamma, involvement, strength, variant)
-    scores = np.empty((len(spikes), responses.shape[1]))
-    for block in _blocks(len(spikes)):
-        np.matmul(spikes[block].astype(np.float64), table, out=scores[block])
-        scores[block] *= SHARE_UNIT
-        if penalty:
-            scores[block] *= _penalties(responses, learned, spikes[block])
-    if variant != "paper":
-        scores[:, ~_members(responses, assignments).any(axis=0)] = 0.0
-    return scores
+def _standard(responses: Counts, spikes: Counts, reading: Reading) -> Scores:
+    return equations.standard(responses, spikes, variant=reading.variant, assignments=reading.assignments)
 
 
-def _penalties(responses: Counts, learned: NDArray[np.bool_], spikes: Counts) -> Scores:
-    """The factor of equation (8), shape (n_queries, n_places); 0 for a place that no neuron learned."""
-    known = np.where(learned, responses, 0).astype(np.float64)
-    totals = known.sum(axis=0)
-    heard = (spikes > 0).astype(np.float64) @ known
-    return np.divide(heard, totals, out=np.zeros_like(heard), where=totals > 0)
+def _weighted(responses: Counts, spikes: Counts, reading: Reading) -> Scores:
+    return equations.weighted(
+        responses, spikes, gamma=reading.gamma, variant=reading.variant, assignments=reading.assignments
+    )
 
 
-def contrast(responses: Counts, spikes: Counts) -> Scores:
-    """The default decoder: each spike is shared among the places as its neuron's reference spikes were.
-
-    ``score[l] = sum_i s_i S^R[i, l] / sum_m S^R[i, m]``, equation (7) alone; a neuron silent on all references counts
-    nothing. Its confidence (`confidence`) is the contrast of best and second.
-
-    Args:
-        responses: S^R, int (n_exc, n_places).
-        spikes: Query spikes, int (n_queries, n_exc).
-    Returns:
-        Scores (n_queries, n_places), at least 0, in spikes.
-    """
-    return contrast_decoder(responses)(spikes)
+def _paper_probability(responses: Counts, spikes: Counts, reading: Reading) -> Scores:
+    return equations.standard_probability(responses, spikes, reading.assignments)
 
 
-def contrast_decoder(responses: Counts) -> Callable[[Counts], Scores]:
-    """`contrast` for query after query: what ``responses`` say is worked out once."""
-    _check(responses, np.zeros((0, len(responses)), np.int64))
-    table = _in_units(_shares(responses))
-
-    def scores_of(spikes: Counts) -> Scores:
-        _check(responses, spikes)
-        scores = np.empty((len(spikes), responses.shape[1]))
-        for block in _blocks(len(spikes)):
-            np.matmul(spikes[block].astype(np.float64), table, out=scores[block])
-        scores *= SHARE_UNIT
-        return scores
-
-    return scores_of
+def _released_probability(responses: Counts, spikes: Counts, reading: Reading) -> Scores:
+    return equations.probability(_standard(responses, spikes, reading))
 
 
-def probability(scores: Scores) -> Scores:
-    """Label scores as probabilities, as the released code has them: n = (S - min S) / (max S - min S), P = n / sum n.
-
-    Args:
-        scores: Scores (n_queries, n_places).
-    Returns:
-        Scores of the same shape; each row sums to 1, or is all 0 where all scores of a query are equal.
-    """
-    n = np.ascontiguousarray(scores - scores.min(axis=1, keepdims=True), dtype=np.float64)
-    highest = n.max(axis=1, keepdims=True)
-    np.divide(n, highest, out=n, where=highest > 0)
-    total = n.sum(axis=1, keepdims=True)
-    return np.divide(n, total, out=n, where=total > 0)
+def _paper_weighted_probability(responses: Counts, spikes: Counts, reading: Reading) -> Scores:
+    return equations.weighted_probability(responses, spikes, reading.gamma)
 
 
-def _scaled(scores: Scores, size: NDArray[Any] | int, low: Scores, high: Scores, total: Scores) -> Scores:
-    """Equation (9) summed over ``size`` neurons: ``(scores - size low) / ((high - low) total)``; no spread: all 0."""
-    spread = ((high - low) * total)[:, None]
-    above = np.maximum(scores - size * low[:, None], 0.0)  # rounding could leave a hair below 0
-    return np.divide(above, spread, out=np.zeros_like(scores), where=spread > 0)
+def _released_weighted_probability(responses: Counts, spikes: Counts, reading: Reading) -> Scores:
+    return equations.probability(_weighted(responses, spikes, reading))
 
 
-def _standard_probability(responses: Counts, spikes: Counts, assignments: NDArray[np.int64] | None) -> Scores:
-    """Equation (9) after (5): neurons scaled by the least, the most and all spikes of any neuron at the query."""
-    scores = standard(responses, spikes, assignments=assignments)
-    size = _members(responses, assignments).sum(axis=0)
-    low, high, total = (of(axis=1).astype(np.float64) for of in (spikes.min, spikes.max, spikes.sum))
-    return _scaled(scores, size, low, high, total)
-
-
-def _weighted_probability(responses: Counts, spikes: Counts, gamma: float) -> Scores:
-    """Equation (9) after (8): neuron-label pairs scaled by the least, the most and the sum of the query's pairs."""
-    scores = weighted(responses, spikes, gamma=gamma)
-    table, learned = _weighted_table(responses, gamma, True, True, "paper")
-    low, high = np.zeros(len(spikes)), np.zeros(len(spikes))
-    for block in _blocks(len(spikes)):
-        penalties = _penalties(responses, learned, spikes[block]) * SHARE_UNIT
-        for q, penalty in enumerate(penalties, start=block.start):
-            active = np.flatnonzero(spikes[q])
-            if len(active) == 0:
-                continue
-            pairs = table[active] * spikes[q, active, None]
-            high[q] = (pairs.max(axis=0) * penalty).max()
-            if len(active) == spikes.shape[1]:  # else a silent neuron makes the least 0
-                low[q] = (pairs.min(axis=0) * penalty).min()
-    return _scaled(scores, len(responses), low, high, scores.sum(axis=1))
+DECODERS.register(
+    Decoder(
+        "contrast",
+        title="contrast",
+        confidence=certainty.contrast,
+        scores=in_every_variant(_contrast),
+        prepared=equations.prepared_contrast,
+    )
+)
+DECODERS.register(
+    Decoder("standard", title="standard", confidence=certainty.highest, scores=in_every_variant(_standard))
+)
+DECODERS.register(
+    Decoder("weighted", title="weighted", confidence=certainty.highest, scores=in_every_variant(_weighted))
+)
+DECODERS.register(
+    Decoder(
+        "probability",
+        title="probability",
+        confidence=certainty.highest,
+        scores={**in_every_variant(_released_probability), "paper": _paper_probability},
+    )
+)
+DECODERS.register(
+    Decoder(
+        "weighted_probability",
+        title="weighted + probability",
+        confidence=certainty.highest,
+        scores={**in_every_variant(_released_weighted_probability), "paper": _paper_weighted_probability},
+    )
+)
 
 
 def decode(
@@ -310,81 +147,27 @@ def decode(
     """Place scores of the named decoder.
 
     Args:
-        name: One of `lava_vpr.config.DECODERS`.
+        name: A decoder in `DECODERS`.
         responses: S^R, int (n_exc, n_places).
         spikes: Query spikes, int (n_queries, n_exc).
-        variant: Which form of the paper's four decoders; ``contrast`` has one only.
-        gamma: As in `weighted`.
-        assignments: Labels to use instead of `assign` (responses).
+        variant, gamma, assignments: See `Reading`.
     Returns:
         Scores (n_queries, n_places), at least 0; each row depends on that query alone, bit for bit.
     Raises:
         ConfigError: unknown name or variant.
         InputError: arrays that are no counts or do not fit each other.
     """
-    if name not in DECODERS:
-        raise ConfigError(f"decoder {name!r} is unknown; choose from {', '.join(DECODERS)}")
-    _check_variant(variant)
-    if name == "contrast":
-        return contrast(responses, spikes)
-    as_probability, labels = name.endswith("probability"), assignments
-    if as_probability and variant == "paper":
-        if name == "weighted_probability":
-            return _weighted_probability(responses, spikes, gamma)
-        return _standard_probability(responses, spikes, labels)
-    if name.startswith("weighted"):
-        scores = weighted(responses, spikes, gamma=gamma, variant=variant, assignments=labels)
-    else:
-        scores = standard(responses, spikes, variant=variant, assignments=labels)
-    return probability(scores) if as_probability else scores
+    check_variant(variant)
+    return DECODERS[name].scores[variant](responses, spikes, Reading(variant, gamma, assignments))
 
 
-def best(scores: Scores) -> NDArray[np.int64]:
-    """The best place of each query.
+def prepare(name: str, responses: Counts, *, variant: Variant = "paper", gamma: float = 0.02) -> PreparedScores:
+    """`decode` for query after query: what ``responses`` say is worked out once, where the decoder can.
 
-    Args:
-        scores: Scores (n_queries, n_places), higher is better; distances negated.
-    Returns:
-        int64 (n_queries,): the lowest of the places with the highest score; -1, no match, where all scores are 0.
-    """
-    return _first_most(scores)
-
-
-def _top_two(scores: Scores) -> tuple[Scores, Scores]:
-    """Highest and second highest score of each query, equal ones counted twice; the second of one place is 0."""
-    if scores.shape[1] == 1:
-        return scores[:, 0], np.zeros(len(scores))
-    top = np.partition(scores, scores.shape[1] - 2, axis=1)[:, -2:]
-    return top[:, 1], top[:, 0]
-
-
-# Matchers by what says how sure they are: their best score, or best - second.
-_BY_BEST = ("standard", "weighted", "probability", "weighted_probability", "sad")
-_BY_MARGIN = ("cosine", "descriptors", "sequence")
-
-
-def confidence(name: str, scores: Scores) -> Scores:
-    """How sure each query's best match is; higher is surer, and only the order within one matcher means anything.
-
-    Args:
-        name: A decoder; ``sad`` (scores are distances, negated); ``cosine``; ``descriptors``; or ``sequence``, whatever
-            scores were added up.
-        scores: Scores (n_queries, n_places).
-    Returns:
-        float64 (n_queries,): the best score for the paper's four decoders and ``sad``; best - second for ``cosine``,
-        ``descriptors`` and ``sequence``; (best - second) / sqrt(best + second + 1) for ``contrast``: the difference of
-        two counts over the deviation it has by chance. -inf where nothing matches (`best` is -1).
     Raises:
-        ConfigError: unknown name.
+        ConfigError, InputError: as `decode`.
     """
-    if name in _BY_BEST:
-        values = scores.max(axis=1)
-    elif name in _BY_MARGIN:
-        first, second = _top_two(scores)
-        values = first - second
-    elif name == "contrast":
-        first, second = _top_two(scores)
-        values = (first - second) / np.sqrt(first + second + 1.0)
-    else:
-        raise ConfigError(f"matcher {name!r} is unknown; choose from {', '.join((*DECODERS, 'sad', *_BY_MARGIN))}")
-    return np.where(scores.any(axis=1), values, -np.inf)
+    prepared = DECODERS[name].prepared
+    if prepared is not None:
+        return prepared(responses)
+    return lambda spikes: decode(name, responses, spikes, variant=variant, gamma=gamma)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from lava_vpr.config import DECODERS
+from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.report import sections
 from lava_vpr.report.assets import SCRIPT
 from lava_vpr.report.data import Figures, ReportData

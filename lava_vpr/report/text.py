@@ -6,10 +6,10 @@ import math
 from html import escape as escape_html
 from typing import Any, TypeGuard
 
-_LABELS = {
-    "sad": "SAD",
-    "cosine": "cosine of the inputs",
-    "weighted_probability": "weighted + probability",
+from lava_vpr.matching.decoders import DECODERS
+from lava_vpr.matching.matchers import MATCHERS
+
+_EVENTS = {
     "synaptic_operations": "synaptic operations",
     "neuron_updates": "neuron updates",
     "input_spikes": "input spikes",
@@ -30,7 +30,10 @@ def safe(text: str) -> str:
 
 def label(name: str) -> str:
     """What a matcher or a counted event is called in the report."""
-    return _LABELS.get(name, name.replace("_", " "))
+    for matchers in (DECODERS, MATCHERS):
+        if name in matchers:
+            return str(matchers[name].title)
+    return _EVENTS.get(name, name.replace("_", " "))
 
 
 def is_number(value: Any) -> TypeGuard[float]:

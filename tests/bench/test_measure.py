@@ -18,13 +18,14 @@ from lava_vpr.backends import registry as backends
 from lava_vpr.bench.measure import host as measure
 from lava_vpr.bench.measure import rapl, timed
 from lava_vpr.bench.measure.host import measure_encoding
-from lava_vpr.config import DECODERS
 from lava_vpr.encoding import query_rates
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference.fixed import count_spikes
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import LavaRunError
-from lava_vpr.matching.decoders import best, contrast
+from lava_vpr.matching.certainty import best
+from lava_vpr.matching.decoders import DECODERS
+from lava_vpr.matching.equations import contrast
 from lava_vpr.recognition import count_query_spikes, decode
 from lava_vpr.traverse import open_traverse
 

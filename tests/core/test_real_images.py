@@ -16,8 +16,8 @@ from lava_vpr.encoding import encode_traverse
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.threads import cores
 from lava_vpr.matching.baselines import sad_distances
-from lava_vpr.matching.decoders import confidence
 from lava_vpr.matching.evaluation import Metrics, evaluate
+from lava_vpr.matching.matchers import confidence
 from lava_vpr.model import Model
 from lava_vpr.recognition import Recognition, recognise
 from lava_vpr.synthetic.world import write_traverses

@@ -15,13 +15,16 @@ from support.common.helpers import encoded, small_model, tiny_paper
 
 from lava_vpr import model
 from lava_vpr.backends import registry as backends
-from lava_vpr.config import DECODERS, preset
+from lava_vpr.config import preset
 from lava_vpr.encoding import EncodedTraverse, query_rates
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import BackendUnavailableError, InputError
 from lava_vpr.matching import decoders, sequences
+from lava_vpr.matching.certainty import best
+from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.matching.evaluation import evaluate
+from lava_vpr.matching.matchers import confidence
 from lava_vpr.model import Model
 from lava_vpr.recognition import BASELINES, as_json, count_query_spikes, decode, decoder_variant, recognise
 from lava_vpr.report.build import report_data
@@ -198,8 +201,8 @@ def test_everything_is_computed_from_the_counts(kind: str) -> None:
     assert set(result.metrics) == {*DECODERS, *BASELINES}
     assert result.events == events
     scores = decode(learned, counts, default)
-    np.testing.assert_array_equal(result.matches, decoders.best(scores))
-    sure = decoders.confidence(default, scores)
+    np.testing.assert_array_equal(result.matches, best(scores))
+    sure = confidence(default, scores)
     np.testing.assert_array_equal(result.confidence, sure)
     assert result.metrics[default] == evaluate(scores, sure, TRUTH)
     values = as_json(learned, result)
@@ -219,7 +222,7 @@ def test_a_silent_query_matches_no_place() -> None:
     others = np.arange(PLACES) != 2
     np.testing.assert_array_equal(result.matches[others], whole.matches[others])
     for name, scores in result.scores.items():
-        right = decoders.best(whole.scores[name]) == np.arange(PLACES)
+        right = best(whole.scores[name]) == np.arange(PLACES)
         np.testing.assert_array_equal(scores[others], whole.scores[name][others])
         assert result.metrics[name].recall_at_1 == np.count_nonzero(right & others) / PLACES, name
 
@@ -254,7 +257,7 @@ def test_sequences_are_windows_of_the_single_scores(length: int) -> None:
         np.testing.assert_allclose(scores, literal, rtol=1e-12, err_msg=name)
     causal = sequences.causal_sequence_scores(single.scores[single.default], length)
     np.testing.assert_array_equal(result.scores[result.default], causal)
-    np.testing.assert_array_equal(result.confidence, decoders.confidence("sequence", causal))
+    np.testing.assert_array_equal(result.confidence, confidence("sequence", causal))
 
 
 @pytest.mark.parametrize("seed", [None, 7])

@@ -13,10 +13,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from lava_vpr.config import DECODERS
 from lava_vpr.errors import ConfigError, InputError
-from lava_vpr.matching import decoders
+from lava_vpr.matching import decoders, equations
+from lava_vpr.matching.certainty import best
+from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.matching.evaluation import evaluate, truth_from_indices
+from lava_vpr.matching.matchers import confidence
 
 quick = settings(deadline=None, max_examples=60, derandomize=True)
 
@@ -110,7 +112,7 @@ def literal_decode(name: str, responses: list[list[int]], s: list[int], variant:
     return [v / sum(raised) if sum(raised) else Fraction(0) for v in raised]
 
 
-@pytest.mark.parametrize("variant", decoders.VARIANTS)
+@pytest.mark.parametrize("variant", equations.VARIANTS)
 @pytest.mark.parametrize("name", DECODERS)
 @given(data=counts(), gamma=st.sampled_from([0.0, 0.02, 0.3, 0.5, 1.0]))
 @quick
@@ -124,7 +126,7 @@ def test_decoders_equal_their_equations(name: str, variant: Any, data: Any, gamm
         np.testing.assert_allclose(scores[q], [float(v) for v in expected], rtol=1e-6, atol=1e-7)
 
 
-@pytest.mark.parametrize("variant", decoders.VARIANTS)
+@pytest.mark.parametrize("variant", equations.VARIANTS)
 @pytest.mark.parametrize("steps", [(a, b, c) for a in (False, True) for b in (False, True) for c in (False, True)])
 @given(data=counts())
 @settings(deadline=None, max_examples=15, derandomize=True)
@@ -133,14 +135,14 @@ def test_each_step_of_the_weighted_decoder_can_be_switched(
 ) -> None:
     responses, spikes = data
     on = dict(zip(("involvement", "strength", "penalty"), steps, strict=True))
-    scores = decoders.weighted(responses, spikes, gamma=0.3, variant=variant, **on)
+    scores = equations.weighted(responses, spikes, gamma=0.3, variant=variant, **on)
     for q, s in enumerate(spikes.tolist()):
         pairs = literal_pairs(responses.tolist(), s, 0.3, steps, variant)
         expected = [float(sum(column)) for column in zip(*pairs, strict=True)]
         np.testing.assert_allclose(scores[q], expected, rtol=1e-6, atol=1e-7)
 
 
-@pytest.mark.parametrize("variant", decoders.VARIANTS)
+@pytest.mark.parametrize("variant", equations.VARIANTS)
 @pytest.mark.parametrize("name", DECODERS)
 def test_a_query_alone_and_in_a_batch_has_the_same_bits(
     name: str, variant: Any, monkeypatch: pytest.MonkeyPatch
@@ -155,7 +157,7 @@ def test_a_query_alone_and_in_a_batch_has_the_same_bits(
         name, np.asfortranarray(responses[order]), np.asfortranarray(spikes[:, order]), variant=variant
     )
     np.testing.assert_array_equal(mixed, scores)
-    monkeypatch.setattr(decoders, "QUERY_BLOCK", 7)
+    monkeypatch.setattr(equations, "QUERY_BLOCK", 7)
     np.testing.assert_array_equal(decoders.decode(name, responses, spikes, variant=variant), scores)
 
 
@@ -172,29 +174,29 @@ def test_narrow_counts_do_not_wrap(name: str, dtype: Any) -> None:
 def test_contrast_shares_out_every_spike() -> None:
     responses, spikes = random_counts(5, 120, 30, 12)
     heard = spikes[:, responses.any(axis=1)].sum(axis=1)
-    np.testing.assert_allclose(decoders.contrast(responses, spikes).sum(axis=1), heard, atol=1e-4)
+    np.testing.assert_allclose(equations.contrast(responses, spikes).sum(axis=1), heard, atol=1e-4)
 
 
 def test_assignments_take_the_most_spikes_and_the_lowest_of_equals() -> None:
     responses = np.array([[0, 3, 3], [0, 0, 0], [5, 1, 0]])
-    assert decoders.assign(responses).tolist() == [1, -1, 0]
+    assert equations.assign(responses).tolist() == [1, -1, 0]
 
 
 def test_assignments_by_mean_count_differ_where_places_were_shown_unequally_often() -> None:
     counts = np.array([[2, 0, 1], [2, 0, 2], [3, 0, 0], [0, 0, 1]], dtype=np.uint8)
     labels = np.array([4, 4, 7, 9])
     # Neuron 0: sums 4 against 3, means 2 against 3. Neuron 2: means 1.5 against 1.
-    assert decoders.assign_from_presentations(counts, labels).tolist() == [7, -1, 4]
+    assert equations.assign_from_presentations(counts, labels).tolist() == [7, -1, 4]
 
 
 def test_equal_means_of_different_numbers_of_presentations_go_to_the_lowest_label() -> None:
     counts = np.array([[1], [0], [0], [2], [0], [0], [0], [0], [0]])  # 1/3 and 2/6
-    assert decoders.assign_from_presentations(counts, np.array([5, 5, 5, 2, 2, 2, 2, 2, 2])).tolist() == [2]
-    assert decoders.assign_from_presentations(counts, np.array([2, 2, 2, 5, 5, 5, 5, 5, 5])).tolist() == [2]
+    assert equations.assign_from_presentations(counts, np.array([5, 5, 5, 2, 2, 2, 2, 2, 2])).tolist() == [2]
+    assert equations.assign_from_presentations(counts, np.array([2, 2, 2, 5, 5, 5, 5, 5, 5])).tolist() == [2]
 
 
 def test_assignments_without_presentations_are_none() -> None:
-    assert decoders.assign_from_presentations(np.zeros((0, 2), int), np.zeros(0, int)).tolist() == [-1, -1]
+    assert equations.assign_from_presentations(np.zeros((0, 2), int), np.zeros(0, int)).tolist() == [-1, -1]
 
 
 def test_given_assignments_are_used() -> None:
@@ -207,34 +209,34 @@ def test_given_assignments_are_used() -> None:
     assert decoders.decode("probability", responses, spikes, assignments=own)[0, 0] == 0
 
 
-@pytest.mark.parametrize("variant", decoders.VARIANTS)
+@pytest.mark.parametrize("variant", equations.VARIANTS)
 @pytest.mark.parametrize("name", DECODERS)
 def test_a_silent_query_matches_nothing(name: str, variant: Any) -> None:
     responses, _ = random_counts(2, 10, 5, 2)
     scores = decoders.decode(name, responses, np.zeros((2, 10), int), variant=variant)
     assert not scores.any()
-    assert decoders.best(scores).tolist() == [-1, -1]
-    assert decoders.confidence(name, scores).tolist() == [-np.inf, -np.inf]
+    assert best(scores).tolist() == [-1, -1]
+    assert confidence(name, scores).tolist() == [-np.inf, -np.inf]
 
 
-@pytest.mark.parametrize("variant", decoders.VARIANTS)
+@pytest.mark.parametrize("variant", equations.VARIANTS)
 @pytest.mark.parametrize("name", DECODERS)
 def test_a_network_that_learned_nothing_matches_nothing(name: str, variant: Any) -> None:
     scores = decoders.decode(name, np.zeros((4, 3), int), np.ones((2, 4), int), variant=variant)
-    assert decoders.best(scores).tolist() == [-1, -1]
+    assert best(scores).tolist() == [-1, -1]
 
 
 def test_scores_that_tell_no_places_apart_have_no_probability() -> None:
-    scores = decoders.probability(np.array([[2.0, 2.0, 2.0], [1.0, 3.0, 1.0]]))
+    scores = equations.probability(np.array([[2.0, 2.0, 2.0], [1.0, 3.0, 1.0]]))
     assert scores.tolist() == [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
 
 
 def test_ties_go_to_the_lowest_place_and_show_in_the_confidence() -> None:
     responses = np.array([[0, 2, 0, 2], [1, 0, 0, 0]])
-    scores = decoders.contrast(responses, np.array([[6, 0], [2, 1]]))
+    scores = equations.contrast(responses, np.array([[6, 0], [2, 1]]))
     assert scores.tolist() == [[0, 3, 0, 3], [1, 1, 0, 1]]
-    assert decoders.best(scores).tolist() == [1, 0]
-    assert decoders.confidence("contrast", scores).tolist() == [0, 0]
+    assert best(scores).tolist() == [1, 0]
+    assert confidence("contrast", scores).tolist() == [0, 0]
 
 
 @pytest.mark.parametrize(
@@ -251,13 +253,13 @@ def test_ties_go_to_the_lowest_place_and_show_in_the_confidence() -> None:
 )
 def test_confidence_of_each_matcher(name: str, expected: list[float]) -> None:
     scores = np.array([[3.0, 8.0, 1.0], [3.0, 0.0, 3.0], [0.0, 0.0, 0.0]])
-    assert decoders.confidence(name, scores).tolist() == [*expected, -np.inf]
+    assert confidence(name, scores).tolist() == [*expected, -np.inf]
 
 
 def test_confidence_of_distances_and_of_a_single_place() -> None:
-    assert decoders.confidence("sad", np.array([[-4.0, -2.0]])).tolist() == [-2.0]
-    assert decoders.best(np.array([[-4.0, -2.0]])).tolist() == [1]
-    assert decoders.confidence("contrast", np.array([[8.0]])).tolist() == [8.0 / 3.0]
+    assert confidence("sad", np.array([[-4.0, -2.0]])).tolist() == [-2.0]
+    assert best(np.array([[-4.0, -2.0]])).tolist() == [1]
+    assert confidence("contrast", np.array([[8.0]])).tolist() == [8.0 / 3.0]
 
 
 @pytest.mark.parametrize("name", [*DECODERS, "sequence"])
@@ -266,7 +268,7 @@ def test_no_queries_give_no_answers(name: str) -> None:
     if name in DECODERS:
         scores = decoders.decode(name, np.ones((3, 4), int), np.zeros((0, 3), int))
     assert scores.shape == (0, 4)
-    assert decoders.confidence(name, scores).shape == decoders.best(scores).shape == (0,)
+    assert confidence(name, scores).shape == best(scores).shape == (0,)
 
 
 @pytest.mark.parametrize(
@@ -291,21 +293,21 @@ def test_unusable_counts_are_refused(name: str, responses: Any, spikes: Any, mes
 
 def test_unknown_names_are_refused() -> None:
     one = np.ones((1, 1), int)
-    with pytest.raises(ConfigError, match=r"decoder 'best' is unknown; choose from contrast, standard"):
+    with pytest.raises(ConfigError, match=r"there is no decoder 'best'; choose from contrast, standard"):
         decoders.decode("best", one, one)
     with pytest.raises(ConfigError, match="decoder variant '2023' is unknown; choose from paper, vprsnn2022, vprsnn"):
         decoders.decode("contrast", one, one, variant="2023")  # type: ignore[arg-type]
-    with pytest.raises(ConfigError, match="matcher 'best' is unknown; choose from contrast"):
-        decoders.confidence("best", np.ones((1, 1)))
+    with pytest.raises(ConfigError, match="there is no matcher 'best'; choose from contrast"):
+        confidence("best", np.ones((1, 1)))
 
 
 def test_labels_that_do_not_fit_are_refused() -> None:
     with pytest.raises(InputError, match=r"labels: shape \(3,\), must be one label for each of 2 presentations"):
-        decoders.assign_from_presentations(np.ones((2, 1), int), np.zeros(3, int))
+        equations.assign_from_presentations(np.ones((2, 1), int), np.zeros(3, int))
     with pytest.raises(InputError, match="labels: -1 is negative"):
-        decoders.assign_from_presentations(np.ones((1, 1), int), np.array([-1]))
+        equations.assign_from_presentations(np.ones((1, 1), int), np.array([-1]))
     with pytest.raises(InputError, match=r"assignments: shape \(1,\), must be one place for each of 2 neurons"):
-        decoders.standard(np.ones((2, 1), int), np.ones((1, 2), int), assignments=np.zeros(1, np.int64))
+        equations.standard(np.ones((2, 1), int), np.ones((1, 2), int), assignments=np.zeros(1, np.int64))
 
 
 # Released responses of the VPRSNN network on 100 Nordland places: 3 epochs of (100 spring, 100 fall).
@@ -329,8 +331,8 @@ def responses_of(counts: NDArray[Any], labels: NDArray[Any]) -> NDArray[Any]:
 @pytest.mark.data
 def test_assignments_of_the_released_responses(released: tuple[NDArray[Any], NDArray[Any]]) -> None:
     counts, labels = released
-    assignments = decoders.assign_from_presentations(counts, labels)
-    np.testing.assert_array_equal(decoders.assign(responses_of(counts, labels)), assignments)
+    assignments = equations.assign_from_presentations(counts, labels)
+    np.testing.assert_array_equal(equations.assign(responses_of(counts, labels)), assignments)
     assert assignments[:10].tolist() == [54, 95, 57, 1, 14, 75, 62, 48, 87, 46]
     assert hashlib.sha1(assignments.astype("<i2").tobytes()).hexdigest().startswith("29082fa7c84d")
     per_label = np.bincount(assignments, minlength=100)
@@ -361,7 +363,7 @@ def test_released_decoders_on_the_released_responses(
     figures, sums = {}, {}
     for name in ("standard", "probability", "weighted", "weighted_probability"):
         scores = decoders.decode(name, responses, spikes, variant=variant)
-        result = evaluate(scores, decoders.confidence(name, scores), truth, pr="vprsnn")
+        result = evaluate(scores, confidence(name, scores), truth, pr="vprsnn")
         figures[name] = (round(result.recall_at_100_precision, 2), round(result.auc, 5))
         sums[name] = scores.sum()
     assert figures["standard"] == standard

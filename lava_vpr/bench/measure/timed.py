@@ -20,9 +20,9 @@ from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.engine.threads import share
-from lava_vpr.matching import decoders
+from lava_vpr.matching.certainty import best
 from lava_vpr.model import Model, integer_network_of
-from lava_vpr.recognition import decode
+from lava_vpr.recognition import prepare
 
 Arrays = dict[str, NDArray[Any]]
 Answer = Callable[[NDArray[Any], NDArray[np.int64]], NDArray[np.int64]]
@@ -31,11 +31,8 @@ Answer = Callable[[NDArray[Any], NDArray[np.int64]], NDArray[np.int64]]
 
 def decoder_of(model: Model) -> Callable[[NDArray[np.int32]], NDArray[np.int64]]:
     """From spike counts (n, neurons) to matched places (n,), by the model's decoder."""
-    name = model.config.decoder.default
-    if name != "contrast":
-        return lambda counts: decoders.best(decode(model, counts, name))
-    scores_of = decoders.contrast_decoder(model.responses)
-    return lambda counts: decoders.best(scores_of(counts))
+    scores_of = prepare(model)
+    return lambda counts: best(scores_of(counts))
 
 
 def host_answer(model: Model, seed: int) -> Answer:

@@ -22,8 +22,8 @@ from lava_vpr.deploy.cost.events import activity_of
 from lava_vpr.encoding import EncodedTraverse, query_rates
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import ConfigError
-from lava_vpr.matching.decoders import confidence
 from lava_vpr.matching.evaluation import Metrics, evaluate
+from lava_vpr.matching.matchers import confidence
 from lava_vpr.model import Model
 from lava_vpr.recognition import decode
 from lava_vpr.training.loop import train
