@@ -4,9 +4,9 @@
 
 (`make peers` sets it up.)
 
-First, milliseconds per presentation, one core, one process: Brian2, our `paper` preset, our `loihi` preset. Then every
-matcher of `lava_vpr.bench.peers` on the same places and queries: speed, recall and memory, real images where
-LAVA_VPR_DATA names them (Nordland 0:100), else the synthetic world.
+First, milliseconds per presentation, one core, one process: Brian2, our `paper` preset, our `loihi` preset. Then
+every matcher of `lava_vpr.bench.peers` and `benchmarks.peers.rivals` on the same places and queries: speed, recall and
+memory, real images where LAVA_VPR_DATA names them (Nordland 0:100), else the synthetic world.
 
 Brian2 and `paper` compute the same network; ``--parity`` (default) also gives both the very same input spikes and
 compares what comes out. All of them take turns, presentation by presentation, and the table holds medians, because
@@ -33,7 +33,8 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.nordland import folder
-from lava_vpr.bench.brian2_reference import Brian2Network
+from benchmarks.peers.brian2_network import Brian2Network
+from benchmarks.peers.rivals import brian2_peer, vprtempo_matcher
 from lava_vpr.bench.peers import run_peers
 from lava_vpr.bench.results import Peer
 from lava_vpr.config import Config, LifNetwork, StdpLearning, preset
@@ -46,6 +47,7 @@ from lava_vpr.engine.random import presentation_key, presentation_keys
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import LavaVprError
 from lava_vpr.inputs.preprocess import orientation_channels, patch_normalised
+from lava_vpr.model import Model
 from lava_vpr.synthetic.world import World, render, write_traverses
 from lava_vpr.training.loop import train
 from lava_vpr.traverse import open_traverse
@@ -161,12 +163,25 @@ def section() -> tuple[str, EncodedTraverse, EncodedTraverse]:
     return "the synthetic world (set LAVA_VPR_DATA for real images)", pair[0], pair[1]
 
 
+def all_peers(
+    model: Model, queries: EncodedTraverse, truth: NDArray[np.bool_], brian2_queries: int = 3, **options: Any
+) -> tuple[Peer, ...]:
+    """lava-vpr, SAD, cosine and VPRTempo in turns, then the reference network in Brian2 on a few queries.
+
+    Args:
+        model, queries, truth, options: As in `lava_vpr.bench.peers.run_peers`.
+        brian2_queries: The number of queries that Brian2 is given.
+    """
+    peers = run_peers(model, queries, truth, others=[vprtempo_matcher(model, queries, truth)], **options)
+    return (*peers, brian2_peer(model, queries, brian2_queries))
+
+
 def side_by_side() -> tuple[str, tuple[Peer, ...]]:
     """Every matcher on the same places and queries, and what images those were."""
     name, references, queries = section()
     config = preset("loihi")
     model = train([references], config, route_images=len(references), jobs=cores())
-    return name, run_peers(model, queries, np.eye(len(queries), dtype=bool))
+    return name, all_peers(model, queries, np.eye(len(queries), dtype=bool))
 
 
 def print_peers(name: str, peers: tuple[Peer, ...]) -> None:

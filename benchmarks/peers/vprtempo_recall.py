@@ -20,7 +20,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.nordland import SECTIONS, folder
-from lava_vpr.bench.vprtempo import (
+from benchmarks.peers.vprtempo import (
     SIDE,
     SMALL_SIDE,
     SMALL_WINDOW,

@@ -23,6 +23,7 @@ from rich.table import Table
 
 from benchmarks.nordland import encoded, part
 from benchmarks.recall import learn
+from benchmarks.sanafe.cross_check import CrossCheck, cross_check, find_sanafe
 from lava_vpr.backends.registry import HostBackend
 from lava_vpr.config import preset
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
@@ -31,7 +32,6 @@ from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.compression.compression import for_board
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.deploy.registers.core_images import FORGETS
-from lava_vpr.deploy.sanafe.comparison import CrossCheck, cross_check, find_sanafe
 from lava_vpr.encoding import draw_trains, query_rates
 from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork, count_spikes
 from lava_vpr.engine.random import presentation_keys
@@ -49,7 +49,7 @@ console = Console(highlight=False, width=118)
 
 @dataclass(frozen=True)
 class Case:
-    """What is compared; `lava_vpr.deploy.sanafe.comparison.cross_check` has ``input_core``."""
+    """What is compared; `benchmarks.sanafe.cross_check.cross_check` has ``input_core``."""
 
     name: str
     plan: Plan

@@ -7,7 +7,6 @@ from typing import Any
 
 from lava_vpr.deploy.boards.estimate import Range as Range
 from lava_vpr.deploy.cost.costs import Modelled as Modelled
-from lava_vpr.deploy.sanafe.comparison import CrossCheck as CrossCheck
 from lava_vpr.matching.evaluation import Metrics
 
 
@@ -71,7 +70,7 @@ class Peer:
     """Another matcher on the same images, in the same run.
 
     Attributes:
-        name: ``sad``, ``cosine``, ``vprtempo``, ``brian2``, or ``lava-vpr`` itself.
+        name: ``sad``, ``cosine``, ``lava-vpr`` itself, or that of another matcher that took turns with them.
         what: For people, with citation.
         metrics: Recall on the same queries; None if not computed.
         queries_per_second: From preprocessed input to match, all queries in one batch, on ``threads`` threads.
@@ -147,7 +146,6 @@ class Bench:
         measured: Backends and stages, timed here.
         targets: Of `Modelled`, by name.
         workload: None: the model is no integer network.
-        cross_check: SANA-FE beside the closed form.
         peers, sweep: Empty if they were not asked for, or failed.
         events: What the host engine counted, per query; of every network, a float one too.
         constants: Of the cost model: objects with name, what, low, nominal, high, unit, source.
@@ -163,7 +161,6 @@ class Bench:
     measured: tuple[Measured, ...]
     targets: dict[str, Modelled]
     workload: Workload | None
-    cross_check: CrossCheck
     peers: tuple[Peer, ...] = ()
     sweep: tuple[Candidate, ...] = ()
     events: dict[str, float] = field(default_factory=dict)

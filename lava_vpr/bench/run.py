@@ -17,7 +17,7 @@ from lava_vpr.backends.registry import HostBackend
 from lava_vpr.bench.measure.host import measure, measure_encoding
 from lava_vpr.bench.measure.workload import workload
 from lava_vpr.bench.peers import run_peers
-from lava_vpr.bench.results import Bench, Candidate, CrossCheck, Measured, Modelled, Peer, StepTimes, Workload
+from lava_vpr.bench.results import Bench, Candidate, Measured, Modelled, Peer, StepTimes, Workload
 from lava_vpr.bench.sweep.sweep import BUDGET, sweep
 from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.deploy.boards.constants import CONSTANTS, barrier
@@ -26,7 +26,6 @@ from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.cost.closed_form import step_nanoseconds
 from lava_vpr.deploy.cost.costs import modelled
 from lava_vpr.deploy.cost.events import Activity, activity_of
-from lava_vpr.deploy.sanafe.comparison import cross_check
 from lava_vpr.encoding import EncodedTraverse, query_rates
 from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork
 from lava_vpr.engine.threads import cores
@@ -43,9 +42,6 @@ DEFAULT_BACKENDS = ("host", "lava-fixed", "lava-fused", "bundle")
 
 COUNTED = 500
 """Queries whose every spike is counted, at most: the counts of each step and core are kept."""
-
-CHECKED = 3
-"""Queries that go through SANA-FE, too: it takes about a second for each."""
 
 Advance = Callable[[int], None]
 Begin = Callable[[str, int], Advance]
@@ -134,7 +130,6 @@ def run(
         measured=measured,
         targets={name: found for name, (found, _) in costs.items()},
         workload=attempt("workload", lambda: _workload(model, queries, wanted.seed), None),
-        cross_check=_cross_check(placed, trains, begin),
         peers=attempt("peers", lambda: _peers(model, queries, truth, answers, wanted, begin), ()),
         sweep=attempt("sweep", lambda: _sweep(model, queries, truth, wanted, begin), ()),
         events={name: value / max(1, len(queries)) for name, value in answers.events.items()},
@@ -262,16 +257,6 @@ def machine(cpuinfo: Path = Path("/proc/cpuinfo")) -> dict[str, object]:
 def _workload(model: Model, queries: EncodedTraverse, seed: int | None) -> Workload | None:
     """NeuroBench's metrics; None: no integer network."""
     return workload(model, queries, seed=seed) if isinstance(model.network, FixedNetwork) else None
-
-
-def _cross_check(placed: dict[str, Plan | str], trains: Trains | None, begin: Begin) -> CrossCheck:
-    """SANA-FE on the first board whose operations it knows, on some of the queries."""
-    found = next((plan for plan in placed.values() if isinstance(plan, Plan) and plan.board.timed), None)
-    if found is None or trains is None:
-        return CrossCheck(absent="SANA-FE knows Loihi 1, and no board with that chip is modelled here")
-    begin("cross-check with SANA-FE", 1)
-    some = {name: getattr(trains, name) for name in Trains.POPULATIONS}
-    return cross_check(found, Trains(**{name: part[:CHECKED] for name, part in some.items() if part is not None}))
 
 
 def _peers(

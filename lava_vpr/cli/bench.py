@@ -86,7 +86,7 @@ def bench(
     """Say what it costs MODEL to recognise an image of QUERY: recall first, then time and memory measured here, then
     energy and time modelled for the boards.
 
-    Query i shows place i. What this machine lacks (a board, energy counters, SANA-FE) is said, and the rest is told.
+    Query i shows place i. What this machine lacks (a board, energy counters) is said, and the rest is told.
     """
     if json_path is not None:
         check_writable(json_path, model_path, query)

@@ -25,7 +25,6 @@ NEEDED = {
     "lava-nc": "Intel's Lava: Processes and the Loihi simulation",
 }
 OPTIONAL = {
-    "brian2": ("peers", "runs the reference network beside ours: pip install 'lava-vpr[peers]'"),
     "lava-dl": ("dl", "Lava's deep-learning library, pulls torch (5.6 GB): pip install 'lava-vpr[dl]'"),
     "lava-loihi": ("vendor", "Intel's closed package that drives Loihi 2; from Intel's research cloud"),
     "nxsdk": ("vendor", "Intel's closed package that drives Kapoho Bay; from Intel's research cloud"),
@@ -44,7 +43,6 @@ def version(package: str) -> str | None:
 def _costing() -> list[tuple[str, str, str]]:
     """What ``bench`` uses where it is: name, whether it is there, what for."""
     from lava_vpr.bench.measure import rapl  # only here: it is quick, but the command line need not wait for it
-    from lava_vpr.deploy.sanafe.comparison import find_sanafe
 
     try:
         rapl.counters()
@@ -52,7 +50,6 @@ def _costing() -> list[tuple[str, str, str]]:
     except rapl.NoRaplError as error:
         there, why = "not readable", f"; {error}"
     return [
-        ("SANA-FE", "installed" if find_sanafe() else "not installed", "checks the cost model of bench: make sanafe"),
         ("RAPL", there, f"energy of the processor, for bench{why}"),
     ]
 

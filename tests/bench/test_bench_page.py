@@ -19,7 +19,6 @@ from lava_vpr.bench.anchors import ANCHORS
 from lava_vpr.bench.results import (
     Bench,
     Candidate,
-    CrossCheck,
     Measured,
     Modelled,
     Peer,
@@ -102,7 +101,6 @@ def bench(**changes: Any) -> Bench:
         )
         for name, centre in times.items()
     )
-    components = {"synapses": (1.07, 1.0700001), "neurons": (1.6, 1.6)}
     candidates = []
     for k in range(40):
         steps, spikes = int(rng.choice([30, 50, 100, 200])), float(rng.choice([6, 10, 20]))
@@ -124,7 +122,6 @@ def bench(**changes: Any) -> Bench:
             "loihi2": replace(second, unavailable="no energy per operation of Loihi 2 is public"),
         },
         "workload": Workload(98_000, 78_400, 0.58, 0.981, 1e5, 0.0, 3e4, 2.06e4),
-        "cross_check": CrossCheck("2.2.9", 3, components, (0.2301, 0.2301), 0.391),
         "peers": (
             Peer("sad", "sum of absolute differences (the paper's baseline)", metrics(5), 81_000.0, 2, 78_400, 10),
             Peer("brian2", "the reference network", absent="Brian2 is not installed"),
@@ -180,13 +177,13 @@ def test_a_float_model_has_no_costs_but_a_complete_report() -> None:
     reason = "only integer networks can be deployed"
     targets = {"kapoho-bay": modelled(dynamic_microjoules=None, milliseconds=None, counts={}, unavailable=reason)}
     changes = {"targets": targets, "workload": None, "peers": (), "sweep": (), "step_times": ()}
-    found = bench(**changes, cross_check=CrossCheck(absent="SANA-FE is not installed"))
+    found = bench(**changes)
     values = as_json(found)
     assert values["workload"] is values["sweep"] is values["peers"] is None
     assert values["counts"]["synaptic_operations"] == 30211.25  # of the host engine
     assert values["counts"]["messages"] is None
     reasons = {row["what"] for row in values["absent"]}
-    assert {"workload metrics", "peers", "sweep of settings", "cross-check with SANA-FE"} <= reasons
+    assert {"workload metrics", "peers", "sweep of settings"} <= reasons
     assert reason in page(found)
     text = printed(found)
     assert reason in text
@@ -224,7 +221,7 @@ def test_recall_comes_first_and_what_is_modelled_says_so() -> None:
 def test_every_modelled_figure_stands_below_the_word() -> None:
     energies = ("uJ", "mJ", "pJ")
     run = bench()
-    shown = [grids.modelled(run.targets["kapoho-bay"]), grids.cross_check(run.cross_check), grids.sweep(run.sweep)]
+    shown = [grids.modelled(run.targets["kapoho-bay"]), grids.sweep(run.sweep)]
     for grid in shown:
         for column in grid.columns:
             if any(unit in column for unit in energies) or column in ("ms", "modelled low"):

@@ -17,17 +17,17 @@ import numpy as np
 import pytest
 
 from benchmarks.recall import learn
+from benchmarks.sanafe import cross_check as checking
+from benchmarks.sanafe import worker
 from benchmarks.sanafe.compare import LIMIT, SEEDS, Case, failures, random_case, real
-from lava_vpr.bench import results
+from benchmarks.sanafe.cross_check import CrossCheck, ask, compare, cross_check, find_sanafe
+from benchmarks.sanafe.problem import PORT, bias_and_membrane, problem_of
 from lava_vpr.config import preset
 from lava_vpr.deploy.boards import constants
 from lava_vpr.deploy.boards.board import LOIHI_2
 from lava_vpr.deploy.cost import closed_form
 from lava_vpr.deploy.cost.events import routes
 from lava_vpr.deploy.mapping.partition import partition
-from lava_vpr.deploy.sanafe import comparison, worker
-from lava_vpr.deploy.sanafe.comparison import CrossCheck, ask, compare, cross_check, find_sanafe
-from lava_vpr.deploy.sanafe.problem import PORT, bias_and_membrane, problem_of
 from lava_vpr.engine.inference.bias_input import LEVEL, regular_spikes
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.engine.trains import Trains
@@ -110,7 +110,7 @@ def test_both_ways_of_injecting(tmp_path: Path) -> None:
 
 def test_zeros_that_reach_a_membrane_of_zero_count_as_updates() -> None:
     own = case(44)
-    activity = comparison.activity_of(own.plan, own.trains, entry=(0, 0))
+    activity = checking.activity_of(own.plan, own.trains, entry=(0, 0))
     assert activity.touched.sum() > activity.updates.sum()
     assert again(44, answer(44)).counts["updates"][0] == activity.touched.sum() / 2
 
@@ -201,7 +201,7 @@ def test_what_cannot_be_asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
         (own.plan, Trains(own.trains.exc), "inputs and relays"),
     ):
         assert why in cross_check(plan, trains, python=python).absent
-    monkeypatch.setattr(comparison, "MOST_SYNAPSES", 10)
+    monkeypatch.setattr(checking, "MOST_SYNAPSES", 10)
     assert "at most 10 are compared" in cross_check(own.plan, own.trains, python=python).absent
 
 
@@ -247,9 +247,9 @@ def test_a_python_that_does_not_start(tmp_path: Path) -> None:
 
 
 def test_where_sanafe_is_looked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(comparison, "__file__", str(tmp_path / "project" / "deploy" / "sanafe" / "comparison.py"))
+    monkeypatch.setattr(checking, "__file__", str(tmp_path / "project" / "benchmarks" / "sanafe" / "cross_check.py"))
     monkeypatch.chdir(tmp_path)
-    monkeypatch.delenv(comparison.VARIABLE, raising=False)
+    monkeypatch.delenv(checking.VARIABLE, raising=False)
     own = case(0)
     assert find_sanafe() is None
     assert cross_check(own.plan, own.trains).absent == "SANA-FE is not installed; run make sanafe"
@@ -258,10 +258,10 @@ def test_where_sanafe_is_looked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         path.parent.mkdir(parents=True)
         path.write_text("")
         assert find_sanafe() == path
-    monkeypatch.setenv(comparison.VARIABLE, str(tmp_path / "gone"))
+    monkeypatch.setenv(checking.VARIABLE, str(tmp_path / "gone"))
     assert find_sanafe() is None
     assert "names " + str(tmp_path / "gone") in cross_check(own.plan, own.trains).absent
-    monkeypatch.setenv(comparison.VARIABLE, str(path))
+    monkeypatch.setenv(checking.VARIABLE, str(path))
     assert find_sanafe() == path
 
 
@@ -285,10 +285,9 @@ def test_the_chip_that_the_worker_makes() -> None:
 
 
 def test_only_the_worker_imports_sanafe() -> None:
-    assert results.CrossCheck is CrossCheck
     assert "sanafe" not in sys.modules
     source = Path(worker.__file__).read_text()
-    assert "lava_vpr." not in source.replace("`lava_vpr.deploy.sanafe.problem`", "")
+    assert "lava_vpr." not in source.replace("`benchmarks.sanafe.problem`", "")
     assert json.dumps(problem_of(case(0).plan, case(0).trains))
 
 

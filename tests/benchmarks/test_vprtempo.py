@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lava_vpr.bench import vprtempo
-from lava_vpr.bench.vprtempo import (
+from benchmarks.peers import vprtempo
+from benchmarks.peers.vprtempo import (
     Layer,
     VprTempo,
     VprTempoConfig,

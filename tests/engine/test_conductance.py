@@ -300,9 +300,9 @@ def test_errors_say_what_and_the_remedy() -> None:
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # Brian2's own, of pyparsing and others
 @pytest.mark.parametrize("rule", ["triplet", "paper"])
 def test_brian2_gives_the_same_spikes(rule: str) -> None:
-    """The same input spikes to the reference network in Brian2; needs the extra ``peers`` and a C compiler."""
-    pytest.importorskip("brian2", reason="Brian2 is not installed: pip install 'lava-vpr[peers]'")
-    from lava_vpr.bench.brian2_reference import Brian2Network
+    """The same input spikes to the reference network in Brian2; needs Brian2 (`make peers-test`) and a C compiler."""
+    pytest.importorskip("brian2", reason="Brian2 is not installed: make peers-test")
+    from benchmarks.peers.brian2_network import Brian2Network
 
     config = small(rule, neurons=20, steps=1500, rest_steps=500, delay_max_ms=10.0)
     state = initial_state(config, INPUTS)

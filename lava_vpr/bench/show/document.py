@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lava_vpr.bench.anchors import ANCHORS
-from lava_vpr.bench.results import Bench, Candidate, CrossCheck, Measured, Modelled, Peer
+from lava_vpr.bench.results import Bench, Candidate, Measured, Modelled, Peer
 from lava_vpr.deploy.boards.estimate import Range, total
 
 PERCENTILES = (50, 95, 99)
@@ -59,7 +59,6 @@ def absent(bench: Bench) -> list[dict[str, str]]:
             without.setdefault(one.no_energy, []).append(one.name)
     rows += [(f"energy of {', '.join(names)}, measured", reason) for reason, names in without.items()]
     rows += [(f"{name}, modelled energy and time", one.unavailable) for name, one in bench.targets.items()]
-    rows += [("cross-check with SANA-FE", bench.cross_check.absent)]
     rows += [(f"{one.name}, as a peer", one.absent) for one in bench.peers]
     if bench.workload is None and "workload" not in bench.failed:
         rows += [("workload metrics", "they are defined on integer networks; this model is a float one")]
@@ -81,7 +80,6 @@ def as_json(bench: Bench) -> dict[str, Any]:
         "modelled": {name: _modelled(one) for name, one in bench.targets.items()},
         "counts": counts(bench),
         "workload": None if bench.workload is None else asdict(bench.workload),
-        "cross_check": _cross_check(bench.cross_check),
         "peers": {one.name: _peer(one) for one in bench.peers} or None,
         "sweep": [_candidate(one) for one in bench.sweep] or None,
         "constants": {one.name: _constant(one) for one in bench.constants},
@@ -137,22 +135,6 @@ def _modelled(one: Modelled) -> dict[str, Any]:
         "clearing": one.clearing,
         "counts": one.counts,
         "unavailable": one.unavailable or None,
-    }
-
-
-def _cross_check(one: CrossCheck) -> dict[str, Any]:
-    pairs = {name: {"closed_form": ours, "sanafe": theirs} for name, (ours, theirs) in one.microjoules.items()}
-    times = one.simple_milliseconds
-    return {
-        "version": one.version or None,
-        "queries": one.queries,
-        "modelled_microjoules": pairs or None,
-        "modelled_simple_milliseconds": {"closed_form": times[0], "sanafe": times[1]} if times else None,
-        "modelled_detailed_milliseconds": one.detailed_milliseconds,
-        "counts": {name: {"ours": ours, "sanafe": theirs} for name, (ours, theirs) in one.counts.items()} or None,
-        "largest_relative_difference": one.difference,
-        "spikes_differ": one.spikes_differ,
-        "absent": one.absent or None,
     }
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from lava_vpr.bench.anchors import ANCHORS
-from lava_vpr.bench.results import Bench, Candidate, CrossCheck, Measured, Modelled, Peer, Workload
+from lava_vpr.bench.results import Bench, Candidate, Measured, Modelled, Peer, Workload
 from lava_vpr.bench.show.document import PERCENTILES, counts, dynamic_energy, percentiles
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.boards.estimate import Range
@@ -218,31 +218,6 @@ def counted(bench: Bench) -> Grid:
         told.insert(0, "Counted from every spike of the queries; messages and hops depend on where the neurons stand.")
     note = " ".join(told)
     return Grid("counted events, mean of a query", ("event", *sources), tuple(rows), note=note)
-
-
-def cross_check(one: CrossCheck) -> Grid:
-    """SANA-FE beside the closed form."""
-    rows = [
-        (f"{named(name)}, uJ", figure(ours, 7), figure(theirs, 7), _difference(ours, theirs))
-        for name, (ours, theirs) in one.microjoules.items()
-    ]
-    if one.simple_milliseconds is not None:
-        ours, theirs = one.simple_milliseconds
-        rows.append(("time, simple, ms", figure(ours, 7), figure(theirs, 7), _difference(ours, theirs)))
-    if one.detailed_milliseconds is not None:
-        rows.append(("time, detailed (with contention), ms", NONE, figure(one.detailed_milliseconds, 7), NONE))
-    largest = f" Largest difference of any query or step: {one.difference:.1e}." if one.difference is not None else ""
-    return Grid(
-        title=f"modelled twice: closed form and SANA-FE {one.version}, {one.queries} queries",
-        columns=("modelled", "modelled, closed form", "modelled, SANA-FE", "relative difference"),
-        rows=tuple(rows),
-        note="The same network, mapping and spikes, with SANA-FE's own constants; clearing and read-out, which it does "
-        f"not know, left out.{largest}",
-    )
-
-
-def _difference(ours: float, theirs: float) -> str:
-    return "0" if ours == theirs else f"{abs(ours - theirs) / max(abs(ours), abs(theirs)):.1e}"
 
 
 def peers(rows: Sequence[Peer]) -> Grid:

@@ -184,8 +184,6 @@ def _anchors(bench: Bench) -> str:
 
 def _sources(bench: Bench) -> str:
     parts = []
-    if bench.cross_check.microjoules:
-        parts.append(html_table(grids.cross_check(bench.cross_check)))
     if bench.constants:
         parts.append(html_table(grids.constants(bench)))
     told = "".join(f"<li>{_text(text)}</li>" for text in assumptions(bench))

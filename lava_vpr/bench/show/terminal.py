@@ -45,8 +45,6 @@ def tables(bench: Bench) -> Iterator[Table]:
     yield table(grids.counted(bench))
     if bench.workload is not None:
         yield table(grids.workload(bench.workload))
-    if bench.cross_check.microjoules:
-        yield table(grids.cross_check(bench.cross_check))
     if any(not one.absent for one in bench.peers):
         yield table(grids.peers(bench.peers))
     if bench.sweep:

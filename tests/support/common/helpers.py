@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from functools import lru_cache
 from pathlib import Path
 
@@ -51,6 +52,18 @@ def tiny_paper() -> Config:
 def small_model(places: int = 8) -> Model:
     """A quickly trained model of two stretches."""
     return train([encoded(places)], small_config(), jobs=2)
+
+
+def two_images_a_place() -> Model:
+    """The small model with each place seen twice, in no order."""
+    model, more = small_model(), encoded(8, seed=5)
+    order = np.random.default_rng(1).permutation(16)
+    return dataclasses.replace(
+        model,
+        labels=np.tile(np.arange(8), 2)[order],
+        patches=np.concatenate([model.patches, more.patches])[order],
+        activity=np.concatenate([model.activity, more.activity])[order],
+    )
 
 
 def write_images(folder: Path, n: int = 6, seed: int = 0, shape: tuple[int, int] = (24, 48)) -> Path:

@@ -1,7 +1,7 @@
 """Stands in for a Python with SANA-FE: python literal_sanafe.py -I -B WORKER PROBLEM RESULT.
 
 Event by event, as SANA-FE 2.2.9 does it with its ``loihi.yaml`` and `simple` timing; written from its description in
-`lava_vpr.deploy.sanafe.comparison`, without the project's cost model and constants.
+`benchmarks.sanafe.cross_check`, without the project's cost model and constants.
 """
 
 from __future__ import annotations

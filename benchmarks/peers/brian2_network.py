@@ -1,8 +1,8 @@
 """VPRSNN's network in Brian2, written from its equations: what the `paper` preset is held against and timed beside.
 
-    python -m lava_vpr.bench.brian2_reference FOLDER        times queries; `lava_vpr.bench.peers` starts it
+    python brian2_network.py FOLDER        times queries; `benchmarks.peers.rivals` starts it
 
-Brian2 is an optional extra (``pip install lava-vpr[peers]``) and compiles with Cython. Settings come from the same
+Brian2 stands in an environment of its own (`make peers`) and compiles with Cython. Settings come from the same
 `Config` as the engine's. `Brian2Network.reset` and `Brian2Network.present_spikes` make the two comparable spike by
 spike: one start from rest per presentation, the same delays, and the very same input spikes.
 """
@@ -78,7 +78,7 @@ class Brian2Network:
 
     def __init__(self, config: Config, state: ConductanceState, *, learn: bool, inputs: str = "poisson") -> None:
         if b2 is None:
-            raise BackendUnavailableError("Brian2 is not installed; install it with: pip install 'lava-vpr[peers]'")
+            raise BackendUnavailableError("Brian2 is not installed; run make peers")
         network, learning = config.network, config.learning
         if not isinstance(network, ConductanceNetwork) or not isinstance(learning, ConductanceLearning):
             raise TypeError("Brian2Network runs the conductance network of the paper preset")

@@ -10,7 +10,7 @@ a place is forced to spike for its own place.
 Where the paper and its code (QVPR/VPRTempo 1.1.11) differ, the code is followed: no constant input (the paper: C =
 0.1), all features reach all outputs, and queries pass the two matrices without thresholds; `VprTempoConfig` has the
 other ways. In one thing the paper is followed: the code leaves the spikes out of the thresholds' rule (eq. 5), so that
-all thresholds fall to 0. `benchmarks/vprtempo.py` compares recall.
+all thresholds fall to 0. `benchmarks.peers.vprtempo_recall` compares recall.
 """
 
 from __future__ import annotations

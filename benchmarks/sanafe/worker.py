@@ -1,8 +1,8 @@
 """Runs a network in SANA-FE: python -I worker.py PROBLEM RESULT (an environment of its own, see `make sanafe`).
 
 SANA-FE is licensed under GPL-3.0: only this script imports it, and it imports nothing of the project. It reads the JSON
-that `lava_vpr.deploy.sanafe.problem` describes and writes JSON. ``-I`` keeps this folder, which holds another
-``sanafe``, off the path.
+that `benchmarks.sanafe.problem` describes and writes JSON. ``-I`` keeps the project's folders
+off the path: one of them is called ``sanafe``, too.
 
 The chip is the ``loihi.yaml`` that SANA-FE brings, its figures untouched. Changed are: the mesh, wide enough for the
 board's chips, with tiles up to the last one used; the cores of a tile; one input unit instead of 1024 on each core

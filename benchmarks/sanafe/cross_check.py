@@ -19,7 +19,7 @@ imported here. It gets the input spikes (or the bias of input compartments) and 
   number of tiles that hold a neuron: the entry of its table with the largest number that is not above it.
 - ``detailed`` time puts single messages on links and queues: hops, waiting receivers and blocked routes count.
 
-It has no host: injected spikes come from one more core on tile 0 (`lava_vpr.deploy.sanafe.worker`), whose neurons are
+It has no host: injected spikes come from one more core on tile 0 (`benchmarks.sanafe.worker`), whose neurons are
 free and whose messages and hops are charged. It knows no read-out, static power, clearing or learning.
 
 Both sum the same products in another order: differences of about 1e-14 are rounding.
@@ -39,10 +39,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.sanafe.problem import group_name, problem_of
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.cost.closed_form import closed_form, step_microseconds, step_picojoules
 from lava_vpr.deploy.cost.events import Activity, activity_of
-from lava_vpr.deploy.sanafe.problem import group_name, problem_of
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import BackendUnavailableError
 
@@ -104,7 +104,7 @@ def _missing() -> str:
 
 
 def ask(python: Path, problem: dict[str, Any], timeout_s: float = TIMEOUT_S) -> dict[str, Any]:
-    """What SANA-FE makes of ``problem`` (`lava_vpr.deploy.sanafe.problem`).
+    """What SANA-FE makes of ``problem`` (`benchmarks.sanafe.problem`).
 
     Raises:
         BackendUnavailableError: it fails, takes too long or answers what is no answer.

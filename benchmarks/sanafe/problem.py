@@ -1,4 +1,4 @@
-"""A plan and some queries as the JSON that `lava_vpr.deploy.sanafe.worker` sets up in SANA-FE.
+"""A plan and some queries as the JSON that `benchmarks.sanafe.worker` sets up in SANA-FE.
 
     {"columns", "rows", "tile_cores": of the mesh; "tiles": number of the last tile in use, and one more,
      "port_units": inputs whose spikes are injected, "port_takes_time": whether sending them does,

@@ -1,0 +1,143 @@
+"""Other systems that answer the same queries as lava-vpr: VPRTempo, and the reference network in Brian2.
+
+VPRTempo takes turns with the matchers of `lava_vpr.bench.peers`. The reference network runs in Brian2, in an
+environment that has it (`make peers`); a few queries, one thread.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.peers import vprtempo
+from lava_vpr.bench.peers import Matcher, repeats
+from lava_vpr.bench.results import Peer
+from lava_vpr.config import ConductanceNetwork, Config, preset
+from lava_vpr.configfile import to_dict
+from lava_vpr.encoding import EncodedTraverse
+from lava_vpr.engine.conductance.model import ConductanceState, initial_state
+from lava_vpr.errors import BackendUnavailableError
+from lava_vpr.matching.evaluation import evaluate
+from lava_vpr.model import Model
+
+PYTHON = "LAVA_VPR_PEERS"
+"""Environment variable that names a Python with Brian2 and lava-vpr."""
+REMEDY = f"run make peers, or let {PYTHON} name a Python that has both Brian2 and lava-vpr"
+TIMEOUT = 600.0
+MODULE = 500
+"""Places of one of VPRTempo's modules, which are trained apart (default of the released code)."""
+NETWORK = Path(__file__).with_name("brian2_network.py")
+
+
+def train_modules(model: Model, seed: int = 0) -> tuple[vprtempo.VprTempo, ...]:
+    """VPRTempo on the model's references, in modules of at most `MODULE` places, in order."""
+    spikes = vprtempo.input_spikes(model.patches)
+    modules = []
+    for first in range(0, model.places, MODULE):
+        own = (model.labels >= first) & (model.labels < first + MODULE)
+        modules.append(vprtempo.train(spikes[own], model.labels[own] - first, seed=seed))
+    return tuple(modules)
+
+
+def vprtempo_matcher(model: Model, queries: EncodedTraverse, truth: NDArray[np.bool_]) -> Matcher:
+    """VPRTempo, trained now on the model's references; the best amplitude is the confidence."""
+    modules = train_modules(model)
+    patches = np.tile(queries.patches, (repeats(queries), 1, 1))
+
+    def scores_of(images: NDArray[np.uint8]) -> NDArray[np.float32]:
+        spikes = vprtempo.input_spikes(images)
+        return np.concatenate([module.scores(spikes) for module in modules], axis=1)
+
+    scores = scores_of(queries.patches).astype(np.float64)
+    return Matcher(
+        "vprtempo",
+        "VPRTempo (Hines et al. 2024) from its equations, its settings, trained here on the model's 28x28 "
+        "patch-normalised images; float32 matrix products",
+        sum(module.nbytes for module in modules),
+        lambda part: scores_of(patches[part]).argmax(axis=1),
+        evaluate(scores, scores.max(axis=1), truth),
+    )
+
+
+def interpreter() -> str | None:
+    """A Python with Brian2: named by `PYTHON`, this one, or the checkout's ``.venv-peers``; None: there is none."""
+    named = os.environ.get(PYTHON)
+    if named:
+        return named
+    if importlib.util.find_spec("brian2") is not None:
+        return sys.executable
+    made = Path(__file__).parents[2] / ".venv-peers" / "bin" / "python"
+    return str(made) if made.exists() else None
+
+
+def _reference(model: Model) -> tuple[Config, ConductanceState, str]:
+    """The reference network: the model's own if it is one, else untrained; and what to say of it."""
+    if isinstance(model.network, ConductanceState) and isinstance(model.config.network, ConductanceNetwork):
+        return model.config, model.network, "this model's own network, frozen"
+    config = preset("paper")
+    return config, initial_state(config, model.patches[0].size), "untrained and frozen: speed only, recall not computed"
+
+
+def in_brian2(
+    config: Config, state: ConductanceState, rate_hz: NDArray[np.float64], python: str, timeout: float = TIMEOUT
+) -> dict[str, Any]:
+    """Present ``rate_hz`` (n, inputs) to the frozen network in another Python: version, seconds and spikes of each.
+
+    Raises:
+        BackendUnavailableError: it cannot be started, lacks Brian2 or lava-vpr, fails, or takes too long.
+    """
+    with tempfile.TemporaryDirectory(prefix="lava-vpr-") as name:
+        folder = Path(name)
+        np.savez(
+            folder / "given.npz", weights=state.weights, theta_mv=state.theta_mv, delays=state.delays, rate_hz=rate_hz
+        )
+        (folder / "config.json").write_text(json.dumps(to_dict(config)), encoding="utf-8")
+        command = [python, str(NETWORK), str(folder)]
+        try:
+            done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=timeout, check=False)
+        except OSError as error:
+            raise BackendUnavailableError(f"{python}: cannot be started ({error.strerror}); {REMEDY}") from None
+        except subprocess.TimeoutExpired:
+            raise BackendUnavailableError(
+                f"{python}: Brian2 took more than {timeout:.0f} s; give fewer queries"
+            ) from None
+        if done.returncode or not (folder / "found.json").is_file():
+            last = (done.stderr.strip().splitlines() or ["it says nothing"])[-1]
+            raise BackendUnavailableError(f"{python}: Brian2 did not run ({last}); {REMEDY}")
+        found: dict[str, Any] = json.loads((folder / "found.json").read_text(encoding="utf-8"))
+    return found
+
+
+def brian2_peer(model: Model, queries: EncodedTraverse, limit: int, python: str | None = None) -> Peer:
+    """The reference network in Brian2 on the first ``limit`` queries; ``absent`` says why it did not run."""
+    blank = Peer("brian2", "VPRSNN's network (Hussaini et al. 2022) in Brian2, one thread")
+    chosen = python or interpreter()
+    if chosen is None:
+        return replace(blank, absent=f"Brian2 is not installed; {REMEDY}")
+    config, state, which = _reference(model)
+    network = config.network
+    silent = f" and {network.rest_steps} of rest" if isinstance(network, ConductanceNetwork) else ""
+    patches = queries.patches[:limit].reshape(min(limit, len(queries)), -1)
+    try:
+        found = in_brian2(config, state, patches * (config.encoder.max_rate_hz / 255.0), chosen)
+    except BackendUnavailableError as error:
+        return replace(blank, absent=str(error))
+    seconds = found["seconds"]
+    return replace(
+        blank,
+        what=f"{blank.what}, version {found['version']}; {len(state.theta_mv)} neurons, {which}; "
+        f"a query has {network.steps} steps with input{silent}",
+        queries_per_second=1.0 / float(np.median(seconds)),
+        bytes=state.weights.nbytes + state.theta_mv.nbytes + state.delays.nbytes,
+        queries=len(seconds),
+    )

@@ -1,1 +1,0 @@
-"""The same figures by SANA-FE, in an environment of its own."""
