@@ -6,7 +6,7 @@ import base64
 import hashlib
 
 from lava_vpr import __version__
-from lava_vpr.report.assets import STYLE
+from lava_vpr.report.templates import render, text
 from lava_vpr.report.text import safe
 
 
@@ -25,14 +25,14 @@ def document(title: str, body: str, *, style: str = "", payload: str = "", scrip
         digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
         allowed = f"; script-src 'sha256-{digest}'"
         scripts = f'<script type="application/json" id="report-data">{payload}</script>\n<script>{script}</script>'
-    policy = f"default-src 'none'; img-src data:; style-src 'unsafe-inline'{allowed}"
-    return f"""<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8">
-<meta http-equiv="Content-Security-Policy" content="{policy}">
-<meta name="viewport" content="width=device-width,initial-scale=1">
-<link rel="icon" href="data:,"><title>{safe(title)}</title>
-<style>{STYLE}{style}</style></head><body>
-{body}
-<footer>Written by lava-vpr {__version__}. One file, no network needed.</footer>
-{scripts}</body></html>
-"""
+    page = render(
+        "page.html",
+        policy=f"default-src 'none'; img-src data:; style-src 'unsafe-inline'{allowed}",
+        title=safe(title),
+        style=text("page.css"),
+        more_style=style,
+        body=body,
+        version=__version__,
+        scripts=scripts,
+    )
+    return page + "\n"

@@ -10,10 +10,10 @@ import numpy as np
 
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.report import sections
-from lava_vpr.report.assets import SCRIPT
 from lava_vpr.report.data import Figures, ReportData
 from lava_vpr.report.frame import document
 from lava_vpr.report.plots import precision_recall, series_style
+from lava_vpr.report.templates import text
 from lava_vpr.report.text import fraction, is_number, label, plain, safe
 
 _COLUMNS = ("R@1", "R@5", "R@10", "R@100P", "P@100R", "AUC")
@@ -171,4 +171,5 @@ def page(data: ReportData) -> str:
     body = f"""{_header(data)}
 <nav aria-label="Sections"><ul>{links}</ul></nav>
 <main>{"".join(parts)}</main>"""
-    return document(data.title, body, style=sheet_style, payload=_payload(data, sheets), script=SCRIPT)
+    script = f"\n{text('report.js')}\n"
+    return document(data.title, body, style=sheet_style, payload=_payload(data, sheets), script=script)

@@ -1,6 +1,6 @@
 """Drawings as SVG text for a page: matplotlib without pyplot, without global state, without dates.
 
-Colours are written as CSS variables of the page (`lava_vpr.report.assets`), so that one drawing serves the light and
+Colours are written as CSS variables of the page (`templates/page.css`), so that one drawing serves the light and
 the dark theme; equal data give equal bytes.
 """
 
