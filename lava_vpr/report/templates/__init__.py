@@ -11,7 +11,7 @@ from importlib.resources import files
 from string import Template
 
 
-def render(name: str, **fields: str) -> str:
+def render(name: str, /, **fields: str) -> str:
     """The template in the file ``name`` with ``fields`` filled in.
 
     Raises:
