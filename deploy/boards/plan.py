@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.loihi import BLOCK_HEADER_BITS, BLOCK_SYNAPSES, WORD_BITS
 
 PopulationName = Literal["exc", "inh", "inputs"]
 
@@ -111,16 +110,3 @@ class Plan:
     lateral_bits: int
     hops: float | None
     host_spikes: float
-
-
-def row_words(synapses: NDArray[np.int64], bits: int) -> NDArray[np.int64]:
-    """Words of synapse memory of rows (the synapses of one input axon).
-
-    Args:
-        synapses: Number of synapses of each row, int64, any shape.
-        bits: Of one synapse: weight, and index if the row is sparse.
-    """
-    whole, rest = np.divmod(np.asarray(synapses, np.int64), BLOCK_SYNAPSES)
-    full = -(-(BLOCK_SYNAPSES * bits + BLOCK_HEADER_BITS) // WORD_BITS)
-    last = -(-(rest * bits + BLOCK_HEADER_BITS) // WORD_BITS)
-    return whole * full + np.where(rest > 0, last, 0)

@@ -29,8 +29,9 @@ from numpy.typing import NDArray
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.boards.plan import CorePlan, Load, Needs, Part, Plan, PopulationName
 from lava_vpr.deploy.mapping import placement
-from lava_vpr.deploy.mapping.capacity import check, host_spikes, refusal
+from lava_vpr.deploy.mapping.limits import check, host_spikes
 from lava_vpr.deploy.mapping.placement import Found, Integers
+from lava_vpr.deploy.mapping.refusal import refusal
 from lava_vpr.deploy.mapping.sizing import EXC_SPIKES, Ranges, Sizing, Stored, limit_of, load
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.loihi import ACCESS_NS, MESSAGE_NS, SPIKE_NS, UPDATE_NS

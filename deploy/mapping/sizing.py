@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.board import Board
-from lava_vpr.deploy.boards.plan import Load, row_words
+from lava_vpr.deploy.boards.plan import Load
 from lava_vpr.deploy.mapping.placement import cheapest_choice
-from lava_vpr.deploy.registers.core_images import lateral_synapse
+from lava_vpr.deploy.registers.synapses import lateral_synapse, row_words
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import (

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.boards.plan import RELAY_THRESHOLD, RELAY_WEIGHT, CorePlan, Load, Needs, Part, Plan, PopulationName
-from lava_vpr.deploy.registers.synapses import Format, Formats, Rows, index_bits, joined, pack, stored_rows, unpack
+from lava_vpr.deploy.registers.synapse_memory import pack, stored_rows, unpack
+from lava_vpr.deploy.registers.synapses import Format, Formats, Rows, index_bits, joined, lateral_synapse
 from lava_vpr.engine.inference import bias_input
 from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork
 from lava_vpr.errors import LavaVprError, ModelFileError, NetworkLimitError
@@ -21,7 +22,6 @@ from lava_vpr.loihi import (
     FLOOR_EXPONENT_LIMIT,
     INPUT_SHIFT,
     WEIGHT_BITS,
-    WEIGHT_EXPONENT_LIMIT,
 )
 
 POPULATIONS: tuple[PopulationName, ...] = get_args(PopulationName)
@@ -100,24 +100,6 @@ def _members(core: CorePlan, population: PopulationName) -> tuple[NDArray[np.int
     ranges = [(np.arange(p.first, p.first + p.size), np.arange(p.compartment, p.compartment + p.size)) for p in parts]
     empty = np.zeros(0, np.int64)
     return np.concatenate([empty, *(r[0] for r in ranges)]), np.concatenate([empty, *(r[1] for r in ranges)])
-
-
-def lateral_synapse(network: FixedNetwork, bits: int) -> tuple[int, int]:
-    """Magnitude in ``bits`` bits, and exponent, of a synapse that takes ``network.lateral``.
-
-    Raises:
-        NetworkLimitError: there is none.
-    """
-    magnitude, exponent = network.inhibition, network.inhibition_exponent
-    while magnitude >> bits and magnitude % 2 == 0:
-        magnitude, exponent = magnitude >> 1, exponent + 1
-    exponent -= WEIGHT_BITS - bits
-    if magnitude >> bits or abs(exponent) > WEIGHT_EXPONENT_LIMIT:
-        raise NetworkLimitError(
-            f"lateral inhibition {network.lateral} does not fit a synapse of {bits} bits with an exponent of at most "
-            f"{WEIGHT_EXPONENT_LIMIT}; choose another network.inhibition"
-        )
-    return magnitude, exponent
 
 
 def _input_axons(network: FixedNetwork, neurons: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from lava_vpr.deploy.registers.core_images import READ_OUT, CoreImage, HostTables
 from lava_vpr.deploy.registers.simulator_kernels import EVENTS, State, Wiring, present
-from lava_vpr.deploy.registers.synapses import Format, Rows, joined, stored_rows, unpack
+from lava_vpr.deploy.registers.synapse_memory import stored_rows, unpack
+from lava_vpr.deploy.registers.synapses import Format, Rows, joined
 from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.inference.bias_input import biases, phases
 from lava_vpr.engine.threads import share

@@ -17,16 +17,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.deploy.boards.plan import row_words
-from lava_vpr.errors import ModelFileError
+from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.errors import ModelFileError, NetworkLimitError
 from lava_vpr.loihi import (
     BLOCK_HEADER_BITS,
     BLOCK_SYNAPSES,
-    CORE_FORMATS,
     INPUT_SHIFT,
     LOIHI_1_INDEX_BITS,
     LOIHI_1_WEIGHT_BITS,
@@ -164,6 +162,37 @@ def index_bits(compartments: NDArray[np.int64]) -> int:
     return next(bits for bits in LOIHI_1_INDEX_BITS if bits >= need)
 
 
+def lateral_synapse(network: FixedNetwork, bits: int) -> tuple[int, int]:
+    """Magnitude in ``bits`` bits, and exponent, of a synapse that takes ``network.lateral``.
+
+    Raises:
+        NetworkLimitError: there is none.
+    """
+    magnitude, exponent = network.inhibition, network.inhibition_exponent
+    while magnitude >> bits and magnitude % 2 == 0:
+        magnitude, exponent = magnitude >> 1, exponent + 1
+    exponent -= WEIGHT_BITS - bits
+    if magnitude >> bits or abs(exponent) > WEIGHT_EXPONENT_LIMIT:
+        raise NetworkLimitError(
+            f"lateral inhibition {network.lateral} does not fit a synapse of {bits} bits with an exponent of at most "
+            f"{WEIGHT_EXPONENT_LIMIT}; choose another network.inhibition"
+        )
+    return magnitude, exponent
+
+
+def row_words(synapses: NDArray[np.int64], bits: int) -> NDArray[np.int64]:
+    """Words of synapse memory of rows (the synapses of one input axon).
+
+    Args:
+        synapses: Number of synapses of each row, int64, any shape.
+        bits: Of one synapse: weight, and index if the row is sparse.
+    """
+    whole, rest = np.divmod(np.asarray(synapses, np.int64), BLOCK_SYNAPSES)
+    full = -(-(BLOCK_SYNAPSES * bits + BLOCK_HEADER_BITS) // WORD_BITS)
+    last = -(-(rest * bits + BLOCK_HEADER_BITS) // WORD_BITS)
+    return whole * full + np.where(rest > 0, last, 0)
+
+
 class Formats(list[Format | None]):
     """The formats of a core, as they come into use; number 0 stays unused, as nengo-loihi has it."""
 
@@ -190,208 +219,3 @@ class Formats(list[Format | None]):
         starts = np.concatenate([np.zeros(1, np.int64), np.cumsum(mask.sum(axis=1))])
         reached = np.broadcast_to(compartments, mask.shape)[mask]
         return Rows(starts, reached.astype(np.int32), weights[mask].astype(np.int32), numbers)
-
-
-def _widths(formats: Sequence[Format | None]) -> NDArray[np.int64]:
-    """Index and weight bits of every format number, int64 (16, 2); weight bits 0: there is no such format."""
-    widths = np.zeros((CORE_FORMATS, 2), np.int64)
-    for number, form in enumerate(formats):
-        if form is not None:
-            widths[number] = form.index_bits, form.weight_bits
-    return widths
-
-
-@nb.njit(cache=True, inline="always")
-def _put(words: NDArray[np.uint64], at: int, value: int, bits: int) -> int:
-    """Or ``value`` into bits ``at`` and following; returns the position behind it."""
-    word, offset = at >> 6, at & 63
-    words[word] |= np.uint64(value) << np.uint64(offset)
-    if offset + bits > 64:
-        words[word + 1] |= np.uint64(value) >> np.uint64(64 - offset)
-    return at + bits
-
-
-@nb.njit(cache=True, inline="always")
-def _get(words: NDArray[np.uint64], at: int, bits: int) -> Any:
-    """Bits ``at`` and following."""
-    word, offset = at >> 6, at & 63
-    value = words[word] >> np.uint64(offset)
-    if offset + bits > 64:
-        value |= words[word + 1] << np.uint64(64 - offset)
-    return np.int64(value & ((np.uint64(1) << np.uint64(bits)) - np.uint64(1)))
-
-
-@nb.njit(cache=True, nogil=True)
-def _pack(
-    starts: NDArray[np.int64],
-    compartments: NDArray[np.int32],
-    weights: NDArray[np.int32],
-    formats: NDArray[np.uint8],
-    widths: NDArray[np.int64],
-    firsts: NDArray[np.int64],
-    words: NDArray[np.uint64],
-) -> None:
-    """Write all rows into ``words``, row r from word ``firsts[r]`` on."""
-    for r in range(formats.size):
-        index_bits, weight_bits = widths[formats[r], 0], widths[formats[r], 1]
-        at = firsts[r] << 6
-        for begin in range(starts[r], starts[r + 1], BLOCK_SYNAPSES):
-            end = min(begin + BLOCK_SYNAPSES, starts[r + 1])
-            at = _put(words, (at + 63) & ~63, formats[r], ID_BITS)
-            at = _put(words, at, end - begin - 1, COUNT_BITS)
-            for s in range(begin, end):
-                if index_bits > 0:
-                    at = _put(words, at, compartments[s], index_bits)
-                at = _put(words, at, weights[s], weight_bits)
-
-
-def pack(rows: Rows, formats: Sequence[Format | None]) -> tuple[NDArray[np.uint64], NDArray[np.int32]]:
-    """Synapse memory that holds ``rows``, in their order and without gaps.
-
-    Args:
-        rows: What to store; compartments of a dense row are 0, 1, 2 ..
-        formats: Of the core, by number.
-    Returns:
-        Words uint64 (words,), and first word, words and synapses of each row, int32 (rows, 3).
-    Raises:
-        ValueError: a format cannot hold its rows.
-    """
-    widths, sizes = _widths(formats), np.diff(rows.starts)
-    index_bits, weight_bits = np.repeat(widths[rows.formats], sizes, axis=0).T
-    ranks = np.arange(len(rows.weights)) - np.repeat(rows.starts[:-1], sizes)
-    placed = np.where(index_bits == 0, rows.compartments == ranks, rows.compartments >> index_bits == 0)
-    if not (widths[rows.formats, 1] > 0).all() or not (placed & (rows.weights >> weight_bits == 0)).all():
-        raise ValueError("a synapse does not fit the format of its row")
-    lengths = row_words(sizes, widths[rows.formats].sum(axis=1))
-    firsts = np.cumsum(lengths) - lengths
-    words = np.zeros(int(lengths.sum()), np.uint64)
-    _pack(rows.starts, rows.compartments, rows.weights, rows.formats, widths, firsts, words)
-    return words, np.stack([firsts, lengths, sizes], axis=1).astype(np.int32)
-
-
-_PROBLEMS = (
-    "",
-    "runs beyond the {words} words that the synapse map gives it",
-    "names synapse format {value}, which the core does not have",
-    "changes from one synapse format to another within the row",
-    "holds {value} synapses or more, but the synapse map says {synapses}",
-    "reaches compartment {value}, but the core has {compartments}",
-    "fills {value} words, but the synapse map says {words}",
-    "has bits behind its last synapse",
-)
-_RUNS_OUT, _NO_FORMAT, _MIXED, _TOO_MANY, _NO_COMPARTMENT, _TOO_FEW_WORDS, _TRAILING = range(1, 8)
-
-
-@nb.njit(cache=True, nogil=True)
-def _unpack_row(
-    words: NDArray[np.uint64],
-    entry: NDArray[np.int32],
-    widths: NDArray[np.int64],
-    limit: int,
-    compartments: NDArray[np.int32],
-    weights: NDArray[np.int32],
-) -> tuple[Any, int]:
-    """Read the row that ``entry`` of the synapse map names; its format and 0, or what was found and its problem."""
-    at, end, done, form = np.int64(entry[0]) << 6, (np.int64(entry[0]) + entry[1]) << 6, 0, 0
-    while done < entry[2]:
-        if at >= end:
-            return at, _RUNS_OUT
-        number, count = _get(words, at, ID_BITS), _get(words, at + ID_BITS, COUNT_BITS) + 1
-        index_bits, weight_bits = widths[number, 0], widths[number, 1]
-        if weight_bits == 0:
-            return number, _NO_FORMAT
-        if done > 0 and number != form:
-            return number, _MIXED
-        form = number
-        if done + count > entry[2]:
-            return done + count, _TOO_MANY
-        at += BLOCK_HEADER_BITS
-        if at + count * (index_bits + weight_bits) > end:
-            return at, _RUNS_OUT
-        for _ in range(count):
-            compartments[done] = _get(words, at, index_bits) if index_bits > 0 else done
-            if compartments[done] >= limit:
-                return compartments[done], _NO_COMPARTMENT
-            weights[done] = _get(words, at + index_bits, weight_bits)
-            at += index_bits + weight_bits
-            done += 1
-        rest = -at & 63
-        if rest > 0 and _get(words, at, rest) != 0:
-            return at, _TRAILING
-        at += rest
-    return (form, 0) if at == end else ((at >> 6) - entry[0], _TOO_FEW_WORDS)
-
-
-@nb.njit(cache=True, nogil=True)
-def _unpack(
-    words: NDArray[np.uint64],
-    entries: NDArray[np.int32],
-    widths: NDArray[np.int64],
-    limit: int,
-    starts: NDArray[np.int64],
-    compartments: NDArray[np.int32],
-    weights: NDArray[np.int32],
-    formats: NDArray[np.uint8],
-) -> tuple[int, int, int]:
-    """Read all rows; the first with a problem, what was found there and the problem, or problem 0."""
-    for r in range(formats.size):
-        own = slice(starts[r], starts[r + 1])
-        found, problem = _unpack_row(words, entries[r], widths, limit, compartments[own], weights[own])
-        if problem != 0:
-            return r, found, problem
-        formats[r] = found
-    return 0, 0, 0
-
-
-def unpack(
-    words: NDArray[np.uint64],
-    axons_in: NDArray[np.int32],
-    formats: Sequence[Format | None],
-    compartments: int,
-    where: str = "synapse memory",
-) -> Rows:
-    """The rows of all input axons.
-
-    Args:
-        words: Synapse memory, uint64 (words,).
-        axons_in: First word, words and synapses of each, int32 (axons, 3).
-        formats: Of the core, by number.
-        compartments: How many the core has.
-        where: Whose memory, for messages.
-    Raises:
-        ModelFileError: the memory is not what the synapse map says it is.
-    """
-    first, length, sizes = axons_in.T.astype(np.int64)
-    outside = (first < 0) | (length < 0) | (sizes < 0) | (first + length > len(words)) | (sizes > length * WORD_BITS)
-    if outside.any():
-        axon = int(np.argmax(outside))
-        raise ModelFileError(
-            f"{where}: input axon {axon} has words {first[axon]} to {first[axon] + length[axon] - 1} of a memory of "
-            f"{len(words)} for {sizes[axon]} synapses; deploy the model again"
-        )
-    starts = np.concatenate([np.zeros(1, np.int64), np.cumsum(sizes)])
-    reached, weights, numbers = *np.zeros((2, int(starts[-1])), np.int32), np.zeros(len(sizes), np.uint8)
-    entries = np.ascontiguousarray(axons_in, np.int32)
-    axon, value, problem = _unpack(words, entries, _widths(formats), compartments, starts, reached, weights, numbers)
-    if problem:
-        words_, synapses = entries[axon, 1:]
-        text = _PROBLEMS[problem].format(value=value, words=words_, synapses=synapses, compartments=compartments)
-        raise ModelFileError(f"{where}: the row of input axon {axon} {text}; deploy the model again")
-    return Rows(starts, reached, weights, numbers)
-
-
-def stored_rows(
-    words: NDArray[np.uint64], axons_in: NDArray[np.int32], where: str = "synapse memory"
-) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """The rows of a memory, each once however many axons share it.
-
-    Returns:
-        The rows' entries of the synapse map, int32 (rows, 3), and the row of each axon, int64 (axons,).
-    Raises:
-        ModelFileError: rows overlap, or leave words that nobody reads.
-    """
-    entries, row_of = np.unique(axons_in.reshape(-1, 3), axis=0, return_inverse=True)
-    ends = entries[:, 0].astype(np.int64) + entries[:, 1]
-    if not np.array_equal(np.append(entries[:, 0], len(words)), np.append(0, ends)):
-        raise ModelFileError(f"{where}: the rows of its input axons do not tile its memory; deploy the model again")
-    return entries.astype(np.int32), row_of.reshape(-1).astype(np.int64)

@@ -15,7 +15,7 @@ from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import BOARDS, Board
 
 if TYPE_CHECKING:
-    from lava_vpr.deploy.mapping.capacity import Capacity
+    from lava_vpr.deploy.mapping.largest_map import Capacity
 
 
 @click.command()
@@ -107,12 +107,12 @@ def _largest(
     json_path: Path | None,
 ) -> None:
     """The largest maps that fit the board."""
-    from lava_vpr.deploy.mapping import capacity
+    from lava_vpr.deploy.mapping import largest_map
 
     chosen = {"weight_bits": weight_bits, "input_mode": input_mode, "neurons_per_place": neurons_per_place}
     changes = {name: value for name, value in chosen.items() if value is not None}
     config = update(preset("loihi"), {"network": changes})
-    rows = capacity.table(config, board) if weight_bits is None else (capacity.largest(config, board),)
+    rows = largest_map.table(config, board) if weight_bits is None else (largest_map.largest(config, board),)
     if json_path is not None:
         write_json(json_path, {"target": board.name, "largest": [asdict(row) for row in rows]})
     print_whole(_capacities(board, rows))

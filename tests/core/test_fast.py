@@ -19,7 +19,7 @@ from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.compression.compression import requantised
-from lava_vpr.deploy.mapping.capacity import DEVIATIONS
+from lava_vpr.deploy.mapping.limits import DEVIATIONS
 from lava_vpr.encoding import query_rates, rates16, strongest
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.quantise import MEAN_WEIGHT, distinctive, equalise, pruned

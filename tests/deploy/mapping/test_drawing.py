@@ -14,7 +14,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from rich.console import Console
 
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2, Board
-from lava_vpr.deploy.boards.plan import CorePlan, Load, Needs, Part, Plan, PopulationName, row_words
+from lava_vpr.deploy.boards.plan import CorePlan, Load, Needs, Part, Plan, PopulationName
+from lava_vpr.deploy.registers.synapses import row_words
 from lava_vpr.deploy.show.drawing import COLOURS, MOST_CARDS, WIDTH, draw, figure_of
 from lava_vpr.deploy.show.tables import busiest, core_table, rows_of, share, summary
 from lava_vpr.engine.inference.fixed import FixedNetwork

@@ -20,7 +20,8 @@ from support.common.helpers import small_model
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.deploy.registers.core_images import core_images
-from lava_vpr.deploy.registers.synapses import Format, unpack
+from lava_vpr.deploy.registers.synapse_memory import unpack
+from lava_vpr.deploy.registers.synapses import Format
 from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.inference import bias_input
 

@@ -16,9 +16,9 @@ from lava_vpr.deploy.registers.core_images import (
     HostTables,
     core_images,
     host_tables,
-    lateral_synapse,
     network_of,
 )
+from lava_vpr.deploy.registers.synapses import lateral_synapse
 from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork
 from lava_vpr.errors import ModelFileError, NetworkLimitError
 

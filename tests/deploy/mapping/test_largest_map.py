@@ -11,8 +11,8 @@ import pytest
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2, Board
-from lava_vpr.deploy.mapping import capacity
-from lava_vpr.deploy.mapping.capacity import Capacity, largest, table, typical
+from lava_vpr.deploy.mapping import largest_map
+from lava_vpr.deploy.mapping.largest_map import Capacity, largest, table, typical
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.encoding import encode_traverse
 from lava_vpr.engine.inference import quantise
@@ -129,7 +129,7 @@ def test_a_trained_network_is_as_was_assumed(data_root: Path) -> None:
     )
     model = train([encoded], chosen, jobs=2)
     weights = quantise.equalise(model.learned)
-    assert float(np.percentile(weights, 99.9)) == pytest.approx(capacity.TOP, rel=0.05)
+    assert float(np.percentile(weights, 99.9)) == pytest.approx(largest_map.TOP, rel=0.05)
     for bits in (1, 2, 3, 4):
         own = replace(chosen, network=replace(chosen.network, weight_bits=bits))  # type: ignore[arg-type]
         wanted = typical(own, KAPOHO_BAY, 100)

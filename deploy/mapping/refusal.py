@@ -1,0 +1,111 @@
+"""Why a network does not fit the cores of a board, and what helps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.deploy.boards.board import Board
+from lava_vpr.deploy.mapping.limits import host_spikes
+from lava_vpr.deploy.mapping.sizing import UNLIMITED, Sizing, limit_of
+from lava_vpr.errors import NetworkLimitError
+
+Solve = Callable[[Sizing], int | None]
+"""Cores that a network takes, None if it does not fit."""
+
+_NAMES = {
+    "axons_in": "input axons",
+    "axons_out": "output axons",
+    "synapse_words": "words of synapse memory",
+}
+_SHARES = (0.5, 0.6, 0.7, 0.8, 0.9)
+
+
+def refusal(sizing: Sizing, solve: Solve) -> NetworkLimitError:
+    """Why a network does not fit, and what helps; every remedy that is named has been tried."""
+    return NetworkLimitError(f"{cause(sizing, solve)}; {_remedy(sizing, solve)}")
+
+
+def cause(sizing: Sizing, solve: Solve) -> str:
+    """The resource that a network lacks, its need and its limit."""
+    network, board = sizing.network, sizing.board
+    cores = board.chips * board.cores
+    total = 2 * network.neurons + network.regular * network.inputs
+    if total > cores * board.compartments:
+        what = "neurons, relays and inputs" if network.regular else "neurons and relays"
+        have = cores * board.compartments
+        return f"{what} need {total:,} compartments, but the {cores:,} cores of {board.title} have {have:,}"
+    share = -(-network.neurons // cores)
+    for name, need in _least_needs(sizing, share).items():
+        limit = limit_of(getattr(board, name))
+        if need > limit:
+            return (
+                f"a core with {share:,} of {network.neurons:,} neurons needs {need:,} {_NAMES[name]}, but a core of "
+                f"{board.title} has {limit:,}"
+            )
+    # The resource without whose limit the network would fit; if there is none, cores.
+    lacking = [name for name in _NAMES if solve(replace(sizing, board=_without(board, name)))]
+    many = solve(replace(sizing, board=replace(board, cores=8 * board.cores)))
+    wanted = f"{many:,}" if many else f"more than {8 * cores:,}"
+    of_each = f" of {getattr(board, lacking[0]):,} {_NAMES[lacking[0]]}" if lacking else ""
+    return f"{network.neurons:,} neurons need {wanted} cores{of_each}, but {board.title} has {cores:,}"
+
+
+def _without(board: Board, name: str) -> Board:
+    """The same without one limit."""
+    return replace(board, **{name: UNLIMITED})  # type: ignore[arg-type]
+
+
+def _least_needs(sizing: Sizing, neurons: int) -> dict[str, int]:
+    """What a core with so many neurons takes at least, whichever they are, without relays on it."""
+    starts = range(sizing.network.neurons - neurons + 1)
+    ranges = [sizing.ranges(first, np.array([first + neurons])) for first in starts]
+    return {
+        "axons_in": min(int(own.active[0]) for own in ranges) + sizing.relay_axons_of(neurons),
+        "axons_out": 2 * neurons,
+        "synapse_words": min(int(own.least_words[0]) for own in ranges),
+    }
+
+
+def _remedy(sizing: Sizing, solve: Solve) -> str:
+    """What was found to help."""
+    network, board, found = sizing.network, sizing.board, []
+    spikes = host_spikes(replace(network, regular=0), sizing.rates)
+    if network.regular and spikes <= limit_of(board.host_spikes) and solve(_with(sizing, regular=0)):
+        found.append("--input-mode injected")
+    for bits in range(network.bits - 1, 0, -1):
+        less = network.bits - bits
+        weights, inhibition = (network.weights >> less).astype(np.uint8), network.inhibition >> less
+        if _says_something(weights) and solve(_with(sizing, bits=bits, weights=weights, inhibition=inhibition)):
+            found.append(f"--weight-bits {bits}")
+            break
+    order = np.argsort(network.weights, axis=0, kind="stable")
+    for share in _SHARES:
+        weights = np.array(network.weights)
+        np.put_along_axis(weights, order[: round(share * network.inputs)], 0, axis=0)
+        if _says_something(weights) and solve(_with(sizing, weights=weights)):
+            found.append(f"--prune {share:g}")
+            break
+    if found:
+        return "use " + " or ".join(found)
+    low, high = 0, network.neurons
+    while high - low > 1:
+        middle = (low + high) // 2
+        fits = solve(_with(sizing, weights=np.ascontiguousarray(network.weights[:, :middle])))
+        low, high = (middle, high) if fits else (low, middle)
+    return (
+        f"use at most {low:,} neurons, so fewer places or network.neurons_per_place" if low else "use another --target"
+    )
+
+
+def _says_something(weights: NDArray[np.uint8]) -> bool:
+    """Whether every neuron keeps a weight."""
+    return bool(weights.any(axis=0).all())
+
+
+def _with(sizing: Sizing, **changes: object) -> Sizing:
+    """The same with another network."""
+    return replace(sizing, network=replace(sizing.network, **changes))  # type: ignore[arg-type]
