@@ -25,9 +25,10 @@ from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.bundle.deployment import deploy, plan_of
 from lava_vpr.encoding import query_rates16
 from lava_vpr.engine.inference import fixed
-from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork
+from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import InputError
+from lava_vpr.model import integer_model
 
 console = Console(highlight=False, width=110)
 
@@ -38,10 +39,8 @@ def row(places: int, queries: int, rounds: int) -> list[str]:
     Raises:
         InputError: the simulation does not give the host's counts.
     """
-    model = learn((0, places), preset("loihi"))
+    model = integer_model(learn((0, places), preset("loihi")), "Kapoho Bay")
     network = model.network
-    if not isinstance(network, FixedNetwork):
-        raise InputError("preset loihi: not an integer network")
     started = time.perf_counter()
     plan = plan_of(model, KAPOHO_BAY)
     planned = time.perf_counter() - started

@@ -22,11 +22,9 @@ from rich.table import Table
 from benchmarks.nordland import SECTIONS, encoded, part
 from lava_vpr.config import INPUT_MODES, Config, preset
 from lava_vpr.configfile import update
-from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.threads import cores
-from lava_vpr.errors import ConfigError
 from lava_vpr.matching.evaluation import Metrics
-from lava_vpr.model import Model
+from lava_vpr.model import Model, integer_model
 from lava_vpr.recognition import Recognition, recognise
 from lava_vpr.training.loop import reference_responses, train
 
@@ -171,10 +169,8 @@ def print_inputs(config: Config, seeds: Sequence[int]) -> None:
 
 def with_input_mode(model: Model, mode: str) -> Model:
     """The same weights with another way of input, responses measured that way; learning injects in any case."""
-    if not isinstance(model.network, FixedNetwork):
-        raise ConfigError("only the integer network has two ways of input; use --preset loihi")
     config = update(model.config, {"network": {"input_mode": mode}})
-    network = dataclasses.replace(model.network, regular=int(mode == "bias"))
+    network = dataclasses.replace(integer_model(model, "--inputs").network, regular=int(mode == "bias"))
     references = part(encoded("summer", config.encoder), model.place_indices)
     responses = reference_responses(network, [references], config, cores())
     return dataclasses.replace(model, config=config, network=network, responses=responses)

@@ -22,6 +22,7 @@ from lava_vpr.encoding import activity_of, query_rates
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.inputs.preprocess import patch_normalised
+from lava_vpr.model import integer_model
 from lava_vpr.recognition import decode
 from lava_vpr.training.loop import train
 from lava_vpr.traverse import open_traverse
@@ -61,9 +62,7 @@ def main() -> None:
     table.add_row("train a section of 100 places", f"{seconds(lambda: train([section], config)):.2f} s")
     for places in (100, 500):
         model = learn((0, places), config)
-        network = model.network
-        if not isinstance(network, fixed.FixedNetwork):
-            raise TypeError("the loihi preset runs in integers")
+        network = integer_model(model, "the host engine").network
         rates, keys = query_rates(winter.activity, config), presentation_keys(0, "query", winter.indices)
         counts, events, _ = fixed.count_spikes(network, rates, keys)
         each = seconds(lambda n=network, r=rates, k=keys: fixed.count_spikes(n, r, k)) / len(winter)

@@ -5,17 +5,18 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr import __version__, container
-from lava_vpr.config import Config, LifNetwork
+from lava_vpr.config import Config
 from lava_vpr.configfile import from_dict, to_dict
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork
-from lava_vpr.errors import BackendUnavailableError, LavaVprError, ModelFileError
+from lava_vpr.errors import LavaVprError, ModelFileError
+from lava_vpr.gate import IntegerConfig, as_integer_config, not_integer
 from lava_vpr.matching.equations import assign
 
 
@@ -76,6 +77,11 @@ class Model:
         return int(self.responses.shape[0])
 
     @property
+    def joined(self) -> bool:
+        """Whether several stretches share one inhibition, which is the setting ``joined_inhibition`` then."""
+        return len(self.stretches) > 1
+
+    @property
     def weight_bits(self) -> int | None:
         """Bits of a weight; None for the float model."""
         return self.network.bits if isinstance(self.network, FixedNetwork) else None
@@ -85,18 +91,46 @@ class Model:
         return assign(self.responses)
 
 
-def integer_network_of(model: Model, steps: int | None, backend: str) -> FixedNetwork:
-    """The model's integer network, for ``steps`` steps.
+class IntegerModel(Model):
+    """A model whose network is one of integers, as `integer_model` returns it.
+
+    Only type checkers see this class: what passes the gate stays the `Model` that it is.
+    """
+
+    config: IntegerConfig
+    network: FixedNetwork
+
+
+def as_integer(model: Model) -> IntegerModel | None:
+    """``model`` itself if its network is one of integers, else None."""
+    integer = isinstance(model.network, FixedNetwork) and as_integer_config(model.config) is not None
+    return cast(IntegerModel, model) if integer else None
+
+
+def integer_model(model: Model, purpose: str, path: Path | None = None) -> IntegerModel:
+    """``model`` itself, seen to have an integer network.
+
+    Args:
+        model: The model.
+        purpose: What needs an integer network; the message begins with it.
+        path: The file of the model, if it is known.
+    Raises:
+        ConfigError: the model is the float conductance model.
+    """
+    found = as_integer(model)
+    if found is None:
+        raise not_integer(purpose, path)
+    return found
+
+
+def checked_network(model: Model, purpose: str) -> FixedNetwork:
+    """The integer network of ``model``, seen not to overflow Loihi's registers.
 
     Raises:
-        BackendUnavailableError: the model has none.
+        ConfigError: the model is the float conductance model.
+        NetworkLimitError: the network could overflow.
     """
-    if not isinstance(model.network, FixedNetwork):
-        raise BackendUnavailableError(
-            f"{backend} runs integer networks, but this model is the float conductance model of preset paper; use "
-            "--backend host or lava-float"
-        )
-    network = model.network if steps is None else dataclasses.replace(model.network, steps=steps)
+    network = integer_model(model, purpose).network
     network.check()
     return network
 
@@ -176,18 +210,22 @@ def _network(
     header: dict[str, Any], arrays: dict[str, NDArray[Any]], config: Config
 ) -> FixedNetwork | ConductanceState:
     """The network that a model file holds."""
-    if not isinstance(config.network, LifNetwork):
+    if as_integer_config(config) is None:
         names = [field.name for field in dataclasses.fields(ConductanceState)]
         return ConductanceState(**{name: arrays[f"network.{name}"] for name in names})
     given = {"regular": 0, **header["fixed"]}  # models from before there were regular inputs
-    return FixedNetwork(weights=arrays["network.weights"], **{name: int(given[name]) for name in SCALARS})
+    network = FixedNetwork(weights=arrays["network.weights"], **{name: int(given[name]) for name in SCALARS})
+    if network.weights.dtype != np.uint8:
+        raise ValueError(f"weights of type {network.weights.dtype} instead of uint8")
+    network.check()
+    return network
 
 
 def _assembled(header: dict[str, Any], arrays: dict[str, NDArray[Any]], network: FixedNetwork | None) -> Model:
     config = from_dict(header["config"])
+    if network is not None:
+        network.check()
     whole = network or _network(header, arrays, config)
-    if isinstance(whole, FixedNetwork):
-        whole.check()
     given: dict[str, Any] = {name: arrays[name] for name in _ARRAYS}
     model = Model(
         config=config,
@@ -210,8 +248,6 @@ def _assembled(header: dict[str, Any], arrays: dict[str, NDArray[Any]], network:
             raise ValueError(f"{name} of shape {getattr(model, name).shape} instead of {shape}")
     if whole.weights.shape[0] != inputs or model.learned.shape not in ((0, 0), whole.weights.shape):
         raise ValueError(f"weights of shape {whole.weights.shape} for {inputs} inputs")
-    if isinstance(whole, FixedNetwork) and whole.weights.dtype != np.uint8:
-        raise ValueError(f"weights of type {whole.weights.dtype} instead of uint8")
     if sorted(set(model.labels.tolist())) != list(range(places)):
         raise ValueError("labels that are not the places")
     return model

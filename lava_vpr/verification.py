@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.registry import Trains
 from lava_vpr.encoding import EncodedTraverse, query_rates
-from lava_vpr.engine.conductance.model import ConductanceState
-from lava_vpr.errors import BackendUnavailableError, InputError, NetworkLimitError
+from lava_vpr.errors import BackendUnavailableError, ConfigError, InputError, NetworkLimitError
 from lava_vpr.matching.evaluation import evaluate
 from lava_vpr.matching.matchers import confidence
-from lava_vpr.model import Model
+from lava_vpr.model import Model, as_integer
 from lava_vpr.recognition import decode
 
 FLOAT = ("lava-float",)
@@ -166,7 +165,7 @@ def verify(
     run["seed"] = model.config.seed if seed is None else seed
     host = backends.HostBackend(threads)
     verdicts = []
-    trains = None if isinstance(model.network, ConductanceState) else host.trains(model, rates, **run)
+    trains = None if as_integer(model) is None else host.trains(model, rates, **run)
     counts, _ = host.count_spikes(model, rates, **run)
     silent = np.flatnonzero(counts.sum(axis=1) == 0)
     if len(silent):
@@ -186,7 +185,7 @@ def verify(
             try:
                 verdicts.append(_verdict(name, model, rates, run, trains, queries.names, truth, reference, advance))
                 continue
-            except (BackendUnavailableError, NetworkLimitError) as error:
+            except (BackendUnavailableError, ConfigError, NetworkLimitError) as error:
                 reason = str(error)
         verdicts.append(Verdict(name, reason))
     return verdicts

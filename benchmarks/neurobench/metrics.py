@@ -30,6 +30,7 @@ from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork, count_sp
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import BackendUnavailableError, LavaRunError
+from lava_vpr.model import integer_model
 
 ROOT = Path(__file__).resolve().parents[2]
 PYTHON = ROOT / ".venv-neurobench" / "bin" / "python"
@@ -104,11 +105,10 @@ def problems(queries: int) -> list[tuple[str, FixedNetwork, NDArray[np.uint16], 
     made = []
     for name, config in wanted.items():
         for places in ((0, 100), (0, 200)):
-            network = learn(places, config).network
-            if isinstance(network, FixedNetwork):
-                winter = part(encoded("winter", config.encoder), slice(0, queries))
-                keys = presentation_keys(config.seed, "query", winter.indices)
-                made.append((f"{name}, {places[1]} places", network, query_rates(winter.activity, config), keys))
+            network = integer_model(learn(places, config), "the comparison").network
+            winter = part(encoded("winter", config.encoder), slice(0, queries))
+            keys = presentation_keys(config.seed, "query", winter.indices)
+            made.append((f"{name}, {places[1]} places", network, query_rates(winter.activity, config), keys))
     return made
 
 

@@ -36,6 +36,7 @@ from lava_vpr.encoding import rates16
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import InputError, LavaVprError
+from lava_vpr.model import integer_model
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPTS = {name: Path(__file__).with_name(f"{name.replace('-', '_')}.py") for name in RULES}
@@ -164,9 +165,7 @@ def real_inference(queries: int) -> list[tuple[Problem, Result]]:
     made = []
     for bits, count in ((3, queries), (8, max(1, queries // 4))):
         config = update(preset("loihi"), {"network": {"weight_bits": bits}})
-        network = learn((0, 100), config).network
-        if not isinstance(network, FixedNetwork):
-            raise InputError(f"preset {config.preset}: not a fixed-point network; choose loihi")
+        network = integer_model(learn((0, 100), config), "the comparison").network
         images = part(encoded("winter", config.encoder), slice(0, count))
         rates = rates16(images.activity, config.encoder.query_spikes)
         keys = presentation_keys(config.seed, "query", images.indices)

@@ -37,6 +37,7 @@ from lava_vpr.deploy.registers.core_images import core_images
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import InputError, NetworkLimitError
 from lava_vpr.loihi import WORD_BITS
+from lava_vpr.model import integer_model
 
 ROOT = Path(__file__).resolve().parents[2]
 PYTHON = ROOT / ".venv-nengo-loihi" / "bin" / "python"
@@ -155,15 +156,13 @@ def random_plans(count: int) -> Iterator[Plan]:
 def real_plans() -> Iterator[tuple[str, Plan]]:
     """The default model of 100 and of 500 places, with other widths and both ways of input."""
     for places in ((0, 100), (0, 500)):
-        model = learn(places, preset("loihi"))
-        if not isinstance(model.network, FixedNetwork):
-            raise InputError("preset loihi: not an integer network")
+        model = integer_model(learn(places, preset("loihi")), "Kapoho Bay")
         for regular in (0, 1):
             name = f"{places[1]} places, 3 bits, {'bias' if regular else 'injected'}"
             yield name, partition(replace(model.network, regular=regular), KAPOHO_BAY, expected_rates(model))
-    narrow = learn((0, 100), update(preset("loihi"), {"network": {"weight_bits": 1}}))
-    if isinstance(narrow.network, FixedNetwork):
-        yield "100 places, 1 bit, injected", partition(narrow.network, KAPOHO_BAY, expected_rates(narrow))
+    config = update(preset("loihi"), {"network": {"weight_bits": 1}})
+    narrow = integer_model(learn((0, 100), config), "Kapoho Bay")
+    yield "100 places, 1 bit, injected", partition(narrow.network, KAPOHO_BAY, expected_rates(narrow))
 
 
 def too_large() -> dict[str, Any]:

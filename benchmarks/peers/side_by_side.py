@@ -37,7 +37,7 @@ from benchmarks.peers.brian2_network import Brian2Network
 from benchmarks.peers.rivals import brian2_peer, vprtempo_matcher
 from lava_vpr.bench.peers import run_peers
 from lava_vpr.bench.results import Peer
-from lava_vpr.config import Config, LifNetwork, StdpLearning, preset
+from lava_vpr.config import Config, preset
 from lava_vpr.encoding import EncodedTraverse, encode_traverse, rates16
 from lava_vpr.engine.conductance.kernels import draw_spikes
 from lava_vpr.engine.conductance.model import ConductanceState, count_spikes, initial_state, train_presentation
@@ -46,6 +46,7 @@ from lava_vpr.engine.learning import stdp
 from lava_vpr.engine.random import presentation_key, presentation_keys
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import LavaVprError
+from lava_vpr.gate import integer_config
 from lava_vpr.inputs.preprocess import orientation_channels, patch_normalised
 from lava_vpr.model import Model
 from lava_vpr.synthetic.world import World, render, write_traverses
@@ -71,9 +72,7 @@ class Loihi:
     """The `loihi` preset on the same images: a plastic network that has seen them all, and its quantised form."""
 
     def __init__(self, images: list[NDArray[np.uint8]]) -> None:
-        config = preset("loihi")
-        if not isinstance(config.learning, StdpLearning) or not isinstance(config.network, LifNetwork):
-            raise TypeError("the loihi preset is a lif network")
+        config = integer_config(preset("loihi"), "the peer")
         activity = np.stack([orientation_channels(image) for image in images])
         self.learning_rates = rates16(activity, config.encoder.train_spikes)
         self.query_rates = rates16(activity, config.encoder.query_spikes)

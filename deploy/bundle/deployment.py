@@ -19,10 +19,9 @@ from lava_vpr.deploy.compression.compression import expected_rates
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.deploy.registers.clearing import clearing
 from lava_vpr.deploy.registers.core_images import core_images, host_tables
-from lava_vpr.engine.inference.fixed import SCALARS, SILENT_STEPS, FixedNetwork
+from lava_vpr.engine.inference.fixed import SCALARS, SILENT_STEPS
 from lava_vpr.engine.threads import cores
-from lava_vpr.errors import BackendUnavailableError
-from lava_vpr.model import Model
+from lava_vpr.model import Model, integer_model
 
 PROGRAMS = Path(__file__).parents[1] / "programs"
 
@@ -39,15 +38,10 @@ def plan_of(model: Model, board: Board) -> Plan:
     """Where the neurons of ``model`` stand on ``board``.
 
     Raises:
-        BackendUnavailableError: the model is no integer network.
+        ConfigError: the model is no integer network.
         NetworkLimitError: it does not fit; the message names resource, need, limit and remedy.
     """
-    if not isinstance(model.network, FixedNetwork):
-        raise BackendUnavailableError(
-            "only integer networks can be deployed, but this model is the float conductance model of preset paper; "
-            "train with --preset loihi"
-        )
-    return partition(model.network, board, expected_rates(model))
+    return partition(integer_model(model, board.title).network, board, expected_rates(model))
 
 
 def contents(
@@ -96,7 +90,7 @@ def deploy(
         compression: What compression did, for the manifest.
         picture: Also draw where the neurons stand.
     Raises:
-        BackendUnavailableError: the model is no integer network.
+        ConfigError: the model is no integer network.
         NetworkLimitError: it does not fit the board.
         BundleError: the folder cannot be written.
     """

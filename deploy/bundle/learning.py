@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.config import Config, LifNetwork, StdpLearning
 from lava_vpr.deploy.bundle.folder import AGAIN, Bundle, array_bytes, json_bytes
 from lava_vpr.deploy.compression.compression import requantised
 from lava_vpr.encoding import rates16
@@ -34,25 +33,15 @@ from lava_vpr.engine.learning.lava_order import (
     start_state,
 )
 from lava_vpr.engine.random import presentation_key
-from lava_vpr.errors import BundleError, ConfigError
+from lava_vpr.errors import BundleError
+from lava_vpr.gate import integer_config
 from lava_vpr.loihi import TRACE_LIMIT
 from lava_vpr.model import Model, Stretch
 from lava_vpr.training.loop import traverses_shown
 
 SETTINGS, RATES = "learning/learning.json", "learning/rates.npy"
+PURPOSE = "learning on the chip"
 ARRAYS = ("weights", "thresholds", "epochs", "images", "keys")
-
-
-def settings_of(config: Config) -> tuple[StdpLearning, LifNetwork]:
-    """The settings that learning on the chip starts from.
-
-    Raises:
-        ConfigError: the model learns by another rule.
-    """
-    learning, network = config.learning, config.network
-    if not isinstance(learning, StdpLearning) or not isinstance(network, LifNetwork):
-        raise ConfigError("the float conductance model of preset paper does not learn on a chip; use --preset loihi")
-    return learning, network
 
 
 @dataclass(frozen=True)
@@ -101,10 +90,10 @@ class ChipLearning:
 
 def stretch_learning(model: Model, stretch: Stretch, number: int) -> ChipLearning:
     """The learning network of one stretch of ``model``, as training shows it the references."""
-    config = model.config
-    learning, network = settings_of(config)
+    config = integer_config(model.config, PURPOSE)
+    learning = config.learning
     size = (config.encoder.inputs, stretch.neurons)
-    drive = (config.encoder.train_spikes, network.drive)
+    drive = (config.encoder.train_spikes, config.network.drive)
     traverses = len(model.labels) // model.places
     shown = [
         (epoch, traverse, stretch.first_place + place)
@@ -246,6 +235,5 @@ def learned_on_chip(model: Model, parts: tuple[ChipLearning, ...], threads: int)
         parts: Of its stretches.
         threads: For the responses; does not change the result.
     """
-    learning, _ = settings_of(model.config)
-    weights = learned_weights(parts, learning.mean_weight)
+    weights = learned_weights(parts, integer_config(model.config, PURPOSE).learning.mean_weight)
     return requantised(replace(model, learned=weights), threads=threads)

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.config import LifNetwork
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.bundle.references import measured_responses
@@ -21,8 +20,10 @@ from lava_vpr.engine.inference import quantise
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.quantise import pruned
 from lava_vpr.errors import ConfigError, NetworkLimitError
-from lava_vpr.model import Model
+from lava_vpr.model import Model, as_integer, integer_model
 from lava_vpr.training.loop import coverage
+
+PURPOSE = "a board"
 
 
 @dataclass(frozen=True)
@@ -130,8 +131,7 @@ def with_settings(model: Model, weight_bits: int | None, input_mode: str | None)
     Raises:
         ConfigError: it cannot be quantised anew, or a value is outside its range.
     """
-    if not isinstance(model.config.network, LifNetwork):
-        raise ConfigError("the float conductance model of preset paper runs on no chip; train with --preset loihi")
+    integer_model(model, PURPOSE)
     if model.learned.size == 0:
         raise ConfigError(
             "there are no float weights to quantise anew (a bundle keeps none); use the model file that was deployed"
@@ -143,33 +143,18 @@ def with_settings(model: Model, weight_bits: int | None, input_mode: str | None)
 
 def distinctive(model: Model, learned: NDArray[np.float32]) -> NDArray[np.float64]:
     """Weights to quantise, from ``learned`` ones, under the settings of ``model``."""
-    return quantise.distinctive(learned, _lif(model))
-
-
-def _lif(model: Model) -> LifNetwork:
-    """Settings of the integer network.
-
-    Raises:
-        ConfigError: there is none.
-    """
-    network = model.config.network
-    if not isinstance(network, LifNetwork):
-        raise ConfigError("only the lif network runs in integers")
-    return network
+    return quantise.distinctive(learned, integer_model(model, PURPOSE).config.network)
 
 
 def _quantised(model: Model, weights: NDArray[np.float64], shift: int | None) -> FixedNetwork:
     """The integer network of equalised ``weights`` under the settings of ``model``."""
-    network = _lif(model)
-    joined = len(model.stretches) > 1
-    return quantise.quantise(weights, network, model.config.encoder.query_spikes, joined=joined, shift=shift)
+    network = integer_model(model, PURPOSE).config.network
+    return quantise.quantise(weights, network, model.config.encoder.query_spikes, joined=model.joined, shift=shift)
 
 
 def _measured(model: Model, threads: int) -> Model:
     """``model`` with its network's responses to the references, as training measures them."""
-    if not isinstance(model.network, FixedNetwork):
-        raise ConfigError("only the lif network runs in integers")
-    responses = measured_responses(model, model.network, threads)
+    responses = measured_responses(model, integer_model(model, PURPOSE).network, threads)
     used, covered = coverage(responses)
     figures = {
         "spikes_per_image": float(responses.sum() / len(model.labels)),
@@ -209,7 +194,7 @@ def _most_bits(model: Model, board: Board, weights: NDArray[np.float64], wanted:
             return bits, next(iter(reasons), "")
     raise NetworkLimitError(
         f"{board.title}: not even weights of 1 bit fit: {reasons[-1]}; learn fewer places, or lower "
-        f"network.{'joined_' * (len(model.stretches) > 1)}inhibition"
+        f"network.{'joined_inhibition' if model.joined else 'inhibition'}"
     )
 
 
@@ -254,9 +239,10 @@ def for_board(
 
 def _runs(model: Model, board: Board) -> bool:
     """Whether ``board`` can run the model's network as it is."""
-    network = model.network
-    if not isinstance(network, FixedNetwork) or network.bits not in board.weight_bits:
+    integer = as_integer(model)
+    if integer is None or integer.network.bits not in board.weight_bits:
         return False
+    network = integer.network
     if network.shift > 0 and not board.shifts_sum:
         return False
     try:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lava_vpr.config import Config, LifNetwork
+from lava_vpr.config import Config
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.mapping.limits import check
 from lava_vpr.deploy.mapping.partition import fewest
@@ -19,7 +19,8 @@ from lava_vpr.deploy.mapping.refusal import cause
 from lava_vpr.deploy.mapping.sizing import Sizing
 from lava_vpr.engine.inference import quantise
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.errors import ConfigError, NetworkLimitError
+from lava_vpr.errors import NetworkLimitError
+from lava_vpr.gate import integer_config
 from lava_vpr.training.loop import check_size
 
 TOP = 0.91
@@ -52,7 +53,7 @@ def typical(config: Config, board: Board, places: int) -> FixedNetwork:
     Raises:
         NetworkLimitError: training, quantising or the board's accumulator would refuse it.
     """
-    network = _lif(config)
+    network = integer_config(config, board.title).network
     stretches = check_size(places, config)
     neurons = sum(stretch.neurons for stretch in stretches)
     made = quantise.quantise(
@@ -67,17 +68,6 @@ def typical(config: Config, board: Board, places: int) -> FixedNetwork:
     return replace(made, weights=np.broadcast_to(weight, (config.encoder.inputs, neurons)))
 
 
-def _lif(config: Config) -> LifNetwork:
-    """The settings of the integer network.
-
-    Raises:
-        ConfigError: there is none.
-    """
-    if not isinstance(config.network, LifNetwork):
-        raise ConfigError("only integer networks run on a board; use --preset loihi")
-    return config.network
-
-
 def largest(config: Config, board: Board) -> Capacity:
     """The largest map that fits ``board``, in whole places and in stretches of ``config.stretch``.
 
@@ -86,7 +76,7 @@ def largest(config: Config, board: Board) -> Capacity:
     Raises:
         ConfigError: ``config`` learns no integer network.
     """
-    network = _lif(config)
+    network = integer_config(config, board.title).network
     if config.stretch == 0:
         config = replace(config, network=replace(network, neurons=0))
     limit = ""
@@ -165,7 +155,7 @@ def table(config: Config, board: Board) -> tuple[Capacity, ...]:
     Raises:
         ConfigError: ``config`` learns no integer network.
     """
-    network = _lif(config)
+    network = integer_config(config, board.title).network
     return tuple(
         largest(replace(config, network=replace(network, weight_bits=bits)), board) for bits in board.weight_bits
     )

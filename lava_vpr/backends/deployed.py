@@ -8,7 +8,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,11 +23,10 @@ from lava_vpr.deploy.bundle.folder import Bundle
 from lava_vpr.deploy.registers.simulator import Chips
 from lava_vpr.deploy.running import host_program
 from lava_vpr.engine.inference import fixed
-from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import BackendUnavailableError
-from lava_vpr.model import Model, integer_network_of
+from lava_vpr.model import Model, checked_network
 
 BATCH = 16
 """Queries between two reports of progress."""
@@ -36,26 +35,15 @@ Trio = tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8]]
 
 
 @contextmanager
-def bundle_of(model: Model, steps: int | None = None) -> Iterator[Bundle]:
+def bundle_of(model: Model) -> Iterator[Bundle]:
     """The bundle that ``model`` was read from, or else a temporary one for Kapoho Bay.
 
-    Args:
-        model: The model.
-        steps: Steps with input; None: the model's own.
     Raises:
-        BackendUnavailableError: other steps than those of the bundle.
         NetworkLimitError: the model does not fit the board.
     """
-    network = model.network
     if model.bundle is not None:
-        if steps is not None and isinstance(network, FixedNetwork) and steps != network.steps:
-            raise BackendUnavailableError(
-                f"{model.bundle}: runs {network.steps} steps a query, not {steps}; deploy the model with those"
-            )
         yield bundle_folder.load(model.bundle)
         return
-    if steps is not None and isinstance(network, FixedNetwork):
-        model = replace(model, network=replace(network, steps=steps))
     with tempfile.TemporaryDirectory(prefix="lava-vpr-") as folder:
         yield deploy(model, KAPOHO_BAY, Path(folder) / "bundle", picture=False).bundle
 
@@ -90,31 +78,28 @@ class BundleBackend:
         image_ids: NDArray[np.int64],
         role: str,
         seed: int,
-        steps: int | None = None,
     ) -> tuple[NDArray[np.int32], dict[str, int]]:
         """See `lava_vpr.backends.registry.Backend.count_spikes`."""
         keys = presentation_keys(seed, role, image_ids)
         n, neurons, inputs = len(rates), model.neurons, model.config.encoder.inputs
         counts, sent = np.zeros((n, neurons), np.int32), np.zeros(inputs, np.int64)
-        for part, (exc, _, drawn) in self._play(model, rates, keys, steps):
+        for part, (exc, _, drawn) in self._play(model, rates, keys):
             counts[part] = exc.sum(axis=1, dtype=np.int32)
             sent += drawn.sum(axis=(0, 1), dtype=np.int64)
-        return counts, _events(model, sent, counts, steps)
+        return counts, _events(model, sent, counts)
 
     def trains(
         self, model: Model, rates: NDArray[Any], *, image_ids: NDArray[np.int64], role: str, seed: int
     ) -> Trains:
         """See `lava_vpr.backends.registry.Backend.trains`."""
         keys = presentation_keys(seed, role, image_ids)
-        pieces = [trio for _, trio in self._play(model, rates, keys, None)]
+        pieces = [trio for _, trio in self._play(model, rates, keys)]
         exc, inh, inputs = (np.concatenate(arrays) for arrays in zip(*pieces, strict=True))
         return Trains(exc, inputs, inh)
 
-    def _play(
-        self, model: Model, rates: NDArray[Any], keys: NDArray[np.uint64], steps: int | None
-    ) -> Iterator[tuple[slice, Trio]]:
+    def _play(self, model: Model, rates: NDArray[Any], keys: NDArray[np.uint64]) -> Iterator[tuple[slice, Trio]]:
         """The presentations, some at a time."""
-        with bundle_of(model, steps) as bundle:
+        with bundle_of(model) as bundle:
             play = player(bundle)
             for start in range(0, len(rates), BATCH):
                 part = slice(start, min(start + BATCH, len(rates)))
@@ -137,14 +122,13 @@ class KapohoBayBackend:
         image_ids: NDArray[np.int64],
         role: str,
         seed: int,
-        steps: int | None = None,
     ) -> tuple[NDArray[np.int32], dict[str, int]]:
         """See `lava_vpr.backends.registry.Backend.count_spikes`."""
         keys = presentation_keys(seed, role, image_ids)
-        with bundle_of(model, steps) as bundle:
+        with bundle_of(model) as bundle:
             counts = host_program.run_bundle(bundle.path, rates, keys, advance=self.advance)
         # The board is sent what the host draws, so the host's engine can tell the events.
-        network = integer_network_of(model, steps, "bundle")
+        network = checked_network(model, "bundle")
         _, events, _ = fixed.count_spikes(network, rates, keys)
         return counts, events
 
@@ -155,9 +139,9 @@ class KapohoBayBackend:
         raise BackendUnavailableError("kapoho-bay reads out spike counts, not single spikes; use --backend bundle")
 
 
-def _events(model: Model, sent: NDArray[np.int64], counts: NDArray[np.int32], steps: int | None) -> dict[str, int]:
+def _events(model: Model, sent: NDArray[np.int64], counts: NDArray[np.int32]) -> dict[str, int]:
     """Named events of presentations in which input j sent ``sent[j]`` spikes."""
-    network = integer_network_of(model, steps, "bundle")
+    network = checked_network(model, "bundle")
     operations = int(sent @ network.prepared[1])
     return fixed.named_events(network, operations, int(sent.sum()), int(counts.sum()), len(counts))
 
@@ -171,9 +155,10 @@ def refuse(name: str, model: Model) -> None:
     """Refuse a model that this backend cannot run, before any work is done.
 
     Raises:
-        BackendUnavailableError: a bundle for another board, or no integer network.
+        BackendUnavailableError: a bundle for another board.
+        ConfigError: the model has no integer network.
     """
-    integer_network_of(model, None, name)
+    checked_network(model, name)
     if model.bundle is None or name not in BOARDS:
         return
     target = bundle_folder.load(model.bundle).target

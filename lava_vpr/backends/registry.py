@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.configfile import to_dict, update
+from lava_vpr.configfile import to_dict
 from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.conductance import model as conductance
 from lava_vpr.engine.conductance.model import ConductanceState
@@ -22,7 +22,7 @@ from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import BackendUnavailableError
-from lava_vpr.model import Model, integer_network_of
+from lava_vpr.model import Model, checked_network
 
 Advance = Callable[[int], None]
 SLOWEST = 40.0
@@ -40,9 +40,8 @@ class Backend(Protocol):
         image_ids: NDArray[np.int64],
         role: str,
         seed: int,
-        steps: int | None = None,
     ) -> tuple[NDArray[np.int32], dict[str, int]]:
-        """Present ``rates`` (n, inputs) for ``steps`` steps with input (default: the model's own).
+        """Present ``rates`` (n, inputs).
 
         Returns:
             Counts int (n, neurons), and the events of the run, summed.
@@ -74,22 +73,19 @@ class HostBackend:
         image_ids: NDArray[np.int64],
         role: str,
         seed: int,
-        steps: int | None = None,
     ) -> tuple[NDArray[np.int32], dict[str, int]]:
         """See `Backend.count_spikes`; the result does not depend on the number of threads."""
         keys = presentation_keys(seed, role, image_ids)
-        if isinstance(model.network, FixedNetwork):
-            network = integer_network_of(model, steps, "host")
-            counts, events, _ = fixed.count_spikes(network, rates, keys, threads=self.threads)
-            return counts, events
-        config = model.config if steps is None else update(model.config, {"network": {"steps": steps}})
-        return conductance.count_spikes(model.network, rates, keys, config, threads=self.threads)
+        if isinstance(model.network, ConductanceState):
+            return conductance.count_spikes(model.network, rates, keys, model.config, threads=self.threads)
+        counts, events, _ = fixed.count_spikes(checked_network(model, "host"), rates, keys, threads=self.threads)
+        return counts, events
 
     def trains(
         self, model: Model, rates: NDArray[Any], *, image_ids: NDArray[np.int64], role: str, seed: int
     ) -> Trains:
         """See `Backend.trains`. A relay fires one step after its neuron, so its train is that one, shifted."""
-        network = integer_network_of(model, None, "host")
+        network = checked_network(model, "host")
         keys = presentation_keys(seed, role, image_ids)
         _, _, exc = fixed.count_spikes(network, rates, keys, threads=self.threads, raster=True)
         total = network.steps + SILENT_STEPS
@@ -125,14 +121,12 @@ class LavaBackend:
         image_ids: NDArray[np.int64],
         role: str,
         seed: int,
-        steps: int | None = None,
     ) -> tuple[NDArray[np.int32], dict[str, int]]:
         """See `Backend.count_spikes`."""
         keys = presentation_keys(seed, role, image_ids)
         if isinstance(model.network, ConductanceState) and self.name == "lava-float":
-            config = model.config if steps is None else update(model.config, {"network": {"steps": steps}})
-            return self._conductance(model.network, rates, keys, config)
-        network = integer_network_of(model, steps, self.name)
+            return self._conductance(model.network, rates, keys, model.config)
+        network = checked_network(model, self.name)
         results = self._run(network, rates, keys, record=False)
         counts = results["counts"].astype(np.int32)
         if "events" in results:
@@ -145,7 +139,7 @@ class LavaBackend:
         self, model: Model, rates: NDArray[Any], *, image_ids: NDArray[np.int64], role: str, seed: int
     ) -> Trains:
         """See `Backend.trains`."""
-        network = integer_network_of(model, None, self.name)
+        network = checked_network(model, self.name)
         results = self._run(network, rates, presentation_keys(seed, role, image_ids), record=True)
         return Trains(**{name: results[name] for name in Trains.POPULATIONS if name in results})
 
@@ -157,7 +151,7 @@ class LavaBackend:
         A row is presentations, begin and end (`time.monotonic`); the first run includes what Lava compiles and starts.
         With ``single`` every run is one presentation.
         """
-        network = integer_network_of(model, None, self.name)
+        network = checked_network(model, self.name)
         keys, timed = presentation_keys(seed, role, image_ids), "single" if single else "runs"
         results = self._run(network, rates, keys, record=False, timed=timed)
         return results["counts"].astype(np.int32), results["runs"], int(results["held"][0]) or None
@@ -258,7 +252,8 @@ def require(name: str, model: Model | None = None) -> None:
     """Refuse a backend that cannot run here, or not ``model``, before any work is done.
 
     Raises:
-        BackendUnavailableError: unknown, its software or device is missing, or it runs no such network.
+        BackendUnavailableError: unknown, or its software or device is missing.
+        ConfigError: it runs no such network.
     """
     reason = unavailable(name)
     if reason is not None:
@@ -270,7 +265,7 @@ def require(name: str, model: Model | None = None) -> None:
 
         deployed.refuse(name, model)
     if name not in ("host", "lava-float"):
-        integer_network_of(model, None, name)
+        checked_network(model, name)
 
 
 def get(name: str, threads: int = 1, advance: Advance | None = None) -> Backend:

@@ -27,11 +27,12 @@ from lava_vpr.deploy.cost.closed_form import step_nanoseconds
 from lava_vpr.deploy.cost.costs import modelled
 from lava_vpr.deploy.cost.events import Activity, activity_of
 from lava_vpr.encoding import EncodedTraverse, query_rates
-from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork
+from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.threads import cores
 from lava_vpr.engine.trains import Trains
-from lava_vpr.errors import BackendUnavailableError, LavaVprError, NetworkLimitError
-from lava_vpr.model import Model
+from lava_vpr.errors import ConfigError, LavaVprError, NetworkLimitError
+from lava_vpr.gate import not_integer
+from lava_vpr.model import Model, as_integer
 from lava_vpr.recognition import BASELINES, Recognition, recognise
 from lava_vpr.traverse import Traverse
 
@@ -74,7 +75,7 @@ def plans(model: Model, targets: tuple[str, ...]) -> dict[str, Plan | str]:
     for name in targets:
         try:
             found[name] = plan_of(model, BOARDS[name])
-        except (NetworkLimitError, BackendUnavailableError) as error:
+        except (NetworkLimitError, ConfigError) as error:
             found[name] = str(error)
     return found
 
@@ -142,7 +143,7 @@ def run(
 
 def spikes(model: Model, queries: EncodedTraverse, seed: int | None) -> Trains | None:
     """Every spike of at most `COUNTED` queries, evenly spread; None: no integer network."""
-    if not isinstance(model.network, FixedNetwork):
+    if as_integer(model) is None:
         return None
     n = len(queries)
     chosen = np.arange(n) if n <= COUNTED else np.linspace(0, n - 1, COUNTED).round().astype(np.int64)
@@ -183,10 +184,10 @@ def step_times(name: str, activity: Activity) -> StepTimes:
 
 def _unavailable(model: Model, board: Board, reason: str) -> Modelled:
     """A board that the network cannot run on."""
-    network = model.network
+    integer = as_integer(model)
     steps, mode = model.config.network.steps, "injected"
-    if isinstance(network, FixedNetwork):
-        steps, mode = network.steps + SILENT_STEPS, "bias" if network.regular else "injected"
+    if integer is not None:
+        steps, mode = integer.network.steps + SILENT_STEPS, "bias" if integer.network.regular else "injected"
     return Modelled(
         target=board.name,
         chips=board.chips,
@@ -256,7 +257,7 @@ def machine(cpuinfo: Path = Path("/proc/cpuinfo")) -> dict[str, object]:
 
 def _workload(model: Model, queries: EncodedTraverse, seed: int | None) -> Workload | None:
     """NeuroBench's metrics; None: no integer network."""
-    return workload(model, queries, seed=seed) if isinstance(model.network, FixedNetwork) else None
+    return workload(model, queries, seed=seed) if as_integer(model) is not None else None
 
 
 def _peers(
@@ -279,8 +280,8 @@ def _peers(
 
 def sweepable(model: Model) -> str | None:
     """Why settings of ``model`` cannot be searched; None if they can."""
-    if not isinstance(model.network, FixedNetwork):
-        return "settings of integer networks are searched, and this model is the float one of preset paper"
+    if as_integer(model) is None:
+        return str(not_integer("the search of settings"))
     if not model.learned.size:
         return "a bundle has no float weights to quantise anew; give the model that was deployed"
     return None

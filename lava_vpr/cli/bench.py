@@ -28,7 +28,7 @@ from lava_vpr.cli.common import (
 from lava_vpr.cli.evaluate import command_line
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.errors import ConfigError
-from lava_vpr.model import Model
+from lava_vpr.model import Model, integer_model
 from lava_vpr.traverse import open_traverse
 from lava_vpr.truth.alignment import choose_queries
 
@@ -130,7 +130,7 @@ def _refuse(model: Model, path: Path, targets: tuple[str, ...], names: tuple[str
     if reason is not None:
         raise ConfigError(f"{path}: --sweep: {reason}")
     for name in targets:
-        plan_of(model, BOARDS[name])
+        plan_of(integer_model(model, BOARDS[name].title, path), BOARDS[name])
     for name in names:
         backends.require(name, model)
 

@@ -36,7 +36,7 @@ from lava_vpr.deploy.show.tables import core_table, summary
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
-from lava_vpr.model import Model
+from lava_vpr.model import Model, integer_model
 from lava_vpr.traverse import open_traverse
 from lava_vpr.truth.alignment import aligned_truth, choose_queries
 
@@ -112,6 +112,7 @@ def deploy(
         if output.resolve() in json_path.resolve().parents:
             raise InputError(f"{json_path}: would stand in the bundle, which holds its own files alone; name another")
     model = open_model(model_path)
+    integer_model(model, board.title, model_path)
     calibration = None
     if calibrate is not None:
         calibration = _calibration(model, calibrate, places, every, json_path)

@@ -13,6 +13,7 @@ from lava_vpr.cli.common import PATH, check_writable, console, open_model, print
 from lava_vpr.config import INPUT_MODES, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import BOARDS, Board
+from lava_vpr.model import integer_model
 
 if TYPE_CHECKING:
     from lava_vpr.deploy.mapping.largest_map import Capacity
@@ -81,7 +82,7 @@ def _model(
     from lava_vpr.deploy.show.tables import core_table, summary
     from lava_vpr.engine.threads import cores
 
-    model = open_model(model_path)
+    model = integer_model(open_model(model_path), board.title, model_path)
     adapted = for_board(model, board, weight_bits=weight_bits, input_mode=input_mode, threads=cores())
     plan = plan_of(adapted.model, board)
     if json_path is not None:  # files first: whoever reads the table may go away

@@ -9,7 +9,7 @@ from lava_vpr.configfile import to_toml
 from lava_vpr.encoding import EncodedTraverse, query_rates16
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.random import presentation_keys
-from lava_vpr.model import Model
+from lava_vpr.model import Model, as_integer
 from lava_vpr.recognition import Recognition
 from lava_vpr.report.data import Raster, ReportData
 
@@ -73,14 +73,15 @@ def _chosen(result: Recognition) -> NDArray[np.int64]:
 
 def _rasters(model: Model, queries: EncodedTraverse, result: Recognition, seed: int) -> tuple[Raster, ...]:
     """Spikes of a few queries, run once more; only the integer network records them."""
-    if not isinstance(model.network, fixed.FixedNetwork):
+    integer = as_integer(model)
+    if integer is None:
         return ()
     chosen = _chosen(result)
     rates = query_rates16(queries.activity[chosen], model.config.encoder)
     keys = presentation_keys(seed, "query", queries.indices[chosen])
     rasters = []
     for k, query in enumerate(chosen):
-        counts, events, film = fixed.count_spikes(model.network, rates[k : k + 1], keys[k : k + 1], raster=True)
+        counts, events, film = fixed.count_spikes(integer.network, rates[k : k + 1], keys[k : k + 1], raster=True)
         if not np.array_equal(counts[0], result.counts[query]):
             continue  # counted by another backend that does not spike the same (a float one): show nothing false
         steps, neurons = np.nonzero(film[0])

@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.config import ConductanceLearning, Config, LifNetwork, StdpLearning
+from lava_vpr.config import ConductanceLearning, Config
 from lava_vpr.encoding import EncodedTraverse, query_rates16, training_rates
 from lava_vpr.engine.conductance import model as conductance
 from lava_vpr.engine.inference import fixed, quantise
 from lava_vpr.engine.learning import integer, stdp
 from lava_vpr.engine.random import presentation_key, presentation_keys
 from lava_vpr.errors import ConfigError, InputError, NetworkLimitError
+from lava_vpr.gate import as_integer_config, integer_config
 from lava_vpr.model import Model, Stretch
 from lava_vpr.training.checkpoint import Checkpoint, fingerprint
 from lava_vpr.training.trainers import ConductanceTrainer, StretchTrainer, restore, trainer_of
@@ -57,21 +58,22 @@ def check_size(places: int, config: Config) -> tuple[Stretch, ...]:
         NetworkLimitError: more neurons than one inhibition can serve, or integer learning that could overflow.
     """
     stretches = split(places, config)
-    if not isinstance(config.network, LifNetwork):
+    settings = as_integer_config(config)
+    if settings is None:
         if len(stretches) > 1:
             raise ConfigError("the conductance model learns a route in one network; use --stretch 0")
         return stretches
-    network, joined = config.network, len(stretches) > 1
+    network, learning = settings.network, settings.learning
+    joined = len(stretches) > 1
     inhibition = network.joined_inhibition if joined else network.inhibition
     neurons = sum(stretch.neurons for stretch in stretches)
     most = quantise.most_neurons(network.threshold, inhibition)
     if neurons > most:
         raise NetworkLimitError(
             f"{neurons:,} neurons are more than the {most:,} that one inhibition of {inhibition:g} can serve without "
-            f"overflow; lower network.{'joined_' * joined}inhibition, or learn fewer places"
+            f"overflow; lower network.{'joined_inhibition' if joined else 'inhibition'}, or learn fewer places"
         )
-    learning = config.learning
-    if isinstance(learning, StdpLearning) and learning.arithmetic == "integer":
+    if learning.arithmetic == "integer":
         inputs, spikes = config.encoder.inputs, config.encoder.train_spikes
         integer.phases(learning, inputs, max(stretch.neurons for stretch in stretches), spikes, network.drive)
     return stretches
@@ -182,7 +184,8 @@ def _run(learn: Callable[[int], None], stretches: int, jobs: int, stop: threadin
 
 def traverses_shown(config: Config, epoch: int, given: int) -> int:
     """How many of the ``given`` traverses an epoch shows: while neurons compete for places, the first alone."""
-    competing = isinstance(config.learning, StdpLearning) and epoch < config.learning.competing
+    settings = as_integer_config(config)
+    competing = settings is not None and epoch < settings.learning.competing
     return 1 if competing else given
 
 
@@ -247,10 +250,11 @@ def _finish(
     """The model of trained stretches: joined, quantised, its responses to the references measured."""
     network: fixed.FixedNetwork | conductance.ConductanceState
     activity = np.concatenate([reference.activity for reference in references])
-    if isinstance(config.network, LifNetwork) and isinstance(config.learning, StdpLearning):
+    settings = as_integer_config(config)
+    if settings is not None:
         parts = [trainer.state()["weights"].astype(np.float32) for trainer in trainers]
         for part in parts:
-            stdp.normalise(part, config.learning.mean_weight)
+            stdp.normalise(part, settings.learning.mean_weight)
         learned = np.concatenate(parts, axis=1)
         network = integer_network(learned, config, joined=len(stretches) > 1)
         responses = reference_responses(network, references, config, jobs)
@@ -292,12 +296,12 @@ def integer_network(learned: NDArray[np.float32], config: Config, *, joined: boo
     """The integer network of ``learned`` float weights (inputs, neurons).
 
     Raises:
+        ConfigError: the settings are those of the float conductance model.
         NetworkLimitError: it could overflow Loihi's registers.
     """
-    if not isinstance(config.network, LifNetwork):
-        raise ConfigError("only the lif network runs in integers")
-    weights = quantise.distinctive(learned, config.network)
-    return quantise.quantise(weights, config.network, config.encoder.query_spikes, joined=joined)
+    network = integer_config(config, "quantising").network
+    weights = quantise.distinctive(learned, network)
+    return quantise.quantise(weights, network, config.encoder.query_spikes, joined=joined)
 
 
 def reference_responses(

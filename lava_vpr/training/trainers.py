@@ -7,10 +7,11 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.config import ConductanceLearning, Config, LifNetwork, StdpLearning
+from lava_vpr.config import ConductanceLearning, Config
 from lava_vpr.engine.conductance import model as conductance
 from lava_vpr.engine.learning import integer, stdp
 from lava_vpr.errors import ConfigError
+from lava_vpr.gate import as_integer_config, integer_config
 from lava_vpr.model import Stretch
 
 
@@ -34,11 +35,9 @@ class LifTrainer:
     """The ``loihi`` preset's network, learning in float."""
 
     def __init__(self, config: Config, stretch: Stretch, number: int) -> None:
-        learning, network = config.learning, config.network
-        if not isinstance(learning, StdpLearning) or not isinstance(network, LifNetwork):
-            raise ConfigError("LifTrainer needs network.model 'lif' and learning.rule 'stdp'")
-        start = stdp.initial_state(config.encoder.inputs, stretch.neurons, learning, config.seed, number)
-        self._trainer = stdp.Trainer(start, learning, config.encoder.train_spikes, network.drive)
+        settings = integer_config(config, "LifTrainer")
+        start = stdp.initial_state(config.encoder.inputs, stretch.neurons, settings.learning, config.seed, number)
+        self._trainer = stdp.Trainer(start, settings.learning, config.encoder.train_spikes, settings.network.drive)
 
     def begin_epoch(self, epoch: int) -> None:
         self._trainer.begin_epoch(epoch)
@@ -54,12 +53,10 @@ class IntegerLifTrainer:
     """The same network, learning in Loihi's integers."""
 
     def __init__(self, config: Config, stretch: Stretch, number: int) -> None:
-        learning, network = config.learning, config.network
-        if not isinstance(learning, StdpLearning) or not isinstance(network, LifNetwork):
-            raise ConfigError("IntegerLifTrainer needs network.model 'lif' and learning.rule 'stdp'")
-        inputs, spikes = config.encoder.inputs, config.encoder.train_spikes
+        settings = integer_config(config, "IntegerLifTrainer")
+        inputs, spikes, drive = config.encoder.inputs, config.encoder.train_spikes, settings.network.drive
         self._trainer = integer.IntegerTrainer(
-            inputs, stretch.neurons, learning, spikes, network.drive, config.seed, number
+            inputs, stretch.neurons, settings.learning, spikes, drive, config.seed, number
         )
 
     def begin_epoch(self, epoch: int) -> None:
@@ -102,7 +99,8 @@ class ConductanceTrainer:
 
 def trainer_of(config: Config, stretch: Stretch, number: int) -> StretchTrainer:
     """What learns one stretch under ``config``."""
-    if not isinstance(config.network, LifNetwork):
+    chosen = as_integer_config(config)
+    if chosen is None:
         return ConductanceTrainer(config, stretch, number)
-    kind = IntegerLifTrainer if config.learning.arithmetic == "integer" else LifTrainer
+    kind = IntegerLifTrainer if chosen.learning.arithmetic == "integer" else LifTrainer
     return kind(config, stretch, number)

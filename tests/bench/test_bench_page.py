@@ -174,7 +174,7 @@ def test_json_says_null_and_why() -> None:
 
 
 def test_a_float_model_has_no_costs_but_a_complete_report() -> None:
-    reason = "only integer networks can be deployed"
+    reason = "Kapoho Bay needs an integer network"
     targets = {"kapoho-bay": modelled(dynamic_microjoules=None, milliseconds=None, counts={}, unavailable=reason)}
     changes = {"targets": targets, "workload": None, "peers": (), "sweep": (), "step_times": ()}
     found = bench(**changes)

@@ -349,7 +349,7 @@ def test_what_a_backend_cannot_run_is_said() -> None:
     nothing = np.zeros((1, 1), np.float32)
     paper = replace(small_model(), network=ConductanceState(nothing, nothing[0], nothing))
     found = measure.measure(paper, encoded(), "bundle")
-    assert found.absent.startswith("bundle runs integer networks, but this model is the float conductance model")
+    assert found.absent.startswith("bundle needs an integer network, but preset paper is the float conductance model")
 
 
 def test_a_run_that_fails_is_said(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -164,5 +164,5 @@ def test_what_cannot_be_swept_is_refused() -> None:
     one = case()
     with pytest.raises(ConfigError, match="no float weights to quantise anew"):
         sweep(dataclasses.replace(one.model, learned=np.zeros((0, 0), np.float32)), one.queries, one.truth)
-    with pytest.raises(ConfigError, match="only integer networks can be swept"):
+    with pytest.raises(ConfigError, match="the search of settings needs an integer network"):
         current(dataclasses.replace(one.model, config=tiny_paper()))

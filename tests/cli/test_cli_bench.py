@@ -172,11 +172,13 @@ def test_a_float_model_has_recall_and_nothing_modelled(quick: Path) -> None:
     assert values["workload"] is None
     for one in values["modelled"].values():
         assert one["dynamic_microjoules"] is None
-        assert "only integer networks" in one["unavailable"]
+        assert "needs an integer network" in one["unavailable"]
     assert values["counts"]["input_spikes"] > 0
     assert values["counts"]["hops"] is None
     assert "absent: workload metrics" in text
-    assert "only integer networks" in fails("bench", "p.lvpr", "query", "--target", "loihi2").stderr
+    for command in (("bench", "p.lvpr", "query"), ("fit", "p.lvpr"), ("deploy", "p.lvpr", "-o", "out")):
+        told = fails(*command, "--target", "loihi2").stderr
+        assert told.startswith("lava-vpr: error: p.lvpr: Loihi 2 needs an integer network, but preset paper")
     assert "--sweep" in fails("bench", "p.lvpr", "query", "--sweep").stderr
 
 

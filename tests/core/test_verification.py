@@ -24,7 +24,7 @@ from lava_vpr.cli import main
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import query_rates
-from lava_vpr.errors import BackendUnavailableError, InputError
+from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.processes.base import lava_checks
 from lava_vpr.training.loop import train
 from lava_vpr.verification import Verdict, compare, verify
@@ -129,7 +129,7 @@ def test_eval_on_a_lava_backend_gives_the_hosts_figures(here: Path) -> None:
 def test_counts_and_events_are_the_hosts(name: str) -> None:
     model, queries = small_model(PLACES), encoded(PLACES)
     rates = query_rates(queries.activity, model.config)[:3]
-    options = {"image_ids": queries.indices[:3], "role": "query", "seed": 1, "steps": 40}
+    options = {"image_ids": queries.indices[:3], "role": "query", "seed": 1}
     counts, events = backends.get("host").count_spikes(model, rates, **options)
     got, same = backends.get(name).count_spikes(model, rates, **options)
     assert counts.sum() > 0
@@ -142,10 +142,10 @@ def test_integer_backends_refuse_the_float_model() -> None:
     host, fixed, floating = verify(model, queries, np.eye(4, dtype=bool), names=("host", "lava-fixed", "lava-float"))
     assert (host.equal, host.queries) == (True, 4)
     assert fixed.as_json() == {"available": False, "reason": fixed.reason}
-    assert str(fixed.reason).startswith("lava-fixed runs integer networks")
+    assert str(fixed.reason).startswith("lava-fixed needs an integer network, but preset paper")
     assert floating.as_json() == {"available": True, "equal": None, "queries": 4, "recall_at_1": host.recall}
     for name in FIXED:
-        with pytest.raises(BackendUnavailableError, match=rf"^{name} runs integer networks, .* use --backend host or"):
+        with pytest.raises(ConfigError, match=rf"^{name} needs an integer network, .* --backend host or lava-float"):
             backends.require(name, model)
     backends.require("lava-float", model)
 

@@ -256,7 +256,7 @@ def test_a_backend_counts_the_same_events() -> None:
     model, queries = small_model(), encoded()
     model = replace(model, network=replace(model.network, regular=1))
     rates = query_rates(queries.activity, model.config)[:2]
-    options = {"image_ids": queries.indices[:2], "role": "query", "seed": 1, "steps": 30}
+    options = {"image_ids": queries.indices[:2], "role": "query", "seed": 1}
     counts, events = backends.get("host").count_spikes(model, rates, **options)
     assert counts.sum() > 0
     got, same = backends.get("lava-library").count_spikes(model, rates, **options)

@@ -25,7 +25,7 @@ from lava_vpr.deploy.running import host_program
 from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import LavaRunError
-from lava_vpr.model import Model, integer_network_of
+from lava_vpr.model import Model, checked_network
 
 BOARDS = tuple(ALL_BOARDS)
 STEPS = 100_000
@@ -49,7 +49,7 @@ def measure(model: Model, rates: NDArray[Any], ids: NDArray[np.int64], backend: 
         LavaRunError: the board's program failed, or could measure no power; its own words.
         NetworkLimitError: the model does not fit the board.
     """
-    network = integer_network_of(model, None, backend)
+    network = checked_network(model, backend)
     interval = network.steps + SILENT_STEPS
     rates, at = repeated(rates, ids, max(1, -(-STEPS // (interval * len(ids)))))
     with tempfile.TemporaryDirectory(prefix="lava-vpr-") as folder:

@@ -17,11 +17,10 @@ from lava_vpr.backends.registry import HostBackend
 from lava_vpr.deploy.bundle import folder as bundle_folder
 from lava_vpr.deploy.bundle.opening import open_bundle
 from lava_vpr.engine.inference import fixed
-from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.engine.threads import share
 from lava_vpr.matching.certainty import best
-from lava_vpr.model import Model, integer_network_of
+from lava_vpr.model import Model, as_integer, checked_network
 from lava_vpr.recognition import prepare
 
 Arrays = dict[str, NDArray[Any]]
@@ -38,10 +37,10 @@ def decoder_of(model: Model) -> Callable[[NDArray[np.int32]], NDArray[np.int64]]
 def host_answer(model: Model, seed: int) -> Answer:
     """On the host engine, one thread; the network is checked and prepared once."""
     match = decoder_of(model)
-    if not isinstance(model.network, FixedNetwork):
+    if as_integer(model) is None:
         host = HostBackend(1)
         return lambda rates, ids: match(host.count_spikes(model, rates, image_ids=ids, role="query", seed=seed)[0])
-    network = integer_network_of(model, None, "host")
+    network = checked_network(model, "host")
     return lambda rates, ids: match(fixed.count_spikes(network, rates, presentation_keys(seed, "query", ids))[0])
 
 

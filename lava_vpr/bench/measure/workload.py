@@ -32,7 +32,7 @@ from lava_vpr.engine.random import presentation_keys
 from lava_vpr.engine.threads import cores
 from lava_vpr.engine.trains import Trains
 from lava_vpr.loihi import DECAY_BITS, INPUT_SHIFT, STATE_LIMIT
-from lava_vpr.model import Model, integer_network_of
+from lava_vpr.model import Model, checked_network
 
 QUERIES = 100
 """Most that are counted; every spike of them is kept meanwhile."""
@@ -50,9 +50,9 @@ def workload(model: Model, queries: EncodedTraverse, *, seed: int | None = None,
         seed: Of the queries' noise; None: the model's.
         limit: Most queries.
     Raises:
-        BackendUnavailableError: the model has no integer network.
+        ConfigError: the model has no integer network.
     """
-    network = integer_network_of(model, None, "bench")
+    network = checked_network(model, "bench")
     rates = query_rates(queries.activity[:limit], model.config).astype(np.uint16)
     ids = queries.indices[:limit]
     own = model.config.seed if seed is None else seed

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.backends.registry import HostBackend
 from lava_vpr.bench.sweep.stopping import leads, stops
-from lava_vpr.config import Config, LifNetwork, preset
+from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.boards.plan import Plan
@@ -21,15 +21,16 @@ from lava_vpr.deploy.cost.costs import quick
 from lava_vpr.deploy.cost.events import activity_of
 from lava_vpr.encoding import EncodedTraverse, query_rates
 from lava_vpr.engine.trains import Trains
-from lava_vpr.errors import ConfigError
+from lava_vpr.gate import integer_config
 from lava_vpr.matching.evaluation import Metrics, evaluate
 from lava_vpr.matching.matchers import confidence
-from lava_vpr.model import Model
+from lava_vpr.model import Model, integer_model
 from lava_vpr.recognition import decode
 from lava_vpr.training.loop import train
 
 Settings = dict[str, float]
 
+PURPOSE = "the search of settings"
 ENCODER = ("query_spikes", "query_inputs")
 NETWORK = ("steps", "weight_bits", "common", "prune", "threshold", "tau_membrane")
 WHOLE = ("steps", "weight_bits", "query_inputs")
@@ -95,24 +96,20 @@ def current(model: Model) -> Settings:
     Raises:
         ConfigError: it has no integer network.
     """
-    network, encoder = model.config.network, model.config.encoder
-    if not isinstance(network, LifNetwork):
-        raise ConfigError("only integer networks can be swept, but this model is of preset paper; train with another")
+    network, encoder = integer_model(model, PURPOSE).config.network, model.config.encoder
     found = {name: float(getattr(encoder, name)) for name in ENCODER}
     found |= {name: float(getattr(network, name)) for name in NETWORK}
-    lateral = network.joined_inhibition if len(model.stretches) > 1 else network.inhibition
+    lateral = network.joined_inhibition if model.joined else network.inhibition
     return found | {"inhibition": lateral, "neurons_per_place": model.neurons / model.places}
 
 
 def fast_settings(model: Model) -> Settings:
     """The settings of ``model`` with those of preset ``fast``; its neurons per place stay."""
-    config = preset("fast")
+    config = integer_config(preset("fast"), PURPOSE)
     network = config.network
-    if not isinstance(network, LifNetwork):
-        raise ConfigError("preset fast has no integer network")
     found = {name: float(getattr(config.encoder, name)) for name in ENCODER}
     found |= {name: float(getattr(network, name)) for name in NETWORK}
-    lateral = network.joined_inhibition if len(model.stretches) > 1 else network.inhibition
+    lateral = network.joined_inhibition if model.joined else network.inhibition
     return {**current(model), **found, "inhibition": lateral}
 
 

@@ -216,7 +216,10 @@ def test_what_cannot_be_learned_on_the_chip_is_told(model: Model) -> None:
     fractional = replace(model, config=small_config(tau_trace=10.5))
     with pytest.raises(ConfigError, match=r"learning.tau_trace is 10.5, but must be a whole number of steps"):
         learning_files(fractional)
-    with pytest.raises(ConfigError, match="the float conductance model of preset paper does not learn on a chip"):
+    with pytest.raises(
+        ConfigError,
+        match=r"^learning on the chip needs an integer network, but preset paper is the float conductance model",
+    ):
         learning_files(replace(model, config=preset("paper")))
 
 
