@@ -8,8 +8,8 @@ imported here. It gets the input spikes (or the bias of input compartments) and 
 
 - Access: every mapped neuron in every step, the silent ones too.
 - Update: a neuron whose membrane was not 0 after the step before, or to which any synapse delivered in the step
-  before, be its weight 0 (dense rows) or the sum of all 0, or that has a bias (`Activity.touched`). Whoever spikes is
-  updated as well.
+  before, be its weight 0 (dense rows) or the sum of all 0, or that has a bias (`EventCounts.touched`). Whoever spikes
+  is updated as well.
 - Message: one for each core that a spike goes to, its own included, charged when it is sent. It is received and its
   synapses are looked up in the same step; the sum counts in the next.
 - Synaptic operation: every synapse of the row on the target core, zeros of dense rows included.
@@ -42,7 +42,7 @@ from numpy.typing import NDArray
 from benchmarks.sanafe.problem import group_name, problem_of
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.cost.closed_form import closed_form, step_microseconds, step_picojoules
-from lava_vpr.deploy.cost.events import Activity, activity_of
+from lava_vpr.deploy.cost.events import EventCounts, count_events
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import BackendUnavailableError
 
@@ -228,13 +228,13 @@ def _fired(queries: list[Any], plan: Plan, shape: tuple[int, int]) -> dict[str, 
     return found
 
 
-def _our_counts(activity: Activity) -> dict[str, Floats]:
+def _our_counts(events: EventCounts) -> dict[str, Floats]:
     """The same counts as SANA-FE's, float64 (n,)."""
 
     def each(*names: str) -> Floats:
-        return np.asarray(sum(activity.each(name) for name in names), np.float64)
+        return np.asarray(sum(events.each(name) for name in names), np.float64)
 
-    injected = activity.injected
+    injected = events.injected
     hops = ("hops_east_west", "hops_north_south")
     return {
         "synaptic operations": each("operations_dense", "operations_sparse"),
@@ -265,15 +265,15 @@ def compare(plan: Plan, trains: Trains, answer: dict[str, Any], *, input_core: b
         BackendUnavailableError: it is no answer to this problem.
     """
     theirs = _read(answer, plan, trains)
-    activity = activity_of(plan, trains, entry=(0, 0))
-    ours = closed_form(activity, tiles=tiles, updates="touched", input_core=input_core)
-    nothing = np.zeros(activity.queries)
+    events = count_events(plan, trains, entry=(0, 0))
+    ours = closed_form(events, tiles=tiles, updates="touched", input_core=input_core)
+    nothing = np.zeros(events.queries)
     energy = {**ours.microjoules, "dendrite": nothing, "total": ours.total_microjoules}
-    counts = _our_counts(activity)
-    picojoules = step_picojoules(activity, "nominal", "touched")
+    counts = _our_counts(events)
+    picojoules = step_picojoules(events, "nominal", "touched")
     step_energy = sum(values for name, values in picojoules.items() if name != "read-out")
     options = {"updates": "touched", "read_out": False, "input_core": input_core}
-    step_time = step_microseconds(activity, "nominal", tiles, **options)
+    step_time = step_microseconds(events, "nominal", tiles, **options)
     pairs = [(energy[name], theirs.microjoules[name].sum(axis=1)) for name in theirs.microjoules]
     pairs += [(ours.milliseconds, theirs.milliseconds.sum(axis=1)), (step_time / 1e3, theirs.milliseconds)]
     pairs += [(np.asarray(step_energy) / 1e6, theirs.microjoules["total"])]
@@ -288,7 +288,7 @@ def compare(plan: Plan, trains: Trains, answer: dict[str, Any], *, input_core: b
 
     return CrossCheck(
         version=theirs.version,
-        queries=activity.queries,
+        queries=events.queries,
         microjoules={name: (mean(a), mean(b)) for name, (a, b) in zip(theirs.microjoules, pairs, strict=False)},
         simple_milliseconds=(mean(ours.milliseconds), mean(theirs.milliseconds.sum(axis=1))),
         detailed_milliseconds=mean(theirs.detailed),

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from lava_vpr import loihi
-from lava_vpr.deploy.boards.estimate import Range
+from lava_vpr.deploy.boards.estimate import Estimate
 
 Level = Literal["low", "nominal", "high"]
 LEVELS: tuple[Level, ...] = ("low", "nominal", "high")
@@ -45,13 +45,19 @@ class Constant:
     source: str
 
     @property
-    def range(self) -> Range:
+    def estimate(self) -> Estimate:
         """Its values."""
-        return Range(self.low, self.nominal, self.high)
+        return Estimate(self.low, self.nominal, self.high)
 
     def as_json(self) -> dict[str, Any]:
         """As scripts read it."""
-        return {"name": self.name, "what": self.what, "unit": self.unit, **self.range.as_json(), "source": self.source}
+        return {
+            "name": self.name,
+            "what": self.what,
+            "unit": self.unit,
+            **self.estimate.as_json(),
+            "source": self.source,
+        }
 
 
 def _both(name: str, what: str, unit: str, sana_fe: float, davies: float, note: str = "") -> Constant:

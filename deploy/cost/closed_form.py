@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards import constants as c
 from lava_vpr.deploy.boards.constants import Constant, Level, barrier
-from lava_vpr.deploy.cost.events import Activity
+from lava_vpr.deploy.cost.events import EventCounts
 
 Floats = NDArray[np.float64]
 
@@ -42,23 +42,23 @@ class ClosedForm:
         return np.asarray(sum(self.microjoules.values()))
 
 
-def step_picojoules(activity: Activity, level: Level, updates: str = "updates") -> dict[str, Floats]:
+def step_picojoules(events: EventCounts, level: Level, updates: str = "updates") -> dict[str, Floats]:
     """Dynamic energy of every step by component, pJ, float64 (n, steps).
 
     Args:
-        activity: What was counted.
+        events: What was counted.
         level: Of the constants.
         updates: Which count of updates: ``updates`` or ``touched`` (see `lava_vpr.deploy.cost.events`).
     """
 
     def cost(constant: Constant, *names: str) -> Floats:
         value = getattr(constant, level)
-        return np.asarray(value * sum(getattr(activity, name).sum(axis=2) for name in names), np.float64)
+        return np.asarray(value * sum(getattr(events, name).sum(axis=2) for name in names), np.float64)
 
     from_inputs = cost(c.MESSAGE, "input_messages")
     messages = cost(c.MESSAGE, "messages_out")
     hops = cost(c.HOP_EAST_WEST, "hops_east_west") + cost(c.HOP_NORTH_SOUTH, "hops_north_south")
-    if activity.injected:
+    if events.injected:
         hops = hops + cost(c.HOP_EAST_WEST, "input_hops_east_west")
         hops = hops + cost(c.HOP_NORTH_SOUTH, "input_hops_north_south")
     else:
@@ -76,18 +76,18 @@ def step_picojoules(activity: Activity, level: Level, updates: str = "updates") 
 
 
 def step_nanoseconds(
-    activity: Activity, level: Level, *, updates: str = "updates", read_out: bool = True, input_core: bool = False
+    events: EventCounts, level: Level, *, updates: str = "updates", read_out: bool = True, input_core: bool = False
 ) -> tuple[Floats, Floats]:
     """Time in ns of what arrives and of the neurons' part on the busiest core in every step, float64 (n, steps) each.
 
     Args:
-        activity, level, updates: As in `step_picojoules`.
+        events, level, updates: As in `step_picojoules`.
         read_out: Spikes sent to the embedded processor count.
         input_core: One more core sends the injected spikes (as a simulator must that knows no host).
     """
 
     def cost(constant: Constant, *names: str) -> Floats:
-        return np.asarray(getattr(constant, level) * sum(getattr(activity, name) for name in names), np.float64)
+        return np.asarray(getattr(constant, level) * sum(getattr(events, name) for name in names), np.float64)
 
     receive = (
         cost(c.MESSAGE_IN_TIME, "messages_in")
@@ -101,32 +101,32 @@ def step_nanoseconds(
         + cost(c.MESSAGE_TIME, "messages_out", *["read_outs"] * read_out)
     )
     busiest = neurons.max(axis=2)
-    if input_core and activity.injected:
+    if input_core and events.injected:
         busiest = np.maximum(busiest, cost(c.MESSAGE_TIME, "input_messages").sum(axis=2))
     return receive.max(axis=2), busiest
 
 
-def step_microseconds(activity: Activity, level: Level, tiles: int | None = None, **options: Any) -> Floats:
+def step_microseconds(events: EventCounts, level: Level, tiles: int | None = None, **options: Any) -> Floats:
     """Time in us of every step, float64 (n, steps); ``options`` as in `step_nanoseconds`."""
-    receive, neurons = step_nanoseconds(activity, level, **options)
-    used = activity.tiles if tiles is None else tiles
+    receive, neurons = step_nanoseconds(events, level, **options)
+    used = events.tiles if tiles is None else tiles
     own = np.maximum(receive, neurons) / 1e3 + getattr(barrier(used or 1), level)
     return np.maximum(own, getattr(c.STEP, level))
 
 
 def closed_form(
-    activity: Activity, *, tiles: int | None = None, updates: str = "touched", input_core: bool = True
+    events: EventCounts, *, tiles: int | None = None, updates: str = "touched", input_core: bool = True
 ) -> ClosedForm:
     """What SANA-FE computes for the same events.
 
     Args:
-        activity: What was counted, with injected spikes from ``entry`` (`lava_vpr.deploy.cost.events.activity_of`).
+        events: What was counted, with injected spikes from ``entry`` (`lava_vpr.deploy.cost.events.count_events`).
         tiles: With a core mapped, one of inputs included; None: those of the plan.
         updates: ``touched`` as SANA-FE counts, or ``updates``.
         input_core: Injected spikes are sent by one core of their own, whose neurons cost nothing.
     """
-    energy = {k: v.sum(axis=1) / 1e6 for k, v in step_picojoules(activity, "nominal", updates).items()}
-    time = step_microseconds(activity, "nominal", tiles, updates=updates, read_out=False, input_core=input_core).sum(
+    energy = {k: v.sum(axis=1) / 1e6 for k, v in step_picojoules(events, "nominal", updates).items()}
+    time = step_microseconds(events, "nominal", tiles, updates=updates, read_out=False, input_core=input_core).sum(
         axis=1
     )
     return ClosedForm(

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards import constants as c
 from lava_vpr.deploy.boards.constants import CONSTANTS, LEVELS, Constant, barrier
-from lava_vpr.deploy.boards.estimate import Range, total
+from lava_vpr.deploy.boards.estimate import Estimate, total
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.cost.closed_form import (
     ClosedForm,
@@ -24,7 +24,7 @@ from lava_vpr.deploy.cost.closed_form import (
     step_nanoseconds,
     step_picojoules,
 )
-from lava_vpr.deploy.cost.events import Activity, activity_of
+from lava_vpr.deploy.cost.events import EventCounts, count_events
 from lava_vpr.deploy.cost.host_traffic import SETTING_WRITES, counts_on_chips, entry_hops, host_milliseconds
 from lava_vpr.deploy.registers.clearing import clearing, rest_steps
 from lava_vpr.engine.trains import Trains
@@ -65,7 +65,7 @@ class Modelled:
             estimate of what would stand there instead.
         clearing: How states are cleared and what it takes: writes, microjoules, milliseconds; what rest would take.
         assumptions: What was assumed, a sentence each, with source.
-        unavailable: Why there are no energies and times (Loihi 2); empty if there are. Ranges are None then.
+        unavailable: Why there are no energies and times (Loihi 2); empty if there are. Estimates are None then.
         wall_milliseconds: Of a query if the host's traffic cannot overlap with another query: the longer of time on the
             chip and traffic of the way in use.
         wall_static_millijoules: Static energy during that.
@@ -80,17 +80,17 @@ class Modelled:
     steps: int
     input_mode: str
     counts: dict[str, float | None]
-    dynamic_microjoules: dict[str, Range] | None
-    milliseconds: Range | None
-    step_microseconds: Range | None
-    static_millijoules: Range | None
-    io_milliseconds: dict[str, Range] | None
-    io_microjoules: dict[str, Range] | None
+    dynamic_microjoules: dict[str, Estimate] | None
+    milliseconds: Estimate | None
+    step_microseconds: Estimate | None
+    static_millijoules: Estimate | None
+    io_milliseconds: dict[str, Estimate] | None
+    io_microjoules: dict[str, Estimate] | None
     clearing: dict[str, Any]
     assumptions: tuple[str, ...] = ()
     unavailable: str = ""
-    wall_milliseconds: Range | None = None
-    wall_static_millijoules: Range | None = None
+    wall_milliseconds: Estimate | None = None
+    wall_static_millijoules: Estimate | None = None
     busiest: dict[str, float] = field(default_factory=dict)
     busiest_core: dict[str, float] = field(default_factory=dict)
 
@@ -111,66 +111,66 @@ def quick(plan: Plan, trains: Trains, until: NDArray[np.int64] | None = None) ->
         trains: Every spike.
         until: Steps after which each query is stopped, (n,); None: none is.
     """
-    activity = activity_of(plan, trains)
-    energy = np.sum(list(step_picojoules(activity, "nominal").values()), axis=0)
-    time = step_microseconds(activity, "nominal")
+    events = count_events(plan, trains)
+    energy = np.sum(list(step_picojoules(events, "nominal").values()), axis=0)
+    time = step_microseconds(events, "nominal")
     if until is not None:
-        going = np.arange(activity.steps)[None, :] < np.asarray(until)[:, None]
+        going = np.arange(events.steps)[None, :] < np.asarray(until)[:, None]
         energy, time = energy * going, time * going
     extra, pause = _writes(plan)
-    if not activity.injected:
+    if not events.injected:
         extra = extra + _settings(plan)
     return Quick(energy.sum(axis=1) / 1e6 + extra.nominal, time.sum(axis=1) / 1e3 + pause.nominal)
 
 
-def _write(plan: Plan) -> Range:
+def _write(plan: Plan) -> Estimate:
     """Energy in pJ of a register that an embedded processor writes: a message, its way, an access and an update."""
     east_west, north_south = entry_hops(plan)
     return total(
         (
-            c.MESSAGE.range,
-            c.HOP_EAST_WEST.range * east_west,
-            c.HOP_NORTH_SOUTH.range * north_south,
-            c.ACCESS.range,
-            c.UPDATE.range,
+            c.MESSAGE.estimate,
+            c.HOP_EAST_WEST.estimate * east_west,
+            c.HOP_NORTH_SOUTH.estimate * north_south,
+            c.ACCESS.estimate,
+            c.UPDATE.estimate,
         )
     )
 
 
-def _writes(plan: Plan) -> tuple[Range, Range]:
+def _writes(plan: Plan) -> tuple[Estimate, Estimate]:
     """Microjoules and milliseconds of the writes that clear the membranes; each chip's processor writes its own."""
     number = plan.network.neurons
     most = max(counts_on_chips(plan, "exc").values(), default=0)
-    return _write(plan) * (number / 1e6), c.WRITE_TIME.range * (most / 1e6)
+    return _write(plan) * (number / 1e6), c.WRITE_TIME.estimate * (most / 1e6)
 
 
-def _settings(plan: Plan) -> Range:
+def _settings(plan: Plan) -> Estimate:
     """Microjoules of the writes that set all input compartments."""
     return _write(plan) * (SETTING_WRITES * plan.network.inputs / 1e6)
 
 
-def step_times(activity: Activity) -> tuple[Floats, float]:
+def step_times(events: EventCounts) -> tuple[Floats, float]:
     """Microseconds of the busiest core in each step, mean over the queries, (steps,), and of the barrier; nominal."""
-    busiest = np.maximum(*step_nanoseconds(activity, "nominal")).mean(axis=0) / 1e3
-    return np.asarray(busiest), barrier(activity.tiles or 1).nominal
+    busiest = np.maximum(*step_nanoseconds(events, "nominal")).mean(axis=0) / 1e3
+    return np.asarray(busiest), barrier(events.tiles or 1).nominal
 
 
-def _clearing(plan: Plan, activity: Activity) -> dict[str, Any]:
+def _clearing(plan: Plan, events: EventCounts) -> dict[str, Any]:
     """What `lava_vpr.deploy.registers.clearing` says, with what it takes, and what steps of rest would."""
     microjoules, milliseconds = _writes(plan)
     steps = rest_steps(plan.network)
     busiest = [
-        c.ACCESS_TIME.range * sum(p.size for p in core.parts) + c.UPDATE_TIME.range * core.part("exc").size
+        c.ACCESS_TIME.estimate * sum(p.size for p in core.parts) + c.UPDATE_TIME.estimate * core.part("exc").size
         for core in plan.cores
     ]
-    used = barrier(activity.tiles or 1).range
+    used = barrier(events.tiles or 1).estimate
     each = [
         max(max(getattr(b, level) for b in busiest) / 1e3 + getattr(used, level), getattr(c.STEP, level))
         for level in LEVELS
     ]
-    mapped = int(activity.accesses[0, 0].sum()) if activity.queries else 0
-    rest = (c.ACCESS.range * mapped + c.UPDATE.range * plan.network.neurons) * (steps / 1e6)
-    pause = Range(*each) * (steps / 1e3)
+    mapped = int(events.accesses[0, 0].sum()) if events.queries else 0
+    rest = (c.ACCESS.estimate * mapped + c.UPDATE.estimate * plan.network.neurons) * (steps / 1e6)
+    pause = Estimate(*each) * (steps / 1e3)
     return {
         **clearing(plan.network, plan.board, plan),
         "microjoules": microjoules,
@@ -181,14 +181,14 @@ def _clearing(plan: Plan, activity: Activity) -> dict[str, Any]:
     }
 
 
-def counts_of(activity: Activity, plan: Plan) -> dict[str, float | None]:
+def counts_of(events: EventCounts, plan: Plan) -> dict[str, float | None]:
     """Events of a query, mean over the queries, by name."""
 
     def mean(*names: str) -> float:
-        return float(sum(activity.each(name).mean() for name in names)) if activity.queries else 0.0
+        return float(sum(events.each(name).mean() for name in names)) if events.queries else 0.0
 
     known = plan.board.tile_cores is not None
-    injected = ("input_hops_east_west", "input_hops_north_south") if activity.injected else ()
+    injected = ("input_hops_east_west", "input_hops_north_south") if events.injected else ()
     return {
         "synaptic_operations": mean("operations_dense", "operations_sparse"),
         "synaptic_operations_dense_rows": mean("operations_dense"),
@@ -198,56 +198,56 @@ def counts_of(activity: Activity, plan: Plan) -> dict[str, float | None]:
         "input_spikes": mean("input_spikes"),
         "exc_spikes": mean("exc_spikes"),
         "inh_spikes": mean("inh_spikes"),
-        "messages": mean("messages_out", *["input_messages"] * activity.injected),
+        "messages": mean("messages_out", *["input_messages"] * events.injected),
         "input_messages": mean("input_messages"),
         "read_outs": mean("read_outs"),
         "chip_crossings": mean("crossings"),
         "hops": mean("hops_east_west", "hops_north_south", *injected) if known else None,
-        "steps": float(activity.steps),
+        "steps": float(events.steps),
     }
 
 
-def _input_microjoules(plan: Plan, activity: Activity) -> dict[str, Range]:
+def _input_microjoules(plan: Plan, events: EventCounts) -> dict[str, Estimate]:
     """Dynamic energy that input takes on the chips, by way, the way in use first."""
-    inputs, n = plan.network.inputs, max(1, activity.queries)
-    arrivals, spikes = activity.input_messages.sum() / n, activity.input_spikes.sum() / n
-    hops = [activity.input_hops_east_west.sum() / n, activity.input_hops_north_south.sum() / n]
+    inputs, n = plan.network.inputs, max(1, events.queries)
+    arrivals, spikes = events.input_messages.sum() / n, events.input_spikes.sum() / n
+    hops = [events.input_hops_east_west.sum() / n, events.input_hops_north_south.sum() / n]
     entry = [arrivals * hop for hop in entry_hops(plan)]
-    messages = c.MESSAGE.range * arrivals
+    messages = c.MESSAGE.estimate * arrivals
 
-    def way(tiles: list[float]) -> Range:
-        return c.HOP_EAST_WEST.range * tiles[0] + c.HOP_NORTH_SOUTH.range * tiles[1]
+    def way(tiles: list[float]) -> Estimate:
+        return c.HOP_EAST_WEST.estimate * tiles[0] + c.HOP_NORTH_SOUTH.estimate * tiles[1]
 
-    if activity.injected:
-        accesses = updates = float(inputs * activity.steps)
+    if events.injected:
+        accesses = updates = float(inputs * events.steps)
     else:
-        accesses, updates = activity.input_accesses.sum() / n, activity.input_updates.sum() / n
+        accesses, updates = events.input_accesses.sum() / n, events.input_updates.sum() / n
     layer = (
-        c.ACCESS.range * accesses,
-        c.UPDATE.range * updates,
-        c.SPIKE.range * spikes,
+        c.ACCESS.estimate * accesses,
+        c.UPDATE.estimate * updates,
+        c.SPIKE.estimate * spikes,
         messages,
-        way([0.0, 0.0] if activity.injected else hops),
+        way([0.0, 0.0] if events.injected else hops),
         _settings(plan) * 1e6,
     )
     found = {
-        "injected": (messages + way(hops if activity.injected else entry)) * 1e-6,
+        "injected": (messages + way(hops if events.injected else entry)) * 1e-6,
         "bias": total(layer) * 1e-6,
     }
-    return found if activity.injected else dict(reversed(found.items()))
+    return found if events.injected else dict(reversed(found.items()))
 
 
-def modelled(plan: Plan, activity: Activity) -> Modelled:
-    """What a query costs on the board of ``plan``, mean over the queries of ``activity``."""
+def modelled(plan: Plan, events: EventCounts) -> Modelled:
+    """What a query costs on the board of ``plan``, mean over the queries of ``events``."""
     board = plan.board
     bare = Modelled(
         target=board.name,
         chips=board.chips,
         cores=len(plan.cores),
-        tiles=activity.tiles,
-        steps=activity.steps,
-        input_mode="injected" if activity.injected else "bias",
-        counts=counts_of(activity, plan),
+        tiles=events.tiles,
+        steps=events.steps,
+        input_mode="injected" if events.injected else "bias",
+        counts=counts_of(events, plan),
         dynamic_microjoules=None,
         milliseconds=None,
         step_microseconds=None,
@@ -256,59 +256,59 @@ def modelled(plan: Plan, activity: Activity) -> Modelled:
         io_microjoules=None,
         clearing=clearing(plan.network, board, plan),
     )
-    if not activity.queries:
+    if not events.queries:
         return replace(bare, unavailable="there is no query")
-    bare = replace(bare, busiest_core=_busiest_core(activity))
+    bare = replace(bare, busiest_core=_busiest_core(events))
     if not board.timed:
         return replace(bare, unavailable=UNPUBLISHED, assumptions=(ALL_DENSE,))
-    told = _clearing(plan, activity)
-    steps = Range(*(float(step_microseconds(activity, level).mean()) for level in LEVELS))
-    milliseconds = steps * (activity.steps / 1e3) + told["milliseconds"]
-    io = host_milliseconds(plan, activity)
-    wall = Range(*(max(getattr(milliseconds, level), getattr(io[bare.input_mode], level)) for level in LEVELS))
-    receive, neurons = step_nanoseconds(activity, "nominal")
+    told = _clearing(plan, events)
+    steps = Estimate(*(float(step_microseconds(events, level).mean()) for level in LEVELS))
+    milliseconds = steps * (events.steps / 1e3) + told["milliseconds"]
+    io = host_milliseconds(plan, events)
+    wall = Estimate(*(max(getattr(milliseconds, level), getattr(io[bare.input_mode], level)) for level in LEVELS))
+    receive, neurons = step_nanoseconds(events, "nominal")
     share = float((receive > neurons).mean())
     return replace(
         bare,
-        dynamic_microjoules=_dynamic(plan, activity, told["microjoules"]),
+        dynamic_microjoules=_dynamic(plan, events, told["microjoules"]),
         milliseconds=milliseconds,
         step_microseconds=steps,
         static_millijoules=_static(plan, milliseconds),
         io_milliseconds=io,
-        io_microjoules=_input_microjoules(plan, activity),
+        io_microjoules=_input_microjoules(plan, events),
         clearing=told,
-        assumptions=assumptions(plan, activity),
+        assumptions=assumptions(plan, events),
         wall_milliseconds=wall,
         wall_static_millijoules=_static(plan, wall),
         busiest={"receive": share, "neurons": 1 - share},
     )
 
 
-def _dynamic(plan: Plan, activity: Activity, cleared: Range) -> dict[str, Range]:
+def _dynamic(plan: Plan, events: EventCounts, cleared: Estimate) -> dict[str, Estimate]:
     """Microjoules of a query by component."""
-    energies = [step_picojoules(activity, level) for level in LEVELS]
-    found = {name: Range(*(float(e[name].sum(axis=1).mean()) / 1e6 for e in energies)) for name in energies[0]}
+    energies = [step_picojoules(events, level) for level in LEVELS]
+    found = {name: Estimate(*(float(e[name].sum(axis=1).mean()) / 1e6 for e in energies)) for name in energies[0]}
     found["clearing of states"] = cleared
-    if not activity.injected:
+    if not events.injected:
         found["settings of the inputs"] = _settings(plan)
     return found
 
 
-def _busiest_core(activity: Activity) -> dict[str, float]:
+def _busiest_core(events: EventCounts) -> dict[str, float]:
     """Most events of a core in a step, mean over steps and queries."""
     names = ("messages_in", "accesses", "updates", "spikes", "messages_out")
-    most = {name: float(getattr(activity, name).max(axis=2).mean()) for name in names}
-    operations = activity.operations_dense + activity.operations_sparse
+    most = {name: float(getattr(events, name).max(axis=2).mean()) for name in names}
+    operations = events.operations_dense + events.operations_sparse
     return {"synaptic_operations": float(operations.max(axis=2).mean()), **most}
 
 
-def _static(plan: Plan, milliseconds: Range) -> Range:
+def _static(plan: Plan, milliseconds: Estimate) -> Estimate:
     """Millijoules that all chips of the board draw in so long."""
-    power = (c.STATIC.range + c.EMBEDDED.range) * plan.board.chips
-    return Range(*(getattr(power, level) * getattr(milliseconds, level) / 1e3 for level in LEVELS))
+    power = (c.STATIC.estimate + c.EMBEDDED.estimate) * plan.board.chips
+    return Estimate(*(getattr(power, level) * getattr(milliseconds, level) / 1e3 for level in LEVELS))
 
 
-def assumptions(plan: Plan, activity: Activity) -> tuple[str, ...]:
+def assumptions(plan: Plan, events: EventCounts) -> tuple[str, ...]:
     """What the model takes for granted, a sentence each."""
     found = [
         "A step lasts as long as its busiest core, plus a barrier by tiles in use (SANA-FE's simple timing): no "
@@ -318,11 +318,11 @@ def assumptions(plan: Plan, activity: Activity) -> tuple[str, ...]:
         "Clearing: each membrane is one write of an embedded processor, taken as one message, its way, an access and "
         "an update; no figure is public.",
     ]
-    if activity.injected:
+    if events.injected:
         found.append("Injected spikes enter the mesh at tile 0 of the chip they go to, one message for each core.")
-    if activity.crossings.any():
+    if events.crossings.any():
         found.append("A message to the other chip costs what its tiles cost: no figure for the link is public.")
-    if activity.injected:
+    if events.injected:
         found.append(
             "Inputs that integrate a bias are an estimate: every input compartment accessed and updated in every step."
         )

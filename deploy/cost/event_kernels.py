@@ -31,7 +31,7 @@ KINDS = (
     "input_hops_north_south",
     "input_updates",
 )
-"""What the kernel counts, in the order of the numbers above; see `lava_vpr.deploy.cost.events.Activity`."""
+"""What the kernel counts, in the order of the numbers above; see `lava_vpr.deploy.cost.events.EventCounts`."""
 
 
 class Routes(NamedTuple):

@@ -1,14 +1,15 @@
 """What a board does for each query, step by step and core by core, counted from every spike and the mapping.
 
-The register-level simulation counts the same from registers and memory; `tests/deploy/cost/test_activity.py` holds the
+The register-level simulation counts the same from registers and memory; `tests/deploy/cost/test_events.py` holds the
 two against each other. A message belongs to the step of its spike: it is sent, received and meets its row in that step,
 and the sum counts in the next.
 
 **What is an update.** Every mapped compartment is accessed in every step. It is also updated when there is a reason:
 
-- `Activity.updates`, as the register-level simulation counts: the sum that arrived, the membrane or the bias is not 0.
-- `Activity.touched`, as SANA-FE 2.2.9 counts (``models.cpp``, ``LoihiLifModel::update``): any stored synapse delivered
-  to the compartment, be its weight 0 or the sum of all 0, or membrane or bias are not 0.
+- `EventCounts.updates`, as the register-level simulation counts: the sum that arrived, the membrane or the bias is not
+  0.
+- `EventCounts.touched`, as SANA-FE 2.2.9 counts (``models.cpp``, ``LoihiLifModel::update``): any stored synapse
+  delivered to the compartment, be its weight 0 or the sum of all 0, or membrane or bias are not 0.
 
 The two differ by a handful in a million. Injected inputs are no compartments: neither accessed nor updated.
 """
@@ -31,7 +32,7 @@ _DERIVED = ("accesses", "input_accesses", "input_spikes", "exc_spikes", "inh_spi
 
 
 @dataclass(frozen=True)
-class Activity:
+class EventCounts:
     """Events of some queries, int64 (n, steps, cores) in the order of the plan's cores; steps include the silent ones.
 
     Attributes:
@@ -93,7 +94,7 @@ class Activity:
         values = getattr(self, name)
         return np.asarray(values.sum(axis=tuple(range(1, values.ndim)), dtype=np.int64))
 
-    def part(self, queries: slice) -> Activity:
+    def part(self, queries: slice) -> EventCounts:
         """Of some of the queries."""
         arrays: dict[str, Any] = {name: getattr(self, name)[queries] for name in (*KINDS, *_DERIVED)}
         return replace(self, **arrays)
@@ -107,7 +108,7 @@ def mapped_tiles(plan: Plan) -> int | None:
 
 
 def routes(plan: Plan, entry: tuple[int, int] | None = None) -> Routes:
-    """Where every spike goes and what it meets there; see `activity_of`."""
+    """Where every spike goes and what it meets there; see `count_events`."""
     network, total = plan.network, len(plan.cores)
     homes = {"exc": network.neurons, "inh": network.neurons, "inputs": network.inputs}
     home = {name: np.full(size, -1, np.int64) for name, size in homes.items()}
@@ -156,7 +157,7 @@ def _ways(plan: Plan, entry: tuple[int, int] | None) -> tuple[Counts, Counts]:
     return ways, first
 
 
-def activity_of(plan: Plan, trains: Trains, *, entry: tuple[int, int] | None = None) -> Activity:
+def count_events(plan: Plan, trains: Trains, *, entry: tuple[int, int] | None = None) -> EventCounts:
     """Count what the cores of ``plan`` do while these spikes happen.
 
     Args:
@@ -172,11 +173,11 @@ def activity_of(plan: Plan, trains: Trains, *, entry: tuple[int, int] | None = N
         raise ValueError("trains hold no input spikes, or are not those of the plan's network")
     found = routes(plan, entry)
     shape = (*exc.shape[:2], len(plan.cores))
-    events = np.zeros((*shape, len(KINDS)), np.int64)
+    counted = np.zeros((*shape, len(KINDS)), np.int64)
     keep = (1 << DECAY_BITS) - network.decay
     params = np.array([network.shift, network.threshold << INPUT_SHIFT, network.lateral, keep], np.int64)
     bits = (np.ascontiguousarray(train).view(np.uint8) for train in (inputs, exc))
-    query, step = count(found, network.weights, params, network.steps, *bits, events)
+    query, step = count(found, network.weights, params, network.steps, *bits, counted)
     if query >= 0:
         raise ValueError(f"query {query}: the spikes of step {step} are not those of the plan's network")
     sizes = [[(p.size, p.size * (p.population == "inputs")) for p in core.parts] for core in plan.cores]
@@ -184,8 +185,8 @@ def activity_of(plan: Plan, trains: Trains, *, entry: tuple[int, int] | None = N
     exc_spikes = exc.sum(axis=2, dtype=np.int64)
     inh_spikes = np.zeros_like(exc_spikes)
     inh_spikes[:, 1:] = exc_spikes[:, :-1]
-    arrays: dict[str, Any] = {name: np.ascontiguousarray(events[..., kind]) for kind, name in enumerate(KINDS)}
-    return Activity(
+    arrays: dict[str, Any] = {name: np.ascontiguousarray(counted[..., kind]) for kind, name in enumerate(KINDS)}
+    return EventCounts(
         **arrays,
         accesses=np.broadcast_to(mapped[:, 0], shape),
         input_accesses=np.broadcast_to(mapped[:, 1], shape),

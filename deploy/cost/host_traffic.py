@@ -12,9 +12,9 @@ from collections import Counter
 import numpy as np
 
 from lava_vpr.deploy.boards import constants as c
-from lava_vpr.deploy.boards.estimate import Range
+from lava_vpr.deploy.boards.estimate import Estimate
 from lava_vpr.deploy.boards.plan import Plan, PopulationName
-from lava_vpr.deploy.cost.events import Activity, routes
+from lava_vpr.deploy.cost.events import EventCounts, routes
 
 PACKET_WORDS = 56
 """Payload of a packet, in words."""
@@ -43,25 +43,25 @@ def _packets(values: float, room: int) -> int:
     return int(-(-values // room))
 
 
-def host_milliseconds(plan: Plan, activity: Activity) -> dict[str, Range]:
+def host_milliseconds(plan: Plan, events: EventCounts) -> dict[str, Estimate]:
     """Time of the host's traffic for a query by way of input, the way in use first."""
-    inputs, steps, queries = plan.network.inputs, plan.network.steps, max(1, activity.queries)
+    inputs, steps, queries = plan.network.inputs, plan.network.steps, max(1, events.queries)
     settings = counts_on_chips(plan, "inputs")
     exc = {chip: size for chip, size in counts_on_chips(plan, "exc").items() if size + settings[chip]}
     chips = np.array([core.chip for core in plan.cores])
     back = sum(max(1, _packets(size, PACKET_WORDS)) for size in exc.values())
-    counts = Range(back, back, max(back, sum(exc.values())))
-    arrivals = activity.input_messages.sum(axis=(0, 1)) / queries
+    counts = Estimate(back, back, max(back, sum(exc.values())))
+    arrivals = events.input_messages.sum(axis=(0, 1)) / queries
     on_chip = {chip: float(arrivals[chips == chip].sum()) for chip in exc}
     # The host sends a spike once to each chip; how many messages it becomes there is the embedded processor's work.
-    spikes = float(activity.input_spikes.sum() / queries)
+    spikes = float(events.input_spikes.sum() / queries)
     low = sum(max(1, _packets(spikes, PACKET_WORDS)) for _ in exc)
     packets = steps * len(exc)
-    injected = Range(min(low, packets), packets, max(packets, spikes * len(exc)))
-    if activity.injected:
+    injected = Estimate(min(low, packets), packets, max(packets, spikes * len(exc)))
+    if events.injected:
         settings = {chip: -(-inputs // len(exc)) for chip in exc}
     few = sum(_packets(size, PACKET_WORDS // SETTING_WORDS) for size in settings.values())
-    bias = Range(few, few, SETTING_WRITES * inputs)
+    bias = Estimate(few, few, SETTING_WRITES * inputs)
     work = {
         "injected": max(on_chip.values(), default=0.0),
         "bias": SETTING_WRITES * max(settings.values(), default=0),
@@ -69,6 +69,6 @@ def host_milliseconds(plan: Plan, activity: Activity) -> dict[str, Range]:
     found = {}
     for way, messages in (("injected", injected), ("bias", bias)):
         usb = messages + counts
-        sent = Range(*(number * c.HOST_MESSAGE.nominal / 1e3 for number in (usb.low, usb.nominal, usb.high)))
-        found[way] = sent + c.WRITE_TIME.range * (work[way] / 1e6)
-    return found if activity.injected else dict(reversed(found.items()))
+        sent = Estimate(*(number * c.HOST_MESSAGE.nominal / 1e3 for number in (usb.low, usb.nominal, usb.high)))
+        found[way] = sent + c.WRITE_TIME.estimate * (work[way] / 1e6)
+    return found if events.injected else dict(reversed(found.items()))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from lava_vpr.deploy.boards.estimate import Range as Range
+from lava_vpr.deploy.boards.estimate import Estimate as Estimate
 from lava_vpr.deploy.cost.costs import Modelled as Modelled
 from lava_vpr.matching.evaluation import Metrics
 

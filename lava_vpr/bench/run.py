@@ -25,7 +25,7 @@ from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.cost.closed_form import step_nanoseconds
 from lava_vpr.deploy.cost.costs import modelled
-from lava_vpr.deploy.cost.events import Activity, activity_of
+from lava_vpr.deploy.cost.events import EventCounts, count_events
 from lava_vpr.encoding import EncodedTraverse, query_rates
 from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.threads import cores
@@ -158,17 +158,17 @@ def _costs(
     """The costs on one board, and its time in each step."""
     if isinstance(plan, str) or trains is None:
         return _unavailable(model, BOARDS[name], plan if isinstance(plan, str) else "no integer network"), None
-    activity = activity_of(plan, trains)
-    found = modelled(plan, activity)
-    if activity.queries < queries:
-        told = f"Counted on {activity.queries} of the {queries} queries, evenly spread."
+    events = count_events(plan, trains)
+    found = modelled(plan, events)
+    if events.queries < queries:
+        told = f"Counted on {events.queries} of the {queries} queries, evenly spread."
         found = replace(found, assumptions=(*found.assumptions, told))
-    return found, None if found.unavailable else step_times(name, activity)
+    return found, None if found.unavailable else step_times(name, events)
 
 
-def step_times(name: str, activity: Activity) -> StepTimes:
+def step_times(name: str, events: EventCounts) -> StepTimes:
     """What the board does in each step, mean over the queries, with nominal constants."""
-    receive, neurons = step_nanoseconds(activity, "nominal")
+    receive, neurons = step_nanoseconds(events, "nominal")
 
     def mean(nanoseconds: NDArray[np.float64]) -> tuple[float, ...]:
         return tuple((nanoseconds.mean(axis=0) / 1e3).tolist())
@@ -178,7 +178,7 @@ def step_times(name: str, activity: Activity) -> StepTimes:
         receive=mean(receive),
         neurons=mean(neurons),
         busiest=mean(np.maximum(receive, neurons)),
-        barrier=barrier(activity.tiles or 1).nominal,
+        barrier=barrier(events.tiles or 1).nominal,
     )
 
 

@@ -29,7 +29,7 @@ from lava_vpr.bench.show import grids, plots
 from lava_vpr.bench.show.document import COUNTS, as_json
 from lava_vpr.bench.show.page import page
 from lava_vpr.bench.show.terminal import absences, tables
-from lava_vpr.deploy.boards.estimate import Range
+from lava_vpr.deploy.boards.estimate import Estimate
 from lava_vpr.matching.evaluation import Metrics, evaluate
 from lava_vpr.report import write_page
 
@@ -66,19 +66,19 @@ def modelled(**changes: Any) -> Modelled:
         "counts": {"synaptic_operations": 30211.25, "neuron_updates": 20600.5, "input_spikes": 1000.0, "steps": 53.0}
         | {"exc_spikes": 14.2, "inh_spikes": 14.2, "messages": 3042.4, "hops": 1812.0, "accesses": 42400.0},
         "dynamic_microjoules": {
-            "synapses": Range(0.71, 1.07, 1.07),
-            "neurons": Range(1.5, 1.6, 2.4),
-            "spikes": Range(0.002, 0.002, 0.002),
-            "messages": Range(0.005, 0.34, 0.34),
-            "hops": Range(0.0045, 0.0054, 0.0054),
-            "clearing": Range(0.01, 0.02, 0.2),
+            "synapses": Estimate(0.71, 1.07, 1.07),
+            "neurons": Estimate(1.5, 1.6, 2.4),
+            "spikes": Estimate(0.002, 0.002, 0.002),
+            "messages": Estimate(0.005, 0.34, 0.34),
+            "hops": Estimate(0.0045, 0.0054, 0.0054),
+            "clearing": Estimate(0.01, 0.02, 0.2),
         },
-        "milliseconds": Range(0.15, 0.23, 0.41),
-        "step_microseconds": Range(1.8, 2.2, 5.8),
-        "static_millijoules": Range(0.013, 0.078, 0.11),
-        "io_milliseconds": {"injected": Range(1.0, 13.9, 20.0), "bias": Range(0.1, 2.0, 4.0)},
-        "io_microjoules": {"injected": Range(0.1, 0.1, 0.2), "bias": Range(5.0, 6.1, 8.0)},
-        "clearing": {"mechanism": "embedded writes", "writes": 100, "microjoules": Range(0.01, 0.02, 0.2)},
+        "milliseconds": Estimate(0.15, 0.23, 0.41),
+        "step_microseconds": Estimate(1.8, 2.2, 5.8),
+        "static_millijoules": Estimate(0.013, 0.078, 0.11),
+        "io_milliseconds": {"injected": Estimate(1.0, 13.9, 20.0), "bias": Estimate(0.1, 2.0, 4.0)},
+        "io_microjoules": {"injected": Estimate(0.1, 0.1, 0.2), "bias": Estimate(5.0, 6.1, 8.0)},
+        "clearing": {"mechanism": "embedded writes", "writes": 100, "microjoules": Estimate(0.01, 0.02, 0.2)},
         "assumptions": ("Every message pays for its own <packet>.",),
     }
     return Modelled(**values | changes)
@@ -342,7 +342,7 @@ def test_few_times_and_odd_ones_can_be_drawn() -> None:
     point = Candidate({"steps": 1}, metrics(), 1.0, 1.0, 1.0, front=True, chosen="fast")
     drawing = plots.pareto([point], "")
     assert all(text in drawing for text in ("modelled energy, µJ", "modelled time, ms", ">fast<"))
-    assert "all components" in plots.energy({"nothing": Range(0, 0, 0)}, "z", "")
+    assert "all components" in plots.energy({"nothing": Estimate(0, 0, 0)}, "z", "")
 
 
 def test_a_browser_shows_it(text: str, tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.compression.compression import requantised
 from lava_vpr.deploy.cost.costs import modelled, quick
-from lava_vpr.deploy.cost.events import activity_of
+from lava_vpr.deploy.cost.events import count_events
 from lava_vpr.encoding import query_rates
 from lava_vpr.errors import ConfigError
 from lava_vpr.recognition import recognise
@@ -107,7 +107,7 @@ def test_a_point_is_the_model_quantised_anew_and_modelled() -> None:
     plan = plan_of(model, KAPOHO_BAY)
     rates = query_rates(one.queries.activity, model.config)
     trains = HostBackend().trains(model, rates, image_ids=one.queries.indices, role="query", seed=model.config.seed)
-    told = modelled(plan, activity_of(plan, trains))
+    told = modelled(plan, count_events(plan, trains))
     assert told.dynamic_microjoules is not None
     assert told.milliseconds is not None
     assert result.microjoules == pytest.approx(sum(part.nominal for part in told.dynamic_microjoules.values()))

@@ -110,9 +110,9 @@ def test_both_ways_of_injecting(tmp_path: Path) -> None:
 
 def test_zeros_that_reach_a_membrane_of_zero_count_as_updates() -> None:
     own = case(44)
-    activity = checking.activity_of(own.plan, own.trains, entry=(0, 0))
-    assert activity.touched.sum() > activity.updates.sum()
-    assert again(44, answer(44)).counts["updates"][0] == activity.touched.sum() / 2
+    events = checking.count_events(own.plan, own.trains, entry=(0, 0))
+    assert events.touched.sum() > events.updates.sum()
+    assert again(44, answer(44)).counts["updates"][0] == events.touched.sum() / 2
 
 
 @pytest.mark.parametrize("name", ["synapse_energy", "soma_energy", "network_energy", "total_energy", "sim_time"])

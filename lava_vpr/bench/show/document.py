@@ -11,7 +11,7 @@ import numpy as np
 
 from lava_vpr.bench.anchors import ANCHORS
 from lava_vpr.bench.results import Bench, Candidate, Measured, Modelled, Peer
-from lava_vpr.deploy.boards.estimate import Range, total
+from lava_vpr.deploy.boards.estimate import Estimate, total
 
 PERCENTILES = (50, 95, 99)
 
@@ -36,7 +36,7 @@ def percentiles(measured: Measured) -> dict[str, float] | None:
     return {f"p{q}": float(value) for q, value in zip(PERCENTILES, values, strict=True)}
 
 
-def dynamic_energy(modelled: Modelled) -> Range | None:
+def dynamic_energy(modelled: Modelled) -> Estimate | None:
     """Of a query, all components, in microjoules; None: unavailable."""
     parts = modelled.dynamic_microjoules
     return None if parts is None else total(parts.values())
@@ -167,8 +167,8 @@ def _constant(one: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """``value`` as JSON knows it: ranges and arrays resolved, NaN and infinity null."""
-    if isinstance(value, Range):
+    """``value`` as JSON knows it: estimates and arrays resolved, NaN and infinity null."""
+    if isinstance(value, Estimate):
         return _plain(value.as_json())
     if is_dataclass(value) and not isinstance(value, type):
         return _plain(asdict(value))

@@ -14,7 +14,7 @@ from lava_vpr.bench.anchors import ANCHORS
 from lava_vpr.bench.results import Bench, Candidate, Measured, Modelled, Peer, Workload
 from lava_vpr.bench.show.document import PERCENTILES, counts, dynamic_energy, percentiles
 from lava_vpr.deploy.boards.board import BOARDS
-from lava_vpr.deploy.boards.estimate import Range
+from lava_vpr.deploy.boards.estimate import Estimate
 from lava_vpr.matching.evaluation import Metrics
 
 FIGURES = ("R@1", "R@5", "R@10", "R@100P", "P@100R", "AUC")
@@ -127,7 +127,7 @@ def on_boards(rows: Sequence[Measured]) -> Grid:
     return Grid("measured on a board", ("figure", *(one.name for one in measured_there)), tuple(cells), note=note)
 
 
-def _three(name: str, values: Range | None) -> tuple[str, ...]:
+def _three(name: str, values: Estimate | None) -> tuple[str, ...]:
     if values is None:
         return (name, NONE, NONE, NONE)
     return (name, figure(values.low), figure(values.nominal), figure(values.high))
@@ -144,7 +144,7 @@ def _clearing(told: dict[str, Any]) -> Iterable[tuple[str, ...]]:
         ("rest_milliseconds", "  those would take, ms"),
     ):
         value = told.get(key)
-        if isinstance(value, Range):
+        if isinstance(value, Estimate):
             yield _three(text, value)
         elif value is not None:
             yield (text, NONE, f"{value:,}", NONE)

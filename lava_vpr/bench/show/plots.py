@@ -15,7 +15,7 @@ from lava_vpr.bench.results import Candidate, Measured, Modelled, StepTimes
 from lava_vpr.bench.show.document import PERCENTILES, dynamic_energy
 from lava_vpr.bench.show.grids import figure as written
 from lava_vpr.bench.show.grids import named
-from lava_vpr.deploy.boards.estimate import Range, total
+from lava_vpr.deploy.boards.estimate import Estimate, total
 from lava_vpr.report.svg import THEME, Style, canvas, to_svg
 
 WIDTH = 700
@@ -42,13 +42,13 @@ def _grid(axes: Axes, axis: Literal["x", "y", "both"]) -> None:
     axes.set_axisbelow(True)
 
 
-def _ranged(value: Range) -> str:
+def _ranged(value: Estimate) -> str:
     """Nominal, and low to high where they differ."""
     low, nominal, high = (written(v) for v in (value.low, value.nominal, value.high))
     return nominal if low == high else f"{nominal} ({low} to {high})"
 
 
-def energy(parts: Mapping[str, Range], prefix: str, label: str) -> str:
+def energy(parts: Mapping[str, Estimate], prefix: str, label: str) -> str:
     """Energy of a query by component: nominal bars, whiskers from low to high; the sum at the top, as a stack."""
     order = sorted(parts.items(), key=lambda item: -item[1].nominal)
     whole = total(parts.values())
@@ -207,13 +207,13 @@ def _names(axes: Axes, points: Sequence[tuple[float, float, str]], span: tuple[f
     axes.set(ylim=(span[0], span[1] + room * (len(points) + 0.4)))
 
 
-def _exact(value: float | None) -> Range | None:
-    return None if value is None else Range(value, value, value)
+def _exact(value: float | None) -> Estimate | None:
+    return None if value is None else Estimate(value, value, value)
 
 
 def beside_anchors(ours: Modelled, label: str) -> str:
     """Energy and time of this network, modelled, above those that others have published; two logarithmic axes."""
-    rows: list[tuple[str, str, tuple[Range | None, Range | None]]] = [
+    rows: list[tuple[str, str, tuple[Estimate | None, Estimate | None]]] = [
         ("this network, modelled", "c0", (dynamic_energy(ours), ours.milliseconds))
     ]
     for one in ANCHORS:

@@ -18,7 +18,7 @@ from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.compression.compression import requantised
 from lava_vpr.deploy.cost.closed_form import step_microseconds, step_picojoules
 from lava_vpr.deploy.cost.costs import quick
-from lava_vpr.deploy.cost.events import activity_of
+from lava_vpr.deploy.cost.events import count_events
 from lava_vpr.encoding import EncodedTraverse, query_rates
 from lava_vpr.engine.trains import Trains
 from lava_vpr.gate import integer_config
@@ -174,9 +174,9 @@ def runs_of(cases: Sequence[Case], settings: Settings, board: Board, threads: in
 
 def figures(run: Run, margins: Sequence[float]) -> list[Measurement]:
     """Recall and modelled costs of the queries of ``run``, stopped early by each of ``margins`` (inf: not at all)."""
-    activity = activity_of(run.plan, run.trains)
-    energy = np.cumsum(np.sum(list(step_picojoules(activity, "nominal").values()), axis=0), axis=1) / 1e6
-    time = np.cumsum(step_microseconds(activity, "nominal"), axis=1) / 1e3
+    events = count_events(run.plan, run.trains)
+    energy = np.cumsum(np.sum(list(step_picojoules(events, "nominal").values()), axis=0), axis=1) / 1e6
+    time = np.cumsum(step_microseconds(events, "nominal"), axis=1) / 1e3
     trains = run.trains
     first = {name: part[:1] for name in Trains.POPULATIONS if (part := getattr(trains, name)) is not None}
     cleared = quick(run.plan, Trains(**first), np.zeros(1, np.int64))  # what a query of no step takes

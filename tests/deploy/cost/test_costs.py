@@ -22,12 +22,12 @@ from lava_vpr.bench import results
 from lava_vpr.deploy.boards import constants
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2
 from lava_vpr.deploy.boards.constants import CONSTANTS, LEVELS, barrier
-from lava_vpr.deploy.boards.estimate import Range, total
+from lava_vpr.deploy.boards.estimate import Estimate, total
 from lava_vpr.deploy.boards.plan import CorePlan, Part, Plan
 from lava_vpr.deploy.cost import costs, host_traffic
 from lava_vpr.deploy.cost.closed_form import closed_form, step_microseconds, step_nanoseconds, step_picojoules
 from lava_vpr.deploy.cost.costs import Modelled, modelled, quick, step_times
-from lava_vpr.deploy.cost.events import Activity, activity_of
+from lava_vpr.deploy.cost.events import EventCounts, count_events
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
@@ -61,7 +61,7 @@ def published() -> tuple[Plan, Trains]:
 
 def test_the_published_network_digit_for_digit() -> None:
     plan, trains = published()
-    counted = activity_of(plan, trains, entry=(0, 0))
+    counted = count_events(plan, trains, entry=(0, 0))
     counts = {name: int(counted.each(name)[0]) for name in ("accesses", "touched", "spikes", "operations_dense")}
     assert counts == {"accesses": 800 * 350, "touched": 139_616, "spikes": 32, "operations_dense": 2_249_600}
     assert counted.each("messages_out")[0] + counted.each("input_messages")[0] == 28_136
@@ -85,10 +85,10 @@ def test_the_published_network_digit_for_digit() -> None:
     assert low < davies / 1e6
 
 
-def example(regular: int = 0, n: int = 5) -> tuple[Plan, Activity, Trains]:
+def example(regular: int = 0, n: int = 5) -> tuple[Plan, EventCounts, Trains]:
     plan = busy_plan(regular=regular)
     trains = trains_of(plan.network, n, 4)
-    return plan, activity_of(plan, trains), trains
+    return plan, count_events(plan, trains), trains
 
 
 @pytest.mark.parametrize("regular", [0, 1])
@@ -121,7 +121,7 @@ def test_a_step_lasts_as_long_as_its_busiest_core(regular: int) -> None:
 @pytest.mark.parametrize("regular", [0, 1])
 def test_energy_of_counts(regular: int) -> None:
     _, counted, _ = example(regular)
-    count = {name: counted.each(name) for name in Activity.__dataclass_fields__ if name not in ("injected", "tiles")}
+    count = {name: counted.each(name) for name in EventCounts.__dataclass_fields__ if name not in ("injected", "tiles")}
     messages = count["messages_out"] + (0 if regular else count["input_messages"])
     hops = {way: count[f"hops_{way}"] + (0 if regular else count[f"input_hops_{way}"]) for way in WAYS}
     expected = {
@@ -152,11 +152,14 @@ def test_sanafes_input_core_and_tiles() -> None:
     assert (closed_form(busy).milliseconds > 10 * closed_form(busy, input_core=False).milliseconds).all()
 
 
-def every_range(found: Modelled) -> list[Range]:
-    ranges = [*(found.dynamic_microjoules or {}).values(), *(found.io_milliseconds or {}).values()]
-    ranges += [*(found.io_microjoules or {}).values(), *(v for v in found.clearing.values() if isinstance(v, Range))]
+def every_estimate(found: Modelled) -> list[Estimate]:
+    estimates = [*(found.dynamic_microjoules or {}).values(), *(found.io_milliseconds or {}).values()]
+    estimates += [
+        *(found.io_microjoules or {}).values(),
+        *(v for v in found.clearing.values() if isinstance(v, Estimate)),
+    ]
     own = (found.milliseconds, found.step_microseconds, found.static_millijoules)
-    return [*ranges, *(one for one in (*own, found.wall_milliseconds, found.wall_static_millijoules) if one)]
+    return [*estimates, *(one for one in (*own, found.wall_milliseconds, found.wall_static_millijoules) if one)]
 
 
 @pytest.mark.parametrize("regular", [0, 1])
@@ -166,8 +169,8 @@ def test_what_a_query_costs(regular: int) -> None:
     mode = ("injected", "bias")[regular]
     assert (found.target, found.chips, found.cores, found.steps) == ("kapoho-bay", 2, len(plan.cores), 33)
     assert (found.input_mode, found.unavailable) == (mode, "")
-    assert len(every_range(found)) >= 20
-    assert all(0 <= one.low <= one.nominal <= one.high for one in every_range(found))
+    assert len(every_estimate(found)) >= 20
+    assert all(0 <= one.low <= one.nominal <= one.high for one in every_estimate(found))
     assert found.dynamic_microjoules is not None
     assert found.milliseconds is not None
     assert found.io_milliseconds is not None
@@ -220,14 +223,14 @@ def test_input_layer_beside_an_injected_network() -> None:
     # The issue's figure: about 6 uJ per 100 steps for 784 inputs, accesses and updates alone.
     made = replace(small_network(10, 784), steps=97)
     plan = partition(made, KAPOHO_BAY, even(made))
-    found = modelled(plan, activity_of(plan, trains_of(made, 1, 0)))
+    found = modelled(plan, count_events(plan, trains_of(made, 1, 0)))
     assert found.io_microjoules is not None
     assert 784 * 100 * 72.8e-6 == pytest.approx(5.7, rel=0.01)
     assert found.io_microjoules["bias"].nominal > 5.7
     # The estimate beside the injected network is near what the network with input compartments really takes.
     bias = replace(made, regular=1)
     plan = partition(bias, KAPOHO_BAY, even(bias))
-    counted = activity_of(plan, trains_of(bias, 1, 0))
+    counted = count_events(plan, trains_of(bias, 1, 0))
     true = modelled(plan, counted)
     assert true.io_microjoules is not None
     # The two ways draw other spikes of the same rates.
@@ -272,14 +275,14 @@ def test_a_query_that_is_stopped_costs_what_it_did() -> None:
 def test_loihi_2_has_counts_and_no_figures() -> None:
     made = replace(small_network(12, 20), steps=20)
     plan = partition(made, LOIHI_2, even(made))
-    found = modelled(plan, activity_of(plan, trains_of(made, 2, 0)))
+    found = modelled(plan, count_events(plan, trains_of(made, 2, 0)))
     assert re.search("no energy or time per operation of Loihi 2 has been published", found.unavailable)
     assert found.counts["hops"] is None
     assert found.counts["synaptic_operations"]
     # One core: what it has most of is all there is.
     assert found.busiest_core["synaptic_operations"] * 23 == pytest.approx(found.counts["synaptic_operations"])
     assert found.busiest_core["accesses"] == 24
-    assert every_range(found) == []
+    assert every_estimate(found) == []
     assert found.tiles is found.milliseconds is found.dynamic_microjoules is found.io_microjoules is None
     nothing = modelled(busy_plan(regular=0), example()[1].part(slice(0, 0)))
     assert nothing.unavailable == "there is no query"
@@ -295,10 +298,10 @@ def test_every_constant_has_its_source() -> None:
         assert one.unit in ("pJ", "ns", "us", "mW")
         assert re.search(r"doi 10\.|arXiv|not verified", one.source), one.name
         assert set(one.as_json()) == {"name", "what", "unit", "low", "nominal", "high", "source"}
-    assert constants.SYNAPSE_DENSE.range == Range(23.6, 35.5, 35.5)
-    assert constants.UPDATE.range == Range(21.6, 21.6, 29.0)
-    assert constants.MESSAGE.range == Range(1.7, 111.0, 111.0)
-    assert constants.ACCESS_TIME.range == Range(5.3, 6.0, 6.0)
+    assert constants.SYNAPSE_DENSE.estimate == Estimate(23.6, 35.5, 35.5)
+    assert constants.UPDATE.estimate == Estimate(21.6, 21.6, 29.0)
+    assert constants.MESSAGE.estimate == Estimate(1.7, 111.0, 111.0)
+    assert constants.ACCESS_TIME.estimate == Estimate(5.3, 6.0, 6.0)
 
 
 def test_barrier_by_tiles() -> None:
@@ -358,7 +361,7 @@ def test_the_host_program_sends_so_many_packets(
         found.append(packets[0])
     trains = draw_trains(made.rates, made.keys, plan.network.steps, plan.network.steps + 3, regular=bool(regular))
     film = count_spikes(plan.network, made.rates, made.keys, raster=True)[2]
-    told = host_traffic.host_milliseconds(plan, activity_of(plan, Trains(film, trains)))
+    told = host_traffic.host_milliseconds(plan, count_events(plan, Trains(film, trains)))
     messages = next(iter(told.values())).nominal / loihi.KAPOHO_BAY_MESSAGE_US * 1e3
     # What is over is the embedded processors' work.
     assert found[1] - found[0] == int(messages) > 0

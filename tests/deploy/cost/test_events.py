@@ -12,7 +12,7 @@ from support.boards.small_boards import network as small_network
 
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2
 from lava_vpr.deploy.boards.plan import Plan
-from lava_vpr.deploy.cost.events import KINDS, Activity, activity_of
+from lava_vpr.deploy.cost.events import KINDS, EventCounts, count_events
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.deploy.mapping.placement import tiles
 from lava_vpr.deploy.registers.core_images import core_images, host_tables
@@ -34,7 +34,7 @@ def test_counts_are_those_of_the_registers() -> None:
     for seed in range(24):
         network = random_network(seed, regular=seed % 2)
         plan = simple_plan(network, 1 + seed % 6, seed)
-        counted, expected = activity_of(plan, trains_of(network, 2, seed)), simulated(plan, 2, seed)
+        counted, expected = count_events(plan, trains_of(network, 2, seed)), simulated(plan, 2, seed)
         for name in EVENTS:
             assert np.array_equal(getattr(counted, name).sum(axis=(0, 1)), expected[name]), (seed, name)
             seen[name] += int(expected[name].sum())
@@ -48,7 +48,7 @@ def test_counts_on_a_partitioned_network(regular: int) -> None:
     assert len(plan.cores) == 4
     assert len({core.dense_lateral for core in plan.cores}) == 2
     assert any(core.dense_inputs.any() and not core.dense_inputs.all() for core in plan.cores)
-    counted, expected = activity_of(plan, trains_of(made, 3, 1)), simulated(plan, 3, 1)
+    counted, expected = count_events(plan, trains_of(made, 3, 1)), simulated(plan, 3, 1)
     for name in EVENTS:
         assert np.array_equal(getattr(counted, name).sum(axis=(0, 1)), expected[name]), name
     assert counted.exc_spikes.sum() > 50
@@ -151,7 +151,7 @@ def test_counts_step_by_step(regular: int) -> None:
     for seed, changes in ((0, {}), (1, {"inhibition": 0}), (2, {"threshold": 3}), (3, {"threshold": 900})):
         plan = busy_plan(regular=regular, steps=12, **changes)
         trains = trains_of(plan.network, 2, seed)
-        counted, expected = activity_of(plan, trains), literal(plan, trains)
+        counted, expected = count_events(plan, trains), literal(plan, trains)
         for name in KINDS:
             assert np.array_equal(getattr(counted, name), expected[name]), (seed, name)
         several += int(counted.exc_spikes.sum())
@@ -165,7 +165,7 @@ def test_a_relays_own_dense_row_touches_its_neuron() -> None:
     for seed in range(6):
         plan = simple_plan(network, 1, seed)
         trains = trains_of(network, 2, seed)
-        counted, expected = activity_of(plan, trains), literal(plan, trains)
+        counted, expected = count_events(plan, trains), literal(plan, trains)
         assert np.array_equal(counted.touched, expected["touched"])
         assert np.array_equal(counted.updates, expected["updates"])
         touched.append((plan.cores[0].dense_lateral, bool((counted.touched > counted.updates).any())))
@@ -178,7 +178,7 @@ def test_touched_is_updated_or_hit_by_nothing() -> None:
     for seed in range(12):
         network = random_network(seed, size=(3, 6), bits=1, decay=4095, steps=30, regular=0)
         plan = simple_plan(network, 2, seed)
-        counted = activity_of(plan, trains_of(network, 2, seed))
+        counted = count_events(plan, trains_of(network, 2, seed))
         assert (counted.touched >= counted.updates).all()
         more += int((counted.touched - counted.updates).sum())
     assert more > 0
@@ -187,15 +187,15 @@ def test_touched_is_updated_or_hit_by_nothing() -> None:
 def test_parts_and_what_is_mapped() -> None:
     plan = busy_plan(regular=1)
     trains = trains_of(plan.network, 4, 2)
-    whole = activity_of(plan, trains)
+    whole = count_events(plan, trains)
     assert (whole.queries, whole.steps, whole.injected) == (4, plan.network.steps + SILENT_STEPS, False)
     assert whole.accesses[0, 0].sum() == 2 * 20 + 30
     assert whole.input_accesses[3, 7].sum() == 30
     assert whole.tiles == len({(core.chip, core.core // 4) for core in plan.cores}) > 1
     for q in range(4):
-        one = activity_of(plan, Trains(trains.exc[[q]], trains.inputs[[q]]))
+        one = count_events(plan, Trains(trains.exc[[q]], trains.inputs[[q]]))
         part = whole.part(slice(q, q + 1))
-        for name in Activity.__dataclass_fields__:
+        for name in EventCounts.__dataclass_fields__:
             assert np.array_equal(getattr(one, name), getattr(part, name)), name
     assert np.array_equal(
         whole.each("spikes"), whole.exc_spikes.sum(1) + whole.inh_spikes.sum(1) + whole.each("input_spikes")
@@ -205,7 +205,7 @@ def test_parts_and_what_is_mapped() -> None:
 def test_injected_spikes_enter_where_they_are_said_to() -> None:
     plan = busy_plan(regular=0)
     trains = trains_of(plan.network, 1, 0)
-    own, far = activity_of(plan, trains), activity_of(plan, trains, entry=(3, 2))
+    own, far = count_events(plan, trains), count_events(plan, trains, entry=(3, 2))
     where = positions(plan)
     for counted, start in ((own, [(8 * core.chip, 0) for core in plan.cores]), (far, [(3, 2)] * len(plan.cores))):
         ways = abs(where - np.array(start))
@@ -218,7 +218,7 @@ def test_injected_spikes_enter_where_they_are_said_to() -> None:
 def test_a_board_whose_mesh_is_not_public() -> None:
     made = replace(small_network(12, 20), steps=20, shift=2, threshold=20)
     plan = partition(made, LOIHI_2, even(made))
-    counted = activity_of(plan, trains_of(made, 2, 0))
+    counted = count_events(plan, trains_of(made, 2, 0))
     assert counted.tiles is None
     assert not counted.hops_east_west.any()
     assert counted.exc_spikes.sum() > 5
@@ -234,11 +234,11 @@ def test_trains_of_another_network_are_refused() -> None:
     with pytest.raises(
         ValueError, match=f"^query {query}: the spikes of step {step} are not those of the plan's network$"
     ):
-        activity_of(plan, Trains(wrong, trains.inputs))
+        count_events(plan, Trains(wrong, trains.inputs))
     for bad in (
         Trains(trains.exc),
         Trains(trains.exc, trains.inputs[:, :, 1:]),
         Trains(trains.exc[..., 1:], trains.inputs),
     ):
         with pytest.raises(ValueError, match="trains hold no input spikes, or are not those of the plan's network"):
-            activity_of(plan, bad)
+            count_events(plan, bad)
