@@ -313,7 +313,7 @@ def test_barrier_by_tiles() -> None:
 
 
 def test_packets_are_those_of_the_host_program() -> None:
-    source = (Path(host_traffic.__file__).parent / "programs" / "kapoho_bay" / "packets.py").read_text()
+    source = (Path(host_traffic.__file__).parents[1] / "programs" / "kapoho_bay" / "packets.py").read_text()
     words, payload = (int(value) for value in re.findall(r"WORDS, PAYLOAD, MAGIC = (\d+), (\d+),", source)[0])
     assert host_traffic.PACKET_WORDS == words - payload
     plan, counted, _ = example()
