@@ -23,6 +23,7 @@ from benchmarks.nordland import SECTIONS, encoded, part
 from lava_vpr.config import INPUT_MODES, Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.engine.threads import cores
+from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.model import Model, integer_model
 from lava_vpr.recognition import Recognition, recognise
@@ -160,7 +161,7 @@ def print_learning(config: Config, seeds: Sequence[int]) -> None:
 def print_inputs(config: Config, seeds: Sequence[int]) -> None:
     """Every kind of input."""
     table = _table("input kinds, five sections")
-    for kind in ("orientation", "onoff", "pixels"):
+    for kind in INPUTS:
         results = sections(update(config, {"encoder": {"kind": kind}}), seeds)
         _row(table, f"{kind}, network", (r.metrics[r.default] for rows in results.values() for r in rows))
         _row(table, f"{kind}, cosine", (r.metrics["cosine"] for rows in results.values() for r in rows))

@@ -21,7 +21,7 @@ from lava_vpr.config import preset
 from lava_vpr.encoding import activity_of, query_rates
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.random import presentation_keys
-from lava_vpr.inputs.preprocess import patch_normalised
+from lava_vpr.inputs.patches import patch_normalised
 from lava_vpr.model import integer_model
 from lava_vpr.recognition import decode
 from lava_vpr.training.loop import train
@@ -76,7 +76,7 @@ def main() -> None:
     patch = seconds(lambda: [patch_normalised(image) for image in images], 3) / len(images)
     table.add_row("patch normalisation (SAD only)", f"{1e3 * patch:.2f} ms per image")
     patches = [patch_normalised(image) for image in images]
-    channels = seconds(lambda: [activity_of(i, p, config.encoder) for i, p in zip(images, patches, strict=True)], 3)
+    channels = seconds(lambda: [activity_of(i, config.encoder, p) for i, p in zip(images, patches, strict=True)], 3)
     table.add_row("orientation channels", f"{1e3 * channels / len(images):.2f} ms per image")
     console.print(table)
 

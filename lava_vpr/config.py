@@ -12,84 +12,12 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from lava_vpr.errors import ConfigError
+from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
 from lava_vpr.matching.decoders import DECODERS
+from lava_vpr.ranges import need, within
 
-InputKind = Literal["orientation", "onoff", "pixels"]
 InputMode = Literal["injected", "bias"]
 INPUT_MODES: tuple[str, ...] = typing.get_args(InputMode)
-INPUT_KINDS: tuple[str, ...] = typing.get_args(InputKind)
-
-
-def _need(condition: bool, name: str, value: object, limit: str) -> None:
-    """Refuse a setting outside its range, naming it, its value and its range (NaN fails every comparison)."""
-    if not condition:
-        raise ConfigError(f"{name} is {value!r}, but must be {limit}; change it in the options or the --config file")
-
-
-def _within(part: object, section: str, **ranges: str) -> None:
-    """Refuse settings outside their ranges, written ``[least, most]`` or, without the end itself, ``(least, most)``."""
-    for name, limits in ranges.items():
-        value = getattr(part, name)
-        low, high = (float(end) for end in limits[1:-1].split(","))
-        above = value > low if limits[0] == "(" else value >= low
-        below = value < high if limits[-1] == ")" else value <= high
-        _need(above and below, f"{section}.{name}", value, f"in {limits}")
-
-
-@dataclass(frozen=True)
-class EncoderConfig:
-    """How an image becomes spike probabilities.
-
-    Attributes:
-        kind: ``orientation`` (complex-cell edge channels), ``onoff`` or ``pixels`` (the paper's patch-normalised ones).
-        image_size: Side in pixels of the square image that the orientation channels are computed on.
-        cell: Side in pixels of one pooling cell; ``image_size`` must be a multiple of it.
-        orientations: Number of orientations, evenly spaced over 180 degrees.
-        window: Side in pixels of the divisive-normalisation window, odd.
-        blur: Standard deviation in pixels of the Gaussian that the resized image is smoothed with; 0: none.
-        pool_floor: Share of the image's mean edge energy that is added to each window's.
-        train_spikes: Expected input spikes per step while training ("tot"), all inputs together.
-        query_spikes: The same while answering a query.
-        query_inputs: Only so many inputs, those that respond most, spike while answering a query; 0: all.
-        max_rate_hz: ``pixels`` under the ``paper`` preset: rate of a white pixel, in Hz.
-    """
-
-    kind: InputKind = "orientation"
-    image_size: int = 56
-    cell: int = 4
-    orientations: int = 8
-    window: int = 15
-    pool_floor: float = 0.1
-    blur: float = 0.7
-    train_spikes: float = 12.0
-    query_spikes: float = 20.0
-    query_inputs: int = 0
-    max_rate_hz: float = 63.75
-
-    def __post_init__(self) -> None:
-        _need(self.kind in INPUT_KINDS, "encoder.kind", self.kind, "one of " + ", ".join(INPUT_KINDS))
-        _within(self, "encoder", image_size="[8, 512]")
-        _need(1 <= self.cell <= self.image_size, "encoder.cell", self.cell, "in 1..image_size")
-        _need(self.image_size % self.cell == 0, "encoder.image_size", self.image_size, f"a multiple of {self.cell}")
-        _within(self, "encoder", orientations="[2, 16]")
-        _need(3 <= self.window <= 255 and self.window % 2 == 1, "encoder.window", self.window, "odd, in 3..255")
-        _within(
-            self,
-            "encoder",
-            blur="[0, 50]",
-            pool_floor="[0, 100]",
-            train_spikes="(0, 1000]",
-            query_spikes="(0, 1000]",
-            query_inputs="[0, 1000000]",
-            max_rate_hz="(0, 1000]",
-        )
-
-    @property
-    def inputs(self) -> int:
-        """Number of input neurons."""
-        if self.kind == "orientation":
-            return self.orientations * (self.image_size // self.cell) ** 2
-        return 2 * 28 * 28 if self.kind == "onoff" else 28 * 28
 
 
 @dataclass(frozen=True)
@@ -132,9 +60,9 @@ class LifNetwork:
     input_mode: InputMode = "injected"
 
     def __post_init__(self) -> None:
-        _need(self.input_mode in INPUT_MODES, "network.input_mode", self.input_mode, "one of " + ", ".join(INPUT_MODES))
-        _need(self.model == "lif", "network.model", self.model, "lif")
-        _within(
+        need(self.input_mode in INPUT_MODES, "network.input_mode", self.input_mode, "one of " + ", ".join(INPUT_MODES))
+        need(self.model == "lif", "network.model", self.model, "lif")
+        within(
             self,
             "network",
             neurons="[0, 100000]",
@@ -202,12 +130,12 @@ class StdpLearning:
     start_weight: float = 0.3
 
     def __post_init__(self) -> None:
-        _need(self.rule == "stdp", "learning.rule", self.rule, "stdp with the lif network")
-        _need(self.arithmetic in ("float", "integer"), "learning.arithmetic", self.arithmetic, "float or integer")
+        need(self.rule == "stdp", "learning.rule", self.rule, "stdp with the lif network")
+        need(self.arithmetic in ("float", "integer"), "learning.arithmetic", self.arithmetic, "float or integer")
         updates = ("spike", "presentation")
-        _need(self.theta_update in updates, "learning.theta_update", self.theta_update, "spike or presentation")
-        _within(self, "learning", epochs="[1, 10000]", steps="[1, 100000]")
-        _within(
+        need(self.theta_update in updates, "learning.theta_update", self.theta_update, "spike or presentation")
+        within(self, "learning", epochs="[1, 10000]", steps="[1, 100000]")
+        within(
             self,
             "learning",
             competition_epochs="[1, 10000]",
@@ -227,8 +155,8 @@ class StdpLearning:
             floor="[-1000000, 0]",
             hold_steps="[0, 1000]",
         )
-        _need(0 < self.mean_weight < self.w_max, "learning.mean_weight", self.mean_weight, "above 0, below w_max")
-        _need(0 < self.start_weight <= self.w_max, "learning.start_weight", self.start_weight, "in (0, w_max]")
+        need(0 < self.mean_weight < self.w_max, "learning.mean_weight", self.mean_weight, "above 0, below w_max")
+        need(0 < self.start_weight <= self.w_max, "learning.start_weight", self.start_weight, "in (0, w_max]")
 
     @property
     def competing(self) -> int:
@@ -260,8 +188,8 @@ class ConductanceNetwork:
     timer_rate: float = 0.1
 
     def __post_init__(self) -> None:
-        _need(self.model == "conductance", "network.model", self.model, "conductance")
-        _within(
+        need(self.model == "conductance", "network.model", self.model, "conductance")
+        within(
             self,
             "network",
             neurons="[1, 100000]",
@@ -299,10 +227,10 @@ class ConductanceLearning:
     tau_theta_ms: float = 1e7
 
     def __post_init__(self) -> None:
-        _need(self.rule in ("triplet", "paper"), "learning.rule", self.rule, "triplet or paper with this network")
-        _need(self.arithmetic == "float", "learning.arithmetic", self.arithmetic, "float with the paper preset")
-        _within(self, "learning", epochs="[1, 10000]", label_epochs="[1, 10000]", tau_theta_ms="[1, 1e30]")
-        _within(
+        need(self.rule in ("triplet", "paper"), "learning.rule", self.rule, "triplet or paper with this network")
+        need(self.arithmetic == "float", "learning.arithmetic", self.arithmetic, "float with the paper preset")
+        within(self, "learning", epochs="[1, 10000]", label_epochs="[1, 10000]", tau_theta_ms="[1, 1e30]")
+        within(
             self,
             "learning",
             eta_pre="[0, 1]",
@@ -324,8 +252,8 @@ class DecoderConfig:
     gamma: float = 0.02
 
     def __post_init__(self) -> None:
-        _need(self.default in DECODERS, "decoder.default", self.default, "one of " + ", ".join(DECODERS))
-        _within(self, "decoder", gamma="[0, 1]")
+        need(self.default in DECODERS, "decoder.default", self.default, "one of " + ", ".join(DECODERS))
+        within(self, "decoder", gamma="[0, 1]")
 
 
 @dataclass(frozen=True)
@@ -341,15 +269,16 @@ class Config:
     decoder: DecoderConfig = field(default_factory=DecoderConfig)
 
     def __post_init__(self) -> None:
-        _need(0 <= self.seed < 2**63, "seed", self.seed, "in 0..2^63-1")
-        _need(0 <= self.stretch <= 1_000_000, "stretch", self.stretch, "in 0..1000000 (0: the whole route at once)")
+        need(0 <= self.seed < 2**63, "seed", self.seed, "in 0..2^63-1")
+        need(0 <= self.stretch <= 1_000_000, "stretch", self.stretch, "in 0..1000000 (0: the whole route at once)")
         if isinstance(self.network, LifNetwork) != isinstance(self.learning, StdpLearning):
             raise ConfigError(
                 f"network.model {self.network.model!r} does not go with learning.rule {self.learning.rule!r}; "
                 "use lif with stdp, or conductance with triplet or paper"
             )
-        if isinstance(self.network, ConductanceNetwork) and self.encoder.kind != "pixels":
-            raise ConfigError(f"the conductance network takes encoder.kind 'pixels', not {self.encoder.kind!r}")
+        if isinstance(self.network, ConductanceNetwork) and not INPUTS[self.encoder.kind].grey_levels:
+            kinds = " or ".join(repr(name) for name, row in INPUTS.items() if row.grey_levels)
+            raise ConfigError(f"the conductance network takes encoder.kind {kinds}, not {self.encoder.kind!r}")
 
     def neurons_for(self, places: int) -> int:
         """Excitatory neurons of one stretch of ``places`` places."""

@@ -13,10 +13,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.config import ConductanceNetwork, Config, EncoderConfig
+from lava_vpr.config import ConductanceNetwork, Config
 from lava_vpr.engine.inference.bias_input import regular_spikes
 from lava_vpr.engine.random import draws
-from lava_vpr.inputs.preprocess import on_off, orientation_channels, patch_normalised
+from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
+from lava_vpr.inputs.patches import PATCH_SIDE, patch_normalised
 from lava_vpr.traverse import Traverse
 
 THUMBNAIL = (64, 48)
@@ -49,21 +50,20 @@ class EncodedTraverse:
         return len(self.names)
 
 
-def activity_of(image: NDArray[np.uint8], patch: NDArray[np.uint8], encoder: EncoderConfig) -> NDArray[np.float32]:
-    """Input channels' responses to one image, float32 (inputs,)."""
-    if encoder.kind == "orientation":
-        return orientation_channels(
-            image,
-            encoder.image_size,
-            encoder.cell,
-            encoder.orientations,
-            encoder.window,
-            encoder.pool_floor,
-            encoder.blur,
-        )
-    if encoder.kind == "onoff":
-        return on_off(patch[None])[0]
-    return patch.reshape(-1).astype(np.float32)
+def activity_of(
+    image: NDArray[np.uint8], encoder: EncoderConfig, patch: NDArray[np.uint8] | None = None
+) -> NDArray[np.float32]:
+    """Responses of the input channels to one image, float32 (inputs,).
+
+    Args:
+        image: As it was read, uint8 (h, w) or (h, w, 3) BGR.
+        encoder: Settings.
+        patch: `patch_normalised` (image) if that is known already.
+    """
+    row = INPUTS[encoder.kind]
+    if row.sees == "image":
+        return row.activity(image, encoder)
+    return row.activity(patch_normalised(image) if patch is None else patch, encoder)
 
 
 def encode_traverse(
@@ -79,12 +79,12 @@ def encode_traverse(
         InputError: an image cannot be read.
     """
     n = len(traverse)
-    patches = np.empty((n, 28, 28), np.uint8)
+    patches = np.empty((n, PATCH_SIDE, PATCH_SIDE), np.uint8)
     activity = np.empty((n, encoder.inputs), np.float32)
     thumbnails = np.empty((n, THUMBNAIL[1], THUMBNAIL[0], 3), np.uint8)
     for i, image in enumerate(traverse.images()):
         patches[i] = patch_normalised(image)
-        activity[i] = activity_of(image, patches[i], encoder)
+        activity[i] = activity_of(image, encoder, patches[i])
         small = cv2.resize(image, THUMBNAIL, interpolation=cv2.INTER_AREA)
         thumbnails[i] = small if small.ndim == 3 else small[:, :, None]
         if progress is not None:

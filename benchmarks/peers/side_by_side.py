@@ -47,7 +47,8 @@ from lava_vpr.engine.random import presentation_key, presentation_keys
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import LavaVprError
 from lava_vpr.gate import integer_config
-from lava_vpr.inputs.preprocess import orientation_channels, patch_normalised
+from lava_vpr.inputs.orientation import orientation_channels
+from lava_vpr.inputs.patches import patch_normalised
 from lava_vpr.model import Model
 from lava_vpr.synthetic.world import World, render, write_traverses
 from lava_vpr.training.loop import train

@@ -31,7 +31,7 @@ from benchmarks.peers.vprtempo import (
     train,
 )
 from lava_vpr.errors import LavaVprError
-from lava_vpr.inputs.preprocess import patch_normalised
+from lava_vpr.inputs.patches import patch_normalised
 from lava_vpr.matching.evaluation import Metrics, evaluate
 from lava_vpr.traverse import open_traverse
 

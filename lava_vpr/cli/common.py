@@ -6,7 +6,7 @@ import fcntl
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
@@ -48,6 +48,19 @@ class Places(click.ParamType):
         return int(first), int(end)
 
 
+class RegisteredName(click.Choice):
+    """The name of a row in a registry, which is asked whenever a name is to be checked or the names are to be shown."""
+
+    def __init__(self, registry: Mapping[str, Any]) -> None:
+        self.registry = registry
+        self.case_sensitive = True
+
+    @property
+    def choices(self) -> tuple[str, ...]:  # type: ignore[override]
+        """The names there are."""
+        return tuple(self.registry)
+
+
 def places_option(help: str) -> Callable[[F], F]:
     """``--places A:B``."""
     return click.option("--places", type=Places(), default=None, help=help)
@@ -61,11 +74,11 @@ def every_option(command: F) -> F:
 
 def answer_options(command: F) -> F:
     """``--backend`` and ``--seed`` of commands that run a model."""
-    names = list(backends.BACKENDS)
     text = "Seed of the queries' spikes (default: the model's)."
     seeded = click.option("--seed", type=seed_type, default=None, help=text)(command)
     text = "Where the network runs."
-    return click.option("--backend", type=click.Choice(names), default="host", show_default=True, help=text)(seeded)
+    backend = RegisteredName(backends.BACKENDS)
+    return click.option("--backend", type=backend, default="host", show_default=True, help=text)(seeded)
 
 
 seed_type = click.IntRange(0, 2**63 - 1)

@@ -13,6 +13,7 @@ import click
 from lava_vpr import model as model_file
 from lava_vpr.cli.common import (
     PATH,
+    RegisteredName,
     check_writable,
     console,
     encode,
@@ -23,10 +24,11 @@ from lava_vpr.cli.common import (
     seed_type,
     stderr,
 )
-from lava_vpr.config import INPUT_KINDS, PRESETS, Config, preset
+from lava_vpr.config import PRESETS, Config, preset
 from lava_vpr.configfile import read_toml, update
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import ModelFileError
+from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.model import Model
 from lava_vpr.training.loop import Progress, check_references, check_size, presentations, split
 from lava_vpr.training.loop import train as train_model
@@ -47,7 +49,7 @@ from lava_vpr.traverse import open_traverse
 @click.option("--config", "config_file", type=PATH, default=None, metavar="FILE", help="Settings in TOML.")
 @places_option("Images A..B-1 of each REFERENCE (default: all).")
 @every_option
-@click.option("--input", "input_kind", type=click.Choice(INPUT_KINDS), default=None, help="What the inputs encode.")
+@click.option("--input", "input_kind", type=RegisteredName(INPUTS), default=None, help="What the inputs encode.")
 @click.option("--epochs", type=click.IntRange(1, 10_000), default=None, help="Times that every image is shown.")
 @click.option("--neurons", type=click.IntRange(1, 100_000), default=None, help="Excitatory neurons of each stretch.")
 @click.option(

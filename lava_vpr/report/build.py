@@ -9,6 +9,7 @@ from lava_vpr.configfile import to_toml
 from lava_vpr.encoding import EncodedTraverse, query_rates16
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.random import presentation_keys
+from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.model import Model, as_integer
 from lava_vpr.recognition import Recognition
 from lava_vpr.report.data import Raster, ReportData
@@ -23,14 +24,14 @@ def report_data(
     """Everything that the report shows; with sequences, images stand for the first of their window."""
     n, places = result.truth.shape
     config = model.config
-    grid = config.encoder.image_size // config.encoder.cell if config.encoder.kind == "orientation" else 28
+    kind = INPUTS[config.encoder.kind]
     summary = {
         "places": str(model.places),
         "queries": str(len(queries)),
         "neurons": str(model.neurons),
         "weights": f"{model.weight_bits} bits" if model.weight_bits else "float",
         "steps": str(config.network.steps),
-        "input": f"{config.encoder.inputs} ({config.encoder.kind})",
+        "input": f"{config.encoder.inputs} ({kind.name})",
         "preset": config.preset,
         "seed": str(config.seed if seed is None else seed),
     }
@@ -50,9 +51,9 @@ def report_data(
         query_names=queries.names[:n],
         place_thumbnails=model.thumbnails[:places],
         query_thumbnails=queries.thumbnails[:n],
-        input_kind=config.encoder.kind,
-        orientations=config.encoder.orientations,
-        grid=grid,
+        input_layout=config.encoder.layout,
+        drawing=kind.drawing,
+        legend=kind.legend,
         weights=model.network.weights,
         neuron_places=np.where(model.neuron_places() < places, model.neuron_places(), -1),
         rasters=_rasters(model, queries, result, config.seed if seed is None else seed),

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+from lava_vpr.inputs.encoder import Layout
 
 
 class Figures(Protocol):
@@ -69,12 +71,10 @@ class ReportData:
         confidence: Confidence of those matches, shape (n_queries,).
         place_names, query_names: File names, or whatever tells images apart.
         place_thumbnails, query_thumbnails: uint8 (n, h, w, 3), BGR.
-        input_kind: ``orientation``, ``onoff`` or ``pixels``.
-        orientations: Orientation channels (``orientation`` only).
-        grid: Side of the square grid of inputs.
-        weights: Shape (inputs, n_exc), or None if the weights are not to be shown. Inputs are ordered channel, row,
-            column. Orientation channel k belongs to a gradient at 180 k / orientations degrees, the y axis pointing
-            down; ``onoff`` has the ON channel first.
+        input_layout: How the inputs are arranged.
+        drawing, legend: How what neurons have learned is drawn, and what is said about it; see `Input`.
+        weights: Shape (inputs, n_exc), inputs ordered as `input_layout` says, or None if the weights are not to be
+            shown.
         neuron_places: The place that each excitatory neuron represents most, -1 for none, int, shape (n_exc,).
         rasters: Spikes of a few queries.
         events: Counted events per query, by the names of ``lava-vpr bench``.
@@ -95,9 +95,9 @@ class ReportData:
     query_names: tuple[str, ...]
     place_thumbnails: NDArray[np.uint8]
     query_thumbnails: NDArray[np.uint8]
-    input_kind: str
-    orientations: int
-    grid: int
+    input_layout: Layout
+    drawing: Literal["strokes", "grey"]
+    legend: str
     weights: NDArray[Any] | None
     neuron_places: NDArray[np.integer[Any]]
     rasters: tuple[Raster, ...]
@@ -128,9 +128,9 @@ class ReportData:
             good = images.ndim == 4 and len(images) == count and images.shape[3] == 3 and images.dtype == np.uint8
             _check(name, good, f"must be uint8 of shape ({count}, h, w, 3)")
         if self.weights is not None:
-            channels = {"orientation": self.orientations, "onoff": 2, "pixels": 1}.get(self.input_kind, 0)
-            _check("input_kind", channels > 0, "must be orientation, onoff or pixels")
-            shape = (channels * self.grid**2, len(self.neuron_places))
+            known = self.drawing == "strokes" or self.input_layout.channels in (1, 2)
+            _check("input_layout", known, "must have one or two channels to be drawn in grey")
+            shape = (self.input_layout.inputs, len(self.neuron_places))
             _check("weights", self.weights.shape == shape, f"must have shape {shape}")
 
     def place_number(self, place: int) -> int:

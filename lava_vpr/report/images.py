@@ -55,9 +55,9 @@ def contact_sheet(images: NDArray[np.uint8], budget: int = 2_000_000) -> tuple[s
 
 
 def weight_image(weights: NDArray[Any], grid: int) -> NDArray[np.uint8]:
-    """One neuron's weights of ``pixels`` (grid^2,) or ``onoff`` (2 grid^2,) inputs as grey levels, (grid, grid).
+    """One neuron's weights of one channel (grid^2,) or two (2 grid^2,) as grey levels, (grid, grid).
 
-    Pixels: black is 0, white the largest weight. ON and OFF: white expects a bright pixel, black a dark one, grey none.
+    One channel: black is 0, white the largest weight. Two: white is the first alone, black the second, grey neither.
     """
     maps = weights.astype(np.float64).reshape(-1, grid, grid)
     top = max(float(np.abs(maps).max()), 1e-12)

@@ -181,17 +181,6 @@ depends on.{block_note}</p>
 <div class="grid matrices whole" id="matrix-grid">{"".join(panels)}</div></section>"""
 
 
-_FIELD_TEXTS = {
-    "orientation": (
-        "A stroke runs along the edge that excites the neuron; the longer and stronger, the larger the weight."
-    ),
-    "onoff": (
-        "White: the neuron expects a pixel brighter than its surroundings; black: a darker one; grey: it does not care."
-    ),
-    "pixels": ("The whiter a pixel, the larger its weight."),
-}
-
-
 def receptive_fields(data: ReportData) -> str:
     """Weights of some neurons, spread over the route, as strokes or images."""
     neurons = representatives(data.neuron_places, _FIELDS)
@@ -201,10 +190,10 @@ def receptive_fields(data: ReportData) -> str:
     for neuron in neurons.tolist():
         place = int(data.neuron_places[neuron])
         weights = data.weights[:, neuron]
-        if data.input_kind == "orientation":
-            drawn = strokes(weights, data.orientations, data.grid)
+        if data.drawing == "strokes":
+            drawn = strokes(weights, *data.input_layout)
         else:
-            image = data_uri(weight_image(weights, data.grid), lossless=True)
+            image = data_uri(weight_image(weights, data.input_layout.grid), lossless=True)
             drawn = f'<img src="{image}" alt="Weights of neuron {neuron}">'
         height, width = data.place_thumbnails.shape[1:3]
         reference = _image(data.place_thumbnails, place, f"Place {_place(data, place)}")
@@ -217,12 +206,12 @@ def receptive_fields(data: ReportData) -> str:
     # Opaque images would only hide the place.
     switch = (
         '<div class="tools"><label><input type="checkbox" id="overlay"> lay them over the image</label></div>'
-        if data.input_kind == "orientation"
+        if data.drawing == "strokes"
         else ""
     )
     return f"""<section id="fields"><h2>Learned receptive fields</h2>
 <p class="note">What a neuron has learned, below the reference image of the place that it represents most.
-{_FIELD_TEXTS[data.input_kind]}</p>
+{data.legend}</p>
 {switch}<div class="panel"><div class="grid fields" id="field-grid">{"".join(tiles)}</div></div></section>"""
 
 

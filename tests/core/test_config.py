@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from lava_vpr import config as c
 from lava_vpr import configfile as f
 from lava_vpr.errors import ConfigError
+from lava_vpr.inputs.encoder import INPUTS
 
 
 @pytest.mark.parametrize("name", list(c.PRESETS))
@@ -24,7 +25,7 @@ def test_presets_survive_toml_and_dictionaries(name: str, tmp_path: Path) -> Non
 
 
 @settings(max_examples=30, deadline=None, derandomize=True)
-@given(st.integers(0, 2**63 - 1), st.integers(1, 8), st.floats(0.01, 1000), st.sampled_from(c.INPUT_KINDS))
+@given(st.integers(0, 2**63 - 1), st.integers(1, 8), st.floats(0.01, 1000), st.sampled_from(list(INPUTS)))
 def test_any_legal_change_survives(seed: int, bits: int, spikes: float, kind: str) -> None:
     changed = f.update(
         c.preset("loihi"),

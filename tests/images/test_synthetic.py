@@ -19,7 +19,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from lava_vpr.errors import ConfigError, InputError
-from lava_vpr.inputs.preprocess import orientation_channels, patch_normalised
+from lava_vpr.inputs.orientation import orientation_channels
+from lava_vpr.inputs.patches import patch_normalised
 from lava_vpr.synthetic import world as synthetic
 from lava_vpr.synthetic.looks import LOOKS
 from lava_vpr.synthetic.scene import ahead, route, segment

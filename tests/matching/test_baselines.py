@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
-from lava_vpr.inputs.preprocess import patch_normalised
+from lava_vpr.inputs.patches import patch_normalised
 from lava_vpr.matching import baselines
 from lava_vpr.matching.baselines import cosine_similarities, descriptor_similarities, load_descriptors, sad_distances
 from lava_vpr.matching.evaluation import Metrics, evaluate

@@ -22,7 +22,8 @@ from support.common.browser import visit
 from lava_vpr.config import Config
 from lava_vpr.configfile import to_toml
 from lava_vpr.errors import InputError
-from lava_vpr.inputs.preprocess import orientation_channels
+from lava_vpr.inputs.encoder import INPUTS, Layout
+from lava_vpr.inputs.orientation import orientation_channels
 from lava_vpr.matching.evaluation import Metrics, evaluate
 from lava_vpr.report import Raster, ReportData, write_report
 from lava_vpr.report.html import page
@@ -83,9 +84,9 @@ def example(n: int = 12, kind: str = "orientation", **changes: Any) -> ReportDat
         query_names=tuple(f"q{i:03}.png" for i in range(n)),
         place_thumbnails=images,
         query_thumbnails=255 - images,
-        input_kind=kind,
-        orientations=4,
-        grid=grid,
+        input_layout=Layout(channels, grid),
+        drawing=INPUTS[kind].drawing,
+        legend=INPUTS[kind].legend,
         weights=weights,
         neuron_places=np.arange(n)[::-1].copy(),
         rasters=rasters,

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lava_vpr.inputs.preprocess import orientation_channels
+from lava_vpr.inputs.orientation import orientation_channels
 from lava_vpr.report.fields import CELL, edge_direction, representatives, strokes
 from lava_vpr.report.images import contact_sheet, shrunk, weight_image
 from lava_vpr.report.plots import pooled, scaled

@@ -29,7 +29,6 @@ from lava_vpr.config import Config
 from lava_vpr.encoding import EncodedTraverse, activity_of, query_rates
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import BackendUnavailableError, LavaVprError
-from lava_vpr.inputs.preprocess import patch_normalised
 from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.model import Model
 from lava_vpr.traverse import Traverse
@@ -219,8 +218,7 @@ def measure_encoding(traverse: Traverse, config: Config, limit: int = 200) -> Me
     """
 
     def encode(image: NDArray[np.uint8]) -> None:
-        patch = patch_normalised(image) if config.encoder.kind != "orientation" else np.zeros((28, 28), np.uint8)
-        query_rates(activity_of(image, patch, config.encoder)[None], config)
+        query_rates(activity_of(image, config.encoder)[None], config)
 
     taken = []
     images = traverse.take(range(min(limit, len(traverse)))).images()

@@ -1,8 +1,6 @@
-"""From an image to what the encoder sees: VPRSNN's patch normalisation, and orientation channels.
+"""Orientation channels: the responses of complex cells, edge energy by direction.
 
-Patch normalisation follows the released code of Hussaini et al. 2022 (bilinear resize of the colour image, then grey,
-then a 7x7 sliding-window z-score). Orientation channels are the responses of complex cells: edge energy by direction,
-blind to contrast sign, because snow turns dark into light while the direction of an edge stays.
+They are blind to contrast sign, because snow turns dark into light while the direction of an edge stays.
 """
 
 from __future__ import annotations
@@ -14,49 +12,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-PATCH_SIDE = 28
-PATCH_WINDOW = 7
-
-
-def grey(image: NDArray[np.uint8], side: int, interpolation: int) -> NDArray[np.uint8]:
-    """``image`` (h, w) or (h, w, 3) BGR resized to (side, side) in colour, then turned grey, uint8."""
-    small = cv2.resize(image, (side, side), interpolation=interpolation)
-    return small if small.ndim == 2 else cv2.cvtColor(small, cv2.COLOR_BGR2GRAY)
-
-
-def window_z_score(image: NDArray[np.uint8], window: int = PATCH_WINDOW) -> NDArray[np.float64]:
-    """Each pixel's z-score in the ``window`` x ``window`` square around it, shape (h, w).
-
-    Squares are cut off at the border (the reference pads with NaN and ignores NaN); a square without contrast gives 0.
-    Sums are exact integers: with n pixels, S their sum and Q their sum of squares, z = (n x - S) / sqrt(n Q - S^2),
-    where the standard deviation is the population's.
-    """
-    half = window // 2
-    values = image.astype(np.int64)
-    padded = np.zeros((3, image.shape[0] + 2 * half + 1, image.shape[1] + 2 * half + 1), dtype=np.int64)
-    inner = (slice(half + 1, half + 1 + image.shape[0]), slice(half + 1, half + 1 + image.shape[1]))
-    padded[0][inner], padded[1][inner], padded[2][inner] = 1, values, values * values
-    table = padded.cumsum(axis=1).cumsum(axis=2)
-    box = table[:, window:, window:] - table[:, :-window, window:] - table[:, window:, :-window]
-    count, total, squares = box + table[:, :-window, :-window]
-    spread = np.sqrt((count * squares - total * total).astype(np.float64))
-    difference = (count * values - total).astype(np.float64)
-    return np.divide(difference, spread, out=np.zeros_like(difference), where=spread > 0)
-
-
-def patch_normalised(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The paper's input: ``image`` (h, w) or (h, w, 3) BGR as patch-normalised uint8 (28, 28).
-
-    Source: released code of VPRSNN; ``uint8(255 (1 + clip(z, -1, 1)) / 2)``, truncating.
-    """
-    z = np.clip(window_z_score(grey(image, PATCH_SIDE, cv2.INTER_LINEAR)), -1.0, 1.0)
-    return (255.0 * (1.0 + z) / 2.0).astype(np.uint8)
-
-
-def on_off(patches: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """ON and OFF channels of patch-normalised images (n, 28, 28): shape (n, 1568), in 0..127.5, ON first."""
-    signed = patches.reshape(len(patches), -1).astype(np.float32) - np.float32(127.5)
-    return np.concatenate([np.maximum(signed, 0), np.maximum(-signed, 0)], axis=1)
+from lava_vpr.inputs.patches import grey
 
 
 def edge_energy(
