@@ -15,7 +15,7 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     root = tmp_path / "lava_vpr"
     for folder in (root / "engine" / "inference" / "__pycache__", root / "engine" / "__pycache__", root / "inputs"):
         folder.mkdir(parents=True)
-    for source in ("engine/draw.py", "engine/inference/fixed.py", "inputs/preprocess.py"):
+    for source in ("engine/draw.py", "engine/inference/fixed.py", "inputs/orientation.py"):
         (root / source).write_text("")
         os.utime(root / source, (1000, 1000))
     monkeypatch.setattr(kernelcache, "PACKAGE", root)
