@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from lava_vpr.datasets import LAYOUTS, Layout, find_layout, open_dataset
+from lava_vpr.datasets.layouts import DATASETS, Layout, find_layout, open_dataset
 from lava_vpr.errors import InputError
 
 
@@ -33,38 +33,40 @@ def build(root: Path, layout: Layout, images: int = 3) -> None:
 
 
 EVERY_LAYOUT = [
-    pytest.param(layout, id=f"{name}-{k}") for name, layouts in LAYOUTS.items() for k, layout in enumerate(layouts)
+    pytest.param(name, layout, id=f"{name}-{k}")
+    for name, dataset in DATASETS.items()
+    for k, layout in enumerate(dataset.layouts)
 ]
 
 
-@pytest.mark.parametrize("layout", EVERY_LAYOUT)
-def test_every_layout_is_found(tmp_path: Path, layout: Layout) -> None:
+@pytest.mark.parametrize(("name", "layout"), EVERY_LAYOUT)
+def test_every_layout_is_found(tmp_path: Path, name: str, layout: Layout) -> None:
     build(tmp_path, layout, 11)
-    found, references, query = find_layout(layout.name, tmp_path)
+    found, references, query = find_layout(name, tmp_path)
     assert found == layout
     assert references == tuple(tmp_path / relative for relative in layout.references)
     assert query == tmp_path / layout.query
-    traverses, queries = open_dataset(layout.name, tmp_path)
+    traverses, queries = open_dataset(name, tmp_path)
     assert len(traverses) == len(layout.references)
     for traverse in (*traverses, queries):
         assert traverse.indices.tolist() == list(range(0, 11, layout.step))
 
 
 def test_the_paper_s_traverses() -> None:
-    nordland = LAYOUTS["nordland"][0]
+    nordland = DATASETS["nordland"].layouts[0]
     assert (nordland.references, nordland.query, nordland.step) == (("spring", "fall"), "summer", 8)
-    oxford = LAYOUTS["oxford"][0]
+    oxford = DATASETS["oxford"].layouts[0]
     assert oxford.references == ("2015-08-12-15-04-18/stereo/left", "2015-10-29-12-18-17/stereo/left")
     assert oxford.query == "2014-11-21-16-07-03/stereo/left"
-    synthia = LAYOUTS["synthia"][0]
+    synthia = DATASETS["synthia"].layouts[0]
     assert synthia.references == ("SYNTHIA-SEQS-04-FOG/RGB/Stereo_Left/Omni_F",)
     assert synthia.query == "SYNTHIA-SEQS-04-NIGHT/RGB/Stereo_Left/Omni_F"
-    lucia = LAYOUTS["st_lucia"][0]
+    lucia = DATASETS["st_lucia"].layouts[0]
     assert (lucia.references, lucia.query) == (("190809_0845/webcam_video.avi",), "180809_1545/webcam_video.avi")
 
 
 def test_sampling_keeps_absolute_indices_and_the_order_of_traverses(tmp_path: Path) -> None:
-    build(tmp_path, LAYOUTS["nordland"][0], 18)
+    build(tmp_path, DATASETS["nordland"].layouts[0], 18)
     (spring, fall), summer = open_dataset("nordland", tmp_path)
     assert summer.names == ("0.png", "8.png", "16.png")
     assert [int(image[0, 0]) for image in spring.images()] == [0, 8, 16]
