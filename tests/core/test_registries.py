@@ -1,0 +1,133 @@
+"""A decoder and a kind of input are added by a row each, and every command, file and report knows them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from numpy.typing import NDArray
+from support.common.commands import run
+
+from lava_vpr import model as model_file
+from lava_vpr.cli import main
+from lava_vpr.config import Config, DecoderConfig
+from lava_vpr.encoding import encode_traverse
+from lava_vpr.errors import ConfigError, ModelFileError
+from lava_vpr.inputs.encoder import INPUTS, EncoderConfig, Input, Layout
+from lava_vpr.matching import certainty
+from lava_vpr.matching.decoders import DECODERS, Decoder, Reading, in_every_variant
+from lava_vpr.recognition import count_query_spikes
+from lava_vpr.synthetic.world import write_traverses
+from lava_vpr.traverse import open_traverse
+
+PLACES = 5
+SETTINGS = "[network]\nsteps = 120\n[learning]\nsteps = 120\nepochs = 4\n[decoder]\ndefault = 'dummy'\n"
+
+
+def overlap(responses: NDArray[Any], spikes: NDArray[Any], reading: Reading) -> NDArray[np.float64]:
+    """The number of pairs of a query's spike and a reference's spike of the same neuron."""
+    return (spikes.astype(np.int64) @ responses.astype(np.int64)).astype(np.float64)
+
+
+DUMMY_DECODER = Decoder(
+    "dummy", title="overlap of spikes", confidence=certainty.margin, scores=in_every_variant(overlap)
+)
+DUMMY_INPUT = Input(
+    "dummy",
+    layout=lambda encoder: Layout(1, 14),
+    sees="patch",
+    activity=lambda patch, encoder: cv2.resize(patch, (14, 14)).reshape(-1).astype(np.float32),
+    grey_levels=True,
+    drawing="grey",
+    legend="A quarter of the pixels.",
+)
+
+
+@pytest.fixture
+def registered() -> Iterator[None]:
+    DECODERS.register(DUMMY_DECODER)
+    INPUTS.register(DUMMY_INPUT)
+    yield
+    DECODERS.remove("dummy")
+    INPUTS.remove("dummy")
+
+
+@pytest.mark.usefixtures("registered")
+def test_rows_are_all_that_the_commands_need(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_traverses(tmp_path, PLACES, 0)
+    Path("settings.toml").write_text(SETTINGS)
+    assert "dummy" in run("train", "--help").stdout
+    run("train", "reference", "-o", "m.lvpr", "--config", "settings.toml", "--input", "dummy")
+    table = run("eval", "m.lvpr", "query", "--json", "f.json", "--report", "r").stdout
+    assert "dummy *" in table
+    figures = json.loads(Path("f.json").read_text())
+    assert figures["default_decoder"] == "dummy"
+    assert list(figures["decoders"]) == [*(name for name in DECODERS if name != "dummy"), "dummy"]
+    page = Path("r/report.html").read_text(encoding="utf-8")
+    for text in ("overlap of spikes", "A quarter of the pixels.", "196 (dummy)", 'alt="Weights of neuron'):
+        assert text in page
+    run("query", "m.lvpr", "query", "-o", "matches.csv")
+
+    model = model_file.load(Path("m.lvpr"))
+    queries = encode_traverse(open_traverse("query"), model.config.encoder)
+    assert queries.activity.shape == (PLACES, 196)
+    counts, _ = count_query_spikes(model, queries)
+    scores = overlap(model.responses, counts, Reading())
+    assert scores.any()
+    ranks = (scores > scores[np.arange(PLACES), np.arange(PLACES)][:, None]).sum(axis=1)
+    assert figures["decoders"]["dummy"]["recall_at_n"]["5"] == np.mean(ranks < 5)
+
+    INPUTS.remove("dummy")  # the file outlives the row
+    with pytest.raises(ModelFileError, match=r"encoder\.kind is 'dummy', but must be one of orientation, onoff"):
+        model_file.load(Path("m.lvpr"))
+    INPUTS.register(DUMMY_INPUT)
+
+
+def test_removed_rows_are_unknown_again() -> None:
+    with pytest.raises(ConfigError, match=r"decoder\.default is 'dummy', but must be one of contrast"):
+        Config(decoder=DecoderConfig(default="dummy"))
+    with pytest.raises(ConfigError, match=r"encoder\.kind is 'dummy', but must be one of orientation"):
+        EncoderConfig(kind="dummy")
+    done = CliRunner().invoke(main, ["train", "reference", "-o", "m.lvpr", "--input", "dummy"])
+    assert (done.exit_code, "'dummy' is not one of 'orientation', 'onoff', 'pixels'" in done.stderr) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("part", "message"),
+    [
+        ({"confidence": None}, "confidence is None, but must be a function"),
+        ({"title": ""}, "title is '', but must be a text that is not empty"),
+        ({"prepared": "contrast"}, "prepared is 'contrast', but must be a function or None"),
+        ({"scores": {}}, "no score function for the variant paper, vprsnn2022, vprsnn"),
+        ({"scores": {"paper": overlap}}, "no score function for the variant vprsnn2022, vprsnn"),
+    ],
+)
+def test_a_decoder_without_a_part_is_refused(part: dict[str, Any], message: str) -> None:
+    with pytest.raises(TypeError, match=message):
+        DECODERS.register(replace(DUMMY_DECODER, **part))
+    assert "dummy" not in DECODERS
+
+
+@pytest.mark.parametrize(
+    ("part", "message"),
+    [
+        ({"activity": None}, "activity is None, but must be a function"),
+        ({"layout": (1, 14)}, r"layout is \(1, 14\), but must be a function"),
+        ({"sees": "video"}, "sees is 'video'"),
+        ({"drawing": None}, "drawing is None"),
+        ({"legend": ""}, "legend is ''"),
+        ({"grey_levels": None}, "grey_levels is None, but must be a value of bool"),
+    ],
+)
+def test_an_input_without_a_part_is_refused(part: dict[str, Any], message: str) -> None:
+    with pytest.raises(TypeError, match=message):
+        INPUTS.register(replace(DUMMY_INPUT, **part))
+    assert "dummy" not in INPUTS
