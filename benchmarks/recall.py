@@ -171,7 +171,7 @@ def print_inputs(config: Config, seeds: Sequence[int]) -> None:
 def with_input_mode(model: Model, mode: str) -> Model:
     """The same weights with another way of input, responses measured that way; learning injects in any case."""
     config = update(model.config, {"network": {"input_mode": mode}})
-    network = dataclasses.replace(integer_model(model, "--inputs").network, regular=int(mode == "bias"))
+    network = dataclasses.replace(integer_model(model, "--inputs").network, bias_input=mode == "bias")
     references = part(encoded("summer", config.encoder), model.place_indices)
     responses = reference_responses(network, [references], config, cores())
     return dataclasses.replace(model, config=config, network=network, responses=responses)

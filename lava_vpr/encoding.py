@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.config import ConductanceNetwork, Config
-from lava_vpr.engine.inference.bias_input import regular_spikes
+from lava_vpr.engine.inference.bias_input import bias_input_spikes
 from lava_vpr.engine.random import draws
 from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
 from lava_vpr.inputs.patches import PATCH_SIDE, patch_normalised
@@ -162,7 +162,7 @@ def draw_spikes(rates: NDArray[np.uint16] | NDArray[np.uint32], key: int, steps:
 
 
 def draw_trains(
-    rates: NDArray[np.uint16], keys: NDArray[np.uint64], steps: int, total: int, *, regular: bool = False
+    rates: NDArray[np.uint16], keys: NDArray[np.uint64], steps: int, total: int, *, bias_input: bool = False
 ) -> NDArray[np.uint8]:
     """The input spikes of many presentations, uint8 (n, total, inputs); silent after ``steps`` steps.
 
@@ -171,9 +171,9 @@ def draw_trains(
         keys: uint64 (n,).
         steps: Steps with input.
         total: Steps of a presentation.
-        regular: `lava_vpr.engine.inference.bias_input.regular_spikes` instead of `draw_spikes`.
+        bias_input: `lava_vpr.engine.inference.bias_input.bias_input_spikes` instead of `draw_spikes`.
     """
-    spikes_of = regular_spikes if regular else draw_spikes
+    spikes_of = bias_input_spikes if bias_input else draw_spikes
     trains = np.zeros((len(rates), total, rates.shape[1]), np.uint8)
     for train, own, key in zip(trains, rates, keys, strict=True):
         train[:steps] = spikes_of(own, int(key), steps)

@@ -14,7 +14,7 @@ from lava_vpr import __version__, container
 from lava_vpr.config import Config
 from lava_vpr.configfile import from_dict, to_dict
 from lava_vpr.engine.conductance.model import ConductanceState
-from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import LavaVprError, ModelFileError
 from lava_vpr.gate import IntegerConfig, as_integer_config, not_integer
 from lava_vpr.matching.equations import assign
@@ -157,7 +157,7 @@ def content(model: Model, network: bool = True) -> tuple[dict[str, Any], dict[st
     if not network:
         arrays["learned"] = np.zeros((0, 0), np.float32)
     elif isinstance(model.network, FixedNetwork):
-        header["fixed"] = {name: int(getattr(model.network, name)) for name in SCALARS}
+        header["fixed"] = model.network.scalars
         arrays["network.weights"] = model.network.weights
     else:
         for field in dataclasses.fields(model.network):
@@ -213,8 +213,8 @@ def _network(
     if as_integer_config(config) is None:
         names = [field.name for field in dataclasses.fields(ConductanceState)]
         return ConductanceState(**{name: arrays[f"network.{name}"] for name in names})
-    given = {"regular": 0, **header["fixed"]}  # models from before there were regular inputs
-    network = FixedNetwork(weights=arrays["network.weights"], **{name: int(given[name]) for name in SCALARS})
+    scalars = {"regular": 0, **header["fixed"]}  # models from before there were bias inputs
+    network = FixedNetwork.of_scalars(arrays["network.weights"], scalars)
     if network.weights.dtype != np.uint8:
         raise ValueError(f"weights of type {network.weights.dtype} instead of uint8")
     network.check()

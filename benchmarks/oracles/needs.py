@@ -157,9 +157,9 @@ def real_plans() -> Iterator[tuple[str, Plan]]:
     """The default model of 100 and of 500 places, with other widths and both ways of input."""
     for places in ((0, 100), (0, 500)):
         model = integer_model(learn(places, preset("loihi")), "Kapoho Bay")
-        for regular in (0, 1):
-            name = f"{places[1]} places, 3 bits, {'bias' if regular else 'injected'}"
-            yield name, partition(replace(model.network, regular=regular), KAPOHO_BAY, expected_rates(model))
+        for bias_input in (False, True):
+            name = f"{places[1]} places, 3 bits, {'bias' if bias_input else 'injected'}"
+            yield name, partition(replace(model.network, bias_input=bias_input), KAPOHO_BAY, expected_rates(model))
     config = update(preset("loihi"), {"network": {"weight_bits": 1}})
     narrow = integer_model(learn((0, 100), config), "Kapoho Bay")
     yield "100 places, 1 bit, injected", partition(narrow.network, KAPOHO_BAY, expected_rates(narrow))

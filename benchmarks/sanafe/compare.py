@@ -107,8 +107,8 @@ def random_case(seed: int, queries: int = 2) -> Case:
     _, _, exc = count_spikes(made, rates, keys, raster=True)
     inh = np.zeros_like(exc)
     inh[:, 1:] = exc[:, :-1]
-    spikes = draw_trains(rates, keys, made.steps, made.steps + SILENT_STEPS, regular=bool(made.regular))
-    kind = ("input compartments" if made.regular else "injected") + ", scattered" * (seed % 3 == 0)
+    spikes = draw_trains(rates, keys, made.steps, made.steps + SILENT_STEPS, bias_input=made.bias_input)
+    kind = ("input compartments" if made.bias_input else "injected") + ", scattered" * (seed % 3 == 0)
     name = f"random {seed}: {neurons} neurons on {len(plan.cores)} cores, {kind}"
     return Case(name, plan, Trains(exc, spikes, inh), input_core=seed % 4 < 2)
 

@@ -280,7 +280,7 @@ def compare(plan: Plan, trains: Trains, answer: dict[str, Any], *, input_core: b
     differ = 0
     for name, fired in theirs.fired.items():
         train = getattr(trains, name)
-        if name != "inputs" or plan.network.regular:
+        if name != "inputs" or plan.network.bias_input:
             differ += int((fired != (np.asarray(train) != 0)).sum())
 
     def mean(values: Floats) -> float:

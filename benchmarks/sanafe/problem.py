@@ -74,7 +74,7 @@ def _groups(plan: Plan) -> list[dict[str, Any]]:
             part = core.parts[i]
             own = {"name": group_name(k, i), "size": part.size, "plays": False, "attributes": _attributes(plan, part)}
             found.append(own | place)
-    if not plan.network.regular:
+    if not plan.network.bias_input:
         size = plan.network.inputs
         found.append({"name": PORT, "tile": 0, "core": tile_cores, "size": size, "plays": True, "attributes": {}})
     return [group for group in found if group["size"]]
@@ -106,7 +106,7 @@ def _to_exc(plan: Plan, core: CorePlan, part: Part, target: str) -> list[Any]:
     present = weights > 0
     # A row without any weight is not stored, not even dense.
     stored = present | (core.dense_inputs & present.any(axis=1))[:, None]
-    found = [] if network.regular else _rows(PORT, target, stored, weights, core.dense_inputs)
+    found = [] if network.bias_input else _rows(PORT, target, stored, weights, core.dense_inputs)
     numbers = np.arange(network.neurons)
     here = (numbers >= part.first) & (numbers < part.first + part.size)
     lateral = np.ones((network.neurons, part.size), np.bool_)
@@ -167,7 +167,7 @@ def bias_and_membrane(train: NDArray[Any]) -> tuple[int, int]:
 def _query(plan: Plan, inputs: NDArray[np.uint8]) -> dict[str, Any]:
     """What plays in one query; ``inputs`` (steps + 3, inputs)."""
     trains, biases, unit = [], [], 1 << INPUT_SHIFT
-    if not plan.network.regular:
+    if not plan.network.bias_input:
         for j in np.flatnonzero(inputs.any(axis=0)).tolist():
             last = int(np.flatnonzero(inputs[:, j])[-1])
             trains.append([PORT, j, inputs[: last + 1, j].astype(int).tolist()])
@@ -196,7 +196,7 @@ def problem_of(plan: Plan, trains: Trains, *, input_core: bool = True) -> dict[s
         "rows": plan.board.rows,
         "tile_cores": plan.board.tile_cores,
         "tiles": max(group["tile"] for group in groups) + 1,
-        "port_units": 0 if plan.network.regular else plan.network.inputs,
+        "port_units": 0 if plan.network.bias_input else plan.network.inputs,
         "port_takes_time": input_core,
         "steps": plan.network.steps,
         "silent_steps": SILENT_STEPS,

@@ -19,7 +19,7 @@ from lava_vpr.deploy.compression.compression import expected_rates
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.deploy.registers.clearing import clearing
 from lava_vpr.deploy.registers.core_images import core_images, host_tables
-from lava_vpr.engine.inference.fixed import SCALARS, SILENT_STEPS
+from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.threads import cores
 from lava_vpr.model import Model, integer_model
 
@@ -103,19 +103,18 @@ def _manifest(model: Model, plan: Plan, compression: dict[str, Any] | None) -> d
     """What the bundle says of itself."""
     network, board = plan.network, plan.board
     limits = {name: "unknown" if value is None else value for name, value in asdict(board).items()}
-    scalars = {name: int(getattr(network, name)) for name in SCALARS}
     return {
         "target": board.name,
         "lava_vpr": __version__,
         "network": {
             "inputs": network.inputs,
             "neurons": network.neurons,
-            **scalars,
+            **network.scalars,
             "silent_steps": SILENT_STEPS,
             "places": model.places,
         },
         "input": {
-            "mode": "bias" if network.regular else "injected",
+            "mode": "bias" if network.bias_input else "injected",
             "host_spikes_per_step": round(plan.host_spikes, 3),
         },
         "clearing": clearing(network, board, plan),

@@ -51,10 +51,10 @@ def parameters_of(network: FixedNetwork) -> dict[str, Any]:
     _, bits, exponent = network.stored
     reset = {"reset_interval": network.steps + SILENT_STEPS, "reset_offset": 1}
     return {
-        "network": {name: int(getattr(network, name)) for name in ("inputs", "neurons", *SCALARS)},
+        "network": {"inputs": network.inputs, "neurons": network.neurons, **network.scalars},
         "steps": network.steps,
         "silent_steps": SILENT_STEPS,
-        "inputs": {"du": NO_MEMORY, "dv": 0, "vth": THRESHOLD} if network.regular else None,
+        "inputs": {"du": NO_MEMORY, "dv": 0, "vth": THRESHOLD} if network.bias_input else None,
         "excite": {"num_weight_bits": bits, "weight_exp": exponent},
         "exc": {"du": NO_MEMORY, "dv": network.decay, "vth": network.threshold, **reset},
         "relay": {"weight": RELAY_WEIGHT, "num_weight_bits": WEIGHT_BITS, "weight_exp": 0},
@@ -106,7 +106,7 @@ def network_of(files: Mapping[str, bytes]) -> FixedNetwork:
         spare = WEIGHT_BITS - parameters["excite"]["num_weight_bits"]
         if any(type(number) is not int for number in (spare, *numbers.values())) or not 0 <= spare < WEIGHT_BITS:
             raise ValueError
-        network = FixedNetwork(np.ascontiguousarray((weights >> spare).T), **numbers)
+        network = FixedNetwork.of_scalars(np.ascontiguousarray((weights >> spare).T), numbers)
         expected = parameters_of(network)
     except (KeyError, TypeError, ValueError, NetworkLimitError) as error:
         reason = f" ({error})" if isinstance(error, NetworkLimitError) else ""
@@ -175,7 +175,7 @@ def simulate(
             f"rates are {rates.shape}, but the bundle's network has {size} inputs; encode them anew"
         )
     exc, inh = np.zeros((n, interval, neurons), np.uint8), np.zeros((n, interval, neurons), np.uint8)
-    inputs = draw_trains(rates, keys, steps, interval, regular=parameters["inputs"] is not None)
+    inputs = draw_trains(rates, keys, steps, interval, bias_input=parameters["inputs"] is not None)
     for start in range(0, n, CHUNK):
         part = slice(start, start + CHUNK)
         activity = run_general(general, inputs[part].reshape(-1, size).astype(bool))

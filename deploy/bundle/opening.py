@@ -73,8 +73,7 @@ def open_bundle(path: Path) -> Model:
     whole = bundle_folder.load(path)
     rebuilt = network(whole)
     told = scalars(whole)
-    for name in ("inputs", "neurons", *SCALARS):
-        found = getattr(rebuilt, name)
-        if found != told[name]:
-            raise BundleError(f"{path / MANIFEST}: says {name} {told[name]}, the registers say {found}; {AGAIN}")
+    for name, number in {"inputs": rebuilt.inputs, "neurons": rebuilt.neurons, **rebuilt.scalars}.items():
+        if number != told[name]:
+            raise BundleError(f"{path / MANIFEST}: says {name} {told[name]}, the registers say {number}; {AGAIN}")
     return replace(read_model(whole, rebuilt), bundle=path)

@@ -72,7 +72,10 @@ _NETWORK = """\
 """
 
 _LEARNING = "- `learning/`: the network that learns, for Lava's LearningDense: rule, start weights, schedule.\n"
-_WAYS = ("injected, spike by spike", "integrated by input compartments from a bias written once a query")
+_WAYS = {
+    "injected": "injected, spike by spike",
+    "bias": "integrated by input compartments from a bias written once a query",
+}
 
 
 def readme(model: Model, board: Board, plan: Plan, learning: bool) -> bytes:
@@ -87,7 +90,7 @@ def readme(model: Model, board: Board, plan: Plan, learning: bool) -> bytes:
         inputs=network.inputs,
         bits=network.bits,
         steps=network.steps,
-        way=_WAYS[network.regular],
+        way=_WAYS["bias" if network.bias_input else "injected"],
         programs=_LOIHI_2 if lava else _KAPOHO_BAY,
         parts=(_NETWORK if lava else _CORES) + _LEARNING * learning,
     )

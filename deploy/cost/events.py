@@ -166,7 +166,8 @@ def count_events(plan: Plan, trains: Trains, *, entry: tuple[int, int] | None = 
         entry: Column and row of the tile from which input spikes are injected; None: tile 0 of the chip they go to.
     Raises:
         ValueError: the trains are not those of this network.
-    An input compartment whose phase and bias are both exactly 0 counts as updated (a phase has 512,000 values).
+    An input compartment whose start membrane and bias are both exactly 0 counts as updated (there are 512,000 start
+    membranes).
     """
     network, inputs, exc = plan.network, trains.inputs, trains.exc
     if inputs is None or inputs.shape[2] != network.inputs or exc.shape[2] != network.neurons:
@@ -193,6 +194,6 @@ def count_events(plan: Plan, trains: Trains, *, entry: tuple[int, int] | None = 
         input_spikes=inputs.sum(axis=2, dtype=np.int64),
         exc_spikes=exc_spikes,
         inh_spikes=inh_spikes,
-        injected=not network.regular,
+        injected=not network.bias_input,
         tiles=mapped_tiles(plan),
     )

@@ -15,7 +15,7 @@ DEVIATIONS = 6
 
 def host_spikes(network: FixedNetwork, rates: NDArray[np.float64]) -> float:
     """Spikes that the host sends to a chip in one step, mean plus `DEVIATIONS` standard deviations."""
-    total = 0.0 if network.regular else float(rates.sum())
+    total = 0.0 if network.bias_input else float(rates.sum())
     return total + DEVIATIONS * total**0.5
 
 
@@ -45,10 +45,10 @@ def check(sizing: Sizing) -> None:
             f"the host would have to send up to {spikes:.1f} input spikes a step, but {board.title} takes "
             f"{board.host_spikes} a chip; lower encoder.query_spikes to {most:g}, or use --input-mode bias"
         )
-    populations, kinds = 2 + network.regular, 2 + (network.inhibition > 0)
+    populations, kinds = 3 if network.bias_input else 2, 3 if network.inhibition > 0 else 2
     for name, need in (("profiles", populations), ("thresholds", populations), ("formats", kinds)):
         limit = limit_of(getattr(board, name))
         if need > limit:
-            helps = network.regular and name != "formats" and limit >= 2
+            helps = network.bias_input and name != "formats" and limit >= 2
             remedy = "--input-mode injected" if helps else "another --target"
             raise NetworkLimitError(f"a core needs {need} {name}, but {board.title} has {limit}; use {remedy}")

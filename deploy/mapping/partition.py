@@ -150,10 +150,11 @@ def _room(sizing: Sizing, first: int, ends: Integers, cores: int) -> tuple[Range
 def _on(sizing: Sizing, cores: int, most: int) -> Layout | None:
     """A layout with ``cores`` cores of excitatory neurons on the fewest cores, at most ``most``."""
     network, board = sizing.network, sizing.board
-    compartments = 2 * network.neurons + network.inputs * network.regular
+    compartments = 2 * network.neurons + network.input_compartments
     # A relay spares one output axon if its neuron is alone on its core.
     axons = 2 * network.neurons + (network.inhibition > 0) * (cores * network.neurons - cores)
-    axons += network.regular * int(network.weights.any(axis=1).sum())
+    if network.bias_input:
+        axons += int(network.weights.any(axis=1).sum())
     bounds_below = (-(-compartments // limit_of(board.compartments)), -(-axons // limit_of(board.axons_out)))
     least = others = max(0, *(bound - cores for bound in bounds_below))
     if cores + least > most:
@@ -295,7 +296,7 @@ def complete(sizing: Sizing, bounds: Integers, relays: Integers, inputs: Integer
     busy = np.array([_load(sizing, layout, number).nanoseconds for number in range(len(relays))])
     if inputs is None:
         room = limit_of(board.compartments) - size - relays[:, 1]
-        targets = reached.sum(axis=0)[: network.inputs * network.regular]
+        targets = reached.sum(axis=0)[: network.input_compartments]
         each = ACCESS_NS + UPDATE_NS + sizing.grains[: targets.size] * (SPIKE_NS + MESSAGE_NS * targets)
         sizes = placement.spread(each, targets, room, out, busy)
         if sizes is None:
@@ -321,7 +322,7 @@ def _exhaustive(sizing: Sizing, cores: int, others: int) -> Layout | None:
         size = np.append(np.diff(bounds), np.zeros(others, np.int64))
         room = limit_of(sizing.board.compartments) - size
         out = limit_of(sizing.board.axons_out) - 2 * size
-        targets = placement.reached_inputs(network.weights, bounds).sum(axis=0)[: network.inputs * network.regular]
+        targets = placement.reached_inputs(network.weights, bounds).sum(axis=0)[: network.input_compartments]
         parts = placement.packed(
             np.array(most), room, out, placement.relay_axons(bounds, network.inhibition > 0), targets, others
         )

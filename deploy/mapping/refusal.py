@@ -33,9 +33,9 @@ def cause(sizing: Sizing, solve: Solve) -> str:
     """The resource that a network lacks, its need and its limit."""
     network, board = sizing.network, sizing.board
     cores = board.chips * board.cores
-    total = 2 * network.neurons + network.regular * network.inputs
+    total = 2 * network.neurons + network.input_compartments
     if total > cores * board.compartments:
-        what = "neurons, relays and inputs" if network.regular else "neurons and relays"
+        what = "neurons, relays and inputs" if network.bias_input else "neurons and relays"
         have = cores * board.compartments
         return f"{what} need {total:,} compartments, but the {cores:,} cores of {board.title} have {have:,}"
     share = -(-network.neurons // cores)
@@ -73,8 +73,8 @@ def _least_needs(sizing: Sizing, neurons: int) -> dict[str, int]:
 def _remedy(sizing: Sizing, solve: Solve) -> str:
     """What was found to help."""
     network, board, found = sizing.network, sizing.board, []
-    spikes = host_spikes(replace(network, regular=0), sizing.rates)
-    if network.regular and spikes <= limit_of(board.host_spikes) and solve(_with(sizing, regular=0)):
+    spikes = host_spikes(replace(network, bias_input=False), sizing.rates)
+    if network.bias_input and spikes <= limit_of(board.host_spikes) and solve(_with(sizing, bias_input=False)):
         found.append("--input-mode injected")
     for bits in range(network.bits - 1, 0, -1):
         less = network.bits - bits

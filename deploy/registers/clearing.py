@@ -30,7 +30,7 @@ def clearing(network: FixedNetwork, board: Board, plan: Plan | None) -> dict[str
         board: The board.
         plan: Where its neurons stand; None if the board's compiler decides that.
     """
-    neurons, inputs = network.neurons, network.inputs * network.regular
+    neurons, inputs = network.neurons, network.input_compartments
     alternative = {"rest_steps_instead": rest_steps(network), "silent_steps": SILENT_STEPS}
     if plan is None or board.shifts_sum:
         return {

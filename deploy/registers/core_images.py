@@ -14,7 +14,7 @@ from lava_vpr.deploy.boards.plan import RELAY_THRESHOLD, RELAY_WEIGHT, CorePlan,
 from lava_vpr.deploy.registers.synapse_memory import pack, stored_rows, unpack
 from lava_vpr.deploy.registers.synapses import Format, Formats, Rows, index_bits, joined, lateral_synapse
 from lava_vpr.engine.inference import bias_input
-from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import LavaVprError, ModelFileError, NetworkLimitError
 from lava_vpr.loihi import (
     CEILING_EXPONENT_LIMIT,
@@ -234,7 +234,7 @@ def locations(plan: Plan, population: PopulationName) -> NDArray[np.int32]:
 def host_tables(plan: Plan) -> HostTables:
     """Where the host finds the network of ``plan``."""
     injection = [np.zeros((0, 4), np.int64)]
-    for core in plan.cores if not plan.network.regular else ():
+    for core in plan.cores if not plan.network.bias_input else ():
         axons = _input_axons(plan.network, _members(core, "exc")[0])
         those = np.flatnonzero(axons >= 0)
         where = np.broadcast_to([core.chip, core.core], (those.size, 2))
@@ -344,7 +344,7 @@ def _rebuilt(
     """The network with weights from the images' memory, and images and tables made of it again."""
     inputs, neurons = scalars["inputs"], scalars["neurons"]
     sizes = (len(tables.exc), len(tables.inh), len(tables.inputs))
-    if sizes != (neurons, neurons, inputs * scalars["regular"]):
+    if sizes != (neurons, neurons, inputs if scalars["regular"] else 0):
         raise ModelFileError(
             f"the host's tables hold {sizes[0]} neurons, {sizes[1]} relays and {sizes[2]} inputs, but the network has "
             f"{neurons} neurons and {inputs} inputs; deploy the model again"
@@ -357,7 +357,7 @@ def _rebuilt(
         cores.append(core)
         bits.update(own_bits)
         lateral.update(own_lateral)
-    network = FixedNetwork(weights, **{name: int(scalars[name]) for name in SCALARS})
+    network = FixedNetwork.of_scalars(weights, scalars)
     network.check()
     plan = Plan(
         network, KAPOHO_BAY, tuple(cores), max(bits, default=WEIGHT_BITS), max(lateral, default=WEIGHT_BITS), None, 0

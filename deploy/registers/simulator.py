@@ -22,7 +22,7 @@ from lava_vpr.deploy.registers.simulator_kernels import EVENTS, State, Wiring, p
 from lava_vpr.deploy.registers.synapse_memory import stored_rows, unpack
 from lava_vpr.deploy.registers.synapses import Format, Rows, joined
 from lava_vpr.encoding import draw_spikes
-from lava_vpr.engine.inference.bias_input import biases, phases
+from lava_vpr.engine.inference.bias_input import biases, start_membranes
 from lava_vpr.engine.threads import share
 from lava_vpr.errors import ModelFileError, NetworkLimitError
 from lava_vpr.loihi import (
@@ -221,7 +221,7 @@ class Chips:
     inputs: NDArray[np.int64] = field(repr=False)
     steps: int
     silent_steps: int
-    regular: bool
+    bias_input: bool
 
     @staticmethod
     def of(
@@ -230,7 +230,7 @@ class Chips:
         *,
         steps: int,
         silent_steps: int,
-        regular: bool,
+        bias_input: bool,
         positions: NDArray[np.int64] | None = None,
     ) -> Chips:
         """Chips that hold ``images``.
@@ -240,7 +240,7 @@ class Chips:
             tables: How the host reaches them.
             steps: Steps with input of a presentation.
             silent_steps: And without, after those.
-            regular: Input compartments integrate a bias; else spikes are injected.
+            bias_input: Input compartments integrate a bias; else spikes are injected.
             positions: Column and row of each core's tile (`deploy.mapping.placement.tiles`), (cores, 2), for hops.
         Raises:
             ModelFileError: the images are no cores of Loihi 1, or contradict each other or the tables.
@@ -268,7 +268,7 @@ class Chips:
             **places,
             steps=steps,
             silent_steps=silent_steps,
-            regular=regular,
+            bias_input=bias_input,
         )
 
     def run(
@@ -293,7 +293,7 @@ class Chips:
             ModelFileError: the cores do not come to rest after a presentation; inputs that are not in the tables.
         """
         n, total, inputs = len(rates), self.steps + self.silent_steps, rates.shape[1]
-        known = len(self.inputs) if self.regular else max(int(self.injection[0].max(initial=-1)) + 1, inputs)
+        known = len(self.inputs) if self.bias_input else max(int(self.injection[0].max(initial=-1)) + 1, inputs)
         if known != inputs:
             raise _fault("the host's tables", f"hold {known} inputs, but images have {inputs}")
         counts = np.zeros((n, self.exc.size), np.int32)
@@ -310,7 +310,7 @@ class Chips:
                 film[:] = 0
                 drawn = np.zeros((total, inputs), np.bool_)
                 self._write(state, rates[q], int(keys[q]))
-                if not self.regular:
+                if not self.bias_input:
                     drawn[: self.steps] = draw_spikes(rates[q], int(keys[q]), self.steps)
                 counters = np.zeros(self.exc.size, np.int64)
                 flying, overflow = present(
@@ -328,21 +328,21 @@ class Chips:
                 counts[q] = counters
                 if record:
                     exc[q], inh[q] = film[:, self.exc], film[:, self.inh]
-                    sent[q] = film[:, self.inputs] if self.regular else drawn
+                    sent[q] = film[:, self.inputs] if self.bias_input else drawn
             return events
 
         events = np.sum([np.zeros((len(self.cores), len(EVENTS)), np.int64), *share(run, n, threads)], axis=0)
         return Presented(counts, exc, inh, sent, dict(zip(EVENTS, events.T, strict=True)))
 
     def _write(self, state: State, rates: NDArray[np.uint16], key: int) -> None:
-        """What is written between presentations: v = 0 of exc; bias and phase of the inputs.
+        """What is written between presentations: v = 0 of exc; bias and start membrane of the inputs.
 
         Nothing else is, but for the inputs' bias, which is 0 in the silent steps.
         """
         state.v[self.exc] = 0
-        if self.regular:
+        if self.bias_input:
             state.bias[self.inputs] = np.left_shift(*biases(rates))
-            state.v[self.inputs] = phases(key, len(rates))
+            state.v[self.inputs] = start_membranes(key, len(rates))
 
     def _sent(self, drawn: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
         """Input axons that ``drawn`` (steps, inputs) is injected into: their place by step, cores and axons."""

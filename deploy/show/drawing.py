@@ -157,7 +157,7 @@ def _meshes(plan: Plan, top: float) -> list[_Mesh]:
 def _heading(axes: Axes, plan: Plan, words: list[str]) -> None:
     """Title and summary."""
     network = plan.network
-    way = "with a bias" if network.regular else "with injected spikes"
+    way = "with a bias" if network.bias_input else "with injected spikes"
     _text(axes, MARGIN, 36, plan.board.title, 20, weight="bold")
     title = f"{network.neurons:,} neurons, {network.inputs:,} inputs {way}"
     _text(axes, WIDTH - MARGIN, 37, title, 13, color=_MUTED, ha="right")

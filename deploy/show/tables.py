@@ -144,7 +144,7 @@ def summary(plan: Plan) -> list[str]:
         )
     else:
         lines.append(f"Time of a step: {UNKNOWN}; nobody has published how long operations of {board.title} take.")
-    if network.regular:
+    if network.bias_input:
         lines.append("The host sends no spikes: inputs integrate a bias that is written once a query.")
     else:
         limit = UNKNOWN if board.host_spikes is None else f"{board.host_spikes}"

@@ -59,7 +59,7 @@ def player(bundle: Bundle) -> Callable[[NDArray[np.uint16], NDArray[np.uint64]],
         opening.host_tables(bundle),
         steps=told["steps"],
         silent_steps=told["silent_steps"],
-        regular=bool(told["regular"]),
+        bias_input=bool(told["regular"]),
     )
     return chips.run
 

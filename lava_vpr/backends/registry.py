@@ -89,7 +89,7 @@ class HostBackend:
         keys = presentation_keys(seed, role, image_ids)
         _, _, exc = fixed.count_spikes(network, rates, keys, threads=self.threads, raster=True)
         total = network.steps + SILENT_STEPS
-        inputs = draw_trains(rates, keys, network.steps, total, regular=bool(network.regular))
+        inputs = draw_trains(rates, keys, network.steps, total, bias_input=network.bias_input)
         inh = np.zeros_like(exc)
         inh[:, 1:] = exc[:, :-1]
         return Trains(exc, inputs, inh)
@@ -168,8 +168,12 @@ class LavaBackend:
         """Run the job on every presentation."""
         from lava_vpr.isolated.runner import run_isolated  # Lava is imported only where it is used
 
-        options: dict[str, Any] = {name: int(getattr(network, name)) for name in fixed.SCALARS}
-        options |= {"tag": self.tag, "record": record, "board": self.board, "timed": timed}
+        options: dict[str, Any] = network.scalars | {
+            "tag": self.tag,
+            "record": record,
+            "board": self.board,
+            "timed": timed,
+        }
         arrays: dict[str, NDArray[Any]] = {"weights": network.weights, "rates": rates.astype(np.uint16), "keys": keys}
         steps = len(rates) * (network.steps + SILENT_STEPS)
         timeout = 120 + steps / SLOWEST

@@ -187,7 +187,7 @@ def _unavailable(model: Model, board: Board, reason: str) -> Modelled:
     integer = as_integer(model)
     steps, mode = model.config.network.steps, "injected"
     if integer is not None:
-        steps, mode = integer.network.steps + SILENT_STEPS, "bias" if integer.network.regular else "injected"
+        steps, mode = integer.network.steps + SILENT_STEPS, "bias" if integer.network.bias_input else "injected"
     return Modelled(
         target=board.name,
         chips=board.chips,

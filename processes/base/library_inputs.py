@@ -1,4 +1,4 @@
-"""Input compartments of Lava's own LIF, whose bias and phase the host writes once a presentation; what a board can run.
+"""Input compartments of Lava's own LIF, which a board can run: the host writes bias and membrane once a presentation.
 
 Not in a folder of its own: it is no Process, but one of the library's with what the host does to it.
 """
@@ -11,18 +11,18 @@ import numpy as np
 from lava.proc.lif.process import LIF
 from numpy.typing import NDArray
 
-from lava_vpr.engine.inference.bias_input import THRESHOLD, biases, phases
+from lava_vpr.engine.inference.bias_input import THRESHOLD, biases, start_membranes
 from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.loihi import DECAY_BITS, INPUT_SHIFT
 
 
-class LibraryInputs:
-    """A LIF that sends the spikes of `lava_vpr.engine.inference.bias_input.regular_spikes`, and writes to it.
+class LibraryBiasInputs:
+    """A LIF that sends the spikes of `lava_vpr.engine.inference.bias_input.bias_input_spikes`, and writes to it.
 
     Everything is written in one pause, between the last step with input and the silent ones: the next bias, and a
-    membrane from which that bias reaches the next phase by the end of the silent steps. Phases are below the threshold,
-    so nothing spikes on the way, and the threshold itself need not be written: Lava's simulated LIF ignores a new one
-    after its first step.
+    membrane from which that bias reaches the next start membrane by the end of the silent steps. Start membranes are
+    below the threshold, so nothing spikes on the way, and the threshold itself need not be written: Lava's simulated
+    LIF ignores a new one after its first step.
 
     Attributes:
         lif: The Process, with the first presentation's values.
@@ -47,7 +47,7 @@ class LibraryInputs:
     def _values(self, presentation: int, steps_before: int = 0) -> dict[str, NDArray[Any]]:
         """Vars ``steps_before`` steps before a presentation begins."""
         mantissa, exponent = biases(self.rates[presentation])
-        v = phases(int(self.keys[presentation]), self.rates.shape[1])
+        v = start_membranes(int(self.keys[presentation]), self.rates.shape[1])
         v -= steps_before * (mantissa << exponent)
         if not self.floating:
             return {"v": v, "bias_mant": mantissa, "bias_exp": exponent}

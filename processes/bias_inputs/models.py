@@ -13,7 +13,7 @@ from lava.magma.core.resources import CPU
 from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 from numpy.typing import NDArray
 
-from lava_vpr.engine.inference.bias_input import LEVEL, THRESHOLD, biases, phases
+from lava_vpr.engine.inference.bias_input import LEVEL, THRESHOLD, biases, start_membranes
 from lava_vpr.loihi import INPUT_SHIFT
 from lava_vpr.processes.bias_inputs.process import BiasInputs
 
@@ -44,7 +44,7 @@ class _InputsModel(PyLoihiProcessModel):
             return
         if step == 0:
             self.bias_mant[:], self.bias_exp[:] = biases(self.rates[image])
-            self.v[:] = phases(self.keys[image], len(self.v)) * self.scale
+            self.v[:] = start_membranes(self.keys[image], len(self.v)) * self.scale
         self.v += self.bias_mant * 2**self.bias_exp * self.scale
         spikes = self.v > self.threshold
         self.v[spikes] = 0

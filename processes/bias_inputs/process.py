@@ -1,4 +1,4 @@
-"""Input compartments that integrate a bias, written once a presentation: regular trains without spike traffic."""
+"""Input compartments that integrate a bias, written once a presentation: trains without spike traffic."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ def _check_bias(name: str, largest: int, value: NDArray[Any]) -> None:
 
 
 class BiasInputs(CheckedProcess):
-    """Sends the spikes of `engine.inference.bias_input.regular_spikes`, presentation after presentation, then none.
+    """Sends the spikes of `engine.inference.bias_input.bias_input_spikes`, presentation after presentation, then none.
 
-    In the first step of a presentation each compartment's bias and membrane, its phase, are written; in each step with
+    In the first step of a presentation each compartment's bias and start membrane are written; in each step with
     input ``v' = v + bias_mant 2^bias_exp; spike = v' > THRESHOLD << 6; v'[spike] = 0``. In the silent steps and after
     the last presentation the compartments rest.
 
@@ -52,8 +52,8 @@ class BiasInputs(CheckedProcess):
 
         Args:
             rates: Spikes a step in units of 2^-16, uint16 (n, inputs).
-            keys: One key per presentation (`lava_vpr.engine.random.presentation_keys`), uint64 (n,); phases depend on
-                it.
+            keys: One key per presentation (`lava_vpr.engine.random.presentation_keys`), uint64 (n,); start
+                membranes depend on it.
             steps: Steps with input, at least 1.
             silent_steps: Steps without.
             emitted: Shared array to count in, besides the Var; int64 (inputs,).

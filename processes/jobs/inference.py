@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 
 from lava_vpr import memory
 from lava_vpr.engine.inference.bias_input import biases, schedule
-from lava_vpr.engine.inference.fixed import EVENTS, SCALARS, SILENT_STEPS, FixedNetwork
+from lava_vpr.engine.inference.fixed import EVENTS, SILENT_STEPS, FixedNetwork
 from lava_vpr.isolated.worker import report
 from lava_vpr.processes.base.lava_checks import refuse_cpu_models
-from lava_vpr.processes.base.library_inputs import LibraryInputs
+from lava_vpr.processes.base.library_inputs import LibraryBiasInputs
 from lava_vpr.processes.base.shared import FIXED_TAG, shared_array
 from lava_vpr.processes.bias_inputs.process import BiasInputs
 from lava_vpr.processes.networks.fused_place_network.process import FusedPlaceNetwork
@@ -73,7 +73,7 @@ class Clock:
 def network_of(arrays: Arrays, options: dict[str, Any]) -> FixedNetwork:
     """The network that a job is asked to run."""
     weights = np.ascontiguousarray(arrays["weights"], np.uint8)
-    return FixedNetwork(weights, **{name: int(options[name]) for name in SCALARS})
+    return FixedNetwork.of_scalars(weights, options)
 
 
 def _begin(process: AbstractProcess, tag: str, board: bool) -> RunConfig | None:
@@ -134,7 +134,7 @@ def play(
 
 
 def play_written(
-    inputs: LibraryInputs, presentations: int, steps: int, tag: str, board: bool = False, clock: Clock | None = None
+    inputs: LibraryBiasInputs, presentations: int, steps: int, tag: str, board: bool = False, clock: Clock | None = None
 ) -> None:
     """Run Lava with a pause in each presentation, after its ``steps`` steps with input, to write to the inputs.
 
@@ -170,7 +170,7 @@ def across(source: OutPort, target: InPort, adapter: str | None) -> None:
 
 
 def input_spikes(rates: NDArray[np.uint16], keys: NDArray[np.uint64], steps: int) -> NDArray[np.int64]:
-    """How many spikes regular inputs send in all presentations, by their definition; int64 (inputs,).
+    """How many spikes bias inputs send in all presentations, by their definition; int64 (inputs,).
 
     For input compartments on a board, whose spikes do not leave it.
     """
@@ -193,13 +193,13 @@ def _wired(network: PlaceNetwork | LibraryPlaceNetwork, arrays: Arrays, options:
     result: Arrays = {"counts": counts["exc"], "input_spikes": shared_array((spec.inputs,), np.int64)}
     if n == 0:
         return result
-    written: LibraryInputs | None = None
+    written: LibraryBiasInputs | None = None
     source: BiasInputs | PoissonEncoder | LIF
-    if spec.regular and isinstance(network, LibraryPlaceNetwork):
-        written = LibraryInputs(rates=rates, keys=keys, floating=network.floating)
+    if spec.bias_input and isinstance(network, LibraryPlaceNetwork):
+        written = LibraryBiasInputs(rates=rates, keys=keys, floating=network.floating)
         source = written.lif
     else:
-        kind = BiasInputs if spec.regular else PoissonEncoder
+        kind = BiasInputs if spec.bias_input else PoissonEncoder
         source = kind(rates=rates, keys=keys, steps=spec.steps, emitted=result["input_spikes"])
     across(source.s_out, network.s_in, "PyToNxAdapter" if board and not written else None)
     ports = {"exc": network.s_out}

@@ -82,7 +82,7 @@ def test_a_profiler_that_measures_nothing(bench: pytest.MonkeyPatch, tmp_path: P
 
 
 def test_power_needs_a_board_and_one_run(tmp_path: Path) -> None:
-    bundle = write_bundle(tmp_path / "b", network(regular=1))
+    bundle = write_bundle(tmp_path / "b", network(bias_input=True))
     rates, keys = queries()
     (tmp_path / "q").mkdir()
     np.save(tmp_path / "q" / "rates.npy", rates)

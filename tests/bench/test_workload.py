@@ -13,7 +13,7 @@ from benchmarks.neurobench import metrics
 from lava_vpr.backends.registry import HostBackend
 from lava_vpr.bench.measure.workload import input_updates, membrane_updates, membranes, of_trains, workload
 from lava_vpr.encoding import query_rates
-from lava_vpr.engine.inference.bias_input import LEVEL, biases, phases, regular_spikes
+from lava_vpr.engine.inference.bias_input import LEVEL, bias_input_spikes, biases, start_membranes
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.engine.trains import Trains
@@ -21,9 +21,9 @@ from lava_vpr.engine.trains import Trains
 INPUTS, NEURONS, STEPS, N = 30, 7, 25, 3
 
 
-def small(regular: int = 0, seed: int = 0, inhibition: int = 44) -> tuple[FixedNetwork, np.ndarray, np.ndarray]:
+def small(bias_input: bool = False, seed: int = 0, inhibition: int = 44) -> tuple[FixedNetwork, np.ndarray, np.ndarray]:
     """A network whose neurons spike and inhibit each other, with rates and keys."""
-    made = network(NEURONS, INPUTS, regular=regular, seed=seed, inhibition=inhibition)
+    made = network(NEURONS, INPUTS, bias_input=bias_input, seed=seed, inhibition=inhibition)
     made = replace(made, steps=STEPS, threshold=20, shift=1, inhibition_exponent=0)
     rates = np.random.default_rng(seed).integers(0, 20000, (N, INPUTS)).astype(np.uint16)
     rates[:, ::4] = 0
@@ -33,18 +33,18 @@ def small(regular: int = 0, seed: int = 0, inhibition: int = 44) -> tuple[FixedN
 def trains_of(made: FixedNetwork, rates: np.ndarray, keys: np.ndarray) -> Trains:
     """Every spike."""
     trains = metrics.trains_of(made, rates, keys)
-    if not made.regular:
+    if not made.bias_input:
         return trains
     inputs = np.zeros((N, STEPS + 3, INPUTS), np.uint8)
     for k in range(N):
-        inputs[k, :STEPS] = regular_spikes(rates[k], int(keys[k]), STEPS)
+        inputs[k, :STEPS] = bias_input_spikes(rates[k], int(keys[k]), STEPS)
     return replace(trains, inputs=inputs)
 
 
-@pytest.mark.parametrize("regular", [0, 1])
+@pytest.mark.parametrize("bias_input", [False, True])
 @pytest.mark.parametrize("inhibition", [44, 0])
-def test_metrics_are_what_literal_loops_count(regular: int, inhibition: int) -> None:
-    made, rates, keys = small(regular, inhibition=inhibition)
+def test_metrics_are_what_literal_loops_count(bias_input: bool, inhibition: int) -> None:
+    made, rates, keys = small(bias_input, inhibition=inhibition)
     trains = trains_of(made, rates, keys)
     found = of_trains(made, trains, rates, keys)
     excite = made.weights.astype(int)
@@ -61,8 +61,8 @@ def test_metrics_are_what_literal_loops_count(regular: int, inhibition: int) -> 
             operations += int(trains.exc[q, t].sum())
             for i in np.flatnonzero(trains.inh[q, t]):
                 operations += sum(1 for w in inhibit[i] if w != 0)
-    neurons = 2 * NEURONS + (INPUTS if regular else 0)
-    spikes = int(trains.exc.sum()) + int(trains.inh.sum()) + (int(trains.inputs.sum()) if regular else 0)
+    neurons = 2 * NEURONS + (INPUTS if bias_input else 0)
+    spikes = int(trains.exc.sum()) + int(trains.inh.sum()) + (int(trains.inputs.sum()) if bias_input else 0)
     assert trains.exc.sum() > 10
     assert found.parameters == len(every)
     assert found.footprint_bytes == len(every) + 4 * neurons
@@ -144,7 +144,7 @@ def test_updates_of_inputs_that_integrate() -> None:
     mantissa, exponent = biases(own)
     changed = INPUTS
     for j in range(INPUTS):
-        bias, v = int(mantissa[j]) << int(exponent[j]), int(phases(key, INPUTS)[j])
+        bias, v = int(mantissa[j]) << int(exponent[j]), int(start_membranes(key, INPUTS)[j])
         for step in range(STEPS):
             after = v + bias if v + bias <= LEVEL else 0
             changed += int(after != v) if step else 0
@@ -152,10 +152,10 @@ def test_updates_of_inputs_that_integrate() -> None:
     assert input_updates(own, key, STEPS) == changed > INPUTS
 
 
-@pytest.mark.parametrize("mode", [0, 1])
-def test_a_model_is_counted_on_its_own_queries(mode: int) -> None:
+@pytest.mark.parametrize("mode", [False, True])
+def test_a_model_is_counted_on_its_own_queries(mode: bool) -> None:
     model, queries = small_model(), encoded(noise=0.4)
-    model = replace(model, network=replace(model.network, regular=mode))  # type: ignore[type-var]
+    model = replace(model, network=replace(model.network, bias_input=mode))  # type: ignore[type-var]
     rates = query_rates(queries.activity, model.config)[:5]
     trains = HostBackend(1).trains(model, rates, image_ids=queries.indices[:5], role="query", seed=3)
     keys = presentation_keys(3, "query", queries.indices[:5])

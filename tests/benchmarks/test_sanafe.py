@@ -28,7 +28,7 @@ from lava_vpr.deploy.boards.board import LOIHI_2
 from lava_vpr.deploy.cost import closed_form
 from lava_vpr.deploy.cost.events import routes
 from lava_vpr.deploy.mapping.partition import partition
-from lava_vpr.engine.inference.bias_input import LEVEL, regular_spikes
+from lava_vpr.engine.inference.bias_input import LEVEL, bias_input_spikes
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import BackendUnavailableError
@@ -164,14 +164,14 @@ def test_rows_are_those_of_the_plan(seed: int) -> None:
     assert [stored["dense"], stored["sparse"]] == expected.tolist()
     sizes = sum(group["size"] for group in problem["groups"])
     assert sizes == 2 * network.neurons + network.inputs
-    assert any(group["name"] == PORT for group in problem["groups"]) != bool(network.regular)
+    assert any(group["name"] == PORT for group in problem["groups"]) != network.bias_input
 
 
 def test_a_bias_for_every_regular_train() -> None:
     rng = np.random.default_rng(3)
     for key in presentation_keys(1, "query", np.arange(6)):
         rates = (rng.random(200) ** 3 * 65_535).astype(np.uint16)
-        trains = regular_spikes(rates, int(key), 90)
+        trains = bias_input_spikes(rates, int(key), 90)
         for train in trains.T:
             bias, v = bias_and_membrane(train)
             assert bias or v

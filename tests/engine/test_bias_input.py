@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from support.common.helpers import encoded, small_model
 from support.lava.bias_targets import Arrays
 from support.lava.model_harness import build, drive
-from support.lava.small_networks import options_of, random_network
+from support.lava.small_networks import random_network
 
 from benchmarks.nordland import SECTIONS, part
 from benchmarks.nordland import encoded as real
@@ -24,13 +24,13 @@ from lava_vpr.backends import registry as backends
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import draw_trains, query_rates
-from lava_vpr.engine.inference.bias_input import LEVEL, biases, phases, regular_spikes, schedule
+from lava_vpr.engine.inference.bias_input import LEVEL, bias_input_spikes, biases, schedule, start_membranes
 from lava_vpr.engine.inference.fixed import EVENTS, SILENT_STEPS, FixedNetwork, count_spikes
 from lava_vpr.engine.random import presentation_key, presentation_keys
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.loihi import STATE_LIMIT
-from lava_vpr.processes.base.library_inputs import LibraryInputs
+from lava_vpr.processes.base.library_inputs import LibraryBiasInputs
 from lava_vpr.processes.base.shared import shared_array
 from lava_vpr.processes.bias_inputs.models import PyBiasInputsFixed, PyBiasInputsFloat
 from lava_vpr.processes.bias_inputs.process import BiasInputs
@@ -70,7 +70,7 @@ def test_an_interval_is_the_nearest_whole_number() -> None:
 def test_the_mean_count_is_the_rate(rate: int) -> None:
     steps, inputs = 350, 4000
     key = presentation_key(0, "query", rate)
-    trains = regular_spikes(np.full(inputs, rate, np.uint16), key, steps)
+    trains = bias_input_spikes(np.full(inputs, rate, np.uint16), key, steps)
     mean = trains.sum(axis=0).mean()
     assert mean == pytest.approx(steps * rate / 65_536, rel=0.02)
     if rate <= 2000:  # of the rates that images give, no step has more than its share
@@ -81,7 +81,7 @@ def test_the_mean_count_is_the_rate(rate: int) -> None:
 
 def test_phases_differ_between_keys_and_inputs() -> None:
     keys = presentation_keys(3, "query", np.arange(6))
-    drawn = np.array([phases(int(key), 1500) for key in keys])
+    drawn = np.array([start_membranes(int(key), 1500) for key in keys])
     assert drawn.min() >= 0
     assert drawn.max() < LEVEL
     for row in drawn:
@@ -90,7 +90,7 @@ def test_phases_differ_between_keys_and_inputs() -> None:
         assert row.std() == pytest.approx(LEVEL / 12**0.5, rel=0.05)
     correlation = np.corrcoef(drawn) - np.eye(6)
     assert np.abs(correlation).max() < 0.1
-    assert np.array_equal(phases(int(keys[0]), 40), drawn[0, :40])
+    assert np.array_equal(start_membranes(int(keys[0]), 40), drawn[0, :40])
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)
@@ -102,7 +102,7 @@ def test_phases_differ_between_keys_and_inputs() -> None:
 def test_the_compiled_schedule_is_the_definition(rates: list[int], image: int, steps: int) -> None:
     values, key = np.array(rates, np.uint16), presentation_key(1, "query", image)
     starts, members = schedule(np.left_shift(*biases(values)), np.uint64(key), steps)
-    expected = regular_spikes(values, key, steps)
+    expected = bias_input_spikes(values, key, steps)
     assert starts[0] == 0
     assert starts[-1] == len(members) == expected.sum()
     for step in range(steps):
@@ -127,7 +127,7 @@ def test_the_process_sends_the_definition(kind: str) -> None:
     emitted = shared_array((60,), np.int64)
     process = BiasInputs(rates=rates, keys=keys, steps=steps, emitted=emitted)
     model = build(process, MODELS[kind])
-    expected = draw_trains(rates, keys, steps, process.interval, regular=True)
+    expected = draw_trains(rates, keys, steps, process.interval, bias_input=True)
     assert process.interval == steps + SILENT_STEPS
     sent = drive(model, 5 * process.interval + 7, port_out="s_out")
     assert sent.dtype == bool
@@ -178,15 +178,15 @@ def test_what_is_no_input_is_refused(changes: dict[str, Any], text: str) -> None
 def test_what_is_written_reaches_the_phase_without_a_spike() -> None:
     """The library's LIF, from the pause before the silent steps to the end of the next presentation."""
     rates, keys = np.stack([EVERY_RATE[::16], EVERY_RATE[::16][::-1]]), presentation_keys(5, "query", np.arange(2))
-    inputs = LibraryInputs(rates=rates, keys=keys)
+    inputs = LibraryBiasInputs(rates=rates, keys=keys)
     values = inputs._values(1, SILENT_STEPS)
     assert abs(values["v"]).max() < STATE_LIMIT
     model = build(inputs.lif, PyLifModelBitAcc)
     model.v[:], model.bias_mant[:], model.bias_exp[:] = values["v"], values["bias_mant"], values["bias_exp"]
     assert not drive(model, SILENT_STEPS, port_out="s_out").any()
-    assert np.array_equal(model.v, phases(int(keys[1]), rates.shape[1]))
+    assert np.array_equal(model.v, start_membranes(int(keys[1]), rates.shape[1]))
     spikes = drive(model, 30, port_out="s_out")
-    assert np.array_equal(spikes, regular_spikes(rates[1], int(keys[1]), 30))
+    assert np.array_equal(spikes, bias_input_spikes(rates[1], int(keys[1]), 30))
 
 
 FIXED = [(job, "fixed_pt") for job in ("fused", "composed", "library")]
@@ -194,7 +194,10 @@ FLOAT = [(job, "floating_pt") for job in ("composed", "library")]
 
 
 def test_every_network_on_every_backend_equals_the_host() -> None:
-    networks = {"b3": random_network(3, seed=7, regular=1), "b8": random_network(8, seed=7, regular=1, steps=2)}
+    networks = {
+        "b3": random_network(3, seed=7, bias_input=True),
+        "b8": random_network(8, seed=7, bias_input=True, steps=2),
+    }
     runs = {"b3": FIXED + FLOAT, "b8": FIXED}  # the latter: presentations with more silence than input
     arrays: Arrays = {}
     for name, network in networks.items():
@@ -204,7 +207,7 @@ def test_every_network_on_every_backend_equals_the_host() -> None:
     got = run_isolated(
         "support.lava.bias_targets:networks",
         arrays,
-        {"networks": {name: options_of(network) for name, network in networks.items()}, "runs": runs},
+        {"networks": {name: network.scalars for name, network in networks.items()}, "runs": runs},
         timeout=200,
         progress=done.append,
     )
@@ -218,7 +221,7 @@ def check_runs(network: FixedNetwork, runs: list[tuple[str, str]], arrays: Array
     """Every run of one network against the host."""
     rates, keys = arrays[f"{name}_rates"], arrays[f"{name}_keys"]
     counts, events, film = count_spikes(network, rates, keys, raster=True)
-    inputs = draw_trains(rates, keys, network.steps, network.steps + SILENT_STEPS, regular=True)
+    inputs = draw_trains(rates, keys, network.steps, network.steps + SILENT_STEPS, bias_input=True)
     assert counts.sum() > (60 if network.steps > 2 else 0)
     for job, tag in runs:
         one = {key: got[f"{name}_{job}_{tag}_{key}"] for key in ("counts", "exc")}
@@ -254,7 +257,7 @@ def check_board(network: FixedNetwork, arrays: Arrays, got: Arrays) -> None:
 @pytest.mark.slow
 def test_a_backend_counts_the_same_events() -> None:
     model, queries = small_model(), encoded()
-    model = replace(model, network=replace(model.network, regular=1))
+    model = replace(model, network=replace(model.network, bias_input=True))
     rates = query_rates(queries.activity, model.config)[:2]
     options = {"image_ids": queries.indices[:2], "role": "query", "seed": 1}
     counts, events = backends.get("host").count_spikes(model, rates, **options)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from support.lava.model_harness import build, drive
-from support.lava.small_networks import options_of, random_network
+from support.lava.small_networks import random_network
 
 from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.general.lif import stored_weights
@@ -34,7 +34,7 @@ def test_composed_and_library_networks_equal_the_host_for_all_bits() -> None:
     for name, network in networks.items():
         rates, keys = some_input(network, 3)
         arrays |= {f"{name}_weights": network.weights, f"{name}_rates": rates, f"{name}_keys": keys}
-    options = {"networks": {name: options_of(network) for name, network in networks.items()}}
+    options = {"networks": {name: network.scalars for name, network in networks.items()}}
     got = run_isolated("support.lava.process_targets:side_by_side", arrays, options, timeout=TIMEOUT)
     for name, network in networks.items():
         counts, _, film = count_spikes(network, arrays[f"{name}_rates"], arrays[f"{name}_keys"], raster=True)
@@ -58,7 +58,7 @@ def test_every_job_records_the_same() -> None:
     got = run_isolated(
         "support.lava.process_targets:every_job",
         {"weights": network.weights, "rates": rates, "keys": keys},
-        {"runs": runs, "network": options_of(network) | {"batch": 3}},
+        {"runs": runs, "network": network.scalars | {"batch": 3}},
         timeout=TIMEOUT,
         progress=done.append,
     )
@@ -125,7 +125,7 @@ def test_vars_between_runs_and_refusals_before_them() -> None:
     got = run_isolated(
         "support.lava.process_targets:small_runs",
         {f"vars_{name}": value for name, value in given.items()} | {f"whole_{name}": own[name] for name in own},
-        {"steps": 60, "network": options_of(network)},
+        {"steps": 60, "network": network.scalars},
         timeout=TIMEOUT,
     )
     check_vars(given, {name.removeprefix("vars_"): value for name, value in got.items()})

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from lava_vpr.backends.registry import HostBackend
 from lava_vpr.bench.results import Workload
 from lava_vpr.encoding import EncodedTraverse, query_rates
-from lava_vpr.engine.inference.bias_input import LEVEL, biases, phases
+from lava_vpr.engine.inference.bias_input import LEVEL, biases, start_membranes
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.engine.threads import cores
@@ -72,7 +72,7 @@ def of_trains(network: FixedNetwork, trains: Trains, rates: NDArray[np.uint16], 
     if trains.inputs is None or trains.inh is None:
         raise ValueError("trains of the inputs and of inh are needed")
     neurons, inputs, (n, steps, _) = network.neurons, network.inputs, trains.exc.shape
-    own = inputs if network.regular else 0
+    own = inputs if network.bias_input else 0
     weights = inputs * neurons + neurons + neurons * neurons
     zeros = int(np.count_nonzero(network.weights == 0)) + neurons
     if network.lateral == 0:
@@ -81,9 +81,9 @@ def of_trains(network: FixedNetwork, trains: Trains, rates: NDArray[np.uint16], 
     exc, inh = int(trains.exc.sum(dtype=np.int64)), int(trains.inh.sum(dtype=np.int64))
     effective = int(sent @ np.count_nonzero(network.weights, axis=1)) + exc
     effective += inh * (neurons - 1) if network.lateral else 0
-    spikes = exc + inh + (int(sent.sum()) if network.regular else 0)
+    spikes = exc + inh + (int(sent.sum()) if network.bias_input else 0)
     updates = membrane_updates(network, trains)
-    if network.regular:
+    if network.bias_input:
         updates += sum(
             input_updates(own_rates, int(key), network.steps) for own_rates, key in zip(rates, keys, strict=True)
         )
@@ -140,7 +140,7 @@ def input_updates(rates: NDArray[np.uint16], key: int, steps: int) -> int:
         steps: Steps with input.
     """
     mantissa, exponent = biases(rates)
-    bias, v = (mantissa << exponent).astype(np.int64), phases(key, len(rates)).astype(np.int64)
+    bias, v = (mantissa << exponent).astype(np.int64), start_membranes(key, len(rates)).astype(np.int64)
     changed = len(rates)
     for step in range(steps):
         after = v + bias

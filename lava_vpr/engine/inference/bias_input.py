@@ -1,8 +1,8 @@
 """Inputs that need no spike traffic: compartments on the chip that integrate a bias, and so spike regularly.
 
-Before a presentation each input's bias and its membrane, the phase of its train, are written once. In every step with
-input the membrane grows by the bias; a compartment whose membrane exceeds `LEVEL` spikes and starts again from 0. In
-the silent steps the bias is 0.
+Before a presentation each input's bias and start membrane are written once; the latter shifts the train in time. In
+every step with input the membrane grows by the bias; a compartment whose membrane exceeds `LEVEL` spikes and starts
+again from 0. In the silent steps the bias is 0.
 
 A rate of r 2^-16 spikes a step asks for an interval of 65536 / r steps. A compartment's interval is
 ``LEVEL // bias + 1``, so the bias ``2 r LEVEL // (2^17 - r)`` rounds it to the nearest whole number, as well as 12 bits
@@ -49,7 +49,7 @@ def biases(rates: NDArray[np.uint16]) -> tuple[NDArray[np.int32], NDArray[np.int
     return (wanted >> exponent).astype(np.int32), exponent.astype(np.int32)
 
 
-def phases(key: int, inputs: int) -> NDArray[np.int32]:
+def start_membranes(key: int, inputs: int) -> NDArray[np.int32]:
     """Membranes of the inputs before a presentation, uniform in [0, LEVEL), int32 (inputs,).
 
     Args:
@@ -60,13 +60,13 @@ def phases(key: int, inputs: int) -> NDArray[np.int32]:
     return ((words >> _S32) * _LEVEL >> _S32).astype(np.int32)
 
 
-def regular_spikes(rates: NDArray[np.uint16], key: int, steps: int) -> NDArray[np.bool_]:
+def bias_input_spikes(rates: NDArray[np.uint16], key: int, steps: int) -> NDArray[np.bool_]:
     """The spikes of one presentation, bool (steps, inputs), compartment by compartment and step by step.
 
     Plain numpy: the definition of what every backend's input compartments do.
     """
     mantissa, exponent = biases(rates)
-    bias, v = mantissa << exponent, phases(key, len(rates))
+    bias, v = mantissa << exponent, start_membranes(key, len(rates))
     spikes = np.zeros((steps, len(rates)), bool)
     for step in range(steps):
         v += bias
@@ -77,7 +77,7 @@ def regular_spikes(rates: NDArray[np.uint16], key: int, steps: int) -> NDArray[n
 
 @nb.njit(cache=True)
 def schedule(bias: NDArray[np.int32], key: np.uint64, steps: int) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """`regular_spikes` as lists: those of step t are ``members[starts[t]:starts[t + 1]]``, ascending.
+    """`bias_input_spikes` as lists: those of step t are ``members[starts[t]:starts[t + 1]]``, ascending.
 
     Args:
         bias: In units of v, int32 (inputs,).

@@ -14,8 +14,10 @@ presentation is ``steps`` steps with input and `SILENT_STEPS` without, after whi
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numba as nb
 import numpy as np
@@ -36,8 +38,17 @@ from lava_vpr.loihi import (
 )
 
 _PADDING = 32
-SCALARS = ("bits", "shift", "threshold", "inhibition", "inhibition_exponent", "decay", "steps", "regular")
-"""What `FixedNetwork` holds besides its weights."""
+SCALARS = {
+    "bits": "bits",
+    "shift": "shift",
+    "threshold": "threshold",
+    "inhibition": "inhibition",
+    "inhibition_exponent": "inhibition_exponent",
+    "decay": "decay",
+    "steps": "steps",
+    "regular": "bias_input",
+}
+"""The numbers of a `FixedNetwork` besides its weights: their keys in files, and their attributes."""
 
 EVENTS = (
     "synaptic_operations",
@@ -68,7 +79,8 @@ class FixedNetwork:
         inhibition_exponent: See ``inhibition``.
         decay: dv in units of 2^-12.
         steps: Steps with input in one presentation.
-        regular: 1: input compartments integrate a bias (`engine.inference.bias_input`); 0: Poisson spikes are injected.
+        bias_input: Whether input compartments integrate a bias (`engine.inference.bias_input`); else Poisson spikes are
+            injected. In files this is ``regular``, 1 or 0.
     """
 
     weights: NDArray[np.uint8]
@@ -79,7 +91,25 @@ class FixedNetwork:
     inhibition_exponent: int
     decay: int
     steps: int
-    regular: int = 0
+    bias_input: bool = False
+
+    @classmethod
+    def of_scalars(cls, weights: NDArray[np.uint8], scalars: Mapping[str, int]) -> FixedNetwork:
+        """The network of ``weights`` and the numbers that `scalars` gives.
+
+        Raises:
+            KeyError: a number is missing.
+            NetworkLimitError: ``regular`` is no truth value.
+        """
+        numbers: dict[str, Any] = {attribute: int(scalars[key]) for key, attribute in SCALARS.items()}
+        if numbers["bias_input"] not in (0, 1):
+            raise NetworkLimitError(f"regular {numbers['bias_input']} is neither 0 nor 1; train the model again")
+        return cls(weights, **numbers | {"bias_input": bool(numbers["bias_input"])})
+
+    @property
+    def scalars(self) -> dict[str, int]:
+        """The numbers besides the weights, by their keys in files (`SCALARS`)."""
+        return {key: int(getattr(self, attribute)) for key, attribute in SCALARS.items()}
 
     @property
     def inputs(self) -> int:
@@ -90,6 +120,11 @@ class FixedNetwork:
     def neurons(self) -> int:
         """Number of excitatory neurons."""
         return int(self.weights.shape[1])
+
+    @property
+    def input_compartments(self) -> int:
+        """Number of compartments that the inputs take: none where their spikes are injected."""
+        return self.inputs if self.bias_input else 0
 
     @property
     def lateral(self) -> int:
@@ -113,7 +148,7 @@ class FixedNetwork:
         weights = np.zeros((self.inputs, -(-self.neurons // _PADDING) * _PADDING), np.uint8)
         weights[:, : self.neurons] = self.weights
         chunk = 255 // max(1, int(weights.max(initial=0)))
-        params = [self.shift, self.threshold, self.lateral, self.decay, self.steps, chunk, self.regular]
+        params = [self.shift, self.threshold, self.lateral, self.decay, self.steps, chunk, self.bias_input]
         narrow = int(weights.sum(axis=0, dtype=np.int64).max(initial=0)) < 1 << 15
         row_sizes = np.count_nonzero(weights, axis=1).astype(np.int64)
         return weights, row_sizes, np.array(params, np.int64), narrow
@@ -130,8 +165,6 @@ class FixedNetwork:
         for name, most in (("shift", exponent), ("decay", 1 << DECAY_BITS), ("inhibition_exponent", exponent)):
             if not 0 <= getattr(self, name) <= most:
                 raise NetworkLimitError(f"{name} {getattr(self, name)} does not fit 0..{most}; train the model again")
-        if self.regular not in (0, 1):
-            raise NetworkLimitError(f"regular {self.regular} is neither 0 nor 1; train the model again")
         if self.steps < 1:
             raise NetworkLimitError(f"a presentation of {self.steps} steps holds no input; use at least 1")
         if not 0 < self.threshold < THRESHOLD_LIMIT:
@@ -201,13 +234,13 @@ def _present(
     """All presentations of ``rates`` (n, inputs); fills ``counts`` (n, neurons), adds to ``events``.
 
     ``weights`` and ``acc`` are padded with silent neurons to whole vector registers. ``params``: shift, threshold,
-    lateral, decay, steps, how many weights fit an 8-bit partial sum, and whether inputs are regular: then ``bias`` (n,
-    inputs) stands for ``rates``. ``acc`` is scratch, int16 where no input sum can leave it, else int32. ``raster`` (n,
-    steps + 3, neurons) is filled if not empty.
+    lateral, decay, steps, how many weights fit an 8-bit partial sum, and whether inputs integrate a bias: then ``bias``
+    (n, inputs) stands for ``rates``. ``acc`` is scratch, int16 where no input sum can leave it, else int32. ``raster``
+    (n, steps + 3, neurons) is filled if not empty.
     """
     shift, threshold, lateral = np.int32(params[0]), np.int32(params[1] << 6), np.int32(params[2])
     keep, steps = np.int32(4096 - params[3]), int(params[4])
-    chunk, regular = int(params[5]), params[6] != 0
+    chunk, bias_input = int(params[5]), params[6] != 0
     nothing, no_members = np.zeros(0, np.int64), np.zeros(0, np.int32)
     (inputs, width), neurons = weights.shape, counts.shape[1]
     partial = np.zeros(width, np.uint8)
@@ -218,7 +251,7 @@ def _present(
     n_fired = np.zeros(3, np.int64)
     operations, input_spikes, exc_spikes = 0, 0, 0
     for q in range(rates.shape[0]):
-        if regular:
+        if bias_input:
             starts, members = schedule(bias[q], keys[q], steps)
             n = 0
         else:
@@ -231,7 +264,7 @@ def _present(
             lane = (step - 1) & 3
             if step > steps:
                 spike_counts[lane] = 0
-            elif regular:
+            elif bias_input:
                 begin, spike_counts[lane] = starts[step - 1], starts[step] - starts[step - 1]
                 for s in range(spike_counts[lane]):
                     spikes[lane, s] = members[begin + s]
@@ -316,7 +349,7 @@ def count_spikes(
     film = np.zeros((n, network.steps + SILENT_STEPS, network.neurons) if raster else (0, 0, 0), np.uint8)
     weights, row_sizes, params, narrow = network.prepared
     rates = np.ascontiguousarray(rates, dtype=np.uint16)
-    bias = np.left_shift(*biases(rates)) if network.regular else np.zeros((n, 0), np.int32)
+    bias = np.left_shift(*biases(rates)) if network.bias_input else np.zeros((n, 0), np.int32)
 
     def run(part: slice) -> NDArray[np.int64]:
         events = np.zeros(3, np.int64)

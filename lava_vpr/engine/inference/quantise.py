@@ -199,7 +199,7 @@ def quantise(
         inhibition_exponent=exponent,
         decay=min((1 << DECAY_BITS) - 1, round((1 << DECAY_BITS) / network.tau_membrane)),
         steps=network.steps,
-        regular=int(network.input_mode == "bias"),
+        bias_input=network.input_mode == "bias",
     )
     fixed.check()
     return fixed

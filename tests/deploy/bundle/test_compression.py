@@ -221,7 +221,7 @@ def test_bits_that_cannot_be_had_are_refused_with_the_most_that_can() -> None:
 
 def test_pruned_and_with_another_way_of_input() -> None:
     result = compression.for_board(trained(), KAPOHO_BAY, prune=0.8, input_mode="bias")
-    assert result.model.network.regular == 1
+    assert result.model.network.bias_input
     assert result.model.config.network.input_mode == "bias"
     values = result.as_json()
     assert values is not None
@@ -293,7 +293,7 @@ def test_a_search_keeps_what_was_fixed_and_tells_of_each_point() -> None:
 
     result = calibration.search(trained(), LOIHI_2, queries(), 0.5, weight_bits=2, input_mode="bias", begin=begin)
     assert {point.weight_bits for point, _ in result.tried} == {2}
-    assert result.model.network.regular == 1
+    assert result.model.network.bias_input
     assert len(told) == len(result.tried) <= totals[0]
     assert told[0].startswith("2 bits, 0.97 pruned: R@1 ")
     fixed = calibration.search(trained(), LOIHI_2, queries(), 1.0, weight_bits=1, prune=0.5)

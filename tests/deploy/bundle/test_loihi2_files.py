@@ -15,7 +15,7 @@ from support.boards.loihi2_bundles import AGAIN, INTERVAL, network, queries
 from lava_vpr.deploy.bundle import loihi2
 from lava_vpr.deploy.bundle.folder import array_bytes, json_bytes
 from lava_vpr.encoding import draw_trains
-from lava_vpr.engine.inference.fixed import SCALARS, count_spikes
+from lava_vpr.engine.inference.fixed import count_spikes
 from lava_vpr.errors import BundleError, NetworkLimitError
 
 QUICK = settings(deadline=None, max_examples=25, derandomize=True)
@@ -25,25 +25,25 @@ QUICK = settings(deadline=None, max_examples=25, derandomize=True)
 @given(
     bits=st.integers(1, 8),
     shift=st.integers(0, 7),
-    regular=st.integers(0, 1),
+    bias_input=st.booleans(),
     decay=st.integers(0, 4095),
     exponent=st.integers(0, 3),
     seed=st.integers(0, 99),
 )
 def test_files_hold_the_whole_network(
-    bits: int, shift: int, regular: int, decay: int, exponent: int, seed: int
+    bits: int, shift: int, bias_input: bool, decay: int, exponent: int, seed: int
 ) -> None:
-    changes = {"bits": bits, "shift": shift, "regular": regular, "decay": decay, "inhibition_exponent": exponent}
+    changes = {"bits": bits, "shift": shift, "bias_input": bias_input, "decay": decay, "inhibition_exponent": exponent}
     net = network(seed, **changes)
     files = loihi2.network_files(net)
     assert files == loihi2.network_files(net)
     read = loihi2.network_of(files)
     assert np.array_equal(read.weights, net.weights)
-    assert all(getattr(read, name) == getattr(net, name) for name in SCALARS)
+    assert read.scalars == net.scalars
 
 
 def test_parameters_have_the_names_of_lavas_arguments() -> None:
-    files = loihi2.network_files(network(bits=3, shift=2, inhibition_exponent=1, regular=1))
+    files = loihi2.network_files(network(bits=3, shift=2, inhibition_exponent=1, bias_input=True))
     reset = {"reset_interval": 33, "reset_offset": 1}
     told = json.loads(files[loihi2.PARAMETERS])
     assert told.pop("network")["shift"] == 2
@@ -60,18 +60,18 @@ def test_parameters_have_the_names_of_lavas_arguments() -> None:
 
 
 @QUICK
-@given(bits=st.integers(1, 8), shift=st.integers(0, 3), regular=st.integers(0, 1), seed=st.integers(0, 99))
-def test_simulation_equals_the_engine(bits: int, shift: int, regular: int, seed: int) -> None:
+@given(bits=st.integers(1, 8), shift=st.integers(0, 3), bias_input=st.booleans(), seed=st.integers(0, 99))
+def test_simulation_equals_the_engine(bits: int, shift: int, bias_input: bool, seed: int) -> None:
     """Two implementations: every spike, also over more presentations than are simulated in one go."""
     shift = min(shift, bits - 1)
-    net = network(seed, bits=bits, shift=shift, regular=regular, threshold=3 << bits >> shift)
+    net = network(seed, bits=bits, shift=shift, bias_input=bias_input, threshold=3 << bits >> shift)
     rates, keys = queries(n=loihi2.CHUNK + 2, seed=seed)
     exc, inh, inputs = loihi2.simulate(net, rates, keys)
     _, _, film = count_spikes(net, rates, keys, raster=True)
     assert film.any()
     assert np.array_equal(exc, film)
     assert np.array_equal(inh[:, 1:], film[:, :-1])
-    assert np.array_equal(inputs, draw_trains(rates, keys, net.steps, INTERVAL, regular=bool(regular)))
+    assert np.array_equal(inputs, draw_trains(rates, keys, net.steps, INTERVAL, bias_input=bias_input))
 
 
 def altered(change: Callable[[dict[str, Any]], object]) -> dict[str, bytes]:

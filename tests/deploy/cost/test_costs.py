@@ -85,15 +85,15 @@ def test_the_published_network_digit_for_digit() -> None:
     assert low < davies / 1e6
 
 
-def example(regular: int = 0, n: int = 5) -> tuple[Plan, EventCounts, Trains]:
-    plan = busy_plan(regular=regular)
+def example(bias_input: bool = False, n: int = 5) -> tuple[Plan, EventCounts, Trains]:
+    plan = busy_plan(bias_input=bias_input)
     trains = trains_of(plan.network, n, 4)
     return plan, count_events(plan, trains), trains
 
 
-@pytest.mark.parametrize("regular", [0, 1])
-def test_a_step_lasts_as_long_as_its_busiest_core(regular: int) -> None:
-    plan, counted, _ = example(regular)
+@pytest.mark.parametrize("bias_input", [False, True])
+def test_a_step_lasts_as_long_as_its_busiest_core(bias_input: bool) -> None:
+    plan, counted, _ = example(bias_input)
     receive, neurons = step_nanoseconds(counted, "nominal")
     time = step_microseconds(counted, "nominal")
     for q in range(5):
@@ -110,7 +110,7 @@ def test_a_step_lasts_as_long_as_its_busiest_core(regular: int) -> None:
             assert neurons[q, t] == pytest.approx(max(own))
             used = {2: 1.0, 3: 1.0, 4: 1.4}[int(counted.tiles or 0)]
             assert time[q, t] == pytest.approx(max(*arriving, *own) / 1e3 + used)
-    assert (receive > neurons).any() != regular  # what inputs on the chip take is neurons' part
+    assert (receive > neurons).any() != bias_input  # what inputs on the chip take is neurons' part
     assert (receive < neurons).any()
     assert (step_microseconds(counted, "high") >= 5.8).all()
     assert (step_microseconds(counted, "low") < time).all()
@@ -118,12 +118,12 @@ def test_a_step_lasts_as_long_as_its_busiest_core(regular: int) -> None:
     assert np.allclose(busiest + sync, time.mean(axis=0))
 
 
-@pytest.mark.parametrize("regular", [0, 1])
-def test_energy_of_counts(regular: int) -> None:
-    _, counted, _ = example(regular)
+@pytest.mark.parametrize("bias_input", [False, True])
+def test_energy_of_counts(bias_input: bool) -> None:
+    _, counted, _ = example(bias_input)
     count = {name: counted.each(name) for name in EventCounts.__dataclass_fields__ if name not in ("injected", "tiles")}
-    messages = count["messages_out"] + (0 if regular else count["input_messages"])
-    hops = {way: count[f"hops_{way}"] + (0 if regular else count[f"input_hops_{way}"]) for way in WAYS}
+    messages = count["messages_out"] + (0 if bias_input else count["input_messages"])
+    hops = {way: count[f"hops_{way}"] + (0 if bias_input else count[f"input_hops_{way}"]) for way in WAYS}
     expected = {
         "synapse": 35.5 * count["operations_dense"] + 33.6 * count["operations_sparse"],
         "soma": 51.2 * count["accesses"] + 21.6 * count["touched"] + 69.3 * count["spikes"],
@@ -134,7 +134,7 @@ def test_energy_of_counts(regular: int) -> None:
         assert found.microjoules[name] == pytest.approx(picojoules / 1e6, rel=1e-12), name
     parts = step_picojoules(counted, "nominal")
     assert parts["input messages"].sum() == pytest.approx(111 * count["input_messages"].sum())
-    others = count["messages_out"] - regular * count["input_messages"]
+    others = count["messages_out"] - (count["input_messages"] if bias_input else 0)
     assert parts["other messages"].sum() == pytest.approx(111 * others.sum())
     assert others.sum() == 5 * count["exc_spikes"].sum()  # to the relay, which then sends to four cores
     assert hops["east_west"].any()
@@ -162,11 +162,11 @@ def every_estimate(found: Modelled) -> list[Estimate]:
     return [*estimates, *(one for one in (*own, found.wall_milliseconds, found.wall_static_millijoules) if one)]
 
 
-@pytest.mark.parametrize("regular", [0, 1])
-def test_what_a_query_costs(regular: int) -> None:
-    plan, counted, trains = example(regular)
+@pytest.mark.parametrize("bias_input", [False, True])
+def test_what_a_query_costs(bias_input: bool) -> None:
+    plan, counted, trains = example(bias_input)
     found = modelled(plan, counted)
-    mode = ("injected", "bias")[regular]
+    mode = "bias" if bias_input else "injected"
     assert (found.target, found.chips, found.cores, found.steps) == ("kapoho-bay", 2, len(plan.cores), 33)
     assert (found.input_mode, found.unavailable) == (mode, "")
     assert len(every_estimate(found)) >= 20
@@ -178,7 +178,7 @@ def test_what_a_query_costs(regular: int) -> None:
     # What SANA-FE knows, and what it does not: read-out, clearing, and settings of the inputs.
     own = closed_form(counted, updates="updates", input_core=False)
     beyond = found.dynamic_microjoules["clearing of states"] + found.dynamic_microjoules["read-out"]
-    if regular:
+    if bias_input:
         beyond = beyond + found.dynamic_microjoules["settings of the inputs"]
     whole = total(found.dynamic_microjoules.values())
     assert whole.nominal == pytest.approx(own.total_microjoules.mean() + beyond.nominal)
@@ -215,8 +215,8 @@ def test_counts_of_a_query() -> None:
     assert counts["synaptic_operations"] == (counted.operations_dense.sum() + counted.operations_sparse.sum()) / 5
     hops = [f"{kind}hops_{way}" for kind in ("", "input_") for way in WAYS]
     assert counts["hops"] == pytest.approx(sum(int(getattr(counted, name).sum()) for name in hops) / 5)
-    regular, counted, _ = example(1)
-    assert modelled(regular, counted).counts["messages"] == counted.messages_out.sum() / 5
+    bias, counted, _ = example(bias_input=True)
+    assert modelled(bias, counted).counts["messages"] == counted.messages_out.sum() / 5
 
 
 def test_input_layer_beside_an_injected_network() -> None:
@@ -228,7 +228,7 @@ def test_input_layer_beside_an_injected_network() -> None:
     assert 784 * 100 * 72.8e-6 == pytest.approx(5.7, rel=0.01)
     assert found.io_microjoules["bias"].nominal > 5.7
     # The estimate beside the injected network is near what the network with input compartments really takes.
-    bias = replace(made, regular=1)
+    bias = replace(made, bias_input=True)
     plan = partition(bias, KAPOHO_BAY, even(bias))
     counted = count_events(plan, trains_of(bias, 1, 0))
     true = modelled(plan, counted)
@@ -284,7 +284,7 @@ def test_loihi_2_has_counts_and_no_figures() -> None:
     assert found.busiest_core["accesses"] == 24
     assert every_estimate(found) == []
     assert found.tiles is found.milliseconds is found.dynamic_microjoules is found.io_microjoules is None
-    nothing = modelled(busy_plan(regular=0), example()[1].part(slice(0, 0)))
+    nothing = modelled(busy_plan(bias_input=False), example()[1].part(slice(0, 0)))
     assert nothing.unavailable == "there is no query"
 
 
@@ -326,18 +326,18 @@ def test_packets_are_those_of_the_host_program() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "regular"),
+    ("name", "bias_input"),
     [
-        ("apart", 0),
-        pytest.param("two chips", 1, marks=pytest.mark.slow),
-        pytest.param("two chips", 0, marks=pytest.mark.slow),
-        pytest.param("apart", 1, marks=pytest.mark.slow),
+        ("apart", False),
+        pytest.param("two chips", True, marks=pytest.mark.slow),
+        pytest.param("two chips", False, marks=pytest.mark.slow),
+        pytest.param("apart", True, marks=pytest.mark.slow),
     ],
 )
 def test_the_host_program_sends_so_many_packets(
-    board: Board, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, name: str, regular: int
+    board: Board, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, name: str, bias_input: bool
 ) -> None:
-    plan = layout(name, kapoho_bundles.random_network(regular=regular))
+    plan = layout(name, kapoho_bundles.random_network(bias_input=bias_input))
     made = make(tmp_path, plan)
     packets, link = [0], board.program.board_link.Link
 
@@ -359,7 +359,7 @@ def test_the_host_program_sends_so_many_packets(
         ended = board.run(made, "--queries", folder, "--out", tmp_path / f"out{queries}")
         assert ended.code == 0, ended.err
         found.append(packets[0])
-    trains = draw_trains(made.rates, made.keys, plan.network.steps, plan.network.steps + 3, regular=bool(regular))
+    trains = draw_trains(made.rates, made.keys, plan.network.steps, plan.network.steps + 3, bias_input=bias_input)
     film = count_spikes(plan.network, made.rates, made.keys, raster=True)[2]
     told = host_traffic.host_milliseconds(plan, count_events(plan, Trains(film, trains)))
     messages = next(iter(told.values())).nominal / loihi.KAPOHO_BAY_MESSAGE_US * 1e3

@@ -32,7 +32,7 @@ def simulated(plan: Plan, n: int, seed: int) -> dict[str, np.ndarray]:
 def test_counts_are_those_of_the_registers() -> None:
     seen = dict.fromkeys(EVENTS, 0)
     for seed in range(24):
-        network = random_network(seed, regular=seed % 2)
+        network = random_network(seed, bias_input=seed % 2 == 1)
         plan = simple_plan(network, 1 + seed % 6, seed)
         counted, expected = count_events(plan, trains_of(network, 2, seed)), simulated(plan, 2, seed)
         for name in EVENTS:
@@ -41,9 +41,9 @@ def test_counts_are_those_of_the_registers() -> None:
     assert min(seen.values()) > 100, seen
 
 
-@pytest.mark.parametrize("regular", [0, 1])
-def test_counts_on_a_partitioned_network(regular: int) -> None:
-    made = replace(small_network(90, 90, inhibition=20, regular=regular, seed=3), steps=50)
+@pytest.mark.parametrize("bias_input", [False, True])
+def test_counts_on_a_partitioned_network(bias_input: bool) -> None:
+    made = replace(small_network(90, 90, inhibition=20, bias_input=bias_input, seed=3), steps=50)
     plan = partition(made, tiny(synapse_words=240), even(made))
     assert len(plan.cores) == 4
     assert len({core.dense_lateral for core in plan.cores}) == 2
@@ -145,11 +145,11 @@ def _hit(plan: Plan, trains: Trains, q: int, t: int, core: int, number: int) -> 
     return any(i != number or (own.dense_lateral and own.part("exc").size > 1) for i in relays)
 
 
-@pytest.mark.parametrize("regular", [0, 1])
-def test_counts_step_by_step(regular: int) -> None:
+@pytest.mark.parametrize("bias_input", [False, True])
+def test_counts_step_by_step(bias_input: bool) -> None:
     several = 0
     for seed, changes in ((0, {}), (1, {"inhibition": 0}), (2, {"threshold": 3}), (3, {"threshold": 900})):
-        plan = busy_plan(regular=regular, steps=12, **changes)
+        plan = busy_plan(bias_input=bias_input, steps=12, **changes)
         trains = trains_of(plan.network, 2, seed)
         counted, expected = count_events(plan, trains), literal(plan, trains)
         for name in KINDS:
@@ -176,7 +176,7 @@ def test_touched_is_updated_or_hit_by_nothing() -> None:
     # Weights 2 and 0 in dense rows: neuron 1 is hit without effect, neuron 0 cancelled by its neighbour's relay.
     more = 0
     for seed in range(12):
-        network = random_network(seed, size=(3, 6), bits=1, decay=4095, steps=30, regular=0)
+        network = random_network(seed, size=(3, 6), bits=1, decay=4095, steps=30, bias_input=False)
         plan = simple_plan(network, 2, seed)
         counted = count_events(plan, trains_of(network, 2, seed))
         assert (counted.touched >= counted.updates).all()
@@ -185,7 +185,7 @@ def test_touched_is_updated_or_hit_by_nothing() -> None:
 
 
 def test_parts_and_what_is_mapped() -> None:
-    plan = busy_plan(regular=1)
+    plan = busy_plan(bias_input=True)
     trains = trains_of(plan.network, 4, 2)
     whole = count_events(plan, trains)
     assert (whole.queries, whole.steps, whole.injected) == (4, plan.network.steps + SILENT_STEPS, False)
@@ -203,7 +203,7 @@ def test_parts_and_what_is_mapped() -> None:
 
 
 def test_injected_spikes_enter_where_they_are_said_to() -> None:
-    plan = busy_plan(regular=0)
+    plan = busy_plan(bias_input=False)
     trains = trains_of(plan.network, 1, 0)
     own, far = count_events(plan, trains), count_events(plan, trains, entry=(3, 2))
     where = positions(plan)
@@ -226,7 +226,7 @@ def test_a_board_whose_mesh_is_not_public() -> None:
 
 
 def test_trains_of_another_network_are_refused() -> None:
-    plan = busy_plan(regular=0)
+    plan = busy_plan(bias_input=False)
     trains = trains_of(plan.network, 2, 0)
     wrong = trains.exc.copy()
     query, step, neuron = np.argwhere(wrong)[-1]

@@ -33,11 +33,11 @@ def test_compartments() -> None:
 
 
 def test_compartments_of_inputs() -> None:
-    made = network(5, 20, regular=1)
+    made = network(5, 20, bias_input=True)
     text = refused(made, tiny(compartments=7))
     assert "neurons, relays and inputs need 30 compartments, but the 4 cores" in text
     assert "have 28; use --input-mode injected" in text
-    check_plan(partition(replace(made, regular=0), tiny(compartments=7), np.ones(20)))
+    check_plan(partition(replace(made, bias_input=False), tiny(compartments=7), np.ones(20)))
 
 
 def test_input_axons() -> None:
@@ -86,20 +86,20 @@ def test_cores_alone() -> None:
 
 
 @pytest.mark.parametrize(
-    ("limits", "regular", "text"),
+    ("limits", "bias_input", "text"),
     [
-        ({"profiles": 1}, 0, "a core needs 2 profiles, but Kapoho Bay (two Loihi 1 chips) has 1; use another --target"),
-        ({"profiles": 2}, 1, "needs 3 profiles, but Kapoho Bay (two Loihi 1 chips) has 2; use --input-mode injected"),
-        ({"thresholds": 1}, 0, "needs 2 thresholds, but Kapoho Bay (two Loihi 1 chips) has 1; use another --target"),
-        ({"thresholds": 2}, 1, "needs 3 thresholds, but Kapoho Bay (two Loihi 1 chips) has 2; use --input-mode inj"),
-        ({"formats": 2}, 0, "needs 3 formats, but Kapoho Bay (two Loihi 1 chips) has 2; use another --target"),
-        ({"weight_bits": (1, 2, 6)}, 0, "at most 6 bits, but these need 8; use --weight-bits 6"),
-        ({"index_bits": ()}, 0, "synapses to relays need index bits"),
-        ({"input_limit": 300}, 0, "lateral inhibition of 12 neurons can reach 484, but Kapoho Bay"),
+        ({"profiles": 1}, False, "needs 2 profiles, but Kapoho Bay (two Loihi 1 chips) has 1; use another --target"),
+        ({"profiles": 2}, True, "needs 3 profiles, but Kapoho Bay (two Loihi 1 chips) has 2; use --input-mode inj"),
+        ({"thresholds": 1}, False, "needs 2 thresholds, but Kapoho Bay (two Loihi 1 chips) has 1; use another --tar"),
+        ({"thresholds": 2}, True, "needs 3 thresholds, but Kapoho Bay (two Loihi 1 chips) has 2; use --input-mode inj"),
+        ({"formats": 2}, False, "needs 3 formats, but Kapoho Bay (two Loihi 1 chips) has 2; use another --target"),
+        ({"weight_bits": (1, 2, 6)}, False, "at most 6 bits, but these need 8; use --weight-bits 6"),
+        ({"index_bits": ()}, False, "synapses to relays need index bits"),
+        ({"input_limit": 300}, False, "lateral inhibition of 12 neurons can reach 484, but Kapoho Bay"),
     ],
 )
-def test_limits_that_no_choice_of_cores_helps(limits: dict[str, int], regular: int, text: str) -> None:
-    made = network(12, 5, bits=8, regular=regular)
+def test_limits_that_no_choice_of_cores_helps(limits: dict[str, int], bias_input: bool, text: str) -> None:
+    made = network(12, 5, bits=8, bias_input=bias_input)
     assert text in refused(made, tiny(**limits))
 
 
@@ -110,7 +110,7 @@ def test_host_spikes_and_both_remedies() -> None:
     assert "the host would have to send up to 62.9 input spikes a step, but Kapoho Bay" in text
     assert "takes 50 a chip; lower encoder.query_spikes to 21.9, or use --input-mode bias" in text
     partition(made, KAPOHO_BAY, even(made, 21.9))
-    assert partition(replace(made, regular=1), KAPOHO_BAY, even(made, 30.0)).host_spikes == 0
+    assert partition(replace(made, bias_input=True), KAPOHO_BAY, even(made, 30.0)).host_spikes == 0
 
 
 def test_a_shift_of_the_sum() -> None:

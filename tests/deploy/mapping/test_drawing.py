@@ -23,11 +23,11 @@ from lava_vpr.engine.inference.fixed import FixedNetwork
 SVG = "{http://www.w3.org/2000/svg}"
 
 
-def network(neurons: int, inputs: int = 120, regular: int = 0) -> FixedNetwork:
+def network(neurons: int, inputs: int = 120, bias_input: bool = False) -> FixedNetwork:
     rng = np.random.default_rng(neurons)
     weights = rng.integers(0, 8, (inputs, neurons)) * (rng.random((inputs, neurons)) < 0.3)
     weights[7] = 0
-    return FixedNetwork(weights.astype(np.uint8), 3, 0, 220, 20, 0, 137, 350, regular)
+    return FixedNetwork(weights.astype(np.uint8), 3, 0, 220, 20, 0, 137, 350, bias_input)
 
 
 def needs(board: Board, compartments: int, axons_in: int, axons_out: int, words: int) -> Needs:
@@ -37,14 +37,14 @@ def needs(board: Board, compartments: int, axons_in: int, axons_out: int, words:
 
 
 @lru_cache(maxsize=16)
-def plan(neurons: int, board: Board = KAPOHO_BAY, regular: int = 0, each: int = 100, every: int = 1) -> Plan:
+def plan(neurons: int, board: Board = KAPOHO_BAY, bias_input: bool = False, each: int = 100, every: int = 1) -> Plan:
     """A plain plan: ``each`` neurons on a core with their relays, then the inputs, on every ``every``-th core."""
-    net = network(neurons, regular=regular)
+    net = network(neurons, bias_input=bias_input)
     parts: list[list[tuple[PopulationName, int, int]]] = []
     for first in range(0, neurons, each):
         size = min(each, neurons - first)
         parts.append([("exc", first, size), ("inh", first, size)])
-    if regular:
+    if bias_input:
         parts[-1].append(("inputs", 0, 40))
         parts.append([("inputs", 40, net.inputs - 40)])
     cores = []
@@ -59,19 +59,19 @@ def plan(neurons: int, board: Board = KAPOHO_BAY, regular: int = 0, each: int = 
         load = Load(20.0, 300.0, 4.0, exc, 3.0, 2.0, 1000.0 + 10 * exc + number)
         cores.append(CorePlan(chip, core, placed, np.arange(net.inputs) % 3 > 0, True, taken, load))
     hops = None if board.tile_cores is None else 12.5
-    return Plan(net, board, tuple(cores), 3, 8, hops, 0.0 if regular else 46.83)
+    return Plan(net, board, tuple(cores), 3, 8, hops, 0.0 if bias_input else 46.83)
 
 
 PLANS = {
     "one core": lambda: plan(100),
     "six cores": lambda: plan(500, each=90),
-    "bias": lambda: plan(150, regular=1),
+    "bias": lambda: plan(150, bias_input=True),
     "many": lambda: plan(3000, each=40),
     "both chips, all cores": lambda: plan(2560, each=10),
     "scattered": lambda: plan(300, every=50),
     "one neuron": lambda: plan(1),
     "loihi 2": lambda: plan(500, LOIHI_2),
-    "loihi 2, bias": lambda: plan(9000, LOIHI_2, regular=1, each=4000),
+    "loihi 2, bias": lambda: plan(9000, LOIHI_2, bias_input=True, each=4000),
 }
 
 
@@ -187,11 +187,11 @@ def test_many_cores_are_drawn_small_and_the_busiest_large() -> None:
 
 
 def test_a_row_says_what_a_core_holds_and_takes() -> None:
-    shown = plan(150, regular=1)
+    shown = plan(150, bias_input=True)
     table = lines(shown)
     rows = {row[0]: row for row in table if len(row) == 9}
     words = row_words(np.full(120, 50), 3).sum()
-    used = network(150, regular=1).weights[:, 100:].any(axis=1)
+    used = network(150, bias_input=True).weights[:, 100:].any(axis=1)
     dense = int((used & (np.arange(120) % 3 > 0)).sum())
     assert rows["0:1"] == [
         "0:1",
@@ -234,7 +234,7 @@ def test_the_summary_says_what_limits_and_what_clears() -> None:
     assert "The host sends up to 46.8 spikes a step to each chip (limit: 50)." in text
     assert "an embedded processor of each chip writes v = 0" in text
     assert busiest(plan(500)).core == 4
-    assert "The host sends no spikes: inputs integrate a bias" in " ".join(summary(plan(150, regular=1)))
+    assert "The host sends no spikes: inputs integrate a bias" in " ".join(summary(plan(150, bias_input=True)))
     other = " ".join(summary(plan(500, LOIHI_2)))
     assert "Which cores they are, and how synapses are stored, is decided by Intel's compiler." in other
     assert "Time of a step: unknown; nobody has published how long operations of Loihi 2 take." in other

@@ -31,7 +31,7 @@ def test_what_fits_holds_every_limit_and_needs_are_what_is_written(data: st.Data
         bits=number(st.sampled_from([1, 2, 3, 7, 8])),
         share=number(st.sampled_from([0.0, 0.1, 0.42, 1.0])),
         inhibition=number(st.sampled_from([0, 1, 44, 200])),
-        regular=number(st.integers(0, 1)),
+        bias_input=number(st.booleans()),
         seed=number(st.integers(0, 99)),
     )
     board = replace(
@@ -98,7 +98,7 @@ def literal_fits(made: FixedNetwork, board: Board, bits: tuple[int, int], bounds
                 begin += count
             else:
                 outcomes.add(tuple(left))
-    if not made.regular:
+    if not made.bias_input:
         return bool(outcomes)
     targets = [sum(bool(row[a:b].any()) for a, b in ranges) for row in made.weights]
     for left, order in itertools.product(outcomes, itertools.permutations(range(total))):
@@ -129,7 +129,7 @@ def small_problem(seed: int) -> tuple[FixedNetwork, Board]:
         bits=int(rng.integers(1, 9)),
         share=float(rng.choice([0.3, 0.6, 1.0])),
         inhibition=int(rng.choice([0, 1, 44, 85])),
-        regular=int(rng.random() < 0.5),
+        bias_input=bool(rng.random() < 0.5),
         seed=seed,
     )
     board = tiny(
@@ -159,7 +159,7 @@ def test_a_search_that_is_not_exhaustive_finds_as_few_cores(monkeypatch: pytest.
     several = 0
     for seed in range(160):
         made, board = small_problem(seed)
-        made = replace(made, regular=0)
+        made = replace(made, bias_input=False)
         sizing = Sizing(made, board, even(made, 0.5))
         wanted = literal_fewest(made, board, (sizing.weight_bits, sizing.lateral_bits))
         layouts = arrange(sizing)
@@ -255,7 +255,7 @@ def test_the_busiest_core_is_as_little_busy_as_neighbouring_ranges_allow() -> No
 
 
 def test_inputs_are_spread_so_that_no_core_waits() -> None:
-    made = network(100, 1568, regular=1)
+    made = network(100, 1568, bias_input=True)
     rates = np.random.default_rng(4).random(1568) ** 4
     rates *= 20 / rates.sum()
     plan = partition(made, KAPOHO_BAY, rates)
@@ -269,7 +269,7 @@ def test_inputs_are_spread_so_that_no_core_waits() -> None:
 
 
 def test_loihi_2_is_divided_by_neurons_alone() -> None:
-    made = network(60, 50, regular=1)
+    made = network(60, 50, bias_input=True)
     plan = partition(made, replace(LOIHI_2, compartments=100), even(made))
     check_plan(plan)
     assert len(plan.cores) == 2
@@ -283,7 +283,7 @@ def test_loihi_2_is_divided_by_neurons_alone() -> None:
 
 
 def test_equal_networks_have_equal_plans() -> None:
-    made = network(200, 400, regular=1)
+    made = network(200, 400, bias_input=True)
     board = replace(KAPOHO_BAY, synapse_words=3000)
     one, two = (partition(made, board, even(made)) for _ in range(2))
     assert [(c.chip, c.core, c.parts, c.needs, c.load) for c in one.cores] == [

@@ -96,9 +96,9 @@ def literal_hops(plan: Plan, exc_spikes: float, rates: np.ndarray) -> float:
     return total
 
 
-@pytest.mark.parametrize("regular", [0, 1])
-def test_hops_are_those_of_every_output_axon(regular: int) -> None:
-    made = network(40, 60, regular=regular)
+@pytest.mark.parametrize("bias_input", [False, True])
+def test_hops_are_those_of_every_output_axon(bias_input: bool) -> None:
+    made = network(40, 60, bias_input=bias_input)
     rates = np.random.default_rng(5).random(60) / 5
     board = replace(KAPOHO_BAY, compartments=14)
     plan = partition(made, board, rates, exc_spikes=2.0)

@@ -35,10 +35,10 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Any:
     return load_program(host_programs.flat("kapoho_bay", tmp_path_factory.mktemp("flat") / "program"))
 
 
-@pytest.fixture(scope="module", params=[0, 1], ids=["injected", "bias"])
+@pytest.fixture(scope="module", params=[False, True], ids=["injected", "bias"])
 def two_chips(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Made:
     """A network on two chips; never written to."""
-    return make(tmp_path_factory.mktemp("made"), layout("two chips", random_network(regular=request.param)))
+    return make(tmp_path_factory.mktemp("made"), layout("two chips", random_network(bias_input=request.param)))
 
 
 def test_the_program_needs_python_3_6_and_numpy_only() -> None:
@@ -66,7 +66,7 @@ def test_input_is_the_encoders(program: Any, key: int, inputs: int, steps: int) 
     assert np.array_equal(own.draw_spikes(rates, key, steps), draw_spikes(rates, key, steps))
     for found, other in zip(own.biases(rates, own.LEVEL), bias_input.biases(rates), strict=True):
         assert np.array_equal(found, other)
-    assert np.array_equal(own.phases(key, inputs, own.LEVEL), bias_input.phases(key, inputs))
+    assert np.array_equal(own.phases(key, inputs, own.LEVEL), bias_input.start_membranes(key, inputs))
     assert own.LEVEL == bias_input.LEVEL
 
 
@@ -90,10 +90,10 @@ def test_words_are_unpacked_as_they_were_packed(program: Any, tmp_path: Path, de
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
-@pytest.mark.parametrize("mode", [0, 1], ids=["injected", "bias"])
-def test_the_board_counts_as_the_host(board: Board, tmp_path: Path, name: str, mode: int) -> None:
-    lag = mode ^ (name == "apart")  # it is not public which slot of a counter a spike is in
-    made = make(tmp_path, layout(name, random_network(3, regular=mode), dense=float(lag)))
+@pytest.mark.parametrize("mode", [False, True], ids=["injected", "bias"])
+def test_the_board_counts_as_the_host(board: Board, tmp_path: Path, name: str, mode: bool) -> None:
+    lag = mode != (name == "apart")  # it is not public which slot of a counter a spike is in
+    made = make(tmp_path, layout(name, random_network(3, bias_input=mode), dense=float(lag)))
     assert made.counts.sum() > 20
     ended = board.run(made, "--self-test", lag=lag)
     assert (ended.code, ended.err) == (0, "")
@@ -101,7 +101,7 @@ def test_the_board_counts_as_the_host(board: Board, tmp_path: Path, name: str, m
 
 
 def test_more_neurons_than_a_packet_holds(board: Board, tmp_path: Path) -> None:
-    network = random_network(5, inputs=40, neurons=70, regular=1, threshold=60, inhibition=3)
+    network = random_network(5, inputs=40, neurons=70, bias_input=True, threshold=60, inhibition=3)
     plan = plan_by_hand(network, {(1, 0): [("exc", 0, 70), ("inh", 0, 70), ("inputs", 0, 40)]})
     made = make(tmp_path, plan, images=3)
     ended = board.run(made, "--self-test")
@@ -153,16 +153,16 @@ def test_self_test_tells_the_first_difference(board: Board, tmp_path: Path) -> N
     assert (ended.code, ended.err) == (1, f"self-test: {said}\n")
 
 
-@pytest.mark.parametrize("mode", [0, 1], ids=["injected", "bias"])
-def test_a_deployed_model(board: Board, tmp_path: Path, mode: int) -> None:
+@pytest.mark.parametrize("mode", [False, True], ids=["injected", "bias"])
+def test_a_deployed_model(board: Board, tmp_path: Path, mode: bool) -> None:
     model = small_model()
-    network = replace(model.network, shift=0, threshold=2 * model.network.threshold, regular=mode)
+    network = replace(model.network, shift=0, threshold=2 * model.network.threshold, bias_input=mode)
     bundle = deploy(replace(model, network=network), KAPOHO_BAY, tmp_path / "bundle", picture=False).bundle
     held = {name: data for name, data in bundle.files.items() if name.startswith("program/")}
     assert held == {f"program/{name}": data for name, data in host_programs.files("kapoho_bay").items()}
     clearing = bundle.manifest["clearing"]
-    assert clearing["input_writes_per_query"] == 3 * mode * network.inputs
-    assert clearing["writes_per_query"] == network.neurons + 3 * mode * network.inputs
+    assert clearing["input_writes_per_query"] == 3 * network.input_compartments
+    assert clearing["writes_per_query"] == network.neurons + 3 * network.input_compartments
     ended = board.run(Made(tmp_path / "bundle", network, *3 * [np.zeros(0)]), "--self-test", 2)
     assert (ended.code, ended.err) == (0, "")
 
@@ -174,27 +174,27 @@ def test_check_needs_no_board(two_chips: Made) -> None:
     assert ended.out == "ready: 3 cores, 296 synapses, 10 neurons; set KAPOHOBAY=1 to run on the board\n"
 
 
-MUTATIONS: dict[str, tuple[str, str, int, str]] = {
-    "no flush": ("nx_flush_core", "(void)", 0, "registers were written and not flushed"),
-    "no clearing": (".U = 0, .V = 0}", ".U = 0, .V = 5000}", 0, "instead of"),
-    "a slot less": ("#define LV_SLOTS 4 ", "#define LV_SLOTS 3 ", 0, "instead of"),
-    "bias stays": ("lv_step == LV_STEPS - 1", "lv_step == LV_STEPS + 99", 1, "instead of"),
-    "bias too large": ("bias & 0xfff", "bias & 0x1fff", 1, "does not fit its register"),
-    "a threshold written": ("settings.Bias = bias & 0xfff;", "core->vth = bias;", 1, "does not compile"),
-    "profiles lost": ("= core->cx_cfg[lv_source_places[i].compartment];", "= {0};", 1, "profile of a compartment was"),
-    "early silence": ("lv_step == LV_STEPS - 1", "lv_step == LV_STEPS / 2", 1, "instead of"),
-    "wrong axon": ("input][core]);", "input][core] | 0x400);", 0, "a spike came to input axon"),
-    "wrong time": ("(uint16_t)s->time_step,", "(uint16_t)~s->time_step,", 0, "a spike is sent in step"),
-    "not sent": ("lv_received++;", "lv_received += input % 2;", 0, "the chip took"),
-    "another query": ("lv_query++;", "lv_query += 2;", 0, "a packet came with query 2 instead of 3"),
-    "a warning": ("(void)s;", "int unused;", 0, "does not compile"),
+MUTATIONS: dict[str, tuple[str, str, bool, str]] = {
+    "no flush": ("nx_flush_core", "(void)", False, "registers were written and not flushed"),
+    "no clearing": (".U = 0, .V = 0}", ".U = 0, .V = 5000}", False, "instead of"),
+    "a slot less": ("#define LV_SLOTS 4 ", "#define LV_SLOTS 3 ", False, "instead of"),
+    "bias stays": ("lv_step == LV_STEPS - 1", "lv_step == LV_STEPS + 99", True, "instead of"),
+    "bias too large": ("bias & 0xfff", "bias & 0x1fff", True, "does not fit its register"),
+    "a threshold written": ("settings.Bias = bias & 0xfff;", "core->vth = bias;", True, "does not compile"),
+    "profiles lost": ("= core->cx_cfg[lv_source_places[i].compartment];", "= {0};", True, "profile of a compartment"),
+    "early silence": ("lv_step == LV_STEPS - 1", "lv_step == LV_STEPS / 2", True, "instead of"),
+    "wrong axon": ("input][core]);", "input][core] | 0x400);", False, "a spike came to input axon"),
+    "wrong time": ("(uint16_t)s->time_step,", "(uint16_t)~s->time_step,", False, "a spike is sent in step"),
+    "not sent": ("lv_received++;", "lv_received += input % 2;", False, "the chip took"),
+    "another query": ("lv_query++;", "lv_query += 2;", False, "a packet came with query 2 instead of 3"),
+    "a warning": ("(void)s;", "int unused;", False, "does not compile"),
 }
 
 
 @pytest.mark.parametrize("name", MUTATIONS)
 def test_the_stand_in_sees_defects_of_the_chips_program(board: Board, tmp_path: Path, name: str) -> None:
-    old, new, mode, said = MUTATIONS[name]
-    made = make(tmp_path, layout("one core", random_network(1, regular=mode)), images=3)
+    old, new, bias_input, said = MUTATIONS[name]
+    made = make(tmp_path, layout("one core", random_network(1, bias_input=bias_input)), images=3)
     altered(made, "program/embedded.c", lambda content: content.replace(old.encode(), new.encode()))
     ended = board.run(made, "--self-test", "--timeout", 3)
     assert ended.code == 1

@@ -35,7 +35,9 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
 @pytest.fixture(scope="module")
 def bias(tmp_path_factory: pytest.TempPathFactory) -> Made:
     """The same with inputs that integrate a bias."""
-    return make(tmp_path_factory.mktemp("bias"), layout("one core", random_network(steps=24, regular=1)), images=6)
+    return make(
+        tmp_path_factory.mktemp("bias"), layout("one core", random_network(steps=24, bias_input=True)), images=6
+    )
 
 
 def words(made: Made, folder: Path) -> tuple[object, ...]:

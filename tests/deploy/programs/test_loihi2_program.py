@@ -58,7 +58,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     (root / "queries").mkdir()
     np.save(root / "queries" / "rates.npy", rates)
     np.save(root / "queries" / "keys.npy", keys)
-    injected, biased = (write_bundle(root / f"bundle{r}", network(regular=r)) for r in (0, 1))
+    injected, biased = (write_bundle(root / f"bundle{int(bias)}", network(bias_input=bias)) for bias in (False, True))
     return {"injected": injected, "bias": biased, "queries": root / "queries"}
 
 
@@ -79,7 +79,9 @@ def test_the_program_draws_what_the_host_draws(run: Any, key: int, steps: int, i
     assert np.array_equal(run.input_draws.draw_spikes(rates, key, steps), draw_spikes(rates, key, steps))
     for own, wanted in zip(run.input_draws.biases(rates, bias_input.LEVEL), bias_input.biases(rates), strict=True):
         assert np.array_equal(own, wanted)
-    assert np.array_equal(run.input_draws.phases(key, inputs, bias_input.LEVEL), bias_input.phases(key, inputs))
+    assert np.array_equal(
+        run.input_draws.phases(key, inputs, bias_input.LEVEL), bias_input.start_membranes(key, inputs)
+    )
 
 
 def test_the_program_stands_alone() -> None:
@@ -178,7 +180,7 @@ def test_lavas_simulation_counts_what_the_host_counts(made: dict[str, Path], way
     words = ("--queries", made["queries"], "--out", tmp_path / "out", "--batch", 2, "--simulate")
     assert program(made[way], *words) == (0, "5 of 5 queries answered")
     counts, done, status = answers(tmp_path / "out")
-    wanted, _, _ = count_spikes(network(regular=int(way == "bias")), *queries())
+    wanted, _, _ = count_spikes(network(bias_input=way == "bias"), *queries())
     assert counts.dtype == np.int32
     assert np.array_equal(counts, wanted)
     assert wanted.any(axis=1).all()
@@ -194,7 +196,7 @@ def test_the_board_answers_as_the_host(made: dict[str, Path], way: str, tmp_path
     weights = str(made[way] / "network" / "weights.npy")
     env = environment(options=asked(tmp_path, weights=weights, log=str(tmp_path / "log")))
     code, text = program(made[way], "--self-test", "--batch", 3, env=env)
-    wanted, _, _ = count_spikes(network(regular=int(way == "bias")), *queries())
+    wanted, _, _ = count_spikes(network(bias_input=way == "bias"), *queries())
     assert (code, text) == (0, f"equal: 5 references, 40 counts, {wanted.sum()} spikes")
     own = "NxToPyAdapter, PyToNxAdapter" if way == "injected" else "LIF, LIFReset, LIFReset, NxToPyAdapter"
     parts = ["Dense", "Dense", *(["LIFReset", "LIFReset"] if way == "injected" else []), *own.split(", "), "Sparse"]
@@ -332,11 +334,11 @@ def board(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., None
     return options
 
 
-@pytest.mark.parametrize("way", [0, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("way", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_the_backend_counts_what_the_host_counts(board: Callable[..., None], way: int, tmp_path: Path) -> None:
     model = small_model()
     assert isinstance(model.network, FixedNetwork)
-    model = replace(model, network=replace(model.network, regular=way))
+    model = replace(model, network=replace(model.network, bias_input=way))
     np.save(tmp_path / "weights.npy", model.network.stored[0])
     board(weights=str(tmp_path / "weights.npy"), log=str(tmp_path / "log"))
     rates, ids = query_rates(model.activity, model.config)[:3], np.arange(3)

@@ -28,7 +28,7 @@ def compare(plan: Plan, seed: int) -> tuple[int, Chips]:
     rates, keys = pictures(network, 3, seed)
     exc, inh, inputs = chips.run(rates, keys)
     _, _, film = count_spikes(network, rates, keys, raster=True)
-    drawn = draw_trains(rates, keys, network.steps, film.shape[1], regular=bool(network.regular))
+    drawn = draw_trains(rates, keys, network.steps, film.shape[1], bias_input=network.bias_input)
     assert np.array_equal(inputs, drawn)
     assert np.array_equal(exc, film)
     assert np.array_equal(inh[:, 1:], film[:, :-1])
@@ -37,11 +37,11 @@ def compare(plan: Plan, seed: int) -> tuple[int, Chips]:
     return int(film.sum()), chips
 
 
-@pytest.mark.parametrize(("bits", "regular"), list(product(range(1, 9), (0, 1))))
-def test_spikes_are_those_of_the_engine(bits: int, regular: int) -> None:
+@pytest.mark.parametrize(("bits", "bias_input"), list(product(range(1, 9), (False, True))))
+def test_spikes_are_those_of_the_engine(bits: int, bias_input: bool) -> None:
     spikes, chips, sparse, cores = 0, set(), set(), set()
     for seed in range(5):
-        network = random_network(100 * bits + seed, bits=bits, regular=regular)
+        network = random_network(100 * bits + seed, bits=bits, bias_input=bias_input)
         plan = simple_plan(network, 1 + (bits + seed) % 6, seed)
         found, machine = compare(plan, seed)
         spikes += found
@@ -53,9 +53,9 @@ def test_spikes_are_those_of_the_engine(bits: int, regular: int) -> None:
     assert len(cores) > 3
 
 
-@pytest.mark.parametrize("regular", [0, 1])
-def test_each_presentation_stands_alone(regular: int) -> None:
-    plan = busy_plan(regular=regular)
+@pytest.mark.parametrize("bias_input", [False, True])
+def test_each_presentation_stands_alone(bias_input: bool) -> None:
+    plan = busy_plan(bias_input=bias_input)
     chips = chips_of(plan)
     rates, keys = pictures(plan.network, 5, 7)
     whole = chips.present(rates, keys)
@@ -71,9 +71,9 @@ def test_each_presentation_stands_alone(regular: int) -> None:
     assert chips.present(rates[:0], keys[:0]).counts.shape == (0, 20)
 
 
-@pytest.mark.parametrize("regular", [0, 1])
-def test_what_is_counted(regular: int) -> None:
-    plan = busy_plan(regular=regular)
+@pytest.mark.parametrize("bias_input", [False, True])
+def test_what_is_counted(bias_input: bool) -> None:
+    plan = busy_plan(bias_input=bias_input)
     images, tables = core_images(plan), host_tables(plan)
     rng = np.random.default_rng(0)
     positions = rng.integers(0, 8, (len(images), 2))
@@ -114,7 +114,7 @@ def test_what_is_counted(regular: int) -> None:
     relays, steps = np.bincount([place[c, k] for c, k, _ in tables.inh], minlength=len(images)), 2 * 33
     sizes = np.array([len(image.compartments) for image in images])
     assert (seen.events["updates"] <= (sizes - relays) * steps + seen.inh.sum()).all()
-    assert seen.events["updates"].sum() > 0.5 * (20 + 30 * regular) * steps
+    assert seen.events["updates"].sum() > 0.5 * (50 if bias_input else 20) * steps
 
 
 def literal_step(x: dict[str, int]) -> tuple[int, int, int, bool]:
@@ -178,9 +178,9 @@ def test_one_step_of_any_registers() -> None:
     assert events[:, EVENTS.index("spikes")].sum() == spikes
 
 
-@pytest.mark.parametrize("regular", [0, 1])
-def test_a_flipped_bit_of_a_weight_is_seen(regular: int) -> None:
-    plan = busy_plan(regular=regular)
+@pytest.mark.parametrize("bias_input", [False, True])
+def test_a_flipped_bit_of_a_weight_is_seen(bias_input: bool) -> None:
+    plan = busy_plan(bias_input=bias_input)
     images = core_images(plan)
     rates, keys = pictures(plan.network, 4, 2)
     good = chips_of(plan).run(rates, keys)[0]
@@ -239,7 +239,7 @@ def with_registers(image: CoreImage, group: str, index: int | None, **values: An
 
 
 def test_what_does_not_come_to_rest_is_an_error() -> None:
-    plan = busy_plan(regular=0)
+    plan = busy_plan(bias_input=False)
     rates, keys = pictures(plan.network, 2, 1)
     with pytest.raises(
         ModelFileError, match=r"^presentation 0: \d+ spikes are still on their way after its last step;"
@@ -262,7 +262,7 @@ def test_what_does_not_come_to_rest_is_an_error() -> None:
 
 
 def test_inputs_are_silent_because_their_bias_is_off() -> None:
-    plan = busy_plan(regular=1)
+    plan = busy_plan(bias_input=True)
     rates, keys = pictures(plan.network, 20, 1)
     good = chips_of(plan)
     _, late, sent = (train[:, plan.network.steps :] for train in good.run(rates, keys))
@@ -281,7 +281,7 @@ def table_with(table: NDArray[np.int32], *values: int) -> NDArray[np.int32]:
 
 
 def test_images_and_tables_that_contradict_each_other() -> None:
-    plan = busy_plan(regular=0)
+    plan = busy_plan(bias_input=False)
     images, tables = core_images(plan), host_tables(plan)
     rest, one = images[1:], images[0]
 
@@ -307,7 +307,7 @@ def test_images_and_tables_that_contradict_each_other() -> None:
 
 
 def test_registers_that_no_core_has() -> None:
-    plan = busy_plan(regular=0)
+    plan = busy_plan(bias_input=False)
     one, *rest = core_images(plan)
 
     def refused(text: str, image: CoreImage) -> None:

@@ -34,7 +34,7 @@ SEEDS = 5000
 
 def partitioned(wanted: int, start: int = 0) -> dict[str, int]:
     """Deploy random networks until ``wanted`` fit; what was seen."""
-    seen = {"fit": 0, "refused": 0, "cores": 0, "several": 0, "chips": 0, "regular": 0}
+    seen = {"fit": 0, "refused": 0, "cores": 0, "several": 0, "chips": 0, "bias inputs": 0}
     for seed in range(start, start + SEEDS):
         rng = np.random.default_rng(seed)
         network = random_network(rng, large=seed % 8 == 0)
@@ -58,7 +58,7 @@ def partitioned(wanted: int, start: int = 0) -> dict[str, int]:
         seen["cores"] += len(cores)
         seen["several"] += len(cores) > 1
         seen["chips"] += len({core.chip for core in cores}) > 1
-        seen["regular"] += network.regular
+        seen["bias inputs"] += network.bias_input
         if seen["fit"] == wanted:
             return seen
     raise AssertionError(f"only {seen} of {wanted} fit")
@@ -68,7 +68,7 @@ def test_every_limit_holds_of_forty_random_networks() -> None:
     seen = partitioned(40, start=100)
     assert seen["several"] > 8
     assert seen["chips"] > 0
-    assert seen["regular"] > 5
+    assert seen["bias inputs"] > 5
 
 
 @pytest.mark.slow
@@ -77,7 +77,7 @@ def test_every_limit_holds_of_a_thousand_random_networks() -> None:
     print(seen)
     assert seen["several"] > 200
     assert seen["chips"] > 5
-    assert seen["regular"] > 100
+    assert seen["bias inputs"] > 100
 
 
 def simulated(wanted: int, start: int) -> tuple[int, int]:

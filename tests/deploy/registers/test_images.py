@@ -19,13 +19,13 @@ from lava_vpr.deploy.registers.core_images import (
     network_of,
 )
 from lava_vpr.deploy.registers.synapses import lateral_synapse
-from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import ModelFileError, NetworkLimitError
 
 
 def scalars_of(network: FixedNetwork) -> dict[str, int]:
     """What a manifest tells."""
-    return {name: int(getattr(network, name)) for name in ("inputs", "neurons", *SCALARS)}
+    return {"inputs": network.inputs, "neurons": network.neurons, **network.scalars}
 
 
 def equal(a: FixedNetwork, b: FixedNetwork) -> bool:
@@ -92,7 +92,7 @@ def test_tables_of_a_small_network() -> None:
     assert tables.exc.tolist() == [[0, 4, 0], [0, 4, 1], [1, 0, 0]]
     assert tables.inh.tolist() == [[0, 4, 2], [0, 4, 3], [0, 4, 4]]
     assert tables.inputs.shape == (0, 3)
-    plan = small_plan(regular=1)
+    plan = small_plan(bias_input=True)
     tables, image = host_tables(plan), core_images(plan)[0]
     assert tables.injection.shape == (0, 4)
     assert tables.inputs.tolist() == [[0, 4, 5], [0, 4, 6]]
@@ -146,9 +146,9 @@ def altered(images: tuple[CoreImage, ...], tables: HostTables, seed: int) -> tup
     return (*images[:k], replace(images[k], **{where: array}), *images[k + 1 :]), tables, where
 
 
-@pytest.mark.parametrize("regular", [0, 1])
-def test_one_wrong_number_is_refused_or_is_another_network(regular: int) -> None:
-    network = random_network(3, regular=regular, size=(30, 20), bits=5, inhibition=60)
+@pytest.mark.parametrize("bias_input", [False, True])
+def test_one_wrong_number_is_refused_or_is_another_network(bias_input: bool) -> None:
+    network = random_network(3, bias_input=bias_input, size=(30, 20), bits=5, inhibition=60)
     plan = simple_plan(network, 4, 5)
     images, tables, told = core_images(plan), host_tables(plan), scalars_of(network)
     refused = set()
@@ -166,7 +166,7 @@ def test_one_wrong_number_is_refused_or_is_another_network(regular: int) -> None
         assert "\n" not in text
         assert text.endswith("deploy the model again") or not text
     expected = {"compartments", "synapses", "axons_in", "axons_out", "exc", "inh"}
-    assert refused == expected | {"inputs" if regular else "injection"}
+    assert refused == expected | {"inputs" if bias_input else "injection"}
 
 
 @pytest.mark.parametrize(

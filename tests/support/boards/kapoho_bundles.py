@@ -15,7 +15,7 @@ from lava_vpr.deploy.bundle import folder as bundle
 from lava_vpr.deploy.bundle.folder import array_bytes, json_bytes
 from lava_vpr.deploy.registers.core_images import core_images, host_tables
 from lava_vpr.engine.inference import fixed
-from lava_vpr.engine.inference.fixed import SCALARS, SILENT_STEPS, FixedNetwork
+from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.loihi import HOST_SPIKES
 
@@ -80,7 +80,7 @@ LAYOUTS: dict[str, dict[tuple[int, int], list[Place]]] = {
 def layout(name: str, network: FixedNetwork, dense: float = 0.5) -> Plan:
     """`LAYOUTS`, without input compartments if spikes are injected."""
     cores = {
-        core: [place for place in places if network.regular or place[0] != "inputs"]
+        core: [place for place in places if network.bias_input or place[0] != "inputs"]
         for core, places in LAYOUTS[name].items()
     }
     return plan_by_hand(network, {core: places for core, places in cores.items() if places}, dense)
@@ -107,9 +107,8 @@ def make(folder: Path, plan: Plan, images: int = 5, traverses: int = 1, seed: in
         files |= {f"{name}/{array}.npy": getattr(image, array) for array in arrays}
     content = {f"program/{name}": data for name, data in host_programs.files("kapoho_bay").items()}
     content |= {name: array_bytes(array) for name, array in files.items()} | registers
-    scalars = {name: int(getattr(network, name)) for name in SCALARS}
     sizes = {"inputs": network.inputs, "neurons": network.neurons, "silent_steps": SILENT_STEPS}
-    manifest = {"target": "kapoho-bay", "network": {**sizes, **scalars}, "limits": {"host_spikes": HOST_SPIKES}}
+    manifest = {"target": "kapoho-bay", "network": {**sizes, **network.scalars}, "limits": {"host_spikes": HOST_SPIKES}}
     path = folder / "bundle"
     bundle.write(path, manifest, content)
     return Made(path, network, rates, keys, counts)

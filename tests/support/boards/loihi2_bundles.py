@@ -16,7 +16,7 @@ from support.boards import host_programs
 from lava_vpr.deploy.bundle import folder as bundle_folder
 from lava_vpr.deploy.bundle import loihi2
 from lava_vpr.deploy.bundle.folder import array_bytes
-from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork, count_spikes
+from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 from lava_vpr.engine.random import presentation_keys
 
 STANDIN = Path(__file__).parents[1] / "standins" / "standin_lava_loihi"
@@ -27,7 +27,7 @@ IMAGES, PLACES, INTERVAL = 5, 4, 33
 def network(seed: int = 0, inputs: int = 24, neurons: int = 10, **changes: int) -> FixedNetwork:
     """A small network whose neurons spike."""
     numbers = {"bits": 3, "shift": 0, "threshold": 20, "inhibition": 10, "inhibition_exponent": 0, "decay": 137}
-    numbers |= {"steps": INTERVAL - 3, "regular": 0} | changes
+    numbers |= {"steps": INTERVAL - 3, "bias_input": False} | changes
     weights = np.random.default_rng(seed).random((inputs, neurons)) ** 4 * (1 << numbers["bits"])
     return FixedNetwork(weights.astype(np.uint8), **numbers)
 
@@ -48,7 +48,7 @@ def write_bundle(path: Path, net: FixedNetwork) -> Path:
     arrays = {"rates": rates, "keys": keys, "labels": labels, "responses": responses}
     files = loihi2.network_files(net) | {f"host/{name}.npy": array_bytes(array) for name, array in arrays.items()}
     program = {f"program/{name}": data for name, data in host_programs.files("loihi2").items()}
-    told = {"target": "loihi2", "network": {name: int(getattr(net, name)) for name in ("inputs", "neurons", *SCALARS)}}
+    told = {"target": "loihi2", "network": {"inputs": net.inputs, "neurons": net.neurons, **net.scalars}}
     bundle_folder.write(path, told, files | program)
     return path
 

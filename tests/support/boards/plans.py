@@ -45,7 +45,7 @@ def simple_plan(network: FixedNetwork, cores: int, seed: int = 0, chips: int = 2
         found.append(
             CorePlan(chip, core, tuple(p for p in parts if p.size), dense, bool(rng.random() < 0.5), NEEDS, LOAD)
         )
-    if network.regular:
+    if network.bias_input:
         half = network.inputs // 2
         last_core = found.pop()
         at = sum(part.size for part in last_core.parts)
@@ -76,7 +76,7 @@ def random_network(seed: int, **changes: Any) -> FixedNetwork:
         inhibition_exponent=int(rng.integers(0, 3)),
         decay=int(rng.choice([0, 130, 2000, 4095])),
         steps=int(rng.integers(1, 40)),
-        regular=int(rng.integers(0, 2)),
+        bias_input=bool(rng.integers(0, 2)),
     )
     return replace(made, **changes)
 
@@ -87,7 +87,7 @@ def small_plan(**changes: Any) -> Plan:
     network = replace(FixedNetwork(weights, 3, 0, 9, 10, 1, 130, 20), **changes)
     dense = np.array([True, False])
     parts = [Part("exc", 0, 2, 0), Part("inh", 0, 3, 2)]
-    if network.regular:
+    if network.bias_input:
         parts.append(Part("inputs", 0, 2, 5))
     return Plan(
         network,
@@ -106,7 +106,7 @@ def small_plan(**changes: Any) -> Plan:
 def chips_of(plan: Plan, images: Any = None, tables: HostTables | None = None, **changes: Any) -> Chips:
     """Chips that hold ``plan``, or other images or tables instead."""
     network = plan.network
-    settings = {"steps": network.steps, "silent_steps": SILENT_STEPS, "regular": bool(network.regular)} | changes
+    settings = {"steps": network.steps, "silent_steps": SILENT_STEPS, "bias_input": network.bias_input} | changes
     return Chips.of(images or core_images(plan), tables or host_tables(plan), **settings)
 
 
@@ -125,5 +125,5 @@ def trains_of(network: FixedNetwork, n: int, seed: int) -> Trains:
     """Every spike of ``n`` presentations, by the host's engine."""
     rates, keys = pictures(network, n, seed)
     _, _, film = count_spikes(network, rates, keys, raster=True)
-    regular = bool(network.regular)
-    return Trains(film, draw_trains(rates, keys, network.steps, film.shape[1], regular=regular))
+    bias_input = network.bias_input
+    return Trains(film, draw_trains(rates, keys, network.steps, film.shape[1], bias_input=bias_input))

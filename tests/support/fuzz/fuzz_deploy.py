@@ -43,8 +43,8 @@ def random_network(rng: np.random.Generator, large: bool) -> FixedNetwork:
         exponent += 1
     threshold = int(rng.integers(1, max(2, int(weights.sum(axis=0).max()) // 3 + 2)))
     decay = int(rng.choice([0, 137, 1000, 4095]))
-    steps, regular = int(rng.integers(1, 40)), int(rng.random() < 0.4)
-    return FixedNetwork(weights, bits, 0, threshold, inhibition, exponent, decay, steps, regular)
+    steps, bias_input = int(rng.integers(1, 40)), bool(rng.random() < 0.4)
+    return FixedNetwork(weights, bits, 0, threshold, inhibition, exponent, decay, steps, bias_input)
 
 
 def random_board(rng: np.random.Generator, network: FixedNetwork) -> Board:
@@ -65,7 +65,7 @@ def random_board(rng: np.random.Generator, network: FixedNetwork) -> Board:
 def model_of(network: FixedNetwork) -> Model:
     """A model around a random network: what deployment needs of it."""
     rng = np.random.default_rng(network.inputs)
-    mode = "bias" if network.regular else "injected"
+    mode = "bias" if network.bias_input else "injected"
     kinds = {
         "encoder": {"kind": "pixels", "query_spikes": 5.0},
         "network": {"input_mode": mode, "steps": network.steps},

@@ -33,14 +33,14 @@ def networks(arrays: Arrays, options: dict[str, Any]) -> Arrays:
 def _as_on_a_board(arrays: Arrays, options: dict[str, Any]) -> Arrays:
     """The library's first network, wired as for a board but simulated; which ports would have crossed adapters."""
     crossed: list[str] = []
-    across, begin, written = jobs.across, jobs._begin, library_inputs.LibraryInputs.write
+    across, begin, written = jobs.across, jobs._begin, library_inputs.LibraryBiasInputs.write
     calls: list[int] = []
 
     def direct(source: OutPort, target: InPort, adapter: str | None) -> None:
         crossed.append(f"{type(source.process).__name__}.{source.name} {adapter}")
         across(source, target, None)
 
-    def write(self: library_inputs.LibraryInputs, presentation: int) -> None:
+    def write(self: library_inputs.LibraryBiasInputs, presentation: int) -> None:
         written(self, presentation)
         calls.append(self.sent)
 
@@ -48,10 +48,10 @@ def _as_on_a_board(arrays: Arrays, options: dict[str, Any]) -> Arrays:
     given = {key: arrays[f"{name}_{key}"] for key in ("weights", "rates", "keys")}
     given["rates"][1] = given["rates"][0]  # nothing but v differs, so nothing else is written
     jobs.across, jobs._begin = direct, lambda process, tag, board: begin(process, tag, False)
-    library_inputs.LibraryInputs.write = write  # type: ignore[method-assign]
+    library_inputs.LibraryBiasInputs.write = write  # type: ignore[method-assign]
     try:
         results = _run("library", given, {**own, "tag": "fixed_pt", "board": True}, "board")
     finally:
         jobs.across, jobs._begin = across, begin
-        library_inputs.LibraryInputs.write = written  # type: ignore[method-assign]
+        library_inputs.LibraryBiasInputs.write = written  # type: ignore[method-assign]
     return results | {"crossed": np.array(crossed), "writes": np.diff(calls, prepend=0)}

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork
+from lava_vpr.engine.inference.fixed import FixedNetwork
 
 
 def random_network(bits: int, seed: int = 0, **changes: int) -> FixedNetwork:
@@ -24,7 +24,3 @@ def random_network(bits: int, seed: int = 0, **changes: int) -> FixedNetwork:
         weights.astype(np.uint8), bits, shift, threshold >> shift, inhibition, exponent, decay, steps
     )
     return replace(network, **changes)
-
-
-def options_of(network: FixedNetwork) -> dict[str, int]:
-    return {name: getattr(network, name) for name in SCALARS}
