@@ -15,8 +15,8 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.nordland import SECTIONS
-from benchmarks.recall import answer, learn, mean
+from benchmarks.nordland import SECTIONS, answer, learn
+from benchmarks.recall import mean
 from lava_vpr.backends import registry as backends
 from lava_vpr.config import preset
 from lava_vpr.matching.evaluation import Metrics

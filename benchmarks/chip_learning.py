@@ -16,8 +16,8 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.nordland import SECTIONS
-from benchmarks.recall import answer, learn, mean
+from benchmarks.nordland import SECTIONS, answer, learn
+from benchmarks.recall import mean
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.bundle.folder import Bundle

@@ -17,8 +17,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.nordland import encoded, part
-from benchmarks.recall import learn
+from benchmarks.nordland import encoded, learn, part
 from lava_vpr.backends.deployed import player
 from lava_vpr.config import preset
 from lava_vpr.deploy.boards.board import KAPOHO_BAY

@@ -17,8 +17,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.nordland import SECTIONS, encoded, part
-from benchmarks.recall import answer, learn
+from benchmarks.nordland import SECTIONS, answer, encoded, learn, part
 from lava_vpr.bench.results import Candidate
 from lava_vpr.bench.sweep.cases import Case, Measurement, current, figures, mean, runs_of
 from lava_vpr.bench.sweep.stopping import MARGINS

@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.nordland import encoded
-from benchmarks.recall import learn
+from benchmarks.nordland import encoded, learn
 from benchmarks.speed import cpu_flags
 from lava_vpr.bench.measure.timed import batch, host_answer, repeated
 from lava_vpr.bench.peers import cosine_answer, sad_answer

@@ -1,4 +1,4 @@
-"""The real images that benchmarks and long tests use, encoded once."""
+"""The real images that benchmarks and long tests use, encoded once, and models that learned them."""
 
 from __future__ import annotations
 
@@ -6,13 +6,18 @@ import dataclasses
 import os
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.config import EncoderConfig
+from lava_vpr.config import Config, EncoderConfig
 from lava_vpr.encoding import EncodedTraverse, encode_traverse
+from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
+from lava_vpr.model import Model
+from lava_vpr.recognition import Recognition, recognise
+from lava_vpr.training.loop import train
 from lava_vpr.traverse import open_traverse
 
 SECTIONS = tuple((start, start + 100) for start in range(0, 500, 100))
@@ -47,3 +52,14 @@ def part(traverse: EncodedTraverse, chosen: slice | NDArray[np.int64]) -> Encode
         activity=traverse.activity[order],
         thumbnails=traverse.thumbnails[order],
     )
+
+
+def learn(places: tuple[int, int], config: Config) -> Model:
+    """A model of the summer images ``places``."""
+    return train([part(encoded("summer", config.encoder), slice(*places))], config, route_images=500, jobs=cores())
+
+
+def answer(model: Model, places: tuple[int, int], **options: Any) -> Recognition:
+    """What ``model`` makes of the winter images ``places``."""
+    queries = part(encoded("winter", model.config.encoder), slice(*places))
+    return recognise(model, queries, np.eye(len(queries), dtype=bool), threads=cores(), **options)

@@ -14,7 +14,7 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.recall import answer, learn
+from benchmarks.nordland import answer, learn
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.matching.evaluation import Metrics

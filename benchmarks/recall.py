@@ -19,7 +19,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.nordland import SECTIONS, encoded, part
+from benchmarks.nordland import SECTIONS, answer, encoded, learn, part
 from lava_vpr.config import INPUT_MODES, Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.engine.threads import cores
@@ -27,21 +27,10 @@ from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.model import Model, integer_model
 from lava_vpr.recognition import Recognition, recognise
-from lava_vpr.training.loop import reference_responses, train
+from lava_vpr.training.loop import reference_responses
 
 Figures = dict[str, Metrics]
 console = Console(highlight=False, width=110)
-
-
-def learn(places: tuple[int, int], config: Config) -> Model:
-    """A model of the summer images ``places``."""
-    return train([part(encoded("summer", config.encoder), slice(*places))], config, route_images=500, jobs=cores())
-
-
-def answer(model: Model, places: tuple[int, int], **options: Any) -> Recognition:
-    """What ``model`` makes of the winter images ``places``."""
-    queries = part(encoded("winter", model.config.encoder), slice(*places))
-    return recognise(model, queries, np.eye(len(queries), dtype=bool), threads=cores(), **options)
 
 
 def shuffled(model: Model, places: tuple[int, int], seed: int) -> Recognition:

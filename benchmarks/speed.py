@@ -15,8 +15,7 @@ from collections.abc import Callable
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.nordland import encoded, folder, part
-from benchmarks.recall import learn
+from benchmarks.nordland import encoded, folder, learn, part
 from lava_vpr.config import preset
 from lava_vpr.encoding import activity_of, query_rates
 from lava_vpr.engine.inference import fixed

@@ -97,8 +97,7 @@ def equal(pairs: dict[str, Pair]) -> bool:
 
 def problems(queries: int) -> list[tuple[str, FixedNetwork, NDArray[np.uint16], NDArray[np.uint64]]]:
     """Networks learned from real images, and winter queries."""
-    from benchmarks.nordland import encoded, part
-    from benchmarks.recall import learn
+    from benchmarks.nordland import encoded, learn, part
 
     wanted = {name: preset(name) for name in PRESETS if name != "paper"}
     wanted["loihi, 1 bit"] = update(preset("loihi"), {"network": {"weight_bits": 1}})

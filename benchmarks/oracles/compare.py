@@ -25,11 +25,10 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.nordland import encoded, part
+from benchmarks.nordland import encoded, learn, part
 from benchmarks.oracles.networks import edge_networks, is_common, random_networks, reaches_limits
 from benchmarks.oracles.problems import Problem, Result, engine_result, inference_problem, read_result, write_problem
 from benchmarks.oracles.rules import RULES, explain, literal
-from benchmarks.recall import learn
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import rates16

@@ -21,8 +21,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.nordland import encoded, part
-from benchmarks.recall import learn
+from benchmarks.nordland import encoded, learn, part
 from benchmarks.sanafe.cross_check import CrossCheck, cross_check, find_sanafe
 from lava_vpr.backends.registry import HostBackend
 from lava_vpr.config import preset

@@ -10,7 +10,7 @@ import pytest
 from support.boards.kapoho_board import STANDIN as NXSDK
 from support.boards.loihi2_bundles import STANDIN as LAVA_LOIHI
 from support.boards.loihi2_bundles import asked, environment, network, program, queries, write_bundle
-from support.common.helpers import encoded, small_model
+from support.common.small_models import encoded, small_model
 
 from lava_vpr.bench.measure import board_power
 from lava_vpr.bench.measure.host import measure

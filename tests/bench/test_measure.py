@@ -12,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.common.helpers import encoded, small_model, write_images
+from support.common.imagefiles import write_images
+from support.common.small_models import encoded, small_model
 
 from lava_vpr.backends import registry as backends
 from lava_vpr.bench.measure import host as measure

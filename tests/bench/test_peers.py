@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.common.helpers import encoded, small_model, two_images_a_place
+from support.common.small_models import encoded, small_model, two_images_a_place
 
 from lava_vpr.bench import peers
 from lava_vpr.encoding import query_rates

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.boards.small_boards import network
-from support.common.helpers import encoded, small_model
+from support.common.small_models import encoded, small_model
 
 from benchmarks.neurobench import metrics
 from lava_vpr.backends.registry import HostBackend

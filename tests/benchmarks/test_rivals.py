@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.common.helpers import encoded, small_model, tiny_paper, two_images_a_place
+from support.common.small_models import encoded, small_model, tiny_paper, two_images_a_place
 
 from benchmarks.peers import rivals, side_by_side, vprtempo
 from lava_vpr.bench import peers

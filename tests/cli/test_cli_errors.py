@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
-from support.common.helpers import picture, write_images
+from support.common.imagefiles import blocky_picture, write_images
 
 from lava_vpr.cli import main
 
@@ -86,7 +86,7 @@ def nan_image(here: Path) -> None:
 
 
 def one_more_query(here: Path) -> None:
-    cv2.imwrite(str(here / "query" / "img9.png"), picture(77))
+    cv2.imwrite(str(here / "query" / "img9.png"), blocky_picture(77))
 
 
 def more_queries(here: Path) -> None:

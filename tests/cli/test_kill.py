@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
-from support.common.helpers import write_images
+from support.common.imagefiles import write_images
 
 from lava_vpr import container
 from lava_vpr.cli import main

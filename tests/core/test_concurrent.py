@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
-from support.common.helpers import write_images
+from support.common.imagefiles import write_images
 
 SLOW = "[network]\nsteps = 100\n[learning]\nsteps = 100\nepochs = 10000\n"
 QUICK = SLOW.replace("10000", "2")

@@ -13,11 +13,10 @@ import pytest
 from click.testing import CliRunner
 from numpy.typing import NDArray
 from support.common.commands import run
-from support.common.helpers import encoded, small_model, tiny_paper
+from support.common.small_models import encoded, small_model, tiny_paper
 
 from benchmarks.nordland import encoded as real
-from benchmarks.nordland import part
-from benchmarks.recall import learn
+from benchmarks.nordland import learn, part
 from lava_vpr import verification
 from lava_vpr.backends import deployed
 from lava_vpr.backends import registry as backends

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from support.common.helpers import encoded, small_model
+from support.common.small_models import encoded, small_model
 
 from lava_vpr.backends.deployed import BundleBackend
 from lava_vpr.backends.registry import HostBackend

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from support.common.helpers import encoded, small_model, tiny_paper
+from support.common.small_models import encoded, small_model, tiny_paper
 
 from lava_vpr.config import preset
 from lava_vpr.errors import ConfigError

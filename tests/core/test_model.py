@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.common.helpers import encoded, small_model, tiny_paper
+from support.common.small_models import encoded, small_model, tiny_paper
 
 from lava_vpr import container, model
 from lava_vpr.engine.conductance.model import ConductanceState

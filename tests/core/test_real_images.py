@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.nordland import SECTIONS, encoded, part
-from benchmarks.recall import answer, learn, mean, sections, shuffled
+from benchmarks.nordland import SECTIONS, answer, encoded, learn, part
+from benchmarks.recall import mean, sections, shuffled
 from lava_vpr.config import preset
 from lava_vpr.encoding import encode_traverse
 from lava_vpr.engine.inference.fixed import FixedNetwork

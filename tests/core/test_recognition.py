@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from support.common.helpers import encoded, small_model, tiny_paper
+from support.common.small_models import encoded, small_model, tiny_paper
 
 from lava_vpr import model
 from lava_vpr.backends import registry as backends

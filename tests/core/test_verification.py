@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from support.common.commands import PLACES, figures, run
-from support.common.helpers import encoded, small_model, tiny_paper
+from support.common.small_models import encoded, small_model, tiny_paper
 
 from benchmarks.backends import figures as recall_of
-from benchmarks.nordland import SECTIONS, part
+from benchmarks.nordland import SECTIONS, learn, part
 from benchmarks.nordland import encoded as real
-from benchmarks.recall import learn
 from lava_vpr import verification
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.registry import Trains

@@ -12,14 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from lava.proc.lif.models import PyLifModelBitAcc
 from numpy.typing import NDArray
-from support.common.helpers import encoded, small_model
+from support.common.small_models import encoded, small_model
 from support.lava.bias_targets import Arrays
 from support.lava.model_harness import build, drive
 from support.lava.small_networks import random_network
 
-from benchmarks.nordland import SECTIONS, part
+from benchmarks.nordland import SECTIONS, learn, part
 from benchmarks.nordland import encoded as real
-from benchmarks.recall import learn
 from lava_vpr.backends import registry as backends
 from lava_vpr.config import preset
 from lava_vpr.configfile import update

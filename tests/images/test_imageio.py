@@ -15,12 +15,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.common.imagefiles import (
     QUICK,
-    encoded,
     exif,
-    picture,
+    image_bytes,
     png,
     png_chunk,
     refused,
+    smooth_picture,
     tiff,
     upright,
     webp_with_exif,
@@ -39,39 +39,39 @@ from lava_vpr.truth.groundtruth import read_positions
 @pytest.mark.parametrize("suffix", [".png", ".bmp", ".tif", ".tiff", ".PNG", ".Bmp"])
 @pytest.mark.parametrize("shape", [(24, 36, 3), (24, 36)])
 def test_lossless_formats_come_back_exactly(tmp_path: Path, suffix: str, shape: tuple[int, ...]) -> None:
-    image = picture(1, shape)
-    got = read_image(written(tmp_path / f"a{suffix}", encoded(suffix, image)))
+    image = smooth_picture(1, shape)
+    got = read_image(written(tmp_path / f"a{suffix}", image_bytes(suffix, image)))
     assert got.dtype == np.uint8
     np.testing.assert_array_equal(got, image)
 
 
 @pytest.mark.parametrize("suffix", [".jpg", ".jpeg", ".JPG", ".webp"])
 def test_lossy_formats_come_back_nearly(tmp_path: Path, suffix: str) -> None:
-    image = picture(2)
-    got = read_image(written(tmp_path / f"a{suffix}", encoded(suffix, image)))
+    image = smooth_picture(2)
+    got = read_image(written(tmp_path / f"a{suffix}", image_bytes(suffix, image)))
     assert got.shape == image.shape
     assert np.abs(got.astype(int) - image).mean() < 8
 
 
 def test_grey_jpeg_stays_grey(tmp_path: Path) -> None:
-    assert read_image(written(tmp_path / "g.jpg", encoded(".jpg", picture(3, (24, 36))))).shape == (24, 36)
+    assert read_image(written(tmp_path / "g.jpg", image_bytes(".jpg", smooth_picture(3, (24, 36))))).shape == (24, 36)
 
 
 @pytest.mark.parametrize("suffix", [".png", ".tif", ".webp"])
 def test_alpha_is_dropped_and_colours_stay_as_stored(tmp_path: Path, suffix: str) -> None:
-    image, alpha = picture(4), picture(5, (24, 36)) | 1
+    image, alpha = smooth_picture(4), smooth_picture(5, (24, 36)) | 1
     options = (cv2.IMWRITE_WEBP_QUALITY, 101) if suffix == ".webp" else ()
-    data = encoded(suffix, np.dstack([image, alpha]), *options)
+    data = image_bytes(suffix, np.dstack([image, alpha]), *options)
     np.testing.assert_array_equal(read_image(written(tmp_path / f"a{suffix}", data)), image)
 
 
 @pytest.mark.parametrize("suffix", [".png", ".tif"])
 def test_16_bits_become_the_nearest_8(tmp_path: Path, suffix: str) -> None:
     deep = np.arange(65536, dtype=np.uint16).reshape(256, 256)
-    got = read_image(written(tmp_path / f"a{suffix}", encoded(suffix, deep)))
+    got = read_image(written(tmp_path / f"a{suffix}", image_bytes(suffix, deep)))
     np.testing.assert_array_equal(got, np.floor(deep / 257 + 0.5).astype(np.uint8))
-    image = picture(6)
-    got = read_image(written(tmp_path / f"b{suffix}", encoded(suffix, image.astype(np.uint16) * 257)))
+    image = smooth_picture(6)
+    got = read_image(written(tmp_path / f"b{suffix}", image_bytes(suffix, image.astype(np.uint16) * 257)))
     np.testing.assert_array_equal(got, image)
 
 
@@ -89,16 +89,16 @@ def test_bilevel_palette_and_grey_alpha_png(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("orientation", range(1, 9))
 def test_exif_orientation_is_honoured_in_all_formats(tmp_path: Path, orientation: int) -> None:
-    image = picture(7)
+    image = smooth_picture(7)
     for order in "<>":
         block = exif(orientation, order)
-        plain = encoded(".jpg", image)
+        plain = image_bytes(".jpg", image)
         app1 = b"\xff\xe1" + struct.pack(">H", len(block) + 8) + b"Exif\0\0" + block
         jpeg = written(tmp_path / f"{ord(order)}.jpg", plain[:2] + app1 + plain[2:])
         stored = cv2.imdecode(np.frombuffer(plain, dtype=np.uint8), cv2.IMREAD_COLOR)
         np.testing.assert_array_equal(read_image(jpeg), upright(stored, orientation))
         np.testing.assert_array_equal(read_image(jpeg), cv2.imread(str(jpeg)))  # OpenCV's own reading agrees
-        plain = encoded(".png", image)
+        plain = image_bytes(".png", image)
         path = written(tmp_path / f"{ord(order)}.png", plain[:33] + png_chunk(b"eXIf", block) + plain[33:])
         np.testing.assert_array_equal(read_image(path), upright(image, orientation))
         path = written(tmp_path / f"{ord(order)}.webp", webp_with_exif(image, block))
@@ -118,32 +118,32 @@ def test_any_exif_block_gives_an_orientation(block: bytes, start: bytes) -> None
 
 @pytest.mark.parametrize("kind", [np.float32, np.float64, np.int16, np.int32])
 def test_samples_of_unknown_range_are_refused(tmp_path: Path, kind: type) -> None:
-    image = picture(8).astype(kind)
+    image = smooth_picture(8).astype(kind)
     if kind is np.float32:
         image[0, 0, 0] = np.nan
-    path = written(tmp_path / "f.tif", encoded(".tif", image))
+    path = written(tmp_path / "f.tif", image_bytes(".tif", image))
     refused(lambda: read_image(path), "f.tif: holds", np.dtype(kind).name, "save it with 8 or 16 bits")
 
 
 def test_smallest_image(tmp_path: Path) -> None:
-    assert read_image(written(tmp_path / "2.png", encoded(".png", picture(9, (2, 2))))).shape == (2, 2)
-    path = written(tmp_path / "1.png", encoded(".png", np.zeros((1, 5), dtype=np.uint8)))
+    assert read_image(written(tmp_path / "2.png", image_bytes(".png", smooth_picture(9, (2, 2))))).shape == (2, 2)
+    path = written(tmp_path / "1.png", image_bytes(".png", np.zeros((1, 5), dtype=np.uint8)))
     refused(lambda: read_image(path), "1.png: has 5 x 1 pixels, needs at least 2 x 2")
 
 
 # ---------------------------------------------------------------- damage
 
-_BIG = picture(10, (90, 120, 3))
+_BIG = smooth_picture(10, (90, 120, 3))
 _WHOLE = {
-    "jpg": encoded(".jpg", _BIG),
-    "progressive.jpg": encoded(".jpg", _BIG, cv2.IMWRITE_JPEG_PROGRESSIVE, 1),
-    "restart.jpg": encoded(".jpg", _BIG, cv2.IMWRITE_JPEG_RST_INTERVAL, 2),
-    "png": encoded(".png", _BIG),
-    "bmp": encoded(".bmp", _BIG),
-    "lzw.tif": encoded(".tif", _BIG),
-    "raw.tif": encoded(".tif", _BIG, cv2.IMWRITE_TIFF_COMPRESSION, 1),
-    "webp": encoded(".webp", _BIG),
-    "lossless.webp": encoded(".webp", _BIG, cv2.IMWRITE_WEBP_QUALITY, 101),
+    "jpg": image_bytes(".jpg", _BIG),
+    "progressive.jpg": image_bytes(".jpg", _BIG, cv2.IMWRITE_JPEG_PROGRESSIVE, 1),
+    "restart.jpg": image_bytes(".jpg", _BIG, cv2.IMWRITE_JPEG_RST_INTERVAL, 2),
+    "png": image_bytes(".png", _BIG),
+    "bmp": image_bytes(".bmp", _BIG),
+    "lzw.tif": image_bytes(".tif", _BIG),
+    "raw.tif": image_bytes(".tif", _BIG, cv2.IMWRITE_TIFF_COMPRESSION, 1),
+    "webp": image_bytes(".webp", _BIG),
+    "lossless.webp": image_bytes(".webp", _BIG, cv2.IMWRITE_WEBP_QUALITY, 101),
 }
 
 
@@ -217,12 +217,12 @@ def test_files_that_are_no_images(tmp_path: Path) -> None:
     text = written(tmp_path / "text.png", b"hello, this is text\n" * 9)
     refused(lambda: read_image(text), "text.png: is not a JPEG, PNG, BMP, TIFF or WebP image", "replace or remove")
     refused(lambda: read_image(tmp_path / "no.png"), "no.png: cannot be read (No such file or directory); check path")
-    jpeg_named_png = written(tmp_path / "j.png", encoded(".jpg", picture()))
+    jpeg_named_png = written(tmp_path / "j.png", image_bytes(".jpg", smooth_picture()))
     assert read_image(jpeg_named_png).shape == (24, 36, 3)
 
 
 def test_unreadable_file_and_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = written(tmp_path / "secret.png", encoded(".png", picture()))
+    path = written(tmp_path / "secret.png", image_bytes(".png", smooth_picture()))
 
     def denied(*_: object) -> bytes:
         raise PermissionError(13, "Permission denied")

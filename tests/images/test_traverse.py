@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.common.imagefiles import QUICK, encoded, picture, refused, video, written
+from support.common.imagefiles import QUICK, image_bytes, refused, smooth_picture, video, written
 
 from lava_vpr.images import imageio
 from lava_vpr.images.imageio import natural_key, read_image
@@ -26,7 +26,7 @@ from lava_vpr.traverse import open_traverse
 
 def folder(path: Path, *names: str) -> Path:
     for k, name in enumerate(names):
-        written(path / name, encoded(".png", np.full((2, 2), k, dtype=np.uint8)))
+        written(path / name, image_bytes(".png", np.full((2, 2), k, dtype=np.uint8)))
     return path
 
 
@@ -76,7 +76,7 @@ def test_places_keep_absolute_indices(tmp_path: Path) -> None:
 
 
 def test_one_image_is_a_traverse_of_one(tmp_path: Path) -> None:
-    path = written(tmp_path / "one.jpg", encoded(".jpg", picture()))
+    path = written(tmp_path / "one.jpg", image_bytes(".jpg", smooth_picture()))
     traverse = open_traverse(path)
     assert (traverse.names, len(traverse)) == (("one.jpg",), 1)
     assert traverse.load(0).shape == (24, 36, 3)
@@ -104,7 +104,7 @@ def test_sources_that_cannot_be_opened(tmp_path: Path) -> None:
 
 
 def test_odd_file_names(tmp_path: Path) -> None:
-    data = encoded(".png", picture())
+    data = image_bytes(".png", smooth_picture())
     written(tmp_path / "Straße 1.png", data)
     with open(os.fsencode(tmp_path) + b"/\xff.png", "wb") as file:
         file.write(data)
@@ -119,7 +119,7 @@ def test_odd_file_names(tmp_path: Path) -> None:
 
 def test_a_damaged_image_is_named_when_it_is_reached(tmp_path: Path) -> None:
     folder(tmp_path, "1.png", "3.png")
-    written(tmp_path / "2.png", encoded(".png", picture(10, (90, 120, 3)))[:200])
+    written(tmp_path / "2.png", image_bytes(".png", smooth_picture(10, (90, 120, 3)))[:200])
     images = open_traverse(tmp_path).images()
     next(images)
     refused(lambda: next(images), str(tmp_path / "2.png"), "damaged or cut short", "copy it again or remove it")
@@ -138,7 +138,7 @@ def test_memory_does_not_grow_with_the_number_of_images(tmp_path: Path) -> None:
         return most
 
     image = np.zeros((200, 300, 3), dtype=np.uint8)
-    data = encoded(".png", image)
+    data = image_bytes(".png", image)
     few, many = peak(3), peak(40)
     assert image.nbytes <= few  # the pixels are seen by the measurement at all
     assert many < few + image.nbytes // 2

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks.nordland import encoded, part
-from benchmarks.recall import learn
+from benchmarks.nordland import encoded, learn, part
 from lava_vpr.config import preset
 from lava_vpr.encoding import draw_trains, rates16
 from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork, count_spikes

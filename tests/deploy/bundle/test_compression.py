@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from support.common.helpers import encoded, small_config, small_model
+from support.common.small_models import encoded, small_config, small_model
 
 from lava_vpr.config import preset
 from lava_vpr.configfile import update

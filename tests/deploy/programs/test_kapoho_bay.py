@@ -15,7 +15,7 @@ from support.boards import host_programs, kapoho_board
 from support.boards.host_programs import SOURCES
 from support.boards.kapoho_board import Board, altered, answers, child, load_program, write_queries
 from support.boards.kapoho_bundles import LAYOUTS, Made, layout, make, plan_by_hand, random_network
-from support.common.helpers import small_model
+from support.common.small_models import small_model
 
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.bundle.deployment import deploy

@@ -36,7 +36,7 @@ from support.boards.loihi2_bundles import (
     running,
     write_bundle,
 )
-from support.common.helpers import small_model
+from support.common.small_models import small_model
 
 from lava_vpr.backends import registry as backends
 from lava_vpr.deploy.bundle import folder as bundle_folder

@@ -1,4 +1,7 @@
-"""The host programs as they stand in a bundle, in one folder, and loaded from there into this process."""
+"""The host programs as they stand in a bundle, in one folder, and loaded from there into this process.
+
+Used by deploy and support.
+"""
 
 from __future__ import annotations
 

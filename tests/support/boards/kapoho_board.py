@@ -1,4 +1,7 @@
-"""Runs the program for Kapoho Bay against the stand-in for NxSDK: in this process, or as a child."""
+"""Runs the program for Kapoho Bay against the stand-in for NxSDK: in this process, or as a child.
+
+Used by bench and deploy.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Small bundles for Kapoho Bay, made of random networks, and what their programs are to answer."""
+"""Small bundles for Kapoho Bay, made of random networks, and what their programs are to answer.
+
+Used by deploy and support.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Small bundles for Loihi 2, made of random networks, and their programs as children."""
+"""Small bundles for Loihi 2, made of random networks, and their programs as children.
+
+Used by bench and deploy.
+"""
 
 from __future__ import annotations
 

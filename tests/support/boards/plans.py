@@ -1,4 +1,7 @@
-"""Small networks and hand-made plans for the tests of registers and costs."""
+"""Small networks and hand-made plans for the tests of registers and costs.
+
+Used by deploy.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Random networks and shrunken boards, and what holds of every plan; for the tests of the partition."""
+"""Random networks and shrunken boards, and what holds of every plan; for the tests of the partition.
+
+Used by bench and deploy.
+"""
 
 from __future__ import annotations
 

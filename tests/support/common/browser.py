@@ -1,4 +1,7 @@
-"""A real browser for tests of pages: load a file in headless Chromium, get its DOM and what its console said."""
+"""A real browser for tests of pages: load a file in headless Chromium, get its DOM and what its console said.
+
+Used by bench and report.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Running commands in tests, on a small synthetic route."""
+"""Running commands in tests, on a small synthetic route.
+
+Used by cli, conftest and core.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Image and video files made by hand, for tests."""
+"""Pictures, and image and video files made by hand.
+
+Used by bench, cli, core and images.
+"""
 
 from __future__ import annotations
 
@@ -17,25 +20,42 @@ from lava_vpr.errors import InputError
 QUICK = settings(deadline=None, derandomize=True, max_examples=25)
 
 
-def picture(seed: int = 0, shape: tuple[int, ...] = (24, 36, 3)) -> NDArray[np.uint8]:
-    """A smooth random picture, all pixels different enough to see any turn of it."""
+def smooth_picture(seed: int = 0, shape: tuple[int, ...] = (24, 36, 3)) -> NDArray[np.uint8]:
+    """A smooth random picture with all pixels different enough to see any turn of it."""
     noise = np.random.default_rng(seed).integers(0, 256, shape, dtype=np.uint8)
     return cv2.GaussianBlur(noise, (0, 0), 2)
 
 
-def encoded(suffix: str, image: NDArray[np.generic], *options: int) -> bytes:
+def blocky_picture(seed: int, shape: tuple[int, int] = (24, 48)) -> NDArray[np.uint8]:
+    """A colour picture of 6 x 9 blocks."""
+    small = np.random.default_rng(seed).integers(0, 256, (6, 9, 3)).astype(np.uint8)
+    return np.asarray(cv2.resize(small, shape[::-1], interpolation=cv2.INTER_NEAREST))
+
+
+def write_images(folder: Path, n: int = 6, seed: int = 0, shape: tuple[int, int] = (24, 48)) -> Path:
+    """Writes ``n`` blocky colour images, img0.png on."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for i in range(n):
+        cv2.imwrite(str(folder / f"img{i}.png"), blocky_picture(1000 * seed + i, shape))
+    return folder
+
+
+def image_bytes(suffix: str, image: NDArray[np.generic], *options: int) -> bytes:
+    """The file that OpenCV writes of ``image``, by the suffix of its name."""
     good, data = cv2.imencode(suffix, image, options)
     assert good
     return bytes(data)
 
 
 def written(path: Path, data: bytes) -> Path:
+    """Writes a file and the folders that it stands in."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(data)
     return path
 
 
 def exif(orientation: int, order: str = ">") -> bytes:
+    """An EXIF block that holds nothing but an orientation."""
     magic = {">": b"MM\0*", "<": b"II*\0"}[order]
     return magic + struct.pack(order + "IHHHIHHI", 8, 1, 0x0112, 3, 1, orientation, 0, 0)
 
@@ -55,10 +75,12 @@ def upright(image: NDArray[np.uint8], orientation: int) -> NDArray[np.uint8]:
 
 
 def png_chunk(kind: bytes, data: bytes) -> bytes:
+    """A chunk of a PNG file with its length and checksum."""
     return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
 
 def png(width: int, height: int, depth: int, colour: int, rows: bytes, *chunks: bytes) -> bytes:
+    """A PNG file of unfiltered ``rows``, with ``chunks`` between its header and its pixels."""
     header = png_chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, depth, colour, 0, 0, 0))
     body = header + b"".join(chunks) + png_chunk(b"IDAT", zlib.compress(rows)) + png_chunk(b"IEND", b"")
     return b"\x89PNG\r\n\x1a\n" + body
@@ -74,9 +96,10 @@ def tiff(image: NDArray[np.uint8], orientation: int) -> bytes:
 
 
 def webp_with_exif(image: NDArray[np.uint8], block: bytes) -> bytes:
+    """A lossless WebP file with an EXIF block."""
     size = struct.pack("<I", image.shape[1] - 1)[:3] + struct.pack("<I", image.shape[0] - 1)[:3]
     extended = b"VP8X" + struct.pack("<I", 10) + bytes([8, 0, 0, 0]) + size
-    body = b"WEBP" + extended + encoded(".webp", image, cv2.IMWRITE_WEBP_QUALITY, 101)[12:]
+    body = b"WEBP" + extended + image_bytes(".webp", image, cv2.IMWRITE_WEBP_QUALITY, 101)[12:]
     body += b"EXIF" + struct.pack("<I", len(block)) + block + b"\0" * (len(block) % 2)
     return b"RIFF" + struct.pack("<I", len(body)) + body
 

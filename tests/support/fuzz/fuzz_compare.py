@@ -1,6 +1,8 @@
 """Holds random networks in Lava against the host engine, and says which differ, and how.
 
 ``python tests/support/fuzz/fuzz_compare.py general SEED GROUP BLOCK`` takes one, or ``places SEED START NETWORK``.
+
+Used by engine.
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
 """Random networks on random boards, and what a bundle's cores need and hold, counted from the bundle's bytes alone.
 
 Nothing of `lava_vpr.deploy` but the bundle reader and the boards' limits is used here: words are read bit by bit.
+
+Used by deploy.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""What a child process runs for test_fuzz.py: random networks in Lava, by our Processes and by its library."""
+"""What a child process runs for test_fuzz.py: random networks in Lava, by our Processes and by its library.
+
+Used by support.
+"""
 
 from __future__ import annotations
 

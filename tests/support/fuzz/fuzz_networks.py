@@ -2,6 +2,8 @@
 
 Lava's library has one du, dv, threshold, weight format and sign for a whole Process, so the networks of a group share
 those, and run as blocks of one population side by side; blocks differ in all else.
+
+Used by engine and support.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 The networks of one start of Lava share their input spikes. Some could wrap their currents, and do: `FixedNetwork.check`
 refuses those, but the arithmetic has to be equal there, too.
+
+Used by engine and support.
 """
 
 from __future__ import annotations

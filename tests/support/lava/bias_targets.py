@@ -1,4 +1,7 @@
-"""What tests/engine/test_bias_input.py lets a worker call: runs of Lava with inputs that integrate a bias."""
+"""What tests/engine/test_bias_input.py lets a worker call: runs of Lava with inputs that integrate a bias.
+
+Used by engine.
+"""
 
 from __future__ import annotations
 

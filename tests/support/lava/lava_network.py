@@ -1,4 +1,7 @@
-"""The inference network wired from Lava's own library and nothing else, as a job for the runner."""
+"""The inference network wired from Lava's own library and nothing else, as a job for the runner.
+
+Used by processes.
+"""
 
 from __future__ import annotations
 

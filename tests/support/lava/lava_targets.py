@@ -1,4 +1,7 @@
-"""What tests/isolated/test_runner.py lets a worker call."""
+"""What tests/isolated/test_runner.py lets a worker call.
+
+Used by isolated.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""What runs of Lava leave on this machine: processes, shared memory, folders."""
+"""What runs of Lava leave on this machine: processes, shared memory, folders.
+
+Used by isolated.
+"""
 
 from __future__ import annotations
 

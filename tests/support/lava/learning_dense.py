@@ -1,4 +1,7 @@
-"""Runs Lava's LearningDense and our PlasticDense, in a child process."""
+"""Runs Lava's LearningDense and our PlasticDense, in a child process.
+
+Used by engine and processes.
+"""
 
 from __future__ import annotations
 

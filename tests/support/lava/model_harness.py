@@ -1,4 +1,7 @@
-"""Runs the model of a Lava Process step by step without Lava's runtime."""
+"""Runs the model of a Lava Process step by step without Lava's runtime.
+
+Used by engine and processes.
+"""
 
 from __future__ import annotations
 

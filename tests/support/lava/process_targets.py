@@ -1,4 +1,7 @@
-"""What tests/processes/test_processes.py lets a worker call: runs of Lava."""
+"""What tests/processes/test_processes.py lets a worker call: runs of Lava.
+
+Used by processes.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Random place networks with numbers of the size that trained ones have, for the tests of Processes."""
+"""Random place networks with numbers of the size that trained ones have, for the tests of Processes.
+
+Used by engine and processes.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Literal, slow versions of the networks, written from the equations alone, to hold the compiled kernels against."""
+"""Literal, slow versions of the networks, written from the equations alone, to hold the compiled kernels against.
+
+Used by engine and support.
+"""
 
 from __future__ import annotations
 

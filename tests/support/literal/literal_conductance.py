@@ -1,4 +1,7 @@
-"""A literal, step-by-step version of VPRSNN's conductance model, to hold the compiled one against."""
+"""A literal, step-by-step version of VPRSNN's conductance model, to hold the compiled one against.
+
+Used by engine.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""One presentation of integer learning in plain Python numbers, written from the equations alone."""
+"""One presentation of integer learning in plain Python numbers, written from the equations alone.
+
+Used by engine.
+"""
 
 from __future__ import annotations
 

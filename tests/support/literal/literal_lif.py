@@ -1,4 +1,7 @@
-"""Networks of LIF neurons and dense synapses in plain Python integers, by the equations alone."""
+"""Networks of LIF neurons and dense synapses in plain Python integers, by the equations alone.
+
+Used by engine.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,8 @@
 
 Event by event, as SANA-FE 2.2.9 does it with its ``loihi.yaml`` and `simple` timing; written from its description in
 `benchmarks.sanafe.cross_check`, without the project's cost model and constants.
+
+Used by benchmarks.
 """
 
 from __future__ import annotations

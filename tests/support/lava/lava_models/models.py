@@ -1,4 +1,7 @@
-"""Models of `Actor` and `Listener`."""
+"""Models of `Actor` and `Listener`.
+
+Used by isolated and project.
+"""
 
 from __future__ import annotations
 

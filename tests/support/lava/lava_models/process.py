@@ -1,4 +1,7 @@
-"""A Process that does as it is told at a step."""
+"""A Process that does as it is told at a step.
+
+Used by support.
+"""
 
 from __future__ import annotations
 

@@ -1,14 +1,14 @@
-"""Small made-up traverses and models for tests."""
+"""Small made-up traverses, settings and models.
+
+Used by bench, benchmarks, core, deploy and engine.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 from functools import lru_cache
-from pathlib import Path
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
@@ -64,17 +64,3 @@ def two_images_a_place() -> Model:
         patches=np.concatenate([model.patches, more.patches])[order],
         activity=np.concatenate([model.activity, more.activity])[order],
     )
-
-
-def write_images(folder: Path, n: int = 6, seed: int = 0, shape: tuple[int, int] = (24, 48)) -> Path:
-    """``n`` blocky colour images, img0.png on."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for i in range(n):
-        cv2.imwrite(str(folder / f"img{i}.png"), picture(1000 * seed + i, shape))
-    return folder
-
-
-def picture(seed: int, shape: tuple[int, int] = (24, 48)) -> NDArray[np.uint8]:
-    """One blocky colour image."""
-    small = np.random.default_rng(seed).integers(0, 256, (6, 9, 3)).astype(np.uint8)
-    return np.asarray(cv2.resize(small, shape[::-1], interpolation=cv2.INTER_NEAREST))

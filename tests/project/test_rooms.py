@@ -1,0 +1,108 @@
+"""The rooms of the house: folders of few modules, packages that say what they hold, tests that mirror them."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+TESTS = ROOT / "tests"
+TOP = ("lava_vpr", "processes", "deploy", "benchmarks", "tests")
+MOST_MODULES = 16
+PROGRAMS = ROOT / "deploy" / "programs"
+STANDINS = TESTS / "support" / "standins"
+NOT_ROOMS = {"core", "project", "support"}
+"""Folders of tests that mirror none: of the modules on the package's top floor, of the project, and the helpers."""
+MEASURED = {
+    "bench/test_workload.py": {"benchmarks.neurobench"},
+    "core/test_fast.py": {"benchmarks.fast"},
+    "core/test_real_images.py": {"benchmarks.recall"},
+    "core/test_verification.py": {"benchmarks.backends"},
+}
+"""Tests that hold what a benchmark prints to its promise, and which; all others of them are in tests/benchmarks."""
+
+
+def modules(folder: Path) -> list[Path]:
+    """The modules that stand in ``folder`` itself, its ``__init__.py`` not counted."""
+    return sorted(path for path in folder.glob("*.py") if path.name != "__init__.py")
+
+
+def folders() -> list[Path]:
+    """Every folder with code."""
+    return sorted({path.parent for top in TOP for path in (ROOT / top).rglob("*.py")})
+
+
+def imports(path: Path) -> set[str]:
+    """The names of the modules that a file imports, wherever in it."""
+    nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    plain = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
+    parents = [node for node in nodes if isinstance(node, ast.ImportFrom) and node.module]
+    return plain | {f"{node.module}.{alias.name}" for node in parents for alias in node.names}
+
+
+def test_no_room_is_a_pile() -> None:
+    crowded = {str(folder.relative_to(ROOT)): len(modules(folder)) for folder in folders()}
+    assert len(crowded) > 60
+    assert {name: count for name, count in crowded.items() if count > MOST_MODULES} == {}
+
+
+def test_every_package_says_what_it_holds() -> None:
+    """Programs and stand-ins are no packages of ours: what they are copied or put beside decides."""
+    packages = [
+        path
+        for path in (ROOT / top / "__init__.py" for top in TOP if top != "tests")
+        for path in path.parent.rglob("__init__.py")
+    ]
+    packages += [path for path in TESTS.rglob("__init__.py") if not path.is_relative_to(STANDINS)]
+    assert len(packages) > 40
+    silent = [str(path.relative_to(ROOT)) for path in packages if not ast.get_docstring(ast.parse(path.read_text()))]
+    assert silent == []
+    without = {folder for folder in folders() if not folder.is_relative_to(TESTS)} - {path.parent for path in packages}
+    assert {folder for folder in without if not folder.is_relative_to(PROGRAMS)} == set()
+
+
+def test_tests_stand_where_what_they_test_stands() -> None:
+    for folder in {path.parent.relative_to(TESTS) for path in TESTS.rglob("test_*.py")}:
+        if folder.parts[0] not in NOT_ROOMS:
+            rooms = [ROOT / folder, ROOT / "lava_vpr" / folder]
+            assert any(room.is_dir() for room in rooms), f"tests/{folder} is no room's"
+    assert not list(TESTS.glob("test_*.py"))
+
+
+def test_no_test_imports_another() -> None:
+    for path in TESTS.rglob("*.py"):
+        others = [name for name in imports(path) if re.search(r"(^|\.)(test_\w+|conftest)(\.|$)", name)]
+        assert others == [], path
+
+
+def test_what_is_taken_from_benchmarks() -> None:
+    """The real images of `benchmarks.nordland`, and what is itself tested."""
+    for path in TESTS.rglob("*.py"):
+        name = str(path.relative_to(TESTS))
+        taken = {".".join(found.split(".")[:2]) for found in imports(path) if found.startswith("benchmarks.")}
+        if not name.startswith("benchmarks/"):
+            assert taken - {"benchmarks.nordland"} == MEASURED.get(name, set()), name
+
+
+@pytest.mark.parametrize(
+    "module", [path for path in sorted((TESTS / "support").rglob("*.py")) if not path.is_relative_to(STANDINS)], ids=str
+)
+def test_a_helper_says_who_uses_it(module: Path) -> None:
+    """The last sentence of its docstring: "Used by ", and the rooms of tests that import it, or name it or its file."""
+    if module.name in ("__init__.py", "models.py"):  # Lava finds a Process's models beside it
+        return
+    dotted = ".".join(module.relative_to(TESTS).with_suffix("").parts)
+    parent, _, name = dotted.rpartition(".")
+    file = f'"{module.parent.name}" / "{module.name}"'
+    used = re.compile(rf"{re.escape(dotted)}\b|from {re.escape(parent)} import [^\n]*\b{name}\b|{re.escape(file)}")
+    users = {
+        path.relative_to(TESTS).parts[0] if path.parent != TESTS else "conftest"
+        for path in TESTS.rglob("*.py")
+        if path != module and used.search(path.read_text(encoding="utf-8"))
+    }
+    said = re.search(r"Used by ([a-z, ]+)\.$", ast.get_docstring(ast.parse(module.read_text(encoding="utf-8"))) or "")
+    assert said is not None, f"{dotted}: say who uses it: {', '.join(sorted(users))}"
+    assert set(re.split(", | and ", said[1])) == users
