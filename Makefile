@@ -2,6 +2,8 @@
 SHELL := /bin/sh
 BIN := .venv/bin
 STAMP := .venv/.installed
+# Tests run side by side, one row of them a processor.
+TESTS := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
 .PHONY: help demo test test-slow test-all lint format bench recall peers peers-test oracles neurobench sanafe tutorial wheel clean
 .DEFAULT_GOAL := help
@@ -19,13 +21,13 @@ demo: $(STAMP) ## The main job on built-in synthetic data; ends with a table and
 	@$(BIN)/lava-vpr demo --out demo
 
 test: $(STAMP) ## The tests (real images too if LAVA_VPR_DATA names them)
-	@$(BIN)/python -m pytest -m "not slow"
+	@$(TESTS) -m "not slow"
 
 test-slow: $(STAMP) ## The minutes-long tests only
-	@$(BIN)/python -m pytest -m slow --timeout 1800
+	@$(TESTS) -m slow --timeout 1800
 
 test-all: $(STAMP) ## The tests, the minutes-long ones included
-	@$(BIN)/python -m pytest --timeout 1800
+	@$(TESTS) --timeout 1800
 
 lint: $(STAMP) ## ruff and mypy
 	@$(BIN)/ruff check .
