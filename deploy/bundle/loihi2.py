@@ -46,7 +46,7 @@ def parameters_of(network: FixedNetwork) -> dict[str, Any]:
     network.check()
     if network.decay > NO_MEMORY:
         raise NetworkLimitError(
-            f"decay {network.decay} does not fit Loihi 2's 0..{NO_MEMORY}; train with network.tau_m above 1"
+            f"decay {network.decay} does not fit Loihi 2's 0..{NO_MEMORY}; train with network.tau_membrane above 1"
         )
     _, bits, exponent = network.stored
     reset = {"reset_interval": network.steps + SILENT_STEPS, "reset_offset": 1}

@@ -43,7 +43,7 @@ from lava_vpr.traverse import open_traverse
     "preset_name",
     type=click.Choice(list(PRESETS)),
     default=None,
-    help="loihi: integer network for the chip (default); fast: the same at least energy and time; paper: VPRSNN's "
+    help="loihi: integer network for the chip (default); fast: the same with the least energy and time; paper: VPRSNN's "
     "conductance model.",
 )
 @click.option("--config", "config_file", type=PATH, default=None, metavar="FILE", help="Settings in TOML.")
