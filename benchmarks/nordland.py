@@ -16,7 +16,7 @@ from lava_vpr.encoding import EncodedTraverse, encode_traverse
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
 from lava_vpr.model import Model
-from lava_vpr.recognition import Recognition, recognise
+from lava_vpr.recognition import Comparison, Recognition, recognise
 from lava_vpr.training.loop import train
 from lava_vpr.traverse import open_traverse
 
@@ -59,7 +59,8 @@ def learn(places: tuple[int, int], config: Config) -> Model:
     return train([part(encoded("summer", config.encoder), slice(*places))], config, route_images=500, jobs=cores())
 
 
-def answer(model: Model, places: tuple[int, int], **options: Any) -> Recognition:
-    """What ``model`` makes of the winter images ``places``."""
+def answer(model: Model, places: tuple[int, int], backend: str = "host", **comparison: Any) -> Recognition:
+    """What ``model`` makes of the winter images ``places``; ``comparison`` holds fields of `Comparison`."""
     queries = part(encoded("winter", model.config.encoder), slice(*places))
-    return recognise(model, queries, np.eye(len(queries), dtype=bool), threads=cores(), **options)
+    truth = np.eye(len(queries), dtype=bool)
+    return recognise(model, queries, truth, Comparison(**comparison), backend=backend, threads=cores())

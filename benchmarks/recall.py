@@ -26,7 +26,7 @@ from lava_vpr.engine.threads import cores
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.model import Model, integer_model
-from lava_vpr.recognition import Recognition, recognise
+from lava_vpr.recognition import DECODERS_ONLY, Recognition, recognise
 from lava_vpr.training.loop import reference_responses
 
 Figures = dict[str, Metrics]
@@ -39,7 +39,7 @@ def shuffled(model: Model, places: tuple[int, int], seed: int) -> Recognition:
     queries = part(encoded("winter", model.config.encoder), order)
     queries = dataclasses.replace(queries, indices=np.arange(len(order)) + 100_000 * (seed + 1))
     truth = order[:, None] == np.arange(*places)[None, :]
-    return recognise(model, queries, truth, threads=cores(), rivals=())
+    return recognise(model, queries, truth, DECODERS_ONLY, threads=cores())
 
 
 def mean(results: Iterable[Metrics]) -> tuple[float, float, float]:

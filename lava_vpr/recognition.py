@@ -15,11 +15,10 @@ from lava_vpr.config import Config
 from lava_vpr.encoding import EncodedTraverse, query_rates
 from lava_vpr.errors import InputError
 from lava_vpr.matching import baselines, decoders, sequences
-from lava_vpr.matching.certainty import best
+from lava_vpr.matching.answers import answers_of
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.matching.equations import Variant
 from lava_vpr.matching.evaluation import Metrics, evaluate
-from lava_vpr.matching.matchers import confidence as confidence_of
 from lava_vpr.model import Model
 
 BASELINES = ("sad", "cosine")
@@ -65,9 +64,18 @@ def count_query_spikes(
     threads: int = 1,
     advance: backends.Advance | None = None,
 ) -> tuple[NDArray[np.int32], dict[str, int]]:
-    """Spike counts of every query, int32 (n, neurons), and the run's events; ``seed`` defaults to the model's.
+    """Spike counts of every query, int32 (n, neurons), and the run's events.
 
-    ``advance`` is told how many queries are done by backends that are slow.
+    Args:
+        model: A trained model.
+        queries: Encoded with the model's settings.
+        backend: Name in `lava_vpr.backends.registry.BACKENDS`.
+        seed: Of the queries' noise; None: the model's.
+        threads: Number of threads, which does not change the result.
+        advance: Told how many queries are done, by backends that are slow.
+    Raises:
+        InputError: the queries were encoded with other settings.
+        BackendUnavailableError: the backend cannot run here, or not this model.
     """
     if queries.activity.shape[1] != model.config.encoder.inputs:
         raise InputError(
@@ -98,18 +106,38 @@ def prepare(model: Model) -> Callable[[NDArray[np.int32]], NDArray[np.float64]]:
     )
 
 
+@dataclass(frozen=True)
+class Comparison:
+    """How queries are matched, and what the decoder that answers is compared with.
+
+    Attributes:
+        sequence: Queries that are matched together; 1: each alone.
+        rivals: Baselines to compute, of `BASELINES`.
+        descriptors: .npy files of reference and query descriptors, one row per image in use; None: no such matcher.
+        keep_scores: Whether the result holds matrices of scores, which a report draws.
+    """
+
+    sequence: int = 1
+    rivals: Sequence[str] = BASELINES
+    descriptors: tuple[Path, Path] | None = None
+    keep_scores: bool = True
+
+
+EVERYTHING = Comparison()
+"""Each query alone, with every baseline."""
+DECODERS_ONLY = Comparison(rivals=(), keep_scores=False)
+"""Each query alone, no baseline, nothing kept that a report draws."""
+
+
 def recognise(
     model: Model,
     queries: EncodedTraverse,
     truth: NDArray[np.bool_],
+    comparison: Comparison = EVERYTHING,
     *,
     backend: str = "host",
     seed: int | None = None,
-    sequence: int = 1,
-    rivals: Sequence[str] = BASELINES,
-    descriptors: tuple[Path, Path] | None = None,
     threads: int = 1,
-    keep_scores: bool = True,
     advance: backends.Advance | None = None,
 ) -> Recognition:
     """Answer every query and hold the answers against the truth.
@@ -118,46 +146,51 @@ def recognise(
         model: A trained model.
         queries: Encoded with the model's settings.
         truth: bool (n_queries, places).
-        backend: Name in `lava_vpr.backends.registry.BACKENDS`.
-        seed: Of the queries' noise; None: the model's.
-        sequence: Queries that are matched together; 1: each alone.
-        rivals: Baselines to compute, of `BASELINES`.
-        descriptors: .npy files of reference and query descriptors, one row per image in use.
-        threads: Does not change the result.
-        advance: Told how many queries are done, by backends that are slow.
-        keep_scores: Whether the result holds matrices of scores, which a report draws.
+        comparison: How queries are matched, and with what the decoder is compared.
+        backend, seed, threads, advance: As in `count_query_spikes`.
+    Raises:
+        LavaVprError: the queries, the descriptors or the sequence do not fit the model, or the backend cannot run.
     """
     # What files or options can be wrong about comes first, before the work.
-    if sequence > 1:
-        truth = sequences.sequence_truth(truth, sequence)
-    others: dict[str, NDArray[np.float64]] = {}
-    if descriptors is not None:
-        others["descriptors"] = baselines.descriptor_similarities(
-            *descriptors, n_references=len(model.labels), n_queries=len(queries), labels=model.labels
-        )
+    if comparison.sequence > 1:
+        truth = sequences.sequence_truth(truth, comparison.sequence)
+    others = _descriptor_scores(model, queries, comparison.descriptors)
     counts, events = count_query_spikes(model, queries, backend=backend, seed=seed, threads=threads, advance=advance)
     default = model.config.decoder.default
     kept: dict[str, NDArray[np.float64]] = {}
     metrics = {}
     # One matrix at a time: of long routes, all of them together would not fit small memories.
-    for name, scores in _every_matcher(model, queries, counts, rivals, others):
-        matrix = sequences.sequence_scores(scores, sequence) if sequence > 1 else scores
-        sure = confidence_of("sequence" if sequence > 1 else name, matrix)
-        metrics[name] = evaluate(matrix, sure, truth)
+    for name, scores in _every_matcher(model, queries, counts, comparison.rivals, others):
+        together = comparison.sequence > 1
+        matrix = sequences.sequence_scores(scores, comparison.sequence) if together else scores
+        answers = answers_of("sequence" if together else name, matrix)
+        metrics[name] = evaluate(matrix, answers.confidence, truth)
         if name == default:
-            matches, confidence = best(matrix), sure
-        if keep_scores and (name == default or name not in DECODERS):
+            default_answers = answers
+        if comparison.keep_scores and (name == default or name not in DECODERS):
             kept[name] = matrix
     return Recognition(
         default=default,
         scores=kept,
         metrics=metrics,
         truth=truth,
-        matches=matches,
-        confidence=confidence,
+        matches=default_answers.matches,
+        confidence=default_answers.confidence,
         counts=counts,
         events=events,
     )
+
+
+def _descriptor_scores(
+    model: Model, queries: EncodedTraverse, files: tuple[Path, Path] | None
+) -> dict[str, NDArray[np.float64]]:
+    """Scores (n, places) of ``descriptors`` under that name, if files of them are given."""
+    if files is None:
+        return {}
+    scores = baselines.descriptor_similarities(
+        *files, n_references=len(model.labels), n_queries=len(queries), labels=model.labels
+    )
+    return {"descriptors": scores}
 
 
 def _every_matcher(
@@ -167,15 +200,15 @@ def _every_matcher(
     rivals: Sequence[str],
     others: dict[str, NDArray[np.float64]],
 ) -> Iterator[tuple[str, NDArray[np.float64]]]:
-    """Name and scores (n, places) of every decoder, of the wanted baselines and of ``others``, one after another."""
+    """Name and scores (n, places) of every decoder, of the baselines ``rivals`` and of ``others``, one by one."""
     # The default's matrix is kept, so it comes last.
     for name in sorted(DECODERS, key=lambda name: name == model.config.decoder.default):
         yield name, decode(model, counts, name)
     if "sad" in rivals:
         yield "sad", -baselines.sad_distances(model.patches, queries.patches, model.labels)
     if "cosine" in rivals:
-        own, other = (query_rates(activity, model.config) for activity in (model.activity, queries.activity))
-        yield "cosine", baselines.cosine_similarities(own, other, model.labels)
+        references, asked = (query_rates(activity, model.config) for activity in (model.activity, queries.activity))
+        yield "cosine", baselines.cosine_similarities(references, asked, model.labels)
     yield from others.items()
 
 

@@ -24,7 +24,7 @@ from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.quantise import pruned
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.model import Model
-from lava_vpr.recognition import recognise
+from lava_vpr.recognition import DECODERS_ONLY, recognise
 
 PRUNES = (0.0, 0.3, 0.4, 0.5, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.925, 0.95, 0.97)
 """Shares of pruned weights that `search` tries."""
@@ -39,7 +39,7 @@ Begin = Callable[[int], Callable[[str], None]]
 def figures(model: Model, calibration: tuple[EncodedTraverse, NDArray[np.bool_]], *, threads: int = 1) -> Figures:
     """How ``model`` does on calibration images and their truth, bool (images, places)."""
     queries, truth = calibration
-    result = recognise(model, queries, truth, rivals=(), threads=threads, keep_scores=False)
+    result = recognise(model, queries, truth, DECODERS_ONLY, threads=threads)
     metrics = result.metrics[result.default]
     operations = result.events["synaptic_operations"] / max(1, len(queries))
     return Figures(metrics.recall_at_1, metrics.recall_at_100_precision, metrics.auc, operations)

@@ -26,7 +26,7 @@ from lava_vpr.engine.threads import cores, share
 from lava_vpr.errors import InputError
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.model import Model
-from lava_vpr.recognition import BASELINES, Recognition, recognise
+from lava_vpr.recognition import BASELINES, Comparison, Recognition, recognise
 
 Places = NDArray[np.int64]
 Advance = Callable[[str], None]
@@ -232,7 +232,7 @@ def run_peers(
     tell("recall of lava-vpr, SAD and cosine")
     known = recognition
     if known is None or not {*BASELINES, known.default} <= set(known.metrics):
-        known = recognise(model, queries, truth, seed=noise_seed, threads=workers, keep_scores=False)
+        known = recognise(model, queries, truth, Comparison(keep_scores=False), seed=noise_seed, threads=workers)
     with one_blas_thread():
         matchers = [*_matchers(model, queries, known, noise_seed), *others]
         tell("speed of each")

@@ -33,7 +33,7 @@ from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import ConfigError, LavaVprError, NetworkLimitError
 from lava_vpr.gate import not_integer
 from lava_vpr.model import Model, as_integer
-from lava_vpr.recognition import BASELINES, Recognition, recognise
+from lava_vpr.recognition import BASELINES, Comparison, Recognition, recognise
 from lava_vpr.traverse import Traverse
 
 T = TypeVar("T")
@@ -106,8 +106,8 @@ def run(
         LavaVprError: recall cannot be computed. Whatever else is missing is said in the result.
     """
     begin("recall", 1)
-    rivals = BASELINES if wanted.peers else ()
-    answers = recognise(model, queries, truth, seed=wanted.seed, rivals=rivals, threads=cores(), keep_scores=False)
+    comparison = Comparison(rivals=BASELINES if wanted.peers else (), keep_scores=False)
+    answers = recognise(model, queries, truth, comparison, seed=wanted.seed, threads=cores())
     placed = plans(model, wanted.targets) if placed is None else placed
     begin("counting", 1)
     trains = spikes(model, queries, wanted.seed)

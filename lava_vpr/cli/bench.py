@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from lava_vpr.backends import registry as backends
+from lava_vpr.cli.choose import open_model, open_queries, truth_in_order
 from lava_vpr.cli.common import (
     PATH,
     check_folder,
@@ -17,20 +18,16 @@ from lava_vpr.cli.common import (
     console,
     encode,
     every_option,
-    open_model,
     places_option,
     print_whole,
     progress_bar,
     seed_type,
-    truth_in_order,
     write_json,
 )
 from lava_vpr.cli.evaluate import command_line
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.errors import ConfigError
 from lava_vpr.model import Model, integer_model
-from lava_vpr.traverse import open_traverse
-from lava_vpr.truth.alignment import choose_queries
 
 if TYPE_CHECKING:
     from lava_vpr.bench.results import Bench
@@ -97,9 +94,7 @@ def bench(
 
     model = open_model(model_path)
     _refuse(model, model_path, targets, names, sweep)
-    traverse = choose_queries(model, open_traverse(query, every=every), places, aligned=True)
-    if json_path is not None:
-        check_writable(json_path, *traverse.paths)
+    traverse = open_queries(model, query, places, every, output=json_path)
     truth = truth_in_order(model, traverse)
     queries = encode(traverse, model.config.encoder)
     wanted = Wanted(

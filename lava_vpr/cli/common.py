@@ -12,22 +12,17 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import click
-import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.measure import Measurement
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from lava_vpr import model as model_file
 from lava_vpr.backends import registry as backends
 from lava_vpr.config import EncoderConfig
 from lava_vpr.container import write_atomically
 from lava_vpr.encoding import EncodedTraverse, encode_traverse
 from lava_vpr.errors import InputError, ModelFileError
-from lava_vpr.model import Model
 from lava_vpr.traverse import Traverse
-from lava_vpr.truth.alignment import aligned_truth, by_number
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -135,30 +130,6 @@ def encode(traverse: Traverse, encoder: EncoderConfig) -> EncodedTraverse:
     """Read and encode a traverse, with a progress bar."""
     with progress_bar(f"reading {traverse.source}", len(traverse)) as advance:
         return encode_traverse(traverse, encoder, lambda n: advance(n, ""))
-
-
-def truth_in_order(model: Model, queries: Traverse, tolerance: int = 0) -> NDArray[np.bool_]:
-    """Query i shows place i, bool (queries, places); what is assumed of the numbers is told on stderr."""
-    if not by_number(model, queries):
-        stderr.print(
-            f"note: images {queries.indices[0]}:{queries.indices[-1] + 1} are taken, in order, as the places "
-            f"{model.place_indices[0]}:{model.place_indices[-1] + 1}",
-            markup=False,
-        )
-    return aligned_truth(model, queries, tolerance)
-
-
-def open_model(path: Path) -> Model:
-    """The model in a file, or in the folder of a deployed bundle.
-
-    Raises:
-        ModelFileError: it cannot be used.
-    """
-    if not path.is_dir():
-        return model_file.load(path)
-    from lava_vpr.deploy.bundle.opening import open_bundle  # only those who have a bundle wait for it
-
-    return open_bundle(path)
 
 
 def check_writable(path: Path, *inputs: Path | str | None) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from lava_vpr import model as model_file
+from lava_vpr.cli.choose import open_queries
 from lava_vpr.cli.common import PATH, console, encode, seed_type, write_json
 from lava_vpr.cli.evaluate import print_table
 from lava_vpr.config import preset
@@ -18,7 +19,7 @@ from lava_vpr.report.build import report_data
 from lava_vpr.synthetic.world import write_traverses
 from lava_vpr.training.loop import train as train_model
 from lava_vpr.traverse import open_traverse
-from lava_vpr.truth.alignment import aligned_truth, choose_queries
+from lava_vpr.truth.alignment import aligned_truth
 
 
 @click.command()
@@ -51,7 +52,7 @@ def demo(out: Path) -> None:
         markup=False,
     )
     model_file.save(model, out / "model.lvpr")
-    traverse = choose_queries(model, open_traverse(out / "query"), None, aligned=True)
+    traverse = open_queries(model, str(out / "query"), None, 1.0)
     queries = encode(traverse, config.encoder)
     result = recognise(model, queries, aligned_truth(model, traverse), threads=cores())
     print_table(model, result)

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
+from lava_vpr.cli.choose import open_model, open_queries
 from lava_vpr.cli.common import (
     PATH,
     check_writable,
     console,
     encode,
     every_option,
-    open_model,
     places_option,
     print_whole,
     progress_bar,
@@ -37,8 +37,7 @@ from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
 from lava_vpr.model import Model, integer_model
-from lava_vpr.traverse import open_traverse
-from lava_vpr.truth.alignment import aligned_truth, choose_queries
+from lava_vpr.truth.alignment import aligned_truth
 
 Calibration = tuple[EncodedTraverse, NDArray[np.bool_]]
 
@@ -157,9 +156,7 @@ def _calibration(
     model: Model, source: str, places: tuple[int, int] | None, every: float, json_path: Path | None
 ) -> Calibration:
     """The calibration images and which place each shows."""
-    traverse = choose_queries(model, open_traverse(source, every=every), places, aligned=True)
-    if json_path is not None:
-        check_writable(json_path, *traverse.paths)
+    traverse = open_queries(model, source, places, every, output=json_path)
     return encode(traverse, model.config.encoder), aligned_truth(model, traverse)
 
 

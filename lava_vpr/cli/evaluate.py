@@ -7,10 +7,10 @@ from pathlib import Path
 
 import click
 import numpy as np
-from numpy.typing import NDArray
 from rich.table import Table
 
 from lava_vpr.backends import registry as backends
+from lava_vpr.cli.choose import TruthOptions, open_model, open_queries, truth_options
 from lava_vpr.cli.common import (
     PATH,
     answer_options,
@@ -20,20 +20,14 @@ from lava_vpr.cli.common import (
     console,
     encode,
     every_option,
-    open_model,
     places_option,
     print_whole,
-    stderr,
-    truth_in_order,
     write_json,
 )
 from lava_vpr.engine.threads import cores
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.model import Model
-from lava_vpr.recognition import BASELINES, Recognition, as_json, recognise
-from lava_vpr.traverse import Traverse, open_traverse
-from lava_vpr.truth.alignment import choose_queries, positions_truth
-from lava_vpr.truth.groundtruth import read_ground_truth
+from lava_vpr.recognition import BASELINES, Comparison, Recognition, as_json, recognise
 
 
 @click.command("eval")
@@ -41,22 +35,7 @@ from lava_vpr.truth.groundtruth import read_ground_truth
 @click.argument("query", type=str)
 @places_option("Query images A..B-1 (default: the model's own range).")
 @every_option
-@click.option(
-    "--gt", "gt", type=PATH, default=None, metavar="FILE", help="Correct places of each query: txt, csv, json or npy."
-)
-@click.option(
-    "--positions",
-    type=(PATH, PATH),
-    default=None,
-    metavar="REF.csv QUERY.csv",
-    help="Positions of all images; with --radius.",
-)
-@click.option(
-    "--radius", type=click.FloatRange(min=0), default=None, metavar="M", help="Metres within which a place is correct."
-)
-@click.option(
-    "--tolerance", type=click.IntRange(min=0), default=0, show_default=True, help="Places off that still count."
-)
+@truth_options
 @click.option(
     "--sequence", type=click.IntRange(min=1), default=1, show_default=True, help="Consecutive queries matched together."
 )
@@ -80,10 +59,7 @@ def evaluate(
     query: str,
     places: tuple[int, int] | None,
     every: float,
-    gt: Path | None,
-    positions: tuple[Path, Path] | None,
-    radius: float | None,
-    tolerance: int,
+    truth: TruthOptions,
     sequence: int,
     rivals: tuple[str, ...],
     descriptors: tuple[Path, Path] | None,
@@ -96,33 +72,19 @@ def evaluate(
 
     Without --gt or --positions, query i shows place i, and both must be equally many.
     """
-    _check_usage(gt, positions, radius, tolerance)
     if json_path is not None:
-        check_writable(json_path, model_path, query, gt, *(positions or ()), *(descriptors or ()))
+        check_writable(json_path, model_path, query, *truth.files, *(descriptors or ()))
     if report_folder is not None:
         check_folder(report_folder)
     model = open_model(model_path)
     backends.require(backend, model)
-    traverse = choose_queries(
-        model, open_traverse(query, every=every), places, aligned=gt is None and positions is None
-    )
-    if json_path is not None:
-        check_writable(json_path, *traverse.paths)
-    truth = _truth(model, traverse, gt, positions, radius, tolerance)
+    traverse = open_queries(model, query, places, every, aligned=truth.aligned, output=json_path)
+    correct = truth.of(model, traverse)
     queries = encode(traverse, model.config.encoder)
+    comparison = Comparison(sequence, rivals or BASELINES, descriptors, keep_scores=report_folder is not None)
     with backend_progress(backend, len(queries)) as advance:
         result = recognise(
-            model,
-            queries,
-            truth,
-            backend=backend,
-            seed=seed,
-            sequence=sequence,
-            rivals=rivals or BASELINES,
-            descriptors=descriptors,
-            threads=cores(),
-            keep_scores=report_folder is not None,
-            advance=advance,
+            model, queries, correct, comparison, backend=backend, seed=seed, threads=cores(), advance=advance
         )
     if json_path is not None:  # files first: whoever reads the table may go away
         write_json(json_path, as_json(model, result))
@@ -138,40 +100,8 @@ def evaluate(
         console.print(f"report: {page}", markup=False)
 
 
-def _check_usage(gt: Path | None, positions: tuple[Path, Path] | None, radius: float | None, tolerance: int) -> None:
-    """Refuse options that contradict each other."""
-    if positions is not None and (radius is None or gt is not None):
-        raise click.UsageError("--positions needs --radius M, and excludes --gt")
-    if radius is not None and positions is None:
-        raise click.UsageError("--radius needs --positions REF.csv QUERY.csv")
-    if tolerance and (gt is not None or positions is not None):
-        raise click.UsageError(
-            "--tolerance counts places along the route; --gt and --positions say themselves what is correct"
-        )
-
-
-def _truth(
-    model: Model,
-    queries: Traverse,
-    gt: Path | None,
-    positions: tuple[Path, Path] | None,
-    radius: float | None,
-    tolerance: int,
-) -> NDArray[np.bool_]:
-    """Which places are correct for which query, bool (queries, places); what is assumed is told on stderr."""
-    if gt is not None:
-        truth = read_ground_truth(gt, queries.indices, model.place_indices)
-    elif positions is not None and radius is not None:
-        truth = positions_truth(model, queries, positions, radius)
-    else:
-        truth = truth_in_order(model, queries, tolerance)
-    without = int(np.count_nonzero(~truth.any(axis=1)))
-    if without:
-        stderr.print(f"note: {without} of {len(truth)} queries show none of the places; they count as not recalled")
-    return truth
-
-
 def _percent(value: float) -> str:
+    """A fraction in percent, a dash if it cannot be computed."""
     return "-" if np.isnan(value) else f"{100 * value:.1f}"
 
 
@@ -192,6 +122,7 @@ def print_table(model: Model, result: Recognition, sequence: int = 1) -> None:
 
 
 def _row(metrics: Metrics) -> list[str]:
+    """A matcher's figures in the order of the table's columns."""
     values = (
         metrics.recall_at_1,
         metrics.recall_at_n[5],
@@ -219,7 +150,7 @@ def command_line(ctx: click.Context) -> str:
         elif isinstance(param, click.Option) and param.is_flag:
             words += [param.opts[-1]] if value else []
         elif param.multiple:
-            words += [word for one in shown for word in (param.opts[-1], one)]
+            words += [word for text in shown for word in (param.opts[-1], text)]
         else:
             words += [param.opts[-1], *shown]
     return shlex.join(words)

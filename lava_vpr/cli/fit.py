@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import click
 from rich.table import Table
 
-from lava_vpr.cli.common import PATH, check_writable, console, open_model, print_whole, stderr, write_json, write_text
+from lava_vpr.cli.choose import open_model
+from lava_vpr.cli.common import PATH, check_writable, console, print_whole, stderr, write_json, write_text
 from lava_vpr.config import INPUT_MODES, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import BOARDS, Board

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.backends import registry as backends
+from lava_vpr.cli.choose import open_model
 from lava_vpr.cli.common import (
     PATH,
     answer_options,
@@ -19,15 +20,13 @@ from lava_vpr.cli.common import (
     console,
     encode,
     every_option,
-    open_model,
     places_option,
     write_text,
 )
+from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
-from lava_vpr.matching import sequences
-from lava_vpr.matching.certainty import best
-from lava_vpr.matching.matchers import confidence as confidence_of
+from lava_vpr.matching.answers import Answers, answers_looking_back
 from lava_vpr.model import Model
 from lava_vpr.recognition import count_query_spikes, decode
 from lava_vpr.traverse import open_traverse
@@ -86,42 +85,22 @@ def query(
     queries = encode(traverse, model.config.encoder)
     with backend_progress(backend, len(queries)) as advance:
         counts, _ = count_query_spikes(model, queries, backend=backend, seed=seed, threads=cores(), advance=advance)
-    matches, confidence = answer(model, counts, sequence)
-    accepted = (matches >= 0) & (confidence >= (-np.inf if min_confidence is None else min_confidence))
-    write_text(output, table(model, queries.names, queries.indices, matches, confidence, accepted))
-    console.print(
-        f"{len(queries)} image{'s' * (len(queries) != 1)}, {int(accepted.sum())} recognised: {output}", markup=False
-    )
+    decoder = model.config.decoder.default
+    answers = answers_looking_back(decoder, decode(model, counts, decoder), sequence)
+    accepted = (answers.matches >= 0) & (answers.confidence >= (-np.inf if min_confidence is None else min_confidence))
+    write_text(output, table(model, queries, answers, accepted))
+    images_read = "1 image" if len(queries) == 1 else f"{len(queries)} images"
+    console.print(f"{images_read}, {int(accepted.sum())} recognised: {output}", markup=False)
 
 
-def answer(model: Model, counts: NDArray[np.int32], sequence: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Place (-1: none) and confidence of each query; with sequences looking back, the first ones have none."""
-    name = model.config.decoder.default
-    scores = decode(model, counts, name)
-    if sequence == 1:
-        return best(scores), confidence_of(name, scores)
-    windows = sequences.causal_sequence_scores(scores, sequence)
-    matches = np.full(len(counts), -1, np.int64)
-    confidence = np.full(len(counts), -np.inf)
-    first = best(windows)
-    matches[sequence - 1 :] = np.where(first >= 0, first + sequence - 1, -1)
-    confidence[sequence - 1 :] = confidence_of("sequence", windows)
-    return matches, confidence
-
-
-def table(
-    model: Model,
-    names: tuple[str, ...],
-    indices: NDArray[np.int64],
-    matches: NDArray[np.int64],
-    confidence: NDArray[np.float64],
-    accepted: NDArray[np.bool_],
-) -> str:
+def table(model: Model, queries: EncodedTraverse, answers: Answers, accepted: NDArray[np.bool_]) -> str:
     """The answers as CSV text; a query without match has place -1, no name and no confidence."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
-    for name, index, match, sure, good in zip(names, indices, matches, confidence, accepted, strict=True):
+    rows = zip(queries.names, queries.indices, *answers, accepted, strict=True)
+    for name, index, match, confidence, good in rows:
         place = (int(model.place_indices[match]), model.place_names[match]) if match >= 0 else (-1, "")
-        writer.writerow((int(index), name, *place, repr(float(sure)) if match >= 0 else "", str(bool(good)).lower()))
+        certainty = repr(float(confidence)) if match >= 0 else ""
+        writer.writerow((int(index), name, *place, certainty, str(bool(good)).lower()))
     return text.getvalue()

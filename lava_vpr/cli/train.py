@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import glob
 import threading
 import time
 from pathlib import Path
@@ -27,9 +26,9 @@ from lava_vpr.cli.common import (
 from lava_vpr.config import PRESETS, Config, preset
 from lava_vpr.configfile import read_toml, update
 from lava_vpr.engine.threads import cores
-from lava_vpr.errors import ModelFileError
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.model import Model
+from lava_vpr.training.checkpoint import check_resume, remove_checkpoint
 from lava_vpr.training.loop import Progress, check_references, check_size, presentations, split
 from lava_vpr.training.loop import train as train_model
 from lava_vpr.traverse import open_traverse
@@ -43,8 +42,8 @@ from lava_vpr.traverse import open_traverse
     "preset_name",
     type=click.Choice(list(PRESETS)),
     default=None,
-    help="loihi: integer network for the chip (default); fast: the same with the least energy and time; paper: VPRSNN's "
-    "conductance model.",
+    help="loihi: integer network for the chip (default); fast: the same with the least energy and time; "
+    "paper: VPRSNN's conductance model.",
 )
 @click.option("--config", "config_file", type=PATH, default=None, metavar="FILE", help="Settings in TOML.")
 @places_option("Images A..B-1 of each REFERENCE (default: all).")
@@ -89,13 +88,7 @@ def train(
     check_writable(output, config_file, *references)
     checkpoint = output.with_name(output.name + ".checkpoint")
     with only_one(output):
-        if checkpoint.exists() and not resume:
-            raise ModelFileError(
-                f"{checkpoint}: an interrupted training can go on from here; add --resume, or delete the file to "
-                "start over"
-            )
-        if resume and not checkpoint.exists():
-            raise ModelFileError(f"{checkpoint}: there is no checkpoint to resume from; train without --resume")
+        check_resume(checkpoint, resume)
         whole = [open_traverse(source, every=every) for source in references]
         chosen = [traverse.between(*places) if places else traverse for traverse in whole]
         check_writable(output, *(path for traverse in chosen for path in traverse.paths))
@@ -111,8 +104,7 @@ def train(
             raise
         seconds = time.perf_counter() - started
         model_file.save(model, output)
-        for file in (checkpoint, *output.parent.glob(f".{glob.escape(checkpoint.name)}.*.tmp")):  # killed in mid-write
-            file.unlink(missing_ok=True)
+        remove_checkpoint(checkpoint)
     _report(model, output, seconds)
 
 

@@ -10,13 +10,13 @@ import click
 from rich.table import Table
 
 from lava_vpr.backends import registry as backends
+from lava_vpr.cli.choose import open_model, open_queries
 from lava_vpr.cli.common import (
     PATH,
     check_writable,
     console,
     encode,
     every_option,
-    open_model,
     places_option,
     print_whole,
     progress_bar,
@@ -25,8 +25,7 @@ from lava_vpr.cli.common import (
 )
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
-from lava_vpr.traverse import open_traverse
-from lava_vpr.truth.alignment import aligned_truth, choose_queries
+from lava_vpr.truth.alignment import aligned_truth
 from lava_vpr.verification import Verdict
 from lava_vpr.verification import verify as verify_spikes
 
@@ -67,9 +66,7 @@ def verify(
     model = open_model(model_path)
     for name in names:  # asked for by name: not to run it is an error
         backends.require(name, model)
-    traverse = choose_queries(model, open_traverse(query, every=every), places, aligned=True)
-    if json_path is not None:
-        check_writable(json_path, *traverse.paths)
+    traverse = open_queries(model, query, places, every, output=json_path)
     # The truth of all queries, then the first of them: fewer queries than places would be refused as not aligned.
     truth = aligned_truth(model, traverse)[:limit]
     queries = encode(traverse.take(range(min(limit, len(traverse)))), model.config.encoder)

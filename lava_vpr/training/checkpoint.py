@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import hashlib
 import json
 import threading
@@ -18,6 +19,30 @@ from lava_vpr.config import Config
 from lava_vpr.configfile import to_dict
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.errors import ModelFileError
+
+
+def check_resume(path: Path, resume: bool) -> None:
+    """Refuse, before any work is done, to resume from nothing, or to start over where a training was interrupted.
+
+    Raises:
+        ModelFileError: there is a checkpoint and ``resume`` is not asked for, or the other way round.
+    """
+    if path.exists() and not resume:
+        raise ModelFileError(
+            f"{path}: an interrupted training can go on from here; add --resume, or delete the file to start over"
+        )
+    if resume and not path.exists():
+        raise _nothing_to_resume(path)
+
+
+def _nothing_to_resume(path: Path) -> ModelFileError:
+    return ModelFileError(f"{path}: there is no checkpoint to resume from; train without --resume")
+
+
+def remove_checkpoint(path: Path) -> None:
+    """Remove the checkpoint of a training that is done, and what writes that were killed left beside it."""
+    for file in (path, *path.parent.glob(f".{glob.escape(path.name)}.*.tmp")):
+        file.unlink(missing_ok=True)
 
 
 def fingerprint(references: Sequence[EncodedTraverse], config: Config) -> str:
@@ -53,7 +78,7 @@ class Checkpoint:
         if self.path is None:
             raise ModelFileError("there is nowhere to resume from; name the checkpoint")
         if not self.path.exists():
-            raise ModelFileError(f"{self.path}: there is no checkpoint to resume from; train without --resume")
+            raise _nothing_to_resume(self.path)
         header, arrays = container.load(self.path, "checkpoint")
         if header.get("fingerprint") != self.fingerprint:
             raise ModelFileError(

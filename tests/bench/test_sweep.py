@@ -27,7 +27,7 @@ from lava_vpr.deploy.cost.costs import modelled, quick
 from lava_vpr.deploy.cost.events import count_events
 from lava_vpr.encoding import query_rates
 from lava_vpr.errors import ConfigError
-from lava_vpr.recognition import recognise
+from lava_vpr.recognition import DECODERS_ONLY, recognise
 from lava_vpr.training.loop import train
 
 TRUTH = np.eye(8, dtype=bool)
@@ -103,7 +103,7 @@ def test_a_point_is_the_model_quantised_anew_and_modelled() -> None:
     changes = {"encoder": {"query_inputs": 300}, "network": {"weight_bits": 2, "steps": 40, "prune": 0.5}}
     source = dataclasses.replace(one.model, config=update(one.model.config, changes))
     model = requantised(source, shift=0)
-    assert recognise(model, one.queries, TRUTH, rivals=()).metrics["contrast"] == result.metrics
+    assert recognise(model, one.queries, TRUTH, DECODERS_ONLY).metrics["contrast"] == result.metrics
     plan = plan_of(model, KAPOHO_BAY)
     rates = query_rates(one.queries.activity, model.config)
     trains = HostBackend().trains(model, rates, image_ids=one.queries.indices, role="query", seed=model.config.seed)

@@ -27,7 +27,7 @@ from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.matching.evaluation import evaluate
 from lava_vpr.matching.matchers import confidence
 from lava_vpr.model import Model
-from lava_vpr.recognition import BASELINES, as_json, count_query_spikes, decode, decoder_variant, recognise
+from lava_vpr.recognition import BASELINES, Comparison, as_json, count_query_spikes, decode, decoder_variant, recognise
 from lava_vpr.report.build import report_data
 from lava_vpr.training.loop import train
 
@@ -211,7 +211,7 @@ def test_a_silent_query_matches_no_place() -> None:
     learned, queries, _, _ = case("loihi")
     activity = queries.activity.copy()
     activity[2] = 0
-    result = recognise(learned, dataclasses.replace(queries, activity=activity), TRUTH, rivals=("cosine",))
+    result = recognise(learned, dataclasses.replace(queries, activity=activity), TRUTH, Comparison(rivals=("cosine",)))
     whole = recognise(learned, queries, TRUTH)
     assert not result.counts[2].any()
     assert result.matches[2] == -1
@@ -226,25 +226,25 @@ def test_a_silent_query_matches_no_place() -> None:
 
 def test_only_the_wanted_rivals_and_descriptors(tmp_path: Path) -> None:
     learned, queries, _, _ = case("loihi")
-    assert set(recognise(learned, queries, TRUTH, rivals=()).metrics) == set(DECODERS)
-    assert set(recognise(learned, queries, TRUTH, rivals=("sad",)).metrics) == {*DECODERS, "sad"}
+    assert set(recognise(learned, queries, TRUTH, Comparison(rivals=())).metrics) == set(DECODERS)
+    assert set(recognise(learned, queries, TRUTH, Comparison(rivals=("sad",))).metrics) == {*DECODERS, "sad"}
     rng = np.random.default_rng(3)
     vectors = rng.normal(size=(PLACES, 32))
     np.save(tmp_path / "r.npy", vectors)
     np.save(tmp_path / "q.npy", 3 * vectors + 0.1 * rng.normal(size=vectors.shape))
     files = (tmp_path / "r.npy", tmp_path / "q.npy")
-    result = recognise(learned, queries, TRUTH, descriptors=files)
+    result = recognise(learned, queries, TRUTH, Comparison(descriptors=files))
     assert result.metrics["descriptors"].recall_at_1 == 1
     assert list(as_json(learned, result)["baselines"]) == ["sad", "cosine", "descriptors"]
     two = train([encoded(PLACES), encoded(PLACES, noise=0.1)], learned.config)
     with pytest.raises(InputError, match=r"r\.npy: has 8 rows for 16 images"):
-        recognise(two, queries, TRUTH, descriptors=files)
+        recognise(two, queries, TRUTH, Comparison(descriptors=files))
 
 
 @pytest.mark.parametrize("length", [2, 5, 8])
 def test_sequences_are_windows_of_the_single_scores(length: int) -> None:
     learned, queries, counts, _ = case("loihi")
-    result, single = recognise(learned, queries, TRUTH, sequence=length), recognise(learned, queries, TRUTH)
+    result, single = recognise(learned, queries, TRUTH, Comparison(sequence=length)), recognise(learned, queries, TRUTH)
     windows = PLACES - length + 1
     assert result.truth.shape == (windows, windows)
     np.testing.assert_array_equal(result.counts, counts)
