@@ -234,15 +234,18 @@ def _our_counts(events: EventCounts) -> dict[str, Floats]:
     def each(*names: str) -> Floats:
         return np.asarray(sum(events.each(name) for name in names), np.float64)
 
-    injected = events.injected
-    hops = ("hops_east_west", "hops_north_south")
+    injected, messages, hops = np.zeros(events.queries), ["messages_out"], ["hops_east_west", "hops_north_south"]
+    if events.injected:
+        injected = each("input_spikes")
+        messages += ["input_messages"]
+        hops += ["input_hops_east_west", "input_hops_north_south"]
     return {
         "synaptic operations": each("operations_dense", "operations_sparse"),
         "updates": each("touched"),
         "spikes": each("spikes"),
-        "injected spikes": each("input_spikes") * injected,
-        "messages": each("messages_out", *["input_messages"] * injected),
-        "hops": each(*hops, *[f"input_{name}" for name in hops if injected]),
+        "injected spikes": injected,
+        "messages": each(*messages),
+        "hops": each(*hops),
     }
 
 
@@ -265,18 +268,23 @@ def compare(plan: Plan, trains: Trains, answer: dict[str, Any], *, input_core: b
         BackendUnavailableError: it is no answer to this problem.
     """
     theirs = _read(answer, plan, trains)
-    events = count_events(plan, trains, entry=(0, 0))
-    ours = closed_form(events, tiles=tiles, updates="touched", input_core=input_core)
+    events, constants = count_events(plan, trains, entry=(0, 0)), plan.board.constants
+    ours = closed_form(events, constants, tiles=tiles, updates="touched", input_core=input_core)
     nothing = np.zeros(events.queries)
     energy = {**ours.microjoules, "dendrite": nothing, "total": ours.total_microjoules}
     counts = _our_counts(events)
-    picojoules = step_picojoules(events, "nominal", "touched")
+    picojoules = step_picojoules(events, constants, "nominal", "touched")
     step_energy = sum(values for name, values in picojoules.items() if name != "read-out")
-    options = {"updates": "touched", "read_out": False, "input_core": input_core}
-    step_time = step_microseconds(events, "nominal", tiles, **options)
-    pairs = [(energy[name], theirs.microjoules[name].sum(axis=1)) for name in theirs.microjoules]
-    pairs += [(ours.milliseconds, theirs.milliseconds.sum(axis=1)), (step_time / 1e3, theirs.milliseconds)]
-    pairs += [(np.asarray(step_energy) / 1e6, theirs.microjoules["total"])]
+    step_time = step_microseconds(
+        events, constants, "nominal", tiles, updates="touched", read_out=False, input_core=input_core
+    )
+    energies = {name: (energy[name], values.sum(axis=1)) for name, values in theirs.microjoules.items()}
+    pairs = [
+        *energies.values(),
+        (ours.milliseconds, theirs.milliseconds.sum(axis=1)),
+        (step_time / 1e3, theirs.milliseconds),
+        (np.asarray(step_energy) / 1e6, theirs.microjoules["total"]),
+    ]
     differ = 0
     for name, fired in theirs.fired.items():
         train = getattr(trains, name)
@@ -289,7 +297,7 @@ def compare(plan: Plan, trains: Trains, answer: dict[str, Any], *, input_core: b
     return CrossCheck(
         version=theirs.version,
         queries=events.queries,
-        microjoules={name: (mean(a), mean(b)) for name, (a, b) in zip(theirs.microjoules, pairs, strict=False)},
+        microjoules={name: (mean(a), mean(b)) for name, (a, b) in energies.items()},
         simple_milliseconds=(mean(ours.milliseconds), mean(theirs.milliseconds.sum(axis=1))),
         detailed_milliseconds=mean(theirs.detailed),
         counts={name: (mean(counts[name]), mean(value)) for name, value in theirs.counts.items()},

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 from lava_vpr import loihi
+from lava_vpr.deploy.boards.constants import LOIHI_1, CostConstants
 
 
 @dataclass(frozen=True)
@@ -23,7 +25,7 @@ class Board:
         profiles, thresholds, formats: Distinct ones.
         weight_bits, index_bits: Widths that a stored synapse can have.
         host_spikes: That the host sends to one chip in one step.
-        timed: How long its operations take is public.
+        constants: Energies and times of its operations; None: none are public.
     """
 
     name: str
@@ -45,7 +47,17 @@ class Board:
     weight_bits: tuple[int, ...]
     index_bits: tuple[int, ...]
     host_spikes: int | None
-    timed: bool
+    constants: CostConstants | None
+
+    @property
+    def timed(self) -> bool:
+        """Whether the times of the board's operations are public."""
+        return self.constants is not None
+
+    def as_json(self) -> dict[str, Any]:
+        """Limits and mesh by name, as a bundle's manifest has them; None: not public."""
+        values = {item.name: getattr(self, item.name) for item in fields(self) if item.name != "constants"}
+        return values | {"timed": self.timed}
 
 
 KAPOHO_BAY = Board(
@@ -68,7 +80,7 @@ KAPOHO_BAY = Board(
     weight_bits=loihi.LOIHI_1_WEIGHT_BITS,
     index_bits=loihi.LOIHI_1_INDEX_BITS,
     host_spikes=loihi.HOST_SPIKES,
-    timed=True,
+    constants=LOIHI_1,
 )
 
 LOIHI_2 = Board(
@@ -91,7 +103,7 @@ LOIHI_2 = Board(
     weight_bits=tuple(range(1, 9)),
     index_bits=(),
     host_spikes=None,
-    timed=False,
+    constants=None,
 )
 
 BOARDS = {board.name: board for board in (KAPOHO_BAY, LOIHI_2)}

@@ -1,4 +1,4 @@
-"""Every constant of the cost model: low, nominal and high, with its source.
+"""Every constant of the cost model, by chip: low, nominal and high, with its source.
 
 Two columns are public for Loihi 1: SANA-FE's, fitted to silicon, and Intel's own of 2018. Low is the lower of the two,
 nominal SANA-FE's, high the higher. What only one column knows is its value in all three.
@@ -6,14 +6,12 @@ nominal SANA-FE's, high the higher. What only one column knows is its value in a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, Literal
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any
 
 from lava_vpr import loihi
-from lava_vpr.deploy.boards.estimate import Estimate
-
-Level = Literal["low", "nominal", "high"]
-LEVELS: tuple[Level, ...] = ("low", "nominal", "high")
+from lava_vpr.deploy.boards.estimate import Estimate, Level
 
 SANA_FE = (
     "SANA-FE 2.2.9, arch/loihi.yaml, fitted to silicon (Boyle et al., IEEE TCAD 2025, doi 10.1109/TCAD.2025.3537971: "
@@ -26,14 +24,14 @@ BLOUW = "Blouw et al., NICE 2019, arXiv 1812.01739"
 
 @dataclass(frozen=True)
 class Constant:
-    """A constant of the model.
+    """A constant of the cost model.
 
     Attributes:
         name: Short, unique.
         what: For people.
         unit: pJ, ns, us or mW.
-        low, nominal, high: Its value.
-        source: In words, with doi; says which bound is whose, and what is an assumption.
+        low, nominal, high: The value, as the two columns have it.
+        source: The source in words, with doi; says which bound is whose, and what is an assumption.
     """
 
     name: str
@@ -46,11 +44,15 @@ class Constant:
 
     @property
     def estimate(self) -> Estimate:
-        """Its values."""
+        """The three values."""
         return Estimate(self.low, self.nominal, self.high)
 
+    def at(self, level: Level) -> float:
+        """The value at ``level``."""
+        return self.estimate.at(level)
+
     def as_json(self) -> dict[str, Any]:
-        """As scripts read it."""
+        """The constant as scripts read it."""
         return {
             "name": self.name,
             "what": self.what,
@@ -77,117 +79,150 @@ _MESSAGE = " (there a spike within a tile)"
 _MORE_PJ = loihi.DAVIES_ACTIVE_PJ - loihi.DAVIES_INACTIVE_PJ
 _MORE_NS = round(loihi.DAVIES_ACTIVE_NS - loihi.DAVIES_INACTIVE_NS, 1)
 
-SYNAPSE_DENSE = _both(
-    "synapse_dense", "synaptic operation of a dense row", "pJ", loihi.SYNAPSE_DENSE_PJ, loihi.DAVIES_SYNAPSE_PJ
-)
-SYNAPSE_SPARSE = _both(
-    "synapse_sparse", "synaptic operation of a sparse row", "pJ", loihi.SYNAPSE_SPARSE_PJ, loihi.DAVIES_SYNAPSE_PJ
-)
-ACCESS = _both("access", "access to a neuron, every step", "pJ", loihi.ACCESS_PJ, loihi.DAVIES_INACTIVE_PJ, _ACCESS)
-UPDATE = _both("update", "update of a neuron that has a reason to", "pJ", loihi.UPDATE_PJ, _MORE_PJ, _UPDATE)
-SPIKE = _one("spike", "spike of a neuron", "pJ", loihi.SPIKE_PJ)
-MESSAGE = _both(
-    "message", "message, one for each core it goes to", "pJ", loihi.MESSAGE_PJ, loihi.DAVIES_MESSAGE_PJ, _MESSAGE
-)
-HOP_EAST_WEST = _both(
-    "hop_east_west", "tile crossed east-west", "pJ", loihi.HOP_EAST_WEST_PJ, loihi.DAVIES_HOP_EAST_WEST_PJ
-)
-HOP_NORTH_SOUTH = _both(
-    "hop_north_south", "tile crossed north-south", "pJ", loihi.HOP_NORTH_SOUTH_PJ, loihi.DAVIES_HOP_NORTH_SOUTH_PJ
-)
 
-MESSAGE_IN_TIME = _one("message_in_time", "message received", "ns", loihi.AXON_IN_NS)
-SYNAPSE_DENSE_TIME = _both(
-    "synapse_dense_time", "synaptic operation of a dense row", "ns", loihi.SYNAPSE_DENSE_NS, loihi.DAVIES_SYNAPSE_NS
-)
-SYNAPSE_SPARSE_TIME = _both(
-    "synapse_sparse_time", "synaptic operation of a sparse row", "ns", loihi.SYNAPSE_SPARSE_NS, loihi.DAVIES_SYNAPSE_NS
-)
-ACCESS_TIME = _both("access_time", "access to a neuron", "ns", loihi.ACCESS_NS, loihi.DAVIES_INACTIVE_NS, _ACCESS)
-UPDATE_TIME = _both("update_time", "update of a neuron", "ns", loihi.UPDATE_NS, _MORE_NS, _UPDATE)
-SPIKE_TIME = _one("spike_time", "spike of a neuron", "ns", loihi.SPIKE_NS)
-MESSAGE_TIME = _both("message_time", "message sent", "ns", loihi.MESSAGE_NS, loihi.DAVIES_MESSAGE_NS, _MESSAGE)
+@dataclass(frozen=True)
+class CostConstants:
+    """Energy and time of every operation of a board, and the power and traffic around it.
 
-STEP = Constant(
-    "step",
-    "least time of a step",
-    "us",
-    0.0,
-    0.0,
-    loihi.POHOIKI_STEP_US,
-    f"high: shortest step measured on 32 chips, {FRADY}; low and nominal: no bound but the busiest core and the "
-    "barrier. Kapoho Bay's own barrier is not public",
-)
-STATIC = Constant(
-    "static",
-    "power of a chip that does nothing, each chip of the board, used or not",
-    "mW",
-    loihi.IDLE_MILLIWATTS,
-    loihi.CHIP_MILLIWATTS,
-    loihi.CHIP_MILLIWATTS,
-    f"nominal and high: {FRADY} (3.34 W for 32 chips); low: idle power of another board, {BLOUW}. Kapoho Bay's own is "
-    "not public",
-)
-EMBEDDED = Constant(
-    "embedded",
-    "power of a chip's embedded x86 processors",
-    "mW",
-    0.0,
-    loihi.EMBEDDED_MILLIWATTS,
-    loihi.EMBEDDED_MILLIWATTS,
-    f"nominal and high: {FRADY}; low: contained in the idle power of {BLOUW}",
-)
-HOST_MESSAGE = _one(
-    "host_message",
-    "message between host and board over USB; how many there are makes the range",
-    "us",
-    loihi.KAPOHO_BAY_MESSAGE_US,
-    "one public log of Kapoho Bay, not verified",
-)
-WRITE_TIME = Constant(
-    "write_time",
-    "register written, or spike injected, by an embedded processor",
-    "ns",
-    loihi.DAVIES_MESSAGE_NS,
-    loihi.AXON_IN_NS,
-    loihi.EMBEDDED_WRITE_NS,
-    f"an assumption, no figure is public; low: a spike within a tile, {DAVIES}; nominal: a message received, SANA-FE "
-    "2.2.9; high: some tens of cycles of a processor at some hundreds of MHz",
-)
+    Attributes:
+        synapse_dense, synapse_sparse, access, update, spike, message, hop_east_west, hop_north_south: Energies, pJ.
+        message_in_time, synapse_dense_time, synapse_sparse_time: Times of what arrives on a core, ns.
+        access_time, update_time, spike_time, message_time: Times of a core's neurons, ns.
+        barrier: The barrier at the end of each step in us, from the number of tiles in use.
+        barrier_tiles: The numbers of tiles whose barriers a report lists.
+        step: The least time of a step, us.
+        static, embedded: Power of a chip and of its embedded processors, mW.
+        host_message: Time of a message between host and board, us.
+        write_time: Time of a register that an embedded processor writes, ns.
+    """
+
+    synapse_dense: Constant
+    synapse_sparse: Constant
+    access: Constant
+    update: Constant
+    spike: Constant
+    message: Constant
+    hop_east_west: Constant
+    hop_north_south: Constant
+    message_in_time: Constant
+    synapse_dense_time: Constant
+    synapse_sparse_time: Constant
+    access_time: Constant
+    update_time: Constant
+    spike_time: Constant
+    message_time: Constant
+    barrier: Callable[[int], Constant]
+    barrier_tiles: tuple[int, ...]
+    step: Constant
+    static: Constant
+    embedded: Constant
+    host_message: Constant
+    write_time: Constant
+
+    def listed(self) -> tuple[Constant, ...]:
+        """All constants in the order of the fields, with the barriers of `barrier_tiles`, as a report has them."""
+        found: list[Constant] = []
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if item.name == "barrier":
+                found += [self.barrier(tiles) for tiles in self.barrier_tiles]
+            elif isinstance(value, Constant):
+                found.append(value)
+        return tuple(found)
 
 
-def barrier(tiles: int) -> Constant:
+def _barrier(tiles: int) -> Constant:
     """The barrier at the end of each step, with so many tiles in use."""
     known = loihi.BARRIER_US
     nominal = known[max((n for n in known if n <= tiles), default=min(known))]
     (few, fast), (many, slow) = sorted(loihi.DAVIES_BARRIER_US.items())
     davies = fast + (slow - fast) * (min(max(tiles, few), many) - few) / (many - few)
-    what = f"barrier at the end of a step, {tiles} tile{'s' * (tiles != 1)} in use"
+    what = f"barrier at the end of a step, {'1 tile' if tiles == 1 else f'{tiles} tiles'} in use"
     note = f" ({fast:g} us with {few} tile, {slow:g} us with {many}; between them a straight line, an assumption)"
     return _both(f"barrier_{tiles}", what, "us", nominal, davies, note)
 
 
-CONSTANTS: tuple[Constant, ...] = (
-    SYNAPSE_DENSE,
-    SYNAPSE_SPARSE,
-    ACCESS,
-    UPDATE,
-    SPIKE,
-    MESSAGE,
-    HOP_EAST_WEST,
-    HOP_NORTH_SOUTH,
-    MESSAGE_IN_TIME,
-    SYNAPSE_DENSE_TIME,
-    SYNAPSE_SPARSE_TIME,
-    ACCESS_TIME,
-    UPDATE_TIME,
-    SPIKE_TIME,
-    MESSAGE_TIME,
-    *(barrier(tiles) for tiles in loihi.BARRIER_US),
-    STEP,
-    STATIC,
-    EMBEDDED,
-    HOST_MESSAGE,
-    WRITE_TIME,
+LOIHI_1 = CostConstants(
+    synapse_dense=_both(
+        "synapse_dense", "synaptic operation of a dense row", "pJ", loihi.SYNAPSE_DENSE_PJ, loihi.DAVIES_SYNAPSE_PJ
+    ),
+    synapse_sparse=_both(
+        "synapse_sparse", "synaptic operation of a sparse row", "pJ", loihi.SYNAPSE_SPARSE_PJ, loihi.DAVIES_SYNAPSE_PJ
+    ),
+    access=_both("access", "access to a neuron, every step", "pJ", loihi.ACCESS_PJ, loihi.DAVIES_INACTIVE_PJ, _ACCESS),
+    update=_both("update", "update of a neuron that has a reason to", "pJ", loihi.UPDATE_PJ, _MORE_PJ, _UPDATE),
+    spike=_one("spike", "spike of a neuron", "pJ", loihi.SPIKE_PJ),
+    message=_both(
+        "message", "message, one for each core it goes to", "pJ", loihi.MESSAGE_PJ, loihi.DAVIES_MESSAGE_PJ, _MESSAGE
+    ),
+    hop_east_west=_both(
+        "hop_east_west", "tile crossed east-west", "pJ", loihi.HOP_EAST_WEST_PJ, loihi.DAVIES_HOP_EAST_WEST_PJ
+    ),
+    hop_north_south=_both(
+        "hop_north_south", "tile crossed north-south", "pJ", loihi.HOP_NORTH_SOUTH_PJ, loihi.DAVIES_HOP_NORTH_SOUTH_PJ
+    ),
+    message_in_time=_one("message_in_time", "message received", "ns", loihi.AXON_IN_NS),
+    synapse_dense_time=_both(
+        "synapse_dense_time", "synaptic operation of a dense row", "ns", loihi.SYNAPSE_DENSE_NS, loihi.DAVIES_SYNAPSE_NS
+    ),
+    synapse_sparse_time=_both(
+        "synapse_sparse_time",
+        "synaptic operation of a sparse row",
+        "ns",
+        loihi.SYNAPSE_SPARSE_NS,
+        loihi.DAVIES_SYNAPSE_NS,
+    ),
+    access_time=_both("access_time", "access to a neuron", "ns", loihi.ACCESS_NS, loihi.DAVIES_INACTIVE_NS, _ACCESS),
+    update_time=_both("update_time", "update of a neuron", "ns", loihi.UPDATE_NS, _MORE_NS, _UPDATE),
+    spike_time=_one("spike_time", "spike of a neuron", "ns", loihi.SPIKE_NS),
+    message_time=_both("message_time", "message sent", "ns", loihi.MESSAGE_NS, loihi.DAVIES_MESSAGE_NS, _MESSAGE),
+    barrier=_barrier,
+    barrier_tiles=tuple(loihi.BARRIER_US),
+    step=Constant(
+        "step",
+        "least time of a step",
+        "us",
+        0.0,
+        0.0,
+        loihi.POHOIKI_STEP_US,
+        f"high: shortest step measured on 32 chips, {FRADY}; low and nominal: no bound but the busiest core and the "
+        "barrier. Kapoho Bay's own barrier is not public",
+    ),
+    static=Constant(
+        "static",
+        "power of a chip that does nothing, each chip of the board, used or not",
+        "mW",
+        loihi.IDLE_MILLIWATTS,
+        loihi.CHIP_MILLIWATTS,
+        loihi.CHIP_MILLIWATTS,
+        f"nominal and high: {FRADY} (3.34 W for 32 chips); low: idle power of another board, {BLOUW}. Kapoho Bay's own "
+        "is not public",
+    ),
+    embedded=Constant(
+        "embedded",
+        "power of a chip's embedded x86 processors",
+        "mW",
+        0.0,
+        loihi.EMBEDDED_MILLIWATTS,
+        loihi.EMBEDDED_MILLIWATTS,
+        f"nominal and high: {FRADY}; low: contained in the idle power of {BLOUW}",
+    ),
+    host_message=_one(
+        "host_message",
+        "message between host and board over USB; how many there are makes the range",
+        "us",
+        loihi.KAPOHO_BAY_MESSAGE_US,
+        "one public log of Kapoho Bay, not verified",
+    ),
+    write_time=Constant(
+        "write_time",
+        "register written, or spike injected, by an embedded processor",
+        "ns",
+        loihi.DAVIES_MESSAGE_NS,
+        loihi.AXON_IN_NS,
+        loihi.EMBEDDED_WRITE_NS,
+        f"an assumption, no figure is public; low: a spike within a tile, {DAVIES}; nominal: a message received, "
+        "SANA-FE 2.2.9; high: some tens of cycles of a processor at some hundreds of MHz",
+    ),
 )
-"""What a report lists."""
+"""The constants of Loihi 1, and of Kapoho Bay, a board with two of it."""

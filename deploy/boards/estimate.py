@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Literal
+
+Level = Literal["low", "nominal", "high"]
+LEVELS: tuple[Level, ...] = ("low", "nominal", "high")
 
 
 @dataclass(frozen=True)
@@ -14,17 +18,26 @@ class Estimate:
     nominal: float
     high: float
 
+    @classmethod
+    def of(cls, value: Callable[[Level], float]) -> Estimate:
+        """The estimate whose figure at each level is ``value`` of that level."""
+        return cls(*(value(level) for level in LEVELS))
+
     def __add__(self, other: Estimate) -> Estimate:
         return Estimate(self.low + other.low, self.nominal + other.nominal, self.high + other.high)
 
     def __mul__(self, factor: float) -> Estimate:
         return Estimate(self.low * factor, self.nominal * factor, self.high * factor)
 
+    def at(self, level: Level) -> float:
+        """The figure at ``level``."""
+        return float(getattr(self, level))
+
     def as_json(self) -> dict[str, float]:
-        """As scripts read it."""
+        """The estimate as scripts read it."""
         return {"low": self.low, "nominal": self.nominal, "high": self.high}
 
 
 def total(parts: Iterable[Estimate]) -> Estimate:
-    """Sum of ``parts``; of none: 0."""
+    """The sum of ``parts``; of none: 0."""
     return sum(parts, Estimate(0.0, 0.0, 0.0))

@@ -102,7 +102,7 @@ def deploy(
 def _manifest(model: Model, plan: Plan, compression: dict[str, Any] | None) -> dict[str, Any]:
     """What the bundle says of itself."""
     network, board = plan.network, plan.board
-    limits = {name: "unknown" if value is None else value for name, value in asdict(board).items()}
+    limits = {name: "unknown" if value is None else value for name, value in board.as_json().items()}
     return {
         "target": board.name,
         "lava_vpr": __version__,

@@ -7,31 +7,22 @@ the host's traffic.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.deploy.boards import constants as c
-from lava_vpr.deploy.boards.constants import CONSTANTS, LEVELS, Constant, barrier
-from lava_vpr.deploy.boards.estimate import Estimate, total
-from lava_vpr.deploy.boards.plan import Plan
-from lava_vpr.deploy.cost.closed_form import (
-    ClosedForm,
-    closed_form,
-    step_microseconds,
-    step_nanoseconds,
-    step_picojoules,
-)
-from lava_vpr.deploy.cost.events import EventCounts, count_events
+from lava_vpr.deploy.boards.constants import CostConstants
+from lava_vpr.deploy.boards.estimate import Estimate, Level, total
+from lava_vpr.deploy.boards.plan import CorePlan, Plan
+from lava_vpr.deploy.boards.step_time import neuron_nanoseconds
+from lava_vpr.deploy.cost.closed_form import step_microseconds, step_nanoseconds, step_picojoules
+from lava_vpr.deploy.cost.events import EventCounts
 from lava_vpr.deploy.cost.host_traffic import SETTING_WRITES, counts_on_chips, entry_hops, host_milliseconds
 from lava_vpr.deploy.registers.clearing import clearing, rest_steps
-from lava_vpr.engine.trains import Trains
 
 Floats = NDArray[np.float64]
-
-__all__ = ["CONSTANTS", "ClosedForm", "Constant", "Modelled", "Quick", "closed_form", "modelled", "quick", "step_times"]
 
 UNPUBLISHED = (
     "no energy or time per operation of Loihi 2 has been published, and Loihi 1's are not borrowed; what is counted "
@@ -48,29 +39,32 @@ ALL_DENSE = (
 class Modelled:
     """A query on a board, by the cost model; nothing of this was measured on a chip.
 
+    Estimates are None where there are no energies and times. Fields and sums are named as in the JSON contract, which
+    `as_json` makes of them in this order.
+
     Attributes:
-        target: Name of the board.
-        chips: All of the board; all of them draw static power, used or not.
-        cores, tiles: In use.
-        steps: Of a presentation, the silent ones included.
+        target: The name of the board.
+        chips: All chips of the board; all of them draw static power, used or not.
+        cores, tiles: Those in use; tiles None: the mesh is not public.
+        steps: Steps of a presentation, the silent ones included.
         input_mode: ``injected`` or ``bias``.
-        counts: Events of a query, mean over the queries, by name as in the JSON contract, and more; None: unknown.
-        dynamic_microjoules: Of a query by component, clearing of states included, host I/O not.
-        milliseconds: Of a query on the chip: all its steps and the clearing of states.
-        step_microseconds: Of one step, mean over the steps.
-        static_millijoules: Of all chips and embedded processors during that time.
-        io_milliseconds: Of the host's traffic for the query, apart: both ways of input, and the way in use first.
-        io_microjoules: Dynamic energy on the chips that input takes, by way, the way in use first. Messages, input
-            compartments and their settings of the way in use are part of ``dynamic_microjoules``; the other's are an
-            estimate of what would stand there instead.
-        clearing: How states are cleared and what it takes: writes, microjoules, milliseconds; what rest would take.
-        assumptions: What was assumed, a sentence each, with source.
-        unavailable: Why there are no energies and times (Loihi 2); empty if there are. Estimates are None then.
-        wall_milliseconds: Of a query if the host's traffic cannot overlap with another query: the longer of time on the
-            chip and traffic of the way in use.
+        dynamic_by_component: Microjoules of a query, clearing of states included, host I/O not.
+        milliseconds: Time of a query on the chip: all its steps and the clearing of states.
+        step_microseconds: Time of one step, mean over the steps.
+        static_millijoules: Energy that all chips and embedded processors draw during that time.
+        io_milliseconds_by_way: Time of the host's traffic for the query, apart: both input modes, the one in use first.
+        io_microjoules_by_way: Dynamic energy on the chips that input takes, by input mode, the one in use first.
+            Messages, input compartments and their settings of the mode in use are part of ``dynamic_by_component``; the
+            other's are an estimate of what would stand there instead.
+        wall_milliseconds: Time of a query if the host's traffic cannot overlap with another query: the longer of time
+            on the chip and traffic of the mode in use.
         wall_static_millijoules: Static energy during that.
         busiest: Whose part made a step that long, as share of the steps (nominal): ``receive`` or ``neurons``.
         busiest_core: What a step waits for: events of the core that has most of them, mean over the steps, by name.
+        clearing: How states are cleared and what it takes: writes, microjoules, milliseconds; what rest would take.
+        counts: Events of a query, mean over the queries, by name; None: unknown.
+        unavailable: Why there are no energies and times (Loihi 2); None if there are.
+        assumptions: What was assumed, a sentence each, with source.
     """
 
     target: str
@@ -79,106 +73,88 @@ class Modelled:
     tiles: int | None
     steps: int
     input_mode: str
-    counts: dict[str, float | None]
-    dynamic_microjoules: dict[str, Estimate] | None
-    milliseconds: Estimate | None
-    step_microseconds: Estimate | None
-    static_millijoules: Estimate | None
-    io_milliseconds: dict[str, Estimate] | None
-    io_microjoules: dict[str, Estimate] | None
-    clearing: dict[str, Any]
-    assumptions: tuple[str, ...] = ()
-    unavailable: str = ""
+    dynamic_by_component: dict[str, Estimate] | None = None
+    milliseconds: Estimate | None = None
+    step_microseconds: Estimate | None = None
+    static_millijoules: Estimate | None = None
+    io_milliseconds_by_way: dict[str, Estimate] | None = None
+    io_microjoules_by_way: dict[str, Estimate] | None = None
     wall_milliseconds: Estimate | None = None
     wall_static_millijoules: Estimate | None = None
-    busiest: dict[str, float] = field(default_factory=dict)
-    busiest_core: dict[str, float] = field(default_factory=dict)
+    busiest: dict[str, float] | None = None
+    busiest_core: dict[str, float] | None = None
+    clearing: dict[str, Any] = field(default_factory=dict)
+    counts: dict[str, float | None] = field(default_factory=dict)
+    unavailable: str | None = None
+    assumptions: tuple[str, ...] = ()
+
+    @property
+    def dynamic_microjoules(self) -> Estimate | None:
+        """Dynamic energy of a query, all components."""
+        return None if self.dynamic_by_component is None else total(self.dynamic_by_component.values())
+
+    @property
+    def io_milliseconds(self) -> Estimate | None:
+        """Time of the host's traffic in the input mode in use."""
+        return None if self.io_milliseconds_by_way is None else next(iter(self.io_milliseconds_by_way.values()))
+
+    def as_json(self) -> dict[str, Any]:
+        """The figures by name, as scripts read them; the target is the key, and assumptions stand with all others'."""
+        before = {"dynamic_by_component": "dynamic_microjoules", "io_milliseconds_by_way": "io_milliseconds"}
+        values: dict[str, Any] = {}
+        for item in fields(self):
+            if item.name in before:
+                values[before[item.name]] = getattr(self, before[item.name])
+            if item.name not in ("target", "assumptions"):
+                values[item.name] = getattr(self, item.name)
+        return values
 
 
-@dataclass(frozen=True)
-class Quick:
-    """Nominal figures of each query, clearing of states included, host I/O and static energy not; float64 (n,)."""
-
-    microjoules: Floats
-    milliseconds: Floats
-
-
-def quick(plan: Plan, trains: Trains, until: NDArray[np.int64] | None = None) -> Quick:
-    """Nominal figures of many queries, for a search.
-
-    Args:
-        plan: Where the network stands (a board whose times are public).
-        trains: Every spike.
-        until: Steps after which each query is stopped, (n,); None: none is.
-    """
-    events = count_events(plan, trains)
-    energy = np.sum(list(step_picojoules(events, "nominal").values()), axis=0)
-    time = step_microseconds(events, "nominal")
-    if until is not None:
-        going = np.arange(events.steps)[None, :] < np.asarray(until)[:, None]
-        energy, time = energy * going, time * going
-    extra, pause = _writes(plan)
-    if not events.injected:
-        extra = extra + _settings(plan)
-    return Quick(energy.sum(axis=1) / 1e6 + extra.nominal, time.sum(axis=1) / 1e3 + pause.nominal)
-
-
-def _write(plan: Plan) -> Estimate:
-    """Energy in pJ of a register that an embedded processor writes: a message, its way, an access and an update."""
-    east_west, north_south = entry_hops(plan)
-    return total(
-        (
-            c.MESSAGE.estimate,
-            c.HOP_EAST_WEST.estimate * east_west,
-            c.HOP_NORTH_SOUTH.estimate * north_south,
-            c.ACCESS.estimate,
-            c.UPDATE.estimate,
-        )
+def modelled(plan: Plan, events: EventCounts) -> Modelled:
+    """What a query costs on the board of ``plan``, mean over the queries of ``events``."""
+    board = plan.board
+    counted = Modelled(
+        target=board.name,
+        chips=board.chips,
+        cores=len(plan.cores),
+        tiles=events.tiles,
+        steps=events.steps,
+        input_mode="injected" if events.injected else "bias",
+        clearing=clearing(plan.network, board, plan),
+        counts=counts_of(events, plan),
     )
+    if not events.queries:
+        return replace(counted, unavailable="there is no query")
+    counted = replace(counted, busiest_core=_busiest_core(events))
+    if board.constants is None:
+        return replace(counted, unavailable=UNPUBLISHED, assumptions=(ALL_DENSE,))
+    return _with_figures(counted, plan, events, board.constants)
 
 
-def _writes(plan: Plan) -> tuple[Estimate, Estimate]:
-    """Microjoules and milliseconds of the writes that clear the membranes; each chip's processor writes its own."""
-    number = plan.network.neurons
-    most = max(counts_on_chips(plan, "exc").values(), default=0)
-    return _write(plan) * (number / 1e6), c.WRITE_TIME.estimate * (most / 1e6)
-
-
-def _settings(plan: Plan) -> Estimate:
-    """Microjoules of the writes that set all input compartments."""
-    return _write(plan) * (SETTING_WRITES * plan.network.inputs / 1e6)
-
-
-def step_times(events: EventCounts) -> tuple[Floats, float]:
-    """Microseconds of the busiest core in each step, mean over the queries, (steps,), and of the barrier; nominal."""
-    busiest = np.maximum(*step_nanoseconds(events, "nominal")).mean(axis=0) / 1e3
-    return np.asarray(busiest), barrier(events.tiles or 1).nominal
-
-
-def _clearing(plan: Plan, events: EventCounts) -> dict[str, Any]:
-    """What `lava_vpr.deploy.registers.clearing` says, with what it takes, and what steps of rest would."""
-    microjoules, milliseconds = _writes(plan)
-    steps = rest_steps(plan.network)
-    busiest = [
-        c.ACCESS_TIME.estimate * sum(p.size for p in core.parts) + c.UPDATE_TIME.estimate * core.part("exc").size
-        for core in plan.cores
-    ]
-    used = barrier(events.tiles or 1).estimate
-    each = [
-        max(max(getattr(b, level) for b in busiest) / 1e3 + getattr(used, level), getattr(c.STEP, level))
-        for level in LEVELS
-    ]
-    mapped = int(events.accesses[0, 0].sum()) if events.queries else 0
-    rest = (c.ACCESS.estimate * mapped + c.UPDATE.estimate * plan.network.neurons) * (steps / 1e6)
-    pause = Estimate(*each) * (steps / 1e3)
-    return {
-        **clearing(plan.network, plan.board, plan),
-        "microjoules": microjoules,
-        "milliseconds": milliseconds,
-        "rest_microjoules": rest,
-        "rest_milliseconds": pause,
-        "cheaper": "rest steps" if rest.nominal < microjoules.nominal else "embedded writes",
-    }
+def _with_figures(counted: Modelled, plan: Plan, events: EventCounts, constants: CostConstants) -> Modelled:
+    """``counted`` with all estimates."""
+    cleared = _clearing(plan, events, constants)
+    steps = Estimate.of(lambda level: float(step_microseconds(events, constants, level).mean()))
+    milliseconds = steps * (events.steps / 1e3) + cleared["milliseconds"]
+    traffic = host_milliseconds(plan, events, constants)
+    in_use = traffic[counted.input_mode]
+    wall = Estimate.of(lambda level: max(milliseconds.at(level), in_use.at(level)))
+    receive, neurons = step_nanoseconds(events, constants, "nominal")
+    share = float((receive > neurons).mean())
+    return replace(
+        counted,
+        dynamic_by_component=_dynamic(plan, events, constants),
+        milliseconds=milliseconds,
+        step_microseconds=steps,
+        static_millijoules=_static(plan, milliseconds, constants),
+        io_milliseconds_by_way=traffic,
+        io_microjoules_by_way=_input_microjoules(plan, events, constants),
+        wall_milliseconds=wall,
+        wall_static_millijoules=_static(plan, wall, constants),
+        busiest={"receive": share, "neurons": 1 - share},
+        clearing=cleared,
+        assumptions=assumptions(events),
+    )
 
 
 def counts_of(events: EventCounts, plan: Plan) -> dict[str, float | None]:
@@ -187,8 +163,10 @@ def counts_of(events: EventCounts, plan: Plan) -> dict[str, float | None]:
     def mean(*names: str) -> float:
         return float(sum(events.each(name).mean() for name in names)) if events.queries else 0.0
 
-    known = plan.board.tile_cores is not None
-    injected = ("input_hops_east_west", "input_hops_north_south") if events.injected else ()
+    messages, hops = ["messages_out"], ["hops_east_west", "hops_north_south"]
+    if events.injected:
+        messages += ["input_messages"]
+        hops += ["input_hops_east_west", "input_hops_north_south"]
     return {
         "synaptic_operations": mean("operations_dense", "operations_sparse"),
         "synaptic_operations_dense_rows": mean("operations_dense"),
@@ -198,100 +176,13 @@ def counts_of(events: EventCounts, plan: Plan) -> dict[str, float | None]:
         "input_spikes": mean("input_spikes"),
         "exc_spikes": mean("exc_spikes"),
         "inh_spikes": mean("inh_spikes"),
-        "messages": mean("messages_out", *["input_messages"] * events.injected),
+        "messages": mean(*messages),
         "input_messages": mean("input_messages"),
         "read_outs": mean("read_outs"),
         "chip_crossings": mean("crossings"),
-        "hops": mean("hops_east_west", "hops_north_south", *injected) if known else None,
+        "hops": None if plan.board.tile_cores is None else mean(*hops),
         "steps": float(events.steps),
     }
-
-
-def _input_microjoules(plan: Plan, events: EventCounts) -> dict[str, Estimate]:
-    """Dynamic energy that input takes on the chips, by way, the way in use first."""
-    inputs, n = plan.network.inputs, max(1, events.queries)
-    arrivals, spikes = events.input_messages.sum() / n, events.input_spikes.sum() / n
-    hops = [events.input_hops_east_west.sum() / n, events.input_hops_north_south.sum() / n]
-    entry = [arrivals * hop for hop in entry_hops(plan)]
-    messages = c.MESSAGE.estimate * arrivals
-
-    def way(tiles: list[float]) -> Estimate:
-        return c.HOP_EAST_WEST.estimate * tiles[0] + c.HOP_NORTH_SOUTH.estimate * tiles[1]
-
-    if events.injected:
-        accesses = updates = float(inputs * events.steps)
-    else:
-        accesses, updates = events.input_accesses.sum() / n, events.input_updates.sum() / n
-    layer = (
-        c.ACCESS.estimate * accesses,
-        c.UPDATE.estimate * updates,
-        c.SPIKE.estimate * spikes,
-        messages,
-        way([0.0, 0.0] if events.injected else hops),
-        _settings(plan) * 1e6,
-    )
-    found = {
-        "injected": (messages + way(hops if events.injected else entry)) * 1e-6,
-        "bias": total(layer) * 1e-6,
-    }
-    return found if events.injected else dict(reversed(found.items()))
-
-
-def modelled(plan: Plan, events: EventCounts) -> Modelled:
-    """What a query costs on the board of ``plan``, mean over the queries of ``events``."""
-    board = plan.board
-    bare = Modelled(
-        target=board.name,
-        chips=board.chips,
-        cores=len(plan.cores),
-        tiles=events.tiles,
-        steps=events.steps,
-        input_mode="injected" if events.injected else "bias",
-        counts=counts_of(events, plan),
-        dynamic_microjoules=None,
-        milliseconds=None,
-        step_microseconds=None,
-        static_millijoules=None,
-        io_milliseconds=None,
-        io_microjoules=None,
-        clearing=clearing(plan.network, board, plan),
-    )
-    if not events.queries:
-        return replace(bare, unavailable="there is no query")
-    bare = replace(bare, busiest_core=_busiest_core(events))
-    if not board.timed:
-        return replace(bare, unavailable=UNPUBLISHED, assumptions=(ALL_DENSE,))
-    told = _clearing(plan, events)
-    steps = Estimate(*(float(step_microseconds(events, level).mean()) for level in LEVELS))
-    milliseconds = steps * (events.steps / 1e3) + told["milliseconds"]
-    io = host_milliseconds(plan, events)
-    wall = Estimate(*(max(getattr(milliseconds, level), getattr(io[bare.input_mode], level)) for level in LEVELS))
-    receive, neurons = step_nanoseconds(events, "nominal")
-    share = float((receive > neurons).mean())
-    return replace(
-        bare,
-        dynamic_microjoules=_dynamic(plan, events, told["microjoules"]),
-        milliseconds=milliseconds,
-        step_microseconds=steps,
-        static_millijoules=_static(plan, milliseconds),
-        io_milliseconds=io,
-        io_microjoules=_input_microjoules(plan, events),
-        clearing=told,
-        assumptions=assumptions(plan, events),
-        wall_milliseconds=wall,
-        wall_static_millijoules=_static(plan, wall),
-        busiest={"receive": share, "neurons": 1 - share},
-    )
-
-
-def _dynamic(plan: Plan, events: EventCounts, cleared: Estimate) -> dict[str, Estimate]:
-    """Microjoules of a query by component."""
-    energies = [step_picojoules(events, level) for level in LEVELS]
-    found = {name: Estimate(*(float(e[name].sum(axis=1).mean()) / 1e6 for e in energies)) for name in energies[0]}
-    found["clearing of states"] = cleared
-    if not events.injected:
-        found["settings of the inputs"] = _settings(plan)
-    return found
 
 
 def _busiest_core(events: EventCounts) -> dict[str, float]:
@@ -302,13 +193,129 @@ def _busiest_core(events: EventCounts) -> dict[str, float]:
     return {"synaptic_operations": float(operations.max(axis=2).mean()), **most}
 
 
-def _static(plan: Plan, milliseconds: Estimate) -> Estimate:
+# --- energy ----------------------------------------------------------------------------------------------------------
+
+
+def _dynamic(plan: Plan, events: EventCounts, constants: CostConstants) -> dict[str, Estimate]:
+    """Microjoules of a query by component."""
+    low, nominal, high = (step_picojoules(events, constants, level) for level in ("low", "nominal", "high"))
+
+    def mean(picojoules: Floats) -> float:
+        return float(picojoules.sum(axis=1).mean()) / 1e6
+
+    found = {name: Estimate(mean(low[name]), mean(nominal[name]), mean(high[name])) for name in nominal}
+    return found | _outside_steps(plan, constants)
+
+
+def _outside_steps(plan: Plan, constants: CostConstants) -> dict[str, Estimate]:
+    """Microjoules of what is written for a query between presentations, by component."""
+    found = {"clearing of states": _write_picojoules(plan, constants) * (plan.network.neurons / 1e6)}
+    if plan.network.bias_input:
+        found["settings of the inputs"] = _settings_microjoules(plan, constants)
+    return found
+
+
+def _write_picojoules(plan: Plan, constants: CostConstants) -> Estimate:
+    """Energy of a register that an embedded processor writes: a message, its way, an access and an update."""
+    east_west, north_south = entry_hops(plan)
+    return total(
+        (
+            constants.message.estimate,
+            constants.hop_east_west.estimate * east_west,
+            constants.hop_north_south.estimate * north_south,
+            constants.access.estimate,
+            constants.update.estimate,
+        )
+    )
+
+
+def _settings_microjoules(plan: Plan, constants: CostConstants) -> Estimate:
+    """Energy of the writes that set all input compartments."""
+    return _write_picojoules(plan, constants) * (SETTING_WRITES * plan.network.inputs / 1e6)
+
+
+def _clearing_milliseconds(plan: Plan, constants: CostConstants) -> Estimate:
+    """Time of the writes that clear the membranes; each chip's processor writes its own."""
+    most = max(counts_on_chips(plan, "exc").values(), default=0)
+    return constants.write_time.estimate * (most / 1e6)
+
+
+def outside_steps(plan: Plan, constants: CostConstants) -> tuple[Estimate, Estimate]:
+    """Microjoules and milliseconds that a query takes besides its steps: states cleared, and inputs set if they are
+    compartments (their time is the host's traffic)."""
+    return total(_outside_steps(plan, constants).values()), _clearing_milliseconds(plan, constants)
+
+
+def _input_microjoules(plan: Plan, events: EventCounts, constants: CostConstants) -> dict[str, Estimate]:
+    """Dynamic energy that input takes on the chips, by input mode, the one in use first."""
+    inputs, queries = plan.network.inputs, max(1, events.queries)
+    arrivals, spikes = events.input_messages.sum() / queries, events.input_spikes.sum() / queries
+    hops = (events.input_hops_east_west.sum() / queries, events.input_hops_north_south.sum() / queries)
+    entry_east_west, entry_north_south = entry_hops(plan)
+    from_entry = (arrivals * entry_east_west, arrivals * entry_north_south)
+    messages = constants.message.estimate * arrivals
+
+    def crossing(tiles: tuple[float, float]) -> Estimate:
+        return constants.hop_east_west.estimate * tiles[0] + constants.hop_north_south.estimate * tiles[1]
+
+    if events.injected:
+        accesses = updates = float(inputs * events.steps)
+    else:
+        accesses, updates = events.input_accesses.sum() / queries, events.input_updates.sum() / queries
+    compartments = (
+        constants.access.estimate * accesses,
+        constants.update.estimate * updates,
+        constants.spike.estimate * spikes,
+        messages,
+        crossing((0.0, 0.0) if events.injected else hops),
+        _settings_microjoules(plan, constants) * 1e6,
+    )
+    found = {
+        "injected": (messages + crossing(hops if events.injected else from_entry)) * 1e-6,
+        "bias": total(compartments) * 1e-6,
+    }
+    return found if events.injected else dict(reversed(found.items()))
+
+
+def _static(plan: Plan, milliseconds: Estimate, constants: CostConstants) -> Estimate:
     """Millijoules that all chips of the board draw in so long."""
-    power = (c.STATIC.estimate + c.EMBEDDED.estimate) * plan.board.chips
-    return Estimate(*(getattr(power, level) * getattr(milliseconds, level) / 1e3 for level in LEVELS))
+    power = (constants.static.estimate + constants.embedded.estimate) * plan.board.chips
+    return Estimate.of(lambda level: power.at(level) * milliseconds.at(level) / 1e3)
 
 
-def assumptions(plan: Plan, events: EventCounts) -> tuple[str, ...]:
+# --- clearing of states ----------------------------------------------------------------------------------------------
+
+
+def _clearing(plan: Plan, events: EventCounts, constants: CostConstants) -> dict[str, Any]:
+    """What `lava_vpr.deploy.registers.clearing` says, with what it takes, and what steps of rest would."""
+    microjoules = _outside_steps(plan, constants)["clearing of states"]
+    steps = rest_steps(plan.network)
+    barrier = constants.barrier(events.tiles or 1)
+
+    def rest_step(level: Level) -> float:
+        """Microseconds of a step in which no spike is anywhere."""
+        busiest = max(_idle_nanoseconds(core, constants, level) for core in plan.cores)
+        return max(busiest / 1e3 + barrier.at(level), constants.step.at(level))
+
+    mapped = int(events.accesses[0, 0].sum()) if events.queries else 0
+    rest = (constants.access.estimate * mapped + constants.update.estimate * plan.network.neurons) * (steps / 1e6)
+    return {
+        **clearing(plan.network, plan.board, plan),
+        "microjoules": microjoules,
+        "milliseconds": _clearing_milliseconds(plan, constants),
+        "rest_microjoules": rest,
+        "rest_milliseconds": Estimate.of(rest_step) * (steps / 1e3),
+        "cheaper": "rest steps" if rest.nominal < microjoules.nominal else "embedded writes",
+    }
+
+
+def _idle_nanoseconds(core: CorePlan, constants: CostConstants, level: Level) -> float:
+    """Time of a core on which no spike arrives or is sent, while the membranes of exc decay."""
+    accesses, updates = sum(part.size for part in core.parts), core.part("exc").size
+    return neuron_nanoseconds(constants, level, float(accesses), float(updates), 0.0, 0.0)
+
+
+def assumptions(events: EventCounts) -> tuple[str, ...]:
     """What the model takes for granted, a sentence each."""
     found = [
         "A step lasts as long as its busiest core, plus a barrier by tiles in use (SANA-FE's simple timing): no "

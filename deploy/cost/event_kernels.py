@@ -8,8 +8,6 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.loihi import DECAY_BITS, INPUT_SHIFT, STATE_LIMIT
-
 Counts = NDArray[np.int64]
 
 _IN, _FROM_INPUTS, _OPERATIONS, _UPDATES, _TOUCHED, _SPIKES, _OUT, _READ_OUTS = 0, 1, 2, 4, 5, 6, 7, 8
@@ -62,12 +60,12 @@ class Routes(NamedTuple):
 
 
 @nb.njit(cache=True, inline="always")
-def _reached(routes: Routes, i: int, arrived: NDArray[np.int64], before: NDArray[np.uint8], pulled: bool) -> bool:
+def _reached(routes: Routes, i: int, arrived: NDArray[np.int64], relayed: NDArray[np.uint8], pulled: bool) -> bool:
     """Whether a stored synapse delivered to neuron ``i``: of inputs that ``arrived``, relays elsewhere, or its own."""
     if pulled:
         return True
     k = routes.exc_core[i]
-    if before[i] and routes.own_dense[k] and routes.relay_rows[i, k, 0] > 0:
+    if relayed[i] and routes.own_dense[k] and routes.relay_rows[i, k, 0] > 0:
         return True
     for j in arrived:
         if routes.stored[j, i]:
@@ -76,39 +74,39 @@ def _reached(routes: Routes, i: int, arrived: NDArray[np.int64], before: NDArray
 
 
 @nb.njit(cache=True, inline="always")
-def _membranes(
+def _updates(
     routes: Routes,
-    v: NDArray[np.int32],
-    acc: NDArray[np.int32],
-    params: NDArray[np.int64],
-    arrived: NDArray[np.int64],
+    membranes_before: NDArray[np.int32],
+    membranes: NDArray[np.int32],
     fired: NDArray[np.uint8],
-    before: NDArray[np.uint8],
-    spikes_before: int,
-    busy: NDArray[np.uint8],
+    arrived: NDArray[np.int64],
+    relayed: NDArray[np.uint8],
+    relays: int,
+    inhibited: bool,
     events: Counts,
-) -> int:
-    """One step of all excitatory neurons; the first that did not do what ``fired`` says, or -1."""
-    shift, keep = np.int32(params[0]), np.int64(params[3])
-    threshold, lateral = np.int64(params[1]), np.int32(params[2])
-    top, wrong = np.int64(STATE_LIMIT - 1), 0
-    for i in range(v.size):
-        a = np.int64(acc[i] >> shift) - np.int64(lateral) * (spikes_before - np.int64(before[i]))
-        had = np.int64(v[i])
-        size = np.int64(abs(had)) * keep >> np.int64(DECAY_BITS)
-        x = (size if had >= 0 else -size) + (a << np.int64(INPUT_SHIFT))
-        x = min(max(x, -top), top)
-        wrong += (x > threshold) != (fired[i] != 0)
-        busy[i] = had != 0 or a != 0
-        v[i] = np.int32(0 if fired[i] else x)
-    for i in range(v.size):
+) -> None:
+    """Updates of the excitatory neurons in one step.
+
+    A neuron has a reason to be updated if its membrane was not 0, or if the sum that arrived is not 0: then its
+    membrane is not 0 afterwards, or it has spiked.
+
+    Args:
+        routes: The plan.
+        membranes_before, membranes: After the step before, and after this one, (N,).
+        fired: Who spiked, (N,).
+        arrived: Inputs that spiked in the step before.
+        relayed: Whose relays spiked in the step before, (N,).
+        relays: The number of those.
+        inhibited: Whether a relay's spike takes anything from the others.
+        events: Of this step, (K, kinds).
+    """
+    for i in range(membranes.size):
         k = routes.exc_core[i]
-        events[k, _UPDATES] += busy[i]
-        events[k, _TOUCHED] += busy[i]
-        if not busy[i]:
-            pulled = lateral != 0 and spikes_before > before[i]
-            events[k, _TOUCHED] += _reached(routes, i, arrived, before, pulled)
-    return wrong
+        if membranes_before[i] != 0 or membranes[i] != 0 or fired[i] != 0:
+            events[k, _UPDATES] += 1
+            events[k, _TOUCHED] += 1
+        elif _reached(routes, i, arrived, relayed, inhibited and relays > relayed[i]):
+            events[k, _TOUCHED] += 1
 
 
 @nb.njit(cache=True, inline="always")
@@ -126,7 +124,7 @@ def _send(events: Counts, home: int, target: int, operations: Counts, ways: Coun
 def _neurons_spikes(
     routes: Routes, now_fired: NDArray[np.uint8], last_fired: NDArray[np.uint8], relay_row: Counts, now: Counts
 ) -> int:
-    """Messages of excitatory spikes, and of the relays of those one step ago; how many these are."""
+    """Messages of excitatory spikes, and of the relays of those one step ago; returns the number of these relays."""
     relays = 0
     for i in range(now_fired.size):
         if now_fired[i]:
@@ -143,54 +141,6 @@ def _neurons_spikes(
                 if routes.relay_rows[i, k, 0] + routes.relay_rows[i, k, 1] > 0:
                     _send(now, home, k, routes.relay_rows[i, k], routes.ways)
     return relays
-
-
-@nb.njit(cache=True, nogil=True)
-def count(
-    routes: Routes,
-    weights: NDArray[np.uint8],
-    params: NDArray[np.int64],
-    steps: int,
-    inputs: NDArray[np.uint8],
-    exc: NDArray[np.uint8],
-    events: Counts,
-) -> tuple[int, int]:
-    """Fills ``events`` (n, all steps, K, kinds); the first query and step that contradict ``exc``, or -1s."""
-    (n, total, width), neurons, cores = inputs.shape, exc.shape[2], routes.own_dense.size
-    relay_row, silent, busy = np.array([0, 1]), np.zeros(neurons, np.uint8), np.zeros(neurons, np.uint8)
-    v, acc, mapped = np.zeros(neurons, np.int32), np.zeros(neurons, np.int32), np.zeros(cores, np.int64)
-    arrived = np.zeros(width, np.int64)
-    for j in range(width):
-        if routes.input_core[j] >= 0:
-            mapped[routes.input_core[j]] += 1
-    for q in range(n):
-        v[:] = 0
-        acc[:] = 0
-        count, spikes_before = 0, 0
-        for step in range(total):
-            now = events[q, step]
-            before = exc[q, step - 2] if step > 1 else silent
-            if _membranes(routes, v, acc, params, arrived[:count], exc[q, step], before, spikes_before, busy, now):
-                return q, step
-            last = exc[q, step - 1] if step > 0 else silent
-            spikes_before = _neurons_spikes(routes, exc[q, step], last, relay_row, now)
-            for k in range(cores):
-                for kind in (_UPDATES, _TOUCHED, _INPUT_UPDATES):
-                    now[k, kind] += mapped[k]
-            acc[:] = 0
-            count = 0
-            for j in range(width):
-                if inputs[q, step, j]:
-                    arrived[count] = j
-                    count += 1
-                    for i in range(neurons):
-                        acc[i] += np.int32(weights[j, i])
-                    _input_spike(routes, j, now)
-                # What spiked in the last step with input stays at 0 without a bias.
-                if step >= steps and routes.input_core[j] >= 0 and inputs[q, steps - 1, j]:
-                    for kind in (_UPDATES, _TOUCHED, _INPUT_UPDATES):
-                        now[routes.input_core[j], kind] -= 1
-    return -1, -1
 
 
 @nb.njit(cache=True, inline="always")
@@ -213,3 +163,56 @@ def _input_spike(routes: Routes, j: int, now: Counts) -> None:
             for i in range(2):
                 now[k, _OPERATIONS + i] += row[i]
                 now[k, _INPUT_HOPS + i] += routes.entry[k, i]
+
+
+@nb.njit(cache=True, inline="always")
+def _input_updates(routes: Routes, mapped: Counts, stopped: NDArray[np.uint8], now: Counts) -> None:
+    """Updates of input compartments: of all, but of those without a bias that ``stopped`` at 0."""
+    for kind in (_UPDATES, _TOUCHED, _INPUT_UPDATES):
+        for k in range(mapped.size):
+            now[k, kind] += mapped[k]
+        for j in range(stopped.size):
+            if stopped[j] and routes.input_core[j] >= 0:
+                now[routes.input_core[j], kind] -= 1
+
+
+@nb.njit(cache=True, nogil=True)
+def count_presentation(
+    routes: Routes,
+    inhibited: bool,
+    steps: int,
+    inputs: NDArray[np.uint8],
+    exc: NDArray[np.uint8],
+    membranes: NDArray[np.int32],
+    events: Counts,
+) -> None:
+    """Adds the events of one presentation to ``events`` (all steps, K, kinds).
+
+    Args:
+        routes: The plan.
+        inhibited: Whether a relay's spike takes anything from the other neurons.
+        steps: Steps with input.
+        inputs, exc: Every spike, uint8 (all steps, J or N).
+        membranes: After each step, int32 (all steps, N).
+    """
+    (total, width), neurons, cores = inputs.shape, exc.shape[1], routes.own_dense.size
+    relay_row, nobody = np.array([0, 1]), np.zeros(neurons, np.uint8)
+    at_rest, no_input = np.zeros(neurons, np.int32), np.zeros(width, np.uint8)
+    mapped, arrived, count, relays = np.zeros(cores, np.int64), np.zeros(width, np.int64), 0, 0
+    for j in range(width):
+        if routes.input_core[j] >= 0:
+            mapped[routes.input_core[j]] += 1
+    for step in range(total):
+        now = events[step]
+        relayed = exc[step - 2] if step > 1 else nobody
+        before = membranes[step - 1] if step > 0 else at_rest
+        _updates(routes, before, membranes[step], exc[step], arrived[:count], relayed, relays, inhibited, now)
+        relays = _neurons_spikes(routes, exc[step], exc[step - 1] if step > 0 else nobody, relay_row, now)
+        # What spiked in the last step with input stays at 0 without a bias.
+        _input_updates(routes, mapped, inputs[steps - 1] if step >= steps else no_input, now)
+        count = 0
+        for j in range(width):
+            if inputs[step, j]:
+                arrived[count] = j
+                count += 1
+                _input_spike(routes, j, now)

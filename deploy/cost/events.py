@@ -23,10 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.plan import Plan
-from lava_vpr.deploy.cost.event_kernels import KINDS, Counts, Routes, count
+from lava_vpr.deploy.cost.event_kernels import KINDS, Counts, Routes, count_presentation
 from lava_vpr.deploy.mapping.placement import tiles
+from lava_vpr.engine.inference.membranes import membranes
 from lava_vpr.engine.trains import Trains
-from lava_vpr.loihi import DECAY_BITS, INPUT_SHIFT
 
 _DERIVED = ("accesses", "input_accesses", "input_spikes", "exc_spikes", "inh_spikes")
 
@@ -81,21 +81,21 @@ class EventCounts:
 
     @property
     def queries(self) -> int:
-        """How many."""
+        """The number of queries."""
         return int(self.updates.shape[0])
 
     @property
     def steps(self) -> int:
-        """Of a presentation, silent ones included."""
+        """The steps of a presentation, silent ones included."""
         return int(self.updates.shape[1])
 
     def each(self, name: str) -> NDArray[np.int64]:
-        """Sum over steps and cores of the events ``name``, int64 (n,)."""
+        """The sum over steps and cores of the events ``name``, int64 (n,)."""
         values = getattr(self, name)
         return np.asarray(values.sum(axis=tuple(range(1, values.ndim)), dtype=np.int64))
 
     def part(self, queries: slice) -> EventCounts:
-        """Of some of the queries."""
+        """The events of some of the queries."""
         arrays: dict[str, Any] = {name: getattr(self, name)[queries] for name in (*KINDS, *_DERIVED)}
         return replace(self, **arrays)
 
@@ -120,16 +120,19 @@ def routes(plan: Plan, entry: tuple[int, int] | None = None) -> Routes:
     relay_rows = np.zeros((network.neurons, total, 2), np.int64)
     size = np.bincount(home["exc"], minlength=total)
     for k, core in enumerate(plan.cores):
-        own = home["exc"] == k
-        present = network.weights[:, own] > 0
+        here = home["exc"] == k
+        present = network.weights[:, here] > 0
         kept = present | (core.dense_inputs & present.any(axis=1))[:, None]
-        stored[:, own] = kept
-        input_rows[:, k, 0] = kept.sum(axis=1) * core.dense_inputs
-        input_rows[:, k, 1] = kept.sum(axis=1) * ~core.dense_inputs
+        stored[:, here] = kept
+        synapses = kept.sum(axis=1)
+        input_rows[:, k, 0] = np.where(core.dense_inputs, synapses, 0)
+        input_rows[:, k, 1] = np.where(core.dense_inputs, 0, synapses)
         if network.inhibition:
-            relay_rows[~own, k, 0] = size[k]
-            if size[k] > 1:
-                relay_rows[own, k, int(not core.dense_lateral)] = size[k] - (not core.dense_lateral)
+            relay_rows[~here, k, 0] = size[k]
+            if size[k] > 1 and core.dense_lateral:
+                relay_rows[here, k, 0] = size[k]
+            elif size[k] > 1:
+                relay_rows[here, k, 1] = size[k] - 1
     return Routes(
         home["exc"],
         home["inh"],
@@ -150,11 +153,16 @@ def _ways(plan: Plan, entry: tuple[int, int] | None) -> tuple[Counts, Counts]:
     ways, first = np.zeros((count, count, 3), np.int64), np.zeros((count, 2), np.int64)
     ways[..., 0] = cores[:, None, 0] != cores[None, :, 0]
     if board.tile_cores is not None and board.columns is not None:
-        place = tiles(cores, board)
-        ways[..., 1:] = np.abs(place[:, None] - place[None, :])
+        positions = tiles(cores, board)
+        ways[..., 1:] = np.abs(positions[:, None] - positions[None, :])
         corner = np.stack([cores[:, 0] * board.columns, np.zeros(count, np.int64)], axis=1)
-        first = np.abs(place - (corner if entry is None else np.array(entry)))
+        first = np.abs(positions - (corner if entry is None else np.array(entry)))
     return ways, first
+
+
+def _bits(trains: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """``trains`` as the kernels take them."""
+    return np.ascontiguousarray(trains).view(np.uint8)
 
 
 def count_events(plan: Plan, trains: Trains, *, entry: tuple[int, int] | None = None) -> EventCounts:
@@ -166,31 +174,34 @@ def count_events(plan: Plan, trains: Trains, *, entry: tuple[int, int] | None = 
         entry: Column and row of the tile from which input spikes are injected; None: tile 0 of the chip they go to.
     Raises:
         ValueError: the trains are not those of this network.
-    An input compartment whose start membrane and bias are both exactly 0 counts as updated (there are 512,000 start
-    membranes).
+    An input compartment whose start membrane and bias are both exactly 0 counts as updated (a start membrane has
+    512,000 values).
     """
     network, inputs, exc = plan.network, trains.inputs, trains.exc
     if inputs is None or inputs.shape[2] != network.inputs or exc.shape[2] != network.neurons:
         raise ValueError("trains hold no input spikes, or are not those of the plan's network")
-    found = routes(plan, entry)
-    shape = (*exc.shape[:2], len(plan.cores))
+    where, shape = routes(plan, entry), (*exc.shape[:2], len(plan.cores))
     counted = np.zeros((*shape, len(KINDS)), np.int64)
-    keep = (1 << DECAY_BITS) - network.decay
-    params = np.array([network.shift, network.threshold << INPUT_SHIFT, network.lateral, keep], np.int64)
-    bits = (np.ascontiguousarray(train).view(np.uint8) for train in (inputs, exc))
-    query, step = count(found, network.weights, params, network.steps, *bits, counted)
-    if query >= 0:
-        raise ValueError(f"query {query}: the spikes of step {step} are not those of the plan's network")
-    sizes = [[(p.size, p.size * (p.population == "inputs")) for p in core.parts] for core in plan.cores]
-    mapped = np.array([np.sum(own, axis=0) for own in sizes], np.int64)
+    inhibited = network.lateral != 0
+    for query, (spikes, fired) in enumerate(zip(_bits(inputs), _bits(exc), strict=True)):
+        relayed = np.zeros_like(fired)
+        relayed[1:] = fired[:-1]
+        replayed = membranes(network, spikes, relayed)
+        differ = (replayed.fired != (fired != 0)).any(axis=1)
+        if differ.any():
+            step = int(differ.argmax())
+            raise ValueError(f"query {query}: the spikes of step {step} are not those of the plan's network")
+        count_presentation(where, inhibited, network.steps, spikes, fired, replayed.after, counted[query])
+    mapped = np.array([sum(part.size for part in core.parts) for core in plan.cores], np.int64)
+    mapped_inputs = np.array([core.part("inputs").size for core in plan.cores], np.int64)
     exc_spikes = exc.sum(axis=2, dtype=np.int64)
     inh_spikes = np.zeros_like(exc_spikes)
     inh_spikes[:, 1:] = exc_spikes[:, :-1]
     arrays: dict[str, Any] = {name: np.ascontiguousarray(counted[..., kind]) for kind, name in enumerate(KINDS)}
     return EventCounts(
         **arrays,
-        accesses=np.broadcast_to(mapped[:, 0], shape),
-        input_accesses=np.broadcast_to(mapped[:, 1], shape),
+        accesses=np.broadcast_to(mapped, shape),
+        input_accesses=np.broadcast_to(mapped_inputs, shape),
         input_spikes=inputs.sum(axis=2, dtype=np.int64),
         exc_spikes=exc_spikes,
         inh_spikes=inh_spikes,

@@ -11,7 +11,7 @@ from collections import Counter
 
 import numpy as np
 
-from lava_vpr.deploy.boards import constants as c
+from lava_vpr.deploy.boards.constants import CostConstants
 from lava_vpr.deploy.boards.estimate import Estimate
 from lava_vpr.deploy.boards.plan import Plan, PopulationName
 from lava_vpr.deploy.cost.events import EventCounts, routes
@@ -24,7 +24,7 @@ SETTING_WORDS, SETTING_WRITES = 2, 3
 
 
 def counts_on_chips(plan: Plan, population: PopulationName) -> dict[int, int]:
-    """Neurons of ``population`` on each chip in use."""
+    """The number of neurons of ``population`` on each chip in use."""
     found: Counter[int] = Counter({core.chip: 0 for core in plan.cores})
     for core in plan.cores:
         found[core.chip] += sum(part.size for part in core.parts if part.population == population)
@@ -39,12 +39,12 @@ def entry_hops(plan: Plan) -> tuple[float, float]:
 
 
 def _packets(values: float, room: int) -> int:
-    """Packets that hold so many values."""
+    """The number of packets that hold so many values, ``room`` in each."""
     return int(-(-values // room))
 
 
-def host_milliseconds(plan: Plan, events: EventCounts) -> dict[str, Estimate]:
-    """Time of the host's traffic for a query by way of input, the way in use first."""
+def host_milliseconds(plan: Plan, events: EventCounts, constants: CostConstants) -> dict[str, Estimate]:
+    """Time of the host's traffic for a query by input mode, the one in use first."""
     inputs, steps, queries = plan.network.inputs, plan.network.steps, max(1, events.queries)
     settings = counts_on_chips(plan, "inputs")
     exc = {chip: size for chip, size in counts_on_chips(plan, "exc").items() if size + settings[chip]}
@@ -67,8 +67,8 @@ def host_milliseconds(plan: Plan, events: EventCounts) -> dict[str, Estimate]:
         "bias": SETTING_WRITES * max(settings.values(), default=0),
     }
     found = {}
-    for way, messages in (("injected", injected), ("bias", bias)):
+    for mode, messages in (("injected", injected), ("bias", bias)):
         usb = messages + counts
-        sent = Estimate(*(number * c.HOST_MESSAGE.nominal / 1e3 for number in (usb.low, usb.nominal, usb.high)))
-        found[way] = sent + c.WRITE_TIME.estimate * (work[way] / 1e6)
+        sent = Estimate(*(number * constants.host_message.nominal / 1e3 for number in (usb.low, usb.nominal, usb.high)))
+        found[mode] = sent + constants.write_time.estimate * (work[mode] / 1e6)
     return found if events.injected else dict(reversed(found.items()))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import platform
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
@@ -20,7 +20,7 @@ from lava_vpr.bench.peers import run_peers
 from lava_vpr.bench.results import Bench, Candidate, Measured, Modelled, Peer, StepTimes, Workload
 from lava_vpr.bench.sweep.sweep import BUDGET, sweep
 from lava_vpr.deploy.boards.board import BOARDS, Board
-from lava_vpr.deploy.boards.constants import CONSTANTS, barrier
+from lava_vpr.deploy.boards.constants import Constant, CostConstants
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.cost.closed_form import step_nanoseconds
@@ -134,7 +134,7 @@ def run(
         peers=attempt("peers", lambda: _peers(model, queries, truth, answers, wanted, begin), ()),
         sweep=attempt("sweep", lambda: _sweep(model, queries, truth, wanted, begin), ()),
         events={name: value / max(1, len(queries)) for name, value in answers.events.items()},
-        constants=CONSTANTS,
+        constants=constants_of(BOARDS.values()),
         step_times=tuple(times for _, times in costs.values() if times is not None),
         command=command,
         failed=failed,
@@ -163,12 +163,20 @@ def _costs(
     if events.queries < queries:
         told = f"Counted on {events.queries} of the {queries} queries, evenly spread."
         found = replace(found, assumptions=(*found.assumptions, told))
-    return found, None if found.unavailable else step_times(name, events)
+    if plan.board.constants is None or found.unavailable:
+        return found, None
+    return found, step_times(name, events, plan.board.constants)
 
 
-def step_times(name: str, events: EventCounts) -> StepTimes:
+def constants_of(boards: Iterable[Board]) -> tuple[Constant, ...]:
+    """Every constant of the cost model of ``boards``, each once."""
+    listed = [constant for board in boards if board.constants is not None for constant in board.constants.listed()]
+    return tuple({constant.name: constant for constant in listed}.values())
+
+
+def step_times(name: str, events: EventCounts, constants: CostConstants) -> StepTimes:
     """What the board does in each step, mean over the queries, with nominal constants."""
-    receive, neurons = step_nanoseconds(events, "nominal")
+    receive, neurons = step_nanoseconds(events, constants, "nominal")
 
     def mean(nanoseconds: NDArray[np.float64]) -> tuple[float, ...]:
         return tuple((nanoseconds.mean(axis=0) / 1e3).tolist())
@@ -178,7 +186,7 @@ def step_times(name: str, events: EventCounts) -> StepTimes:
         receive=mean(receive),
         neurons=mean(neurons),
         busiest=mean(np.maximum(receive, neurons)),
-        barrier=barrier(events.tiles or 1).nominal,
+        barrier=constants.barrier(events.tiles or 1).nominal,
     )
 
 
@@ -195,14 +203,6 @@ def _unavailable(model: Model, board: Board, reason: str) -> Modelled:
         tiles=None,
         steps=steps,
         input_mode=mode,
-        counts={},
-        dynamic_microjoules=None,
-        milliseconds=None,
-        step_microseconds=None,
-        static_millijoules=None,
-        io_milliseconds=None,
-        io_microjoules=None,
-        clearing={},
         unavailable=reason,
     )
 

@@ -65,7 +65,7 @@ def modelled(**changes: Any) -> Modelled:
         "input_mode": "injected",
         "counts": {"synaptic_operations": 30211.25, "neuron_updates": 20600.5, "input_spikes": 1000.0, "steps": 53.0}
         | {"exc_spikes": 14.2, "inh_spikes": 14.2, "messages": 3042.4, "hops": 1812.0, "accesses": 42400.0},
-        "dynamic_microjoules": {
+        "dynamic_by_component": {
             "synapses": Estimate(0.71, 1.07, 1.07),
             "neurons": Estimate(1.5, 1.6, 2.4),
             "spikes": Estimate(0.002, 0.002, 0.002),
@@ -76,8 +76,8 @@ def modelled(**changes: Any) -> Modelled:
         "milliseconds": Estimate(0.15, 0.23, 0.41),
         "step_microseconds": Estimate(1.8, 2.2, 5.8),
         "static_millijoules": Estimate(0.013, 0.078, 0.11),
-        "io_milliseconds": {"injected": Estimate(1.0, 13.9, 20.0), "bias": Estimate(0.1, 2.0, 4.0)},
-        "io_microjoules": {"injected": Estimate(0.1, 0.1, 0.2), "bias": Estimate(5.0, 6.1, 8.0)},
+        "io_milliseconds_by_way": {"injected": Estimate(1.0, 13.9, 20.0), "bias": Estimate(0.1, 2.0, 4.0)},
+        "io_microjoules_by_way": {"injected": Estimate(0.1, 0.1, 0.2), "bias": Estimate(5.0, 6.1, 8.0)},
         "clearing": {"mechanism": "embedded writes", "writes": 100, "microjoules": Estimate(0.01, 0.02, 0.2)},
         "assumptions": ("Every message pays for its own <packet>.",),
     }
@@ -110,7 +110,7 @@ def bench(**changes: Any) -> Bench:
         candidates.append(Candidate(settings, metrics(wrong), energy, steps / 400, steps + 3.0, front=k % 9 == 0))
     candidates[9] = replace(candidates[9], chosen="fast")
     candidates[18] = replace(candidates[18], chosen="this model")
-    second = Modelled("loihi2", 1, 1, None, 53, "injected", modelled().counts, *(None,) * 6, {})
+    second = Modelled("loihi2", 1, 1, None, 53, "injected", counts=modelled().counts)
     values: dict[str, Any] = {
         "model": {"places": 10, "neurons": 10, "weight_bits": 2, "steps": 50, "preset": "loihi", "decoder": "contrast"},
         "machine": {"processor": "Some & Sons <CPU>", "cores": 2, "python": "3.10.20"},
@@ -175,7 +175,7 @@ def test_json_says_null_and_why() -> None:
 
 def test_a_float_model_has_no_costs_but_a_complete_report() -> None:
     reason = "Kapoho Bay needs an integer network"
-    targets = {"kapoho-bay": modelled(dynamic_microjoules=None, milliseconds=None, counts={}, unavailable=reason)}
+    targets = {"kapoho-bay": modelled(dynamic_by_component=None, milliseconds=None, counts={}, unavailable=reason)}
     changes = {"targets": targets, "workload": None, "peers": (), "sweep": (), "step_times": ()}
     found = bench(**changes)
     values = as_json(found)
@@ -228,7 +228,7 @@ def test_every_modelled_figure_stands_below_the_word() -> None:
                 assert "modelled" in column
         assert "modelled" in grid.title or "modelled" in " ".join(grid.columns)
     assert all("modelled" in column for column in shown[0].columns)
-    drawings = [plots.energy(modelled().dynamic_microjoules or {}, "e", ""), plots.pareto(run.sweep, "")]
+    drawings = [plots.energy(modelled().dynamic_by_component or {}, "e", ""), plots.pareto(run.sweep, "")]
     drawings += [plots.step_times(run.step_times[0], "s", ""), plots.beside_anchors(modelled(), "")]
     assert all("modelled" in drawing for drawing in drawings)
     assert "modelled" not in plots.latencies(run.measured, "")

@@ -11,10 +11,11 @@ from support.common.small_models import encoded, small_model
 
 from benchmarks.neurobench import metrics
 from lava_vpr.backends.registry import HostBackend
-from lava_vpr.bench.measure.workload import input_updates, membrane_updates, membranes, of_trains, workload
+from lava_vpr.bench.measure.workload import input_updates, membrane_updates, of_trains, workload
 from lava_vpr.encoding import query_rates
 from lava_vpr.engine.inference.bias_input import LEVEL, bias_input_spikes, biases, start_membranes
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
+from lava_vpr.engine.inference.membranes import membranes
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.engine.trains import Trains
 
@@ -84,17 +85,18 @@ def test_effective_operations_are_those_that_the_engine_counts() -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_membranes_are_those_that_spike(seed: int) -> None:
-    """Recomputed from input and relays alone, a membrane is reset to 0 where the engine has a spike."""
+    """Recomputed from input and relays alone, neurons spike where the engine has a spike, and are 0 then."""
     made, rates, keys = small(seed=seed)
     trains = trains_of(made, rates, keys)
-    for step, (before, after) in enumerate(membranes(made, trains)):
-        fired = trains.exc[:, step] != 0
-        assert not after[fired].any()
+    assert trains.inputs is not None
+    assert trains.inh is not None
+    for q in range(N):
+        after, fired = membranes(made, trains.inputs[q], trains.inh[q])
+        assert np.array_equal(fired, trains.exc[q])
+        assert not after[fired != 0].any()
         assert (after <= made.threshold << 6).all()
-        assert step > 0 or not before.any()
-        # A membrane that is exactly 0 after a step with input, and was not before, has been reset.
-        reset = (after == 0) & (before > 0)
-        assert not (reset & ~fired).any()
+        assert after.any()
+        assert not after[0].any()
     assert trains.exc.any()
 
 
@@ -108,6 +110,7 @@ def test_membrane_updates_are_those_of_neurons_stepped_one_by_one() -> None:
     made, rates, keys = small()
     trains = trains_of(made, rates, keys)
     assert trains.inputs is not None
+    assert trains.inh is not None
     weights, changed = made.weights.astype(int), 0
     for q in range(N):
         exc, inh, drive, relayed = [0] * NEURONS, [0] * NEURONS, [0] * NEURONS, [0] * NEURONS
@@ -126,15 +129,15 @@ def test_membrane_updates_are_those_of_neurons_stepped_one_by_one() -> None:
             sums = trains.inputs[q, step].astype(int) @ weights >> made.shift
             drive = [int(sums[i]) - made.lateral * (sum(hit) - hit[i]) for i in range(NEURONS)]
             relayed = [2 * spike for spike in fired]
-    assert membrane_updates(made, trains) == changed
+    assert membrane_updates(made, trains.inputs, trains.inh) == changed
 
 
 def test_a_missing_relay_would_be_seen() -> None:
     made, rates, keys = small()
     trains = trains_of(made, rates, keys)
+    assert trains.inputs is not None
     assert trains.inh is not None
-    silent = replace(trains, inh=np.zeros_like(trains.inh))
-    found = [sum(int(np.count_nonzero(a != b)) for a, b in membranes(made, t)) for t in (trains, silent)]
+    found = [membrane_updates(made, trains.inputs, inh) for inh in (trains.inh, np.zeros_like(trains.inh))]
     assert found[0] != found[1]
 
 

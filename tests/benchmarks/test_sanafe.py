@@ -23,9 +23,8 @@ from benchmarks.sanafe.compare import LIMIT, SEEDS, Case, failures, random_case,
 from benchmarks.sanafe.cross_check import CrossCheck, ask, compare, cross_check, find_sanafe
 from benchmarks.sanafe.problem import PORT, bias_and_membrane, problem_of
 from lava_vpr.config import preset
-from lava_vpr.deploy.boards import constants
 from lava_vpr.deploy.boards.board import LOIHI_2
-from lava_vpr.deploy.cost import closed_form
+from lava_vpr.deploy.boards.constants import LOIHI_1
 from lava_vpr.deploy.cost.events import routes
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.engine.inference.bias_input import LEVEL, bias_input_spikes
@@ -145,10 +144,13 @@ def test_what_is_no_number_is_no_agreement() -> None:
     assert failures(case(0), again(0, answered)) == ["apart by nan"]
 
 
-def test_a_wrong_constant_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    wrong = replace(constants.HOP_NORTH_SOUTH, nominal=4.2001)
-    monkeypatch.setattr(closed_form.c, "HOP_NORTH_SOUTH", wrong)
-    assert failures(case(0), again(0, answer(0)))[0].startswith("apart by")
+def test_a_wrong_constant_is_seen() -> None:
+    wrong = replace(LOIHI_1, hop_north_south=replace(LOIHI_1.hop_north_south, nominal=4.2001))
+    own = case(0)
+    plan = replace(own.plan, board=replace(own.plan.board, constants=wrong))
+    tiles = len({group["tile"] for group in problem_of(own.plan, own.trains)["groups"]})
+    found = compare(plan, own.trains, answer(0), input_core=own.input_core, tiles=tiles)
+    assert failures(own, found)[0].startswith("apart by")
 
 
 @pytest.mark.parametrize("seed", SEEDS)

@@ -18,8 +18,6 @@ neurobench_metrics` compares every figure with it). For this network that means:
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,17 +26,16 @@ from lava_vpr.bench.results import Workload
 from lava_vpr.encoding import EncodedTraverse, query_rates
 from lava_vpr.engine.inference.bias_input import LEVEL, biases, start_membranes
 from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.inference.membranes import membranes
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.engine.threads import cores
 from lava_vpr.engine.trains import Trains
-from lava_vpr.loihi import DECAY_BITS, INPUT_SHIFT, STATE_LIMIT
 from lava_vpr.model import Model, checked_network
 
 QUERIES = 100
 """Most that are counted; every spike of them is kept meanwhile."""
 
 MEMBRANE_BYTES = 4
-_BLOCK = 16
 
 
 def workload(model: Model, queries: EncodedTraverse, *, seed: int | None = None, limit: int = QUERIES) -> Workload:
@@ -82,7 +79,7 @@ def of_trains(network: FixedNetwork, trains: Trains, rates: NDArray[np.uint16], 
     effective = int(sent @ np.count_nonzero(network.weights, axis=1)) + exc
     effective += inh * (neurons - 1) if network.lateral else 0
     spikes = exc + inh + (int(sent.sum()) if network.bias_input else 0)
-    updates = membrane_updates(network, trains)
+    updates = membrane_updates(network, trains.inputs, trains.inh)
     if network.bias_input:
         updates += sum(
             input_updates(own_rates, int(key), network.steps) for own_rates, key in zip(rates, keys, strict=True)
@@ -99,36 +96,18 @@ def of_trains(network: FixedNetwork, trains: Trains, rates: NDArray[np.uint16], 
     )
 
 
-def membranes(network: FixedNetwork, trains: Trains) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
-    """Membranes of exc before and after every step, int64 (some queries, neurons), from what reaches them.
+def membrane_updates(network: FixedNetwork, inputs: NDArray[np.uint8], inh: NDArray[np.uint8]) -> int:
+    """Updates of exc and inh; see the definition above. A relay's membrane is 0 before and after every step.
 
-    The equations are those of `lava_vpr.engine.inference.fixed`, in plain numpy; spikes of exc are not looked at.
+    Args:
+        network: Any.
+        inputs, inh: Every spike of the presentations, uint8 (n, steps + 3, width).
     """
-    if trains.inputs is None or trains.inh is None:
-        raise ValueError("trains of the inputs and of inh are needed")
-    weights, keep = network.weights.astype(np.float64), (1 << DECAY_BITS) - network.decay
-    for start in range(0, len(trains.exc), _BLOCK):
-        part = slice(start, start + _BLOCK)
-        n, steps, _ = trains.exc[part].shape
-        v = np.zeros((n, network.neurons), np.int64)
-        yield v, v
-        for step in range(1, steps):
-            arriving, inh = trains.inputs[part, step - 1], trains.inh[part, step - 1].astype(np.int64)
-            drive = (arriving.astype(np.float64) @ weights).astype(np.int64) >> network.shift
-            drive -= network.lateral * (inh.sum(axis=1, keepdims=True) - inh)
-            u = drive << INPUT_SHIFT
-            u = np.where(u > STATE_LIMIT, u - 2 * STATE_LIMIT, np.where(u <= -STATE_LIMIT, u + 2 * STATE_LIMIT, u))
-            after = np.sign(v) * (np.abs(v) * keep >> DECAY_BITS) + u
-            after = np.clip(after, 1 - STATE_LIMIT, STATE_LIMIT - 1)
-            after[after > network.threshold << INPUT_SHIFT] = 0
-            yield v, after
-            v = after
-
-
-def membrane_updates(network: FixedNetwork, trains: Trains) -> int:
-    """Updates of exc and inh; see the definition above. A relay's membrane is 0 before and after every step."""
-    changed = sum(int(np.count_nonzero(before != after)) for before, after in membranes(network, trains))
-    return changed + len(trains.exc) * 2 * network.neurons
+    changed = 0
+    for arriving, relayed in zip(inputs, inh, strict=True):
+        after = membranes(network, arriving, relayed).after
+        changed += int(np.count_nonzero(after[1:] != after[:-1])) + 2 * network.neurons
+    return changed
 
 
 def input_updates(rates: NDArray[np.uint16], key: int, steps: int) -> int:

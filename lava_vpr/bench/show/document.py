@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from lava_vpr.bench.anchors import ANCHORS
-from lava_vpr.bench.results import Bench, Candidate, Measured, Modelled, Peer
-from lava_vpr.deploy.boards.estimate import Estimate, total
+from lava_vpr.bench.results import Bench, Candidate, Measured, Peer
+from lava_vpr.deploy.boards.estimate import Estimate
 
 PERCENTILES = (50, 95, 99)
 
@@ -36,12 +36,6 @@ def percentiles(measured: Measured) -> dict[str, float] | None:
     return {f"p{q}": float(value) for q, value in zip(PERCENTILES, values, strict=True)}
 
 
-def dynamic_energy(modelled: Modelled) -> Estimate | None:
-    """Of a query, all components, in microjoules; None: unavailable."""
-    parts = modelled.dynamic_microjoules
-    return None if parts is None else total(parts.values())
-
-
 def counts(bench: Bench) -> dict[str, float | None]:
     """Events per query: of the first board that the network was mapped on, else those of the host engine."""
     mapped = next((one.counts for one in bench.targets.values() if one.counts), bench.events)
@@ -58,7 +52,7 @@ def absent(bench: Bench) -> list[dict[str, str]]:
         if one.no_energy and not one.absent:
             without.setdefault(one.no_energy, []).append(one.name)
     rows += [(f"energy of {', '.join(names)}, measured", reason) for reason, names in without.items()]
-    rows += [(f"{name}, modelled energy and time", one.unavailable) for name, one in bench.targets.items()]
+    rows += [(f"{name}, modelled energy and time", one.unavailable or "") for name, one in bench.targets.items()]
     rows += [(f"{one.name}, as a peer", one.absent) for one in bench.peers]
     if bench.workload is None and "workload" not in bench.failed:
         rows += [("workload metrics", "they are defined on integer networks; this model is a float one")]
@@ -77,7 +71,7 @@ def as_json(bench: Bench) -> dict[str, Any]:
         "queries": bench.images,
         "recall": bench.recall.as_json(),
         "measured": {one.name: _measured(one) for one in bench.measured},
-        "modelled": {name: _modelled(one) for name, one in bench.targets.items()},
+        "modelled": {name: one.as_json() for name, one in bench.targets.items()},
         "counts": counts(bench),
         "workload": None if bench.workload is None else asdict(bench.workload),
         "peers": {one.name: _peer(one) for one in bench.peers} or None,
@@ -109,32 +103,6 @@ def _measured(one: Measured) -> dict[str, Any]:
         "no_energy": one.no_energy or None,
         "absent": one.absent or None,
         "board": one.board or None,
-    }
-
-
-def _modelled(one: Modelled) -> dict[str, Any]:
-    io = one.io_milliseconds
-    return {
-        "chips": one.chips,
-        "cores": one.cores,
-        "tiles": one.tiles,
-        "steps": one.steps,
-        "input_mode": one.input_mode,
-        "dynamic_microjoules": dynamic_energy(one),
-        "dynamic_by_component": one.dynamic_microjoules,
-        "milliseconds": one.milliseconds,
-        "step_microseconds": one.step_microseconds,
-        "static_millijoules": one.static_millijoules,
-        "io_milliseconds": next(iter(io.values())) if io else None,
-        "io_milliseconds_by_way": io,
-        "io_microjoules_by_way": one.io_microjoules,
-        "wall_milliseconds": one.wall_milliseconds,
-        "wall_static_millijoules": one.wall_static_millijoules,
-        "busiest": one.busiest or None,
-        "busiest_core": one.busiest_core or None,
-        "clearing": one.clearing,
-        "counts": one.counts,
-        "unavailable": one.unavailable or None,
     }
 
 

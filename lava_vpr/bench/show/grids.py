@@ -12,7 +12,7 @@ from typing import Any
 
 from lava_vpr.bench.anchors import ANCHORS
 from lava_vpr.bench.results import Bench, Candidate, Measured, Modelled, Peer, Workload
-from lava_vpr.bench.show.document import PERCENTILES, counts, dynamic_energy, percentiles
+from lava_vpr.bench.show.document import PERCENTILES, counts, percentiles
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.boards.estimate import Estimate
 from lava_vpr.matching.evaluation import Metrics
@@ -157,16 +157,16 @@ def title_of(target: str) -> str:
 
 def modelled(one: Modelled) -> Grid:
     """The costs of a query on a board."""
-    rows: list[tuple[str, ...]] = [_three("dynamic energy, uJ", dynamic_energy(one))]
-    parts = sorted((one.dynamic_microjoules or {}).items(), key=lambda item: -item[1].nominal)
+    rows: list[tuple[str, ...]] = [_three("dynamic energy, uJ", one.dynamic_microjoules)]
+    parts = sorted((one.dynamic_by_component or {}).items(), key=lambda item: -item[1].nominal)
     rows += [_three(f"  {named(name)}", value) for name, value in parts]
     strong = {0, len(rows)}
     rows += [_three("time on the chip, ms", one.milliseconds), _three("  one step, us", one.step_microseconds)]
     static = f"static energy, apart, mJ ({one.chips} chips)"
     rows += [_three(f"{static}, time on the chip", one.static_millijoules)]
-    for k, (way, value) in enumerate((one.io_milliseconds or {}).items()):
+    for k, (way, value) in enumerate((one.io_milliseconds_by_way or {}).items()):
         rows += [_three(f"host I/O, apart, ms: {way}{' (in use)' if k == 0 else ''}", value)]
-    for k, (way, value) in enumerate((one.io_microjoules or {}).items()):
+    for k, (way, value) in enumerate((one.io_microjoules_by_way or {}).items()):
         told = "in use, contained above" if k == 0 else "instead"
         rows += [_three(f"input on the chip, uJ: {way} ({told})", value)]
     rows += [_three("time with host I/O, not overlapped, ms", one.wall_milliseconds)]
@@ -187,7 +187,7 @@ def _place(one: Modelled) -> str:
     return f"{found}." if one.tiles is None else f"{found} on {one.tiles} tile{'s' * (one.tiles != 1)}."
 
 
-def _busy(shares: dict[str, float]) -> str:
+def _busy(shares: dict[str, float] | None) -> str:
     """What the board waits for in how many steps."""
     if not shares:
         return ""
@@ -208,7 +208,7 @@ def counted(bench: Bench) -> Grid:
     sources = boards or {"host": {**bench.events}}
     names = dict.fromkeys((*counts(bench), *(name for values in boards.values() for name in values)))
     rows = [(named(name), *(_count(values.get(name)) for values in sources.values())) for name in names]
-    most = {name: bench.targets[name].busiest_core for name in boards}
+    most = {name: bench.targets[name].busiest_core or {} for name in boards}
     rows += [
         (f"busiest core, a step: {named(name)}", *(_count(values.get(name)) for values in most.values()))
         for name in dict.fromkeys(name for values in most.values() for name in values)

@@ -6,7 +6,7 @@ import re
 
 from lava_vpr.bench.results import Bench, Modelled
 from lava_vpr.bench.show import grids, plots
-from lava_vpr.bench.show.document import absent, assumptions, dynamic_energy, percentiles
+from lava_vpr.bench.show.document import absent, assumptions, percentiles
 from lava_vpr.bench.show.grids import NONE, Grid, figure
 from lava_vpr.report.frame import document
 from lava_vpr.report.text import fraction, safe
@@ -94,9 +94,9 @@ def _fact(value: object) -> str:
 
 def _in_short(one: Modelled) -> str:
     """Energy and time of a target, or that there are none."""
-    energy = dynamic_energy(one)
+    energy = one.dynamic_microjoules
     if energy is None or one.milliseconds is None:
-        return f'unavailable <span class="note">{_text(one.unavailable)}</span>'
+        return f'unavailable <span class="note">{_text(one.unavailable or "")}</span>'
     told = []
     for value, unit in ((energy, "uJ dynamic"), (one.milliseconds, "ms")):
         span = f"({figure(value.low)} to {figure(value.high)})"
@@ -108,9 +108,9 @@ def _modelled(bench: Bench) -> str:
     parts = []
     for k, (name, one) in enumerate(bench.targets.items()):
         title = grids.title_of(name)
-        if one.dynamic_microjoules:
+        if one.dynamic_by_component:
             alt = safe(f"Modelled dynamic energy of a query on {title} by component")
-            drawing = plots.energy(one.dynamic_microjoules, f"energy{k}", alt)
+            drawing = plots.energy(one.dynamic_by_component, f"energy{k}", alt)
             parts.append(_drawn(f"Where the energy goes, modelled for {title}", drawing))
         for times in bench.step_times:
             if times.target == name and times.busiest:

@@ -12,7 +12,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from lava_vpr.bench.anchors import ANCHORS
 from lava_vpr.bench.results import Candidate, Measured, Modelled, StepTimes
-from lava_vpr.bench.show.document import PERCENTILES, dynamic_energy
+from lava_vpr.bench.show.document import PERCENTILES
 from lava_vpr.bench.show.grids import figure as written
 from lava_vpr.bench.show.grids import named
 from lava_vpr.deploy.boards.estimate import Estimate, total
@@ -214,7 +214,7 @@ def _exact(value: float | None) -> Estimate | None:
 def beside_anchors(ours: Modelled, label: str) -> str:
     """Energy and time of this network, modelled, above those that others have published; two logarithmic axes."""
     rows: list[tuple[str, str, tuple[Estimate | None, Estimate | None]]] = [
-        ("this network, modelled", "c0", (dynamic_energy(ours), ours.milliseconds))
+        ("this network, modelled", "c0", (ours.dynamic_microjoules, ours.milliseconds))
     ]
     for one in ANCHORS:
         if one.microjoules is not None or one.milliseconds is not None:

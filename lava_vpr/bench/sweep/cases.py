@@ -13,14 +13,16 @@ from lava_vpr.bench.sweep.stopping import leads, stops
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import Board
+from lava_vpr.deploy.boards.constants import CostConstants
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.compression.compression import requantised
 from lava_vpr.deploy.cost.closed_form import step_microseconds, step_picojoules
-from lava_vpr.deploy.cost.costs import quick
+from lava_vpr.deploy.cost.costs import outside_steps
 from lava_vpr.deploy.cost.events import count_events
 from lava_vpr.encoding import EncodedTraverse, query_rates
 from lava_vpr.engine.trains import Trains
+from lava_vpr.errors import ConfigError
 from lava_vpr.gate import integer_config
 from lava_vpr.matching.evaluation import Metrics, evaluate
 from lava_vpr.matching.matchers import confidence
@@ -172,14 +174,24 @@ def runs_of(cases: Sequence[Case], settings: Settings, board: Board, threads: in
     return tuple(_run(case, settings, board, threads) for case in cases)
 
 
+def constants_of(board: Board) -> CostConstants:
+    """The energies and times that a search goes by.
+
+    Raises:
+        ConfigError: none are public for ``board``.
+    """
+    if board.constants is None:
+        raise ConfigError(f"no energy or time of {board.title} is public; search on another board")
+    return board.constants
+
+
 def figures(run: Run, margins: Sequence[float]) -> list[Measurement]:
     """Recall and modelled costs of the queries of ``run``, stopped early by each of ``margins`` (inf: not at all)."""
     events = count_events(run.plan, run.trains)
-    energy = np.cumsum(np.sum(list(step_picojoules(events, "nominal").values()), axis=0), axis=1) / 1e6
-    time = np.cumsum(step_microseconds(events, "nominal"), axis=1) / 1e3
-    trains = run.trains
-    first = {name: part[:1] for name in Trains.POPULATIONS if (part := getattr(trains, name)) is not None}
-    cleared = quick(run.plan, Trains(**first), np.zeros(1, np.int64))  # what a query of no step takes
+    constants = constants_of(run.plan.board)
+    energy = np.cumsum(np.sum(list(step_picojoules(events, constants, "nominal").values()), axis=0), axis=1) / 1e6
+    time = np.cumsum(step_microseconds(events, constants, "nominal"), axis=1) / 1e3
+    outside_microjoules, outside_milliseconds = outside_steps(run.plan, constants)
     total = np.cumsum(run.trains.exc, axis=1, dtype=np.int32)
     name = run.model.config.decoder.default
     lead = leads(run.model, total) if np.isfinite(margins).any() else np.zeros(total.shape[:2])
@@ -191,8 +203,8 @@ def figures(run: Run, margins: Sequence[float]) -> list[Measurement]:
         found.append(
             Measurement(
                 evaluate(scores, confidence(name, scores), run.truth),
-                float(energy[at].mean() + cleared.microjoules[0]),
-                float(time[at].mean() + cleared.milliseconds[0]),
+                float(energy[at].mean() + outside_microjoules.nominal),
+                float(time[at].mean() + outside_milliseconds.nominal),
                 float(steps.mean()),
             )
         )

@@ -191,7 +191,7 @@ class FixedNetwork:
 
 
 @nb.njit(cache=True, inline="always")
-def _integrate(v: NDArray[np.int32], drive: NDArray[np.int32], shift: np.int32, keep: np.int32) -> np.int32:
+def integrate(v: NDArray[np.int32], drive: NDArray[np.int32], shift: np.int32, keep: np.int32) -> np.int32:
     """One membrane step of all neurons from ``drive`` >> ``shift``; returns the highest membrane.
 
     sign(v) (|v| keep >> 12) stays within 32 bits because |v| = 4096 h + l: h keep + (l keep >> 12).
@@ -283,14 +283,14 @@ def _present(
             input_spikes += spike_counts[lane]
             now, before = step % 3, (step + 1) % 3  # (step - 2) mod 3
             if n_fired[before] == 0:
-                highest = _integrate(v, acc, shift, keep)
+                highest = integrate(v, acc, shift, keep)
             else:
                 pull = np.int32(lateral * np.int32(n_fired[before]))
                 for i in range(width):
                     drive[i] = np.int32(np.int32(np.int32(acc[i]) >> shift) - pull)
                 for s in range(n_fired[before]):
                     drive[fired[before, s]] += lateral
-                highest = _integrate(v, drive, np.int32(0), keep)
+                highest = integrate(v, drive, np.int32(0), keep)
             n_fired[now] = 0
             if highest > threshold:
                 for i in range(neurons):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,14 +19,13 @@ from support.boards.small_boards import network as small_network
 
 from lava_vpr import loihi
 from lava_vpr.bench import results
-from lava_vpr.deploy.boards import constants
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2
-from lava_vpr.deploy.boards.constants import CONSTANTS, LEVELS, barrier
-from lava_vpr.deploy.boards.estimate import Estimate, total
+from lava_vpr.deploy.boards.constants import LOIHI_1, Constant
+from lava_vpr.deploy.boards.estimate import LEVELS, Estimate, total
 from lava_vpr.deploy.boards.plan import CorePlan, Part, Plan
 from lava_vpr.deploy.cost import costs, host_traffic
 from lava_vpr.deploy.cost.closed_form import closed_form, step_microseconds, step_nanoseconds, step_picojoules
-from lava_vpr.deploy.cost.costs import Modelled, modelled, quick, step_times
+from lava_vpr.deploy.cost.costs import Modelled, modelled, outside_steps
 from lava_vpr.deploy.cost.events import EventCounts, count_events
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.encoding import draw_trains
@@ -67,7 +66,7 @@ def test_the_published_network_digit_for_digit() -> None:
     assert counted.each("messages_out")[0] + counted.each("input_messages")[0] == 28_136
     assert counted.each("hops_north_south")[0] + counted.each("input_hops_north_south")[0] == 11_273
     assert counted.each("operations_sparse")[0] == 16  # to the relays: the published count has those dense, too
-    found = closed_form(counted, tiles=2)
+    found = closed_form(counted, LOIHI_1, tiles=2)
     assert found.total_microjoules[0] - 16 * 33.6e-6 == pytest.approx(100.3851658, abs=1e-10)
     assert found.microjoules["synapse"][0] == pytest.approx(79.8608 + 16 * 33.6e-6)
     # The same number of spikes at other times: what the published spikes took is 2.1516 ms.
@@ -80,7 +79,7 @@ def test_the_published_network_digit_for_digit() -> None:
         + loihi.DAVIES_HOP_NORTH_SOUTH_PJ * 11_273
     )
     assert round(davies / 1e6) == 72
-    low = sum(float(part.sum()) for part in step_picojoules(counted, "low").values()) / 1e6
+    low = sum(float(part.sum()) for part in step_picojoules(counted, LOIHI_1, "low").values()) / 1e6
     assert low == pytest.approx(davies / 1e6, rel=0.02)
     assert low < davies / 1e6
 
@@ -94,8 +93,8 @@ def example(bias_input: bool = False, n: int = 5) -> tuple[Plan, EventCounts, Tr
 @pytest.mark.parametrize("bias_input", [False, True])
 def test_a_step_lasts_as_long_as_its_busiest_core(bias_input: bool) -> None:
     plan, counted, _ = example(bias_input)
-    receive, neurons = step_nanoseconds(counted, "nominal")
-    time = step_microseconds(counted, "nominal")
+    receive, neurons = step_nanoseconds(counted, LOIHI_1, "nominal")
+    time = step_microseconds(counted, LOIHI_1, "nominal")
     for q in range(5):
         for t in range(counted.steps):
             arriving, own = [], []
@@ -112,10 +111,8 @@ def test_a_step_lasts_as_long_as_its_busiest_core(bias_input: bool) -> None:
             assert time[q, t] == pytest.approx(max(*arriving, *own) / 1e3 + used)
     assert (receive > neurons).any() != bias_input  # what inputs on the chip take is neurons' part
     assert (receive < neurons).any()
-    assert (step_microseconds(counted, "high") >= 5.8).all()
-    assert (step_microseconds(counted, "low") < time).all()
-    busiest, sync = step_times(counted)
-    assert np.allclose(busiest + sync, time.mean(axis=0))
+    assert (step_microseconds(counted, LOIHI_1, "high") >= 5.8).all()
+    assert (step_microseconds(counted, LOIHI_1, "low") < time).all()
 
 
 @pytest.mark.parametrize("bias_input", [False, True])
@@ -129,10 +126,10 @@ def test_energy_of_counts(bias_input: bool) -> None:
         "soma": 51.2 * count["accesses"] + 21.6 * count["touched"] + 69.3 * count["spikes"],
         "network": 111 * messages + 3.0 * hops["east_west"] + 4.2 * hops["north_south"],
     }
-    found = closed_form(counted)
+    found = closed_form(counted, LOIHI_1)
     for name, picojoules in expected.items():
         assert found.microjoules[name] == pytest.approx(picojoules / 1e6, rel=1e-12), name
-    parts = step_picojoules(counted, "nominal")
+    parts = step_picojoules(counted, LOIHI_1, "nominal")
     assert parts["input messages"].sum() == pytest.approx(111 * count["input_messages"].sum())
     others = count["messages_out"] - (count["input_messages"] if bias_input else 0)
     assert parts["other messages"].sum() == pytest.approx(111 * others.sum())
@@ -142,20 +139,22 @@ def test_energy_of_counts(bias_input: bool) -> None:
 
 def test_sanafes_input_core_and_tiles() -> None:
     _, counted, _ = example()
-    with_core, without = closed_form(counted), closed_form(counted, input_core=False)
+    with_core, without = closed_form(counted, LOIHI_1), closed_form(counted, LOIHI_1, input_core=False)
     assert with_core.total_microjoules == pytest.approx(without.total_microjoules)
-    more = closed_form(counted, tiles=29)
+    more = closed_form(counted, LOIHI_1, tiles=29)
     assert more.milliseconds == pytest.approx(with_core.milliseconds + counted.steps * (1.8 - 1.0) / 1e3, rel=0.2)
     assert set(with_core.microjoules) == {"synapse", "soma", "network"}
     # Many messages and hardly a row: the core that sends them is the busiest.
     busy = replace(counted, input_messages=10_000 * counted.input_messages)
-    assert (closed_form(busy).milliseconds > 10 * closed_form(busy, input_core=False).milliseconds).all()
+    assert (
+        closed_form(busy, LOIHI_1).milliseconds > 10 * closed_form(busy, LOIHI_1, input_core=False).milliseconds
+    ).all()
 
 
 def every_estimate(found: Modelled) -> list[Estimate]:
-    estimates = [*(found.dynamic_microjoules or {}).values(), *(found.io_milliseconds or {}).values()]
+    estimates = [*(found.dynamic_by_component or {}).values(), *(found.io_milliseconds_by_way or {}).values()]
     estimates += [
-        *(found.io_microjoules or {}).values(),
+        *(found.io_microjoules_by_way or {}).values(),
         *(v for v in found.clearing.values() if isinstance(v, Estimate)),
     ]
     own = (found.milliseconds, found.step_microseconds, found.static_millijoules)
@@ -164,42 +163,49 @@ def every_estimate(found: Modelled) -> list[Estimate]:
 
 @pytest.mark.parametrize("bias_input", [False, True])
 def test_what_a_query_costs(bias_input: bool) -> None:
-    plan, counted, trains = example(bias_input)
+    plan, counted, _ = example(bias_input)
     found = modelled(plan, counted)
     mode = "bias" if bias_input else "injected"
     assert (found.target, found.chips, found.cores, found.steps) == ("kapoho-bay", 2, len(plan.cores), 33)
-    assert (found.input_mode, found.unavailable) == (mode, "")
+    assert (found.input_mode, found.unavailable) == (mode, None)
     assert len(every_estimate(found)) >= 20
     assert all(0 <= one.low <= one.nominal <= one.high for one in every_estimate(found))
-    assert found.dynamic_microjoules is not None
+    assert found.dynamic_by_component is not None
     assert found.milliseconds is not None
-    assert found.io_milliseconds is not None
-    assert found.io_microjoules is not None
+    assert found.io_milliseconds_by_way is not None
+    assert found.io_microjoules_by_way is not None
     # What SANA-FE knows, and what it does not: read-out, clearing, and settings of the inputs.
-    own = closed_form(counted, updates="updates", input_core=False)
-    beyond = found.dynamic_microjoules["clearing of states"] + found.dynamic_microjoules["read-out"]
+    own = closed_form(counted, LOIHI_1, updates="updates", input_core=False)
+    beyond = found.dynamic_by_component["clearing of states"] + found.dynamic_by_component["read-out"]
     if bias_input:
-        beyond = beyond + found.dynamic_microjoules["settings of the inputs"]
-    whole = total(found.dynamic_microjoules.values())
+        beyond = beyond + found.dynamic_by_component["settings of the inputs"]
+    whole = total(found.dynamic_by_component.values())
     assert whole.nominal == pytest.approx(own.total_microjoules.mean() + beyond.nominal)
-    assert found.dynamic_microjoules["read-out"].nominal == pytest.approx(111e-6 * counted.exc_spikes.sum() / 5)
+    assert found.dynamic_by_component["read-out"].nominal == pytest.approx(111e-6 * counted.exc_spikes.sum() / 5)
     assert found.milliseconds.nominal == pytest.approx(
-        step_microseconds(counted, "nominal").sum(axis=1).mean() / 1e3 + found.clearing["milliseconds"].nominal
+        step_microseconds(counted, LOIHI_1, "nominal").sum(axis=1).mean() / 1e3 + found.clearing["milliseconds"].nominal
     )
     # Two chips, used or not.
     assert found.static_millijoules is not None
     assert found.static_millijoules.nominal == pytest.approx(2 * 169 * found.milliseconds.nominal / 1e3)
     assert found.static_millijoules.low == pytest.approx(2 * 29 * found.milliseconds.low / 1e3)
-    assert next(iter(found.io_milliseconds)) == next(iter(found.io_microjoules)) == mode
-    assert set(found.io_milliseconds) == set(found.io_microjoules) == {"injected", "bias"}
+    assert next(iter(found.io_milliseconds_by_way)) == next(iter(found.io_microjoules_by_way)) == mode
+    assert set(found.io_milliseconds_by_way) == set(found.io_microjoules_by_way) == {"injected", "bias"}
     assert found.wall_milliseconds is not None
-    assert found.wall_milliseconds.high == max(found.milliseconds.high, found.io_milliseconds[mode].high)
+    assert found.wall_milliseconds.high == max(found.milliseconds.high, found.io_milliseconds_by_way[mode].high)
+    assert found.io_milliseconds == found.io_milliseconds_by_way[mode]
+    assert found.dynamic_microjoules == whole
+    assert found.busiest is not None
+    assert found.busiest_core is not None
     assert sum(found.busiest.values()) == pytest.approx(1)
     assert found.busiest_core["updates"] == pytest.approx(counted.updates.max(axis=2).mean())
     assert found.assumptions
-    fast = quick(plan, trains)
-    assert fast.microjoules.mean() == pytest.approx(whole.nominal)
-    assert fast.milliseconds.mean() == pytest.approx(found.milliseconds.nominal)
+    # All steps, and what is outside of them.
+    microjoules, milliseconds = outside_steps(plan, LOIHI_1)
+    picojoules = sum(step_picojoules(counted, LOIHI_1, "nominal").values())
+    assert picojoules.sum() / 5e6 + microjoules.nominal == pytest.approx(whole.nominal)
+    microseconds = step_microseconds(counted, LOIHI_1, "nominal")
+    assert microseconds.sum() / 5e3 + milliseconds.nominal == pytest.approx(found.milliseconds.nominal)
 
 
 def test_counts_of_a_query() -> None:
@@ -224,19 +230,21 @@ def test_input_layer_beside_an_injected_network() -> None:
     made = replace(small_network(10, 784), steps=97)
     plan = partition(made, KAPOHO_BAY, even(made))
     found = modelled(plan, count_events(plan, trains_of(made, 1, 0)))
-    assert found.io_microjoules is not None
+    assert found.io_microjoules_by_way is not None
     assert 784 * 100 * 72.8e-6 == pytest.approx(5.7, rel=0.01)
-    assert found.io_microjoules["bias"].nominal > 5.7
+    assert found.io_microjoules_by_way["bias"].nominal > 5.7
     # The estimate beside the injected network is near what the network with input compartments really takes.
     bias = replace(made, bias_input=True)
     plan = partition(bias, KAPOHO_BAY, even(bias))
     counted = count_events(plan, trains_of(bias, 1, 0))
     true = modelled(plan, counted)
-    assert true.io_microjoules is not None
+    assert true.io_microjoules_by_way is not None
     # The two ways draw other spikes of the same rates.
-    assert found.io_microjoules["bias"].nominal == pytest.approx(true.io_microjoules["bias"].nominal, rel=0.05)
+    assert found.io_microjoules_by_way["bias"].nominal == pytest.approx(
+        true.io_microjoules_by_way["bias"].nominal, rel=0.05
+    )
     assert true.dynamic_microjoules is not None
-    assert total(true.dynamic_microjoules.values()).nominal > true.io_microjoules["bias"].nominal
+    assert true.dynamic_microjoules.nominal > true.io_microjoules_by_way["bias"].nominal
 
 
 def test_clearing_is_counted_and_rest_beside_it() -> None:
@@ -254,22 +262,30 @@ def test_clearing_is_counted_and_rest_beside_it() -> None:
         "rest steps" if told["rest_microjoules"].nominal < 20 * each / 1e6 else "embedded writes"
     )
     quickly = replace(plan, network=replace(plan.network, decay=4095, threshold=50, inhibition=0))
-    assert costs._clearing(quickly, counted)["cheaper"] == "rest steps"
+    assert costs._clearing(quickly, counted, LOIHI_1)["cheaper"] == "rest steps"
 
 
-def test_a_query_that_is_stopped_costs_what_it_did() -> None:
+def test_steps_that_are_run_cost_what_they_do_in_a_shorter_presentation() -> None:
     plan, counted, trains = example()
-    whole, none = quick(plan, trains, np.full(5, counted.steps)), quick(plan, trains, np.zeros(5, np.int64))
-    assert np.array_equal(whole.microjoules, quick(plan, trains).microjoules)
-    told = modelled(plan, counted).clearing
-    assert none.microjoules == pytest.approx(told["microjoules"].nominal)
-    assert none.milliseconds == pytest.approx(told["milliseconds"].nominal)
-    until = np.array([1, 5, 9, 20, 33])
-    some = quick(plan, trains, until)
     cut = Trains(trains.exc[3:4, :20], trains.inputs[3:4, :20])  # type: ignore[index]
-    short = replace(plan, network=replace(plan.network, steps=17))
-    assert some.microjoules[3] == pytest.approx(quick(short, cut).microjoules[0])
-    assert some.milliseconds[3] == pytest.approx(quick(short, cut).milliseconds[0])
+    short = count_events(replace(plan, network=replace(plan.network, steps=17)), cut)
+    for name, picojoules in step_picojoules(counted, LOIHI_1, "nominal").items():
+        assert np.array_equal(picojoules[3:4, :20], step_picojoules(short, LOIHI_1, "nominal")[name]), name
+    microseconds = step_microseconds(counted, LOIHI_1, "nominal")
+    assert np.array_equal(microseconds[3:4, :20], step_microseconds(short, LOIHI_1, "nominal"))
+
+
+@pytest.mark.parametrize("bias_input", [False, True])
+def test_outside_of_the_steps_states_are_cleared_and_inputs_set(bias_input: bool) -> None:
+    plan, counted, _ = example(bias_input)
+    found = modelled(plan, counted)
+    assert found.dynamic_by_component is not None
+    microjoules, milliseconds = outside_steps(plan, LOIHI_1)
+    written = [found.clearing["microjoules"]]
+    if bias_input:
+        written.append(found.dynamic_by_component["settings of the inputs"])
+    assert microjoules == total(written)
+    assert milliseconds == found.clearing["milliseconds"]
 
 
 def test_loihi_2_has_counts_and_no_figures() -> None:
@@ -283,33 +299,32 @@ def test_loihi_2_has_counts_and_no_figures() -> None:
     assert found.busiest_core["synaptic_operations"] * 23 == pytest.approx(found.counts["synaptic_operations"])
     assert found.busiest_core["accesses"] == 24
     assert every_estimate(found) == []
-    assert found.tiles is found.milliseconds is found.dynamic_microjoules is found.io_microjoules is None
+    assert found.tiles is found.milliseconds is found.dynamic_microjoules is found.io_microjoules_by_way is None
     nothing = modelled(busy_plan(bias_input=False), example()[1].part(slice(0, 0)))
     assert nothing.unavailable == "there is no query"
 
 
 def test_every_constant_has_its_source() -> None:
-    names = [one.name for one in CONSTANTS]
+    names = [one.name for one in LOIHI_1.listed()]
     assert len(set(names)) == len(names) >= 20
-    used = {value.name for value in vars(constants).values() if isinstance(value, constants.Constant)}
-    assert used <= set(names)
-    for one in CONSTANTS:
+    assert {item.name for item in fields(LOIHI_1) if isinstance(getattr(LOIHI_1, item.name), Constant)} <= set(names)
+    for one in LOIHI_1.listed():
         assert 0 <= one.low <= one.nominal <= one.high, one.name
         assert one.unit in ("pJ", "ns", "us", "mW")
         assert re.search(r"doi 10\.|arXiv|not verified", one.source), one.name
         assert set(one.as_json()) == {"name", "what", "unit", "low", "nominal", "high", "source"}
-    assert constants.SYNAPSE_DENSE.estimate == Estimate(23.6, 35.5, 35.5)
-    assert constants.UPDATE.estimate == Estimate(21.6, 21.6, 29.0)
-    assert constants.MESSAGE.estimate == Estimate(1.7, 111.0, 111.0)
-    assert constants.ACCESS_TIME.estimate == Estimate(5.3, 6.0, 6.0)
+    assert LOIHI_1.synapse_dense.estimate == Estimate(23.6, 35.5, 35.5)
+    assert LOIHI_1.update.estimate == Estimate(21.6, 21.6, 29.0)
+    assert LOIHI_1.message.estimate == Estimate(1.7, 111.0, 111.0)
+    assert LOIHI_1.access_time.estimate == Estimate(5.3, 6.0, 6.0)
 
 
 def test_barrier_by_tiles() -> None:
-    found = [barrier(tiles).nominal for tiles in (1, 2, 3, 4, 28, 29, 32, 64)]
+    found = [LOIHI_1.barrier(tiles).nominal for tiles in (1, 2, 3, 4, 28, 29, 32, 64)]
     assert found == [0.6, 1.0, 1.0, 1.4, 1.4, 1.8, 1.8, 1.8]
-    assert (barrier(1).low, barrier(32).low, barrier(64).low) == (0.113, 0.465, 0.465)
-    assert 0.113 < barrier(16).low < 0.465
-    assert all(barrier(t).high == barrier(t).nominal for t in (1, 32))
+    assert (LOIHI_1.barrier(1).low, LOIHI_1.barrier(32).low, LOIHI_1.barrier(64).low) == (0.113, 0.465, 0.465)
+    assert 0.113 < LOIHI_1.barrier(16).low < 0.465
+    assert all(LOIHI_1.barrier(t).high == LOIHI_1.barrier(t).nominal for t in (1, 32))
 
 
 def test_packets_are_those_of_the_host_program() -> None:
@@ -318,7 +333,7 @@ def test_packets_are_those_of_the_host_program() -> None:
     assert host_traffic.PACKET_WORDS == words - payload
     plan, counted, _ = example()
     spikes, chips = counted.input_spikes.sum() / 5, 2
-    found = host_traffic.host_milliseconds(plan, counted)["injected"]
+    found = host_traffic.host_milliseconds(plan, counted, LOIHI_1)["injected"]
     usb = 13.9e-3
     assert found.nominal == pytest.approx(usb * chips * (30 + 1), rel=0.01)
     assert found.high == pytest.approx(usb * (chips * spikes + 20), rel=0.01)
@@ -361,7 +376,7 @@ def test_the_host_program_sends_so_many_packets(
         found.append(packets[0])
     trains = draw_trains(made.rates, made.keys, plan.network.steps, plan.network.steps + 3, bias_input=bias_input)
     film = count_spikes(plan.network, made.rates, made.keys, raster=True)[2]
-    told = host_traffic.host_milliseconds(plan, count_events(plan, Trains(film, trains)))
+    told = host_traffic.host_milliseconds(plan, count_events(plan, Trains(film, trains)), LOIHI_1)
     messages = next(iter(told.values())).nominal / loihi.KAPOHO_BAY_MESSAGE_US * 1e3
     # What is over is the embedded processors' work.
     assert found[1] - found[0] == int(messages) > 0

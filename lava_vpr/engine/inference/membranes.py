@@ -1,0 +1,89 @@
+"""Membranes of one presentation, worked out again from the spikes that reached the neurons.
+
+The engine keeps spike counts, or every spike, and never its membranes: nobody who answers queries needs them. Whoever
+counts what a chip updates does, and gets them here with the engine's own membrane step.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.engine.inference.fixed import FixedNetwork, integrate
+from lava_vpr.loihi import DECAY_BITS, INPUT_SHIFT
+
+
+class Membranes(NamedTuple):
+    """Excitatory neurons step by step.
+
+    Attributes:
+        after: Membranes after each step, in the units of v, 0 where a neuron has just spiked, int32 (steps, neurons).
+        fired: Which neurons spiked, uint8 (steps, neurons).
+    """
+
+    after: NDArray[np.int32]
+    fired: NDArray[np.uint8]
+
+
+@nb.njit(cache=True, nogil=True)
+def _replay(
+    weights: NDArray[np.uint8],
+    shift: np.int32,
+    threshold: np.int32,
+    lateral: np.int32,
+    keep: np.int32,
+    inputs: NDArray[np.uint8],
+    inh: NDArray[np.uint8],
+    after: NDArray[np.int32],
+    fired: NDArray[np.uint8],
+) -> None:
+    """Fills ``after`` and ``fired`` from the second step on; in the first nothing has arrived."""
+    (steps, width), neurons = inputs.shape, after.shape[1]
+    v, drive = np.zeros(neurons, np.int32), np.zeros(neurons, np.int32)
+    for step in range(1, steps):
+        drive[:] = 0
+        for j in range(width):
+            if inputs[step - 1, j]:
+                for i in range(neurons):
+                    drive[i] += np.int32(weights[j, i])
+        relays = np.int32(0)
+        for i in range(neurons):
+            relays += np.int32(inh[step - 1, i])
+        for i in range(neurons):
+            others = np.int32(relays - np.int32(inh[step - 1, i]))
+            drive[i] = np.int32(np.int32(drive[i] >> shift) - np.int32(lateral * others))
+        if integrate(v, drive, np.int32(0), keep) > threshold:
+            for i in range(neurons):
+                if v[i] > threshold:
+                    v[i] = 0
+                    fired[step, i] = 1
+        after[step] = v
+
+
+def membranes(network: FixedNetwork, inputs: NDArray[np.uint8], inh: NDArray[np.uint8]) -> Membranes:
+    """Membranes and spikes of exc in one presentation, from what reaches them; recorded spikes of exc are not asked.
+
+    Args:
+        network: The network, checked.
+        inputs: Spikes of the inputs, uint8 (steps + 3, inputs).
+        inh: Spikes of the relays, uint8 (steps + 3, neurons).
+    """
+    steps = len(inputs)
+    found = Membranes(
+        np.zeros((steps, network.neurons), np.int32),
+        np.zeros((steps, network.neurons), np.uint8),
+    )
+    _replay(
+        network.weights,
+        np.int32(network.shift),
+        np.int32(network.threshold << INPUT_SHIFT),
+        np.int32(network.lateral),
+        np.int32((1 << DECAY_BITS) - network.decay),
+        np.ascontiguousarray(inputs).view(np.uint8),
+        np.ascontiguousarray(inh).view(np.uint8),
+        *found,
+    )
+    return found
