@@ -17,18 +17,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
-from lava_vpr.images.imageio import (
+from lava_vpr.images.files import (
     IMAGE_SUFFIXES,
     VIDEO_SUFFIXES,
     csv_rows,
     file_text,
     folder_images,
-    read_image,
     refuse_file,
-    sample_video,
     shown,
-    video_frames,
 )
+from lava_vpr.images.imagefiles import read_image
+from lava_vpr.images.videos import sample_video, video_frames
 
 LIST_SUFFIXES = (".txt", ".lst", ".csv")
 PATH_COLUMNS = ("image", "file", "filename", "path", "name")

@@ -17,8 +17,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.common.imagefiles import QUICK, image_bytes, refused, smooth_picture, video, written
 
-from lava_vpr.images import imageio
-from lava_vpr.images.imageio import natural_key, read_image
+from lava_vpr.images import videos
+from lava_vpr.images.files import natural_key
+from lava_vpr.images.imagefiles import read_image
 from lava_vpr.traverse import open_traverse
 
 # ---------------------------------------------------------------- folders
@@ -275,8 +276,8 @@ def test_video_is_decoded_in_one_pass(tmp_path: Path, monkeypatch: pytest.Monkey
     path = video(tmp_path / "v.avi", 30)
     traverse = open_traverse(path, every=0.2)
     opened = []
-    original = imageio._capture
-    monkeypatch.setattr(imageio, "_capture", lambda p: opened.append(p) or original(p))
+    original = videos._capture
+    monkeypatch.setattr(videos, "_capture", lambda p: opened.append(p) or original(p))
     assert levels(traverse) == list(range(0, 30, 2))
     assert len(opened) == 1
 
@@ -298,8 +299,8 @@ class FakeCapture:
 def test_time_stamps_decide_which_frames_are_used(monkeypatch: pytest.MonkeyPatch) -> None:
     def sampled(stamps: list[float], every: float, stop: int | None = None) -> list[int]:
         fake = FakeCapture(stamps)
-        monkeypatch.setattr(imageio, "_capture", lambda _: contextlib.nullcontext(fake))
-        frames = imageio.sample_video(Path("v.mkv"), every, stop).tolist()
+        monkeypatch.setattr(videos, "_capture", lambda _: contextlib.nullcontext(fake))
+        frames = videos.sample_video(Path("v.mkv"), every, stop).tolist()
         assert stop is None or fake.at == frames[-1]  # nothing is decoded in vain
         return frames
 

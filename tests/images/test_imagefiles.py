@@ -28,8 +28,9 @@ from support.common.imagefiles import (
 )
 
 from lava_vpr.errors import InputError
-from lava_vpr.images import imageio
-from lava_vpr.images.imageio import read_image
+from lava_vpr.images.codecs import quiet
+from lava_vpr.images.formats import DamagedError, orientation_of, walk
+from lava_vpr.images.imagefiles import decode_image, read_image
 from lava_vpr.traverse import open_traverse
 from lava_vpr.truth.groundtruth import read_positions
 
@@ -112,8 +113,8 @@ def test_exif_orientation_is_honoured_in_all_formats(tmp_path: Path, orientation
 @QUICK
 @given(st.binary(max_size=60), st.sampled_from([b"", b"MM\0*\0\0\0\x08", b"II*\0\x08\0\0\0"]))
 def test_any_exif_block_gives_an_orientation(block: bytes, start: bytes) -> None:
-    assert 1 <= imageio._orientation(start + block) <= 8
-    assert imageio._orientation(exif(9)) == 1
+    assert 1 <= orientation_of(start + block) <= 8
+    assert orientation_of(exif(9)) == 1
 
 
 @pytest.mark.parametrize("kind", [np.float32, np.float64, np.int16, np.int32])
@@ -166,8 +167,8 @@ def test_our_own_walk_finds_every_cut(kind: str) -> None:
     # Some OpenCV versions return half a picture and no error.
     data = _WHOLE[kind]
     for length in range(60, len(data), len(data) // 40):
-        with pytest.raises((imageio._DamagedError, struct.error)):
-            imageio._walk(data[:length])
+        with pytest.raises((DamagedError, struct.error)):
+            walk(data[:length])
 
 
 def test_trailing_bytes_do_no_harm(tmp_path: Path) -> None:
@@ -184,7 +185,7 @@ def test_damaged_bytes_give_a_picture_or_a_clear_error(kind: str, at: int, garba
     data[at : at + len(garbage)] = garbage
     cause = ""
     try:
-        assert imageio.decode_image(bytes(data)).dtype == np.uint8
+        assert decode_image(bytes(data)).dtype == np.uint8
     except InputError as error:
         cause = str(error)
     assert not cause or re.match("is |has |holds ", cause)
@@ -203,7 +204,7 @@ def test_damaged_files_print_nothing(tmp_path: Path, capfd: pytest.CaptureFixtur
 
 
 def test_what_other_threads_print_meanwhile_is_kept(capfd: pytest.CaptureFixture[str]) -> None:
-    with imageio._quiet() as messages:
+    with quiet() as messages:
         other = threading.Thread(target=os.write, args=(2, b"progress 50 %\n"))
         other.start()
         other.join()

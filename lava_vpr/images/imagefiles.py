@@ -1,0 +1,87 @@
+"""Image files as uint8 arrays; damage is one clear error.
+
+OpenCV decodes. Around it: a walk over the file's own structure, the EXIF orientation, and silence.
+
+Formats: JPEG, PNG, BMP, TIFF, WebP, recognised by content and not by name; of several pages or animation frames the
+first. Transparency is dropped: the colours below it are used as they are stored, as OpenCV's own colour reading does.
+16-bit samples become ``round(x / 257)``, which gives back exactly any image that was widened from 8 bits.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.errors import InputError
+from lava_vpr.images.codecs import quiet
+from lava_vpr.images.files import shown
+from lava_vpr.images.formats import DamagedError, orientation_of, walk
+
+MIN_SIDE = 2  # an edge needs two pixels
+
+# Whatever the colour and depth of the file, less transparency; turning is ours, so that it is the same for all formats.
+_AS_STORED = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+_CODEC_DAMAGE = re.compile(rb"premature end|bad Huffman", re.IGNORECASE)
+
+
+def decode_image(data: bytes) -> NDArray[np.uint8]:
+    """The bytes of an image file as uint8, (h, w, 3) BGR, or (h, w) for a grey file; see the module for the rules.
+
+    Raises:
+        InputError: what is wrong with them, without the file's name (`read_image` puts that in front).
+    """
+    if not data:
+        raise InputError("is empty (0 bytes); copy it again or remove it")
+    try:
+        exif = walk(data)
+        with quiet() as messages:
+            try:
+                image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), _AS_STORED)
+            except cv2.error:
+                image = None
+        if image is None:
+            raise DamagedError("its picture data cannot be decoded")
+        if any(_CODEC_DAMAGE.search(line) for line in messages):
+            raise DamagedError("part of its picture data is missing")
+    except (DamagedError, struct.error) as error:
+        why = str(error) if isinstance(error, DamagedError) else "it ends within its header"
+        raise InputError(f"is damaged or cut short ({why}); copy it again or remove it") from None
+    if min(image.shape[:2]) < MIN_SIDE:
+        raise InputError(f"has {image.shape[1]} x {image.shape[0]} pixels, needs at least {MIN_SIDE} x {MIN_SIDE}")
+    if image.dtype == np.uint16:
+        image = ((image.astype(np.uint32) + 128) // 257).astype(np.uint8)
+    if image.dtype != np.uint8 or not (image.ndim == 2 or image.shape[2] == 3):
+        raise InputError(f"holds {image.dtype} samples, whose range is unknown; save it with 8 or 16 bits, unsigned")
+    return _turned(image, orientation_of(exif))
+
+
+def read_image(path: Path) -> NDArray[np.uint8]:
+    """The image in file ``path`` as uint8, (h, w, 3) BGR, or (h, w) for a grey file.
+
+    Raises:
+        InputError: the file cannot be read, is no image, is damaged, or holds samples that are neither 8 nor 16 bits.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{shown(path)}: cannot be read ({error.strerror}); check path and permissions") from None
+    try:
+        return decode_image(data)
+    except InputError as error:
+        raise InputError(f"{shown(path)}: {error}") from None
+
+
+def _turned(image: NDArray[np.uint8], orientation: int) -> NDArray[np.uint8]:
+    """``image`` set upright. Source: EXIF 2.32, tag Orientation."""
+    if orientation >= 5:
+        image = image.swapaxes(0, 1)
+    if orientation in (2, 3, 6, 7):
+        image = image[:, ::-1]
+    if orientation in (3, 4, 7, 8):
+        image = image[::-1]
+    return np.ascontiguousarray(image)
