@@ -17,7 +17,7 @@ from rich.table import Table
 
 from benchmarks.nordland import SECTIONS, answer, learn
 from benchmarks.recall import mean
-from lava_vpr.backends import registry as backends
+from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.config import preset
 from lava_vpr.matching.evaluation import Metrics
 
@@ -40,7 +40,7 @@ def figures(names: tuple[str, ...], seed: int) -> dict[str, list[Metrics]]:
 
 
 @click.command()
-@click.option("--backend", "names", type=click.Choice(list(backends.BACKENDS)), multiple=True, default=["lava-float"])
+@click.option("--backend", "names", type=click.Choice(list(BACKENDS)), multiple=True, default=["lava-float"])
 @click.option("--seed", default=0, show_default=True)
 def main(names: tuple[str, ...], seed: int) -> None:
     """Print recall on the host and on other backends."""

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.backends import registry as backends
+from lava_vpr.backends.interface import Advance, Backend, Events, query_presentations
 from lava_vpr.config import Config
 from lava_vpr.encoding import EncodedTraverse, query_rates
-from lava_vpr.errors import InputError
 from lava_vpr.matching import baselines, decoders, sequences
 from lava_vpr.matching.answers import answers_of
 from lava_vpr.matching.decoders import DECODERS
@@ -59,36 +59,27 @@ def count_query_spikes(
     model: Model,
     queries: EncodedTraverse,
     *,
-    backend: str = "host",
+    backend: str | Backend = "host",
     seed: int | None = None,
     threads: int = 1,
-    advance: backends.Advance | None = None,
-) -> tuple[NDArray[np.int32], dict[str, int]]:
+    advance: Advance | None = None,
+) -> tuple[NDArray[np.int32], Events]:
     """Spike counts of every query, int32 (n, neurons), and the run's events.
 
     Args:
         model: A trained model.
         queries: Encoded with the model's settings.
-        backend: Name in `lava_vpr.backends.registry.BACKENDS`.
+        backend: Name in `lava_vpr.backends.registry.BACKENDS`, or a backend.
         seed: Of the queries' noise; None: the model's.
-        threads: Number of threads, which does not change the result.
-        advance: Told how many queries are done, by backends that are slow.
+        threads: For a backend that is given by name; does not change the result.
+        advance: Told how many queries are done, by backends that are slow and given by name.
     Raises:
         InputError: the queries were encoded with other settings.
-        BackendUnavailableError: the backend cannot run here, or not this model.
+        BackendUnavailableError: there is no backend of that name, or it cannot run here, or not this model.
     """
-    if queries.activity.shape[1] != model.config.encoder.inputs:
-        raise InputError(
-            f"queries have {queries.activity.shape[1]} inputs, the model {model.config.encoder.inputs}; encode them "
-            "with the model's own settings"
-        )
-    return backends.get(backend, threads, advance).count_spikes(
-        model,
-        query_rates(queries.activity, model.config),
-        image_ids=queries.indices,
-        role="query",
-        seed=model.config.seed if seed is None else seed,
-    )
+    shown = query_presentations(model, queries, seed)
+    chosen = backends.get(backend, threads, advance) if isinstance(backend, str) else backend
+    return chosen.count_spikes(model, shown)
 
 
 def decode(model: Model, counts: NDArray[np.int32], name: str) -> NDArray[np.float64]:
@@ -135,10 +126,10 @@ def recognise(
     truth: NDArray[np.bool_],
     comparison: Comparison = EVERYTHING,
     *,
-    backend: str = "host",
+    backend: str | Backend = "host",
     seed: int | None = None,
     threads: int = 1,
-    advance: backends.Advance | None = None,
+    advance: Advance | None = None,
 ) -> Recognition:
     """Answer every query and hold the answers against the truth.
 

@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.backends import registry as backends
-from lava_vpr.backends.registry import Trains
-from lava_vpr.encoding import EncodedTraverse, query_rates
+from lava_vpr.backends.host import HostBackend
+from lava_vpr.backends.interface import Presentations, query_presentations
+from lava_vpr.backends.registry import BACKENDS
+from lava_vpr.encoding import EncodedTraverse
+from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import BackendUnavailableError, ConfigError, InputError, NetworkLimitError
 from lava_vpr.matching.evaluation import evaluate
 from lava_vpr.matching.matchers import confidence
 from lava_vpr.model import Model, as_integer
 from lava_vpr.recognition import decode
-
-FLOAT = ("lava-float",)
-"""Backends whose arithmetic differs: their recall is told, not their spikes."""
 
 
 @dataclass(frozen=True)
@@ -142,12 +142,12 @@ def verify(
     queries: EncodedTraverse,
     truth: NDArray[np.bool_],
     *,
-    names: Sequence[str] = tuple(backends.BACKENDS),
+    names: Sequence[str] | None = None,
     seed: int | None = None,
     threads: int = 1,
     begin: Callable[[str], Callable[[int], None] | None] | None = None,
 ) -> list[Verdict]:
-    """Run ``queries`` on the host and on every other backend in ``names``.
+    """Run ``queries`` on the host and on every other backend in ``names``; None: on every backend there is.
 
     Args:
         model: A trained model.
@@ -160,13 +160,11 @@ def verify(
     Raises:
         InputError: a query without any spike of an excitatory neuron: its comparison would be empty.
     """
-    rates = query_rates(queries.activity, model.config)
-    run: dict[str, Any] = {"image_ids": queries.indices, "role": "query"}
-    run["seed"] = model.config.seed if seed is None else seed
-    host = backends.HostBackend(threads)
+    shown = query_presentations(model, queries, seed)
+    host = HostBackend(threads)
     verdicts = []
-    trains = None if as_integer(model) is None else host.trains(model, rates, **run)
-    counts, _ = host.count_spikes(model, rates, **run)
+    trains = None if as_integer(model) is None else host.trains(model, shown)
+    counts, _ = host.count_spikes(model, shown)
     silent = np.flatnonzero(counts.sum(axis=1) == 0)
     if len(silent):
         raise InputError(
@@ -175,15 +173,15 @@ def verify(
         )
     spikes = compare(trains, trains, queries.names)[0] if trains else int(counts.sum())
     reference = Verdict("host", None, True, len(counts), spikes, recall=recall_at_1(model, counts, truth))
-    for name in names:
+    for name in BACKENDS if names is None else names:
         if name == "host":
             verdicts.append(reference)
             continue
-        reason = backends.unavailable(name)
+        reason = BACKENDS[name].unavailable()
         advance = begin(name) if begin and reason is None else None
         if reason is None:
             try:
-                verdicts.append(_verdict(name, model, rates, run, trains, queries.names, truth, reference, advance))
+                verdicts.append(_verdict(name, model, shown, trains, queries.names, truth, reference, advance))
                 continue
             except (BackendUnavailableError, ConfigError, NetworkLimitError) as error:
                 reason = str(error)
@@ -194,8 +192,7 @@ def verify(
 def _verdict(
     name: str,
     model: Model,
-    rates: NDArray[Any],
-    run: dict[str, Any],
+    shown: Presentations,
     host: Trains | None,
     images: Sequence[str],
     truth: NDArray[np.bool_],
@@ -203,17 +200,17 @@ def _verdict(
     advance: Callable[[int], None] | None,
 ) -> Verdict:
     """What the backend ``name`` makes of the queries."""
-    backend = backends.get(name, advance=advance)
-    if name in FLOAT or host is None:
-        counts, _ = backend.count_spikes(model, rates, **run)
+    row, backend = BACKENDS[name], backends.get(name, advance=advance)
+    if not row.exact or host is None:
+        counts, _ = backend.count_spikes(model, shown)
         recall = recall_at_1(model, counts, truth)
         return replace(reference, name=name, equal=None, recall=recall)
-    if name in backends.COUNTING:
-        counts, _ = backend.count_spikes(model, rates, **run)
+    if row.counts_only:
+        counts, _ = backend.count_spikes(model, shown)
         spikes = int(host.exc.sum())
         differing, mismatch = compare_counts(host.exc.sum(axis=1, dtype=np.int32), counts, images)
     else:
-        trains = backend.trains(model, rates, **run)
+        trains = backend.trains(model, shown)
         counts = trains.exc.sum(axis=1, dtype=np.int32)
         spikes, differing, mismatch = compare(host, trains, images)
     return replace(

@@ -23,7 +23,8 @@ from rich.table import Table
 
 from benchmarks.nordland import encoded, learn, part
 from benchmarks.sanafe.cross_check import CrossCheck, cross_check, find_sanafe
-from lava_vpr.backends.registry import HostBackend
+from lava_vpr.backends.host import HostBackend
+from lava_vpr.backends.interface import query_presentations
 from lava_vpr.config import preset
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.boards.plan import Plan
@@ -31,7 +32,7 @@ from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.compression.compression import for_board
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.deploy.registers.core_images import FORGETS
-from lava_vpr.encoding import draw_trains, query_rates
+from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork, count_spikes
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.engine.trains import Trains
@@ -60,8 +61,7 @@ def real(name: str, model: Model, queries: int) -> Case:
     """A model on Kapoho Bay, and winter images spread over its places."""
     chosen = np.linspace(0, model.places - 1, queries).astype(np.int64)
     images = part(encoded("winter", model.config.encoder), chosen)
-    rates = query_rates(images.activity, model.config)
-    trains = HostBackend().trains(model, rates, image_ids=images.indices, role="query", seed=model.config.seed)
+    trains = HostBackend().trains(model, query_presentations(model, images))
     return Case(name, plan_of(model, KAPOHO_BAY), trains)
 
 

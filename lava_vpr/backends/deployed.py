@@ -10,11 +10,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.backends.interface import Advance, Events, Presentations
 from lava_vpr.deploy.boards.board import BOARDS, KAPOHO_BAY
 from lava_vpr.deploy.bundle import folder as bundle_folder
 from lava_vpr.deploy.bundle import loihi2, opening
@@ -23,7 +23,6 @@ from lava_vpr.deploy.bundle.folder import Bundle
 from lava_vpr.deploy.registers.simulator import Chips
 from lava_vpr.deploy.running import host_program
 from lava_vpr.engine.inference import fixed
-from lava_vpr.engine.random import presentation_keys
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.model import Model, checked_network
@@ -68,42 +67,33 @@ def player(bundle: Bundle) -> Callable[[NDArray[np.uint16], NDArray[np.uint64]],
 class BundleBackend:
     """Simulates the registers and memory of a bundle; reads nothing else."""
 
-    advance: Callable[[int], None] | None = None
+    advance: Advance | None = None
 
-    def count_spikes(
-        self,
-        model: Model,
-        rates: NDArray[Any],
-        *,
-        image_ids: NDArray[np.int64],
-        role: str,
-        seed: int,
-    ) -> tuple[NDArray[np.int32], dict[str, int]]:
-        """See `lava_vpr.backends.registry.Backend.count_spikes`."""
-        keys = presentation_keys(seed, role, image_ids)
-        n, neurons, inputs = len(rates), model.neurons, model.config.encoder.inputs
-        counts, sent = np.zeros((n, neurons), np.int32), np.zeros(inputs, np.int64)
-        for part, (exc, _, drawn) in self._play(model, rates, keys):
+    def count_spikes(self, model: Model, shown: Presentations) -> tuple[NDArray[np.int32], Events]:
+        """See `lava_vpr.backends.interface.Backend.count_spikes`."""
+        network = checked_network(model, "bundle")
+        counts = np.zeros((len(shown.rates), model.neurons), np.int32)
+        sent = np.zeros(network.inputs, np.int64)
+        for part, (exc, _, drawn) in self._play(model, shown):
             counts[part] = exc.sum(axis=1, dtype=np.int32)
             sent += drawn.sum(axis=(0, 1), dtype=np.int64)
-        return counts, _events(model, sent, counts)
+        operations = int(sent @ network.prepared[1])
+        return counts, fixed.named_events(network, operations, int(sent.sum()), int(counts.sum()), len(counts))
 
-    def trains(
-        self, model: Model, rates: NDArray[Any], *, image_ids: NDArray[np.int64], role: str, seed: int
-    ) -> Trains:
-        """See `lava_vpr.backends.registry.Backend.trains`."""
-        keys = presentation_keys(seed, role, image_ids)
-        pieces = [trio for _, trio in self._play(model, rates, keys)]
+    def trains(self, model: Model, shown: Presentations) -> Trains:
+        """See `lava_vpr.backends.interface.Backend.trains`."""
+        pieces = [trio for _, trio in self._play(model, shown)]
         exc, inh, inputs = (np.concatenate(arrays) for arrays in zip(*pieces, strict=True))
         return Trains(exc, inputs, inh)
 
-    def _play(self, model: Model, rates: NDArray[Any], keys: NDArray[np.uint64]) -> Iterator[tuple[slice, Trio]]:
+    def _play(self, model: Model, shown: Presentations) -> Iterator[tuple[slice, Trio]]:
         """The presentations, some at a time."""
+        keys = shown.keys
         with bundle_of(model) as bundle:
             play = player(bundle)
-            for start in range(0, len(rates), BATCH):
-                part = slice(start, min(start + BATCH, len(rates)))
-                yield part, play(rates[part], keys[part])
+            for start in range(0, len(keys), BATCH):
+                part = slice(start, min(start + BATCH, len(keys)))
+                yield part, play(shown.rates[part], keys[part])
                 if self.advance is not None:
                     self.advance(part.stop - part.start)
 
@@ -112,57 +102,17 @@ class BundleBackend:
 class KapohoBayBackend:
     """Runs a bundle's host program on the board; it reads out counts, not single spikes."""
 
-    advance: Callable[[int], None] | None = None
+    advance: Advance | None = None
 
-    def count_spikes(
-        self,
-        model: Model,
-        rates: NDArray[Any],
-        *,
-        image_ids: NDArray[np.int64],
-        role: str,
-        seed: int,
-    ) -> tuple[NDArray[np.int32], dict[str, int]]:
-        """See `lava_vpr.backends.registry.Backend.count_spikes`."""
-        keys = presentation_keys(seed, role, image_ids)
+    def count_spikes(self, model: Model, shown: Presentations) -> tuple[NDArray[np.int32], Events]:
+        """See `lava_vpr.backends.interface.Backend.count_spikes`."""
+        network = checked_network(model, KAPOHO_BAY.name)
         with bundle_of(model) as bundle:
-            counts = host_program.run_bundle(bundle.path, rates, keys, advance=self.advance)
+            counts = host_program.run_bundle(bundle.path, shown.rates, shown.keys, advance=self.advance)
         # The board is sent what the host draws, so the host's engine can tell the events.
-        network = checked_network(model, "bundle")
-        _, events, _ = fixed.count_spikes(network, rates, keys)
+        _, events, _ = fixed.count_spikes(network, shown.rates, shown.keys)
         return counts, events
 
-    def trains(
-        self, model: Model, rates: NDArray[Any], *, image_ids: NDArray[np.int64], role: str, seed: int
-    ) -> Trains:
+    def trains(self, model: Model, shown: Presentations) -> Trains:
         """Not to be had from the board."""
         raise BackendUnavailableError("kapoho-bay reads out spike counts, not single spikes; use --backend bundle")
-
-
-def _events(model: Model, sent: NDArray[np.int64], counts: NDArray[np.int32]) -> dict[str, int]:
-    """Named events of presentations in which input j sent ``sent[j]`` spikes."""
-    network = checked_network(model, "bundle")
-    operations = int(sent @ network.prepared[1])
-    return fixed.named_events(network, operations, int(sent.sum()), int(counts.sum()), len(counts))
-
-
-def unavailable(name: str) -> str | None:
-    """Why the backend cannot run here, and what to do; None if it can."""
-    return host_program.kapoho_bay_available() if name == KAPOHO_BAY.name else None
-
-
-def refuse(name: str, model: Model) -> None:
-    """Refuse a model that this backend cannot run, before any work is done.
-
-    Raises:
-        BackendUnavailableError: a bundle for another board.
-        ConfigError: the model has no integer network.
-    """
-    checked_network(model, name)
-    if model.bundle is None or name not in BOARDS:
-        return
-    target = bundle_folder.load(model.bundle).target
-    if target != name:
-        raise BackendUnavailableError(
-            f"{model.bundle}: is a bundle for {target}, which {name} cannot run; deploy the model with --target {name}"
-        )

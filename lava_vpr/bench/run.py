@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import platform
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr import __version__
-from lava_vpr.backends.registry import HostBackend
+from lava_vpr.backends.host import HostBackend
+from lava_vpr.backends.interface import query_presentations
+from lava_vpr.backends.registry import timed_by_default
 from lava_vpr.bench.measure.host import measure, measure_encoding
 from lava_vpr.bench.measure.workload import workload
 from lava_vpr.bench.peers import run_peers
@@ -26,7 +28,7 @@ from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.cost.closed_form import step_nanoseconds
 from lava_vpr.deploy.cost.costs import modelled
 from lava_vpr.deploy.cost.events import EventCounts, count_events
-from lava_vpr.encoding import EncodedTraverse, query_rates
+from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.threads import cores
 from lava_vpr.engine.trains import Trains
@@ -37,9 +39,6 @@ from lava_vpr.recognition import BASELINES, Comparison, Recognition, recognise
 from lava_vpr.traverse import Traverse
 
 T = TypeVar("T")
-
-DEFAULT_BACKENDS = ("host", "lava-fixed", "lava-fused", "bundle")
-"""What is timed if nothing is asked for: all that needs no board."""
 
 COUNTED = 500
 """Queries whose every spike is counted, at most: the counts of each step and core are kept."""
@@ -61,8 +60,8 @@ class Wanted:
         seed: Of the queries' noise; None: the model's.
     """
 
-    targets: tuple[str, ...] = tuple(BOARDS)
-    backends: tuple[str, ...] = DEFAULT_BACKENDS
+    targets: tuple[str, ...] = field(default_factory=lambda: tuple(BOARDS))
+    backends: tuple[str, ...] = field(default_factory=timed_by_default)
     sweep: bool = False
     peers: bool = False
     limit: int | None = None
@@ -147,9 +146,7 @@ def spikes(model: Model, queries: EncodedTraverse, seed: int | None) -> Trains |
         return None
     n = len(queries)
     chosen = np.arange(n) if n <= COUNTED else np.linspace(0, n - 1, COUNTED).round().astype(np.int64)
-    rates = query_rates(queries.activity[chosen], model.config)
-    own = model.config.seed if seed is None else seed
-    return HostBackend(cores()).trains(model, rates, image_ids=queries.indices[chosen], role="query", seed=own)
+    return HostBackend(cores()).trains(model, query_presentations(model, queries, seed).part(chosen))
 
 
 def _costs(

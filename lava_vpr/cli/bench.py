@@ -13,6 +13,7 @@ from lava_vpr.backends import registry as backends
 from lava_vpr.cli.choose import open_model, open_queries, truth_in_order
 from lava_vpr.cli.common import (
     PATH,
+    RegisteredName,
     check_folder,
     check_writable,
     console,
@@ -32,6 +33,8 @@ from lava_vpr.model import Model, integer_model
 if TYPE_CHECKING:
     from lava_vpr.bench.results import Bench
 
+DEFAULT = backends.timed_by_default()
+
 
 @click.command("bench")
 @click.argument("model_path", metavar="MODEL", type=PATH)
@@ -48,9 +51,9 @@ if TYPE_CHECKING:
 @click.option(
     "--backend",
     "names",
-    type=click.Choice(list(backends.BACKENDS)),
+    type=RegisteredName(backends.BACKENDS),
     multiple=True,
-    help="Backend to time on this machine (default: host, lava-fixed, lava-fused and bundle).",
+    help=f"Backend to time on this machine (default: {', '.join(DEFAULT[:-1])} and {DEFAULT[-1]}).",
 )
 @click.option("--sweep", is_flag=True, help="Also search settings for the best recall at the least modelled cost.")
 @click.option("--peers", is_flag=True, help="Also run other matchers on the same images.")
@@ -90,7 +93,7 @@ def bench(
     if report_folder is not None:
         check_folder(report_folder)
     # The cost model and what it needs take a second to import: --help does not wait for them.
-    from lava_vpr.bench.run import DEFAULT_BACKENDS, Wanted, run
+    from lava_vpr.bench.run import Wanted, run
 
     model = open_model(model_path)
     _refuse(model, model_path, targets, names, sweep)
@@ -99,7 +102,7 @@ def bench(
     queries = encode(traverse, model.config.encoder)
     wanted = Wanted(
         targets=tuple(dict.fromkeys(targets)) or tuple(BOARDS),
-        backends=tuple(dict.fromkeys(names)) or DEFAULT_BACKENDS,
+        backends=tuple(dict.fromkeys(names)) or backends.timed_by_default(),
         sweep=sweep,
         peers=peers,
         limit=limit,

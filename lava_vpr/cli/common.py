@@ -17,7 +17,7 @@ from rich.measure import Measurement
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from lava_vpr.backends import registry as backends
+from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.config import EncoderConfig
 from lava_vpr.container import write_atomically
 from lava_vpr.encoding import EncodedTraverse, encode_traverse
@@ -72,7 +72,7 @@ def answer_options(command: F) -> F:
     text = "Seed of the queries' spikes (default: the model's)."
     seeded = click.option("--seed", type=seed_type, default=None, help=text)(command)
     text = "Where the network runs."
-    backend = RegisteredName(backends.BACKENDS)
+    backend = RegisteredName(BACKENDS)
     return click.option("--backend", type=backend, default="host", show_default=True, help=text)(seeded)
 
 

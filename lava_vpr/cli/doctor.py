@@ -11,7 +11,7 @@ import click
 from rich.table import Table
 
 from lava_vpr import __version__
-from lava_vpr.backends import registry as backends
+from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.cli.common import console
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import BackendUnavailableError
@@ -81,8 +81,8 @@ def doctor() -> None:
     names = Table(title="backends", title_justify="left")
     for column in ("backend", "can run", "what"):
         names.add_column(column, no_wrap=column != "what", overflow="fold")
-    for name, what in backends.BACKENDS.items():
-        reason = backends.unavailable(name)
+    for name, row in BACKENDS.items():
+        reason, what = row.unavailable(), row.title
         can = reason is None and not missing
         names.add_row(name, "yes" if can else "no", what if reason is None else f"{what}\n{reason}".replace("[", r"\["))
     console.print(names)

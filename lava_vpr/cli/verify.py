@@ -13,6 +13,7 @@ from lava_vpr.backends import registry as backends
 from lava_vpr.cli.choose import open_model, open_queries
 from lava_vpr.cli.common import (
     PATH,
+    RegisteredName,
     check_writable,
     console,
     encode,
@@ -41,7 +42,7 @@ from lava_vpr.verification import verify as verify_spikes
 @click.option(
     "--backend",
     "names",
-    type=click.Choice(list(backends.BACKENDS)),
+    type=RegisteredName(backends.BACKENDS),
     multiple=True,
     help="Backend to compare with the host (default: all).",
 )
@@ -70,7 +71,7 @@ def verify(
     # The truth of all queries, then the first of them: fewer queries than places would be refused as not aligned.
     truth = aligned_truth(model, traverse)[:limit]
     queries = encode(traverse.take(range(min(limit, len(traverse)))), model.config.encoder)
-    chosen = ("host", *(name for name in names if name != "host")) if names else tuple(backends.BACKENDS)
+    chosen = ("host", *(name for name in names if name != "host")) if names else None
     with ExitStack() as bars:
 
         def begin(name: str) -> Callable[[int], None]:

@@ -16,6 +16,8 @@ from support.common.imagefiles import write_images
 from support.common.small_models import encoded, small_model
 
 from lava_vpr.backends import registry as backends
+from lava_vpr.backends.interface import Presentations
+from lava_vpr.backends.lava import LavaBackend
 from lava_vpr.bench.measure import host as measure
 from lava_vpr.bench.measure import rapl, timed
 from lava_vpr.bench.measure.host import measure_encoding
@@ -250,8 +252,10 @@ def test_single_queries_are_told_one_by_one() -> None:
 @pytest.fixture
 def brief(monkeypatch: pytest.MonkeyPatch) -> None:
     """Little is timed."""
-    for name, value in (("SINGLES", 20), ("FILL", 0.01), ("BATCHED", {"lava-fused": 200})):
+    for name, value in (("SINGLES", 20), ("FILL", 0.01)):
         monkeypatch.setattr(measure, name, value)
+    fused = replace(backends.BACKENDS["lava-fused"], batch=200)
+    monkeypatch.setitem(backends.BACKENDS._rows, fused.name, fused)
     monkeypatch.setattr(rapl.idle_watts, "__defaults__", (0.1, rapl.ROOT))
 
 
@@ -316,8 +320,8 @@ def test_lava_counts_the_same_when_it_is_timed() -> None:
     model, queries = small_model(), encoded(noise=0.4)
     rates, ids = query_rates(queries.activity, model.config)[:3], queries.indices[:3]
     fused = backends.get("lava-fused")
-    assert isinstance(fused, backends.LavaBackend)
-    counts, runs, held = fused.timed(model, rates, image_ids=ids, role="query", seed=0, single=True)
+    assert isinstance(fused, LavaBackend)
+    counts, runs, held = fused.timed(model, Presentations(rates, ids, 0), single=True)
     assert np.array_equal(counts, count_query_spikes(model, queries, seed=0)[0][:3])
     assert runs[:, 0].tolist() == [1, 1, 1]
     assert (runs[:, 2] > runs[:, 1]).all()

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from support.common.small_models import encoded, small_model, tiny_paper
 
-from lava_vpr.backends.registry import HostBackend
+from lava_vpr.backends.host import HostBackend
+from lava_vpr.backends.interface import Presentations
 from lava_vpr.bench.results import Candidate
 from lava_vpr.bench.sweep.cases import Case, Run, configured, current, fast_settings, figures, runs_of
 from lava_vpr.bench.sweep.stopping import leads, stops
@@ -113,7 +114,7 @@ def test_a_point_is_the_model_quantised_anew_and_modelled() -> None:
     assert recognise(model, one.queries, TRUTH, DECODERS_ONLY).metrics["contrast"] == result.metrics
     plan = plan_of(model, KAPOHO_BAY)
     rates = query_rates(one.queries.activity, model.config)
-    trains = HostBackend().trains(model, rates, image_ids=one.queries.indices, role="query", seed=model.config.seed)
+    trains = HostBackend().trains(model, Presentations(rates, one.queries.indices, model.config.seed))
     told = modelled(plan, count_events(plan, trains))
     assert told.dynamic_microjoules is not None
     assert told.milliseconds is not None

@@ -10,7 +10,8 @@ from support.boards.small_boards import network
 from support.common.small_models import encoded, small_model
 
 from benchmarks.neurobench import metrics
-from lava_vpr.backends.registry import HostBackend
+from lava_vpr.backends.host import HostBackend
+from lava_vpr.backends.interface import Presentations
 from lava_vpr.bench.measure.workload import input_updates, membrane_updates, of_trains, workload
 from lava_vpr.encoding import query_rates
 from lava_vpr.engine.inference.bias_input import LEVEL, bias_input_spikes, biases, start_membranes
@@ -160,7 +161,7 @@ def test_a_model_is_counted_on_its_own_queries(mode: bool) -> None:
     model, queries = small_model(), encoded(noise=0.4)
     model = replace(model, network=replace(model.network, bias_input=mode))  # type: ignore[type-var]
     rates = query_rates(queries.activity, model.config)[:5]
-    trains = HostBackend(1).trains(model, rates, image_ids=queries.indices[:5], role="query", seed=3)
+    trains = HostBackend(1).trains(model, Presentations(rates, queries.indices[:5], 3))
     keys = presentation_keys(3, "query", queries.indices[:5])
     wanted = of_trains(model.network, trains, rates, keys)  # type: ignore[arg-type]
     assert workload(model, queries, seed=3, limit=5) == wanted

@@ -13,6 +13,7 @@ from click.testing import CliRunner, Result
 from support.common.commands import PLACES, run
 
 from lava_vpr import model as model_file
+from lava_vpr.backends.registry import timed_by_default
 from lava_vpr.bench import run as stages
 from lava_vpr.bench.measure import host as timing
 from lava_vpr.bench.results import Candidate, Measured, Peer
@@ -204,7 +205,7 @@ def test_the_host_is_timed(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.slow
 def test_every_backend_is_timed(here: Path) -> None:
     values, _ = written("--limit", 4, "--peers", "--report", "r")
-    for name in stages.DEFAULT_BACKENDS:
+    for name in timed_by_default():
         assert values["measured"][name]["absent"] is None, name
         assert values["measured"][name]["milliseconds_per_query"]["p50"] > 0
     assert list(values["peers"]) == ["lava-vpr", "sad", "cosine"]

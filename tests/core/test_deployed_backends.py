@@ -17,9 +17,9 @@ from support.common.small_models import encoded, small_model, tiny_paper
 
 from benchmarks.nordland import encoded as real
 from benchmarks.nordland import learn, part
-from lava_vpr import verification
-from lava_vpr.backends import deployed
 from lava_vpr.backends import registry as backends
+from lava_vpr.backends.host import HostBackend
+from lava_vpr.backends.interface import Presentations, query_presentations
 from lava_vpr.cli import main
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
@@ -27,7 +27,7 @@ from lava_vpr.deploy.boards.board import BOARDS, KAPOHO_BAY, LOIHI_2
 from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.deploy.bundle.folder import load
 from lava_vpr.deploy.bundle.opening import open_bundle
-from lava_vpr.encoding import query_rates
+from lava_vpr.deploy.running import host_program
 from lava_vpr.engine.inference import fixed
 from lava_vpr.errors import BackendUnavailableError, ConfigError, NetworkLimitError
 from lava_vpr.model import Model
@@ -77,37 +77,43 @@ def test_what_is_not_public_says_so(model: Model, tmp_path: Path) -> None:
     assert told.json("mapping.json")["hops_per_step"] == "unknown"
 
 
-def runs(model: Model) -> dict[str, Any]:
-    """The arguments of a run of three queries."""
-    queries = encoded(3, seed=5)
-    return {"rates": query_rates(queries.activity, model.config), "image_ids": queries.indices, "role": "query"}
+def three(model: Model, seed: int) -> Presentations:
+    """Three queries."""
+    return query_presentations(model, encoded(3, seed=5), seed)
 
 
 @pytest.mark.parametrize("source", ["file", "kapoho-bay", "loihi2"])
 def test_the_bundle_counts_what_the_host_counts(model: Model, source: str, tmp_path: Path) -> None:
-    given = runs(model)
-    rates = given.pop("rates")
+    shown = three(model, 3)
     used = model
     if source != "file":
         deploy(model, BOARDS[source], tmp_path / "b", picture=False)
         used = open_bundle(tmp_path / "b")
     seen: list[int] = []
-    counts, events = backends.get("bundle", advance=seen.append).count_spikes(used, rates, **given, seed=3)
-    expected, wanted = backends.HostBackend().count_spikes(model, rates, **given, seed=3)
+    counts, events = backends.get("bundle", advance=seen.append).count_spikes(used, shown)
+    expected, wanted = HostBackend().count_spikes(model, shown)
     assert np.array_equal(counts, expected)
     assert events == wanted
     assert counts.any()
     assert sum(seen) == 3
 
 
-def test_the_wrong_board_and_the_wrong_network_are_refused(model: Model, tmp_path: Path) -> None:
+def board_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As if NxSDK were installed and a Kapoho Bay announced to it."""
+    monkeypatch.setattr(host_program, "kapoho_bay_available", lambda: None)
+
+
+def test_the_wrong_board_and_the_wrong_network_are_refused(
+    model: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    board_is_there(monkeypatch)
     deploy(model, LOIHI_2, tmp_path / "b", picture=False)
     with pytest.raises(BackendUnavailableError, match="is a bundle for loihi2, which kapoho-bay cannot run; deploy"):
-        deployed.refuse("kapoho-bay", open_bundle(tmp_path / "b"))
+        backends.require("kapoho-bay", open_bundle(tmp_path / "b"))
     floating = train([encoded(4, 784)], tiny_paper())
-    for name in backends.DEPLOYED:
+    for name in ("bundle", "kapoho-bay"):
         with pytest.raises(ConfigError, match=f"^{name} needs an integer network, but preset paper is the float"):
-            deployed.refuse(name, floating)
+            backends.require(name, floating)
     with pytest.raises(ConfigError, match=r"^Kapoho Bay \(two Loihi 1 chips\) needs an integer network, but"):
         deploy(floating, KAPOHO_BAY, tmp_path / "c")
     assert not (tmp_path / "c").exists()
@@ -120,7 +126,7 @@ def test_verify_says_why_a_model_does_not_fit(model: Model) -> None:
     assert verdict.as_json()["available"] is False
     assert "shifts each weight" in str(verdict.reason)
     with pytest.raises(NetworkLimitError, match="shifts each weight"):
-        backends.get("bundle").count_spikes(shifted, **runs(model), seed=0)
+        backends.get("bundle").count_spikes(shifted, three(model, 0))
 
 
 class Counter:
@@ -129,10 +135,8 @@ class Counter:
     def __init__(self, wrong: int) -> None:
         self.wrong = wrong
 
-    def count_spikes(
-        self, model: Model, rates: NDArray[Any], **options: Any
-    ) -> tuple[NDArray[np.int32], dict[str, int]]:
-        counts, events = backends.HostBackend().count_spikes(model, rates, **options)
+    def count_spikes(self, model: Model, shown: Presentations) -> tuple[NDArray[np.int32], dict[str, int]]:
+        counts, events = HostBackend().count_spikes(model, shown)
         counts[2, 1] += self.wrong
         return counts, events
 
@@ -141,8 +145,8 @@ class Counter:
 def test_a_backend_without_spikes_is_compared_by_its_counts(
     model: Model, wrong: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(verification.backends, "unavailable", lambda name: None)
-    monkeypatch.setattr(verification.backends, "get", lambda name, threads=1, advance=None: Counter(wrong))
+    board_is_there(monkeypatch)
+    monkeypatch.setattr(backends, "get", lambda name, threads=1, advance=None: Counter(wrong))
     queries = encoded(8)
     host, verdict = verify(model, queries, np.eye(8, dtype=bool), names=("host", "kapoho-bay"))
     assert verdict.equal is (wrong == 0)

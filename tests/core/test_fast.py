@@ -12,7 +12,8 @@ from hypothesis.extra.numpy import arrays
 from support.common.small_models import encoded, small_model
 
 from lava_vpr.backends.deployed import BundleBackend
-from lava_vpr.backends.registry import HostBackend
+from lava_vpr.backends.host import HostBackend
+from lava_vpr.backends.interface import query_presentations
 from lava_vpr.bench.sweep.cases import mean
 from lava_vpr.config import LifNetwork, preset
 from lava_vpr.configfile import update
@@ -126,10 +127,9 @@ def test_quantised_anew_it_stays_the_same_and_prunes() -> None:
 def test_a_bundle_spikes_as_the_host_does() -> None:
     model = requantised(small_fast(), shift=0)
     queries = encoded(8, noise=0.3)
-    presented = {"image_ids": queries.indices, "role": "query", "seed": 3}
-    rates = query_rates(queries.activity, model.config)
-    host, _ = HostBackend().count_spikes(model, rates, **presented)  # type: ignore[arg-type]
-    simulated, _ = BundleBackend().count_spikes(model, rates, **presented)  # type: ignore[arg-type]
+    shown = query_presentations(model, queries, 3)
+    host, _ = HostBackend().count_spikes(model, shown)
+    simulated, _ = BundleBackend().count_spikes(model, shown)
     assert host.any()
     assert np.array_equal(simulated, host)
 

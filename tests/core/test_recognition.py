@@ -15,6 +15,7 @@ from support.common.small_models import encoded, small_model, tiny_paper
 
 from lava_vpr import model
 from lava_vpr.backends import registry as backends
+from lava_vpr.backends.interface import Presentations
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse, query_rates
@@ -115,9 +116,8 @@ def test_a_query_never_draws_the_noise_of_its_own_place() -> None:
     rates = query_rates(references.activity, learned.config)
 
     def run(k: int, role: str, shift: int = 0) -> tuple[NDArray[np.int32], int]:
-        counts, events = backends.get("host").count_spikes(
-            learned, rates[[k]], image_ids=references.indices[[k]] + shift, role=role, seed=learned.config.seed
-        )
+        shown = Presentations(rates[[k]], references.indices[[k]] + shift, learned.config.seed, role)
+        counts, events = backends.get("host").count_spikes(learned, shown)
         return counts[0], events["input_spikes"]
 
     response = [run(k, "response") for k in range(PLACES)]
@@ -142,7 +142,7 @@ def test_backends_that_cannot_run_say_so() -> None:
         count_query_spikes(learned, queries, backend="gpu")
     assert next(iter(backends.BACKENDS)) == "host"
     for name in backends.BACKENDS:
-        reason = backends.unavailable(name)
+        reason = backends.BACKENDS[name].unavailable()
         if reason is None:
             assert callable(backends.get(name).count_spikes)
         else:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,14 +15,15 @@ from support.common.small_models import encoded, small_model, tiny_paper
 from benchmarks.backends import figures as recall_of
 from benchmarks.nordland import SECTIONS, learn, part
 from benchmarks.nordland import encoded as real
-from lava_vpr import verification
 from lava_vpr.backends import registry as backends
-from lava_vpr.backends.registry import Trains
+from lava_vpr.backends.host import HostBackend
+from lava_vpr.backends.interface import Presentations, query_presentations
 from lava_vpr.cli import main
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
-from lava_vpr.encoding import query_rates
+from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import ConfigError, InputError
+from lava_vpr.model import Model
 from lava_vpr.processes.base import lava_checks
 from lava_vpr.training.loop import train
 from lava_vpr.verification import Verdict, compare, verify
@@ -82,11 +82,11 @@ def test_a_query_without_spikes_is_refused() -> None:
         verify(model, replace(queries, activity=blank), np.eye(PLACES, dtype=bool), names=("host",))
 
 
-class Tampered(backends.HostBackend):
+class Tampered(HostBackend):
     """A backend that loses one spike."""
 
-    def trains(self, *args: Any, **options: Any) -> Trains:
-        host = super().trains(*args, **options)
+    def trains(self, model: Model, shown: Presentations) -> Trains:
+        host = super().trains(model, shown)
         query, step, neuron = np.argwhere(host.exc)[10]
         host.exc[query, step, neuron] = 0
         return host
@@ -127,10 +127,9 @@ def test_eval_on_a_lava_backend_gives_the_hosts_figures(here: Path) -> None:
 @pytest.mark.parametrize("name", ["lava-fixed", "lava-library", "lava-fused"])
 def test_counts_and_events_are_the_hosts(name: str) -> None:
     model, queries = small_model(PLACES), encoded(PLACES)
-    rates = query_rates(queries.activity, model.config)[:3]
-    options = {"image_ids": queries.indices[:3], "role": "query", "seed": 1}
-    counts, events = backends.get("host").count_spikes(model, rates, **options)
-    got, same = backends.get(name).count_spikes(model, rates, **options)
+    shown = query_presentations(model, queries, 1).part(slice(0, 3))
+    counts, events = backends.get("host").count_spikes(model, shown)
+    got, same = backends.get(name).count_spikes(model, shown)
     assert counts.sum() > 0
     np.testing.assert_array_equal(got, counts)
     assert same == events
@@ -159,7 +158,7 @@ def test_what_is_missing_is_said_before_any_work(here: Path, monkeypatch: pytest
 
 
 def test_verdicts_as_json() -> None:
-    assert verification.FLOAT == ("lava-float",)
+    assert [name for name, row in backends.BACKENDS.items() if not row.exact] == ["lava-float"]
     assert Verdict("x", "no board").as_json() == {"available": False, "reason": "no board"}
     assert Verdict("x", None, None, 3, 9, recall=0.5).as_json() == {
         "available": True,

@@ -20,6 +20,7 @@ from support.lava.small_networks import random_network
 from benchmarks.nordland import SECTIONS, learn, part
 from benchmarks.nordland import encoded as real
 from lava_vpr.backends import registry as backends
+from lava_vpr.backends.interface import Presentations
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import draw_trains, query_rates
@@ -258,10 +259,10 @@ def test_a_backend_counts_the_same_events() -> None:
     model, queries = small_model(), encoded()
     model = replace(model, network=replace(model.network, bias_input=True))
     rates = query_rates(queries.activity, model.config)[:2]
-    options = {"image_ids": queries.indices[:2], "role": "query", "seed": 1}
-    counts, events = backends.get("host").count_spikes(model, rates, **options)
+    shown = Presentations(rates, queries.indices[:2], 1)
+    counts, events = backends.get("host").count_spikes(model, shown)
     assert counts.sum() > 0
-    got, same = backends.get("lava-library").count_spikes(model, rates, **options)
+    got, same = backends.get("lava-library").count_spikes(model, shown)
     assert np.array_equal(got, counts)
     assert same == events
 

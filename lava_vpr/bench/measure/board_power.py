@@ -27,7 +27,6 @@ from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import LavaRunError
 from lava_vpr.model import Model, checked_network
 
-BOARDS = tuple(ALL_BOARDS)
 STEPS = 100_000
 """Of a run at least; queries are repeated with other noise. Source: public measurements of idle power of Loihi and
 Loihi 2 run as many steps (lava-dl's tiny_yolo_sdnn benchmark; users' scripts for NxSDK)."""

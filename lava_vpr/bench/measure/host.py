@@ -21,7 +21,9 @@ from numpy.typing import NDArray
 from lava_vpr import model as model_file
 from lava_vpr.backends import deployed
 from lava_vpr.backends import registry as backends
-from lava_vpr.backends.registry import LavaBackend
+from lava_vpr.backends.interface import Presentations, query_presentations
+from lava_vpr.backends.lava import LavaBackend
+from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.bench.measure import board_power, rapl
 from lava_vpr.bench.measure.timed import decoder_of, repeated
 from lava_vpr.bench.results import Measured
@@ -32,15 +34,6 @@ from lava_vpr.errors import BackendUnavailableError, LavaVprError
 from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.model import Model
 from lava_vpr.traverse import Traverse
-
-BACKENDS = ("host", "lava-fixed", "lava-fused", "bundle")
-"""What is measured where there is no board."""
-
-LIMITS = {"lava-fixed": 16, "lava-float": 16, "lava-library": 16, "bundle": 100}
-"""Most queries of slow backends."""
-
-BATCHED = {"lava-fused": 2560}
-"""Presentations of a batch at least; queries are repeated with other noise."""
 
 SINGLES, SINGLE_SECONDS = 1000, 8.0
 ROUNDS, FILL = 5, 0.3
@@ -65,26 +58,26 @@ def measure(
         queries: Encoded with the model's settings.
         backend: Name in `lava_vpr.backends.registry.BACKENDS`.
         seed: Of the queries' noise; None: the model's.
-        limit: Most queries to use; None: by backend (`LIMITS`).
+        limit: Most queries to use; None: as the backend's row says.
         rounds: Of the whole batch; the fastest counts.
         rapl_root: Folder of the processor's energy counters.
     Returns:
         The figures; ``absent`` says why there are none. Nothing is raised for what this machine lacks.
     """
-    chosen = slice(0, limit if limit is not None else LIMITS.get(backend))
-    rates, ids = query_rates(queries.activity[chosen], model.config), queries.indices[chosen]
-    own = model.config.seed if seed is None else seed
-    made = Measured(backend, backends.BACKENDS.get(backend, backend), queries=len(ids))
-    on_board = backend in board_power.BOARDS
+    row = BACKENDS[backend]
+    shown = query_presentations(model, queries, seed).part(slice(0, limit if limit is not None else row.limit))
+    rates, ids, own = shown.rates, shown.image_ids, shown.seed
+    made = Measured(backend, row.title, queries=len(ids))
+    on_board = row.timing == "board"
     try:
         backends.require(backend, model)
         if len(ids) == 0:
             return replace(made, absent="there are no queries")
         if on_board:
             return board_power.measure(model, rates, ids, backend, own)
-        if backend in ("host", "bundle"):
+        if row.timing == "compiled":
             return _compiled(model, rates, ids, made, own, rounds, rapl_root)
-        return _lava(model, rates, ids, made, own, rapl_root)
+        return _lava(model, shown, made, row.batch, rapl_root)
     except LavaVprError as error:
         missing = on_board and isinstance(error, BackendUnavailableError)
         return replace(made, queries=0, absent=f"no board here: {error}" if missing else str(error))
@@ -169,25 +162,22 @@ def _compiled(
     )
 
 
-def _lava(
-    model: Model, rates: NDArray[Any], ids: NDArray[np.int64], made: Measured, seed: int, rapl_root: Path
-) -> Measured:
+def _lava(model: Model, shown: Presentations, made: Measured, least: int, rapl_root: Path) -> Measured:
     """Lava: once with a run for each query, once with many a run. What it compiles and starts is told apart."""
     backend = backends.get(made.name)
     if not isinstance(backend, LavaBackend):
         return replace(made, absent=f"{made.name} cannot be timed")
     watts, _ = rapl.idle_watts(root=rapl_root)
     # The first run is the start of Lava, so there is one query more than is timed.
-    own, at = np.concatenate([rates[:1], rates]), np.concatenate([ids[:1], ids])
-    given: dict[str, Any] = {"image_ids": at, "role": "query", "seed": seed}
-    counts, alone, _ = backend.timed(model, own, single=True, **given)
-    times = -(-BATCHED.get(made.name, 1) // len(at))
-    many, given["image_ids"] = repeated(own, at, times)
+    queries = shown.part(np.concatenate([[0], np.arange(len(shown.image_ids))]))
+    n = len(queries.image_ids)
+    counts, alone, _ = backend.timed(model, queries, single=True)
+    rates, ids = repeated(queries.rates, queries.image_ids, -(-least // n))
     with rapl.Meter(rapl_root) as meter:
-        again, together, held = backend.timed(model, many, single=False, **given)
+        again, together, held = backend.timed(model, Presentations(rates, ids, shown.seed), single=False)
     match, decoded = decoder_of(model), []
     match(counts[:1])
-    for k in range(1, len(at)):
+    for k in range(1, n):
         began = time.perf_counter()
         match(counts[k : k + 1])
         decoded.append(1e3 * (time.perf_counter() - began))

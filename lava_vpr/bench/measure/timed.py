@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from lava_vpr import memory
 from lava_vpr import model as model_file
 from lava_vpr.backends import deployed
-from lava_vpr.backends.registry import HostBackend
+from lava_vpr.backends.host import HostBackend
+from lava_vpr.backends.interface import Presentations
 from lava_vpr.deploy.bundle import folder as bundle_folder
 from lava_vpr.deploy.bundle.opening import open_bundle
 from lava_vpr.engine.inference import fixed
@@ -39,7 +40,7 @@ def host_answer(model: Model, seed: int) -> Answer:
     match = decoder_of(model)
     if as_integer(model) is None:
         host = HostBackend(1)
-        return lambda rates, ids: match(host.count_spikes(model, rates, image_ids=ids, role="query", seed=seed)[0])
+        return lambda rates, ids: match(host.count_spikes(model, Presentations(rates, ids, seed))[0])
     network = checked_network(model, "host")
     return lambda rates, ids: match(fixed.count_spikes(network, rates, presentation_keys(seed, "query", ids))[0])
 

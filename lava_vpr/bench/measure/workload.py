@@ -21,13 +21,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.backends.registry import HostBackend
+from lava_vpr.backends.host import HostBackend
+from lava_vpr.backends.interface import query_presentations
 from lava_vpr.bench.results import Workload
-from lava_vpr.encoding import EncodedTraverse, query_rates
+from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.inference.bias_input import LEVEL, biases, start_membranes
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.membranes import membranes
-from lava_vpr.engine.random import presentation_keys
 from lava_vpr.engine.threads import cores
 from lava_vpr.engine.trains import Trains
 from lava_vpr.model import Model, checked_network
@@ -50,11 +50,9 @@ def workload(model: Model, queries: EncodedTraverse, *, seed: int | None = None,
         ConfigError: the model has no integer network.
     """
     network = checked_network(model, "bench")
-    rates = query_rates(queries.activity[:limit], model.config).astype(np.uint16)
-    ids = queries.indices[:limit]
-    own = model.config.seed if seed is None else seed
-    trains = HostBackend(cores()).trains(model, rates, image_ids=ids, role="query", seed=own)
-    return of_trains(network, trains, rates, presentation_keys(own, "query", ids))
+    shown = query_presentations(model, queries, seed).part(slice(0, limit))
+    trains = HostBackend(cores()).trains(model, shown)
+    return of_trains(network, trains, shown.rates.astype(np.uint16), shown.keys)
 
 
 def of_trains(network: FixedNetwork, trains: Trains, rates: NDArray[np.uint16], keys: NDArray[np.uint64]) -> Workload:

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.backends.registry import HostBackend
+from lava_vpr.backends.host import HostBackend
+from lava_vpr.backends.interface import query_presentations
 from lava_vpr.bench.sweep.stopping import leads, stops
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
@@ -20,7 +21,7 @@ from lava_vpr.deploy.compression.compression import requantised
 from lava_vpr.deploy.cost.closed_form import step_microseconds, step_picojoules
 from lava_vpr.deploy.cost.costs import outside_steps
 from lava_vpr.deploy.cost.events import count_events
-from lava_vpr.encoding import EncodedTraverse, query_rates
+from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import ConfigError
 from lava_vpr.gate import integer_config
@@ -154,13 +155,7 @@ def _run(case: Case, settings: Settings, board: Board, threads: int) -> Run:
     source = replace(source, config=configured(source.config, settings))
     model = requantised(source, shift=None if board.shifts_sum else 0, threads=threads)
     plan = plan_of(model, board)
-    trains = HostBackend(threads).trains(
-        model,
-        query_rates(case.queries.activity, model.config),
-        image_ids=case.queries.indices,
-        role="query",
-        seed=model.config.seed if case.seed is None else case.seed,
-    )
+    trains = HostBackend(threads).trains(model, query_presentations(model, case.queries, case.seed))
     return Run(model, plan, trains, case.truth)
 
 

@@ -18,7 +18,8 @@ from support.fuzz.fuzz_deploy import (
 )
 
 from lava_vpr.backends.deployed import player
-from lava_vpr.backends.registry import HostBackend
+from lava_vpr.backends.host import HostBackend
+from lava_vpr.backends.interface import Presentations
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.bundle import folder as bundle_folder
 from lava_vpr.deploy.bundle.deployment import contents
@@ -93,7 +94,7 @@ def simulated(wanted: int, start: int) -> tuple[int, int]:
             continue
         rates = query_rates(model.activity, model.config)
         ids = np.array([3, 4])
-        host = HostBackend().trains(model, rates, image_ids=ids, role="query", seed=1)
+        host = HostBackend().trains(model, Presentations(rates, ids, 1))
         exc, inh, inputs = player(memory_bundle(sealed(manifest, files), files))(
             rates, presentation_keys(1, "query", ids)
         )

@@ -1,0 +1,121 @@
+"""What a backend is: an object that counts the spikes of presentations, and the row that tells the rest about it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.encoding import EncodedTraverse, query_rates
+from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.trains import Trains
+from lava_vpr.errors import InputError
+from lava_vpr.model import Model
+
+Advance = Callable[[int], None]
+"""Told how many more presentations are done."""
+
+Events = dict[str, int]
+"""The counted events of a run by name, summed over its presentations."""
+
+
+class Presentations(NamedTuple):
+    """What a backend is shown.
+
+    Attributes:
+        rates: Of the inputs in each presentation, (n, inputs): uint16 in units of 2^-16 for integer networks, uint32 in
+            units of 2^-32 for the float conductance model.
+        image_ids: The number of each presentation's image in its traverse, int64 (n,).
+        seed: Of the noise.
+        role: What the noise is for, one of `lava_vpr.engine.random.ROLES`.
+    """
+
+    rates: NDArray[Any]
+    image_ids: NDArray[np.int64]
+    seed: int
+    role: str = "query"
+
+    @property
+    def keys(self) -> NDArray[np.uint64]:
+        """The key of each presentation's random numbers, uint64 (n,)."""
+        return presentation_keys(self.seed, self.role, self.image_ids)
+
+    def part(self, chosen: slice | NDArray[np.int64]) -> Presentations:
+        """Some of the presentations, each with the noise that it has here."""
+        return self._replace(rates=self.rates[chosen], image_ids=self.image_ids[chosen])
+
+
+def query_presentations(model: Model, queries: EncodedTraverse, seed: int | None = None) -> Presentations:
+    """The presentations of ``queries`` to ``model``; ``seed`` defaults to the model's.
+
+    Raises:
+        InputError: the queries were encoded with other settings.
+    """
+    if queries.activity.shape[1] != model.config.encoder.inputs:
+        raise InputError(
+            f"queries have {queries.activity.shape[1]} inputs, the model {model.config.encoder.inputs}; encode them "
+            "with the model's own settings"
+        )
+    rates = query_rates(queries.activity, model.config)
+    return Presentations(rates, queries.indices, model.config.seed if seed is None else seed)
+
+
+class Backend(Protocol):
+    """Counts spikes of a model's excitatory neurons."""
+
+    def count_spikes(self, model: Model, shown: Presentations) -> tuple[NDArray[np.int32], Events]:
+        """Show the presentations to the network of ``model``.
+
+        Returns:
+            Counts int32 (n, neurons), and the events of the run.
+        Raises:
+            ConfigError: the backend runs no such network.
+        """
+        ...
+
+    def trains(self, model: Model, shown: Presentations) -> Trains:
+        """Every spike of the same presentations to the integer network of ``model``.
+
+        Raises:
+            BackendUnavailableError: the backend tells counts only.
+            ConfigError: the model is the float conductance model.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class BackendRow:
+    """A backend as users choose it.
+
+    Attributes:
+        name: Of ``--backend``.
+        title: What it is, for people.
+        make: The backend, from the number of threads it may use and what is told its progress (None: nobody).
+        unavailable: Why it cannot run here, and what to do; None if it can.
+        exact: Its spikes are the host's, bit for bit; otherwise it computes in floating point, and its recall is
+            compared instead.
+        float_model: It runs the float conductance model, too.
+        counts_only: It tells spike counts, but no single spikes.
+        board: Name of the board whose bundles it runs; None: it asks for no board.
+        timing: How ``bench`` times it: ``compiled`` in a fresh process, ``lava`` by the times that Lava's runs are told
+            with, ``board`` by the vendor's profiler; None: not at all.
+        default: ``bench`` times it if no backend was asked for.
+        limit: Most queries that ``bench`` times it on; None: all.
+        batch: Presentations that ``bench`` runs in one batch, at least.
+    """
+
+    name: str
+    title: str
+    make: Callable[[int, Advance | None], Backend]
+    unavailable: Callable[[], str | None]
+    exact: bool = True
+    float_model: bool = False
+    counts_only: bool = False
+    board: str | None = None
+    timing: Literal["compiled", "lava", "board"] | None = None
+    default: bool = False
+    limit: int | None = None
+    batch: int = 1

@@ -1,0 +1,142 @@
+"""Backends that run the network as Lava Processes, in a child process that can be killed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.backends.interface import Advance, Events, Presentations
+from lava_vpr.config import Config
+from lava_vpr.configfile import to_dict
+from lava_vpr.engine.conductance import model as conductance
+from lava_vpr.engine.conductance.model import ConductanceState
+from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference.fixed import SILENT_STEPS
+from lava_vpr.engine.trains import Trains
+from lava_vpr.errors import BackendUnavailableError
+from lava_vpr.isolated.runner import run_isolated
+from lava_vpr.model import Model, checked_network
+from lava_vpr.processes.base import lava_checks
+
+SLOWEST = 40.0
+"""Steps per second of Lava that are still taken for progress; what takes longer, and two minutes, is ended."""
+
+
+class Timed(NamedTuple):
+    """A run of Lava that was timed.
+
+    Attributes:
+        counts: Spikes of each neuron, int32 (n, neurons).
+        runs: When Lava ran, float64 (runs, 3): presentations, begin and end (`time.monotonic`); the first run includes
+            what Lava compiles and starts.
+        held: Bytes that its processes held together; None if the system does not tell.
+    """
+
+    counts: NDArray[np.int32]
+    runs: NDArray[np.float64]
+    held: int | None
+
+
+@dataclass(frozen=True)
+class LavaBackend:
+    """The network as Lava Processes.
+
+    Attributes:
+        name: Of the backend.
+        job: Function of `lava_vpr.processes.jobs.inference` that wires and runs the network.
+        tag: Which ProcessModels: ``fixed_pt`` or ``floating_pt``.
+        board: Whether it runs on a Loihi 2 board.
+        advance: Told how many presentations are done.
+    """
+
+    name: str
+    job: str
+    tag: str = "fixed_pt"
+    board: bool = False
+    advance: Advance | None = None
+
+    def count_spikes(self, model: Model, shown: Presentations) -> tuple[NDArray[np.int32], Events]:
+        """See `lava_vpr.backends.interface.Backend.count_spikes`."""
+        if isinstance(model.network, ConductanceState) and self.tag == "floating_pt":
+            return self._conductance(model.network, model.config, shown)
+        results = self._run(model, shown, record=False)
+        counts = results["counts"].astype(np.int32)
+        if "events" in results:
+            return counts, dict(zip(fixed.EVENTS, (int(x) for x in results["events"]), strict=True))
+        network, per_input = checked_network(model, self.name), results["input_spikes"]
+        operations, input_spikes = int(per_input @ network.prepared[1]), int(per_input.sum())
+        return counts, fixed.named_events(network, operations, input_spikes, int(counts.sum()), len(shown.rates))
+
+    def trains(self, model: Model, shown: Presentations) -> Trains:
+        """See `lava_vpr.backends.interface.Backend.trains`; a population that Lava does not record has no train."""
+        results = self._run(model, shown, record=True)
+        return Trains(**{name: results[name] for name in Trains.POPULATIONS if name in results})
+
+    def timed(self, model: Model, shown: Presentations, *, single: bool) -> Timed:
+        """Count spikes and tell when Lava ran; with ``single`` every run is one presentation."""
+        results = self._run(model, shown, record=False, timed="single" if single else "runs")
+        return Timed(results["counts"].astype(np.int32), results["runs"], int(results["held"][0]) or None)
+
+    def _run(self, model: Model, shown: Presentations, *, record: bool, timed: str = "") -> dict[str, NDArray[Any]]:
+        """Run the job on every presentation."""
+        network = checked_network(model, self.name)
+        how: dict[str, Any] = {"tag": self.tag, "record": record, "board": self.board, "timed": timed}
+        options = network.scalars | how
+        rates = shown.rates.astype(np.uint16)
+        arrays: dict[str, NDArray[Any]] = {"weights": network.weights, "rates": rates, "keys": shown.keys}
+        steps = len(shown.rates) * (network.steps + SILENT_STEPS)
+        job = f"lava_vpr.processes.jobs.inference:{self.job}"
+        return run_isolated(job, arrays, options, timeout=120 + steps / SLOWEST, progress=self.advance)
+
+    def _conductance(
+        self, network: ConductanceState, config: Config, shown: Presentations
+    ) -> tuple[NDArray[np.int32], Events]:
+        """The ``paper`` preset's network as float Processes."""
+        arrays: dict[str, NDArray[Any]] = {
+            "weights": network.weights,
+            "theta_mv": network.theta_mv,
+            "delays": network.delays,
+            "rates": shown.rates,
+            "keys": shown.keys,
+        }
+        constants = conductance.constants(config, learn=False)
+        results = run_isolated(
+            "lava_vpr.processes.jobs.conductance:conductance",
+            arrays,
+            {"config": to_dict(config)},
+            timeout=120 + len(shown.rates) * constants.total / SLOWEST,
+            progress=self.advance,
+        )
+        events = conductance.named_events(results["events"], len(network.theta_mv), len(shown.rates), constants)
+        return results["counts"].astype(np.int32), events
+
+
+def maker(name: str, job: str, *, tag: str = "fixed_pt", board: bool = False) -> Callable[..., LavaBackend]:
+    """What makes the backend called ``name`` from a number of threads, which Lava has no use for, and an `Advance`."""
+
+    def make(threads: int, advance: Advance | None) -> LavaBackend:
+        return LavaBackend(name, job, tag, board, advance)
+
+    return make
+
+
+def lava_missing() -> str | None:
+    """Why Lava cannot run here, and what to do; None if it can."""
+    try:
+        lava_checks.require_lava()
+    except BackendUnavailableError as error:
+        return str(error)
+    return None
+
+
+def loihi2_missing() -> str | None:
+    """Why no Loihi 2 board can be used here, and what to do; None if one can."""
+    missing = lava_missing()
+    if missing is not None:
+        return missing
+    reason = lava_checks.loihi_available()
+    return f"{reason}; --backend lava-library simulates the same network" if reason else None
