@@ -18,10 +18,10 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.nordland import encoded, learn, part
-from lava_vpr.backends.deployed import player
 from lava_vpr.config import preset
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.bundle.deployment import deploy, plan_of
+from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.encoding import query_rates16
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import SILENT_STEPS
@@ -50,7 +50,7 @@ def row(places: int, queries: int, rounds: int) -> list[str]:
     images = part(encoded("winter", model.config.encoder), slice(0, queries))
     rates = query_rates16(images.activity, model.config.encoder)
     keys = presentation_keys(model.config.seed, "query", images.indices)
-    play, steps = player(bundle), len(rates) * (network.steps + SILENT_STEPS)
+    play, steps = TARGETS[bundle.target].player(bundle), len(rates) * (network.steps + SILENT_STEPS)
     exc, _, _ = play(rates, keys)
     counts, _, _ = fixed.count_spikes(network, rates, keys)
     if not np.array_equal(exc.sum(axis=1), counts):

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, Literal
 
 from lava_vpr import loihi
 from lava_vpr.deploy.boards.constants import LOIHI_1, CostConstants
+from lava_vpr.errors import BackendUnavailableError
+from lava_vpr.registry import Registry
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,8 @@ class Board:
         profiles, thresholds, formats: Distinct ones.
         weight_bits, index_bits: Widths that a stored synapse can have.
         host_spikes: That the host sends to one chip in one step.
+        clearing: How states return to 0 between two queries: ``reset`` by Lava's LIFReset, or ``writes`` of the chips'
+            embedded processors.
         constants: Energies and times of its operations; None: none are public.
     """
 
@@ -47,6 +51,7 @@ class Board:
     weight_bits: tuple[int, ...]
     index_bits: tuple[int, ...]
     host_spikes: int | None
+    clearing: Literal["reset", "writes"]
     constants: CostConstants | None
 
     @property
@@ -54,56 +59,69 @@ class Board:
         """Whether the times of the board's operations are public."""
         return self.constants is not None
 
+    @property
+    def sum_shift(self) -> int | None:
+        """The right shift of the input sum that its networks must have; None: the one that quantising finds best."""
+        return None if self.shifts_sum else 0
+
     def as_json(self) -> dict[str, Any]:
         """Limits and mesh by name, as a bundle's manifest has them; None: not public."""
-        values = {item.name: getattr(self, item.name) for item in fields(self) if item.name != "constants"}
+        left_out = ("clearing", "constants")
+        values = {item.name: getattr(self, item.name) for item in fields(self) if item.name not in left_out}
         return values | {"timed": self.timed}
 
 
-KAPOHO_BAY = Board(
-    name="kapoho-bay",
-    title="Kapoho Bay (two Loihi 1 chips)",
-    chips=loihi.KAPOHO_BAY_CHIPS,
-    cores=loihi.LOIHI_1_CORES,
-    tile_cores=loihi.TILE_CORES,
-    columns=loihi.MESH_COLUMNS,
-    rows=loihi.MESH_ROWS,
-    input_limit=loihi.LOIHI_1_INPUT_LIMIT,
-    shifts_sum=False,
-    compartments=loihi.CORE_COMPARTMENTS,
-    axons_in=loihi.CORE_AXONS,
-    axons_out=loihi.CORE_AXONS,
-    synapse_words=loihi.CORE_SYNAPSE_WORDS,
-    profiles=loihi.CORE_PROFILES,
-    thresholds=loihi.CORE_THRESHOLDS,
-    formats=loihi.CORE_FORMATS,
-    weight_bits=loihi.LOIHI_1_WEIGHT_BITS,
-    index_bits=loihi.LOIHI_1_INDEX_BITS,
-    host_spikes=loihi.HOST_SPIKES,
-    constants=LOIHI_1,
+BOARDS: Registry[Board] = Registry("board", BackendUnavailableError)
+"""Every board by the name that ``--target`` takes."""
+
+KAPOHO_BAY = BOARDS.register(
+    Board(
+        name="kapoho-bay",
+        title="Kapoho Bay (two Loihi 1 chips)",
+        chips=loihi.KAPOHO_BAY_CHIPS,
+        cores=loihi.LOIHI_1_CORES,
+        tile_cores=loihi.TILE_CORES,
+        columns=loihi.MESH_COLUMNS,
+        rows=loihi.MESH_ROWS,
+        input_limit=loihi.LOIHI_1_INPUT_LIMIT,
+        shifts_sum=False,
+        compartments=loihi.CORE_COMPARTMENTS,
+        axons_in=loihi.CORE_AXONS,
+        axons_out=loihi.CORE_AXONS,
+        synapse_words=loihi.CORE_SYNAPSE_WORDS,
+        profiles=loihi.CORE_PROFILES,
+        thresholds=loihi.CORE_THRESHOLDS,
+        formats=loihi.CORE_FORMATS,
+        weight_bits=loihi.LOIHI_1_WEIGHT_BITS,
+        index_bits=loihi.LOIHI_1_INDEX_BITS,
+        host_spikes=loihi.HOST_SPIKES,
+        clearing="writes",
+        constants=LOIHI_1,
+    )
 )
 
-LOIHI_2 = Board(
-    name="loihi2",
-    title="Loihi 2",
-    chips=1,
-    cores=loihi.LOIHI_2_CORES,
-    tile_cores=None,
-    columns=None,
-    rows=None,
-    input_limit=loihi.INPUT_LIMIT,
-    shifts_sum=True,
-    compartments=loihi.LOIHI_2_COMPARTMENTS,
-    axons_in=None,
-    axons_out=None,
-    synapse_words=None,
-    profiles=None,
-    thresholds=None,
-    formats=None,
-    weight_bits=tuple(range(1, 9)),
-    index_bits=(),
-    host_spikes=None,
-    constants=None,
+LOIHI_2 = BOARDS.register(
+    Board(
+        name="loihi2",
+        title="Loihi 2",
+        chips=1,
+        cores=loihi.LOIHI_2_CORES,
+        tile_cores=None,
+        columns=None,
+        rows=None,
+        input_limit=loihi.INPUT_LIMIT,
+        shifts_sum=True,
+        compartments=loihi.LOIHI_2_COMPARTMENTS,
+        axons_in=None,
+        axons_out=None,
+        synapse_words=None,
+        profiles=None,
+        thresholds=None,
+        formats=None,
+        weight_bits=tuple(range(1, 9)),
+        index_bits=(),
+        host_spikes=None,
+        clearing="reset",
+        constants=None,
+    )
 )
-
-BOARDS = {board.name: board for board in (KAPOHO_BAY, LOIHI_2)}

@@ -10,15 +10,13 @@ from lava_vpr import __version__
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.boards.plan import CorePlan, Plan
 from lava_vpr.deploy.bundle import folder as bundle_folder
-from lava_vpr.deploy.bundle import loihi2
-from lava_vpr.deploy.bundle.folder import Bundle, array_bytes, json_bytes
-from lava_vpr.deploy.bundle.opening import CORE_ARRAYS, HOST_TABLES
+from lava_vpr.deploy.bundle.folder import Bundle, json_bytes
 from lava_vpr.deploy.bundle.readme import readme
 from lava_vpr.deploy.bundle.references import measured_responses, reference_files
+from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.deploy.compression.compression import expected_rates
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.deploy.registers.clearing import clearing
-from lava_vpr.deploy.registers.core_images import core_images, host_tables
 from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.threads import cores
 from lava_vpr.model import Model, integer_model
@@ -53,17 +51,17 @@ def contents(
     picture: bool = True,
 ) -> tuple[dict[str, Any], dict[str, bytes], Plan]:
     """Manifest (for `deploy.bundle.folder.sealed`), files and plan of the bundle of ``model``; see `deploy`."""
-    plan = plan_of(model, board)
+    plan, target = plan_of(model, board), TARGETS[board.name]
     network = plan.network
     files = reference_files(replace(model, responses=measured_responses(model, network, cores())))
-    files |= loihi2.network_files(network) if board.shifts_sum else _core_files(plan)
-    files |= _programs(board)
+    files |= target.network_files(plan)
+    files |= _programs(target.program)
     if learning:
         from lava_vpr.deploy.bundle.learning import learning_files
 
         files |= learning_files(model)
     files["mapping.json"] = json_bytes(mapping(plan))
-    files["README.md"] = readme(model, board, plan, learning)
+    files["README.md"] = readme(model, plan, target.guide, target.parts, learning)
     if picture:
         from lava_vpr.deploy.show.drawing import draw  # matplotlib takes a second to import
 
@@ -117,7 +115,7 @@ def _manifest(model: Model, plan: Plan, compression: dict[str, Any] | None) -> d
             "mode": "bias" if network.bias_input else "injected",
             "host_spikes_per_step": round(plan.host_spikes, 3),
         },
-        "clearing": clearing(network, board, plan),
+        "clearing": clearing(network, board),
         "limits": limits,
         "compression": compression,
     }
@@ -152,20 +150,8 @@ def _load(board: Board, core: CorePlan) -> dict[str, Any]:
     return load if board.timed else load | {"nanoseconds": "unknown"}
 
 
-def _core_files(plan: Plan) -> dict[str, bytes]:
-    """Registers, memory and axons of every core, and the host's tables."""
-    files = {}
-    for image in core_images(plan):
-        folder = f"cores/chip{image.chip}-core{image.core:03d}"
-        files[f"{folder}/registers.json"] = json_bytes(image.registers)
-        for name in CORE_ARRAYS:
-            files[f"{folder}/{name}.npy"] = array_bytes(getattr(image, name))
-    tables = host_tables(plan)
-    return files | {f"host/{name}.npy": array_bytes(getattr(tables, name)) for name in HOST_TABLES}
-
-
-def _programs(board: Board) -> dict[str, bytes]:
+def _programs(folder: str) -> dict[str, bytes]:
     """The host program ``run.py``, and the files that it needs beside it."""
-    folders = (PROGRAMS / "common", PROGRAMS / board.name.replace("-", "_"))
-    files = sorted(path for folder in folders for path in folder.iterdir() if path.is_file())
+    folders = (PROGRAMS / "common", PROGRAMS / folder)
+    files = sorted(path for holder in folders for path in holder.iterdir() if path.is_file())
     return {f"program/{path.name}": path.read_bytes() for path in files}

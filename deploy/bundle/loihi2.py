@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.plan import RELAY_THRESHOLD, RELAY_WEIGHT
+from lava_vpr.deploy.bundle.core_files import Player, Spikes
 from lava_vpr.deploy.bundle.folder import AGAIN, Bundle, array_bytes, json_bytes
 from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.general.lif import LifParameters
@@ -150,9 +151,7 @@ def _population(n: int, lif: dict[str, int]) -> Population:
     )
 
 
-def simulate(
-    network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.uint64]
-) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8]]:
+def simulate(network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.uint64]) -> Spikes:
     """Present every image to the network as a bundle holds it, by the general engine.
 
     Presentations follow each other in one run that LIFReset divides, as on the board.
@@ -181,4 +180,10 @@ def simulate(
         activity = run_general(general, inputs[part].reshape(-1, size).astype(bool))
         exc[part] = activity.spikes[EXC].reshape(-1, interval, neurons)
         inh[part] = activity.spikes[INH].reshape(-1, interval, neurons)
-    return exc, inh, inputs
+    return Spikes(exc, inh, inputs)
+
+
+def player(bundle: Bundle) -> Player:
+    """A simulation of the Processes of a bundle; its files are read once."""
+    network = network_of(bundle.files)
+    return lambda rates, keys: simulate(network, rates, keys)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.model import Model
 
@@ -26,7 +25,7 @@ A place's score is the sum over neurons of responses[i, place] / responses[i].su
 configured decoder scales; the highest score is the place.
 """
 
-_KAPOHO_BAY = """\
+KAPOHO_BAY = """\
 Needs: the board, Intel's NxSDK 0.9 to 1.0 (closed; from Intel's neuromorphic research community) and a Python
 that has it, with numpy. NxSDK compiles `program/embedded.c` for the chips' embedded processors. Nothing else,
 not lava-vpr.
@@ -42,7 +41,7 @@ With lava-vpr on the same machine, images go in and places come out:
     NXSDK_PYTHON=/path/to/python lava-vpr eval THIS_FOLDER QUERY_IMAGES --backend kapoho-bay
 """
 
-_LOIHI_2 = """\
+LOIHI_2 = """\
 Needs: Lava 0.10 under Python 3.10, Intel's lava-loihi (closed; from Intel's neuromorphic research community)
 and a configured Loihi 2 host (SLURM=1 or NXSDKHOST). Nothing else, not lava-vpr. Lava makes sockets in the
 temporary folder and their paths must be short: if TMPDIR has over 59 characters, `export TMPDIR=/tmp`.
@@ -58,7 +57,7 @@ With lava-vpr on the same machine, images go in and places come out:
     lava-vpr eval THIS_FOLDER QUERY_IMAGES --backend loihi2
 """
 
-_CORES = """\
+CORES = """\
 - `cores/chipC-coreNNN/`: registers, compartments (profile, threshold, bias mantissa, bias exponent), synapse
   memory in 64-bit words, input axons (first word, words, synapses), output axons (source, chip, core, axon).
 - `host/injection.npy` (input, chip, core, axon), `host/inputs.npy`, `host/exc.npy`, `host/inh.npy` (chip,
@@ -66,23 +65,29 @@ _CORES = """\
 - `mapping.json`, `mapping.svg`: what each core holds.
 """
 
-_NETWORK = """\
+NETWORK = """\
 - `network/`: the parameters of Lava's own Dense, Sparse and LIFReset; Intel's compiler places them.
 - `mapping.json`, `mapping.svg`: an estimate by the limits that are public.
 """
 
 _LEARNING = "- `learning/`: the network that learns, for Lava's LearningDense: rule, start weights, schedule.\n"
-_WAYS = {
-    "injected": "injected, spike by spike",
-    "bias": "integrated by input compartments from a bias written once a query",
-}
+_INJECTED = "injected, spike by spike"
+_BIAS = "integrated by input compartments from a bias written once a query"
 
 
-def readme(model: Model, board: Board, plan: Plan, learning: bool) -> bytes:
-    """What the folder is and how to run it."""
-    network, lava = plan.network, board.shifts_sum
+def readme(model: Model, plan: Plan, guide: str, parts: str, learning: bool) -> bytes:
+    """What the folder is and how to run it.
+
+    Args:
+        model: What the bundle holds.
+        plan: Where its neurons stand.
+        guide: How to run the board's program.
+        parts: What the files of the network are.
+        learning: Whether the bundle also holds the network that learns.
+    """
+    network = plan.network
     text = _TEXT.format(
-        title=board.title,
+        title=plan.board.title,
         places=model.places,
         first=model.place_names[0],
         last=model.place_names[-1],
@@ -90,8 +95,8 @@ def readme(model: Model, board: Board, plan: Plan, learning: bool) -> bytes:
         inputs=network.inputs,
         bits=network.bits,
         steps=network.steps,
-        way=_WAYS["bias" if network.bias_input else "injected"],
-        programs=_LOIHI_2 if lava else _KAPOHO_BAY,
-        parts=(_NETWORK if lava else _CORES) + _LEARNING * learning,
+        way=_BIAS if network.bias_input else _INJECTED,
+        programs=guide,
+        parts=parts + _LEARNING if learning else parts,
     )
     return text.encode()

@@ -173,7 +173,7 @@ def fitting(model: Model, board: Board, bits: int, weights: NDArray[np.float64])
     if bits not in board.weight_bits:
         sizes = ", ".join(str(size) for size in board.weight_bits)
         raise NetworkLimitError(f"it stores weights of {sizes} bits; choose one of them")
-    network = _quantised(with_settings(model, bits, None), weights, None if board.shifts_sum else 0)
+    network = _quantised(with_settings(model, bits, None), weights, board.sum_shift)
     network.check(board.input_limit, "its accumulator of one step")
     return network
 
@@ -228,7 +228,7 @@ def for_board(
     notes = []
     if bits != wanted:
         notes.append(f"{bits} bits a weight instead of {wanted}, the most that {board.title} can take: {reason}")
-    shift = None if board.shifts_sum else 0
+    shift = board.sum_shift
     result = requantised(model, weight_bits=bits, prune=prune, input_mode=input_mode, shift=shift, threads=threads)
     if shift == 0 and bits == model.weight_bits and prune == 0 and getattr(model.network, "shift", 0) > 0:
         notes.append(

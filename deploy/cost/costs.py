@@ -120,7 +120,7 @@ def modelled(plan: Plan, events: EventCounts) -> Modelled:
         tiles=events.tiles,
         steps=events.steps,
         input_mode="injected" if events.injected else "bias",
-        clearing=clearing(plan.network, board, plan),
+        clearing=clearing(plan.network, board),
         counts=counts_of(events, plan),
     )
     if not events.queries:
@@ -300,7 +300,7 @@ def _clearing(plan: Plan, events: EventCounts, constants: CostConstants) -> dict
     mapped = int(events.accesses[0, 0].sum()) if events.queries else 0
     rest = (constants.access.estimate * mapped + constants.update.estimate * plan.network.neurons) * (steps / 1e6)
     return {
-        **clearing(plan.network, plan.board, plan),
+        **clearing(plan.network, plan.board),
         "microjoules": microjoules,
         "milliseconds": _clearing_milliseconds(plan, constants),
         "rest_microjoules": rest,

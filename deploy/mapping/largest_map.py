@@ -61,7 +61,7 @@ def typical(config: Config, board: Board, places: int) -> FixedNetwork:
         network,
         config.encoder.query_spikes,
         joined=len(stretches) > 1,
-        shift=None if board.shifts_sum else 0,
+        shift=board.sum_shift,
     )
     made.check(board.input_limit, board.title)
     weight = np.uint8(max(1, int(made.weights[1, 0])))

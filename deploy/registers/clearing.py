@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 from lava_vpr.deploy.boards.board import Board
-from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork
 from lava_vpr.loihi import DECAY_BITS, INPUT_SHIFT
 
@@ -22,17 +21,11 @@ def rest_steps(network: FixedNetwork) -> int:
     return steps
 
 
-def clearing(network: FixedNetwork, board: Board, plan: Plan | None) -> dict[str, Any]:
-    """Which mechanism ``board`` uses, and what it costs in a query.
-
-    Args:
-        network: The network.
-        board: The board.
-        plan: Where its neurons stand; None if the board's compiler decides that.
-    """
+def clearing(network: FixedNetwork, board: Board) -> dict[str, Any]:
+    """Which mechanism ``board`` uses for ``network``, and what it costs in a query."""
     neurons, inputs = network.neurons, network.input_compartments
     alternative = {"rest_steps_instead": rest_steps(network), "silent_steps": SILENT_STEPS}
-    if plan is None or board.shifts_sum:
+    if board.clearing == "reset":
         return {
             "mechanism": "LIFReset",
             "what": "Lava's LIFReset sets u and v of exc and inh to 0 in the first step of each presentation",

@@ -9,7 +9,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.deploy.boards.board import KAPOHO_BAY
+from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.boards.plan import RELAY_THRESHOLD, RELAY_WEIGHT, CorePlan, Load, Needs, Part, Plan, PopulationName
 from lava_vpr.deploy.registers.synapse_memory import pack, stored_rows, unpack
 from lava_vpr.deploy.registers.synapses import Format, Formats, Rows, index_bits, joined, lateral_synapse
@@ -312,19 +312,22 @@ def _differences(
     return found
 
 
-def network_of(images: Sequence[CoreImage], tables: HostTables, scalars: Mapping[str, int]) -> FixedNetwork:
+def network_of(
+    images: Sequence[CoreImage], tables: HostTables, scalars: Mapping[str, int], board: Board
+) -> FixedNetwork:
     """The network that images hold: weights from memory; all else must be as a network with ``scalars`` has it.
 
     Args:
         images: Of every core.
         tables: Where its neurons stand.
-        scalars: ``inputs``, ``neurons`` and `lava_vpr.engine.inference.fixed.SCALARS`` by name.
+        scalars: ``inputs``, ``neurons`` and `lava_vpr.engine.inference.fixed.SCALARS` by name.
+        board: Whose cores they are.
     Raises:
         ModelFileError: images, tables and scalars contradict each other.
     """
     images = sorted(images, key=lambda image: (image.chip, image.core))
     try:
-        network, again, tables_again = _rebuilt(images, tables, scalars)
+        network, again, tables_again = _rebuilt(images, tables, scalars, board)
         different = _differences(images, tables, again, tables_again)
     except ModelFileError:
         raise
@@ -339,7 +342,7 @@ def network_of(images: Sequence[CoreImage], tables: HostTables, scalars: Mapping
 
 
 def _rebuilt(
-    images: Sequence[CoreImage], tables: HostTables, scalars: Mapping[str, int]
+    images: Sequence[CoreImage], tables: HostTables, scalars: Mapping[str, int], board: Board
 ) -> tuple[FixedNetwork, tuple[CoreImage, ...], HostTables]:
     """The network with weights from the images' memory, and images and tables made of it again."""
     inputs, neurons = scalars["inputs"], scalars["neurons"]
@@ -360,6 +363,6 @@ def _rebuilt(
     network = FixedNetwork.of_scalars(weights, scalars)
     network.check()
     plan = Plan(
-        network, KAPOHO_BAY, tuple(cores), max(bits, default=WEIGHT_BITS), max(lateral, default=WEIGHT_BITS), None, 0
+        network, board, tuple(cores), max(bits, default=WEIGHT_BITS), max(lateral, default=WEIGHT_BITS), None, 0
     )
     return network, core_images(plan), host_tables(plan)

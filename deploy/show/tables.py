@@ -149,6 +149,5 @@ def summary(plan: Plan) -> list[str]:
     else:
         limit = UNKNOWN if board.host_spikes is None else f"{board.host_spikes}"
         lines.append(f"The host sends up to {plan.host_spikes:.1f} spikes a step to each chip (limit: {limit}).")
-    known = None if board.shifts_sum else plan
-    lines.append(f"Between queries: {clearing(network, board, known)['what']}.")
+    lines.append(f"Between queries: {clearing(network, board)['what']}.")
     return lines

@@ -6,7 +6,7 @@ A model that is no bundle is deployed to a temporary one first.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.backends.interface import Advance, Events, Presentations
-from lava_vpr.deploy.boards.board import BOARDS, KAPOHO_BAY
+from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.bundle import folder as bundle_folder
-from lava_vpr.deploy.bundle import loihi2, opening
+from lava_vpr.deploy.bundle.core_files import Spikes
 from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.deploy.bundle.folder import Bundle
-from lava_vpr.deploy.registers.simulator import Chips
+from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.deploy.running import host_program
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.trains import Trains
@@ -29,8 +29,6 @@ from lava_vpr.model import Model, checked_network
 
 BATCH = 16
 """Queries between two reports of progress."""
-
-Trio = tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8]]
 
 
 @contextmanager
@@ -47,22 +45,6 @@ def bundle_of(model: Model) -> Iterator[Bundle]:
         yield deploy(model, KAPOHO_BAY, Path(folder) / "bundle", picture=False).bundle
 
 
-def player(bundle: Bundle) -> Callable[[NDArray[np.uint16], NDArray[np.uint64]], Trio]:
-    """A function of rates (n, inputs) and keys (n,) that simulates the bundle: trains of exc, inh and inputs."""
-    if BOARDS[bundle.target].shifts_sum:
-        network = loihi2.network_of(bundle.files)
-        return lambda rates, keys: loihi2.simulate(network, rates, keys)
-    told = opening.scalars(bundle)
-    chips = Chips.of(
-        opening.core_images(bundle),
-        opening.host_tables(bundle),
-        steps=told["steps"],
-        silent_steps=told["silent_steps"],
-        bias_input=bool(told["regular"]),
-    )
-    return chips.run
-
-
 @dataclass(frozen=True)
 class BundleBackend:
     """Simulates the registers and memory of a bundle; reads nothing else."""
@@ -74,23 +56,23 @@ class BundleBackend:
         network = checked_network(model, "bundle")
         counts = np.zeros((len(shown.rates), model.neurons), np.int32)
         sent = np.zeros(network.inputs, np.int64)
-        for part, (exc, _, drawn) in self._play(model, shown):
-            counts[part] = exc.sum(axis=1, dtype=np.int32)
-            sent += drawn.sum(axis=(0, 1), dtype=np.int64)
+        for part, spikes in self._play(model, shown):
+            counts[part] = spikes.exc.sum(axis=1, dtype=np.int32)
+            sent += spikes.inputs.sum(axis=(0, 1), dtype=np.int64)
         operations = int(sent @ network.prepared[1])
         return counts, fixed.named_events(network, operations, int(sent.sum()), int(counts.sum()), len(counts))
 
     def trains(self, model: Model, shown: Presentations) -> Trains:
         """See `lava_vpr.backends.interface.Backend.trains`."""
-        pieces = [trio for _, trio in self._play(model, shown)]
+        pieces = [spikes for _, spikes in self._play(model, shown)]
         exc, inh, inputs = (np.concatenate(arrays) for arrays in zip(*pieces, strict=True))
         return Trains(exc, inputs, inh)
 
-    def _play(self, model: Model, shown: Presentations) -> Iterator[tuple[slice, Trio]]:
+    def _play(self, model: Model, shown: Presentations) -> Iterator[tuple[slice, Spikes]]:
         """The presentations, some at a time."""
         keys = shown.keys
         with bundle_of(model) as bundle:
-            play = player(bundle)
+            play = TARGETS[bundle.target].player(bundle)
             for start in range(0, len(keys), BATCH):
                 part = slice(start, min(start + BATCH, len(keys)))
                 yield part, play(shown.rates[part], keys[part])

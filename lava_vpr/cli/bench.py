@@ -44,7 +44,7 @@ DEFAULT = backends.timed_by_default()
 @click.option(
     "--target",
     "targets",
-    type=click.Choice(list(BOARDS)),
+    type=RegisteredName(BOARDS),
     multiple=True,
     help="Board whose costs to model (default: all); one that the model does not fit is an error then.",
 )

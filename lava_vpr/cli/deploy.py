@@ -15,6 +15,7 @@ from rich.table import Table
 from lava_vpr.cli.choose import open_model, open_queries
 from lava_vpr.cli.common import (
     PATH,
+    RegisteredName,
     check_writable,
     console,
     encode,
@@ -30,6 +31,7 @@ from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.deploy.bundle.deployment import Deployed
 from lava_vpr.deploy.bundle.deployment import deploy as write_bundle
 from lava_vpr.deploy.bundle.folder import check_replaceable
+from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.deploy.compression.calibration import calibrated, figures, search
 from lava_vpr.deploy.compression.compression import Compressed, Figures, for_board
 from lava_vpr.deploy.show.tables import core_table, summary
@@ -44,7 +46,7 @@ Calibration = tuple[EncodedTraverse, NDArray[np.bool_]]
 
 @click.command()
 @click.argument("model_path", metavar="MODEL", type=PATH)
-@click.option("--target", type=click.Choice(list(BOARDS)), required=True, help="Board to run on.")
+@click.option("--target", type=RegisteredName(BOARDS), required=True, help="Board to run on.")
 @click.option("-o", "--output", required=True, type=PATH, metavar="BUNDLE", help="Folder to write.")
 @click.option(
     "--weight-bits",
@@ -145,9 +147,10 @@ def _check_usage(
         raise click.UsageError("--max-loss needs --calibrate QUERY: images to measure the loss on")
     if places is not None and calibrate is None:
         raise click.UsageError("--places chooses among the images of --calibrate QUERY; give it, too")
-    if learning and not board.shifts_sum:
+    if learning and not TARGETS[board.name].learns:
+        able = " or ".join(name for name, row in TARGETS.items() if row.learns)
         raise click.UsageError(
-            "--learning needs --target loihi2: the network that learns is wired from Lava's library, which does not "
+            f"--learning needs --target {able}: the network that learns is wired from Lava's library, which does not "
             "run on Loihi 1"
         )
 

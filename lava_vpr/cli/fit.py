@@ -10,7 +10,16 @@ import click
 from rich.table import Table
 
 from lava_vpr.cli.choose import open_model
-from lava_vpr.cli.common import PATH, check_writable, console, print_whole, stderr, write_json, write_text
+from lava_vpr.cli.common import (
+    PATH,
+    RegisteredName,
+    check_writable,
+    console,
+    print_whole,
+    stderr,
+    write_json,
+    write_text,
+)
 from lava_vpr.config import INPUT_MODES, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import BOARDS, Board
@@ -22,7 +31,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("model", type=PATH, required=False)
-@click.option("--target", type=click.Choice(list(BOARDS)), required=True, help="Board to run on.")
+@click.option("--target", type=RegisteredName(BOARDS), required=True, help="Board to run on.")
 @click.option(
     "--weight-bits",
     type=click.IntRange(1, 8),

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from lava_vpr.bench.measure.timed import repeated
 from lava_vpr.bench.results import Measured
-from lava_vpr.deploy.boards.board import BOARDS as ALL_BOARDS
+from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.bundle.deployment import deploy
-from lava_vpr.deploy.running import host_program
+from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import LavaRunError
@@ -54,7 +54,7 @@ def measure(model: Model, rates: NDArray[Any], ids: NDArray[np.int64], backend: 
     with tempfile.TemporaryDirectory(prefix="lava-vpr-") as folder:
         bundle = model.bundle
         if bundle is None:
-            bundle = deploy(model, ALL_BOARDS[backend], Path(folder) / "bundle", picture=False).bundle.path
+            bundle = deploy(model, BOARDS[backend], Path(folder) / "bundle", picture=False).bundle.path
         found = _run(bundle, Path(folder), rates, presentation_keys(seed, "query", at), backend)
     each = interval * found["microseconds_per_step"]
     figures = found | {
@@ -77,8 +77,9 @@ def _run(bundle: Path, folder: Path, rates: NDArray[Any], keys: NDArray[np.uint6
     given.mkdir()
     np.save(given / "rates.npy", np.ascontiguousarray(rates, np.uint16), allow_pickle=False)
     np.save(given / "keys.npy", np.ascontiguousarray(keys, np.uint64), allow_pickle=False)
-    own = os.environ.get(host_program.PYTHON) if backend == "kapoho-bay" else None
-    words = [own or sys.executable, str(bundle.absolute() / "program" / "run.py")]
+    variable = TARGETS[backend].interpreter
+    python = os.environ.get(variable) if variable is not None else None
+    words = [python or sys.executable, str(bundle.absolute() / "program" / "run.py")]
     words += ["--queries", str(given), "--out", str(folder / "out"), "--power", str(power)]
     try:
         ran = subprocess.run(words, capture_output=True, text=True, timeout=TIMEOUT, check=False)

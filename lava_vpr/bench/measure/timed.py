@@ -17,6 +17,7 @@ from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Presentations
 from lava_vpr.deploy.bundle import folder as bundle_folder
 from lava_vpr.deploy.bundle.opening import open_bundle
+from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.engine.threads import share
@@ -47,12 +48,13 @@ def host_answer(model: Model, seed: int) -> Answer:
 
 def bundle_answer(folder: Path, seed: int) -> Answer:
     """By the simulation of a bundle's registers and memory, which are read once."""
-    match, play = decoder_of(open_bundle(folder)), deployed.player(bundle_folder.load(folder))
+    bundle = bundle_folder.load(folder)
+    match, play = decoder_of(open_bundle(folder)), TARGETS[bundle.target].player(bundle)
 
     def answer(rates: NDArray[Any], ids: NDArray[np.int64]) -> NDArray[np.int64]:
         keys = presentation_keys(seed, "query", ids)
         parts = [slice(k, k + deployed.BATCH) for k in range(0, len(ids), deployed.BATCH)]
-        counts = [play(rates[part], keys[part])[0].sum(axis=1, dtype=np.int32) for part in parts]
+        counts = [play(rates[part], keys[part]).exc.sum(axis=1, dtype=np.int32) for part in parts]
         return match(np.concatenate(counts))
 
     return answer

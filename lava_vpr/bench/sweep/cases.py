@@ -153,7 +153,7 @@ def _run(case: Case, settings: Settings, board: Board, threads: int) -> Run:
     """The queries of ``case`` through its network under ``settings``."""
     source = _source(case, settings, threads)
     source = replace(source, config=configured(source.config, settings))
-    model = requantised(source, shift=None if board.shifts_sum else 0, threads=threads)
+    model = requantised(source, shift=board.sum_shift, threads=threads)
     plan = plan_of(model, board)
     trains = HostBackend(threads).trains(model, query_presentations(model, case.queries, case.seed))
     return Run(model, plan, trains, case.truth)

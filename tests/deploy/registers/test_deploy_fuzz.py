@@ -17,14 +17,13 @@ from support.fuzz.fuzz_deploy import (
     violations,
 )
 
-from lava_vpr.backends.deployed import player
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Presentations
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.bundle import folder as bundle_folder
 from lava_vpr.deploy.bundle.deployment import contents
 from lava_vpr.deploy.bundle.folder import load, sealed
-from lava_vpr.deploy.bundle.opening import network as rebuilt
+from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.encoding import query_rates
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import NetworkLimitError
@@ -95,7 +94,7 @@ def simulated(wanted: int, start: int) -> tuple[int, int]:
         rates = query_rates(model.activity, model.config)
         ids = np.array([3, 4])
         host = HostBackend().trains(model, Presentations(rates, ids, 1))
-        exc, inh, inputs = player(memory_bundle(sealed(manifest, files), files))(
+        exc, inh, inputs = TARGETS[manifest["target"]].player(memory_bundle(sealed(manifest, files), files))(
             rates, presentation_keys(1, "query", ids)
         )
         assert np.array_equal(exc, host.exc), f"seed {seed}"
@@ -130,7 +129,8 @@ def test_a_random_bundle_on_disk_gives_its_network_back(tmp_path: Path) -> None:
         manifest, files, _ = contents(model_of(network), KAPOHO_BAY, picture=False)
         bundle_folder.write(tmp_path / str(seed), manifest, files)
         assert load(tmp_path / str(seed)).files == files
-        back = rebuilt(load(tmp_path / str(seed)))
+        bundle = load(tmp_path / str(seed))
+        back = TARGETS[bundle.target].network(bundle)
         assert np.array_equal(back.weights, network.weights)
 
 

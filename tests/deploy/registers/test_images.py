@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from support.boards.plans import random_network, simple_plan, small_plan
 
+from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.registers.core_images import (
     READ_OUT,
     CoreImage,
@@ -37,7 +38,7 @@ def test_the_network_comes_back_out_of_its_images(seed: int) -> None:
     network = random_network(seed)
     plan = simple_plan(network, 1 + seed % 6, seed)
     images = [replace(i, registers=json.loads(json.dumps(i.registers))) for i in core_images(plan)]
-    assert equal(network_of(images[::-1], host_tables(plan), scalars_of(network)), network)
+    assert equal(network_of(images[::-1], host_tables(plan), scalars_of(network), KAPOHO_BAY), network)
 
 
 def test_a_small_network_word_by_word() -> None:
@@ -156,7 +157,7 @@ def test_one_wrong_number_is_refused_or_is_another_network(bias_input: bool) -> 
         others, other_tables, where = altered(images, tables, seed)
         text = ""
         try:
-            found = network_of(others, other_tables, told)
+            found = network_of(others, other_tables, told, KAPOHO_BAY)
             # A weight has changed, or what one input did is now another's.
             assert where in ("synapses", "axons_out", "injection")
             assert not np.array_equal(found.weights, network.weights)
@@ -186,11 +187,11 @@ def test_one_wrong_number_is_refused_or_is_another_network(bias_input: bool) -> 
 def test_scalars_that_the_images_do_not_bear_out(change: dict[str, int], text: str) -> None:
     plan = small_plan()
     told = scalars_of(plan.network)
-    assert equal(network_of(core_images(plan), host_tables(plan), told), plan.network)
+    assert equal(network_of(core_images(plan), host_tables(plan), told, KAPOHO_BAY), plan.network)
     with pytest.raises(ModelFileError, match=text):
-        network_of(core_images(plan), host_tables(plan), told | change)
+        network_of(core_images(plan), host_tables(plan), told | change, KAPOHO_BAY)
     with pytest.raises(ModelFileError, match="hold no network of ours"):
-        network_of(core_images(plan), host_tables(plan), {"inputs": 2})
+        network_of(core_images(plan), host_tables(plan), {"inputs": 2}, KAPOHO_BAY)
 
 
 def test_registers_that_are_not_as_written() -> None:
@@ -199,9 +200,9 @@ def test_registers_that_are_not_as_written() -> None:
     for name in images[0].registers:
         fewer = {key: value for key, value in images[0].registers.items() if key != name}
         with pytest.raises(ModelFileError, match="deploy the model again"):
-            network_of((replace(images[0], registers=fewer), images[1]), tables, told)
+            network_of((replace(images[0], registers=fewer), images[1]), tables, told, KAPOHO_BAY)
     with pytest.raises(ModelFileError, match="deploy the model again"):
-        network_of(images[:1], tables, told)
+        network_of(images[:1], tables, told, KAPOHO_BAY)
 
 
 def test_input_axons_that_change_places_are_refused() -> None:
@@ -209,4 +210,6 @@ def test_input_axons_that_change_places_are_refused() -> None:
     one, two = core_images(plan)
     order = [0, 1, 3, 2, 4, 5, 6, 7]  # of the relays of neurons 0 and 1: each would inhibit its own
     with pytest.raises(ModelFileError, match=r"^axons_in of chip 0 core 4 contradict the rest of the network; deploy"):
-        network_of((replace(one, axons_in=one.axons_in[order]), two), host_tables(plan), scalars_of(plan.network))
+        network_of(
+            (replace(one, axons_in=one.axons_in[order]), two), host_tables(plan), scalars_of(plan.network), KAPOHO_BAY
+        )

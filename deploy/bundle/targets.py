@@ -1,0 +1,90 @@
+"""What each board's bundle is made of, a row for each board: its files, how they are opened and run, and its guide.
+
+`lava_vpr.deploy.boards.board` has what the boards hold; a board without a row here is refused when this is imported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from lava_vpr.deploy.boards.board import BOARDS, KAPOHO_BAY, LOIHI_2
+from lava_vpr.deploy.boards.plan import Plan
+from lava_vpr.deploy.bundle import core_files, loihi2, readme
+from lava_vpr.deploy.bundle.core_files import Player
+from lava_vpr.deploy.bundle.folder import Bundle
+from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.errors import BackendUnavailableError
+from lava_vpr.registry import Registry
+
+
+@dataclass(frozen=True)
+class Target:
+    """How bundles for one board are written, opened and run.
+
+    Attributes:
+        name: Of the board.
+        network_files: The files that hold the network of a plan, by name.
+        network: The network of a bundle, rebuilt from these files alone.
+        player: A simulation of a bundle, from these files alone.
+        program: Folder of the host program in ``deploy/programs``.
+        interpreter: Environment variable that names the Python with the vendor's software; None: the running one.
+        guide: How to run the program, for the README in the bundle.
+        parts: What the network's files are, for the README in the bundle.
+        learns: Whether a bundle can hold the network that learns.
+    """
+
+    name: str
+    network_files: Callable[[Plan], Mapping[str, bytes]]
+    network: Callable[[Bundle], FixedNetwork]
+    player: Callable[[Bundle], Player]
+    program: str
+    interpreter: str | None
+    guide: str
+    parts: str
+    learns: bool
+
+
+TARGETS: Registry[Target] = Registry("target", BackendUnavailableError)
+"""How bundles are made, by the name of the board."""
+
+TARGETS.register(
+    Target(
+        KAPOHO_BAY.name,
+        network_files=core_files.network_files,
+        network=core_files.network,
+        player=core_files.player,
+        program="kapoho_bay",
+        interpreter="NXSDK_PYTHON",
+        guide=readme.KAPOHO_BAY,
+        parts=readme.CORES,
+        learns=False,
+    )
+)
+TARGETS.register(
+    Target(
+        LOIHI_2.name,
+        network_files=lambda plan: loihi2.network_files(plan.network),
+        network=lambda bundle: loihi2.network_of(bundle.files),
+        player=loihi2.player,
+        program="loihi2",
+        interpreter=None,
+        guide=readme.LOIHI_2,
+        parts=readme.NETWORK,
+        learns=True,
+    )
+)
+
+
+def check_targets() -> None:
+    """See that every board has its target.
+
+    Raises:
+        TypeError: a board lacks it.
+    """
+    missing = sorted(set(BOARDS) - set(TARGETS))
+    if missing:
+        raise TypeError(f"board {missing[0]!r} has no target; register one in {__name__}")
+
+
+check_targets()
