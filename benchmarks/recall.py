@@ -27,7 +27,7 @@ from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.model import Model, integer_model
 from lava_vpr.recognition import DECODERS_ONLY, Recognition, recognise
-from lava_vpr.training.loop import reference_responses
+from lava_vpr.training.references import reference_responses
 
 Figures = dict[str, Metrics]
 console = Console(highlight=False, width=110)

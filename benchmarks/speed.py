@@ -21,8 +21,7 @@ from lava_vpr.encoding import activity_of, query_rates
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.inputs.patches import patch_normalised
-from lava_vpr.model import integer_model
-from lava_vpr.recognition import decode
+from lava_vpr.model import decode, integer_model
 from lava_vpr.training.loop import train
 from lava_vpr.traverse import open_traverse
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,14 +12,12 @@ from numpy.typing import NDArray
 
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.interface import Advance, Backend, Events, query_presentations
-from lava_vpr.config import Config
 from lava_vpr.encoding import EncodedTraverse, query_rates
-from lava_vpr.matching import baselines, decoders, sequences
+from lava_vpr.matching import baselines, sequences
 from lava_vpr.matching.answers import answers_of
 from lava_vpr.matching.decoders import DECODERS
-from lava_vpr.matching.equations import Variant
 from lava_vpr.matching.evaluation import Metrics, evaluate
-from lava_vpr.model import Model
+from lava_vpr.model import Model, decode
 
 BASELINES = ("sad", "cosine")
 
@@ -50,11 +48,6 @@ class Recognition:
     events: dict[str, int]
 
 
-def decoder_variant(config: Config) -> Variant:
-    """Which reading of the four decoders a preset uses: ``paper`` the released code's, others the printed equations."""
-    return "vprsnn2022" if config.preset == "paper" else "paper"
-
-
 def count_query_spikes(
     model: Model,
     queries: EncodedTraverse,
@@ -80,21 +73,6 @@ def count_query_spikes(
     shown = query_presentations(model, queries, seed)
     chosen = backends.get(backend, threads, advance) if isinstance(backend, str) else backend
     return chosen.count_spikes(model, shown)
-
-
-def decode(model: Model, counts: NDArray[np.int32], name: str) -> NDArray[np.float64]:
-    """Scores float64 (n, places) of spike counts by the decoder ``name``."""
-    return decoders.decode(
-        name, model.responses, counts, variant=decoder_variant(model.config), gamma=model.config.decoder.gamma
-    )
-
-
-def prepare(model: Model) -> Callable[[NDArray[np.int32]], NDArray[np.float64]]:
-    """The model's own decoder for query after query: from spike counts (n, neurons) to scores (n, places)."""
-    decoder = model.config.decoder
-    return decoders.prepare(
-        decoder.default, model.responses, variant=decoder_variant(model.config), gamma=decoder.gamma
-    )
 
 
 @dataclass(frozen=True)

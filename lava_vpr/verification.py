@@ -18,8 +18,7 @@ from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import BackendUnavailableError, ConfigError, InputError, NetworkLimitError
 from lava_vpr.matching.evaluation import evaluate
 from lava_vpr.matching.matchers import confidence
-from lava_vpr.model import Model, as_integer
-from lava_vpr.recognition import decode
+from lava_vpr.model import Model, as_integer, decode
 
 
 @dataclass(frozen=True)

@@ -31,13 +31,13 @@ from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.boards.plan import CorePlan, Plan
-from lava_vpr.deploy.compression.compression import expected_rates
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.deploy.registers.core_images import core_images
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import InputError, NetworkLimitError
 from lava_vpr.loihi import WORD_BITS
 from lava_vpr.model import integer_model
+from lava_vpr.training.references import expected_rates
 
 ROOT = Path(__file__).resolve().parents[2]
 PYTHON = ROOT / ".venv-nengo-loihi" / "bin" / "python"

@@ -29,7 +29,7 @@ from lava_vpr.config import preset
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.bundle.deployment import plan_of
-from lava_vpr.deploy.compression.compression import for_board
+from lava_vpr.deploy.compression.compression import Changes, for_board
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.deploy.registers.core_images import FORGETS
 from lava_vpr.encoding import draw_trains
@@ -75,10 +75,10 @@ def real_cases(queries: int) -> Iterator[Case]:
     fast = for_board(learn((0, 100), preset("fast")), KAPOHO_BAY).model
     yield real("100 places, preset fast", fast, queries)
     for bits, prune in ((2, 0.5), (1, 0.0), (4, 0.0)):
-        made = for_board(small, KAPOHO_BAY, weight_bits=bits, prune=prune).model
+        made = for_board(small, KAPOHO_BAY, Changes(weight_bits=bits, prune=prune)).model
         yield real(f"100 places, {bits} bit{'s' * (bits > 1)}{f', {prune:.0%} pruned' if prune else ''}", made, queries)
     for name, model in (("100", small), ("500", large)):
-        made = for_board(model, KAPOHO_BAY, input_mode="bias").model
+        made = for_board(model, KAPOHO_BAY, Changes(input_mode="bias")).model
         yield real(f"{name} places, input compartments", made, queries)
 
 

@@ -12,14 +12,14 @@ from lava_vpr.deploy.boards.plan import CorePlan, Plan
 from lava_vpr.deploy.bundle import folder as bundle_folder
 from lava_vpr.deploy.bundle.folder import Bundle, json_bytes
 from lava_vpr.deploy.bundle.readme import readme
-from lava_vpr.deploy.bundle.references import measured_responses, reference_files
+from lava_vpr.deploy.bundle.references import reference_files
 from lava_vpr.deploy.bundle.targets import TARGETS
-from lava_vpr.deploy.compression.compression import expected_rates
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.deploy.registers.clearing import clearing
 from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.threads import cores
 from lava_vpr.model import Model, integer_model
+from lava_vpr.training.references import expected_rates, measured_responses
 
 PROGRAMS = Path(__file__).parents[1] / "programs"
 
@@ -49,11 +49,14 @@ def contents(
     learning: bool = False,
     compression: dict[str, Any] | None = None,
     picture: bool = True,
+    measured: bool = False,
 ) -> tuple[dict[str, Any], dict[str, bytes], Plan]:
     """Manifest (for `deploy.bundle.folder.sealed`), files and plan of the bundle of ``model``; see `deploy`."""
     plan, target = plan_of(model, board), TARGETS[board.name]
     network = plan.network
-    files = reference_files(replace(model, responses=measured_responses(model, network, cores())))
+    if not measured:
+        model = replace(model, responses=measured_responses(model, network, cores()))
+    files = reference_files(model)
     files |= target.network_files(plan)
     files |= _programs(target.program)
     if learning:
@@ -77,6 +80,7 @@ def deploy(
     learning: bool = False,
     compression: dict[str, Any] | None = None,
     picture: bool = True,
+    measured: bool = False,
 ) -> Deployed:
     """Write the bundle of ``model`` for ``board``.
 
@@ -87,13 +91,16 @@ def deploy(
         learning: Also hold the network that learns (Loihi 2).
         compression: What compression did, for the manifest.
         picture: Also draw where the neurons stand.
+        measured: The responses of ``model`` are those of its network; otherwise they are measured.
     Raises:
         ConfigError: the model is no integer network.
         NetworkLimitError: it does not fit the board.
         BundleError: the folder cannot be written.
     """
     bundle_folder.check_replaceable(path)
-    manifest, files, plan = contents(model, board, learning=learning, compression=compression, picture=picture)
+    manifest, files, plan = contents(
+        model, board, learning=learning, compression=compression, picture=picture, measured=measured
+    )
     return Deployed(bundle_folder.write(path, manifest, files), plan)
 
 

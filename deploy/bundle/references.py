@@ -3,35 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lava_vpr import container
 from lava_vpr.deploy.bundle.folder import Bundle, array_bytes
-from lava_vpr.encoding import query_rates, query_rates16
-from lava_vpr.engine.inference import fixed
+from lava_vpr.encoding import query_rates
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import BundleError
 from lava_vpr.model import Model, assemble, content
+from lava_vpr.training.references import response_keys
 
 REFERENCES = "host/references.lvpr"
 RATES, KEYS, RESPONSES, LABELS = (f"host/{name}.npy" for name in ("rates", "keys", "responses", "labels"))
-
-
-def response_keys(model: Model) -> NDArray[np.uint64]:
-    """Keys of the presentations that measure S^R, one for each reference image, in the order of ``model.labels``."""
-    traverses = len(model.labels) // model.places
-    keys = [presentation_keys(model.config.seed, "response", model.place_indices, t) for t in range(traverses)]
-    return np.concatenate(keys)
-
-
-def measured_responses(model: Model, network: FixedNetwork, threads: int) -> NDArray[np.int32]:
-    """S^R of ``network`` on the references of ``model``, as a bundle presents them, int32 (neurons, places)."""
-    rates = query_rates16(model.activity, model.config.encoder)
-    counts, _, _ = fixed.count_spikes(network, rates, response_keys(model), threads=threads)
-    responses = np.zeros((network.neurons, model.places), np.int32)
-    np.add.at(responses.T, model.labels, counts)
-    return responses
 
 
 def reference_files(model: Model) -> dict[str, bytes]:

@@ -10,21 +10,28 @@ from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.compression.compression import (
+    PURPOSE,
+    UNCHANGED,
+    Changes,
     Compressed,
     Figures,
     Point,
+    adapted,
     distinctive,
-    expected_rates,
     fitting,
     for_board,
     with_settings,
 )
-from lava_vpr.encoding import EncodedTraverse
+from lava_vpr.encoding import EncodedTraverse, query_rates16
+from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.quantise import pruned
+from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import NetworkLimitError
-from lava_vpr.model import Model
-from lava_vpr.recognition import DECODERS_ONLY, recognise
+from lava_vpr.matching.evaluation import evaluate
+from lava_vpr.matching.matchers import confidence
+from lava_vpr.model import Model, checked_network, decode, integer_model
+from lava_vpr.training.references import expected_rates
 
 PRUNES = (0.0, 0.3, 0.4, 0.5, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.925, 0.95, 0.97)
 """Shares of pruned weights that `search` tries."""
@@ -32,42 +39,46 @@ PRUNES = (0.0, 0.3, 0.4, 0.5, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.925, 0.95,
 WORTH = 0.98
 """A way is tried if it costs at most this share of the one with the same bits that is pruned less."""
 
+Calibration = tuple[EncodedTraverse, NDArray[np.bool_]]
+"""Images to measure recall on, and their truth, bool (images, places)."""
+
 Begin = Callable[[int], Callable[[str], None]]
 """Told the most points that will be tried; returns what is called after each, with a note for people."""
 
 
-def figures(model: Model, calibration: tuple[EncodedTraverse, NDArray[np.bool_]], *, threads: int = 1) -> Figures:
+def figures(model: Model, calibration: Calibration, *, threads: int = 1) -> Figures:
     """How ``model`` does on calibration images and their truth, bool (images, places)."""
     queries, truth = calibration
-    result = recognise(model, queries, truth, DECODERS_ONLY, threads=threads)
-    metrics = result.metrics[result.default]
-    operations = result.events["synaptic_operations"] / max(1, len(queries))
+    rates = query_rates16(queries.activity, model.config.encoder)
+    keys = presentation_keys(model.config.seed, "query", queries.indices)
+    counts, events, _ = fixed.count_spikes(checked_network(model, "calibration"), rates, keys, threads=threads)
+    decoder = model.config.decoder.default
+    scores = decode(model, counts, decoder)
+    metrics = evaluate(scores, confidence(decoder, scores), truth)
+    operations = events["synaptic_operations"] / max(1, len(queries))
     return Figures(metrics.recall_at_1, metrics.recall_at_100_precision, metrics.auc, operations)
 
 
-def calibrated(
-    compressed: Compressed, calibration: tuple[EncodedTraverse, NDArray[np.bool_]], *, threads: int = 1
-) -> Compressed:
+def calibrated(compressed: Compressed, calibration: Calibration, *, threads: int = 1) -> Compressed:
     """``compressed`` with the figures of both models on calibration images."""
     before = figures(compressed.original, calibration, threads=threads)
-    same = compressed.model is compressed.original
-    after = before if same else figures(compressed.model, calibration, threads=threads)
+    after = before if compressed.unchanged else figures(compressed.model, calibration, threads=threads)
     return replace(compressed, before=before, after=after)
 
 
-def candidates(
-    model: Model, board: Board, weight_bits: int | None, prune: float | None, input_mode: str | None
-) -> list[Point]:
+def candidates(model: Model, board: Board, changes: Changes = UNCHANGED) -> list[Point]:
     """Ways to compress that ``board`` can run, from cheap to dear; empty if there is none.
 
-    Bits go up to the model's own unless given. Points that save nothing against less pruning are left out.
+    Bits go up to the model's own, unless ``changes`` fixes them. Points that save nothing against less pruning are left
+    out.
     """
-    source = with_settings(model, None, input_mode)
+    source = with_settings(model, Changes(input_mode=changes.input_mode))
     rates = expected_rates(model)
-    widths = [weight_bits] if weight_bits is not None else range(1, (model.weight_bits or 0) + 1)
+    most = integer_model(model, PURPOSE).network.bits
+    widths = range(1, most + 1) if changes.weight_bits is None else (changes.weight_bits,)
     cheapest: dict[int, float] = {}
     points = []
-    for share in PRUNES if prune is None else (prune,):
+    for share in PRUNES if changes.prune is None else (changes.prune,):
         weights = distinctive(model, pruned(model.learned, share))
         for bits in widths:
             try:
@@ -84,12 +95,10 @@ def candidates(
 def search(
     model: Model,
     board: Board,
-    calibration: tuple[EncodedTraverse, NDArray[np.bool_]],
+    calibration: Calibration,
     max_loss: float,
+    changes: Changes = UNCHANGED,
     *,
-    weight_bits: int | None = None,
-    prune: float | None = None,
-    input_mode: str | None = None,
     threads: int = 1,
     begin: Begin | None = None,
 ) -> Compressed:
@@ -99,20 +108,20 @@ def search(
     once the next point's inputs cost more than a whole network that was found good, that one is the cheapest.
 
     Args:
-        model: The model; ``weight_bits``, ``prune`` and ``input_mode`` fix what is not to be searched.
+        model: The model.
         board: Where it is to run.
-        calibration: Queries, and truth bool (queries, places).
+        calibration: Images to measure recall on.
         max_loss: What R@1 may lose, a fraction in 0..1.
-        weight_bits, prune, input_mode: See `for_board`.
+        changes: What is not to be searched.
         threads: Does not change the result.
         begin: See `Begin`.
     Raises:
         ConfigError: as `for_board`.
         NetworkLimitError: nothing that the board can run is good enough.
     """
-    points = candidates(model, board, weight_bits, prune, input_mode)
+    points = candidates(model, board, changes)
     if not points:  # the reason is that of the plainest way
-        for_board(model, board, weight_bits=weight_bits, prune=prune or 0.0, input_mode=input_mode, threads=threads)
+        adapted(model, board, changes)
     advance = begin(len(points)) if begin is not None else None
     before = figures(model, calibration, threads=threads)
     least = before.recall_at_1 - max_loss - 1e-9  # 0.91 - 0.02 is above 0.89
@@ -121,9 +130,8 @@ def search(
     for point in points:
         if best is not None and point.input_operations >= best[0]:
             break
-        found = for_board(
-            model, board, weight_bits=point.weight_bits, prune=point.prune, input_mode=input_mode, threads=threads
-        )
+        chosen = Changes(point.weight_bits, point.prune, changes.input_mode)
+        found = for_board(model, board, chosen, threads=threads)
         after = figures(found.model, calibration, threads=threads)
         tried.append((point, after))
         cost = (after.operations, point.memory_bits)

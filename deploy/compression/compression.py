@@ -7,21 +7,19 @@ weights, the larger threshold and inhibition become, until inhibition fills the 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import Board
-from lava_vpr.deploy.bundle.references import measured_responses
-from lava_vpr.encoding import query_rates
 from lava_vpr.engine.inference import quantise
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.quantise import pruned
 from lava_vpr.errors import ConfigError, NetworkLimitError
-from lava_vpr.model import Model, as_integer, integer_model
-from lava_vpr.training.loop import coverage
+from lava_vpr.model import IntegerModel, Model, integer_model
+from lava_vpr.training.references import coverage, measured_responses
 
 PURPOSE = "a board"
 
@@ -51,7 +49,7 @@ class Compressed:
     """A model as it is to be deployed.
 
     Attributes:
-        model: Quantised anew, its responses measured again.
+        model: As it is to be deployed: quantised anew, unless nothing had to be done.
         original: The model that it was made from.
         prune: Share of each neuron's weights that was set to 0.
         notes: What differs from the original without having been asked for, for people.
@@ -69,9 +67,14 @@ class Compressed:
     max_loss: float | None = None
     tried: tuple[tuple[Point, Figures], ...] = field(default=(), repr=False)
 
+    @property
+    def unchanged(self) -> bool:
+        """Whether the model is the original one."""
+        return self.model is self.original
+
     def as_json(self) -> dict[str, Any] | None:
         """What was done and what it changed, as plain values; None if nothing was changed or measured."""
-        if self.model is self.original and self.before is None:
+        if self.unchanged and self.before is None:
             return None
         values: dict[str, Any] = {
             "weight_bits": {"before": self.original.weight_bits, "after": self.model.weight_bits},
@@ -91,42 +94,48 @@ class Compressed:
         return values
 
 
-def expected_rates(model: Model) -> NDArray[np.float64]:
-    """Spikes per step that each input is expected to bring, float64 (inputs,): the mean over all references."""
-    rates = query_rates(model.activity, model.config).astype(np.float64)
-    return np.asarray(rates.mean(axis=0) / 65536.0)
+class Changes(NamedTuple):
+    """What of a model is to be changed; None leaves it to the model, to the board or to a search.
+
+    Attributes:
+        weight_bits: Bits of a weight, 1..8.
+        prune: Share of each neuron's learned weights that is set to 0 before all else (`quantise.pruned`).
+        input_mode: ``injected`` or ``bias``.
+    """
+
+    weight_bits: int | None = None
+    prune: float | None = None
+    input_mode: str | None = None
+
+    @property
+    def share(self) -> float:
+        """The share of weights to prune: 0 where nothing is said."""
+        return 0.0 if self.prune is None else self.prune
 
 
-def requantised(
-    model: Model,
-    *,
-    weight_bits: int | None = None,
-    prune: float = 0.0,
-    input_mode: str | None = None,
-    shift: int | None = None,
-    threads: int = 1,
-) -> Model:
-    """``model`` quantised anew from its float weights; with nothing changed, the equal model.
+UNCHANGED = Changes()
+
+
+def requantised(model: Model, changes: Changes = UNCHANGED, *, shift: int | None = None, threads: int = 1) -> Model:
+    """``model`` quantised anew from its float weights, its responses measured; with nothing changed, the equal model.
 
     Args:
         model: With float weights (`Model.learned`).
-        weight_bits: Bits of a weight, 1..8 (default: the model's).
-        prune: Share of each neuron's learned weights that is set to 0 before all else (`quantise.pruned`).
-        input_mode: ``injected`` or ``bias`` (default: the model's).
+        changes: What to change.
         shift: Right shift of the input sum (default: what `quantise` finds best).
         threads: For the references' responses; does not change the result.
     Raises:
         ConfigError: no float weights, or a value outside its range.
         NetworkLimitError: the network could overflow.
     """
-    source = with_settings(model, weight_bits, input_mode)
-    learned = pruned(source.learned, prune)
+    source = with_settings(model, changes)
+    learned = pruned(source.learned, changes.share)
     network = _quantised(source, distinctive(source, learned), shift)
-    return _measured(replace(source, learned=learned, network=network), threads)
+    return measured(replace(source, learned=learned, network=network), threads)
 
 
-def with_settings(model: Model, weight_bits: int | None, input_mode: str | None) -> Model:
-    """``model`` with other settings, its network still the old one.
+def with_settings(model: Model, changes: Changes) -> Model:
+    """``model`` with the settings of ``changes``, its weights and network still the old ones.
 
     Raises:
         ConfigError: it cannot be quantised anew, or a value is outside its range.
@@ -136,8 +145,8 @@ def with_settings(model: Model, weight_bits: int | None, input_mode: str | None)
         raise ConfigError(
             "there are no float weights to quantise anew (a bundle keeps none); use the model file that was deployed"
         )
-    changes = {"weight_bits": weight_bits, "input_mode": input_mode}
-    chosen = {name: value for name, value in changes.items() if value is not None}
+    settings = {"weight_bits": changes.weight_bits, "input_mode": changes.input_mode}
+    chosen = {name: value for name, value in settings.items() if value is not None}
     return replace(model, config=update(model.config, {"network": chosen}))
 
 
@@ -152,7 +161,7 @@ def _quantised(model: Model, weights: NDArray[np.float64], shift: int | None) ->
     return quantise.quantise(weights, network, model.config.encoder.query_spikes, joined=model.joined, shift=shift)
 
 
-def _measured(model: Model, threads: int) -> Model:
+def measured(model: Model, threads: int) -> Model:
     """``model`` with its network's responses to the references, as training measures them."""
     responses = measured_responses(model, integer_model(model, PURPOSE).network, threads)
     used, covered = coverage(responses)
@@ -173,13 +182,20 @@ def fitting(model: Model, board: Board, bits: int, weights: NDArray[np.float64])
     if bits not in board.weight_bits:
         sizes = ", ".join(str(size) for size in board.weight_bits)
         raise NetworkLimitError(f"it stores weights of {sizes} bits; choose one of them")
-    network = _quantised(with_settings(model, bits, None), weights, board.sum_shift)
+    network = _quantised(with_settings(model, Changes(bits)), weights, board.sum_shift)
     network.check(board.input_limit, "its accumulator of one step")
     return network
 
 
-def _most_bits(model: Model, board: Board, weights: NDArray[np.float64], wanted: int) -> tuple[int, str]:
-    """The most bits up to ``wanted`` that ``board`` can run, and why not ``wanted`` ("" if it can).
+class Finest(NamedTuple):
+    """The network with the most bits that a board can run, and why it has not as many as were wanted ("" if it has)."""
+
+    network: FixedNetwork
+    reason: str
+
+
+def _finest(model: Model, board: Board, weights: NDArray[np.float64], wanted: int) -> Finest:
+    """The network of equalised ``weights`` with the most bits up to ``wanted`` that ``board`` can run.
 
     Raises:
         NetworkLimitError: not even one.
@@ -187,63 +203,70 @@ def _most_bits(model: Model, board: Board, weights: NDArray[np.float64], wanted:
     reasons = []
     for bits in range(wanted, 0, -1):
         try:
-            fitting(model, board, bits, weights)
+            network = fitting(model, board, bits, weights)
         except NetworkLimitError as error:
             reasons.append(str(error).partition(";")[0])
         else:
-            return bits, next(iter(reasons), "")
+            return Finest(network, next(iter(reasons), ""))
     raise NetworkLimitError(
         f"{board.title}: not even weights of 1 bit fit: {reasons[-1]}; learn fewer places, or lower "
         f"network.{'joined_inhibition' if model.joined else 'inhibition'}"
     )
 
 
-def for_board(
-    model: Model,
-    board: Board,
-    *,
-    weight_bits: int | None = None,
-    prune: float = 0.0,
-    input_mode: str | None = None,
-    threads: int = 1,
-) -> Compressed:
-    """``model`` as ``board`` can run it: where ``weight_bits`` is not given, the most bits up to the model's own.
+def for_board(model: Model, board: Board, changes: Changes = UNCHANGED, *, threads: int = 1) -> Compressed:
+    """``model`` as ``board`` can run it, its responses measured; see `adapted`.
+
+    Args:
+        model: The model.
+        board: Where it is to run.
+        changes: What to change besides.
+        threads: For the references' responses; does not change the result.
+    """
+    found = adapted(model, board, changes)
+    return found if found.unchanged else replace(found, model=measured(found.model, threads))
+
+
+def adapted(model: Model, board: Board, changes: Changes = UNCHANGED) -> Compressed:
+    """``model`` as ``board`` can run it, its responses still the old ones.
+
+    Where ``changes.weight_bits`` is not given, weights have the most bits up to the model's own.
 
     Raises:
         ConfigError: the model cannot be quantised anew where it has to be, or a value is outside its range.
         NetworkLimitError: the board cannot run so many bits; the message names the most that it can.
     """
-    wanted = weight_bits if weight_bits is not None else (model.weight_bits or 0)
-    mode = getattr(model.config.network, "input_mode", None)
-    if wanted == model.weight_bits and prune == 0 and input_mode in (None, mode) and _runs(model, board):
+    own = integer_model(model, PURPOSE)
+    wanted = own.network.bits if changes.weight_bits is None else changes.weight_bits
+    same_input = changes.input_mode in (None, own.config.network.input_mode)
+    if wanted == own.network.bits and changes.share == 0 and same_input and _runs(own, board):
         return Compressed(model, model, 0.0)
-    source = with_settings(model, None, input_mode)
-    weights = distinctive(model, pruned(model.learned, prune))
-    bits, reason = _most_bits(source, board, weights, wanted)
-    if weight_bits is not None and bits != weight_bits:
+    source = with_settings(model, Changes(input_mode=changes.input_mode))
+    learned = pruned(model.learned, changes.share)
+    network, reason = _finest(source, board, distinctive(model, learned), wanted)
+    if changes.weight_bits is not None and network.bits != wanted:
         raise NetworkLimitError(
-            f"{board.title} cannot take {weight_bits} bits a weight of this model: {reason}; use at most "
-            f"--weight-bits {bits}"
+            f"{board.title} cannot take {wanted} bits a weight of this model: {reason}; use at most "
+            f"--weight-bits {network.bits}"
         )
     notes = []
-    if bits != wanted:
-        notes.append(f"{bits} bits a weight instead of {wanted}, the most that {board.title} can take: {reason}")
-    shift = board.sum_shift
-    result = requantised(model, weight_bits=bits, prune=prune, input_mode=input_mode, shift=shift, threads=threads)
-    if shift == 0 and bits == model.weight_bits and prune == 0 and getattr(model.network, "shift", 0) > 0:
+    if network.bits != wanted:
+        notes.append(
+            f"{network.bits} bits a weight instead of {wanted}, the most that {board.title} can take: {reason}"
+        )
+    unpruned = network.bits == own.network.bits and changes.share == 0
+    if board.sum_shift == 0 and unpruned and own.network.shift > 0:
         notes.append(
             f"{board.title} does not shift sums: its units are finer, and single spikes differ from the model's"
         )
-    return Compressed(result, model, prune, tuple(notes))
+    result = replace(with_settings(source, Changes(network.bits)), learned=learned, network=network)
+    return Compressed(result, model, changes.share, tuple(notes))
 
 
-def _runs(model: Model, board: Board) -> bool:
+def _runs(model: IntegerModel, board: Board) -> bool:
     """Whether ``board`` can run the model's network as it is."""
-    integer = as_integer(model)
-    if integer is None or integer.network.bits not in board.weight_bits:
-        return False
-    network = integer.network
-    if network.shift > 0 and not board.shifts_sum:
+    network = model.network
+    if network.bits not in board.weight_bits or (network.shift > 0 and not board.shifts_sum):
         return False
     try:
         network.check(board.input_limit)

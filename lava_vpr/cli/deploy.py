@@ -9,7 +9,6 @@ from pathlib import Path
 
 import click
 import numpy as np
-from numpy.typing import NDArray
 from rich.table import Table
 
 from lava_vpr.cli.choose import open_model, open_queries
@@ -32,16 +31,13 @@ from lava_vpr.deploy.bundle.deployment import Deployed
 from lava_vpr.deploy.bundle.deployment import deploy as write_bundle
 from lava_vpr.deploy.bundle.folder import check_replaceable
 from lava_vpr.deploy.bundle.targets import TARGETS
-from lava_vpr.deploy.compression.calibration import calibrated, figures, search
-from lava_vpr.deploy.compression.compression import Compressed, Figures, for_board
+from lava_vpr.deploy.compression.calibration import Calibration, calibrated, figures, search
+from lava_vpr.deploy.compression.compression import Changes, Compressed, Figures, for_board
 from lava_vpr.deploy.show.tables import core_table, summary
-from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
 from lava_vpr.model import Model, integer_model
 from lava_vpr.truth.alignment import aligned_truth
-
-Calibration = tuple[EncodedTraverse, NDArray[np.bool_]]
 
 
 @click.command()
@@ -117,8 +113,15 @@ def deploy(
     calibration = None
     if calibrate is not None:
         calibration = _calibration(model, calibrate, places, every, json_path)
-    compressed = _compressed(model, board, weight_bits, prune, calibration, max_loss, input_mode)
-    deployed = write_bundle(compressed.model, board, output, learning=learning, compression=compressed.as_json())
+    compressed = _compressed(model, board, Changes(weight_bits, prune, input_mode), calibration, max_loss)
+    deployed = write_bundle(
+        compressed.model,
+        board,
+        output,
+        learning=learning,
+        compression=compressed.as_json(),
+        measured=not compressed.unchanged,
+    )
     learned = _learned(deployed, model, calibration) if learning and calibration is not None else None
     if json_path is not None:  # files first: whoever reads the table may go away
         values = {
@@ -164,30 +167,16 @@ def _calibration(
 
 
 def _compressed(
-    model: Model,
-    board: Board,
-    weight_bits: int | None,
-    prune: float | None,
-    calibration: Calibration | None,
-    max_loss: float | None,
-    input_mode: str | None,
+    model: Model, board: Board, changes: Changes, calibration: Calibration | None, max_loss: float | None
 ) -> Compressed:
     """The model as it is to be deployed."""
-    if calibration is not None and max_loss is not None:
-        with ExitStack() as bars:
-            return search(
-                model,
-                board,
-                calibration,
-                max_loss,
-                weight_bits=weight_bits,
-                prune=prune,
-                input_mode=input_mode,
-                threads=cores(),
-                begin=lambda points: _told(bars, points),
-            )
-    found = for_board(model, board, weight_bits=weight_bits, prune=prune or 0.0, input_mode=input_mode, threads=cores())
-    return found if calibration is None else calibrated(found, calibration, threads=cores())
+    if calibration is None or max_loss is None:
+        found = for_board(model, board, changes, threads=cores())
+        return found if calibration is None else calibrated(found, calibration, threads=cores())
+    with ExitStack() as bars:
+        return search(
+            model, board, calibration, max_loss, changes, threads=cores(), begin=lambda points: _told(bars, points)
+        )
 
 
 def _told(bars: ExitStack, points: int) -> Callable[[str], None]:

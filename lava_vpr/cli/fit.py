@@ -88,21 +88,20 @@ def _model(
 ) -> None:
     """What each core of the board holds of a model."""
     from lava_vpr.deploy.bundle.deployment import mapping, plan_of
-    from lava_vpr.deploy.compression.compression import for_board
+    from lava_vpr.deploy.compression.compression import Changes, adapted
     from lava_vpr.deploy.show.tables import core_table, summary
-    from lava_vpr.engine.threads import cores
 
     model = integer_model(open_model(model_path), board.title, model_path)
-    adapted = for_board(model, board, weight_bits=weight_bits, input_mode=input_mode, threads=cores())
-    plan = plan_of(adapted.model, board)
+    compressed = adapted(model, board, Changes(weight_bits=weight_bits, input_mode=input_mode))
+    plan = plan_of(compressed.model, board)
     if json_path is not None:  # files first: whoever reads the table may go away
-        values = {"places": model.places, "neurons": model.neurons, "weight_bits": adapted.model.weight_bits}
+        values = {"places": model.places, "neurons": model.neurons, "weight_bits": compressed.model.weight_bits}
         write_json(json_path, {"target": board.name, "fits": True, **values, "mapping": mapping(plan)})
     if picture is not None:
         from lava_vpr.deploy.show.drawing import draw  # matplotlib takes a second to import
 
         write_text(picture, draw(plan).decode())
-    for note in adapted.notes:
+    for note in compressed.notes:
         stderr.print(f"note: {note}", markup=False)
     print_whole(core_table(plan))
     console.print("\n".join(summary(plan)), markup=False)

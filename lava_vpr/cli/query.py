@@ -27,8 +27,8 @@ from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
 from lava_vpr.matching.answers import Answers, answers_looking_back
-from lava_vpr.model import Model
-from lava_vpr.recognition import count_query_spikes, decode
+from lava_vpr.model import Model, decode
+from lava_vpr.recognition import count_query_spikes
 from lava_vpr.traverse import open_traverse
 
 COLUMNS = ("query", "query_name", "place", "place_name", "confidence", "accepted")

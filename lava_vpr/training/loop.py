@@ -14,15 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.config import ConductanceLearning, Config
-from lava_vpr.encoding import EncodedTraverse, query_rates16, training_rates
+from lava_vpr.encoding import EncodedTraverse, training_rates
 from lava_vpr.engine.conductance import model as conductance
 from lava_vpr.engine.inference import fixed, quantise
 from lava_vpr.engine.learning import integer, stdp
-from lava_vpr.engine.random import presentation_key, presentation_keys
+from lava_vpr.engine.random import presentation_key
 from lava_vpr.errors import ConfigError, InputError, NetworkLimitError
 from lava_vpr.gate import as_integer_config, integer_config
 from lava_vpr.model import Model, Stretch
 from lava_vpr.training.checkpoint import Checkpoint, fingerprint
+from lava_vpr.training.references import coverage, reference_responses
 from lava_vpr.training.trainers import ConductanceTrainer, StretchTrainer, restore, trainer_of
 
 
@@ -233,12 +234,6 @@ def _progress(number: int, epoch: int, shown: int, counts: NDArray[np.int64], wh
     return Progress(number, epoch, shown, float(counts.sum() / shown), used, covered)
 
 
-def coverage(responses: NDArray[Any]) -> tuple[int, int]:
-    """Neurons with any spike, and places to which some neuron responds most, of counts (neurons, places)."""
-    used = responses.any(axis=1)
-    return int(used.sum()), len(np.unique(responses[used].argmax(axis=1)))
-
-
 def _finish(
     references: Sequence[EncodedTraverse],
     config: Config,
@@ -302,16 +297,3 @@ def integer_network(learned: NDArray[np.float32], config: Config, *, joined: boo
     network = integer_config(config, "quantising").network
     weights = quantise.distinctive(learned, network)
     return quantise.quantise(weights, network, config.encoder.query_spikes, joined=joined)
-
-
-def reference_responses(
-    network: fixed.FixedNetwork, references: Sequence[EncodedTraverse], config: Config, threads: int
-) -> NDArray[np.int32]:
-    """S^R: spike counts of the frozen network on the references, int32 (neurons, places), traverses summed."""
-    total = np.zeros((network.neurons, len(references[0])), np.int32)
-    for traverse, reference in enumerate(references):
-        keys = presentation_keys(config.seed, "response", reference.indices, traverse)
-        rates = query_rates16(reference.activity, config.encoder)
-        counts, _, _ = fixed.count_spikes(network, rates, keys, threads=threads)
-        total += counts.T
-    return total

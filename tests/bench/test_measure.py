@@ -29,7 +29,8 @@ from lava_vpr.errors import LavaRunError
 from lava_vpr.matching.certainty import best
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.matching.equations import contrast
-from lava_vpr.recognition import count_query_spikes, decode
+from lava_vpr.model import decode
+from lava_vpr.recognition import count_query_spikes
 from lava_vpr.traverse import open_traverse
 
 SPAN = 1_000_000

@@ -27,8 +27,8 @@ from lava_vpr.matching.certainty import best
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.matching.evaluation import evaluate
 from lava_vpr.matching.matchers import confidence
-from lava_vpr.model import Model
-from lava_vpr.recognition import BASELINES, Comparison, as_json, count_query_spikes, decode, decoder_variant, recognise
+from lava_vpr.model import Model, decode, decoder_variant
+from lava_vpr.recognition import BASELINES, Comparison, as_json, count_query_spikes, recognise
 from lava_vpr.report.build import report_data
 from lava_vpr.training.loop import train
 

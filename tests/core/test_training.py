@@ -16,7 +16,8 @@ from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.random import presentation_key
 from lava_vpr.errors import ConfigError, InputError, ModelFileError, NetworkLimitError
 from lava_vpr.model import Model
-from lava_vpr.training.loop import Progress, check_size, coverage, presentations, split, train
+from lava_vpr.training.loop import Progress, check_size, presentations, split, train
+from lava_vpr.training.references import coverage
 
 
 class KilledError(Exception):

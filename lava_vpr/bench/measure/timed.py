@@ -22,8 +22,7 @@ from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.engine.threads import share
 from lava_vpr.matching.certainty import best
-from lava_vpr.model import Model, as_integer, checked_network
-from lava_vpr.recognition import prepare
+from lava_vpr.model import Model, as_integer, checked_network, prepare
 
 Arrays = dict[str, NDArray[Any]]
 Answer = Callable[[NDArray[Any], NDArray[np.int64]], NDArray[np.int64]]

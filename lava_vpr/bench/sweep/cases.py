@@ -27,8 +27,7 @@ from lava_vpr.errors import ConfigError
 from lava_vpr.gate import integer_config
 from lava_vpr.matching.evaluation import Metrics, evaluate
 from lava_vpr.matching.matchers import confidence
-from lava_vpr.model import Model, integer_model
-from lava_vpr.recognition import decode
+from lava_vpr.model import Model, decode, integer_model
 from lava_vpr.training.loop import train
 
 Settings = dict[str, float]

@@ -11,8 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.model import Model
-from lava_vpr.recognition import decode
+from lava_vpr.model import Model, decode
 
 MARGINS = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0)
 """Leads, in the default decoder's scores (``contrast``: spikes), that a sweep tries."""

@@ -24,7 +24,7 @@ from lava_vpr.bench.results import Candidate
 from lava_vpr.bench.sweep.cases import Case, Measurement, Settings, current, fast_settings, figures, mean, runs_of
 from lava_vpr.bench.sweep.stopping import MARGINS
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
-from lava_vpr.deploy.compression.compression import with_settings
+from lava_vpr.deploy.compression.compression import UNCHANGED, with_settings
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.model import Model
@@ -179,7 +179,7 @@ def search(
     """`sweep` over several models of equal settings with queries of their own: figures are means over them."""
     state, rng = _Search(cases, board, threads, (np.inf, *MARGINS)), random.Random(0)
     own, fast = current(cases[0].model), fast_settings(cases[0].model)
-    with_settings(cases[0].model, None, None)  # refuse what cannot be quantised anew
+    with_settings(cases[0].model, UNCHANGED)  # refuse what cannot be quantised anew
     chosen = {_key(fast): FAST, _key(own): MODEL}
     starts, misses = [own, fast], 0
     while len(state.found) < budget and misses < 50 * budget:

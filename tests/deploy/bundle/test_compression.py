@@ -26,6 +26,7 @@ from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.loihi import LOIHI_1_INPUT_LIMIT
 from lava_vpr.model import Model
 from lava_vpr.training.loop import train
+from lava_vpr.training.references import expected_rates
 from lava_vpr.traverse import open_traverse
 from lava_vpr.truth.alignment import aligned_truth
 
@@ -76,22 +77,22 @@ def queries(places: int = 8, noise: float = 0.5) -> tuple[EncodedTraverse, np.nd
 def test_with_nothing_changed_the_model_is_the_same_bit_for_bit(model: Any) -> None:
     given_model = model()
     assert_equal(compression.requantised(given_model), given_model)
-    assert_equal(compression.requantised(given_model, prune=0.0, threads=2), given_model)
+    assert_equal(compression.requantised(given_model, compression.Changes(prune=0.0), threads=2), given_model)
 
 
 @pytest.mark.parametrize("change", [{"weight_bits": 2}, {"weight_bits": 5}, {"input_mode": "bias"}])
 def test_it_is_the_model_that_training_with_those_settings_gives(change: dict[str, Any]) -> None:
     """Learning does not know bits or the way of input, so both ways must meet."""
-    made = compression.requantised(trained(traverses=2), **change)
+    made = compression.requantised(trained(traverses=2), compression.Changes(**change))
     short = {"bits": change["weight_bits"]} if "weight_bits" in change else change
     assert_equal(made, trained(traverses=2, **short))
     assert not np.array_equal(made.responses, trained(traverses=2).responses)
 
 
 def test_pruning_twice_is_pruning_once() -> None:
-    once = compression.requantised(small_model(), prune=0.9)
+    once = compression.requantised(small_model(), compression.Changes(prune=0.9))
     assert_equal(compression.requantised(once), once)
-    assert_equal(compression.requantised(once, prune=0.9), once)
+    assert_equal(compression.requantised(once, compression.Changes(prune=0.9)), once)
     kept = np.count_nonzero(once.learned, axis=0)
     assert kept.max() <= 1568 - round(0.9 * 1568)
     assert np.count_nonzero(once.network.weights) < 0.12 * once.network.weights.size
@@ -129,9 +130,9 @@ def test_what_cannot_be_quantised_anew_is_refused() -> None:
             function(paper)
     for share in (1.0, -0.1, float("nan")):
         with pytest.raises(ConfigError, match=r"the share of pruned weights is .* must be in \[0, 1\)"):
-            compression.requantised(small_model(), prune=share)
+            compression.requantised(small_model(), compression.Changes(prune=share))
     with pytest.raises(ConfigError, match="weight_bits is 9"):
-        compression.requantised(small_model(), weight_bits=9)
+        compression.requantised(small_model(), compression.Changes(weight_bits=9))
 
 
 def test_a_given_shift_is_kept_and_without_one_the_scale_just_fits() -> None:
@@ -151,7 +152,7 @@ def test_a_given_shift_is_kept_and_without_one_the_scale_just_fits() -> None:
 
 
 def test_expected_rates_are_the_references_mean() -> None:
-    rates = compression.expected_rates(trained(traverses=2))
+    rates = expected_rates(trained(traverses=2))
     assert rates.shape == (1568,)
     assert rates.sum() == pytest.approx(trained().config.encoder.query_spikes, rel=1e-3)
     activity = trained(traverses=2).activity.astype(np.float64)
@@ -185,13 +186,13 @@ def test_kapoho_bay_gets_the_most_bits_without_a_shift(bits: int, places: int) -
     chosen.check(LOIHI_1_INPUT_LIMIT)
     for more in range(chosen.bits + 1, bits + 1):
         if more in KAPOHO_BAY.weight_bits:
-            finer = compression.requantised(model, weight_bits=more, shift=0).network
+            finer = compression.requantised(model, compression.Changes(weight_bits=more), shift=0).network
             with pytest.raises(NetworkLimitError):
                 finer.check(LOIHI_1_INPUT_LIMIT)
     (note,) = result.notes
     if chosen.bits != bits:
         assert note.startswith(f"{chosen.bits} bits a weight instead of {bits}, the most that Kapoho Bay")
-        assert compression.for_board(model, KAPOHO_BAY, weight_bits=chosen.bits).notes == ()
+        assert compression.for_board(model, KAPOHO_BAY, compression.Changes(weight_bits=chosen.bits)).notes == ()
     else:
         assert "does not shift sums" in note
     # With the finer unit it still answers as the model does.
@@ -201,26 +202,26 @@ def test_kapoho_bay_gets_the_most_bits_without_a_shift(bits: int, places: int) -
 def test_bits_that_cannot_be_had_are_refused_with_the_most_that_can() -> None:
     model = trained()
     with pytest.raises(NetworkLimitError) as seven:
-        compression.for_board(model, KAPOHO_BAY, weight_bits=7)
+        compression.for_board(model, KAPOHO_BAY, compression.Changes(weight_bits=7))
     most = int(str(seven.value).rpartition(" ")[2])
     assert str(seven.value) == (
         "Kapoho Bay (two Loihi 1 chips) cannot take 7 bits a weight of this model: it stores weights of 1, 2, 3, 4, 5, "
         f"6, 8 bits; use at most --weight-bits {most}"
     )
-    assert compression.for_board(model, KAPOHO_BAY, weight_bits=most).model.weight_bits == most
+    assert compression.for_board(model, KAPOHO_BAY, compression.Changes(weight_bits=most)).model.weight_bits == most
     with pytest.raises(
         NetworkLimitError,
         match=r"cannot take 8 bits a weight of this model: .* holds less than 32,768; use at most --weight-bits \d$",
     ):
-        compression.for_board(model, KAPOHO_BAY, weight_bits=8)
-    assert compression.for_board(model, LOIHI_2, weight_bits=7).model.weight_bits == 7
+        compression.for_board(model, KAPOHO_BAY, compression.Changes(weight_bits=8))
+    assert compression.for_board(model, LOIHI_2, compression.Changes(weight_bits=7)).model.weight_bits == 7
     strong = replace(model, config=update(model.config, {"network": {"joined_inhibition": 4000.0}}))
     with pytest.raises(NetworkLimitError, match=r"not even weights of 1 bit fit: lateral.*network\.joined_inhibition$"):
-        compression.for_board(strong, KAPOHO_BAY, weight_bits=2)
+        compression.for_board(strong, KAPOHO_BAY, compression.Changes(weight_bits=2))
 
 
 def test_pruned_and_with_another_way_of_input() -> None:
-    result = compression.for_board(trained(), KAPOHO_BAY, prune=0.8, input_mode="bias")
+    result = compression.for_board(trained(), KAPOHO_BAY, compression.Changes(prune=0.8, input_mode="bias"))
     assert result.model.network.bias_input
     assert result.model.config.network.input_mode == "bias"
     values = result.as_json()
@@ -237,8 +238,10 @@ def test_pruned_and_with_another_way_of_input() -> None:
 def every_point(model: Model, board: Any, images: Any) -> list[tuple[float, int, Any, float]]:
     """All that a search could find: operations, memory, point, R@1."""
     found = []
-    for point in calibration.candidates(model, board, None, None, None):
-        made = compression.for_board(model, board, weight_bits=point.weight_bits, prune=point.prune)
+    for point in calibration.candidates(model, board):
+        made = compression.for_board(
+            model, board, compression.Changes(weight_bits=point.weight_bits, prune=point.prune)
+        )
         after = calibration.figures(made.model, images)
         found.append((after.operations, point.memory_bits, point, after.recall_at_1))
     return found
@@ -267,7 +270,7 @@ def test_the_search_finds_the_cheapest_of_all_that_are_good_enough(max_loss: flo
 def test_the_search_goes_by_what_was_measured_and_stops_where_nothing_cheaper_can_follow(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    points = calibration.candidates(trained(), LOIHI_2, None, None, None)
+    points = calibration.candidates(trained(), LOIHI_2)
     last = points[2].input_operations
     # In order: the model as it is, then points whose relays make them dearer or cheaper than their inputs say.
     measured = iter([(0.9, 9 * last), (0.9, 8 * last), (0.9, last + 10), (0.9, last + 20), (0.9, 0.0)])
@@ -291,26 +294,28 @@ def test_a_search_keeps_what_was_fixed_and_tells_of_each_point() -> None:
         totals.append(total)
         return told.append
 
-    result = calibration.search(trained(), LOIHI_2, queries(), 0.5, weight_bits=2, input_mode="bias", begin=begin)
+    result = calibration.search(
+        trained(), LOIHI_2, queries(), 0.5, compression.Changes(weight_bits=2, input_mode="bias"), begin=begin
+    )
     assert {point.weight_bits for point, _ in result.tried} == {2}
     assert result.model.network.bias_input
     assert len(told) == len(result.tried) <= totals[0]
     assert told[0].startswith("2 bits, 0.97 pruned: R@1 ")
-    fixed = calibration.search(trained(), LOIHI_2, queries(), 1.0, weight_bits=1, prune=0.5)
+    fixed = calibration.search(trained(), LOIHI_2, queries(), 1.0, compression.Changes(weight_bits=1, prune=0.5))
     assert [(point.weight_bits, point.prune) for point, _ in fixed.tried] == [(1, 0.5)]
 
 
 def test_a_search_that_finds_nothing_says_what_would_do() -> None:
     images = queries(noise=1.2)
     with pytest.raises(NetworkLimitError) as failed:
-        calibration.search(trained(), KAPOHO_BAY, images, 0.0, weight_bits=1, prune=0.998)
+        calibration.search(trained(), KAPOHO_BAY, images, 0.0, compression.Changes(weight_bits=1, prune=0.998))
     text = str(failed.value)
     assert text.startswith("nothing that Kapoho Bay (two Loihi 1 chips) can run keeps R@1 within 0 of ")
     assert "1 bits, 0.998 pruned" in text
     enough = float(text.rpartition(" ")[2])
-    calibration.search(trained(), KAPOHO_BAY, images, enough, weight_bits=1, prune=0.998)
+    calibration.search(trained(), KAPOHO_BAY, images, enough, compression.Changes(weight_bits=1, prune=0.998))
     with pytest.raises(NetworkLimitError, match="cannot take 7 bits"):
-        calibration.search(trained(), KAPOHO_BAY, images, 1.0, weight_bits=7)
+        calibration.search(trained(), KAPOHO_BAY, images, 1.0, compression.Changes(weight_bits=7))
 
 
 def test_figures_before_and_after() -> None:
@@ -322,7 +327,7 @@ def test_figures_before_and_after() -> None:
     values = same.as_json()
     assert values is not None
     assert "search" not in values
-    less = calibration.calibrated(compression.for_board(model, LOIHI_2, prune=0.9), images)
+    less = calibration.calibrated(compression.for_board(model, LOIHI_2, compression.Changes(prune=0.9)), images)
     assert less.before == same.before
     assert less.after is not None
     assert less.after.operations < 0.5 * same.before.operations
@@ -336,7 +341,7 @@ def test_a_hundred_real_places_lose_two_points_for_half_of_the_operations(data_r
     model = train([encode_traverse(summer.between(0, 100), config.encoder)], config, jobs=2)
     seen = winter.between(0, 100)
     images = encode_traverse(seen, config.encoder), aligned_truth(model, seen)
-    result = calibration.search(model, KAPOHO_BAY, images, 0.02, weight_bits=2, threads=2)
+    result = calibration.search(model, KAPOHO_BAY, images, 0.02, compression.Changes(weight_bits=2), threads=2)
     assert result.before is not None
     assert result.after is not None
     assert result.before.recall_at_1 >= 0.85

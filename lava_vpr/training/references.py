@@ -1,0 +1,57 @@
+"""What the references of a model bring to its inputs, and S^R: how often each neuron spikes for each place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.config import Config
+from lava_vpr.encoding import EncodedTraverse, query_rates, query_rates16
+from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.random import presentation_keys
+from lava_vpr.model import Model
+
+
+def expected_rates(model: Model) -> NDArray[np.float64]:
+    """Spikes per step that each input is expected to bring, float64 (inputs,): the mean over all references."""
+    rates = query_rates(model.activity, model.config).astype(np.float64)
+    return np.asarray(rates.mean(axis=0) / 65536.0)
+
+
+def response_keys(model: Model) -> NDArray[np.uint64]:
+    """Keys of the presentations that measure S^R, one for each reference image, in the order of ``model.labels``."""
+    traverses = len(model.labels) // model.places
+    keys = [presentation_keys(model.config.seed, "response", model.place_indices, t) for t in range(traverses)]
+    return np.concatenate(keys)
+
+
+def measured_responses(model: Model, network: FixedNetwork, threads: int) -> NDArray[np.int32]:
+    """S^R of ``network`` on the references that ``model`` keeps, int32 (neurons, places), traverses summed."""
+    rates = query_rates16(model.activity, model.config.encoder)
+    counts, _, _ = fixed.count_spikes(network, rates, response_keys(model), threads=threads)
+    responses = np.zeros((network.neurons, model.places), np.int32)
+    np.add.at(responses.T, model.labels, counts)
+    return responses
+
+
+def reference_responses(
+    network: FixedNetwork, references: Sequence[EncodedTraverse], config: Config, threads: int
+) -> NDArray[np.int32]:
+    """S^R of the frozen ``network`` on the references, int32 (neurons, places), traverses summed."""
+    total = np.zeros((network.neurons, len(references[0])), np.int32)
+    for traverse, reference in enumerate(references):
+        keys = presentation_keys(config.seed, "response", reference.indices, traverse)
+        rates = query_rates16(reference.activity, config.encoder)
+        counts, _, _ = fixed.count_spikes(network, rates, keys, threads=threads)
+        total += counts.T
+    return total
+
+
+def coverage(responses: NDArray[Any]) -> tuple[int, int]:
+    """Neurons with any spike, and places to which some neuron responds most, of counts (neurons, places)."""
+    used = responses.any(axis=1)
+    return int(used.sum()), len(np.unique(responses[used].argmax(axis=1)))
