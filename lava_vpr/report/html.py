@@ -13,7 +13,7 @@ from lava_vpr.report import sections
 from lava_vpr.report.data import Figures, ReportData
 from lava_vpr.report.frame import document
 from lava_vpr.report.plots import precision_recall, series_style
-from lava_vpr.report.templates import text
+from lava_vpr.report.templates import render, text
 from lava_vpr.report.text import fraction, is_number, label, plain, safe
 
 _COLUMNS = ("R@1", "R@5", "R@10", "R@100P", "P@100R", "AUC")
@@ -60,12 +60,16 @@ def _header(data: ReportData) -> str:
         f"{label(n)} {fraction(data.metrics[n].recall_at_1, 2)}" for n in compared if n != data.default_decoder
     )
     against = f"; without spikes: {safe(others)}" if others else ""
-    return f"""<header><h1>{safe(data.title)}</h1>
-<div class="hero"><div><p class="big">{statement}</p>
-<p class="note">R@1 {fraction(default.recall_at_1, 2)} with the <em>{safe(label(data.default_decoder))}</em>
-decoder{against}.</p></div>
-<dl class="bars" aria-label="Recall at 1">{"".join(bars)}</dl></div>
-<dl class="facts">{facts}</dl></header>"""
+    return render(
+        "report_header.html",
+        title=safe(data.title),
+        statement=statement,
+        recall=fraction(default.recall_at_1, 2),
+        decoder=safe(label(data.default_decoder)),
+        against=against,
+        bars="".join(bars),
+        facts=facts,
+    )
 
 
 def _table(data: ReportData) -> str:
@@ -88,12 +92,7 @@ def _table(data: ReportData) -> str:
             f'{safe(label(name))}<span class="tag{" default" if default else ""}">{kind}</span></th>{cells}</tr>'
         )
     heads = "".join(f'<th scope="col"><button type="button">{c}</button></th>' for c in ("Matcher", *_COLUMNS))
-    return f"""<section id="figures"><h2>Figures</h2>
-<p class="note">A rejected query counts as not recalled. R@N: a true place is among the N best. R@100P: the largest
-recall without a single wrong match. P@100R: precision when every query is answered. Best of each column in bold;
-a click on a heading sorts.</p>
-<div class="panel scroll"><table class="sortable"><caption class="unseen">Figures by matcher</caption>
-<thead><tr>{heads}</tr></thead><tbody>{"".join(body)}</tbody></table></div></section>"""
+    return render("report_figures.html", heads=heads, rows="".join(body))
 
 
 def _curves(data: ReportData) -> str:
@@ -112,10 +111,7 @@ def _curves(data: ReportData) -> str:
             f'stroke-dasharray="{dash}"/></svg><span>{safe(label(name))}</span>'
             f'<span class="num">{fraction(figures.auc, 2)}</span></label></li>'
         )
-    return f"""<section id="curves"><h2>Precision and recall</h2>
-<p class="note">Queries are accepted from the most confident on. Marks are the exact points; queries of equal
-confidence form one point. The number after each name is the area under its curve.</p>
-<div class="panel pr"><div>{drawing}</div><ul class="legend">{"".join(items)}</ul></div></section>"""
+    return render("report_curves.html", drawing=drawing, legend="".join(items))
 
 
 def _payload(data: ReportData, sheets: dict[str, Any]) -> str:
@@ -168,8 +164,6 @@ def page(data: ReportData) -> str:
         for (name, text), part in zip(_NAVIGATION.items(), parts, strict=True)
         if part
     )
-    body = f"""{_header(data)}
-<nav aria-label="Sections"><ul>{links}</ul></nav>
-<main>{"".join(parts)}</main>"""
+    body = render("report_body.html", header=_header(data), links=links, sections="".join(parts))
     script = f"\n{text('report.js')}\n"
     return document(data.title, body, style=sheet_style, payload=_payload(data, sheets), script=script)

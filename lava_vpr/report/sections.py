@@ -11,6 +11,7 @@ from lava_vpr.report.data import Raster, ReportData
 from lava_vpr.report.fields import representatives, strokes
 from lava_vpr.report.images import contact_sheet, data_uri, shrunk, weight_image
 from lava_vpr.report.plots import MATRIX_BOX, score_matrix, spike_raster
+from lava_vpr.report.templates import render
 from lava_vpr.report.text import counted, label, number, safe
 
 _FIELDS = 20
@@ -134,16 +135,7 @@ def route(data: ReportData, correct: NDArray[np.bool_]) -> tuple[str, dict[str, 
         f"#browse-query{{background-image:url({queries})}}#browse-match,#browse-truth{{background-image:url({places})}}"
     )
     last = len(data.query_names) - 1
-    section = f"""<section id="route"><h2>Along the route</h2>
-<p class="note"><span class="key r"></span>right <span class="key w"></span>wrong, marked below the bar
-<span class="key n"></span>no match. A bar is a query, its height the confidence of the match; above the dashed line no
-match is wrong. Click a bar, or use the slider, to see the images.</p>
-<div class="panel" id="browse">{_route_drawing(data, correct)}
-<div class="browse"><button type="button" id="browse-back" aria-label="Previous query">‹</button>
-<input type="range" id="browse-slider" min="0" max="{last}" value="0" aria-label="Query">
-<button type="button" id="browse-on" aria-label="Next query">›</button></div>
-<p><span id="browse-verdict" class="verdict" aria-live="polite"></span></p>
-<div class="trio">{"".join(frames)}</div></div></section>"""
+    section = render("report_route.html", drawing=_route_drawing(data, correct), last=str(last), images="".join(frames))
     return section, values, style
 
 
@@ -170,15 +162,7 @@ def scores(data: ReportData) -> str:
             f'<p class="readout">{correct} of {len(matrix)} best matches right</p></figure>'
         )
     block_note = "" if blocks == 1 else f" Each pixel shows the best of up to {blocks} × {blocks} scores."
-    return f"""<section id="scores"><h2>Scores of every query with every place</h2>
-<p class="note">Yellow is a high score. Thin outline: where the query was taken. Ring: the best match is right;
-cross: it is wrong. Scaled per query, each column runs from its worst to its best score, which is all that a match
-depends on.{block_note}</p>
-<div class="tools"><label><input type="radio" name="scale" data-scale="whole" checked> scaled over the matrix</label>
-<label><input type="radio" name="scale" data-scale="query"> scaled per query</label>
-<label><input type="checkbox" data-toggle="[id$='-truth']" checked> ground truth</label>
-<label><input type="checkbox" data-toggle="[id*='-match-']" checked> best matches</label></div>
-<div class="grid matrices whole" id="matrix-grid">{"".join(panels)}</div></section>"""
+    return render("report_scores.html", block_note=block_note, matrices="".join(panels))
 
 
 def receptive_fields(data: ReportData) -> str:
@@ -209,10 +193,7 @@ def receptive_fields(data: ReportData) -> str:
         if data.drawing == "strokes"
         else ""
     )
-    return f"""<section id="fields"><h2>Learned receptive fields</h2>
-<p class="note">What a neuron has learned, below the reference image of the place that it represents most.
-{data.legend}</p>
-{switch}<div class="panel"><div class="grid fields" id="field-grid">{"".join(tiles)}</div></div></section>"""
+    return render("report_fields.html", legend=safe(data.legend), switch=switch, fields="".join(tiles))
 
 
 def _raster_groups(data: ReportData, raster: Raster) -> dict[str, NDArray[np.intp]]:
@@ -255,11 +236,7 @@ def spikes(data: ReportData) -> str:
             f"{_pictures(data, raster.query, raster.place)}{drawing}"
             f"<figcaption>{', '.join(facts)}</figcaption></figure>"
         )
-    return f"""<section id="spikes"><h2>Spikes</h2>
-<p class="note">Excitatory neurons, from top to bottom in the order of the places that they represent, and the spike
-count of each at the right. <span class="right">Blue</span>: neurons of the true place;
-<span class="wrong">orange</span>: neurons of a wrongly matched place.</p>
-<div class="grid rasters">{"".join(cards)}</div></section>"""
+    return render("report_spikes.html", rasters="".join(cards))
 
 
 def _match_card(data: ReportData, query: int) -> str:
@@ -288,10 +265,8 @@ def matches(data: ReportData, correct: NDArray[np.bool_]) -> str:
     if some:
         which = "all" if len(some) == len(good) else f"the {half} most and the {half} least confident of {len(good)}"
         cards = "".join(_match_card(data, q) for q in some)
-        right = f"""<h2 style="margin-top:28px">Right matches</h2>
-<p class="note">From the most confident on: {which}.</p><div class="grid matches">{cards}</div>"""
-    return f"""<section id="matches"><h2>Wrong matches</h2>{note}
-<div class="grid matches">{shown}</div>{right}</section>"""
+        right = render("report_right_matches.html", which=which, cards=cards)
+    return render("report_matches.html", note=note, cards=shown, right=right)
 
 
 def cost(data: ReportData) -> str:
@@ -299,15 +274,9 @@ def cost(data: ReportData) -> str:
     if not data.events:
         return ""
     tiles = "".join(f"<div><dt>{safe(label(k))}</dt><dd>{number(v)}</dd></div>" for k, v in data.events.items())
-    return f"""<section id="cost"><h2>Counted events per query</h2>
-<p class="note">Counted while the queries were answered, mean of one query; what the chip’s cost model starts from.</p>
-<dl class="panel tiles">{tiles}</dl></section>"""
+    return render("report_cost.html", events=tiles)
 
 
 def setup(data: ReportData) -> str:
     """How to get these figures again."""
-    return f"""<section id="setup"><h2>Configuration and reproduction</h2>
-<p class="note">Equal images, configuration and seed give equal figures on every machine.</p>
-<div class="panel"><h3>Command</h3><pre class="command"><code>{safe(data.command)}</code></pre>
-<details style="margin-top:16px"><summary>Configuration (TOML)</summary>
-<pre><code>{safe(data.config_toml)}</code></pre></details></div></section>"""
+    return render("report_setup.html", command=safe(data.command), configuration=safe(data.config_toml))
