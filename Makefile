@@ -29,12 +29,13 @@ test-slow: $(STAMP) ## The minutes-long tests only
 test-all: $(STAMP) ## The tests, the minutes-long ones included
 	@$(TESTS) --timeout 1800
 
-lint: $(STAMP) ## ruff and mypy
+lint: $(STAMP) ## ruff, mypy, and which room imports which
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
-	@mkdir -p .typing/lava_vpr && for f in lava_vpr/*; do ln -sfn "../../$$f" ".typing/lava_vpr/$${f##*/}"; done
-	@ln -sfn ../../processes .typing/lava_vpr/processes && ln -sfn ../../deploy .typing/lava_vpr/deploy
+	@rm -rf .typing/lava_vpr && mkdir -p .typing/lava_vpr
+	@for f in lava_vpr/* processes deploy; do ln -s "../../$$f" ".typing/lava_vpr/$${f##*/}"; done
 	@$(BIN)/mypy .typing/lava_vpr
+	@cd .typing && ../$(BIN)/lint-imports --config ../pyproject.toml --no-cache
 	@cd deploy/programs && for board in kapoho_bay loihi2; do MYPYPATH=common:$$board \
 		../../$(BIN)/mypy --config-file ../../pyproject.toml --cache-dir ../../.mypy_cache --explicit-package-bases common $$board || exit 1; done
 

@@ -20,9 +20,9 @@ from lava.magma.core.run_configs import Loihi2HwCfg, Loihi2SimCfg, RunConfig
 from lava.proc.lif.process import LIF
 from numpy.typing import NDArray
 
-from lava_vpr import memory
 from lava_vpr.engine.inference.bias_input import biases, schedule
 from lava_vpr.engine.inference.fixed import EVENTS, SILENT_STEPS, FixedNetwork
+from lava_vpr.isolated import memory
 from lava_vpr.isolated.worker import report
 from lava_vpr.processes.base.lava_checks import refuse_cpu_models
 from lava_vpr.processes.base.library_inputs import LibraryBiasInputs

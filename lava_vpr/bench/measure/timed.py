@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr import memory
 from lava_vpr import model as model_file
 from lava_vpr.backends import deployed
 from lava_vpr.backends.host import HostBackend
@@ -21,6 +20,7 @@ from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.engine.threads import share
+from lava_vpr.isolated import memory
 from lava_vpr.matching.certainty import best
 from lava_vpr.model import Model, as_integer, checked_network, prepare
 
