@@ -21,15 +21,15 @@ def to_dict(config: Config) -> dict[str, Any]:
 
 
 def _checked(value: object, annotation: Any, name: str) -> object:
-    """``value`` as the annotated scalar type, refusing what TOML typed differently."""
+    """The ``value`` of setting ``name`` as the annotated scalar type; what TOML typed differently is refused."""
     origin = typing.get_origin(annotation)
     if origin is Literal:
         return value  # __post_init__ says which words are allowed
-    wanted = {"int": int, "float": float, "str": str}[getattr(annotation, "__name__", "str")]
-    if wanted is float and isinstance(value, int) and not isinstance(value, bool):
+    expected = {"int": int, "float": float, "str": str}[getattr(annotation, "__name__", "str")]
+    if expected is float and isinstance(value, int) and not isinstance(value, bool):
         return float(value)
-    if not isinstance(value, wanted) or isinstance(value, bool):
-        raise ConfigError(f"{name} is {value!r}, but must be of type {wanted.__name__}")
+    if not isinstance(value, expected) or isinstance(value, bool):
+        raise ConfigError(f"{name} is {value!r}, but must be of type {expected.__name__}")
     return value
 
 

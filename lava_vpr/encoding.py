@@ -25,7 +25,7 @@ THUMBNAIL = (64, 48)
 
 
 _BLOCK = 64
-"""Images whose query rates are made together."""
+"""Number of images whose query rates are made together."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ def strongest(activity: NDArray[np.float32], count: int) -> NDArray[np.float32]:
 
     Args:
         activity: Responses, float32 (n, inputs), at least 0.
-        count: How many.
+        count: Number of responses that are kept.
     """
     inputs = activity.shape[1]
     if count == 0 or count >= inputs:
@@ -175,6 +175,6 @@ def draw_trains(
     """
     spikes_of = bias_input_spikes if bias_input else draw_spikes
     trains = np.zeros((len(rates), total, rates.shape[1]), np.uint8)
-    for train, own, key in zip(trains, rates, keys, strict=True):
-        train[:steps] = spikes_of(own, int(key), steps)
+    for train, image_rates, key in zip(trains, rates, keys, strict=True):
+        train[:steps] = spikes_of(image_rates, int(key), steps)
     return trains

@@ -128,7 +128,7 @@ class TruthOptions:
 
 
 def truth_options(command: F) -> F:
-    """``--gt``, ``--positions``, ``--radius`` and ``--tolerance``, given to the command as ``truth``."""
+    """The options ``--gt``, ``--positions``, ``--radius`` and ``--tolerance``, given to the command as ``truth``."""
 
     @wraps(command)
     def collected(*args: Any, gt: Any, positions: Any, radius: Any, tolerance: Any, **others: Any) -> Any:

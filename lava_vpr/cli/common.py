@@ -28,7 +28,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 class Places(click.ParamType):
-    """``A:B``, images A..B-1 of a naturally sorted sequence."""
+    """The option value ``A:B``: images A..B-1 of a naturally sorted sequence."""
 
     name = "A:B"
 
@@ -57,18 +57,18 @@ class RegisteredName(click.Choice):
 
 
 def places_option(help: str) -> Callable[[F], F]:
-    """``--places A:B``."""
+    """The option ``--places A:B``."""
     return click.option("--places", type=Places(), default=None, help=help)
 
 
 def every_option(command: F) -> F:
-    """``--every SECONDS``."""
+    """The option ``--every SECONDS``."""
     text = "From a video, one frame every so often."
     return click.option("--every", type=float, default=1.0, show_default=True, metavar="SECONDS", help=text)(command)
 
 
 def answer_options(command: F) -> F:
-    """``--backend`` and ``--seed`` of commands that run a model."""
+    """The options ``--backend`` and ``--seed`` of commands that run a model."""
     text = "Seed of the queries' spikes (default: the model's)."
     seeded = click.option("--seed", type=seed_type, default=None, help=text)(command)
     text = "Where the network runs."
@@ -146,7 +146,7 @@ def check_writable(path: Path, *inputs: Path | str | None) -> None:
     if path.exists() and not path.is_file():
         raise InputError(f"{path}: is a device or pipe, which would be replaced; name a file")
     target = Path(os.path.realpath(path))
-    if any(given is not None and target == Path(os.path.realpath(given)) for given in inputs):
+    if any(source is not None and target == Path(os.path.realpath(source)) for source in inputs):
         raise InputError(f"{path}: is also an input, which would be replaced; name another file")
     if not target.parent.is_dir():
         raise InputError(f"{path}: the folder {path.parent} does not exist; create it first")

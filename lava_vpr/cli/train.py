@@ -137,11 +137,11 @@ def _with_progress(
     encoded: list[Any], config: Config, route_images: int, jobs: int, checkpoint: Path, resume: bool
 ) -> Model:
     """Train under a progress bar that tells spikes per image, neurons used and places covered."""
-    epochs, given = config.learning.epochs, len(encoded)
+    epochs, traverses = config.learning.epochs, len(encoded)
     stretches = split(len(encoded[0]), config)
     lock = threading.Lock()
     pending = [0, time.monotonic()]
-    with progress_bar("learning", presentations(config, len(encoded[0]), given, epochs)) as advance:
+    with progress_bar("learning", presentations(config, len(encoded[0]), traverses, epochs)) as advance:
 
         def show(state: Progress) -> None:
             with lock:
@@ -161,7 +161,7 @@ def _with_progress(
                 pending[0], pending[1] = 0, now
 
         def resumed(done: dict[int, int]) -> None:
-            advance(sum(presentations(config, stretches[k].places, given, epoch) for k, epoch in done.items()), "")
+            advance(sum(presentations(config, stretches[k].places, traverses, epoch) for k, epoch in done.items()), "")
             finished = ", ".join(f"stretch {k + 1}: {epoch} of {epochs}" for k, epoch in sorted(done.items()))
             stderr.print(f"resuming from {checkpoint}; epochs done: {finished}", markup=False)
 
@@ -178,6 +178,7 @@ def _with_progress(
 
 
 def _report(model: Model, output: Path, seconds: float) -> None:
+    """Print what was learned, and a warning if it was nothing."""
     figures = model.training
     bits = f"{model.weight_bits}-bit weights" if model.weight_bits else "float weights"
     parts = f" in {len(model.stretches)} stretches" if len(model.stretches) > 1 else ""

@@ -21,10 +21,10 @@ def _walk_jpeg(data: bytes) -> bytes:
     exif, position, scans = b"", 2, 0
     marker = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
     while True:
-        found = marker.search(data, position)
-        if found is None:
+        match = marker.search(data, position)
+        if match is None:
             raise DamagedError("it ends before its end-of-image marker")
-        code, position = data[found.start() + 1], found.end()
+        code, position = data[match.start() + 1], match.end()
         if code == 0xD9:
             if not scans:
                 raise DamagedError("it holds no picture data")
@@ -36,7 +36,8 @@ def _walk_jpeg(data: bytes) -> bytes:
         length = struct.unpack_from(">H", data, position)[0]
         if code == 0xE1 and not exif and data[position + 2 : position + 8] == b"Exif\0\0":
             exif = data[position + 8 : position + length]
-        scans += code == 0xDA
+        if code == 0xDA:
+            scans += 1
         position += length
 
 

@@ -72,12 +72,12 @@ class EncoderConfig:
 
     @property
     def layout(self) -> Layout:
-        """How the inputs are arranged."""
+        """The arrangement of the inputs."""
         return INPUTS[self.kind].layout(self)
 
     @property
     def inputs(self) -> int:
-        """Number of input neurons."""
+        """The number of input neurons."""
         return self.layout.inputs
 
 
@@ -94,7 +94,7 @@ class Layout(NamedTuple):
 
     @property
     def inputs(self) -> int:
-        """Number of inputs."""
+        """The number of inputs."""
         return self.channels * self.grid**2
 
 

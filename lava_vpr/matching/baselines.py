@@ -70,10 +70,10 @@ def _nearest(
     width = references.shape[1]
     for rows in _row_blocks(len(references), width):
         block = references[order[rows]]
-        own, starts = np.unique(places[rows], return_index=True)
+        present, starts = np.unique(places[rows], return_index=True)
         for part in _row_blocks(len(queries), max(width, len(block))):
             values = nearer.reduceat(compare(queries[part], block), starts, axis=1)
-            columns = slice(int(own[0]), int(own[-1]) + 1)  # places are sorted and without gaps
+            columns = slice(int(present[0]), int(present[-1]) + 1)  # places are sorted and without gaps
             nearer(result[part, columns], values, out=result[part, columns])
     return result
 

@@ -55,12 +55,12 @@ def best(scores: Scores) -> NDArray[np.int64]:
 
 
 def highest(scores: Scores) -> Scores:
-    """The best score itself."""
+    """The best score of each query."""
     return np.asarray(scores.max(axis=1))
 
 
 def margin(scores: Scores) -> Scores:
-    """The best score minus the second."""
+    """The best score of each query minus its second."""
     first, second = _top_two(scores)
     return first - second
 

@@ -129,10 +129,10 @@ def _true_rank(scores: Scores, truth: Truth) -> NDArray[np.int64]:
     n_queries, n_places = scores.shape
     rank = np.full(n_queries, n_places, np.int64)
     known = np.flatnonzero(truth.any(axis=1) & scores.any(axis=1))
-    own = scores[known]
-    place = np.where(truth[known], own, -np.inf).argmax(axis=1)
-    value = own[np.arange(len(known)), place][:, None]
-    better = (own > value) | ((own == value) & (np.arange(n_places) < place[:, None]))
+    answered = scores[known]
+    place = np.where(truth[known], answered, -np.inf).argmax(axis=1)
+    value = answered[np.arange(len(known)), place][:, None]
+    better = (answered > value) | ((answered == value) & (np.arange(n_places) < place[:, None]))
     rank[known] = np.count_nonzero(better, axis=1)
     return rank
 
@@ -159,8 +159,8 @@ def _vprsnn_curve(scores: Scores, correct: NDArray[np.bool_]) -> tuple[Scores, S
     accepted = distance[None, :] <= limits[:, None]
     hits = np.count_nonzero(accepted & correct, axis=1)
     answered = np.count_nonzero(accepted, axis=1)
-    wanted = hits + (len(correct) - answered)
-    recall = np.divide(hits, wanted, out=np.zeros(len(limits)), where=wanted > 0)
+    correct_or_rejected = hits + (len(correct) - answered)
+    recall = np.divide(hits, correct_or_rejected, out=np.zeros(len(limits)), where=correct_or_rejected > 0)
     return (
         np.concatenate([[0.0], recall]),
         np.concatenate([[1.0], hits / answered]),

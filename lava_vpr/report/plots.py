@@ -104,18 +104,18 @@ def _marks(axes: Axes, queries: NDArray[np.intp], matches: NDArray[Any], right: 
     """Best matches: a ring where it is right, a cross where it is wrong (shape and colour both tell)."""
     size = 3.4 if len(queries) <= 250 else 2.0
     # The dark cross below the bright one keeps it visible on every colour of the map.
-    for wanted, marker, colour, width, name in (
+    for is_right, marker, colour, width, name in (
         (True, "o", "#ffffff", 0.9, "right"),
         (False, "x", "#1c0a12", 3.2, "wrong-edge"),
         (False, "x", "#ff7a3d", 1.5, "wrong"),
     ):
-        chosen = right == wanted
+        chosen = right == is_right
         axes.plot(
             queries[chosen],
             matches[chosen],
             marker,
             gid=f"match-{name}",
-            markersize=size * (1.0 if wanted else 1.4),
+            markersize=size * (1.0 if is_right else 1.4),
             markerfacecolor="none",
             markeredgecolor=colour,
             markeredgewidth=width,

@@ -47,6 +47,7 @@ def _image(images: NDArray[np.uint8], index: int, alt: str) -> str:
 
 
 def _query_figure(data: ReportData, query: int) -> str:
+    """A query's image above its number and name."""
     name = safe(data.query_names[query])
     image = _image(data.query_thumbnails, query, f"Query {data.query_number(query)}, {name}")
     return f"<figure>{image}<figcaption>Query<br>{data.query_number(query)} · {name}</figcaption></figure>"
@@ -270,7 +271,7 @@ def matches(data: ReportData, correct: NDArray[np.bool_]) -> str:
 
 
 def cost(data: ReportData) -> str:
-    """Counted events of one query."""
+    """The section with the counted events of one query."""
     if not data.events:
         return ""
     tiles = "".join(f"<div><dt>{safe(label(k))}</dt><dd>{number(v)}</dd></div>" for k, v in data.events.items())
@@ -278,5 +279,5 @@ def cost(data: ReportData) -> str:
 
 
 def setup(data: ReportData) -> str:
-    """How to get these figures again."""
+    """The section that says how to get these figures again."""
     return render("report_setup.html", command=safe(data.command), configuration=safe(data.config_toml))

@@ -66,8 +66,8 @@ class Painter:
 
     def _depth(self, s: float) -> tuple[float, float, float, float, float]:
         """At ``s``: pixels per metre, column and row of the track, share of haze, gain of the headlamps."""
-        found = self._depths.get(s)
-        if found is None:
+        depth = self._depths.get(s)
+        if depth is None:
             z = max(s - self.camera.s, NEAR_M)
             k = int(z / _STEP_M)
             share = z / _STEP_M - k
@@ -75,9 +75,9 @@ class Painter:
             above = self._above[k] + (self._above[k + 1] - self._above[k]) * share - CAMERA_M
             m, look = self.focal / z, self.look
             lamp = 1.0 + look.lamp * math.exp(-z / 22.0)
-            found = (m, self.centre + m * right, self.horizon - m * above, 1.0 - math.exp(-z / look.haze_m), lamp)
-            self._depths[s] = found
-        return found
+            depth = (m, self.centre + m * right, self.horizon - m * above, 1.0 - math.exp(-z / look.haze_m), lamp)
+            self._depths[s] = depth
+        return depth
 
     def at(self, s: float, x: float, y: float) -> Point:
         """Pixel of the point ``x`` metres right of the track at ``s`` and ``y`` above it."""

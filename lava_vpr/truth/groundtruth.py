@@ -27,8 +27,8 @@ def _coordinates(path: Path) -> tuple[NDArray[np.float64], bool]:
         line, header = rows[0][0], [cell.lower() for cell in rows[0][1]]
         pairs = [pair for pair in _XY + _LAT_LON if set(pair) <= set(header)]
         if not pairs:
-            found = ", ".join(map(shown, header))
-            raise InputError(f"{shown(path)} line {line}: no columns x,y or lat,lon among {found}; name them")
+            names = ", ".join(map(shown, header))
+            raise InputError(f"{shown(path)} line {line}: no columns x,y or lat,lon among {names}; name them")
         columns, geographic = (header.index(pairs[0][0]), header.index(pairs[0][1])), pairs[0] in _LAT_LON
         rows = rows[1:]
     elif rows and len(rows[0][1]) != 2:
@@ -49,6 +49,7 @@ def _coordinates(path: Path) -> tuple[NDArray[np.float64], bool]:
 
 
 def _is_number(cell: str) -> bool:
+    """Whether the text of a cell reads as a number."""
     try:
         float(cell)
     except ValueError:
@@ -144,6 +145,7 @@ def _span(indices: NDArray[np.int64]) -> str:
 
 
 def _text_truth(path: Path) -> dict[int, set[int]]:
+    """Correct places by query, from a text file."""
     places_of: dict[int, set[int]] = {}
     lines = [(number, line.split("#")[0]) for number, line in enumerate(file_text(path).splitlines(), start=1)]
     lines = [(number, line) for number, line in lines if line.strip()]
@@ -166,6 +168,7 @@ def _is_index(word: str) -> bool:
 
 
 def _json_truth(path: Path, query_indices: NDArray[np.int64]) -> dict[int, set[int]]:
+    """Correct places by query, from a JSON file."""
     try:
         # Pairs, since a repeated key would silently replace the one before it.
         content = json.loads(file_text(path), object_pairs_hook=lambda pairs: {"pairs": pairs})
