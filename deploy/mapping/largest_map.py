@@ -14,7 +14,7 @@ import numpy as np
 from lava_vpr.config import Config
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.mapping.limits import check
-from lava_vpr.deploy.mapping.partition import fewest
+from lava_vpr.deploy.mapping.partition import fewest_cores
 from lava_vpr.deploy.mapping.refusal import cause
 from lava_vpr.deploy.mapping.sizing import Sizing
 from lava_vpr.engine.inference import quantise
@@ -135,7 +135,7 @@ def _placed(config: Config, board: Board, places: int) -> tuple[int, int] | None
         check(sizing)
     except NetworkLimitError:
         return None
-    cores = fewest(sizing)
+    cores = fewest_cores(sizing)
     return None if cores is None else (sizing.network.neurons, cores)
 
 
@@ -146,7 +146,7 @@ def _limit(config: Config, board: Board, places: int) -> str:
         check(sizing)
     except NetworkLimitError as error:
         return str(error).partition(";")[0]
-    return cause(sizing, fewest)
+    return cause(sizing, fewest_cores)
 
 
 def table(config: Config, board: Board) -> tuple[Capacity, ...]:

@@ -45,10 +45,11 @@ def check(sizing: Sizing) -> None:
             f"the host would have to send up to {spikes:.1f} input spikes a step, but {board.title} takes "
             f"{board.host_spikes} a chip; lower encoder.query_spikes to {most:g}, or use --input-mode bias"
         )
-    populations, kinds = 3 if network.bias_input else 2, 3 if network.inhibition > 0 else 2
+    populations = 3 if network.bias_input else 2
+    kinds = 3 if sizing.inhibits else 2
     for name, need in (("profiles", populations), ("thresholds", populations), ("formats", kinds)):
         limit = limit_of(getattr(board, name))
         if need > limit:
-            helps = network.bias_input and name != "formats" and limit >= 2
-            remedy = "--input-mode injected" if helps else "another --target"
+            injected_helps = network.bias_input and name != "formats" and limit >= 2
+            remedy = "--input-mode injected" if injected_helps else "another --target"
             raise NetworkLimitError(f"a core needs {need} {name}, but {board.title} has {limit}; use {remedy}")

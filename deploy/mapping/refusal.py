@@ -16,12 +16,15 @@ from lava_vpr.errors import NetworkLimitError
 Solve = Callable[[Sizing], int | None]
 """Cores that a network takes, None if it does not fit."""
 
-_NAMES = {
+_TITLES = {
     "axons_in": "input axons",
     "axons_out": "output axons",
     "synapse_words": "words of synapse memory",
 }
+"""The limits of a core that more cores relieve, as messages call them."""
+
 _SHARES = (0.5, 0.6, 0.7, 0.8, 0.9)
+"""Shares of the weights that are tried to be pruned."""
 
 
 def refusal(sizing: Sizing, solve: Solve) -> NetworkLimitError:
@@ -43,54 +46,54 @@ def cause(sizing: Sizing, solve: Solve) -> str:
         limit = limit_of(getattr(board, name))
         if need > limit:
             return (
-                f"a core with {share:,} of {network.neurons:,} neurons needs {need:,} {_NAMES[name]}, but a core of "
+                f"a core with {share:,} of {network.neurons:,} neurons needs {need:,} {_TITLES[name]}, but a core of "
                 f"{board.title} has {limit:,}"
             )
     # The resource without whose limit the network would fit; if there is none, cores.
-    lacking = [name for name in _NAMES if solve(replace(sizing, board=_without(board, name)))]
+    lacking = [name for name in _TITLES if solve(replace(sizing, board=_without(board, name)))]
     many = solve(replace(sizing, board=replace(board, cores=8 * board.cores)))
-    wanted = f"{many:,}" if many else f"more than {8 * cores:,}"
-    of_each = f" of {getattr(board, lacking[0]):,} {_NAMES[lacking[0]]}" if lacking else ""
-    return f"{network.neurons:,} neurons need {wanted} cores{of_each}, but {board.title} has {cores:,}"
+    needed = f"{many:,}" if many else f"more than {8 * cores:,}"
+    of_each = f" of {getattr(board, lacking[0]):,} {_TITLES[lacking[0]]}" if lacking else ""
+    return f"{network.neurons:,} neurons need {needed} cores{of_each}, but {board.title} has {cores:,}"
 
 
 def _without(board: Board, name: str) -> Board:
-    """The same without one limit."""
+    """``board`` without its limit ``name``."""
     return replace(board, **{name: UNLIMITED})  # type: ignore[arg-type]
 
 
 def _least_needs(sizing: Sizing, neurons: int) -> dict[str, int]:
     """What a core with so many neurons takes at least, whichever they are, without relays on it."""
     starts = range(sizing.network.neurons - neurons + 1)
-    ranges = [sizing.ranges(first, np.array([first + neurons])) for first in starts]
+    ranges = [sizing.range_of(first, first + neurons) for first in starts]
     return {
-        "axons_in": min(int(own.active[0]) for own in ranges) + sizing.relay_axons_of(neurons),
+        "axons_in": min(int(one.active[0]) for one in ranges) + sizing.relay_axons_of(neurons),
         "axons_out": 2 * neurons,
-        "synapse_words": min(int(own.least_words[0]) for own in ranges),
+        "synapse_words": min(int(one.words_least[0]) for one in ranges),
     }
 
 
 def _remedy(sizing: Sizing, solve: Solve) -> str:
-    """What was found to help."""
-    network, board, found = sizing.network, sizing.board, []
+    """The remedies that help, each tried."""
+    network, board, remedies = sizing.network, sizing.board, []
     spikes = host_spikes(replace(network, bias_input=False), sizing.rates)
     if network.bias_input and spikes <= limit_of(board.host_spikes) and solve(_with(sizing, bias_input=False)):
-        found.append("--input-mode injected")
+        remedies.append("--input-mode injected")
     for bits in range(network.bits - 1, 0, -1):
         less = network.bits - bits
         weights, inhibition = (network.weights >> less).astype(np.uint8), network.inhibition >> less
         if _says_something(weights) and solve(_with(sizing, bits=bits, weights=weights, inhibition=inhibition)):
-            found.append(f"--weight-bits {bits}")
+            remedies.append(f"--weight-bits {bits}")
             break
     order = np.argsort(network.weights, axis=0, kind="stable")
     for share in _SHARES:
         weights = np.array(network.weights)
         np.put_along_axis(weights, order[: round(share * network.inputs)], 0, axis=0)
         if _says_something(weights) and solve(_with(sizing, weights=weights)):
-            found.append(f"--prune {share:g}")
+            remedies.append(f"--prune {share:g}")
             break
-    if found:
-        return "use " + " or ".join(found)
+    if remedies:
+        return "use " + " or ".join(remedies)
     low, high = 0, network.neurons
     while high - low > 1:
         middle = (low + high) // 2
@@ -107,5 +110,5 @@ def _says_something(weights: NDArray[np.uint8]) -> bool:
 
 
 def _with(sizing: Sizing, **changes: object) -> Sizing:
-    """The same with another network."""
+    """The sizing of the network with ``changes``, on the same board."""
     return replace(sizing, network=replace(sizing.network, **changes))  # type: ignore[arg-type]

@@ -241,7 +241,7 @@ class Chips:
             steps: Steps with input of a presentation.
             silent_steps: And without, after those.
             bias_input: Input compartments integrate a bias; else spikes are injected.
-            positions: Column and row of each core's tile (`deploy.mapping.placement.tiles`), (cores, 2), for hops.
+            positions: Column and row of each core's tile (`deploy.mapping.mesh.tiles`), (cores, 2), for hops.
         Raises:
             ModelFileError: the images are no cores of Loihi 1, or contradict each other or the tables.
         """

@@ -13,8 +13,8 @@ from support.boards.small_boards import network as small_network
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.cost.events import KINDS, EventCounts, count_events
+from lava_vpr.deploy.mapping.mesh import tiles
 from lava_vpr.deploy.mapping.partition import partition
-from lava_vpr.deploy.mapping.placement import tiles
 from lava_vpr.deploy.registers.core_images import core_images, host_tables
 from lava_vpr.deploy.registers.simulator_kernels import EVENTS
 from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork

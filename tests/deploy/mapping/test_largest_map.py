@@ -92,7 +92,10 @@ def test_neurons_without_stretches_say_nothing_of_places() -> None:
 
 def test_only_integer_networks_fit() -> None:
     for function in (largest, table):
-        with pytest.raises(ConfigError, match="use --preset loihi"):
+        with pytest.raises(
+            ConfigError,
+            match=r"^Kapoho Bay \(two Loihi 1 chips\) needs an integer network, .* train with --preset loihi",
+        ):
             function(preset("paper"), KAPOHO_BAY)
 
 

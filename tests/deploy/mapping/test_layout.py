@@ -1,4 +1,4 @@
-"""Ranges of neurons, inputs and cores in their places: the best of all, and near the best where all are too many."""
+"""Ranges of neurons, inputs on cores, cores on the mesh: the best of all, and near it where all are too many."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ from support.boards.small_boards import check_images, check_plan, even, network,
 
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.boards.plan import Plan
+from lava_vpr.deploy.mapping.boundaries import RangeCosts, cheapest, search, windows
+from lava_vpr.deploy.mapping.layout import spread
+from lava_vpr.deploy.mapping.mesh import assign_cores, distances
 from lava_vpr.deploy.mapping.partition import partition
-from lava_vpr.deploy.mapping.placement import cheapest, distances, place, search, spread, windows
 from lava_vpr.deploy.registers.core_images import core_images, host_tables
 
 
@@ -47,8 +49,8 @@ def test_cheapest_ranges_are_the_best_of_all(seed: int, cores: int, most: int) -
     rng = np.random.default_rng(seed)
     cost, time = rng.integers(0, 3, (13, 13)).astype(float), rng.random((13, 13))
 
-    def edge(first: int, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        return ends - first <= most, cost[first, ends], time[first, ends]
+    def cost_of(first: int, ends: np.ndarray) -> RangeCosts:
+        return RangeCosts(ends - first <= most, cost[first, ends], time[first, ends])
 
     tried = []
     for cuts in itertools.combinations(range(1, 12), cores - 1):
@@ -58,7 +60,7 @@ def test_cheapest_ranges_are_the_best_of_all(seed: int, cores: int, most: int) -
     layers = windows(12, cores, lambda a, b: b - a <= most)
     assert (layers is None) == (not tried)
     if layers is not None:
-        bounds = cheapest(layers, edge)
+        bounds = cheapest(layers, cost_of)
         assert bounds is not None
         pairs = list(itertools.pairwise(bounds.tolist()))
         assert (sum(cost[a, b] for a, b in pairs), max(time[a, b] for a, b in pairs)) == min(tried)
@@ -69,10 +71,10 @@ def test_a_search_in_steps_ends_near_the_best() -> None:
     assert layers is not None
     weight = np.concatenate([[0.0], np.cumsum(np.linspace(3, 1, 900))])
 
-    def edge(first: int, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        return ends - first <= 500, np.zeros(ends.size), weight[ends] - weight[first]
+    def cost_of(first: int, ends: np.ndarray) -> RangeCosts:
+        return RangeCosts(ends - first <= 500, np.zeros(ends.size), weight[ends] - weight[first])
 
-    bounds = search(layers, edge, 2000)
+    bounds = search(layers, cost_of, 2000)
     assert bounds is not None
     assert max(np.diff(weight[bounds])) < 1.01 * weight[-1] / 3
 
@@ -132,7 +134,7 @@ def test_real_chips_fill_in_order() -> None:
     assert [sum(core.chip == chip for core in plan.cores) for chip in (0, 1)] == [128, 22]
 
 
-def test_placement_is_best_for_few_cores_and_near_for_more() -> None:
+def test_cores_on_the_mesh_are_best_for_few_and_near_for_more() -> None:
     rng = np.random.default_rng(6)
     board = replace(KAPOHO_BAY, tile_cores=1, columns=3, rows=2, cores=6)
     worst = 1.0
@@ -142,14 +144,14 @@ def test_placement_is_best_for_few_cores_and_near_for_more() -> None:
         near = distances(every, board)
         chosen = (list(order) for order in itertools.permutations(range(6), 5))
         best = min(float((flow * near[np.ix_(order, order)]).sum()) for order in chosen)
-        where, hops = place(flow, board)
+        where, hops = assign_cores(flow, board)
         order = where[:, 1]
         assert len(set(order.tolist())) == 5
         assert hops == pytest.approx(float((flow * near[np.ix_(order, order)]).sum()))
         worst = max(worst, (hops or 0) / best)
     assert worst < 1.2
     flow = rng.random((40, 40)) ** 6
-    where, hops = place(flow, KAPOHO_BAY)
+    where, hops = assign_cores(flow, KAPOHO_BAY)
     start = np.stack([np.zeros(40, np.int64), np.arange(40)], axis=1)
     assert (hops or 0) < 0.9 * (flow * distances(start, KAPOHO_BAY)).sum()
 
