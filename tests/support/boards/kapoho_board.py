@@ -26,7 +26,7 @@ from support.boards.kapoho_bundles import Made
 
 from lava_vpr.deploy.bundle import folder as bundle
 
-STANDIN = Path(__file__).parents[1] / "standins" / "standin"
+STANDIN = Path(__file__).parents[1] / "standins" / "kapoho_bay"
 SEEDS = {"KAPOHOBAY": "1", "PYTHONPATH": str(STANDIN), "PYTHONDONTWRITEBYTECODE": "1"}
 
 

@@ -22,7 +22,7 @@ from lava_vpr.deploy.bundle.folder import array_bytes
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 from lava_vpr.engine.random import presentation_keys
 
-STANDIN = Path(__file__).parents[1] / "standins" / "standin_lava_loihi"
+STANDIN = Path(__file__).parents[1] / "standins" / "loihi2"
 AGAIN = "; deploy the model again or fetch an intact copy"
 IMAGES, PLACES, INTERVAL = 5, 4, 33
 
