@@ -10,7 +10,6 @@ counts exactly, fractions to the digits that the package rounds to.
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -30,6 +29,7 @@ from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork, count_sp
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import BackendUnavailableError, LavaRunError
+from lava_vpr.isolated.child import run_child
 from lava_vpr.model import integer_model
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -64,12 +64,12 @@ def compare(network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.u
         problem = Path(folder) / "problem.npz"
         numbers = {name: np.int64(getattr(network, name)) for name in NUMBERS}
         np.savez(problem, weights=network.weights, spikes=trains.inputs, **numbers)
-        ran = subprocess.run([str(PYTHON), str(PROGRAM), str(problem)], capture_output=True, text=True, check=False)
-    if ran.returncode:
-        raise LavaRunError(f"neurobench failed: {ran.stderr.strip().splitlines()[-1]}", ran.stderr)
-    found = json.loads(ran.stdout.strip().splitlines()[-1])
+        ended = run_child([PYTHON, PROGRAM, problem], seconds=1200)
+    if ended.code:
+        raise LavaRunError(f"neurobench failed: {ended.last}", ended.err)
+    found = json.loads(ended.out.strip().splitlines()[-1])
     if not np.array_equal(np.array(found["counts"]), trains.exc.sum(axis=1, dtype=np.int64)):
-        raise LavaRunError("the network built for neurobench spikes otherwise than ours", ran.stderr)
+        raise LavaRunError("the network built for neurobench spikes otherwise than ours", ended.err)
     theirs = found["metrics"] | found["metrics"].pop("SynapticOperations")
     return {name: (float(getattr(ours, name)), float(theirs[key])) for name, key in THEIRS.items()}
 

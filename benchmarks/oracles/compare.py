@@ -35,6 +35,7 @@ from lava_vpr.encoding import rates16
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import InputError, LavaVprError
+from lava_vpr.isolated.child import environment_without_python, run_child
 from lava_vpr.model import integer_model
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -89,21 +90,17 @@ def ask(simulator: str, problems: Sequence[Problem], timeout_s: float = TIMEOUT_
         for i, problem in enumerate(problems):
             write_problem(Path(folder) / f"{i:04d}.problem.npz", problem)
         try:
-            done = subprocess.run(
-                [str(python), str(SCRIPTS[simulator]), folder],
-                env={name: value for name, value in os.environ.items() if not name.startswith("PYTHON")},
-                cwd=folder,
-                stdin=subprocess.DEVNULL,
-                capture_output=True,
-                text=True,
-                timeout=timeout_s,
-                check=False,
+            ended = run_child(
+                [python, SCRIPTS[simulator], folder],
+                seconds=timeout_s,
+                folder=Path(folder),
+                environment=environment_without_python(),
             )
         except subprocess.TimeoutExpired:
             raise InputError(f"{simulator}: not done after {timeout_s:g} s; ask for fewer --networks") from None
-        if done.returncode != 0:
-            last = done.stderr.strip().splitlines()[-1:] or [f"exit status {done.returncode}"]
-            raise InputError(f"{simulator}: {last[0]}; delete {python.parent.parent.name} and run make oracles")
+        if ended.code != 0:
+            last = ended.last or f"exit status {ended.code}"
+            raise InputError(f"{simulator}: {last}; delete {python.parent.parent.name} and run make oracles")
         return [read_result(Path(folder) / f"{i:04d}.result.npz", problem) for i, problem in enumerate(problems)]
 
 

@@ -12,7 +12,6 @@ them to the embedded processor, which takes one output axon for each excitatory 
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -35,6 +34,7 @@ from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.deploy.registers.core_images import core_images
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import InputError, NetworkLimitError
+from lava_vpr.isolated.child import run_child
 from lava_vpr.loihi import WORD_BITS
 from lava_vpr.model import integer_model
 from lava_vpr.training.references import expected_rates
@@ -110,9 +110,9 @@ def ask(problems: list[dict[str, Any]]) -> list[dict[str, Any]]:
     with tempfile.TemporaryDirectory() as folder:
         for number, arrays in enumerate(problems):
             np.savez(Path(folder) / f"{number:05d}.core.npz", **arrays)
-        done = subprocess.run([PYTHON, SCRIPT, folder], capture_output=True, text=True, check=False, timeout=1200)
-        if done.returncode:
-            raise InputError(f"{SCRIPT.name}: failed; {done.stderr.strip().splitlines()[-1:]}")
+        ended = run_child([PYTHON, SCRIPT, folder], seconds=1200)
+        if ended.code:
+            raise InputError(f"{SCRIPT.name}: failed; {ended.last}")
         return [json.loads(path.read_text()) for path in sorted(Path(folder).glob("*.needs.json"))]
 
 

@@ -27,6 +27,7 @@ from lava_vpr.configfile import to_dict
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.conductance.model import ConductanceState, initial_state
 from lava_vpr.errors import BackendUnavailableError
+from lava_vpr.isolated.child import run_child
 from lava_vpr.matching.evaluation import evaluate
 from lava_vpr.model import Model
 
@@ -104,16 +105,15 @@ def in_brian2(
         (folder / "config.json").write_text(json.dumps(to_dict(config)), encoding="utf-8")
         command = [python, str(NETWORK), str(folder)]
         try:
-            done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=timeout, check=False)
+            ended = run_child(command, seconds=timeout, folder=folder)
         except OSError as error:
             raise BackendUnavailableError(f"{python}: cannot be started ({error.strerror}); {REMEDY}") from None
         except subprocess.TimeoutExpired:
             raise BackendUnavailableError(
                 f"{python}: Brian2 took more than {timeout:.0f} s; give fewer queries"
             ) from None
-        if done.returncode or not (folder / "found.json").is_file():
-            last = (done.stderr.strip().splitlines() or ["it says nothing"])[-1]
-            raise BackendUnavailableError(f"{python}: Brian2 did not run ({last}); {REMEDY}")
+        if ended.code or not (folder / "found.json").is_file():
+            raise BackendUnavailableError(f"{python}: Brian2 did not run ({ended.last or 'it says nothing'}); {REMEDY}")
         found: dict[str, Any] = json.loads((folder / "found.json").read_text(encoding="utf-8"))
     return found
 

@@ -29,7 +29,6 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import subprocess
 import tempfile
 from dataclasses import dataclass, field
@@ -45,6 +44,7 @@ from lava_vpr.deploy.cost.closed_form import closed_form, step_microseconds, ste
 from lava_vpr.deploy.cost.events import EventCounts, count_events
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import BackendUnavailableError
+from lava_vpr.isolated.child import Ended, environment_without_python, run_child
 
 VARIABLE, ENVIRONMENT = "LAVA_VPR_SANAFE", ".venv-sanafe"
 REMEDY = "run make sanafe"
@@ -112,12 +112,10 @@ def ask(python: Path, problem: dict[str, Any], timeout_s: float = TIMEOUT_S) -> 
     with tempfile.TemporaryDirectory(prefix="lava-vpr-sanafe-") as name:
         folder = Path(name)
         (folder / "problem.json").write_text(json.dumps(problem))
-        code = _run([str(python), "-I", "-B", str(WORKER), "problem.json", "result.json"], folder, timeout_s)
-        if code:
-            said = (folder / "stderr").read_text(errors="replace").strip().splitlines() or [f"exit code {code}"]
-            raise BackendUnavailableError(
-                f"SANA-FE failed ({said[-1].strip()[:200]}); delete {ENVIRONMENT} and {REMEDY}"
-            )
+        ended = _run([str(python), "-I", "-B", str(WORKER), "problem.json", "result.json"], folder, timeout_s)
+        if ended.code:
+            said = ended.last or f"exit code {ended.code}"
+            raise BackendUnavailableError(f"SANA-FE failed ({said[:200]}); delete {ENVIRONMENT} and {REMEDY}")
         try:
             answer = json.loads((folder / "result.json").read_text())
         except (OSError, ValueError) as error:
@@ -129,36 +127,19 @@ def ask(python: Path, problem: dict[str, Any], timeout_s: float = TIMEOUT_S) -> 
     return answer
 
 
-def _run(command: list[str], folder: Path, timeout_s: float) -> int:
-    """Exit code of ``command``, run in ``folder`` with its output in files there.
+def _run(command: list[str], folder: Path, timeout_s: float) -> Ended:
+    """Run ``command`` in ``folder``.
 
     Raises:
         BackendUnavailableError: it does not start, or takes too long; then it and all that it started are ended.
     """
-    kept = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
-    with (folder / "stdout").open("wb") as out, (folder / "stderr").open("wb") as err:
-        try:
-            process = subprocess.Popen(
-                command,
-                cwd=folder,
-                env=kept | {"OMP_NUM_THREADS": "1"},
-                stdin=subprocess.DEVNULL,
-                stdout=out,
-                stderr=err,
-                start_new_session=True,
-            )
-        except OSError as error:
-            raise BackendUnavailableError(f"{command[0]}: does not start ({error.strerror}); {REMEDY}") from None
-        try:
-            return process.wait(timeout_s)
-        except subprocess.TimeoutExpired:
-            raise BackendUnavailableError(
-                f"SANA-FE was not done after {timeout_s:g} s; compare fewer queries"
-            ) from None
-        finally:
-            if process.poll() is None:
-                os.killpg(process.pid, signal.SIGKILL)
-                process.wait()
+    environment = environment_without_python() | {"OMP_NUM_THREADS": "1"}
+    try:
+        return run_child(command, seconds=timeout_s, folder=folder, environment=environment)
+    except OSError as error:
+        raise BackendUnavailableError(f"{command[0]}: does not start ({error.strerror}); {REMEDY}") from None
+    except subprocess.TimeoutExpired:
+        raise BackendUnavailableError(f"SANA-FE was not done after {timeout_s:g} s; compare fewer queries") from None
 
 
 @dataclass(frozen=True)

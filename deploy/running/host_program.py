@@ -9,8 +9,8 @@ from __future__ import annotations
 import contextlib
 import importlib.util
 import json
+import logging
 import os
-import signal
 import subprocess
 import sys
 import tempfile
@@ -23,7 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import BackendUnavailableError, BundleError, LavaRunError, LavaVprError, NetworkLimitError
+from lava_vpr.isolated.child import end, run_child
 
+NOTES = logging.getLogger("lava_vpr")
 PYTHON = "NXSDK_PYTHON"
 ATTEMPTS = 2
 LOOK = 0.05  # seconds between two looks at the program
@@ -69,9 +71,7 @@ def _has_nxsdk(python: str) -> str | None:
     if python == sys.executable and importlib.util.find_spec("nxsdk") is not None:
         return None
     try:
-        code = subprocess.run(
-            [python, "-c", _FIND], capture_output=True, timeout=IMPORT_SECONDS, check=False
-        ).returncode
+        code = run_child([python, "-c", _FIND], seconds=IMPORT_SECONDS).code
     except (OSError, subprocess.TimeoutExpired) as error:
         return f"{PYTHON} is {python}, which cannot be started ({error}); name a Python that has nxsdk"
     if code == 0:
@@ -98,7 +98,7 @@ def run_bundle(
     advance: Callable[[int], None] | None = None,
 ) -> NDArray[np.int32]:
     """Present queries to the bundle's board. Queries that it does not answer are presented once more to a board that
-    is started afresh, which a note on stderr says.
+    is started afresh, which is logged as a warning (`lava_vpr`).
 
     Args:
         bundle_path: The bundle.
@@ -130,7 +130,7 @@ def run_bundle(
             raise _ERRORS[outcome.stage](outcome.error)
         said = f"Kapoho Bay answered {int(done.sum())} of {len(done)} queries, then: {outcome.error}"
         if attempt + 1 < ATTEMPTS:
-            print(f"note: {said}; the others are presented again", file=sys.stderr, flush=True)
+            NOTES.warning("%s; the others are presented again", said)
     raise LavaRunError(
         f"{said}; run bundle's program/run.py --self-test to see whether the board is sound", outcome.log
     )
@@ -146,13 +146,13 @@ def _present(
 ) -> Outcome:
     """Run the program once."""
     with tempfile.TemporaryDirectory(prefix="lava-vpr-") as folder:
-        given, out, log = Path(folder, "queries"), Path(folder, "out"), Path(folder, "log")
-        given.mkdir()
-        np.save(given / "rates.npy", np.ascontiguousarray(rates, np.uint16), allow_pickle=False)
-        np.save(given / "keys.npy", np.ascontiguousarray(keys, np.uint64), allow_pickle=False)
+        queries, out, log = Path(folder, "queries"), Path(folder, "out"), Path(folder, "log")
+        queries.mkdir()
+        np.save(queries / "rates.npy", np.ascontiguousarray(rates, np.uint16), allow_pickle=False)
+        np.save(queries / "keys.npy", np.ascontiguousarray(keys, np.uint64), allow_pickle=False)
         program = bundle_path.absolute() / "program" / "run.py"
         environment = {**os.environ, "TMPDIR": folder}  # whatever it leaves is removed
-        words = [python, str(program), "--queries", str(given), "--out", str(out), "--timeout", str(timeout)]
+        words = [python, str(program), "--queries", str(queries), "--out", str(out), "--timeout", str(timeout)]
         with log.open("wb") as file:
             try:
                 child = subprocess.Popen(
@@ -171,7 +171,7 @@ def _present(
         try:
             hung = _follow(child, out, timeout + PATIENCE, advance)
         finally:
-            _end(child)
+            end(child, GRACE)
         text = [
             path.read_text(encoding="utf-8", errors="replace") for path in (log, out / "failure.txt") if path.exists()
         ]
@@ -200,17 +200,6 @@ def _follow(child: subprocess.Popen[bytes], out: Path, patience: float, advance:
             known, since = count, time.monotonic()
         if over or time.monotonic() - since > patience:
             return not over
-
-
-def _end(child: subprocess.Popen[bytes]) -> None:
-    """End the program, so that it lets go of the board, and whatever it started."""
-    if child.poll() is None:
-        child.terminate()
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            child.wait(GRACE)
-    with contextlib.suppress(ProcessLookupError, PermissionError):
-        os.killpg(child.pid, signal.SIGKILL)
-    child.wait()
 
 
 def _outcome(code: int, hung: bool, out: Path, n: int, log: str) -> Outcome:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import importlib
+import logging
 import os
 import sys
 from collections.abc import Mapping
@@ -18,6 +19,8 @@ class OneLineGroup(click.Group):
     """Turns every error that a user can cause into one line on stderr and exit code 1."""
 
     def invoke(self, ctx: click.Context) -> Any:
+        notes, logger = _Notes(), logging.getLogger("lava_vpr")
+        logger.addHandler(notes)
         try:
             return super().invoke(ctx)
         except LavaVprError as error:
@@ -32,6 +35,15 @@ class OneLineGroup(click.Group):
             raise _Failure(f"{where}{error.strerror or error}; {remedy}") from None
         except MemoryError:
             raise _Failure("not enough memory; use fewer images at a time (--places A:B)") from None
+        finally:
+            logger.removeHandler(notes)
+
+
+class _Notes(logging.Handler):
+    """Prints each warning of the library as a note on stderr."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        click.echo(f"note: {record.getMessage()}", err=True)
 
 
 class _Failure(click.ClickException):

@@ -20,7 +20,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from lava_vpr.errors import LavaRunError
-from lava_vpr.isolated import exchange, failures, isolation
+from lava_vpr.isolated import first_failure, job_folder, lifetime
 from lava_vpr.isolated.worker import STACKS
 
 LOOK = 0.03  # seconds between two looks at the worker
@@ -65,12 +65,12 @@ def run_isolated(
     folder = _folder()
     worker: subprocess.Popen[bytes] | None = None
     try:
-        reader = exchange.ProgressReader(folder)
+        reader = job_folder.ProgressReader(folder)
         with _uninterrupted():  # a worker that is started is known
             worker = _start(folder)
         _write_job(folder, target, arrays, text)  # now, so that the worker removes it should we be killed meanwhile
         _wait(worker, folder, target, timeout, end, reader, progress)
-        return exchange.load_arrays(folder / "results")
+        return job_folder.load_arrays(folder / "results")
     finally:
         with _uninterrupted():
             if worker is not None:
@@ -96,8 +96,8 @@ def _folder() -> Path:
 def _write_job(folder: Path, target: str, arrays: Mapping[str, NDArray[Any]], options: str) -> None:
     """Tell the worker what to do; ``options`` is JSON."""
     try:
-        exchange.save_arrays(folder / "given", arrays)
-        exchange.save_job(folder, target, options)
+        job_folder.save_arrays(folder / "given", arrays)
+        job_folder.save_job(folder, target, options)
     except OSError as error:
         reason = error.strerror or str(error)
         raise LavaRunError(f"{folder}: cannot be written ({reason}); free space there or set TMPDIR") from error
@@ -130,7 +130,7 @@ def _wait(
     target: str,
     timeout: float,
     end: float,
-    reader: exchange.ProgressReader,
+    reader: job_folder.ProgressReader,
     progress: Callable[[int], None] | None,
 ) -> None:
     """Until there are results.
@@ -145,23 +145,23 @@ def _wait(
         done = reader.new()
         if done and progress is not None:
             progress(done)
-        recorded = failures.recorded(folder)
+        recorded = first_failure.recorded(folder)
         if recorded is not None:
-            raise failures.of_record(recorded, target, folder)
+            raise first_failure.of_record(recorded, target, folder)
         if code is not None:
             if (folder / "results").exists() and code == 0:
                 return
-            raise failures.of_end(f"{target}: its process", 128 - code if code > 128 else code, folder)
+            raise first_failure.of_end(f"{target}: its process", 128 - code if code > 128 else code, folder)
         if time.monotonic() > end:
             _ask_stacks(folder)
-            raise failures.of_timeout(target, timeout, folder)
+            raise first_failure.of_timeout(target, timeout, folder)
 
 
 def _ask_stacks(folder: Path) -> None:
     """Let each process write where it stands."""
-    isolation.signal_group(_group(folder), STACKS)
+    lifetime.signal_group(_group(folder), STACKS)
     end = time.monotonic() + TELL
-    while time.monotonic() < end and not failures.all_stacks(folder):
+    while time.monotonic() < end and not first_failure.all_stacks(folder):
         time.sleep(LOOK)
 
 
@@ -183,8 +183,8 @@ def _end(worker: subprocess.Popen[bytes], folder: Path) -> None:
             worker.kill()
             worker.wait()
     if worker.returncode < 0:  # killed: it could not see to it itself
-        isolation.end_group(_group(folder))
-    isolation.remove_shared_memory(folder.name)
+        lifetime.end_group(_group(folder))
+    lifetime.remove_shared_memory(folder.name)
 
 
 @contextlib.contextmanager

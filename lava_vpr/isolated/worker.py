@@ -23,10 +23,10 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
-from lava_vpr.isolated import isolation
+from lava_vpr.isolated import lifetime
 
 if TYPE_CHECKING:
-    from lava_vpr.isolated.exchange import ProgressWriter
+    from lava_vpr.isolated.job_folder import ProgressWriter
 
 LOOK = 0.02  # seconds between two looks of the keeper
 WATCH = 0.05  # seconds between two looks at Lava's processes
@@ -65,7 +65,7 @@ class _Children:
 
         Two threads may look at once.
         """
-        from lava_vpr.isolated.failures import record_end
+        from lava_vpr.isolated.first_failure import record_end
 
         for pid, (part, name) in list(self._started.items()):
             try:
@@ -115,7 +115,7 @@ def _hook_processes(folder: Path) -> None:
 
     Lava's `SystemProcess` calls `Process.run` inside a ``try`` that keeps exceptions to itself, so that one is wrapped.
     """
-    from lava_vpr.isolated.failures import record_exception
+    from lava_vpr.isolated.first_failure import record_exception
 
     children = _Children(folder)
     start, run = mp_process.BaseProcess.start, mp_process.BaseProcess.run
@@ -170,10 +170,10 @@ def quiet_logging() -> None:
 def _prepare(folder: Path) -> None:
     """Make this process safe to run Lava in."""
     global _progress
-    from lava_vpr.isolated.exchange import ProgressWriter
+    from lava_vpr.isolated.job_folder import ProgressWriter
 
     faulthandler.enable()
-    isolation.name_shared_memory(folder.name)
+    lifetime.name_shared_memory(folder.name)
     tempfile.tempdir = str(folder)
     vars(mp_process.current_process())["_config"]["tempdir"] = str(folder)  # for sockets, whose paths must be short
     quiet_logging()
@@ -184,8 +184,8 @@ def _prepare(folder: Path) -> None:
 
 def _work(folder: Path) -> int:
     """Call the target; the exit code."""
-    from lava_vpr.isolated.exchange import load_job, save_arrays
-    from lava_vpr.isolated.failures import record_exception
+    from lava_vpr.isolated.first_failure import record_exception
+    from lava_vpr.isolated.job_folder import load_job, save_arrays
 
     try:
         _prepare(folder)
@@ -201,7 +201,7 @@ def _work(folder: Path) -> int:
 
 def _start(folder: Path) -> int:
     """Fork the process that works, in a group of its own; its id."""
-    isolation.bind_forks()  # those of the fork, too
+    lifetime.bind_forks()  # those of the fork, too
     pid = os.fork()
     if pid == 0:
         code = 1
@@ -218,26 +218,26 @@ def _start(folder: Path) -> int:
 
 def main(folder: Path, caller: int) -> int:
     """Run the job in ``folder`` for the process ``caller`` and see it end; the exit code, 128 + n after signal n."""
-    told: list[int] = []
+    signals: list[int] = []
 
     def stop(number: int, frame: FrameType | None) -> None:
-        told.append(number)
+        signals.append(number)
 
     signal.signal(signal.SIGTERM, stop)
-    isolation.adopt_orphans()
+    lifetime.adopt_orphans()
     pid = _start(folder)
     try:
         (folder / "group").write_text(str(pid), encoding="ascii")
         code = None
-        while code is None and not told and os.getppid() == caller and folder.exists():
+        while code is None and not signals and os.getppid() == caller and folder.exists():
             ended, status = os.waitpid(pid, os.WNOHANG)
             if ended:
                 code = os.waitstatus_to_exitcode(status)
             else:
                 time.sleep(LOOK)
     finally:
-        isolation.end_descendants(pid)
-        isolation.remove_shared_memory(folder.name)
+        lifetime.end_descendants(pid)
+        lifetime.remove_shared_memory(folder.name)
         if os.getppid() != caller:
             shutil.rmtree(folder, ignore_errors=True)
     if code is None:

@@ -25,6 +25,7 @@ from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import LavaRunError
+from lava_vpr.isolated.child import run_child
 from lava_vpr.model import Model, checked_network
 
 STEPS = 100_000
@@ -82,12 +83,11 @@ def _run(bundle: Path, folder: Path, rates: NDArray[Any], keys: NDArray[np.uint6
     words = [python or sys.executable, str(bundle.absolute() / "program" / "run.py")]
     words += ["--queries", str(given), "--out", str(folder / "out"), "--power", str(power)]
     try:
-        ran = subprocess.run(words, capture_output=True, text=True, timeout=TIMEOUT, check=False)
+        ended = run_child(words, seconds=TIMEOUT)
     except (OSError, subprocess.TimeoutExpired) as error:
         raise LavaRunError(f"{backend}: the board's program did not end well ({error}); try its --self-test") from None
-    lines = [line.strip() for line in ran.stderr.splitlines() if line.strip()]
-    if ran.returncode:
-        raise LavaRunError(lines[-1] if lines else f"{backend}: the board's program failed without a word", ran.stderr)
+    if ended.code:
+        raise LavaRunError(ended.last or f"{backend}: the board's program failed without a word", ended.err)
     try:
         found = json.loads(power.read_text(encoding="utf-8"))
         return {name: float(found[name]) for name in FIGURES}

@@ -283,16 +283,16 @@ def test_run_bundle(seeds: pytest.MonkeyPatch, made: Made) -> None:
 
 
 def test_unanswered_queries_are_presented_again(
-    seeds: pytest.MonkeyPatch, made: Made, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    seeds: pytest.MonkeyPatch, made: Made, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     choose(seeds, vanish_after=8, once=str(tmp_path / "once"))
     told: list[int] = []
     counts = host_program.run_bundle(made.path, made.rates, made.keys, advance=told.append)
     assert np.array_equal(counts, made.counts)
     assert sum(told) == 6
-    said = capsys.readouterr().err
-    assert said.startswith("note: Kapoho Bay answered 2 of 6 queries, then: ")
-    assert said.endswith("; the others are presented again\n")
+    (said,) = caplog.messages
+    assert said.startswith("Kapoho Bay answered 2 of 6 queries, then: ")
+    assert said.endswith("; the others are presented again")
 
 
 def test_a_device_that_stays_away(seeds: pytest.MonkeyPatch, made: Made, tmp_path: Path) -> None:

@@ -49,9 +49,9 @@ def bind_forks() -> None:
 
 def _children() -> list[int]:
     """Children of this process, adopted ones too; empty where the system does not tell."""
-    own = os.getpid()
+    pid = os.getpid()
     try:
-        return [int(word) for word in Path(f"/proc/{own}/task/{own}/children").read_text(encoding="ascii").split()]
+        return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="ascii").split()]
     except OSError:
         return []
 
@@ -92,14 +92,14 @@ def end_descendants(group: int, limit: float = 5.0) -> bool:
 
 def _dead(group: int) -> bool:
     """Whether all that is left of ``group`` waits to be reaped, which init may do late; False where nobody tells."""
-    found = False
+    readable = False
     for path in Path("/proc").glob("[0-9]*/stat"):
         with contextlib.suppress(OSError):
-            state, _, own = path.read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()[:3]
-            found = True
-            if int(own) == group and state not in "ZX":
+            state, _, its_group = path.read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()[:3]
+            readable = True
+            if int(its_group) == group and state not in "ZX":
                 return False
-    return found
+    return readable
 
 
 def end_group(group: int, limit: float = 5.0) -> bool:

@@ -1,0 +1,87 @@
+"""A program run as a child that cannot outlive its time, nor its caller's interest: it is ended with all it started."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+
+class Ended(NamedTuple):
+    """How a program ended.
+
+    Attributes:
+        code: Its exit code; negative: the signal that ended it.
+        out, err: What it wrote to stdout and stderr.
+    """
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def last(self) -> str:
+        """The last line that it wrote to stderr, where programs say what went wrong; empty if it wrote none."""
+        lines = [line.strip() for line in self.err.splitlines() if line.strip()]
+        return lines[-1] if lines else ""
+
+
+def run_child(
+    words: Sequence[str | Path],
+    *,
+    seconds: float,
+    folder: Path | None = None,
+    environment: Mapping[str, str] | None = None,
+) -> Ended:
+    """Run a program to its end; however this call ends, the program and all that it started have ended, too.
+
+    Args:
+        words: The program and its arguments.
+        seconds: Time that it may take.
+        folder: Its working directory (default: ours).
+        environment: Its environment variables (default: ours).
+    Raises:
+        OSError: the program cannot be started.
+        subprocess.TimeoutExpired: the program took too long and was stopped.
+    """
+    with subprocess.Popen(
+        [str(word) for word in words],
+        cwd=folder,
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        errors="replace",
+        start_new_session=True,
+    ) as child:
+        try:
+            out, err = child.communicate(timeout=seconds)
+        finally:
+            end(child)
+    return Ended(child.returncode, out, err)
+
+
+def end(child: subprocess.Popen[bytes] | subprocess.Popen[str], grace: float = 0.0) -> None:
+    """End a program that leads a session of its own, and whatever it started there.
+
+    Args:
+        child: The program, started with ``start_new_session``.
+        grace: Seconds that it has to end in good order, once asked to; 0: it is not asked.
+    """
+    if grace > 0 and child.poll() is None:
+        child.terminate()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            child.wait(grace)
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        os.killpg(child.pid, signal.SIGKILL)
+    child.wait()
+
+
+def environment_without_python() -> dict[str, str]:
+    """Our environment without the variables of Python, for the interpreter of another environment."""
+    return {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
