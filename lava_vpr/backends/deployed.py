@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.backends.interface import Advance, Events, Presentations
-from lava_vpr.deploy.boards.board import KAPOHO_BAY
+from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
 from lava_vpr.deploy.bundle import folder as bundle_folder
 from lava_vpr.deploy.bundle.core_files import Spikes
 from lava_vpr.deploy.bundle.deployment import deploy
@@ -32,8 +32,8 @@ BATCH = 16
 
 
 @contextmanager
-def bundle_of(model: Model) -> Iterator[Bundle]:
-    """The bundle that ``model`` was read from, or else a temporary one for Kapoho Bay.
+def bundle_of(model: Model, board: Board = KAPOHO_BAY) -> Iterator[Bundle]:
+    """The bundle that ``model`` was read from, or else a temporary one for ``board``.
 
     Raises:
         NetworkLimitError: the model does not fit the board.
@@ -42,12 +42,16 @@ def bundle_of(model: Model) -> Iterator[Bundle]:
         yield bundle_folder.load(model.bundle)
         return
     with tempfile.TemporaryDirectory(prefix="lava-vpr-") as folder:
-        yield deploy(model, KAPOHO_BAY, Path(folder) / "bundle", picture=False).bundle
+        yield deploy(model, board, Path(folder) / "bundle", picture=False).bundle
 
 
 @dataclass(frozen=True)
 class BundleBackend:
-    """Simulates the registers and memory of a bundle; reads nothing else."""
+    """Simulates the registers and memory of a bundle; reads nothing else.
+
+    Attributes:
+        advance: Told how many queries are done.
+    """
 
     advance: Advance | None = None
 
@@ -82,14 +86,20 @@ class BundleBackend:
 
 @dataclass(frozen=True)
 class KapohoBayBackend:
-    """Runs a bundle's host program on the board; it reads out counts, not single spikes."""
+    """Runs a bundle's host program on the board; it reads out counts, not single spikes.
+
+    Attributes:
+        advance: Told how many queries are done.
+        board: The board that a model is deployed for first, unless it is a bundle.
+    """
 
     advance: Advance | None = None
+    board: Board = KAPOHO_BAY
 
     def count_spikes(self, model: Model, shown: Presentations) -> tuple[NDArray[np.int32], Events]:
         """See `lava_vpr.backends.interface.Backend.count_spikes`."""
-        network = checked_network(model, KAPOHO_BAY.name)
-        with bundle_of(model) as bundle:
+        network = checked_network(model, self.board.name)
+        with bundle_of(model, self.board) as bundle:
             counts = host_program.run_bundle(bundle.path, shown.rates, shown.keys, advance=self.advance)
         # The board is sent what the host draws, so the host's engine can tell the events.
         _, events, _ = fixed.count_spikes(network, shown.rates, shown.keys)
