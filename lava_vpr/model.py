@@ -119,10 +119,10 @@ def integer_model(model: Model, purpose: str, path: Path | None = None) -> Integ
     Raises:
         ConfigError: the model is the float conductance model.
     """
-    found = as_integer(model)
-    if found is None:
+    integer = as_integer(model)
+    if integer is None:
         raise not_integer(purpose, path)
-    return found
+    return integer
 
 
 def checked_network(model: Model, purpose: str) -> FixedNetwork:
@@ -248,7 +248,7 @@ def _assembled(header: dict[str, Any], arrays: dict[str, NDArray[Any]], network:
     if network is not None:
         network.check()
     whole = network or _network(header, arrays, config)
-    given: dict[str, Any] = {name: arrays[name] for name in _ARRAYS}
+    values: dict[str, Any] = {name: arrays[name] for name in _ARRAYS}
     model = Model(
         config=config,
         network=whole,
@@ -256,7 +256,7 @@ def _assembled(header: dict[str, Any], arrays: dict[str, NDArray[Any]], network:
         place_names=tuple(header["place_names"]),
         route_images=int(header["route_images"]),
         training=dict(header["training"]),
-        **given,
+        **values,
     )
     places, inputs = model.places, config.encoder.inputs
     for name, shape in {

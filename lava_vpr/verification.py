@@ -99,7 +99,7 @@ def compare(host: Trains, other: Trains, names: Sequence[str]) -> tuple[int, int
         if len(where):
             query, step, neuron = (int(x) for x in where[0])
             key = (query, step, order)
-            found = Mismatch(
+            mismatch = Mismatch(
                 names[query],
                 step,
                 population,
@@ -107,7 +107,7 @@ def compare(host: Trains, other: Trains, names: Sequence[str]) -> tuple[int, int
                 int(ours[query, step, neuron]),
                 int(theirs[query, step, neuron]),
             )
-            first = min(first, (key, found), key=lambda pair: pair[0]) if first else (key, found)
+            first = min(first, (key, mismatch), key=lambda pair: pair[0]) if first else (key, mismatch)
     return spikes, differing, first[1] if first else None
 
 

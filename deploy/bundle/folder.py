@@ -140,10 +140,12 @@ def check_replaceable(path: Path) -> None:
         known = set()
     if not known:
         raise BundleError(f"{path}: holds something else than a bundle; name another folder")
-    found = (file.relative_to(path) for file in path.rglob("*") if not file.is_dir())
-    own = [name for name in found if name.as_posix() not in known and "__pycache__" not in name.parts]
-    if own:
-        raise BundleError(f"{path}: holds {min(own)}, which is no part of the bundle; move it or name another folder")
+    files = (file.relative_to(path) for file in path.rglob("*") if not file.is_dir())
+    foreign = [name for name in files if name.as_posix() not in known and "__pycache__" not in name.parts]
+    if foreign:
+        raise BundleError(
+            f"{path}: holds {min(foreign)}, which is no part of the bundle; move it or name another folder"
+        )
 
 
 def write(path: Path, manifest: Mapping[str, Any], files: Mapping[str, bytes]) -> Bundle:

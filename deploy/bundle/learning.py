@@ -150,20 +150,20 @@ def _phase_json(phase: FoldedPhase) -> dict[str, Any]:
     }
 
 
-def _phase(told: Mapping[str, Any]) -> FoldedPhase:
+def _phase(described: Mapping[str, Any]) -> FoldedPhase:
     """The inverse of `_phase_json`."""
-    rule, host = told["learning_rule"], told["host"]
+    rule, host = described["learning_rule"], described["host"]
     products = tuple((int(mantissa), int(exponent)) for mantissa, exponent in rule["products"])
     chip = IntegerLearning(
         rule=Rule(products, int(rule["target"]), int(rule["mu"]), float(rule["x1_tau"])),
-        shift=-int(told["plastic"]["weight_exp"]),
-        inhibition=int(told["inhibit"]["mantissa"]) << int(told["inhibit"]["weight_exp"]),
-        neurons=LifParameters(du=int(told["exc"]["du"]), dv=int(told["exc"]["dv"])),
+        shift=-int(described["plastic"]["weight_exp"]),
+        inhibition=int(described["inhibit"]["mantissa"]) << int(described["inhibit"]["weight_exp"]),
+        neurons=LifParameters(du=int(described["exc"]["du"]), dv=int(described["exc"]["dv"])),
         weight_sum=0,
-        steps=int(told["steps"]),
+        steps=int(described["steps"]),
     )
     return FoldedPhase(
-        chip, int(host["weight_sum"]), int(host["theta_plus"]), int(host["threshold_factor"]), int(told["epochs"])
+        chip, int(host["weight_sum"]), int(host["theta_plus"]), int(host["threshold_factor"]), int(described["epochs"])
     )
 
 
@@ -196,18 +196,18 @@ def read_learning(bundle: Bundle) -> tuple[ChipLearning, ...]:
         raise BundleError(f"{bundle.path}: holds no network that learns; deploy the model with --learning")
     rates, parts = bundle.array(RATES), []
     try:
-        for told in bundle.json(SETTINGS)["stretches"]:
-            values = {name: bundle.array(f"{told['folder']}/{name}.npy") for name in ARRAYS}
-            phases = tuple(_phase(phase) for phase in told["phases"])
-            for phase, own in zip(phases, told["phases"], strict=True):
-                if phase.chip.rule.microcode() != own["learning_rule"]["dw"]:
-                    raise ValueError(f"dw {own['learning_rule']['dw']!r} that is not the sum of its products")
+        for described in bundle.json(SETTINGS)["stretches"]:
+            values = {name: bundle.array(f"{described['folder']}/{name}.npy") for name in ARRAYS}
+            phases = tuple(_phase(phase) for phase in described["phases"])
+            for phase, stored in zip(phases, described["phases"], strict=True):
+                if phase.chip.rule.microcode() != stored["learning_rule"]["dw"]:
+                    raise ValueError(f"dw {stored['learning_rule']['dw']!r} that is not the sum of its products")
                 phase.chip.check(values["weights"].shape[1])
             parts.append(
                 ChipLearning(
                     phases,
                     IntegerState(values["weights"], values["thresholds"]),
-                    tuple(int(seed) for seed in told["rng_seeds"]),
+                    tuple(int(seed) for seed in described["rng_seeds"]),
                     values["epochs"],
                     values["images"],
                     values["keys"],

@@ -22,8 +22,8 @@ def open_bundle(path: Path) -> Model:
     """
     whole = bundle_folder.load(path)
     rebuilt = TARGETS[whole.target].network(whole)
-    told = scalars(whole)
+    stated = scalars(whole)
     for name, number in {"inputs": rebuilt.inputs, "neurons": rebuilt.neurons, **rebuilt.scalars}.items():
-        if number != told[name]:
-            raise BundleError(f"{path / MANIFEST}: says {name} {told[name]}, the registers say {number}; {AGAIN}")
+        if number != stated[name]:
+            raise BundleError(f"{path / MANIFEST}: says {name} {stated[name]}, the registers say {number}; {AGAIN}")
     return replace(read_model(whole, rebuilt), bundle=path)

@@ -131,12 +131,12 @@ def search(
         if best is not None and point.input_operations >= best[0]:
             break
         chosen = Changes(point.weight_bits, point.prune, changes.input_mode)
-        found = for_board(model, board, chosen, threads=threads)
-        after = figures(found.model, calibration, threads=threads)
+        compressed = for_board(model, board, chosen, threads=threads)
+        after = figures(compressed.model, calibration, threads=threads)
         tried.append((point, after))
         cost = (after.operations, point.memory_bits)
         if after.recall_at_1 >= least and (best is None or cost < best[:2]):
-            best = (*cost, replace(found, after=after))
+            best = (*cost, replace(compressed, after=after))
         if advance is not None:
             advance(f"{point.weight_bits} bits, {point.prune:g} pruned: R@1 {100 * after.recall_at_1:.1f}")
     if best is None:
@@ -146,7 +146,7 @@ def search(
 
 def _none_good(board: Board, before: Figures, max_loss: float, tried: list[tuple[Point, Figures]]) -> str:
     """Why a search found nothing."""
-    point, best = max(tried, key=lambda one: one[1].recall_at_1)
+    point, best = max(tried, key=lambda pair: pair[1].recall_at_1)
     enough = before.recall_at_1 - best.recall_at_1 + 5e-4
     return (
         f"nothing that {board.title} can run keeps R@1 within {max_loss:g} of {before.recall_at_1:.3f}; with "

@@ -194,14 +194,14 @@ class Finest(NamedTuple):
     reason: str
 
 
-def _finest(model: Model, board: Board, weights: NDArray[np.float64], wanted: int) -> Finest:
-    """The network of equalised ``weights`` with the most bits up to ``wanted`` that ``board`` can run.
+def _finest(model: Model, board: Board, weights: NDArray[np.float64], most: int) -> Finest:
+    """The network of equalised ``weights`` with the most bits up to ``most`` that ``board`` can run.
 
     Raises:
         NetworkLimitError: not even one.
     """
     reasons = []
-    for bits in range(wanted, 0, -1):
+    for bits in range(most, 0, -1):
         try:
             network = fitting(model, board, bits, weights)
         except NetworkLimitError as error:
@@ -223,8 +223,8 @@ def for_board(model: Model, board: Board, changes: Changes = UNCHANGED, *, threa
         changes: What to change besides.
         threads: For the references' responses; does not change the result.
     """
-    found = adapted(model, board, changes)
-    return found if found.unchanged else replace(found, model=measured(found.model, threads))
+    compressed = adapted(model, board, changes)
+    return compressed if compressed.unchanged else replace(compressed, model=measured(compressed.model, threads))
 
 
 def adapted(model: Model, board: Board, changes: Changes = UNCHANGED) -> Compressed:
@@ -236,26 +236,24 @@ def adapted(model: Model, board: Board, changes: Changes = UNCHANGED) -> Compres
         ConfigError: the model cannot be quantised anew where it has to be, or a value is outside its range.
         NetworkLimitError: the board cannot run so many bits; the message names the most that it can.
     """
-    own = integer_model(model, PURPOSE)
-    wanted = own.network.bits if changes.weight_bits is None else changes.weight_bits
-    same_input = changes.input_mode in (None, own.config.network.input_mode)
-    if wanted == own.network.bits and changes.share == 0 and same_input and _runs(own, board):
+    integer = integer_model(model, PURPOSE)
+    most = integer.network.bits if changes.weight_bits is None else changes.weight_bits
+    same_input = changes.input_mode in (None, integer.config.network.input_mode)
+    if most == integer.network.bits and changes.share == 0 and same_input and _runs(integer, board):
         return Compressed(model, model, 0.0)
     source = with_settings(model, Changes(input_mode=changes.input_mode))
     learned = pruned(model.learned, changes.share)
-    network, reason = _finest(source, board, distinctive(model, learned), wanted)
-    if changes.weight_bits is not None and network.bits != wanted:
+    network, reason = _finest(source, board, distinctive(model, learned), most)
+    if changes.weight_bits is not None and network.bits != most:
         raise NetworkLimitError(
-            f"{board.title} cannot take {wanted} bits a weight of this model: {reason}; use at most "
+            f"{board.title} cannot take {most} bits a weight of this model: {reason}; use at most "
             f"--weight-bits {network.bits}"
         )
     notes = []
-    if network.bits != wanted:
-        notes.append(
-            f"{network.bits} bits a weight instead of {wanted}, the most that {board.title} can take: {reason}"
-        )
-    unpruned = network.bits == own.network.bits and changes.share == 0
-    if board.sum_shift == 0 and unpruned and own.network.shift > 0:
+    if network.bits != most:
+        notes.append(f"{network.bits} bits a weight instead of {most}, the most that {board.title} can take: {reason}")
+    unpruned = network.bits == integer.network.bits and changes.share == 0
+    if board.sum_shift == 0 and unpruned and integer.network.shift > 0:
         notes.append(
             f"{board.title} does not shift sums: its units are finer, and single spikes differ from the model's"
         )

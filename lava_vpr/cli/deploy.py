@@ -171,8 +171,8 @@ def _compressed(
 ) -> Compressed:
     """The model as it is to be deployed."""
     if calibration is None or max_loss is None:
-        found = for_board(model, board, changes, threads=cores())
-        return found if calibration is None else calibrated(found, calibration, threads=cores())
+        compressed = for_board(model, board, changes, threads=cores())
+        return compressed if calibration is None else calibrated(compressed, calibration, threads=cores())
     with ExitStack() as bars:
         return search(
             model, board, calibration, max_loss, changes, threads=cores(), begin=lambda points: _told(bars, points)
@@ -203,9 +203,9 @@ def _figures(compressed: Compressed, learned: Figures | None) -> Table:
     if compressed.before is not None:
         table.add_row("the model's", *_row(original.weight_bits, 0.0, compressed.before))
     chosen = (model.weight_bits, compressed.prune)
-    for point, found in compressed.tried:
+    for point, result in compressed.tried:
         if (point.weight_bits, point.prune) != chosen:
-            table.add_row("tried", *_row(point.weight_bits, point.prune, found))
+            table.add_row("tried", *_row(point.weight_bits, point.prune, result))
     if compressed.after is not None:
         table.add_row("deployed", *_row(*chosen, compressed.after), style="bold")
     if learned is not None:

@@ -66,17 +66,17 @@ def doctor() -> None:
         table.add_column(column, no_wrap=column != "what for", overflow="fold")
     missing = []
     for package, purpose in NEEDED.items():
-        found = version(package)
-        missing += [package] if found is None else []
-        table.add_row(package, found or "[bold red]missing[/]", purpose)
+        state = version(package)
+        missing += [package] if state is None else []
+        table.add_row(package, state or "[bold red]missing[/]", purpose)
     for package, (extra, purpose) in OPTIONAL.items():
         table.add_row(
             package, version(package) or "not installed", f"optional ({extra}): {purpose}".replace("[", r"\[")
         )
     browser = next((name for name in BROWSERS if shutil.which(name)), None)
     table.add_row("Chromium", browser or "not installed", "optional: the test that opens a report in a real browser")
-    for name, found, purpose in _costing():
-        table.add_row(name, found, f"optional: {purpose}")
+    for name, state, purpose in _costing():
+        table.add_row(name, state, f"optional: {purpose}")
     console.print(table)
     names = Table(title="backends", title_justify="left")
     for column in ("backend", "can run", "what"):

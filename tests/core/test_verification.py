@@ -21,6 +21,7 @@ from lava_vpr.backends.interface import Presentations, query_presentations
 from lava_vpr.cli import main
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.model import Model
@@ -105,11 +106,11 @@ def test_a_lost_spike_fails_the_command(here: Path, monkeypatch: pytest.MonkeyPa
 def test_every_backend_on_a_synthetic_route(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The command itself, Lava and all: composed, fused, library and float."""
     monkeypatch.setattr(lava_checks, "_loihi_installed", lambda: False)
-    result = run("verify", "m.lvpr", "query", "--limit", 3, "--json", "v.json")
+    result = run("verify", "m.lvpr", "query", "--limit", 2, "--json", "v.json")
     values = json.loads(Path("v.json").read_text())["backends"]
     assert list(values) == list(backends.BACKENDS)
     spikes = values["host"]["spikes_compared"]
-    assert values["host"] == {"available": True, "equal": True, "queries": 3, "spikes_compared": spikes}
+    assert values["host"] == {"available": True, "equal": True, "queries": 2, "spikes_compared": spikes}
     assert values["lava-fixed"] == values["lava-library"] == values["host"]
     assert 0 < values["lava-fused"]["spikes_compared"] < spikes  # its inputs and relays have no trains of their own
     assert values["lava-fused"]["equal"] is True
@@ -126,8 +127,10 @@ def test_eval_on_a_lava_backend_gives_the_hosts_figures(here: Path) -> None:
 
 @pytest.mark.parametrize("name", ["lava-fixed", "lava-library", "lava-fused"])
 def test_counts_and_events_are_the_hosts(name: str) -> None:
-    model, queries = small_model(PLACES), encoded(PLACES)
-    shown = query_presentations(model, queries, 1).part(slice(0, 3))
+    learned = small_model(PLACES)
+    assert isinstance(learned.network, FixedNetwork)
+    model = replace(learned, network=replace(learned.network, steps=40))
+    shown = query_presentations(model, encoded(PLACES), 1).part(slice(0, 3))
     counts, events = backends.get("host").count_spikes(model, shown)
     got, same = backends.get(name).count_spikes(model, shown)
     assert counts.sum() > 0
@@ -136,12 +139,12 @@ def test_counts_and_events_are_the_hosts(name: str) -> None:
 
 
 def test_integer_backends_refuse_the_float_model() -> None:
-    model, queries = train([encoded(4, 784)], tiny_paper()), encoded(4, 784)
-    host, fixed, floating = verify(model, queries, np.eye(4, dtype=bool), names=("host", "lava-fixed", "lava-float"))
-    assert (host.equal, host.queries) == (True, 4)
+    model, queries = train([encoded(2, 784)], tiny_paper()), encoded(2, 784)
+    host, fixed, floating = verify(model, queries, np.eye(2, dtype=bool), names=("host", "lava-fixed", "lava-float"))
+    assert (host.equal, host.queries) == (True, 2)
     assert fixed.as_json() == {"available": False, "reason": fixed.reason}
     assert str(fixed.reason).startswith("lava-fixed needs an integer network, but preset paper")
-    assert floating.as_json() == {"available": True, "equal": None, "queries": 4, "recall_at_1": host.recall}
+    assert floating.as_json() == {"available": True, "equal": None, "queries": 2, "recall_at_1": host.recall}
     for name in FIXED:
         with pytest.raises(ConfigError, match=rf"^{name} needs an integer network, .* --backend host or lava-float"):
             backends.require(name, model)

@@ -257,7 +257,7 @@ def check_board(network: FixedNetwork, arrays: Arrays, got: Arrays) -> None:
 @pytest.mark.slow
 def test_a_backend_counts_the_same_events() -> None:
     model, queries = small_model(), encoded()
-    model = replace(model, network=replace(model.network, bias_input=True))
+    model = replace(model, network=replace(model.network, bias_input=True, steps=30))
     rates = query_rates(queries.activity, model.config)[:2]
     shown = Presentations(rates, queries.indices[:2], 1)
     counts, events = backends.get("host").count_spikes(model, shown)
