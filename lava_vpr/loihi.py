@@ -25,6 +25,9 @@ THRESHOLD_LIMIT = 1 << 17
 DECAY_BITS = 12
 """Decays are in units of 2^-12. Source: lava-nc 0.10, ``proc/lif/models.py``."""
 
+DECAY_UNITY = 1 << DECAY_BITS
+"""The decay of 1, which leaves nothing: 4096 units of 2^-12."""
+
 WEIGHT_BITS = 8
 """Widest weight. Source: lava-nc 0.10, ``proc/dense/models.py``."""
 

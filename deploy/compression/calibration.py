@@ -85,7 +85,7 @@ def candidates(model: Model, board: Board, changes: Changes = UNCHANGED) -> list
                 network = fitting(source, board, bits, weights)
             except NetworkLimitError:
                 continue
-            operations = float(rates @ network.prepared[1]) * network.steps
+            operations = float(rates @ network.prepared.row_sizes) * network.steps
             if operations <= WORTH * cheapest.get(bits, np.inf):
                 cheapest[bits] = operations
                 points.append(Point(bits, share, operations, _memory_bits(network)))
@@ -157,5 +157,5 @@ def _none_good(board: Board, before: Figures, max_loss: float, tried: list[tuple
 def _memory_bits(network: FixedNetwork) -> int:
     """Bits that the inputs' synapses take, each row dense or sparse, whichever is less; headers aside."""
     index = max(1, network.neurons - 1).bit_length()
-    sparse = network.prepared[1] * (network.bits + index)
+    sparse = network.prepared.row_sizes * (network.bits + index)
     return int(np.minimum(sparse, network.neurons * network.bits).sum())

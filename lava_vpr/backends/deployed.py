@@ -63,7 +63,7 @@ class BundleBackend:
         for part, spikes in self._play(model, shown):
             counts[part] = spikes.exc.sum(axis=1, dtype=np.int32)
             sent += spikes.inputs.sum(axis=(0, 1), dtype=np.int64)
-        operations = int(sent @ network.prepared[1])
+        operations = int(sent @ network.prepared.row_sizes)
         return counts, fixed.named_events(network, operations, int(sent.sum()), int(counts.sum()), len(counts))
 
     def trains(self, model: Model, shown: Presentations) -> Trains:

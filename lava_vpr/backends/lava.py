@@ -68,7 +68,7 @@ class LavaBackend:
         if "events" in results:
             return counts, dict(zip(fixed.EVENTS, (int(x) for x in results["events"]), strict=True))
         network, per_input = checked_network(model, self.name), results["input_spikes"]
-        operations, input_spikes = int(per_input @ network.prepared[1]), int(per_input.sum())
+        operations, input_spikes = int(per_input @ network.prepared.row_sizes), int(per_input.sum())
         return counts, fixed.named_events(network, operations, input_spikes, int(counts.sum()), len(shown.rates))
 
     def trains(self, model: Model, shown: Presentations) -> Trains:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, Rule
+from lava_vpr.engine.learning.integer_kernels import StepDraws
 from lava_vpr.engine.learning.lava_order import FoldedPhase, FoldedTrainer
 from lava_vpr.isolated.worker import report
 from lava_vpr.processes.base.shared import shared_array
@@ -58,7 +59,7 @@ def learning(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> 
     kind = np.uint8 if tag == "fixed_pt" else np.float64
     weights, traces = shared_array((n, neurons, inputs), kind), shared_array((n, inputs), kind)
     theta = np.zeros((n, neurons), np.int64 if tag == "fixed_pt" else np.float64)
-    draws = (arrays["trace_draws"], arrays["weight_draws"]) if "trace_draws" in arrays else None
+    draws = StepDraws(arrays["trace_draws"], arrays["weight_draws"]) if "trace_draws" in arrays else None
     encoder = PoissonEncoder(rates=rates, keys=keys, steps=phase.steps)
     network = LearningPlaceNetwork(
         learning=phase, state=state, keys=keys, draws=draws, record_weights=weights, record_traces=traces

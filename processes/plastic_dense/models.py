@@ -14,7 +14,7 @@ from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 from numpy.typing import NDArray
 
 from lava_vpr.engine.learning.integer import Rule, normalise, step_draws
-from lava_vpr.engine.learning.integer_kernels import decay_traces, learn_column
+from lava_vpr.engine.learning.integer_kernels import StepDraws, decay_traces, learn_column
 from lava_vpr.loihi import TRACE_LIMIT
 from lava_vpr.processes.base.rules import FloatRule
 from lava_vpr.processes.plastic_dense.process import PlasticDense, interval_of
@@ -79,14 +79,14 @@ class PyPlasticDenseFixed(PlasticModel):
         self.products = self.rule.table()
         self.exponent: int = proc_params["weight_exp"]
         self.keys, self.weight_sum = proc_params["keys"], int(proc_params["weight_sum"])
-        self.stream = proc_params["draws"]  # of the whole run
-        self.draws = self.stream  # of this presentation
+        self.stream: StepDraws | None = proc_params["draws"]  # of the whole run
+        self.draws: Any = self.stream  # of this presentation
 
     def _begin(self, image: int) -> None:
         if self.stream is None:
             self.draws = step_draws(int(self.keys[image]), self.interval)
         else:
-            self.draws = tuple(part[image * self.interval :] for part in self.stream)
+            self.draws = StepDraws(*(part[image * self.interval :] for part in self.stream))
         if self.weight_sum:
             normalise(self.weights.T, self.weight_sum, int(self.keys[image]))
 
@@ -95,12 +95,12 @@ class PyPlasticDenseFixed(PlasticModel):
         return sums << self.exponent if self.exponent > 0 else sums >> -self.exponent
 
     def _decay(self, step: int) -> None:
-        if step < len(self.draws[0]):
-            decay_traces(self.x1, self.whole, self.fraction, self.draws[0][step])
+        if step < len(self.draws.traces):
+            decay_traces(self.x1, self.whole, self.fraction, self.draws.traces[step])
 
     def _learn(self, spiking: NDArray[np.int64], step: int) -> None:
-        if step < len(self.draws[1]):
-            columns, draw = self.weights.T, self.draws[1][step]
+        if step < len(self.draws.weights):
+            columns, draw = self.weights.T, self.draws.weights[step]
             for i in spiking:
                 learn_column(columns, i, self.x1, self.products, self.rule.target, self.rule.mu, draw)
 

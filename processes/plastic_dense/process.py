@@ -13,29 +13,10 @@ from numpy.typing import NDArray
 from lava_vpr.engine.general.lif import need, stored_weights
 from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.learning.integer import Rule, normalise
-from lava_vpr.engine.learning.integer_kernels import decay_traces, learn_column
+from lava_vpr.engine.learning.integer_kernels import StepDraws, decay_traces, learn_column
 from lava_vpr.loihi import WEIGHT_EXPONENT_LIMIT
 from lava_vpr.processes.base.rules import FloatRule
 from lava_vpr.processes.base.shared import CheckedProcess, RegisterVar, check_outputs
-
-Draws = tuple[NDArray[np.uint64], NDArray[np.uint64]]
-
-
-def lava_streams(rng_seed: int, steps: int) -> Draws:
-    """The random numbers that Lava's LearningDense draws in its fixed-point model, in units of 2^-53.
-
-    Args:
-        rng_seed: Of its learning rule.
-        steps: Lava steps from the start of the run.
-    Returns:
-        One number a step for traces and one a step for weights, uint64 (steps,) each, as `PlasticDense` and
-        `lava_vpr.engine.learning.integer.present` take them.
-    Source: lava-nc 0.10, ``magma/core/learning/random.py``: either generator draws once when it is made; traces then
-    draw twice a step, weights once, with a seed of 2 that cannot be changed.
-    """
-    traces = np.random.default_rng(rng_seed).random(2 * steps + 1)[2::2]
-    weights = np.random.default_rng(2).random(steps + 1)[1:]
-    return (traces * 2.0**53).astype(np.uint64), (weights * 2.0**53).astype(np.uint64)
 
 
 @lru_cache(maxsize=1)
@@ -73,7 +54,7 @@ class PlasticDense(CheckedProcess):
         steps: int = 0,
         keys: NDArray[np.uint64] | None = None,
         weight_sum: float = 0,
-        draws: Draws | None = None,
+        draws: StepDraws | None = None,
         record_weights: NDArray[Any] | None = None,
         record_traces: NDArray[Any] | None = None,
         **kwargs: Any,
@@ -153,13 +134,13 @@ class PlasticDense(CheckedProcess):
         compile_plasticity()
 
 
-def _check_timing(steps: int, keys: NDArray[np.uint64] | None, draws: Draws | None, weight_sum: float) -> None:
+def _check_timing(steps: int, keys: NDArray[np.uint64] | None, draws: StepDraws | None, weight_sum: float) -> None:
     """Refuse presentations without random numbers, and random numbers of another kind.
 
     Raises:
         NetworkLimitError: naming what does not fit.
     """
-    for name, array in (("keys", keys), *zip(("draws", "draws"), draws or (), strict=False)):
+    for name, array in [("keys", keys), *(("draws", array) for array in draws or ())]:
         fits = array is None or (array.dtype == np.uint64 and array.ndim == 1)
         need(fits, f"PlasticDense: {name}", getattr(array, "dtype", type(array)), "uint64 (n,)")
     if draws is not None:

@@ -7,9 +7,9 @@ import pytest
 from numpy.typing import NDArray
 
 from lava_vpr.engine.learning.integer import Rule
+from lava_vpr.engine.learning.lava_order import LibraryDraws
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.isolated.runner import run_isolated
-from lava_vpr.processes.plastic_dense.process import lava_streams
 
 RULES, BLOCKS, SIZE, STEPS = 8, 5, 8, 40
 
@@ -86,7 +86,7 @@ def test_more_random_networks_equal_lavas_learning_dense() -> None:
 def test_lavas_streams_are_those_of_its_generators() -> None:
     from lava.magma.core.learning.random import ConnVarRandom, TraceRandom
 
-    traces, weights = lava_streams(11, 5)
+    traces, weights = LibraryDraws(11).next(5)
     trace_random, weight_random = TraceRandom(11, 12), ConnVarRandom()
     for step in range(5):
         trace_random.advance()

@@ -16,6 +16,7 @@ from lava_vpr.encoding import draw_spikes, rates16
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, IntegerTrainer, Rule, present
+from lava_vpr.engine.learning.lava_order import LibraryDraws
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.isolated.runner import run_isolated
@@ -23,7 +24,7 @@ from lava_vpr.processes.base.rules import FloatRule
 from lava_vpr.processes.jobs.learning import LEARNING, LIBRARY, options_of
 from lava_vpr.processes.networks.learning_place_network.process import LearningPlaceNetwork
 from lava_vpr.processes.networks.library_learning_network.process import LibraryLearningNetwork
-from lava_vpr.processes.plastic_dense.process import PlasticDense, lava_streams
+from lava_vpr.processes.plastic_dense.process import PlasticDense
 
 INPUTS, NEURONS, IMAGES = 30, 6, 5
 COMPETITION = IntegerLearning(
@@ -108,7 +109,7 @@ def test_the_library_alone_equals_the_host_engine() -> None:
     arrays = {"weights": state.weights, "theta": state.theta, "rates": rates[:1], "keys": keys[:1]}
     found = run_isolated(LIBRARY, arrays, {"learning": options_of(PLAIN), "rng_seed": 7}, timeout=120)
     before, traces = state.weights.copy(), np.zeros(INPUTS, np.uint8)
-    draws = lava_streams(7, PLAIN.steps + SILENT_STEPS)
+    draws = LibraryDraws(7).next(PLAIN.steps + SILENT_STEPS)
     counts, _, raster = present(state, PLAIN, rates[0], int(keys[0]), draws=draws, traces=traces, raster=True)
     assert np.array_equal(found["raster"], raster)
     assert np.array_equal(found["weights"], state.weights)

@@ -1,1 +1,1 @@
-"""Any network of integer LIF neurons and synapses, step by step: the literal reference of the fast kernels."""
+"""Any network of integer LIF neurons and synapses, step by step: the literal model of the fast kernels."""

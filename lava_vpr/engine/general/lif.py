@@ -14,14 +14,24 @@ may raise its neuron's threshold.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import NetworkLimitError
-from lava_vpr.loihi import DECAY_BITS, INPUT_SHIFT, STATE_LIMIT, THRESHOLD_LIMIT, WEIGHT_BITS, WEIGHT_LIMIT
+from lava_vpr.loihi import (
+    BIAS_BITS,
+    DECAY_BITS,
+    DECAY_UNITY,
+    INPUT_SHIFT,
+    STATE_LIMIT,
+    THRESHOLD_LIMIT,
+    WEIGHT_BITS,
+    WEIGHT_EXPONENT_LIMIT,
+    WEIGHT_LIMIT,
+)
 
 SignMode = Literal["null", "mixed", "excitatory", "inhibitory"]
 NO_FLOOR = -STATE_LIMIT
@@ -38,16 +48,34 @@ def need(condition: bool, name: str, value: Any, limit: str) -> None:
         raise NetworkLimitError(f"{name} is {value}, but must be {limit}; choose a value that Loihi's registers hold")
 
 
+class LifConstants(NamedTuple):
+    """`LifParameters` as `lif_step` reads them: factors of u and v in units of 2^-12, and the floor in units of v."""
+
+    keep_u: int
+    keep_v: int
+    floor: int
+    hold_steps: int
+    theta_plus: int
+
+
 @dataclass(frozen=True)
 class LifParameters:
-    """Settings that a population of neurons shares.
+    """The settings that a population of leaky integrate-and-fire neurons shares.
+
+    With the input sum a of a step, the current u, the membrane v, the bias b and the threshold th of a neuron, and
+    D(x, k) = sign(x) (|x| k >> 12), which shrinks x towards 0 as the chip does::
+
+        u' = D(u, 4095 - du) + (a << 6)          wrapped into 24 bits
+        v' = D(v, 4096 - dv) + u' + b            clipped to 24 bits, then to at least floor << 6;
+                                                 0 in the hold_steps steps after a spike
+        spike = v' > (th << 6)                   then v' = 0 and th' = min(th + theta_plus, 2^17 - 1)
 
     Attributes:
-        du, dv: Decays of current and membrane in units of 2^-12, 0..4095 (du = 4095: currents have no memory; dv may be
-            4096: neither has the membrane).
-        floor: Lower bound of the membrane, in the units of its threshold; None: none.
-        hold_steps: Steps after a spike in which the membrane stays at 0.
-        theta_plus: What a spike adds to its neuron's threshold.
+        du: Decay of the current u in units of 2^-12, 0..4095. With 4095 a current has no memory.
+        dv: Decay of the membrane v in units of 2^-12, 0..4096. With 4096 a membrane has no memory.
+        floor: Lower bound of the membrane in the unit of the threshold, 2^6 units of v. None is no bound.
+        hold_steps: Number of steps after a spike in which the membrane stays at 0.
+        theta_plus: What each spike adds to its neuron's threshold, for good.
     """
 
     du: int = 4095
@@ -62,19 +90,18 @@ class LifParameters:
         Raises:
             NetworkLimitError: a parameter is out of its range.
         """
-        need(0 <= self.du < 1 << DECAY_BITS, "du", self.du, f"in 0..{(1 << DECAY_BITS) - 1}")
-        need(0 <= self.dv <= 1 << DECAY_BITS, "dv", self.dv, f"in 0..{1 << DECAY_BITS}")
+        need(0 <= self.du < DECAY_UNITY, "du", self.du, f"in 0..{DECAY_UNITY - 1}")
+        need(0 <= self.dv <= DECAY_UNITY, "dv", self.dv, f"in 0..{DECAY_UNITY}")
         bound = STATE_LIMIT >> INPUT_SHIFT
         need(self.floor is None or -bound < self.floor <= 0, "floor", self.floor, f"in {1 - bound}..0")
         need(self.hold_steps >= 0, "hold_steps", self.hold_steps, "at least 0")
         need(0 <= self.theta_plus < THRESHOLD_LIMIT, "theta_plus", self.theta_plus, f"in 0..{THRESHOLD_LIMIT - 1}")
 
     @property
-    def constants(self) -> NDArray[np.int64]:
-        """What `lif_step` takes: factors of u and v, floor in units of v, hold, theta_plus."""
-        unity = 1 << DECAY_BITS
+    def constants(self) -> LifConstants:
+        """The settings as `lif_step` takes them."""
         floor = NO_FLOOR if self.floor is None else self.floor << INPUT_SHIFT
-        return np.array([unity - self.du - 1, unity - self.dv, floor, self.hold_steps, self.theta_plus], np.int64)
+        return LifConstants(DECAY_UNITY - self.du - 1, DECAY_UNITY - self.dv, floor, self.hold_steps, self.theta_plus)
 
 
 def check_thresholds(threshold: NDArray[Any] | int) -> None:
@@ -97,8 +124,8 @@ def bias_of(mantissa: NDArray[Any] | int, exponent: NDArray[Any] | int) -> NDArr
         NetworkLimitError: a mantissa beyond 13 bits and sign, or an exponent beyond -7..7.
     """
     mant, exp = np.asarray(mantissa, np.int64), np.asarray(exponent, np.int64)
-    need(bool((np.abs(mant + 0.5) <= 1 << DECAY_BITS).all()), "bias mantissa", mantissa, "in -4096..4095")
-    need(bool((np.abs(exp) <= 7).all()), "bias exponent", exponent, "in -7..7")
+    need(bool((np.abs(mant + 0.5) <= 1 << BIAS_BITS).all()), "bias mantissa", mantissa, "in -4096..4095")
+    need(bool((np.abs(exp) <= WEIGHT_EXPONENT_LIMIT).all()), "bias exponent", exponent, "in -7..7")
     return np.where(exp >= 0, mant << np.maximum(exp, 0), mant >> np.maximum(-exp, 0))
 
 
@@ -122,9 +149,10 @@ def stored_weights(
     )
     outside = values[~((values >= low) & (values <= high)) | (values != np.floor(values))]
     shown = outside.flat[0] if outside.size else ""
-    need(not outside.size, f"{of}{': ' * bool(of)}{sign} weight", shown, f"a whole number in {low}..{high}")
+    name = f"{of}: {sign} weight" if of else f"{sign} weight"
+    need(not outside.size, name, shown, f"a whole number in {low}..{high}")
     whole = values.astype(np.int32)
-    drop = WEIGHT_BITS - bits + (sign == "mixed")
+    drop = WEIGHT_BITS - bits + (1 if sign == "mixed" else 0)
     return -((-whole >> drop) << drop) if sign == "inhibitory" else (whole >> drop) << drop
 
 
@@ -136,7 +164,7 @@ def lif_step(
     held: NDArray[np.int32],
     drive: NDArray[np.int64],
     bias: NDArray[np.int64],
-    constants: NDArray[np.int64],
+    constants: LifConstants,
     spikes: NDArray[np.bool_],
 ) -> int:
     """One step of a population, every array (neurons,).
@@ -150,33 +178,34 @@ def lif_step(
         constants: `LifParameters.constants`.
         spikes: Filled.
     Returns:
-        How many spike.
+        The number of neurons that spike.
     """
     limit = np.int64(STATE_LIMIT)
-    keep_u, keep_v, floor, hold, theta_plus = constants[0], constants[1], constants[2], constants[3], constants[4]
+    keep_u, keep_v, floor = constants.keep_u, constants.keep_v, constants.floor
     n = 0
     for i in range(v.size):
         current = np.int64(u[i])
-        current = (current * keep_u >> 12) if current >= 0 else -(-current * keep_u >> 12)
-        current = np.int64(np.int32(current + (np.int64(drive[i]) << 6)))  # Lava adds up in 32 bits, then wraps at 24
+        current = (current * keep_u >> DECAY_BITS) if current >= 0 else -(-current * keep_u >> DECAY_BITS)
+        # Lava adds up in 32 bits, then wraps at 24.
+        current = np.int64(np.int32(current + (np.int64(drive[i]) << INPUT_SHIFT)))
         wrapped = current - 2 * limit if current > limit else current
         if wrapped <= -limit:
             wrapped = current + 2 * limit
         u[i] = wrapped
         x = np.int64(v[i])
-        x = (x * keep_v >> 12) if x >= 0 else -(-x * keep_v >> 12)
+        x = (x * keep_v >> DECAY_BITS) if x >= 0 else -(-x * keep_v >> DECAY_BITS)
         x = np.int64(np.int32(x + np.int64(u[i]) + bias[i]))
         x = min(max(x, 1 - limit), limit - 1)
         if x < floor:
-            x = floor
+            x = np.int64(floor)
         if held[i] > 0:
             held[i] -= 1
             x = np.int64(0)
-        spikes[i] = x > np.int64(threshold[i]) << 6
+        spikes[i] = x > np.int64(threshold[i]) << INPUT_SHIFT
         if spikes[i]:
             x = np.int64(0)
-            held[i] = hold
-            threshold[i] = min(threshold[i] + theta_plus, THRESHOLD_LIMIT - 1)
+            held[i] = constants.hold_steps
+            threshold[i] = min(threshold[i] + constants.theta_plus, THRESHOLD_LIMIT - 1)
             n += 1
         v[i] = x
     return n

@@ -1,4 +1,4 @@
-"""Any network of LIF populations and dense synapses on the host, in Loihi's integers: the reference for the others.
+"""Any network of LIF populations and dense synapses on the host, in Loihi's integers: the literal model of the others.
 
 A loop over the kernels of `engine.general.lif`. In every step each population integrates what its synapses summed up
 from the spikes of the step *before* (each connection buffers one step, as Lava's Dense), whatever the wiring: loops and
@@ -25,6 +25,7 @@ from lava_vpr.engine.general.lif import (
     stored_weights,
 )
 from lava_vpr.errors import NetworkLimitError
+from lava_vpr.loihi import WEIGHT_EXPONENT_LIMIT
 
 INPUTS = -1
 """Source of synapses from the inputs."""
@@ -134,13 +135,13 @@ class GeneralNetwork:
                 raise NetworkLimitError(
                     f"{name}: weights are {synapses.weights.shape}, but must be (pre, post) = {shape}"
                 )
-            need(abs(synapses.exponent) <= 7, f"{name}: exponent", synapses.exponent, "in -7..7")
+            need(abs(synapses.exponent) <= WEIGHT_EXPONENT_LIMIT, f"{name}: exponent", synapses.exponent, "in -7..7")
             stored_weights(synapses.weights, synapses.bits, synapses.sign)
 
 
 @dataclass(frozen=True)
-class Activity:
-    """What a network did, one array for each population.
+class Recording:
+    """What a run of a network recorded, one array for each population.
 
     Attributes:
         spikes: bool (steps, neurons).
@@ -185,7 +186,7 @@ class _State:
             film_u[step], film_v[step], film_drive[step] = self.u, self.v, self.drive
 
 
-def simulate(network: GeneralNetwork, spikes: NDArray[np.bool_], *, record: bool = False) -> Activity:
+def simulate(network: GeneralNetwork, spikes: NDArray[np.bool_], *, record: bool = False) -> Recording:
     """Run ``network`` on input ``spikes``, from zero.
 
     Args:
@@ -215,13 +216,13 @@ def simulate(network: GeneralNetwork, spikes: NDArray[np.bool_], *, record: bool
             states[synapses.target].drive += total
         for state in states:
             state.advance(step)
-    activity = Activity(
+    recording = Recording(
         tuple(state.spikes for state in states),
         tuple(state.u for state in states),
         tuple(state.v for state in states),
         tuple(state.threshold for state in states),
     )
     if not record:
-        return activity
+        return recording
     films: list[tuple[Any, ...]] = [tuple(state.films[k] for state in states) for k in range(3)]
-    return Activity(activity.spikes, activity.u, activity.v, activity.threshold, *films)
+    return Recording(recording.spikes, recording.u, recording.v, recording.threshold, *films)

@@ -17,20 +17,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
-from lava_vpr.engine.inference.bias_input import biases, schedule
+from lava_vpr.engine.inference.bias_input import biases
+from lava_vpr.engine.inference.fixed_kernels import KernelNumbers, present
 from lava_vpr.engine.threads import share
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import (
     DECAY_BITS,
+    DECAY_UNITY,
     INPUT_LIMIT,
-    STATE_LIMIT,
+    INPUT_SHIFT,
     THRESHOLD_LIMIT,
     WEIGHT_BITS,
     WEIGHT_EXPONENT_LIMIT,
@@ -64,6 +64,14 @@ EVENTS = (
 
 SILENT_STEPS = 3
 """After the last input: to exc (1), to its relay (2), to the others (3)."""
+
+
+class Prepared(NamedTuple):
+    """A `FixedNetwork` as the kernel reads it: see `FixedNetwork.prepared`."""
+
+    weights: NDArray[np.uint8]
+    row_sizes: NDArray[np.int64]
+    numbers: KernelNumbers
 
 
 @dataclass(frozen=True)
@@ -143,15 +151,30 @@ class FixedNetwork:
         return self.weights.T.astype(np.int32) << spare, WEIGHT_BITS - spare, -spare - self.shift
 
     @cached_property
-    def prepared(self) -> tuple[NDArray[np.uint8], NDArray[np.int64], NDArray[np.int64], bool]:
-        """What the kernel wants, made once: padded weights, non-zero weights of each input, parameters, narrow sums."""
+    def prepared(self) -> Prepared:
+        """The network as the kernel reads it, made once.
+
+        The weights (inputs, width) are padded with silent neurons to whole vector registers; the row sizes (inputs,)
+        are the numbers of each input's weights that are not 0.
+        """
         weights = np.zeros((self.inputs, -(-self.neurons // _PADDING) * _PADDING), np.uint8)
         weights[:, : self.neurons] = self.weights
-        chunk = 255 // max(1, int(weights.max(initial=0)))
-        params = [self.shift, self.threshold, self.lateral, self.decay, self.steps, chunk, self.bias_input]
-        narrow = int(weights.sum(axis=0, dtype=np.int64).max(initial=0)) < 1 << 15
-        row_sizes = np.count_nonzero(weights, axis=1).astype(np.int64)
-        return weights, row_sizes, np.array(params, np.int64), narrow
+        numbers = KernelNumbers(
+            shift=np.int32(self.shift),
+            threshold=np.int32(self.threshold << INPUT_SHIFT),
+            lateral=np.int32(self.lateral),
+            keep=np.int32(DECAY_UNITY - self.decay),
+            steps=self.steps,
+            total=self.steps + SILENT_STEPS,
+            chunk=np.iinfo(np.uint8).max // max(1, int(weights.max(initial=0))),
+            bias_input=self.bias_input,
+        )
+        return Prepared(weights, np.count_nonzero(weights, axis=1).astype(np.int64), numbers)
+
+    @cached_property
+    def narrow(self) -> bool:
+        """Whether no input sum can leave 16 bits."""
+        return int(self.weights.sum(axis=0, dtype=np.int64).max(initial=0)) <= np.iinfo(np.int16).max
 
     def check(self, limit: int = INPUT_LIMIT, target: str = "Loihi's 24-bit current") -> None:
         """Refuse a network whose input sum of one step could overflow ``limit``.
@@ -188,121 +211,6 @@ class FixedNetwork:
                 f"the weights of one neuron sum to {excitation:,}, but {target} holds less than {limit:,}; "
                 "use fewer weight bits or fewer inputs"
             )
-
-
-@nb.njit(cache=True, inline="always")
-def integrate(v: NDArray[np.int32], drive: NDArray[np.int32], shift: np.int32, keep: np.int32) -> np.int32:
-    """One membrane step of all neurons from ``drive`` >> ``shift``; returns the highest membrane.
-
-    sign(v) (|v| keep >> 12) stays within 32 bits because |v| = 4096 h + l: h keep + (l keep >> 12).
-    """
-    top, span, low = np.int32(STATE_LIMIT), np.int32(2 * STATE_LIMIT), np.int32(4095)
-    ceiling, bottom = np.int32(STATE_LIMIT - 1), np.int32(1 - STATE_LIMIT)
-    highest = bottom
-    for i in range(v.size):
-        u = np.int32(np.int32(np.int32(drive[i]) >> shift) << np.int32(6))
-        u = np.int32(u - span) if u > top else u
-        u = np.int32(u + span) if u <= -top else u
-        x = v[i]
-        sign = np.int32(x >> np.int32(31))
-        size = np.int32(np.int32(x ^ sign) - sign)
-        size = np.int32(
-            np.int32(np.int32(size >> np.int32(12)) * keep)
-            + np.int32(np.int32(np.int32(size & low) * keep) >> np.int32(12))
-        )
-        x = np.int32(np.int32(np.int32(size ^ sign) - sign) + u)
-        x = ceiling if x > ceiling else x
-        x = bottom if x < bottom else x
-        v[i] = x
-        highest = x if x > highest else highest
-    return highest
-
-
-@nb.njit(cache=True, nogil=True)
-def _present(
-    weights: NDArray[np.uint8],
-    row_sizes: NDArray[np.int64],
-    params: NDArray[np.int64],
-    rates: NDArray[np.uint16],
-    bias: NDArray[np.int32],
-    keys: NDArray[np.uint64],
-    acc: NDArray[np.int32],
-    counts: NDArray[np.int32],
-    events: NDArray[np.int64],
-    raster: NDArray[np.uint8],
-) -> None:
-    """All presentations of ``rates`` (n, inputs); fills ``counts`` (n, neurons), adds to ``events``.
-
-    ``weights`` and ``acc`` are padded with silent neurons to whole vector registers. ``params``: shift, threshold,
-    lateral, decay, steps, how many weights fit an 8-bit partial sum, and whether inputs integrate a bias: then ``bias``
-    (n, inputs) stands for ``rates``. ``acc`` is scratch, int16 where no input sum can leave it, else int32. ``raster``
-    (n, steps + 3, neurons) is filled if not empty.
-    """
-    shift, threshold, lateral = np.int32(params[0]), np.int32(params[1] << 6), np.int32(params[2])
-    keep, steps = np.int32(4096 - params[3]), int(params[4])
-    chunk, bias_input = int(params[5]), params[6] != 0
-    nothing, no_members = np.zeros(0, np.int64), np.zeros(0, np.int32)
-    (inputs, width), neurons = weights.shape, counts.shape[1]
-    partial = np.zeros(width, np.uint8)
-    active, offsets, rates4, words, mask, occupied, spikes, spike_counts = scratch(inputs)
-    drive = np.zeros(width, np.int32)
-    v = np.zeros(width, np.int32)
-    fired = np.zeros((3, neurons), np.int32)
-    n_fired = np.zeros(3, np.int64)
-    operations, input_spikes, exc_spikes = 0, 0, 0
-    for q in range(rates.shape[0]):
-        if bias_input:
-            starts, members = schedule(bias[q], keys[q], steps)
-            n = 0
-        else:
-            starts, members = nothing, no_members
-            n = prepare_draws(rates[q], keys[q], active, offsets, rates4)
-        v[:] = 0
-        n_fired[:] = 0
-        # Input drawn at step t reaches the neurons at their step t + 1.
-        for step in range(1, steps + SILENT_STEPS):
-            lane = (step - 1) & 3
-            if step > steps:
-                spike_counts[lane] = 0
-            elif bias_input:
-                begin, spike_counts[lane] = starts[step - 1], starts[step] - starts[step - 1]
-                for s in range(spike_counts[lane]):
-                    spikes[lane, s] = members[begin + s]
-            elif lane == 0:
-                draw_block((step - 1) >> 2, n, active, offsets, rates4, words, mask, occupied, spikes, spike_counts)
-            acc[:] = 0
-            for start in range(0, spike_counts[lane], chunk):
-                partial[:] = 0
-                for s in range(start, min(start + chunk, spike_counts[lane])):
-                    row = np.uint64(spikes[lane, s])
-                    operations += row_sizes[row]
-                    for i in range(width):
-                        partial[i] += weights[row, i]
-                for i in range(width):
-                    acc[i] += partial[i]
-            input_spikes += spike_counts[lane]
-            now, before = step % 3, (step + 1) % 3  # (step - 2) mod 3
-            if n_fired[before] == 0:
-                highest = integrate(v, acc, shift, keep)
-            else:
-                pull = np.int32(lateral * np.int32(n_fired[before]))
-                for i in range(width):
-                    drive[i] = np.int32(np.int32(np.int32(acc[i]) >> shift) - pull)
-                for s in range(n_fired[before]):
-                    drive[fired[before, s]] += lateral
-                highest = integrate(v, drive, np.int32(0), keep)
-            n_fired[now] = 0
-            if highest > threshold:
-                for i in range(neurons):
-                    if v[i] > threshold:
-                        v[i] = 0
-                        fired[now, n_fired[now]] = i
-                        n_fired[now] += 1
-                        counts[q, i] += 1
-                        if raster.size > 0:
-                            raster[q, step, i] = 1
-                exc_spikes += n_fired[now]
-    events[0], events[1], events[2] = operations, input_spikes, exc_spikes
 
 
 def named_events(network: FixedNetwork, operations: int, input_spikes: int, exc_spikes: int, n: int) -> dict[str, int]:
@@ -347,14 +255,14 @@ def count_spikes(
     n = len(rates)
     counts = np.zeros((n, network.neurons), np.int32)
     film = np.zeros((n, network.steps + SILENT_STEPS, network.neurons) if raster else (0, 0, 0), np.uint8)
-    weights, row_sizes, params, narrow = network.prepared
+    prepared, narrow = network.prepared, network.narrow
     rates = np.ascontiguousarray(rates, dtype=np.uint16)
     bias = np.left_shift(*biases(rates)) if network.bias_input else np.zeros((n, 0), np.int32)
 
     def run(part: slice) -> NDArray[np.int64]:
         events = np.zeros(3, np.int64)
-        acc = np.zeros(weights.shape[1], np.int16 if narrow else np.int32)
-        _present(weights, row_sizes, params, rates[part], bias[part], keys[part], acc, counts[part], events, film[part])
+        acc = np.zeros(prepared.weights.shape[1], np.int16 if narrow else np.int32)
+        present(*prepared, rates[part], bias[part], keys[part], acc, counts[part], events, film[part])
         return events
 
     totals = share(run, n, threads)

@@ -12,7 +12,8 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.engine.inference.fixed import FixedNetwork, integrate
+from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.inference.fixed_kernels import integrate
 from lava_vpr.loihi import DECAY_BITS, INPUT_SHIFT
 
 

@@ -27,12 +27,12 @@ from lava_vpr.config import StdpLearning
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.inference.quantise import mantissa_of
-from lava_vpr.engine.learning.integer_kernels import normalise_columns, train
+from lava_vpr.engine.learning.integer_kernels import KernelPhase, StepDraws, normalise_columns, train
 from lava_vpr.engine.learning.stdp import mean_trace
 from lava_vpr.engine.random import derived_key, presentation_key, uniform
 from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.loihi import (
-    DECAY_BITS,
+    DECAY_UNITY,
     INPUT_LIMIT,
     PRODUCT_EXPONENTS,
     PRODUCT_MANTISSAS,
@@ -197,7 +197,7 @@ def phases(
             shift=shift,
             inhibition=_lateral(learning, per_unit),
             neurons=LifParameters(
-                dv=min((1 << DECAY_BITS) - 1, round((1 << DECAY_BITS) / learning.tau_membrane)),
+                dv=min(DECAY_UNITY - 1, round(DECAY_UNITY / learning.tau_membrane)),
                 floor=round(learning.floor * per_unit),
                 hold_steps=learning.hold_steps,
                 theta_plus=round(theta_plus * per_unit),
@@ -224,11 +224,11 @@ def initial_state(
     return IntegerState(np.minimum(np.round(weights), WEIGHT_LIMIT).astype(np.uint8), theta)
 
 
-def step_draws(key: int, steps: int) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
-    """The 53-bit random numbers of a presentation: one a step for its traces, one a step for its weights."""
+def step_draws(key: int, steps: int) -> StepDraws:
+    """The random numbers of a presentation of ``steps`` steps."""
     traces = uniform(derived_key(key, "trace"), steps) * 2.0**53
     weights = uniform(derived_key(key, "round"), steps) * 2.0**53
-    return traces.astype(np.uint64), weights.astype(np.uint64)
+    return StepDraws(traces.astype(np.uint64), weights.astype(np.uint64))
 
 
 def normalise(weights: NDArray[np.uint8], total: int, key: int) -> None:
@@ -242,7 +242,7 @@ def present(
     rates: NDArray[np.uint16],
     key: int,
     *,
-    draws: tuple[NDArray[np.uint64], NDArray[np.uint64]] | None = None,
+    draws: StepDraws | None = None,
     traces: NDArray[np.uint8] | None = None,
     inhibition: NDArray[np.int64] | None = None,
     raster: bool = False,
@@ -254,7 +254,7 @@ def present(
         learning: The phase.
         rates: Spike probabilities in units of 2^-16, uint16 (inputs,).
         key: The presentation's key (`lava_vpr.engine.random.presentation_key`).
-        draws: Random numbers for traces and weights, 53 bits each, one a step (default: `step_draws` of the key).
+        draws: Random numbers of its steps (default: `step_draws` of the key).
         traces: Traces at the start, changed in place (default: all 0).
         inhibition: What a spike takes from each other neuron, int64 (neurons,), in units of the shifted sum (default:
             ``learning.inhibition`` from all).
@@ -270,24 +270,27 @@ def present(
     counts, events = np.zeros(neurons, np.int32), np.zeros(2, np.int64)
     film = np.zeros((total, neurons) if raster else (0, 0), np.uint8)
     lif = replace(learning.neurons, theta_plus=0) if learning.late_theta else learning.neurons
-    params = np.array([learning.shift, learning.steps, rule.target, rule.mu], np.int64)
-    lateral = np.full(neurons, learning.inhibition, np.int64) if inhibition is None else inhibition
     whole, fraction = rule.decay()
-    trace_draws, weight_draws = step_draws(key, total) if draws is None else draws
+    phase = KernelPhase(
+        shift=learning.shift,
+        steps=learning.steps,
+        lif=lif.constants,
+        target=rule.target,
+        mu=rule.mu,
+        products=rule.table(),
+        whole=whole,
+        fraction=fraction,
+    )
+    lateral = np.full(neurons, learning.inhibition, np.int64) if inhibition is None else inhibition
     x = np.zeros(inputs, np.uint8) if traces is None else traces
     train(
         state.weights,
         state.theta,
         rates,
         np.uint64(key),
-        params,
+        phase,
         lateral,
-        lif.constants,
-        rule.table(),
-        whole,
-        fraction,
-        trace_draws,
-        weight_draws,
+        step_draws(key, total) if draws is None else draws,
         x,
         counts,
         events,

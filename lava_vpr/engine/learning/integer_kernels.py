@@ -2,18 +2,44 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
-from lava_vpr.engine.general.lif import lif_step
+from lava_vpr.engine.general.lif import LifConstants, lif_step
 from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.random import GOLDEN, mix
 from lava_vpr.loihi import TRACE_LIMIT, WEIGHT_LIMIT
 
 _S32 = np.uint64(32)
 _ACCUMULATOR = (1 << 15) - 1
+
+
+class StepDraws(NamedTuple):
+    """Random numbers of 53 bits, one for each step, uint64 (steps,): for the traces and for the weights."""
+
+    traces: NDArray[np.uint64]
+    weights: NDArray[np.uint64]
+
+
+class KernelPhase(NamedTuple):
+    """One phase of learning as the kernel reads it.
+
+    ``shift`` and ``steps`` are those of `lava_vpr.engine.learning.integer.IntegerLearning`, ``lif`` its neurons; the
+    rest is its rule: ``target``, ``mu``, ``products`` (`Rule.table`), and ``whole`` and ``fraction`` (`Rule.decay`).
+    """
+
+    shift: int
+    steps: int
+    lif: LifConstants
+    target: int
+    mu: int
+    products: NDArray[np.int64]
+    whole: NDArray[np.uint8]
+    fraction: NDArray[np.uint64]
 
 
 @nb.njit(cache=True, nogil=True)
@@ -109,30 +135,35 @@ def _decay_epochs(
 
 
 @nb.njit(cache=True, nogil=True)
+def _learn_at(
+    weights: NDArray[np.uint8], x: NDArray[np.uint8], fired: NDArray[np.bool_], phase: KernelPhase, draw: np.uint64
+) -> None:
+    """Change the synapses of all neurons that ``fired``, by the traces ``x`` of this step."""
+    for i in range(fired.size):
+        if fired[i]:
+            learn_column(weights, i, x, phase.products, phase.target, phase.mu, draw)
+
+
+@nb.njit(cache=True, nogil=True)
 def train(
     weights: NDArray[np.uint8],
     theta: NDArray[np.int32],
     rates: NDArray[np.uint16],
     key: np.uint64,
-    params: NDArray[np.int64],
+    phase: KernelPhase,
     inhibition: NDArray[np.int64],
-    constants: NDArray[np.int64],
-    products: NDArray[np.int64],
-    whole: NDArray[np.uint8],
-    fraction: NDArray[np.uint64],
-    trace_draws: NDArray[np.uint64],
-    weight_draws: NDArray[np.uint64],
+    draws: StepDraws,
     x: NDArray[np.uint8],
     counts: NDArray[np.int32],
     events: NDArray[np.int64],
     raster: NDArray[np.uint8],
 ) -> None:
-    """One presentation; changes ``weights``, ``theta`` and traces ``x``, fills ``counts``, adds to ``events``.
+    """Run one presentation; changes ``weights``, ``theta`` and traces ``x``, fills ``counts``, adds to ``events``.
 
     Every spike sets its trace to the same value, and all traces of a step share one random number: traces last set in
     the same step stay equal, and only one value a step is followed.
     """
-    shift, steps, target, mu = params[0], params[1], params[2], params[3]
+    shift, steps, whole, fraction = phase.shift, phase.steps, phase.whole, phase.fraction
     inputs, neurons = weights.shape
     active, offsets, rates4, words, mask, occupied, spikes, spike_counts = scratch(inputs)
     n = prepare_draws(rates, key, active, offsets, rates4)
@@ -151,7 +182,7 @@ def train(
             drive[i] = buffer[i] >> shift
             if n_fired[before] > 0:
                 drive[i] -= inhibition[i] * (n_fired[before] - np.int64(fired[before, i]))
-        n_fired[now] = lif_step(u, v, theta, held, drive, bias, constants, fired[now])
+        n_fired[now] = lif_step(u, v, theta, held, drive, bias, phase.lif, fired[now])
         # What the inputs of this step will bring, by the weights before this step's learning.
         lane = step & 3
         if lane == 0 and step < steps:
@@ -159,8 +190,8 @@ def train(
         arrivals = spike_counts[lane] if step < steps else 0
         buffer[:] = 0
         if warm:
-            _decay_epochs(value[:classes], classes, whole, fraction, trace_draws[step])
-        _decay_epochs(value[classes:], min(step, steps), whole, fraction, trace_draws[step])
+            _decay_epochs(value[:classes], classes, whole, fraction, draws.traces[step])
+        _decay_epochs(value[classes:], min(step, steps), whole, fraction, draws.traces[step])
         if step < steps:
             value[classes + step] = TRACE_LIMIT
         for s in range(arrivals):
@@ -173,11 +204,10 @@ def train(
             events[1] += n_fired[now]
             for j in range(inputs):
                 x[j] = value[last[j]]
+            _learn_at(weights, x, fired[now], phase, draws.weights[step])
             for i in range(neurons):
-                if fired[now, i]:
-                    counts[i] += 1
-                    if raster.size > 0:
-                        raster[step, i] = 1
-                    learn_column(weights, i, x, products, target, mu, weight_draws[step])
+                counts[i] += fired[now, i]
+                if raster.size > 0:
+                    raster[step, i] = fired[now, i]
     for j in range(inputs):
         x[j] = value[last[j]]

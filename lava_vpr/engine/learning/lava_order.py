@@ -41,6 +41,7 @@ from lava_vpr.engine.learning.integer import (
     present,
     unit,
 )
+from lava_vpr.engine.learning.integer_kernels import StepDraws
 from lava_vpr.engine.random import GOLDEN, derived_key, mix, presentation_key
 from lava_vpr.errors import ConfigError
 from lava_vpr.loihi import INPUT_LIMIT, THRESHOLD_LIMIT, WEIGHT_LIMIT
@@ -145,10 +146,10 @@ class LibraryDraws:
         self._traces.random()
         self._weights.random()
 
-    def next(self, steps: int) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
-        """53-bit numbers of the next ``steps`` steps, for traces and for weights, uint64 (steps,) each."""
+    def next(self, steps: int) -> StepDraws:
+        """The random numbers of the next ``steps`` steps."""
         traces, weights = self._traces.random(2 * steps)[1::2], self._weights.random(steps)
-        return (traces * 2.0**53).astype(np.uint64), (weights * 2.0**53).astype(np.uint64)
+        return StepDraws((traces * 2.0**53).astype(np.uint64), (weights * 2.0**53).astype(np.uint64))
 
 
 def common_threshold(thresholds: NDArray[np.int32]) -> int:

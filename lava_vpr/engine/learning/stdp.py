@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numba as nb
 import numpy as np
@@ -54,6 +55,28 @@ def trace_table(steps: int, tau: float) -> NDArray[np.float32]:
     return table.astype(np.float32)
 
 
+class KernelPhase(NamedTuple):
+    """One phase of learning as the kernel reads it.
+
+    ``eta``, ``target`` (x_target), ``w_max`` and ``mu`` are those of the rule, ``theta_plus``, ``inhibition`` and
+    ``floor`` those of `StdpLearning`. ``keep`` is the share of a membrane that a step leaves, ``gain`` the drive of one
+    unit of weight, ``hold_steps`` the number of steps at rest after a spike. ``trace`` is `trace_table`.
+    """
+
+    eta: np.float32
+    target: np.float32
+    w_max: np.float32
+    mu: np.float32
+    theta_plus: np.float32
+    inhibition: np.float32
+    keep: np.float32
+    gain: np.float32
+    floor: np.float32
+    steps: int
+    hold_steps: int
+    trace: NDArray[np.float32]
+
+
 @nb.njit(cache=True, nogil=True)
 def _normalise(weights: NDArray[np.float32], mean: np.float32) -> None:
     inputs, neurons = weights.shape
@@ -74,13 +97,10 @@ def _learn(
     weights: NDArray[np.float32],
     last: NDArray[np.int32],
     now: int,
-    trace: NDArray[np.float32],
-    eta: np.float32,
-    target: np.float32,
-    w_max: np.float32,
-    mu: np.float32,
+    phase: KernelPhase,
 ) -> None:
-    """The weight change of all synapses of neuron ``column``, which spikes at step ``now``."""
+    """Change all synapses of neuron ``column``, which spikes at step ``now``."""
+    eta, target, w_max, mu, trace = phase.eta, phase.target, phase.w_max, phase.mu, phase.trace
     for j in range(last.size):
         x = trace[now - last[j]] if last[j] >= 0 else np.float32(0)
         w = weights[j, column]
@@ -91,22 +111,39 @@ def _learn(
         weights[j, column] = min(max(w, np.float32(0)), w_max)
 
 
+@nb.njit(cache=True, inline="always")
+def _integrate(
+    v: NDArray[np.float32],
+    drive: NDArray[np.float32],
+    theta: NDArray[np.float32],
+    free_from: NDArray[np.int32],
+    step: int,
+    phase: KernelPhase,
+) -> bool:
+    """One membrane step of all neurons; returns whether any exceeds its threshold."""
+    keep, floor = phase.keep, phase.floor
+    above = False
+    for i in range(v.size):
+        x = np.float32(np.float32(v[i] * keep) + drive[i])
+        x = floor if x < floor else x
+        x = np.float32(0) if step < free_from[i] else x
+        v[i] = x
+        above |= x > theta[i]
+    return above
+
+
 @nb.njit(cache=True, nogil=True)
 def _train(
     weights: NDArray[np.float32],
     theta: NDArray[np.float32],
     rates: NDArray[np.uint16],
     key: np.uint64,
-    params: NDArray[np.float32],
-    steps: int,
-    hold_steps: int,
-    trace: NDArray[np.float32],
+    phase: KernelPhase,
     counts: NDArray[np.int32],
     events: NDArray[np.int64],
 ) -> None:
-    """One presentation; changes ``weights`` and ``theta``, fills ``counts`` (neurons,), adds to ``events``."""
-    eta, target, w_max, mu = params[0], params[1], params[2], params[3]
-    theta_plus, inhibition, keep, gain, floor = params[4], params[5], params[6], params[7], params[8]
+    """Run one presentation; changes ``weights`` and ``theta``, fills ``counts`` (neurons,), adds to ``events``."""
+    inhibition, gain = phase.inhibition, phase.gain
     inputs, neurons = weights.shape
     active, offsets, rates4, words, mask, occupied, spikes, spike_counts = scratch(inputs)
     n = prepare_draws(rates, key, active, offsets, rates4)
@@ -116,7 +153,7 @@ def _train(
     v = np.zeros(neurons, np.float32)
     fired = np.zeros((3, neurons), np.int32)
     n_fired = np.zeros(3, np.int64)
-    for step in range(steps):
+    for step in range(phase.steps):
         lane = step & 3
         if lane == 0:
             draw_block(step >> 2, n, active, offsets, rates4, words, mask, occupied, spikes, spike_counts)
@@ -136,24 +173,17 @@ def _train(
                 drive[i] -= pull
             for s in range(n_fired[before]):
                 drive[fired[before, s]] += inhibition
-        above = False
-        for i in range(neurons):
-            x = np.float32(np.float32(v[i] * keep) + drive[i])
-            x = floor if x < floor else x
-            x = np.float32(0) if step < free_from[i] else x
-            v[i] = x
-            above |= x > theta[i]
         n_fired[now] = 0
-        if above:
+        if _integrate(v, drive, theta, free_from, step, phase):
             for i in range(neurons):
                 if v[i] > theta[i]:
                     v[i] = 0
-                    theta[i] += theta_plus
-                    free_from[i] = step + 1 + hold_steps
+                    theta[i] += phase.theta_plus
+                    free_from[i] = step + 1 + phase.hold_steps
                     fired[now, n_fired[now]] = i
                     n_fired[now] += 1
                     counts[i] += 1
-                    _learn(i, weights, last, step, trace, eta, target, w_max, mu)
+                    _learn(i, weights, last, step, phase)
             events[1] += n_fired[now]
 
 
@@ -179,10 +209,21 @@ class Trainer:
         gain = drive / (learning.mean_weight * spikes_per_step)
         keep = 1.0 - 1.0 / learning.tau_membrane
 
-        def phase(eta: float, tau: float, target: float, theta_plus: float) -> tuple[NDArray[np.float32], ...]:
-            x_target = target * mean_trace(inputs, spikes_per_step, tau)
-            values = (eta, x_target, learning.w_max, learning.mu, theta_plus, learning.inhibition, keep, gain)
-            return np.array([*values, learning.floor], np.float32), trace_table(learning.steps, tau)
+        def phase(eta: float, tau: float, target: float, theta_plus: float) -> KernelPhase:
+            return KernelPhase(
+                eta=np.float32(eta),
+                target=np.float32(target * mean_trace(inputs, spikes_per_step, tau)),
+                w_max=np.float32(learning.w_max),
+                mu=np.float32(learning.mu),
+                theta_plus=np.float32(theta_plus),
+                inhibition=np.float32(learning.inhibition),
+                keep=np.float32(keep),
+                gain=np.float32(gain),
+                floor=np.float32(learning.floor),
+                steps=learning.steps,
+                hold_steps=learning.hold_steps,
+                trace=trace_table(learning.steps, tau),
+            )
 
         self._competition = phase(learning.eta, learning.tau_trace, learning.x_target, learning.theta_plus)
         self._consolidation = phase(
@@ -205,11 +246,9 @@ class Trainer:
         Returns:
             Spike counts int32 (neurons,); numbers of input and excitatory spikes, int64 (2,).
         """
-        state, learning = self.state, self.learning
-        params, trace = self._phase
+        state = self.state
         counts = np.zeros(len(state.theta), np.int32)
         events = np.zeros(2, np.int64)
-        normalise(state.weights, learning.mean_weight)
-        steps, hold = learning.steps, learning.hold_steps
-        _train(state.weights, state.theta, rates, np.uint64(key), params, steps, hold, trace, counts, events)
+        normalise(state.weights, self.learning.mean_weight)
+        _train(state.weights, state.theta, rates, np.uint64(key), self._phase, counts, events)
         return counts, events

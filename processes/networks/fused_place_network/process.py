@@ -91,4 +91,4 @@ class FusedPlaceNetwork(CheckedProcess):
 
     def compile_kernels(self) -> None:
         """Compile the kernel before the model is forked, and prepare what it reads."""
-        compile_network(self.network.prepared[3])
+        compile_network(self.network.narrow)

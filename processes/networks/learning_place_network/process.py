@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from lava_vpr.engine.general.lif import check_thresholds, need
 from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState
+from lava_vpr.engine.learning.integer_kernels import StepDraws
 from lava_vpr.loihi import THRESHOLD_LIMIT
 from lava_vpr.processes.base.shared import CheckedProcess
-from lava_vpr.processes.plastic_dense.process import Draws
 
 
 class LearningPlaceNetwork(CheckedProcess):
@@ -34,7 +34,7 @@ class LearningPlaceNetwork(CheckedProcess):
         learning: IntegerLearning,
         state: IntegerState,
         keys: NDArray[np.uint64],
-        draws: Draws | None = None,
+        draws: StepDraws | None = None,
         record_weights: NDArray[Any] | None = None,
         record_traces: NDArray[Any] | None = None,
         **kwargs: Any,

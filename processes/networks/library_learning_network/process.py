@@ -34,7 +34,7 @@ class LibraryLearningNetwork(CheckedProcess):
 
     One presentation. Lava's LIF has one threshold for all, that does not rise, no floor and no hold; its synapses are
     not normalised: a phase that asks for any of these is refused. Equal to `engine.learning.integer.present` with the
-    draws of `lava_vpr.processes.plastic_dense.process.lava_streams`, every spike, weight and trace. Fixed point only:
+    draws of `lava_vpr.engine.learning.lava_order.LibraryDraws`, every spike, weight and trace. Fixed point only:
     the library's floating-point LearningDense scales the same rule differently.
 
     Ports: ``s_in`` spikes (inputs,), ``s_out`` spikes of exc (neurons,), ``s_out_inh`` those of inh. Vars: ``weights``

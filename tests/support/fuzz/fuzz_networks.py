@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import LifParameters, SignMode
-from lava_vpr.engine.general.simulation import INPUTS, Activity, GeneralNetwork, Population, Synapses
+from lava_vpr.engine.general.simulation import INPUTS, GeneralNetwork, Population, Recording, Synapses
 from lava_vpr.loihi import DECAY_BITS, INPUT_SHIFT, STATE_LIMIT, THRESHOLD_LIMIT
 
 GROUPS_OF_START, BLOCKS_OF_GROUP = 4, 25
@@ -121,11 +121,11 @@ def block_of(seed: int, group: int, block: int) -> Block:
     return Block(f"general {seed} {group} {block}", GeneralNetwork(inputs, (population,), tuple(synapses)), train)
 
 
-def events_of(network: GeneralNetwork, activity: Activity) -> dict[str, bool]:
+def events_of(network: GeneralNetwork, recording: Recording) -> dict[str, bool]:
     """What happened to the first population in a recorded run: u beyond 24 bits, v beyond its ends, a spike."""
     population = network.populations[0]
-    keep_u, keep_v = population.parameters.constants[:2]
-    u, v, drive = (film[0].astype(np.int64) for film in (activity.film_u, activity.film_v, activity.film_drive))
+    constants = population.parameters.constants
+    u, v, drive = (film[0].astype(np.int64) for film in (recording.film_u, recording.film_v, recording.film_drive))
 
     def decayed(x: NDArray[np.int64], keep: int) -> NDArray[np.int64]:
         """Of the step before."""
@@ -134,11 +134,11 @@ def events_of(network: GeneralNetwork, activity: Activity) -> dict[str, bool]:
             before[:: population.reset_interval] = 0
         return np.sign(before) * (np.abs(before) * keep >> DECAY_BITS)
 
-    current = decayed(u, keep_u) + (drive << INPUT_SHIFT)
-    membrane = decayed(v, keep_v) + u + population.bias
+    current = decayed(u, constants.keep_u) + (drive << INPUT_SHIFT)
+    membrane = decayed(v, constants.keep_v) + u + population.bias
     return {
         "exactly 2^23": bool((np.abs(current) == STATE_LIMIT).any()),
         "wrapped": bool(((current > STATE_LIMIT) | (current <= -STATE_LIMIT)).any()),
         "saturated": bool((np.abs(membrane) >= STATE_LIMIT).any()),
-        "spiked": bool(activity.spikes[0].any()),
+        "spiked": bool(recording.spikes[0].any()),
     }

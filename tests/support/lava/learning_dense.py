@@ -19,11 +19,12 @@ from lava.utils.weightutils import SignMode
 from numpy.typing import NDArray
 
 from lava_vpr.engine.learning.integer import Rule
+from lava_vpr.engine.learning.lava_order import LibraryDraws
 from lava_vpr.loihi import TRACE_LIMIT
 from lava_vpr.processes.base.rules import FloatRule
 from lava_vpr.processes.base.shared import shared_array
 from lava_vpr.processes.plastic_dense.models import PyPlasticDenseFixed
-from lava_vpr.processes.plastic_dense.process import PlasticDense, lava_streams
+from lava_vpr.processes.plastic_dense.process import PlasticDense
 
 
 class RecordingLearningDense(PyLearningDenseModelBitApproximate):
@@ -98,7 +99,7 @@ def _start(
         ours = PlasticDense(
             weights=weights[k],
             rule=rule,
-            draws=lava_streams(seed, steps),
+            draws=LibraryDraws(seed).next(steps),
             weight_exp=options["weight_exp"],
             film={name: films[f"ours_{name}"][k] for name in sizes},
         )
