@@ -19,8 +19,8 @@ from rich.table import Table
 
 from benchmarks.nordland import SECTIONS, answer, encoded, learn, part
 from lava_vpr.bench.results import Candidate
-from lava_vpr.bench.sweep.cases import Case, Measurement, current, figures, mean, runs_of
-from lava_vpr.bench.sweep.stopping import MARGINS
+from lava_vpr.bench.sweep.early_stopping import MARGINS
+from lava_vpr.bench.sweep.points import Case, Measurement, current, figures, mean, runs_of
 from lava_vpr.bench.sweep.sweep import search
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update

@@ -22,7 +22,7 @@ from rich.table import Table
 
 from benchmarks.nordland import encoded, learn
 from benchmarks.speed import cpu_flags
-from lava_vpr.bench.measure.timed import batch, host_answer, repeated
+from lava_vpr.bench.measure.child import batch, host_answer, repeated
 from lava_vpr.bench.peers import cosine_answer, sad_answer
 from lava_vpr.config import preset
 from lava_vpr.encoding import query_rates

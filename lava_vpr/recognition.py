@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.backends import registry as backends
-from lava_vpr.backends.interface import Advance, Backend, Events, query_presentations
+from lava_vpr.backends.interface import Advance, Backend, Events, Presentations, query_presentations
 from lava_vpr.encoding import EncodedTraverse, query_rates
 from lava_vpr.matching import baselines, sequences
 from lava_vpr.matching.answers import answers_of
@@ -56,6 +56,7 @@ def count_query_spikes(
     seed: int | None = None,
     threads: int = 1,
     advance: Advance | None = None,
+    shown: Presentations | None = None,
 ) -> tuple[NDArray[np.int32], Events]:
     """Spike counts of every query, int32 (n, neurons), and the run's events.
 
@@ -66,11 +67,12 @@ def count_query_spikes(
         seed: Of the queries' noise; None: the model's.
         threads: For a backend that is given by name; does not change the result.
         advance: Told how many queries are done, by backends that are slow and given by name.
+        shown: The queries as the backend is shown them, if that is known; None: worked out.
     Raises:
         InputError: the queries were encoded with other settings.
         BackendUnavailableError: there is no backend of that name, or it cannot run here, or not this model.
     """
-    shown = query_presentations(model, queries, seed)
+    shown = query_presentations(model, queries, seed) if shown is None else shown
     chosen = backends.get(backend, threads, advance) if isinstance(backend, str) else backend
     return chosen.count_spikes(model, shown)
 
@@ -108,6 +110,7 @@ def recognise(
     seed: int | None = None,
     threads: int = 1,
     advance: Advance | None = None,
+    shown: Presentations | None = None,
 ) -> Recognition:
     """Answer every query and hold the answers against the truth.
 
@@ -116,7 +119,7 @@ def recognise(
         queries: Encoded with the model's settings.
         truth: bool (n_queries, places).
         comparison: How queries are matched, and with what the decoder is compared.
-        backend, seed, threads, advance: As in `count_query_spikes`.
+        backend, seed, threads, advance, shown: As in `count_query_spikes`.
     Raises:
         LavaVprError: the queries, the descriptors or the sequence do not fit the model, or the backend cannot run.
     """
@@ -124,12 +127,13 @@ def recognise(
     if comparison.sequence > 1:
         truth = sequences.sequence_truth(truth, comparison.sequence)
     others = _descriptor_scores(model, queries, comparison.descriptors)
-    counts, events = count_query_spikes(model, queries, backend=backend, seed=seed, threads=threads, advance=advance)
+    shown = query_presentations(model, queries, seed) if shown is None else shown
+    counts, events = count_query_spikes(model, queries, backend=backend, threads=threads, advance=advance, shown=shown)
     default = model.config.decoder.default
     kept: dict[str, NDArray[np.float64]] = {}
     metrics = {}
     # One matrix at a time: of long routes, all of them together would not fit small memories.
-    for name, scores in _every_matcher(model, queries, counts, comparison.rivals, others):
+    for name, scores in _every_matcher(model, queries, shown.rates, counts, comparison.rivals, others):
         together = comparison.sequence > 1
         matrix = sequences.sequence_scores(scores, comparison.sequence) if together else scores
         answers = answers_of("sequence" if together else name, matrix)
@@ -165,6 +169,7 @@ def _descriptor_scores(
 def _every_matcher(
     model: Model,
     queries: EncodedTraverse,
+    rates: NDArray[Any],
     counts: NDArray[np.int32],
     rivals: Sequence[str],
     others: dict[str, NDArray[np.float64]],
@@ -176,8 +181,8 @@ def _every_matcher(
     if "sad" in rivals:
         yield "sad", -baselines.sad_distances(model.patches, queries.patches, model.labels)
     if "cosine" in rivals:
-        references, asked = (query_rates(activity, model.config) for activity in (model.activity, queries.activity))
-        yield "cosine", baselines.cosine_similarities(references, asked, model.labels)
+        references = query_rates(model.activity, model.config)
+        yield "cosine", baselines.cosine_similarities(references, rates, model.labels)
     yield from others.items()
 
 

@@ -36,6 +36,7 @@ from benchmarks.nordland import folder
 from benchmarks.peers.brian2_network import Brian2Network
 from benchmarks.peers.rivals import brian2_peer, vprtempo_matcher
 from lava_vpr.bench.peers import run_peers
+from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Peer
 from lava_vpr.config import Config, preset
 from lava_vpr.encoding import EncodedTraverse, encode_traverse, rates16
@@ -172,7 +173,7 @@ def all_peers(
         model, queries, truth, options: As in `lava_vpr.bench.peers.run_peers`.
         brian2_queries: The number of queries that Brian2 is given.
     """
-    peers = run_peers(model, queries, truth, others=[vprtempo_matcher(model, queries, truth)], **options)
+    peers = run_peers(QuerySet.of(model, queries), truth, others=[vprtempo_matcher(model, queries, truth)], **options)
     return (*peers, brian2_peer(model, queries, brian2_queries))
 
 

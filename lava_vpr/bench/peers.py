@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence, Sized
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,9 +18,10 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.bench.measure.timed import NOISE, host_answer
+from lava_vpr.bench.measure.child import host_answer, repeated
+from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Peer
-from lava_vpr.encoding import EncodedTraverse, query_rates
+from lava_vpr.encoding import query_rates
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.threads import cores, share
 from lava_vpr.errors import InputError
@@ -56,7 +57,7 @@ class Matcher:
     metrics: Metrics
 
 
-def repeats(queries: EncodedTraverse) -> int:
+def repeats(queries: Sized) -> int:
     """The number of times that ``queries`` are repeated for a batch of at least `BATCH`."""
     return max(1, -(-BATCH // len(queries)))
 
@@ -134,13 +135,12 @@ def _kept(model: Model) -> int:
     return sum(array.nbytes for array in arrays or (network.weights,)) + model.responses.nbytes
 
 
-def _matchers(model: Model, queries: EncodedTraverse, known: Recognition, seed: int) -> list[Matcher]:
+def _matchers(queries: QuerySet, known: Recognition) -> list[Matcher]:
     """This model, SAD and cosine."""
-    times = repeats(queries)
-    rates = np.tile(query_rates(queries.activity, model.config), (times, 1))
-    ids = np.concatenate([queries.indices + k * NOISE for k in range(times)])
-    host = host_answer(model, seed)
-    sad, sad_bytes = sad_answer(model, np.tile(queries.patches, (times, 1, 1)))
+    model, times = queries.model, repeats(queries)
+    rates, ids = repeated(queries.shown.rates, queries.shown.image_ids, times)
+    host = host_answer(model, queries.shown.seed)
+    sad, sad_bytes = sad_answer(model, np.tile(queries.images.patches, (times, 1, 1)))
     cosine, cosine_bytes = cosine_answer(model, rates)
     return [
         Matcher(
@@ -194,12 +194,10 @@ def _rates(matchers: Sequence[Matcher], queries: int, threads: int, rounds: int,
 
 
 def run_peers(
-    model: Model,
-    queries: EncodedTraverse,
+    queries: QuerySet,
     truth: NDArray[np.bool_],
     *,
     recognition: Recognition | None = None,
-    seed: int | None = None,
     threads: int | None = None,
     rounds: int = 5,
     fill: float = FILL,
@@ -209,11 +207,9 @@ def run_peers(
     """Recall and speed of lava-vpr, SAD and cosine on the same places and queries.
 
     Args:
-        model: A trained model.
-        queries: Encoded with its settings.
+        queries: Queries to a trained model.
         truth: bool (n_queries, places).
         recognition: Recall of the model and its baselines on these queries, if known; None: worked out.
-        seed: Of the queries' noise; None: the model's.
         threads: That share the queries; None: one for each processor.
         rounds: The fastest counts.
         fill: Seconds that a round takes at least.
@@ -224,17 +220,24 @@ def run_peers(
     Raises:
         InputError: there are no queries, or they do not fit the model or the truth.
     """
+    model = queries.model
     if len(queries) == 0 or truth.shape != (len(queries), model.places):
         raise InputError(f"{len(queries)} queries, {model.places} places, but ground truth of shape {truth.shape}")
     workers = threads if threads is not None else cores()
     tell: Advance = advance or (lambda text: None)
-    noise_seed = model.config.seed if seed is None else seed
     tell("recall of lava-vpr, SAD and cosine")
     known = recognition
     if known is None or not {*BASELINES, known.default} <= set(known.metrics):
-        known = recognise(model, queries, truth, Comparison(keep_scores=False), seed=noise_seed, threads=workers)
+        known = recognise(
+            model,
+            queries.images,
+            truth,
+            Comparison(keep_scores=False),
+            threads=workers,
+            shown=queries.shown,
+        )
     with one_blas_thread():
-        matchers = [*_matchers(model, queries, known, noise_seed), *others]
+        matchers = [*_matchers(queries, known), *others]
         tell("speed of each")
         rates = _rates(matchers, len(queries) * repeats(queries), workers, rounds, fill)
     return tuple(

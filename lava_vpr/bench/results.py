@@ -25,7 +25,8 @@ class Measured:
         joules_per_query: Of the processor, by RAPL, idle not subtracted; None: see ``no_energy``.
         no_energy: Why there is no energy; empty if there is.
         absent: Why the backend was not measured at all; empty if it was.
-        board: Of a board: its profiler's figures (power in mW, steps, idle power subtracted), by name.
+        board: A board's own figures, by its profiler (power in mW, steps, idle power subtracted), by name; None: it
+            is none.
     """
 
     name: str
@@ -38,7 +39,7 @@ class Measured:
     joules_per_query: float | None = None
     no_energy: str = ""
     absent: str = ""
-    board: dict[str, float] = field(default_factory=dict)
+    board: dict[str, float] | None = None
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr import __version__
-from lava_vpr.backends.host import HostBackend
-from lava_vpr.backends.interface import query_presentations
 from lava_vpr.backends.registry import timed_by_default
-from lava_vpr.bench.measure.host import measure, measure_encoding
+from lava_vpr.bench.measure.timing import measure, measure_encoding
 from lava_vpr.bench.measure.workload import workload
 from lava_vpr.bench.peers import run_peers
+from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Bench, Candidate, Measured, Modelled, Peer, StepTimes, Workload
 from lava_vpr.bench.sweep.sweep import BUDGET, sweep
 from lava_vpr.deploy.boards.board import BOARDS, Board
@@ -49,12 +48,12 @@ Begin = Callable[[str, int], Advance]
 
 
 @dataclass(frozen=True)
-class Wanted:
+class Request:
     """What to find out.
 
     Attributes:
         targets: Boards to model.
-        backends: To time on this machine.
+        backends: Backends to time on this machine.
         sweep, peers: Whether to search settings, and to run other matchers.
         limit: Most queries that a backend is timed on; None: by backend.
         seed: Of the queries' noise; None: the model's.
@@ -68,7 +67,88 @@ class Wanted:
     seed: int | None = None
 
 
-def plans(model: Model, targets: tuple[str, ...]) -> dict[str, Plan | str]:
+@dataclass
+class _Attempts:
+    """Stages that may fail: minutes of other work are not lost if one does.
+
+    Attributes:
+        failed: Why, by stage.
+    """
+
+    failed: dict[str, str] = field(default_factory=dict)
+
+    def result(self, stage: str, work: Callable[[], T], otherwise: T) -> T:
+        """What ``work`` finds out, or ``otherwise`` if it fails."""
+        try:
+            return work()
+        except LavaVprError as error:
+            self.failed[stage] = str(error)
+            return otherwise
+
+
+def run(
+    model: Model,
+    traverse: Traverse,
+    images: EncodedTraverse,
+    truth: NDArray[np.bool_],
+    request: Request,
+    *,
+    command: str = "",
+    begin: Begin = lambda text, parts: lambda done: None,
+) -> Bench:
+    """Recall, then costs.
+
+    Args:
+        model: A trained model.
+        traverse: The query images' files.
+        images: The same, encoded with the model's settings.
+        truth: bool (queries, places).
+        request: What to find out.
+        command: How to repeat the run, for the report.
+        begin: Told what begins.
+    Raises:
+        LavaVprError: recall cannot be computed. Whatever else is missing is said in the result.
+    """
+    begin("recall", 1)
+    queries = QuerySet.of(model, images, request.seed)
+    answers = _recall(queries, truth, request)
+    plans = plans_of(model, request.targets)
+    begin("counting", 1)
+    trains = counted_trains(queries)
+    costs = {name: _costs(model, name, plan, trains, len(queries)) for name, plan in plans.items()}
+    measured = _measured(traverse, queries, request, begin)
+    attempts = _Attempts()
+    return Bench(
+        model=_model(model, answers),
+        machine=machine(),
+        images=len(queries),
+        recall=answers.metrics[answers.default],
+        measured=measured,
+        targets={name: found for name, (found, _) in costs.items()},
+        workload=attempts.result("workload", lambda: _workload(queries, trains), None),
+        peers=attempts.result("peers", lambda: _peers(queries, truth, answers, request, begin), ()),
+        sweep=attempts.result("sweep", lambda: _sweep(queries, truth, request, begin), ()),
+        events={name: value / max(1, len(queries)) for name, value in answers.events.items()},
+        constants=constants_of(BOARDS.values()),
+        step_times=tuple(times for _, times in costs.values() if times is not None),
+        command=command,
+        failed=attempts.failed,
+    )
+
+
+def _recall(queries: QuerySet, truth: NDArray[np.bool_], request: Request) -> Recognition:
+    """The answers of the model, and of the baselines if peers are to be run."""
+    return recognise(
+        queries.model,
+        queries.images,
+        truth,
+        Comparison(rivals=BASELINES if request.peers else (), keep_scores=False),
+        threads=cores(),
+        shown=queries.shown,
+    )
+
+
+def plans_of(model: Model, targets: tuple[str, ...]) -> dict[str, Plan | str]:
     """Where the network stands on each board, or why it cannot."""
     found: dict[str, Plan | str] = {}
     for name in targets:
@@ -79,74 +159,14 @@ def plans(model: Model, targets: tuple[str, ...]) -> dict[str, Plan | str]:
     return found
 
 
-def run(
-    model: Model,
-    traverse: Traverse,
-    queries: EncodedTraverse,
-    truth: NDArray[np.bool_],
-    wanted: Wanted,
-    *,
-    placed: dict[str, Plan | str] | None = None,
-    command: str = "",
-    begin: Begin = lambda text, parts: lambda done: None,
-) -> Bench:
-    """Recall, then costs.
-
-    Args:
-        model: A trained model.
-        traverse: The query images' files.
-        queries: The same, encoded with the model's settings.
-        truth: bool (queries, places).
-        wanted: What to find out.
-        placed: `plans` of the model, if they are known.
-        command: How to repeat the run, for the report.
-        begin: Told what begins.
-    Raises:
-        LavaVprError: recall cannot be computed. Whatever else is missing is said in the result.
-    """
-    begin("recall", 1)
-    comparison = Comparison(rivals=BASELINES if wanted.peers else (), keep_scores=False)
-    answers = recognise(model, queries, truth, comparison, seed=wanted.seed, threads=cores())
-    placed = plans(model, wanted.targets) if placed is None else placed
-    begin("counting", 1)
-    trains = spikes(model, queries, wanted.seed)
-    costs = {name: _costs(model, name, plan, trains, len(queries)) for name, plan in placed.items()}
-    measured = _measured(model, traverse, queries, wanted, begin)
-    failed: dict[str, str] = {}
-
-    def attempt(stage: str, work: Callable[[], T], otherwise: T) -> T:
-        """What a stage finds out; minutes of other work are not lost if it cannot."""
-        try:
-            return work()
-        except LavaVprError as error:
-            failed[stage] = str(error)
-            return otherwise
-
-    return Bench(
-        model=_model(model, answers),
-        machine=machine(),
-        images=len(queries),
-        recall=answers.metrics[answers.default],
-        measured=measured,
-        targets={name: found for name, (found, _) in costs.items()},
-        workload=attempt("workload", lambda: _workload(model, queries, wanted.seed), None),
-        peers=attempt("peers", lambda: _peers(model, queries, truth, answers, wanted, begin), ()),
-        sweep=attempt("sweep", lambda: _sweep(model, queries, truth, wanted, begin), ()),
-        events={name: value / max(1, len(queries)) for name, value in answers.events.items()},
-        constants=constants_of(BOARDS.values()),
-        step_times=tuple(times for _, times in costs.values() if times is not None),
-        command=command,
-        failed=failed,
-    )
-
-
-def spikes(model: Model, queries: EncodedTraverse, seed: int | None) -> Trains | None:
+def counted_trains(queries: QuerySet) -> Trains | None:
     """Every spike of at most `COUNTED` queries, evenly spread; None: no integer network."""
-    if as_integer(model) is None:
+    if as_integer(queries.model) is None:
         return None
     n = len(queries)
-    chosen = np.arange(n) if n <= COUNTED else np.linspace(0, n - 1, COUNTED).round().astype(np.int64)
-    return HostBackend(cores()).trains(model, query_presentations(model, queries, seed).part(chosen))
+    if n <= COUNTED:
+        return queries.trains(slice(None))
+    return queries.trains(np.linspace(0, n - 1, COUNTED).round().astype(np.int64))
 
 
 def _costs(
@@ -156,13 +176,13 @@ def _costs(
     if isinstance(plan, str) or trains is None:
         return _unavailable(model, BOARDS[name], plan if isinstance(plan, str) else "no integer network"), None
     events = count_events(plan, trains)
-    found = modelled(plan, events)
+    costs = modelled(plan, events)
     if events.queries < queries:
-        told = f"Counted on {events.queries} of the {queries} queries, evenly spread."
-        found = replace(found, assumptions=(*found.assumptions, told))
-    if plan.board.constants is None or found.unavailable:
-        return found, None
-    return found, step_times(name, events, plan.board.constants)
+        sample = f"Counted on {events.queries} of the {queries} queries, evenly spread."
+        costs = replace(costs, assumptions=(*costs.assumptions, sample))
+    if plan.board.constants is None or costs.unavailable:
+        return costs, None
+    return costs, step_times(name, events, plan.board.constants)
 
 
 def constants_of(boards: Iterable[Board]) -> tuple[Constant, ...]:
@@ -204,15 +224,13 @@ def _unavailable(model: Model, board: Board, reason: str) -> Modelled:
     )
 
 
-def _measured(
-    model: Model, traverse: Traverse, queries: EncodedTraverse, wanted: Wanted, begin: Begin
-) -> tuple[Measured, ...]:
+def _measured(traverse: Traverse, queries: QuerySet, request: Request, begin: Begin) -> tuple[Measured, ...]:
     """Every backend that was asked for, timed; the encoding before it."""
     begin("timing encoding", 1)
-    rows = [measure_encoding(traverse, model.config)]
-    for name in wanted.backends:
+    rows = [measure_encoding(traverse, queries.model.config)]
+    for name in request.backends:
         begin(f"timing {name}", 1)
-        rows.append(measure(model, queries, name, seed=wanted.seed, limit=wanted.limit))
+        rows.append(measure(queries, name, limit=request.limit))
     return tuple(rows)
 
 
@@ -252,27 +270,26 @@ def machine(cpuinfo: Path = Path("/proc/cpuinfo")) -> dict[str, object]:
     return found
 
 
-def _workload(model: Model, queries: EncodedTraverse, seed: int | None) -> Workload | None:
-    """NeuroBench's metrics; None: no integer network."""
-    return workload(model, queries, seed=seed) if as_integer(model) is not None else None
+def _workload(queries: QuerySet, trains: Trains | None) -> Workload | None:
+    """NeuroBench's metrics of the first queries; None: no integer network."""
+    if trains is None:
+        return None
+    if len(queries) > COUNTED:
+        return workload(queries)  # the trains that were counted are those of other queries
+    return workload(queries, trains)
 
 
 def _peers(
-    model: Model,
-    queries: EncodedTraverse,
-    truth: NDArray[np.bool_],
-    answers: Recognition,
-    wanted: Wanted,
-    begin: Begin,
+    queries: QuerySet, truth: NDArray[np.bool_], answers: Recognition, request: Request, begin: Begin
 ) -> tuple[Peer, ...]:
     """Other matchers on the same images, if they were asked for."""
 
     def advance(text: str) -> None:
         begin(f"peers: {text}", 1)
 
-    if not wanted.peers:
+    if not request.peers:
         return ()
-    return run_peers(model, queries, truth, recognition=answers, seed=wanted.seed, advance=advance)
+    return run_peers(queries, truth, recognition=answers, advance=advance)
 
 
 def sweepable(model: Model) -> str | None:
@@ -284,11 +301,9 @@ def sweepable(model: Model) -> str | None:
     return None
 
 
-def _sweep(
-    model: Model, queries: EncodedTraverse, truth: NDArray[np.bool_], wanted: Wanted, begin: Begin
-) -> tuple[Candidate, ...]:
+def _sweep(queries: QuerySet, truth: NDArray[np.bool_], request: Request, begin: Begin) -> tuple[Candidate, ...]:
     """The search around the model's settings, if it was asked for."""
-    if not wanted.sweep:
+    if not request.sweep:
         return ()
     advance = begin("sweep of settings", BUDGET)
-    return sweep(model, queries, truth, seed=wanted.seed, threads=cores(), advance=advance)
+    return sweep(queries.model, queries.images, truth, seed=queries.shown.seed, threads=cores(), advance=advance)

@@ -93,14 +93,14 @@ def bench(
     if report_folder is not None:
         check_folder(report_folder)
     # The cost model and what it needs take a second to import: --help does not wait for them.
-    from lava_vpr.bench.run import Wanted, run
+    from lava_vpr.bench.run import Request, run
 
     model = open_model(model_path)
     _refuse(model, model_path, targets, names, sweep)
     traverse = open_queries(model, query, places, every, output=json_path)
     truth = truth_in_order(model, traverse)
     queries = encode(traverse, model.config.encoder)
-    wanted = Wanted(
+    request = Request(
         targets=tuple(dict.fromkeys(targets)) or tuple(BOARDS),
         backends=tuple(dict.fromkeys(names)) or backends.timed_by_default(),
         sweep=sweep,
@@ -115,7 +115,7 @@ def bench(
             advance = bars.enter_context(progress_bar(text, parts))
             return lambda done: advance(done, "")
 
-        found = run(model, traverse, queries, truth, wanted, command=command_line(ctx), begin=begin)
+        found = run(model, traverse, queries, truth, request, command=command_line(ctx), begin=begin)
     _tell(found, json_path, report_folder)
 
 
@@ -135,7 +135,7 @@ def _refuse(model: Model, path: Path, targets: tuple[str, ...], names: tuple[str
 
 def _tell(found: Bench, json_path: Path | None, report_folder: Path | None) -> None:
     """Files first: whoever reads the tables may go away."""
-    from lava_vpr.bench.show.document import as_json
+    from lava_vpr.bench.show.json_values import as_json
     from lava_vpr.bench.show.terminal import absences, tables
 
     if json_path is not None:

@@ -18,3 +18,9 @@ class Trains:
     inh: NDArray[np.uint8] | None = field(default=None, repr=False)
 
     POPULATIONS: ClassVar[tuple[str, ...]] = ("inputs", "exc", "inh")
+
+    def part(self, presentations: slice) -> Trains:
+        """The spikes of some of the presentations."""
+        inputs = None if self.inputs is None else self.inputs[presentations]
+        inh = None if self.inh is None else self.inh[presentations]
+        return Trains(self.exc[presentations], inputs, inh)

@@ -6,7 +6,7 @@ import io
 import json
 import math
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,26 +25,15 @@ from lava_vpr.bench.results import (
     StepTimes,
     Workload,
 )
-from lava_vpr.bench.show import grids, plots
-from lava_vpr.bench.show.document import COUNTS, as_json
+from lava_vpr.bench.show import plots
+from lava_vpr.bench.show import tables as described
+from lava_vpr.bench.show.json_values import COUNTS, as_json
 from lava_vpr.bench.show.page import page
 from lava_vpr.bench.show.terminal import absences, tables
+from lava_vpr.deploy.boards.constants import Constant
 from lava_vpr.deploy.boards.estimate import Estimate
 from lava_vpr.matching.evaluation import Metrics, evaluate
 from lava_vpr.report import write_page
-
-
-@dataclass(frozen=True)
-class Figure:
-    """As `lava_vpr.deploy.cost.costs.Constant`."""
-
-    name: str
-    what: str
-    low: float
-    nominal: float
-    high: float
-    unit: str
-    source: str
 
 
 def metrics(wrong: int = 2) -> Metrics:
@@ -129,7 +118,7 @@ def bench(**changes: Any) -> Bench:
         "sweep": tuple(candidates),
         "events": {"synaptic_operations": 30211.25, "input_spikes": 1000.0},
         "constants": (
-            Figure("synapse", "synaptic operation, dense row", 23.6, 35.5, 35.5, "pJ", "SANA-FE 2.2.9, loihi.yaml"),
+            Constant("synapse", "synaptic operation, dense row", "pJ", 23.6, 35.5, 35.5, "SANA-FE 2.2.9, loihi.yaml"),
         ),
         "step_times": (StepTimes("kapoho-bay", *(tuple(x + 0.3 * rng.random(53)) for x in (1.0, 0.7, 1.1)), 0.6),),
         "command": "lava-vpr bench m.lvpr query --sweep",
@@ -221,7 +210,7 @@ def test_recall_comes_first_and_what_is_modelled_says_so() -> None:
 def test_every_modelled_figure_stands_below_the_word() -> None:
     energies = ("uJ", "mJ", "pJ")
     run = bench()
-    shown = [grids.modelled(run.targets["kapoho-bay"]), grids.sweep(run.sweep)]
+    shown = [described.modelled(run.targets["kapoho-bay"]), described.sweep(run.sweep)]
     for grid in shown:
         for column in grid.columns:
             if any(unit in column for unit in energies) or column in ("ms", "modelled low"):
@@ -241,7 +230,7 @@ def test_the_front_is_told_once_and_what_was_chosen_stands_out() -> None:
 
     rows = [point(1.0), point(1.0, settings={"steps": 31}), point(2.0, front=False), point(3.0, chosen="fast")]
     rows.append(point(0.5, settings={"stop_margin": 4.0}))
-    grid = grids.sweep(rows)
+    grid = described.sweep(rows)
     assert [(row[0], row[4]) for row in grid.rows] == [
         ("fast", "3.00"),
         ("front", "1.00"),
@@ -267,7 +256,7 @@ def test_the_front_is_told_once_and_what_was_chosen_stands_out() -> None:
     ],
 )
 def test_figures_have_three_significant_digits(value: float | None, text: str) -> None:
-    assert grids.figure(value) == text
+    assert described.figure(value) == text
 
 
 def test_a_boards_own_figures_are_told() -> None:

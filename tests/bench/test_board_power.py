@@ -13,7 +13,8 @@ from support.boards.loihi2_bundles import asked, environment, network, program, 
 from support.common.small_models import encoded, small_model
 
 from lava_vpr.bench.measure import board_power
-from lava_vpr.bench.measure.host import measure
+from lava_vpr.bench.measure.timing import measure
+from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Measured
 
 STEPS = 400
@@ -33,13 +34,13 @@ def on_kapoho_bay(bench: pytest.MonkeyPatch, **faults: object) -> Measured:
     bench.setenv("KAPOHOBAY", "1")
     bench.delenv("NXSDK_PYTHON", raising=False)
     bench.setenv("STANDIN", json.dumps(faults))
-    return measure(small_model(), encoded(noise=0.4), "kapoho-bay", limit=3)
+    return measure(QuerySet.of(small_model(), encoded(noise=0.4)), "kapoho-bay", limit=3)
 
 
 def on_loihi2(bench: pytest.MonkeyPatch, options: Path | None = None) -> Measured:
     for name, value in environment(LAVA_LOIHI, options).items():
         bench.setenv(name, value)
-    return measure(small_model(), encoded(noise=0.4), "loihi2", limit=3)
+    return measure(QuerySet.of(small_model(), encoded(noise=0.4)), "loihi2", limit=3)
 
 
 def test_kapoho_bay(bench: pytest.MonkeyPatch) -> None:

@@ -18,9 +18,10 @@ from support.common.small_models import encoded, small_model
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.interface import Presentations
 from lava_vpr.backends.lava import LavaBackend
-from lava_vpr.bench.measure import host as measure
-from lava_vpr.bench.measure import rapl, timed
-from lava_vpr.bench.measure.host import measure_encoding
+from lava_vpr.bench.measure import child, rapl
+from lava_vpr.bench.measure import timing as measure
+from lava_vpr.bench.measure.timing import measure_encoding
+from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.encoding import query_rates
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference.fixed import count_spikes
@@ -207,17 +208,17 @@ def test_what_a_family_shares_is_counted_once() -> None:
 def test_the_host_is_timed_answering_what_it_always_answers() -> None:
     model, queries = small_model(), encoded(noise=0.4)
     rates, ids = query_rates(queries.activity, model.config), queries.indices
-    answer = timed.host_answer(model, model.config.seed)
+    answer = child.host_answer(model, model.config.seed)
     wanted = best(decode(model, count_query_spikes(model, queries)[0], model.config.decoder.default))
     assert np.array_equal(answer(rates, ids), wanted)
-    assert np.array_equal(timed.batch(answer, rates, ids, 3), wanted)
+    assert np.array_equal(child.batch(answer, rates, ids, 3), wanted)
     assert [int(answer(rates[k : k + 1], ids[k : k + 1])[0]) for k in range(len(ids))] == wanted.tolist()
 
 
 def test_repeated_queries_have_other_noise_but_the_first() -> None:
     model, queries = small_model(), encoded(noise=0.4)
     rates, ids = query_rates(queries.activity, model.config), queries.indices
-    more, others = timed.repeated(rates, ids, 3)
+    more, others = child.repeated(rates, ids, 3)
     assert len(set(others.tolist())) == len(others) == 3 * len(ids)
     keys = presentation_keys(0, "query", others)
     counts, _, _ = count_spikes(model.network, more, keys)  # type: ignore[arg-type]
@@ -232,7 +233,7 @@ def test_a_decoder_that_is_kept_decodes_alike(name: str) -> None:
     counts = rng.integers(0, 4, (200, model.neurons)).astype(np.int32)
     chosen = replace(model, config=replace(model.config, decoder=replace(model.config.decoder, default=name)))
     wanted = best(decode(model, counts, name))
-    assert np.array_equal(timed.decoder_of(chosen)(counts), wanted)
+    assert np.array_equal(child.decoder_of(chosen)(counts), wanted)
     assert name == "contrast" or not np.array_equal(wanted, best(contrast(model.responses, counts)))
 
 
@@ -243,11 +244,11 @@ def test_single_queries_are_told_one_by_one() -> None:
         return ids
 
     seen: list[tuple[tuple[int, ...], int]] = []
-    taken = timed.singles(answer, np.zeros((2, 3)), np.array([5, 6]), 4, 60.0)
-    assert seen == [((1, 3), 5), ((1, 3), 6), ((1, 3), 5 + timed.NOISE), ((1, 3), 6 + timed.NOISE)]
+    taken = child.singles(answer, np.zeros((2, 3)), np.array([5, 6]), 4, 60.0)
+    assert seen == [((1, 3), 5), ((1, 3), 6), ((1, 3), 5 + child.NOISE), ((1, 3), 6 + child.NOISE)]
     assert len(taken) == 4
     assert taken[1] >= 10 > taken[0]
-    assert len(timed.singles(answer, np.zeros((2, 3)), np.array([5, 6]), 1000, 0.0)) == 1
+    assert len(child.singles(answer, np.zeros((2, 3)), np.array([5, 6]), 1000, 0.0)) == 1
 
 
 @pytest.fixture
@@ -258,6 +259,11 @@ def brief(monkeypatch: pytest.MonkeyPatch) -> None:
     fused = replace(backends.BACKENDS["lava-fused"], batch=200)
     monkeypatch.setitem(backends.BACKENDS._rows, fused.name, fused)
     monkeypatch.setattr(rapl.idle_watts, "__defaults__", (0.1, rapl.ROOT))
+
+
+def asked(noise: float = 0.0) -> QuerySet:
+    """Queries to the small model."""
+    return QuerySet.of(small_model(), encoded(noise=noise))
 
 
 def check(found: measure.Measured, queries: int, singles: int) -> None:
@@ -286,7 +292,7 @@ def test_the_host_measured_in_a_process_of_its_own(tmp_path: Path) -> None:
     thread = threading.Thread(target=spend)
     thread.start()
     try:
-        found = measure.measure(small_model(), encoded(noise=0.4), "host", rounds=2, rapl_root=tmp_path)
+        found = measure.measure(asked(noise=0.4), "host", rounds=2, rapl_root=tmp_path)
     finally:
         over.set()
         thread.join()
@@ -301,7 +307,7 @@ def test_the_host_measured_in_a_process_of_its_own(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.usefixtures("brief")
 def test_a_bundle_is_measured() -> None:
-    found = measure.measure(small_model(), encoded(noise=0.4), "bundle", limit=3, rounds=1, rapl_root=Path("/none"))
+    found = measure.measure(asked(noise=0.4), "bundle", limit=3, rounds=1, rapl_root=Path("/none"))
     check(found, 3, 20)
     assert found.no_energy == "/none is missing: this machine (or virtual machine) shows no RAPL counters"
 
@@ -310,7 +316,7 @@ def test_a_bundle_is_measured() -> None:
 @pytest.mark.usefixtures("brief")
 @pytest.mark.parametrize("backend", ["lava-fixed", "lava-fused", "lava-library", "lava-float"])
 def test_lava_is_measured_without_its_start(backend: str) -> None:
-    found = measure.measure(small_model(), encoded(noise=0.4), backend, limit=4, rapl_root=Path("/none"))
+    found = measure.measure(asked(noise=0.4), backend, limit=4, rapl_root=Path("/none"))
     check(found, 4, 4)
     start = float(found.what.split("Lava's start, ")[1].split(" s")[0])
     assert max(found.milliseconds) < 1e3 * start
@@ -345,7 +351,7 @@ def test_the_stage_before(tmp_path: Path) -> None:
 def test_no_board(backend: str, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("SLURM", "NXSDKHOST", "KAPOHOBAY", "NXSDK_PYTHON"):
         monkeypatch.delenv(name, raising=False)
-    found = measure.measure(small_model(), encoded(), backend)
+    found = measure.measure(asked(), backend)
     assert found.absent.startswith("no board here: ")
     assert "is not installed" in found.absent
     assert (found.queries, found.milliseconds, found.queries_per_second) == (0, (), None)
@@ -354,7 +360,7 @@ def test_no_board(backend: str, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_what_a_backend_cannot_run_is_said() -> None:
     nothing = np.zeros((1, 1), np.float32)
     paper = replace(small_model(), network=ConductanceState(nothing, nothing[0], nothing))
-    found = measure.measure(paper, encoded(), "bundle")
+    found = measure.measure(QuerySet.of(paper, encoded()), "bundle")
     assert found.absent.startswith("bundle needs an integer network, but preset paper is the float conductance model")
 
 
@@ -364,7 +370,7 @@ def test_a_run_that_fails_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(measure, "run_isolated", fails)
     monkeypatch.setattr(rapl, "idle_watts", lambda root: (None, ""))
-    found = measure.measure(small_model(), encoded(), "host", rapl_root=Path("/none"))
+    found = measure.measure(asked(), "host", rapl_root=Path("/none"))
     assert found.absent == "out of memory; use fewer queries"
-    no_queries = measure.measure(small_model(), encoded(), "host", limit=0)
+    no_queries = measure.measure(asked(), "host", limit=0)
     assert no_queries.absent == "there are no queries"

@@ -7,6 +7,7 @@ import pytest
 from support.common.small_models import encoded, small_model, two_images_a_place
 
 from lava_vpr.bench import peers
+from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.encoding import query_rates
 from lava_vpr.errors import InputError
 from lava_vpr.matching import baselines
@@ -46,7 +47,9 @@ def test_all_in_one_run(monkeypatch: pytest.MonkeyPatch) -> None:
 
     other = peers.Matcher("other", "one that always answers 0", 5, answer, known.metrics["sad"])
     told: list[str] = []
-    found = peers.run_peers(model, queries, truth, threads=2, rounds=2, fill=0.0, others=[other], advance=told.append)
+    found = peers.run_peers(
+        QuerySet.of(model, queries), truth, threads=2, rounds=2, fill=0.0, others=[other], advance=told.append
+    )
     ours, sad, cosine, last = found
     assert [one.name for one in found] == ["lava-vpr", "sad", "cosine", "other"]
     assert ours.metrics == known.metrics[known.default]
@@ -64,7 +67,7 @@ def test_all_in_one_run(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_what_is_timed_is_what_recall_counts() -> None:
     model, queries, truth = small_model(), encoded(noise=0.1), np.eye(8, dtype=bool)
     known = recognise(model, queries, truth)
-    matchers = peers._matchers(model, queries, known, model.config.seed)
+    matchers = peers._matchers(QuerySet.of(model, queries), known)
     first = {one.name: one.answer(slice(0, 8)) for one in matchers}
     np.testing.assert_array_equal(first["lava-vpr"], known.matches)
     for one in matchers:
@@ -75,6 +78,6 @@ def test_what_is_timed_is_what_recall_counts() -> None:
 def test_wrong_queries_are_refused() -> None:
     model, queries = small_model(), encoded()
     with pytest.raises(InputError, match=r"8 queries, 8 places, but ground truth of shape \(8, 7\)"):
-        peers.run_peers(model, queries, np.zeros((8, 7), bool))
+        peers.run_peers(QuerySet.of(model, queries), np.zeros((8, 7), bool))
     with pytest.raises(InputError, match="0 queries"):
-        peers.run_peers(model, encoded(0), np.zeros((0, 8), bool))
+        peers.run_peers(QuerySet.of(model, encoded(0)), np.zeros((0, 8), bool))

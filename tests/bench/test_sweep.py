@@ -16,8 +16,8 @@ from support.common.small_models import encoded, small_model, tiny_paper
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Presentations
 from lava_vpr.bench.results import Candidate
-from lava_vpr.bench.sweep.cases import Case, Run, configured, current, fast_settings, figures, runs_of
-from lava_vpr.bench.sweep.stopping import leads, stops
+from lava_vpr.bench.sweep.early_stopping import leads, stops
+from lava_vpr.bench.sweep.points import Case, Run, configured, current, fast_settings, figures, runs_of
 from lava_vpr.bench.sweep.sweep import FAST, MODEL, on_front, sweep
 from lava_vpr.config import LifNetwork
 from lava_vpr.configfile import update

@@ -13,6 +13,7 @@ from benchmarks.neurobench import metrics
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Presentations
 from lava_vpr.bench.measure.workload import input_updates, membrane_updates, of_trains, workload
+from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.encoding import query_rates
 from lava_vpr.engine.inference.bias_input import LEVEL, bias_input_spikes, biases, start_membranes
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
@@ -164,7 +165,8 @@ def test_a_model_is_counted_on_its_own_queries(mode: bool) -> None:
     trains = HostBackend(1).trains(model, Presentations(rates, queries.indices[:5], 3))
     keys = presentation_keys(3, "query", queries.indices[:5])
     wanted = of_trains(model.network, trains, rates, keys)  # type: ignore[arg-type]
-    assert workload(model, queries, seed=3, limit=5) == wanted
+    asked = QuerySet.of(model, queries, seed=3)
+    assert workload(asked, limit=5) == workload(asked, asked.trains(slice(None)), limit=5) == wanted
     assert wanted.activation_sparsity < 1
 
 

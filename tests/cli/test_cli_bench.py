@@ -15,7 +15,7 @@ from support.common.commands import PLACES, run
 from lava_vpr import model as model_file
 from lava_vpr.backends.registry import timed_by_default
 from lava_vpr.bench import run as stages
-from lava_vpr.bench.measure import host as timing
+from lava_vpr.bench.measure import timing
 from lava_vpr.bench.results import Candidate, Measured, Peer
 from lava_vpr.cli import main
 from lava_vpr.encoding import encode_traverse
@@ -31,7 +31,7 @@ BENCH = ("bench", "m.lvpr", "query")
 def quick(here: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Nothing is timed."""
 
-    def measure(model: Any, queries: Any, name: str, **_: Any) -> Measured:
+    def measure(queries: Any, name: str, **_: Any) -> Measured:
         return Measured(name, "made up", len(queries), 2, 1000.0, (0.5, 1.0, 2.0), 10**8, no_energy="no counters")
 
     monkeypatch.setattr(stages, "measure", measure)

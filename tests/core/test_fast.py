@@ -14,7 +14,7 @@ from support.common.small_models import encoded, small_model
 from lava_vpr.backends.deployed import BundleBackend
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import query_presentations
-from lava_vpr.bench.sweep.cases import mean
+from lava_vpr.bench.sweep.points import mean
 from lava_vpr.config import LifNetwork, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY

@@ -12,18 +12,16 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lava_vpr.bench.measure.timed import repeated
+from lava_vpr.backends.interface import Presentations
+from lava_vpr.bench.measure.child import repeated
 from lava_vpr.bench.results import Measured
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.engine.inference.fixed import SILENT_STEPS
-from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import LavaRunError
 from lava_vpr.isolated.child import run_child
 from lava_vpr.model import Model, checked_network
@@ -36,27 +34,26 @@ TIMEOUT = 2 * 3600.0
 FIGURES = ("steps", "microseconds_per_step", "milliwatts", "idle_milliwatts", "dynamic_milliwatts")
 
 
-def measure(model: Model, rates: NDArray[Any], ids: NDArray[np.int64], backend: str, seed: int) -> Measured:
+def measure(model: Model, shown: Presentations, backend: str) -> Measured:
     """Run queries on the board for `STEPS` steps and take over what its profiler tells.
 
     Args:
         model: With an integer network, or a bundle for this board.
-        rates: Of the queries, uint16 (n, inputs).
-        ids: Of their images, int64 (n,).
+        shown: The queries.
         backend: Name of the board.
-        seed: Of the queries' noise.
     Raises:
         LavaRunError: the board's program failed, or could measure no power; its own words.
         NetworkLimitError: the model does not fit the board.
     """
     network = checked_network(model, backend)
     interval = network.steps + SILENT_STEPS
-    rates, at = repeated(rates, ids, max(1, -(-STEPS // (interval * len(ids)))))
+    n = len(shown.image_ids)
+    rates, ids = repeated(shown.rates, shown.image_ids, max(1, -(-STEPS // (interval * n))))
     with tempfile.TemporaryDirectory(prefix="lava-vpr-") as folder:
         bundle = model.bundle
         if bundle is None:
             bundle = deploy(model, BOARDS[backend], Path(folder) / "bundle", picture=False).bundle.path
-        found = _run(bundle, Path(folder), rates, presentation_keys(seed, "query", at), backend)
+        found = _run(bundle, Path(folder), Presentations(rates, ids, shown.seed), backend)
     each = interval * found["microseconds_per_step"]
     figures = found | {
         "microseconds_per_query": each,
@@ -65,19 +62,19 @@ def measure(model: Model, rates: NDArray[Any], ids: NDArray[np.int64], backend: 
     return Measured(
         backend,
         f"a board, by the vendor's profiler: mean over {found['steps']:,.0f} steps, host's input and read-out included",
-        queries=len(ids),
+        queries=n,
         queries_per_second=1e6 / each,
         no_energy="the board's energy is under its own figures",
         board=figures,
     )
 
 
-def _run(bundle: Path, folder: Path, rates: NDArray[Any], keys: NDArray[np.uint64], backend: str) -> dict[str, float]:
+def _run(bundle: Path, folder: Path, shown: Presentations, backend: str) -> dict[str, float]:
     """What the bundle's program measures."""
     given, power = folder / "queries", folder / "power.json"
     given.mkdir()
-    np.save(given / "rates.npy", np.ascontiguousarray(rates, np.uint16), allow_pickle=False)
-    np.save(given / "keys.npy", np.ascontiguousarray(keys, np.uint64), allow_pickle=False)
+    np.save(given / "rates.npy", np.ascontiguousarray(shown.rates, np.uint16), allow_pickle=False)
+    np.save(given / "keys.npy", np.ascontiguousarray(shown.keys, np.uint64), allow_pickle=False)
     variable = TARGETS[backend].interpreter
     python = os.environ.get(variable) if variable is not None else None
     words = [python or sys.executable, str(bundle.absolute() / "program" / "run.py")]

@@ -21,16 +21,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.backends.host import HostBackend
-from lava_vpr.backends.interface import query_presentations
+from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Workload
-from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.inference.bias_input import LEVEL, biases, start_membranes
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.membranes import membranes
-from lava_vpr.engine.threads import cores
 from lava_vpr.engine.trains import Trains
-from lava_vpr.model import Model, checked_network
+from lava_vpr.model import checked_network
 
 QUERIES = 100
 """Most that are counted; every spike of them is kept meanwhile."""
@@ -38,21 +35,20 @@ QUERIES = 100
 MEMBRANE_BYTES = 4
 
 
-def workload(model: Model, queries: EncodedTraverse, *, seed: int | None = None, limit: int = QUERIES) -> Workload:
+def workload(queries: QuerySet, trains: Trains | None = None, limit: int = QUERIES) -> Workload:
     """The metrics of a model on the first ``limit`` of ``queries``.
 
     Args:
-        model: With an integer network.
-        queries: Encoded with the model's settings, at least one.
-        seed: Of the queries' noise; None: the model's.
+        queries: Queries to a model with an integer network, at least one.
+        trains: Every spike of at least these queries, if it is known; None: worked out.
         limit: Most queries.
     Raises:
         ConfigError: the model has no integer network.
     """
-    network = checked_network(model, "bench")
-    shown = query_presentations(model, queries, seed).part(slice(0, limit))
-    trains = HostBackend(cores()).trains(model, shown)
-    return of_trains(network, trains, shown.rates.astype(np.uint16), shown.keys)
+    network, first = checked_network(queries.model, "bench"), slice(limit)
+    spikes = queries.trains(first) if trains is None else trains.part(first)
+    shown = queries.shown.part(first)
+    return of_trains(network, spikes, shown.rates, shown.keys)
 
 
 def of_trains(network: FixedNetwork, trains: Trains, rates: NDArray[np.uint16], keys: NDArray[np.uint64]) -> Workload:

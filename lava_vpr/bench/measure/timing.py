@@ -21,14 +21,15 @@ from numpy.typing import NDArray
 from lava_vpr import model as model_file
 from lava_vpr.backends import deployed
 from lava_vpr.backends import registry as backends
-from lava_vpr.backends.interface import Presentations, query_presentations
+from lava_vpr.backends.interface import Presentations
 from lava_vpr.backends.lava import LavaBackend
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.bench.measure import board_power, rapl
-from lava_vpr.bench.measure.timed import decoder_of, repeated
+from lava_vpr.bench.measure.child import decoder_of, repeated
+from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Measured
 from lava_vpr.config import Config
-from lava_vpr.encoding import EncodedTraverse, activity_of, query_rates
+from lava_vpr.encoding import activity_of, query_rates
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import BackendUnavailableError, LavaVprError
 from lava_vpr.isolated.runner import run_isolated
@@ -42,11 +43,9 @@ _BLAS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 def measure(
-    model: Model,
-    queries: EncodedTraverse,
+    queries: QuerySet,
     backend: str,
     *,
-    seed: int | None = None,
     limit: int | None = None,
     rounds: int = ROUNDS,
     rapl_root: Path = rapl.ROOT,
@@ -54,29 +53,26 @@ def measure(
     """Time a backend in fresh processes.
 
     Args:
-        model: A trained model.
-        queries: Encoded with the model's settings.
+        queries: Queries to a trained model.
         backend: Name in `lava_vpr.backends.registry.BACKENDS`.
-        seed: Of the queries' noise; None: the model's.
         limit: Most queries to use; None: as the backend's row says.
-        rounds: Of the whole batch; the fastest counts.
+        rounds: How often the whole batch is answered; the fastest counts.
         rapl_root: Folder of the processor's energy counters.
     Returns:
         The figures; ``absent`` says why there are none. Nothing is raised for what this machine lacks.
     """
     row = BACKENDS[backend]
-    shown = query_presentations(model, queries, seed).part(slice(0, limit if limit is not None else row.limit))
-    rates, ids, own = shown.rates, shown.image_ids, shown.seed
-    made = Measured(backend, row.title, queries=len(ids))
+    model, shown = queries.model, queries.shown.part(slice(0, limit if limit is not None else row.limit))
+    made = Measured(backend, row.title, queries=len(shown.image_ids))
     on_board = row.timing == "board"
     try:
         backends.require(backend, model)
-        if len(ids) == 0:
+        if made.queries == 0:
             return replace(made, absent="there are no queries")
         if on_board:
-            return board_power.measure(model, rates, ids, backend, own)
+            return board_power.measure(model, shown, backend)
         if row.timing == "compiled":
-            return _compiled(model, rates, ids, made, own, rounds, rapl_root)
+            return _compiled(model, shown, made, rounds, rapl_root)
         return _lava(model, shown, made, row.batch, rapl_root)
     except LavaVprError as error:
         missing = on_board and isinstance(error, BackendUnavailableError)
@@ -128,29 +124,22 @@ def _on_disk(model: Model, backend: str) -> Iterator[Path]:
         yield path
 
 
-def _compiled(
-    model: Model,
-    rates: NDArray[Any],
-    ids: NDArray[np.int64],
-    made: Measured,
-    seed: int,
-    rounds: int,
-    rapl_root: Path,
-) -> Measured:
+def _compiled(model: Model, shown: Presentations, made: Measured, rounds: int, rapl_root: Path) -> Measured:
     """The host engine, or the simulation of a bundle."""
     threads = cores() if made.name == "host" else 1
     watts, _ = rapl.idle_watts(root=rapl_root)
-    options = {"backend": made.name, "seed": seed, "threads": threads, "rounds": rounds}
+    options = {"backend": made.name, "seed": shown.seed, "threads": threads, "rounds": rounds}
     options |= {"singles": SINGLES, "seconds": SINGLE_SECONDS, "fill": FILL if made.name == "host" else 0.0}
     with _on_disk(model, made.name) as path, _one_blas_thread(), rapl.Meter(rapl_root) as meter:
         found = run_isolated(
-            "lava_vpr.bench.measure.timed:measure",
-            {"rates": rates, "ids": ids},
+            "lava_vpr.bench.measure.child:measure",
+            {"rates": shown.rates, "ids": shown.image_ids},
             options | {"path": str(path.absolute())},
             timeout=TIMEOUT,
         )
     spans, size = found["rounds"], int(found["batch"][0])
-    repeats = f", each {size // len(ids)} times with other noise" if size > len(ids) else ""
+    times = size // made.queries
+    repeats = f", each {times} times with other noise" if times > 1 else ""
     return _with_note(
         made,
         _energy(meter, spans, size * len(spans), watts),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import query_presentations
-from lava_vpr.bench.sweep.stopping import leads, stops
+from lava_vpr.bench.sweep.early_stopping import leads, stops
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import Board

@@ -1,4 +1,4 @@
-"""What `bench.measure.host` lets a fresh process do: answer queries, tell how long that took and what it held."""
+"""What `bench.measure.timing` lets a fresh process do: answer queries, tell how long that took and what it held."""
 
 from __future__ import annotations
 

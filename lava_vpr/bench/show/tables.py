@@ -1,4 +1,4 @@
-"""The tables of `lava-vpr bench` as plain text cells, for the terminal and for the page alike.
+"""Every table of `lava-vpr bench`, once, as plain text cells: the terminal and the page only render them.
 
 Whatever the cost model says stands in a row or column whose heading says "modelled".
 """
@@ -12,7 +12,7 @@ from typing import Any
 
 from lava_vpr.bench.anchors import ANCHORS
 from lava_vpr.bench.results import Bench, Candidate, Measured, Modelled, Peer, Workload
-from lava_vpr.bench.show.document import PERCENTILES, counts, percentiles
+from lava_vpr.bench.show.json_values import PERCENTILES, counts, percentiles
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.boards.estimate import Estimate
 from lava_vpr.matching.evaluation import Metrics
@@ -22,7 +22,7 @@ NONE = "-"
 
 
 @dataclass(frozen=True)
-class Grid:
+class Table:
     """A table of text.
 
     Attributes:
@@ -33,6 +33,7 @@ class Grid:
         strong: Rows that matter most, by index.
         long: Columns of long text, by index, which may wrap.
         note: Below it.
+        page_only: It stands on the page, and not on the terminal.
     """
 
     title: str
@@ -42,6 +43,7 @@ class Grid:
     strong: frozenset[int] = frozenset()
     long: frozenset[int] = field(default=frozenset())
     note: str = ""
+    page_only: bool = False
 
 
 def figure(value: float | None, digits: int = 3) -> str:
@@ -86,10 +88,10 @@ def figures_of(metrics: Metrics | None) -> tuple[str, ...]:
     return tuple(map(percent, (*values, metrics.precision_at_100_recall, metrics.auc)))
 
 
-def recall(bench: Bench) -> Grid:
+def recall(bench: Bench) -> Table:
     """What the answers are worth, before what they cost."""
     model = bench.model
-    return Grid(
+    return Table(
         title=f"recall of {bench.images} queries, {model.get('places')} places, percent",
         columns=("decoder", *FIGURES),
         rows=((str(model.get("decoder", "default")), *figures_of(bench.recall)),),
@@ -98,7 +100,7 @@ def recall(bench: Bench) -> Grid:
     )
 
 
-def measured(rows: Sequence[Measured]) -> Grid:
+def measured(rows: Sequence[Measured]) -> Table:
     """Backends timed on this machine."""
     cells = []
     for one in rows:
@@ -110,7 +112,7 @@ def measured(rows: Sequence[Measured]) -> Grid:
         rate = figure(one.queries_per_second)
         cells.append((one.name, *latency, rate, f"{one.threads}", f"{one.queries:,}", size(one.peak_bytes), energy))
     latency_heads = tuple(f"p{q} ms" for q in PERCENTILES)
-    return Grid(
+    return Table(
         title="measured here, a query",
         columns=("backend", *latency_heads, "queries/s", "threads", "queries", "memory", "mJ (CPU)"),
         rows=tuple(cells),
@@ -118,13 +120,19 @@ def measured(rows: Sequence[Measured]) -> Grid:
     )
 
 
-def on_boards(rows: Sequence[Measured]) -> Grid:
+def on_boards(rows: Sequence[Measured]) -> Table:
     """What the profilers of boards tell."""
-    measured_there = [one for one in rows if one.board]
-    names = dict.fromkeys(name for one in measured_there for name in one.board)
-    cells = [(named(name), *(figure(one.board.get(name), 4) for one in measured_there)) for name in names]
+    boards = {one.name: one.board for one in rows if one.board}
+    names = dict.fromkeys(name for board in boards.values() for name in board)
+    cells = [(named(name), *(figure(board.get(name), 4) for board in boards.values())) for name in names]
     note = "By the vendor's profiler, idle power subtracted where it says dynamic; host's input and read-out included."
-    return Grid("measured on a board", ("figure", *(one.name for one in measured_there)), tuple(cells), note=note)
+    return Table("measured on a board", ("figure", *boards), tuple(cells), note=note)
+
+
+def timed(rows: Sequence[Measured]) -> Table:
+    """What was timed of each backend, in words."""
+    cells = tuple((one.name, one.what) for one in rows if not one.absent and one.what)
+    return Table("what was timed", ("backend", "from what to what"), cells, long=frozenset({1}), page_only=True)
 
 
 def _three(name: str, values: Estimate | None) -> tuple[str, ...]:
@@ -155,7 +163,7 @@ def title_of(target: str) -> str:
     return BOARDS[target].title if target in BOARDS else target
 
 
-def modelled(one: Modelled) -> Grid:
+def modelled(one: Modelled) -> Table:
     """The costs of a query on a board."""
     rows: list[tuple[str, ...]] = [_three("dynamic energy, uJ", one.dynamic_microjoules)]
     parts = sorted((one.dynamic_by_component or {}).items(), key=lambda item: -item[1].nominal)
@@ -172,19 +180,21 @@ def modelled(one: Modelled) -> Grid:
     rows += [_three("time with host I/O, not overlapped, ms", one.wall_milliseconds)]
     rows += [_three(f"{static}, that time", one.wall_static_millijoules)]
     rows += _clearing(one.clearing)
-    return Grid(
+    return Table(
         title=f"modelled for {title_of(one.target)}: a query of {one.steps} steps, input {one.input_mode}",
         columns=("modelled", "modelled low", "modelled nominal", "modelled high"),
         rows=tuple(rows),
         strong=frozenset(strong),
-        note=f"Modelled, not measured. {_place(one)}{_busy(one.busiest)}",
+        note=f"Modelled, not measured. {_in_use(one)}{_busy(one.busiest)}",
     )
 
 
-def _place(one: Modelled) -> str:
+def _in_use(one: Modelled) -> str:
     """Cores and tiles in use."""
-    found = f"{one.cores} core{'s' * (one.cores != 1)}"
-    return f"{found}." if one.tiles is None else f"{found} on {one.tiles} tile{'s' * (one.tiles != 1)}."
+    cores = "1 core" if one.cores == 1 else f"{one.cores} cores"
+    if one.tiles is None:
+        return f"{cores}."
+    return f"{cores} on {'1 tile' if one.tiles == 1 else f'{one.tiles} tiles'}."
 
 
 def _busy(shares: dict[str, float] | None) -> str:
@@ -202,7 +212,7 @@ def _count(value: float | None) -> str:
     return figure(value, 4)
 
 
-def counted(bench: Bench) -> Grid:
+def counted(bench: Bench) -> Table:
     """Events of a query, on every board and by the host engine."""
     boards = {name: one.counts for name, one in bench.targets.items() if one.counts}
     sources = boards or {"host": {**bench.events}}
@@ -217,10 +227,10 @@ def counted(bench: Bench) -> Grid:
     if boards:
         told.insert(0, "Counted from every spike of the queries; messages and hops depend on where the neurons stand.")
     note = " ".join(told)
-    return Grid("counted events, mean of a query", ("event", *sources), tuple(rows), note=note)
+    return Table("counted events, mean of a query", ("event", *sources), tuple(rows), note=note)
 
 
-def peers(rows: Sequence[Peer]) -> Grid:
+def peers(rows: Sequence[Peer]) -> Table:
     """Other matchers on the same images."""
     cells = []
     for one in rows:
@@ -231,10 +241,10 @@ def peers(rows: Sequence[Peer]) -> Grid:
         cells.append((one.name, at[0], at[3], at[5], rate, f"{one.threads}", size(one.bytes), one.what))
     heads = ("matcher", "R@1", "R@100P", "AUC", "queries/s", "threads", "of references", "what")
     note = "Recall in percent. queries/s: measured here, from preprocessed image to match, all queries in one batch."
-    return Grid("peers on the same images", heads, tuple(cells), long=frozenset({7}), note=note)
+    return Table("peers on the same images", heads, tuple(cells), long=frozenset({7}), note=note)
 
 
-def sweep(rows: Sequence[Candidate]) -> Grid:
+def sweep(rows: Sequence[Candidate]) -> Table:
     """The front of the sweep, dearest first, and what was chosen."""
     shown = sorted((one for one in rows if one.front or one.chosen), key=lambda one: -one.microjoules)
     cells: dict[tuple[object, ...], tuple[str, ...]] = {}
@@ -246,7 +256,7 @@ def sweep(rows: Sequence[Candidate]) -> Grid:
         # Settings that change nothing, such as a margin that is never reached, would fill the table.
         cells.setdefault((one.chosen, one.metrics.recall_at_1, one.microjoules, one.milliseconds), row)
     found = tuple(cells.values())
-    return Grid(
+    return Table(
         title=f"sweep: the front of {len(rows)} points",
         columns=("point", "R@1", "R@100P", "AUC", "modelled uJ", "modelled ms", "mean steps", "unlike this model"),
         rows=found,
@@ -267,7 +277,7 @@ def _settings(values: dict[str, Any]) -> str:
     )
 
 
-def workload(one: Workload) -> Grid:
+def workload(one: Workload) -> Table:
     """NeuroBench's metrics."""
     rows = (
         ("footprint", size(one.footprint_bytes)),
@@ -279,20 +289,20 @@ def workload(one: Workload) -> Grid:
         ("effective accumulates a query", figure(one.effective_acs, 4)),
         ("membrane updates a query", figure(one.membrane_updates, 4)),
     )
-    return Grid("workload metrics by NeuroBench's definitions", ("metric", "value"), rows)
+    return Table("workload metrics by NeuroBench's definitions", ("metric", "value"), rows)
 
 
-def constants(bench: Bench) -> Grid:
+def constants(bench: Bench) -> Table:
     """Every constant of the cost model, with its source."""
     rows = tuple(
         (one.what or named(one.name), figure(one.low), figure(one.nominal), figure(one.high), one.unit, one.source)
         for one in bench.constants
     )
     heads = ("constant", "low", "nominal", "high", "unit", "source")
-    return Grid("constants of the cost model", heads, rows, long=frozenset({0, 5}))
+    return Table("constants of the cost model", heads, rows, long=frozenset({0, 5}), page_only=True)
 
 
-def anchors() -> Grid:
+def anchors() -> Table:
     """Published results, with their citations."""
     rows = []
     for one in ANCHORS:
@@ -301,4 +311,21 @@ def anchors() -> Grid:
         told = f"{one.task}; on {one.board}{kind}" + (f"; {one.note}" if one.note else "")
         rows.append((one.name, figure(one.microjoules), figure(one.milliseconds), told, cited))
     heads = ("published", "uJ", "ms", "task and board", "where")
-    return Grid("published figures, none of them the same task", heads, tuple(rows), long=frozenset({3, 4}))
+    return Table(
+        "published figures, none of them the same task", heads, tuple(rows), long=frozenset({3, 4}), page_only=True
+    )
+
+
+def sections(bench: Bench) -> dict[str, tuple[Table, ...]]:
+    """All tables that have anything to say, by section, in the terminal's order."""
+    found = {
+        "recall": (recall(bench),),
+        "measured": (measured(bench.measured), on_boards(bench.measured), timed(bench.measured)),
+        "modelled": (*(modelled(one) for one in bench.targets.values() if not one.unavailable), counted(bench)),
+        "workload": () if bench.workload is None else (workload(bench.workload),),
+        "peers": (peers(bench.peers),),
+        "sweep": (sweep(bench.sweep),),
+        "anchors": (anchors(),),
+        "model": (constants(bench),),
+    }
+    return {name: tuple(table for table in tables if table.rows) for name, tables in found.items()}

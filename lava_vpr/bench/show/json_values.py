@@ -1,10 +1,10 @@
-"""A run of `lava-vpr bench` as JSON values, and what was left out of it."""
+"""A run of `lava-vpr bench` as JSON values, and what it lacks."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, is_dataclass
+from dataclasses import asdict, fields, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from lava_vpr.bench.anchors import ANCHORS
 from lava_vpr.bench.results import Bench, Candidate, Measured, Peer
 from lava_vpr.deploy.boards.estimate import Estimate
+from lava_vpr.matching.evaluation import Metrics
 
 PERCENTILES = (50, 95, 99)
 
@@ -74,8 +75,8 @@ def as_json(bench: Bench) -> dict[str, Any]:
         "modelled": {name: one.as_json() for name, one in bench.targets.items()},
         "counts": counts(bench),
         "workload": None if bench.workload is None else asdict(bench.workload),
-        "peers": {one.name: _peer(one) for one in bench.peers} or None,
-        "sweep": [_candidate(one) for one in bench.sweep] or None,
+        "peers": {one.name: _row(one, metrics="recall") for one in bench.peers} or None,
+        "sweep": [_row(one, **_CANDIDATE) for one in bench.sweep] or None,
         "constants": {one.name: _constant(one) for one in bench.constants},
         "anchors": [one.as_json() for one in ANCHORS],
         "assumptions": assumptions(bench),
@@ -91,43 +92,22 @@ def assumptions(bench: Bench) -> list[str]:
     return list(dict.fromkeys(text for one in bench.targets.values() for text in one.assumptions))
 
 
+_CANDIDATE = {
+    "metrics": "recall",
+    "microjoules": "modelled_microjoules",
+    "milliseconds": "modelled_milliseconds",
+}
+
+
 def _measured(one: Measured) -> dict[str, Any]:
-    return {
-        "what": one.what,
-        "queries": one.queries,
-        "threads": one.threads,
-        "queries_per_second": one.queries_per_second,
-        "milliseconds_per_query": percentiles(one),
-        "peak_bytes": one.peak_bytes,
-        "joules_per_query": one.joules_per_query,
-        "no_energy": one.no_energy or None,
-        "absent": one.absent or None,
-        "board": one.board or None,
-    }
+    """A row of ``measured``: latencies as percentiles."""
+    return _row(one, milliseconds="milliseconds_per_query") | {"milliseconds_per_query": percentiles(one)}
 
 
-def _peer(one: Peer) -> dict[str, Any]:
-    return {
-        "what": one.what,
-        "recall": one.metrics.as_json() if one.metrics is not None else None,
-        "queries_per_second": one.queries_per_second,
-        "threads": one.threads,
-        "bytes": one.bytes,
-        "queries": one.queries,
-        "absent": one.absent or None,
-    }
-
-
-def _candidate(one: Candidate) -> dict[str, Any]:
-    return {
-        "settings": one.settings,
-        "recall": one.metrics.as_json(),
-        "modelled_microjoules": one.microjoules,
-        "modelled_milliseconds": one.milliseconds,
-        "mean_steps": one.mean_steps,
-        "front": one.front,
-        "chosen": one.chosen or None,
-    }
+def _row(one: Measured | Peer | Candidate, **keys: str) -> dict[str, Any]:
+    """The fields of a row, those in ``keys`` under another key; ``name`` is not among them, no text is null."""
+    values = {keys.get(item.name, item.name): getattr(one, item.name) for item in fields(one) if item.name != "name"}
+    return {key: None if value == "" else value for key, value in values.items()}
 
 
 def _constant(one: Any) -> dict[str, Any]:
@@ -136,7 +116,7 @@ def _constant(one: Any) -> dict[str, Any]:
 
 def _plain(value: Any) -> Any:
     """``value`` as JSON knows it: estimates and arrays resolved, NaN and infinity null."""
-    if isinstance(value, Estimate):
+    if isinstance(value, (Estimate, Metrics)):
         return _plain(value.as_json())
     if is_dataclass(value) and not isinstance(value, type):
         return _plain(asdict(value))

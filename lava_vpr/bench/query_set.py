@@ -1,0 +1,50 @@
+"""The queries of a run, with what every stage needs of them, worked out once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.backends.host import HostBackend
+from lava_vpr.backends.interface import Presentations, query_presentations
+from lava_vpr.encoding import EncodedTraverse
+from lava_vpr.engine.threads import cores
+from lava_vpr.engine.trains import Trains
+from lava_vpr.model import Model
+
+
+@dataclass(frozen=True)
+class QuerySet:
+    """Queries to a model.
+
+    Attributes:
+        model: The model that is asked.
+        images: The query images, encoded with its settings.
+        shown: The same as every backend is shown them: input rates and noise.
+    """
+
+    model: Model = field(repr=False)
+    images: EncodedTraverse = field(repr=False)
+    shown: Presentations = field(repr=False)
+
+    @classmethod
+    def of(cls, model: Model, images: EncodedTraverse, seed: int | None = None) -> QuerySet:
+        """The queries ``images`` to ``model``, with the noise of ``seed``; None: of the model's own.
+
+        Raises:
+            InputError: the queries were encoded with other settings.
+        """
+        return cls(model, images, query_presentations(model, images, seed))
+
+    def __len__(self) -> int:
+        return len(self.images)
+
+    def trains(self, chosen: slice | NDArray[np.int64]) -> Trains:
+        """Every spike of the queries ``chosen``, by the host engine.
+
+        Raises:
+            ConfigError: the model has no integer network.
+        """
+        return HostBackend(cores()).trains(self.model, self.shown.part(chosen))
