@@ -28,6 +28,9 @@ DECAY_BITS = 12
 DECAY_UNITY = 1 << DECAY_BITS
 """The decay of 1, which leaves nothing: 4096 units of 2^-12."""
 
+NO_MEMORY_DECAY = DECAY_UNITY - 1
+"""Value of a decay register with which a current has no memory."""
+
 WEIGHT_BITS = 8
 """Widest weight. Source: lava-nc 0.10, ``proc/dense/models.py``."""
 
@@ -85,6 +88,24 @@ CORE_PROFILES, CORE_THRESHOLDS, CORE_FORMATS = 32, 8, 16
 FLOOR_EXPONENT_LIMIT, CEILING_EXPONENT_LIMIT = 23, 7
 """v stays within -2^k + 1, k <= 23, and 2^(9 + 2k) - 1, k <= 7; both for a whole core. Source: nengo-loihi 1.1.0,
 ``discretize.py:369`` and ``hardware/builder.py:245``."""
+
+CEILING_EXPONENT_OFFSET, CEILING_EXPONENT_STEP = 9, 2
+"""The exponent 9 + 2k of the ceiling of v. Source: as `CEILING_EXPONENT_LIMIT`."""
+
+LEAST_REFRACTORY_STEPS, MOST_REFRACTORY_STEPS = 1, 63
+"""Values of register refractDelay, which counts the step of the spike: 1 is no refractoriness. Source: nengo-loihi
+1.1.0, ``hardware/validate.py:48``."""
+
+UPDATE_GROUP = 4
+"""Compartments that are updated together; register numUpdates counts groups. Source: nengo-loihi 1.1.0,
+``hardware/builder.py:301``."""
+
+FANOUT_EXCITATORY, FANOUT_INHIBITORY = 2, 3
+"""Values of a synapse format's register fanoutType (1 is mixed). Source: nengo-loihi 1.1.0, ``block.py:427-545`` and
+``builder/discretize.py``."""
+
+COMPRESSION_SPARSE, COMPRESSION_DENSE = 0, 3
+"""Values of its register compression. Source: as `FANOUT_EXCITATORY`."""
 
 HOST_SPIKES = 50
 """Spikes that the host sends to one chip in one step. Source: nengo-loihi 1.1.0, ``hardware/interface.py:71``."""

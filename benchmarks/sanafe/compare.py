@@ -31,12 +31,11 @@ from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.compression.compression import Changes, for_board
 from lava_vpr.deploy.mapping.partition import partition
-from lava_vpr.deploy.registers.core_images import FORGETS
 from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork, count_spikes
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.engine.trains import Trains
-from lava_vpr.loihi import TILE_CORES
+from lava_vpr.loihi import NO_MEMORY_DECAY, TILE_CORES
 from lava_vpr.model import Model
 
 LIMIT = 1e-6
@@ -94,7 +93,7 @@ def random_case(seed: int, queries: int = 2) -> Case:
     drive = int((rates.mean(axis=0) @ weights).max()) >> 16
     threshold = max(1, int(drive * rng.uniform(1.0, 6.0)))
     inhibition = int(rng.choice([0, min(255, threshold // 2), min(255, threshold)]))
-    decay = FORGETS if seed % 5 == 2 else int(rng.integers(50, 900))
+    decay = NO_MEMORY_DECAY if seed % 5 == 2 else int(rng.integers(50, 900))
     made = FixedNetwork(weights.astype(np.uint8), bits, 0, threshold, inhibition, 0, decay, 40, seed % 2)
     compartments = int(rng.integers(3, 7) if seed % 3 == 0 else rng.integers(8, 40))
     words = int(rng.integers(inputs * 2, inputs * 6))

@@ -42,14 +42,14 @@ class Needs:
 
 @dataclass(frozen=True)
 class Load:
-    """What a core is expected to do in one step with input, and its time in ns by SANA-FE's constants.
+    """What a core is expected to do in one step with input, and its time by SANA-FE's constants.
 
     Attributes:
         messages_in, messages_out: Spikes that arrive and leave.
         operations_dense, operations_sparse: Synaptic operations by the format of their rows.
         updates: Compartments that are accessed and updated.
         spikes: Spikes of its compartments.
-        nanoseconds: Of all these.
+        nanoseconds: Time of all these, in ns.
     """
 
     messages_in: float
@@ -63,16 +63,17 @@ class Load:
 
 @dataclass(frozen=True)
 class CorePlan:
-    """One core.
+    """What stands on one core and how its synapses are stored.
 
     Attributes:
-        chip, core: Which, from 0.
+        chip, core: Number of the chip and of its core, from 0.
         parts: What stands on it, in the order of its compartments: exc, inh, inputs.
         dense_inputs: bool (inputs,): the row of this input is stored dense (every compartment of exc here, without
             indices); else sparse: the weights that are not 0. A row without any weight is not stored.
         dense_lateral: Rows of its own relays (zero for one neuron each) are stored dense. The row of relays elsewhere,
             the same for all of them, is stored once, and dense.
-        needs, load: See there.
+        needs: What the content takes of the core's limits.
+        load: What the core is expected to do in a step.
     """
 
     chip: int
@@ -84,9 +85,8 @@ class CorePlan:
     load: Load
 
     def part(self, population: PopulationName) -> Part:
-        """Its part of ``population``; of size 0 if there is none."""
-        found = [part for part in self.parts if part.population == population]
-        return found[0] if found else Part(population, 0, 0, 0)
+        """The core's part of ``population``; of size 0 if it has none."""
+        return next((part for part in self.parts if part.population == population), Part(population, 0, 0, 0))
 
 
 @dataclass(frozen=True)
@@ -95,8 +95,8 @@ class Plan:
 
     Attributes:
         network: The network.
-        board: Where.
-        cores: Those in use, by chip and core.
+        board: The board.
+        cores: The cores in use, by chip and core.
         weight_bits, lateral_bits: Bits of a stored weight of the inputs' and of the relays' synapses.
         hops: Expected tiles that messages between cores cross in one step; None: the mesh is not public.
         host_spikes: Spikes that the host sends to each chip in one step, mean plus six standard deviations; 0 if inputs

@@ -36,7 +36,7 @@ class Capacity:
 
     Attributes:
         weight_bits: Bits of a weight.
-        places, neurons, cores: Its size; 0 if not even two places fit.
+        places, neurons, cores: The map's size; 0 if not even two places fit.
         limit: What one more place would exceed.
     """
 
@@ -56,16 +56,16 @@ def typical(config: Config, board: Board, places: int) -> FixedNetwork:
     network = integer_config(config, board.title).network
     stretches = check_size(places, config)
     neurons = sum(stretch.neurons for stretch in stretches)
-    made = quantise.quantise(
+    quantised = quantise.quantise(
         np.repeat([[TOP], [quantise.MEAN_WEIGHT]], neurons, axis=1),
         network,
         config.encoder.query_spikes,
         joined=len(stretches) > 1,
         shift=board.sum_shift,
     )
-    made.check(board.input_limit, board.title)
-    weight = np.uint8(max(1, int(made.weights[1, 0])))
-    return replace(made, weights=np.broadcast_to(weight, (config.encoder.inputs, neurons)))
+    quantised.check(board.input_limit, board.title)
+    weight = np.uint8(max(1, int(quantised.weights[1, 0])))
+    return replace(quantised, weights=np.broadcast_to(weight, (config.encoder.inputs, neurons)))
 
 
 def largest(config: Config, board: Board) -> Capacity:
@@ -104,11 +104,11 @@ def _search(config: Config, board: Board, first: int, last: int, limit: str) -> 
     best, high, places = None, low, low
     low = first - 1
     while low < high:
-        found = _placed(config, board, places)
-        if found is None:
+        size = _neurons_and_cores(config, board, places)
+        if size is None:
             high = places - 1
         else:
-            best, low = (places, *found), places
+            best, low = (places, *size), places
         places = (low + high + 1) // 2
     return best, _limit(config, board, low + 1) if low < last else limit
 
@@ -128,7 +128,7 @@ def _sizing(config: Config, board: Board, places: int) -> Sizing:
     return Sizing(network, board, np.full(network.inputs, config.encoder.query_spikes / network.inputs))
 
 
-def _placed(config: Config, board: Board, places: int) -> tuple[int, int] | None:
+def _neurons_and_cores(config: Config, board: Board, places: int) -> tuple[int, int] | None:
     """Neurons and cores of so many places; None if they do not fit."""
     sizing = _sizing(config, board, places)
     try:

@@ -49,10 +49,10 @@ class Layout:
         """Output axons of relays 0 .. i - 1, int64 (neurons + 1,): one for each core with neurons that the relay
         inhibits."""
         size = np.diff(self.bounds)
-        own = np.zeros(self.sizing.network.neurons, np.int64)
+        axons = np.zeros(self.sizing.network.neurons, np.int64)
         if self.sizing.inhibits:
-            own = np.repeat(np.where(size == 1, size.size - 1, size.size), size)
-        return np.concatenate([np.zeros(1, np.int64), np.cumsum(own)])
+            axons = np.repeat(np.where(size == 1, size.size - 1, size.size), size)
+        return np.concatenate([np.zeros(1, np.int64), np.cumsum(axons)])
 
     @property
     def added(self) -> float:
@@ -167,7 +167,7 @@ def fill(sizing: Sizing, bounds: Integers, further: int) -> Layout | None:
     """
     cores, empty = bounds.size - 1, np.zeros(further, np.int64)
     ranges = [sizing.range_of(int(first), int(end)) for first, end in pairwise(bounds)]
-    room = np.array([int(sizing.relay_room(one, one.words_least, cores)[0]) for one in ranges])
+    room = np.array([int(sizing.relay_room(neurons, neurons.words_least, cores)[0]) for neurons in ranges])
     if room.min() < 0:
         return None
     room = np.append(room, empty + sizing.relay_room(NO_NEURONS, NO_NEURONS.words_least, cores))
@@ -190,10 +190,10 @@ def with_relays(sizing: Sizing, bounds: Integers, relays: Integers) -> Layout | 
     network, board = sizing.network, sizing.board
     words = limit_of(board.synapse_words)
     stored = [
-        choose_formats(sizing, int(first), int(end), words - int(own))
-        for (first, end), own in zip(pairwise(bounds), relays, strict=False)  # further cores store no such rows
+        choose_formats(sizing, int(first), int(end), words - int(relays_here))
+        for (first, end), relays_here in zip(pairwise(bounds), relays, strict=False)  # further cores store no such rows
     ]
-    rows = tuple(own for own in stored if own is not None)
+    rows = tuple(core_rows for core_rows in stored if core_rows is not None)
     if len(rows) < len(stored):
         return None
     reached = np.asarray(np.logical_or.reduceat(network.weights > 0, bounds[:-1], axis=1).T)

@@ -1,4 +1,4 @@
-"""A plan as the content of every core's registers and memory, and what the host must know of it; and the way back."""
+"""A plan as the content of every core's registers and memory, with what the host must know of it, and the way back."""
 
 from __future__ import annotations
 
@@ -18,9 +18,11 @@ from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import LavaVprError, ModelFileError, NetworkLimitError
 from lava_vpr.loihi import (
     CEILING_EXPONENT_LIMIT,
-    DECAY_BITS,
     FLOOR_EXPONENT_LIMIT,
     INPUT_SHIFT,
+    LEAST_REFRACTORY_STEPS,
+    NO_MEMORY_DECAY,
+    UPDATE_GROUP,
     WEIGHT_BITS,
 )
 
@@ -28,14 +30,8 @@ POPULATIONS: tuple[PopulationName, ...] = get_args(PopulationName)
 READ_OUT = -1
 """In place of a core: the axon goes to the embedded processor of its chip, to the spike counter of neuron ``axon``."""
 
-FORGETS = (1 << DECAY_BITS) - 1
-"""decayU with which a current has no memory."""
-
-NO_REFRACTORINESS, GROUP = 1, 4
-"""refractDelay counts the step of the spike; compartments are updated in groups of four. Source: nengo-loihi 1.1.0,
-``hardware/validate.py:48`` and ``hardware/builder.py:301``."""
-
-_NEEDS, _LOAD = Needs(0, 0, 0, 0, 0, 0, 0), Load(0, 0, 0, 0, 0, 0, 0)
+_UNKNOWN_NEEDS, _UNKNOWN_LOAD = Needs(0, 0, 0, 0, 0, 0, 0), Load(0, 0, 0, 0, 0, 0, 0)
+"""What stands in the plan of a core that was read back from registers, which say nothing of it."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +39,8 @@ class CoreImage:
     """Registers and memory of one core.
 
     Attributes:
-        chip, core: Which, from 0.
-        registers: Of the whole core, by NxSDK's names; all is JSON.
+        chip, core: Number of the chip and of its core, from 0.
+        registers: Registers of the whole core by NxSDK's names, as JSON has them.
         compartments: Profile, threshold register, bias mantissa and bias exponent of each, int32 (compartments, 4).
         synapses: Memory as `lava_vpr.deploy.registers.synapses` has it, uint64 (words,).
         axons_in: The synapse map: first word, words and synapses of each input axon, int32 (axons, 3).
@@ -61,7 +57,7 @@ class CoreImage:
 
     @property
     def name(self) -> str:
-        """For messages."""
+        """The core's name in messages."""
         return f"chip {self.chip} core {self.core}"
 
 
@@ -73,7 +69,7 @@ class HostTables:
         injection: Input, chip, core and input axon that its spikes are injected into, int32 (axons, 4), by input; empty
             if inputs integrate a bias.
         inputs: Chip, core and compartment of each input, int32 (inputs, 3); empty if its spikes are injected.
-        exc, inh: The same of each neuron and its relay, int32 (neurons, 3).
+        exc, inh: Chip, core and compartment of each neuron and of its relay, int32 (neurons, 3).
     """
 
     injection: NDArray[np.int32]
@@ -84,7 +80,15 @@ class HostTables:
 
 @dataclass(frozen=True)
 class _Memory:
-    """What a core receives: rows, and which input axon is whose (-1: none)."""
+    """What a core receives.
+
+    Attributes:
+        rows: The rows of its memory.
+        formats: Their synapse formats by number.
+        row_of_axon: The row of each input axon, int64 (axons,).
+        of_input, of_relay, of_neuron: The input axon of each input, of each relay and of each excitatory neuron (to its
+            relay), -1 for none, int64 (inputs,), (neurons,), (neurons,).
+    """
 
     rows: Rows
     formats: list[Format | None]
@@ -109,38 +113,42 @@ def _input_axons(network: FixedNetwork, neurons: NDArray[np.int64]) -> NDArray[n
 
 
 def _memory(plan: Plan, core: CorePlan) -> _Memory:
-    """Rows of the inputs ascending, of relays elsewhere (one for all), of its neurons' relays, and to its relays."""
+    """What ``core`` receives.
+
+    Rows stand in this order: of the inputs, ascending; one of all relays elsewhere; of its neurons' relays; to its
+    relays.
+    """
     network, formats = plan.network, Formats()
-    (neurons, places), (relays, relay_places) = _members(core, "exc"), _members(core, "inh")
+    (neurons, compartments), (relays, relay_compartments) = _members(core, "exc"), _members(core, "inh")
     of_input = _input_axons(network, neurons)
     active = of_input >= 0
-    form = Format(plan.weight_bits, index_bits(places), plan.weight_bits - WEIGHT_BITS, "excitatory")
-    parts = [formats.rows(network.weights[active][:, neurons], places, core.dense_inputs[active], form)]
+    form = Format(plan.weight_bits, index_bits(compartments), plan.weight_bits - WEIGHT_BITS, "excitatory")
+    parts = [formats.rows(network.weights[active][:, neurons], compartments, core.dense_inputs[active], form)]
     of_axon = [np.arange(active.sum())]
     of_relay, of_neuron = np.full(network.neurons, -1), np.full(network.neurons, -1)
     if network.inhibition and neurons.size:
         magnitude, exponent = lateral_synapse(network, plan.lateral_bits)
         # A relay whose neuron is alone on its core has nobody there to inhibit.
-        own = neurons if neurons.size > 1 else neurons[:0]
+        with_own_row = neurons if neurons.size > 1 else neurons[:0]
         elsewhere = np.delete(np.arange(network.neurons), neurons)
-        shared = int(elsewhere.size > 0)
-        taken = np.concatenate([np.ones((shared, neurons.size)), (1 - np.eye(neurons.size))[: own.size]])
-        dense = np.full(len(taken), core.dense_lateral)
+        shared = 1 if elsewhere.size else 0
+        inhibited = np.concatenate([np.ones((shared, neurons.size)), (1 - np.eye(neurons.size))[: with_own_row.size]])
+        dense = np.full(len(inhibited), core.dense_lateral)
         dense[:shared] = True
         form = Format(plan.lateral_bits, form.index_bits, exponent, "inhibitory")
-        parts.append(formats.rows(magnitude * taken, places, dense, form))
+        parts.append(formats.rows(magnitude * inhibited, compartments, dense, form))
         row_of = np.full(network.neurons, -1)
         row_of[elsewhere] = of_axon[0].size
-        row_of[own] = of_axon[0].size + shared + np.arange(own.size)
+        row_of[with_own_row] = of_axon[0].size + shared + np.arange(with_own_row.size)
         sources = np.flatnonzero(row_of >= 0)
         of_relay[sources] = of_axon[0].size + np.arange(sources.size)
         of_axon.append(row_of[sources])
     bits = RELAY_WEIGHT.bit_length()
-    form = Format(bits, index_bits(relay_places), bits - WEIGHT_BITS, "excitatory")
-    hits = RELAY_WEIGHT * np.eye(relays.size)
+    form = Format(bits, index_bits(relay_compartments), bits - WEIGHT_BITS, "excitatory")
+    one_to_one = RELAY_WEIGHT * np.eye(relays.size)
     of_neuron[relays] = sum(axons.size for axons in of_axon) + np.arange(relays.size)
     of_axon.append(sum(len(part.formats) for part in parts) + np.arange(relays.size))
-    parts.append(formats.rows(hits, relay_places, np.zeros(relays.size, np.bool_), form))
+    parts.append(formats.rows(one_to_one, relay_compartments, np.zeros(relays.size, np.bool_), form))
     return _Memory(joined(parts), formats, np.concatenate(of_axon), of_input, of_relay, of_neuron)
 
 
@@ -148,7 +156,7 @@ def _settings(network: FixedNetwork) -> dict[PopulationName, tuple[int, int]]:
     """decayV and threshold of each population."""
     return {
         "exc": (network.decay, network.threshold),
-        "inh": (FORGETS, RELAY_THRESHOLD),
+        "inh": (NO_MEMORY_DECAY, RELAY_THRESHOLD),
         "inputs": (0, bias_input.THRESHOLD),
     }
 
@@ -157,7 +165,13 @@ def _registers(network: FixedNetwork, names: Sequence[PopulationName], size: int
     """A core's registers: one profile and one threshold for each population on it."""
     settings = [_settings(network)[name] for name in names]
     profiles = [
-        {"decayU": FORGETS, "decayV": decay, "refractDelay": NO_REFRACTORINESS, "enableNoise": 0, "bapAction": 1}
+        {
+            "decayU": NO_MEMORY_DECAY,
+            "decayV": decay,
+            "refractDelay": LEAST_REFRACTORY_STEPS,
+            "enableNoise": 0,
+            "bapAction": 1,
+        }
         for decay, _ in settings
     ]
     return {
@@ -165,23 +179,24 @@ def _registers(network: FixedNetwork, names: Sequence[PopulationName], size: int
         "vthProfileCfg": [{"vth": threshold} for _, threshold in settings],
         "synapseFmt": [None if form is None else form.registers for form in formats],
         "dendriteSharedCfg": {"posVmLimit": CEILING_EXPONENT_LIMIT, "negVmLimit": FLOOR_EXPONENT_LIMIT},
-        "numUpdates": {"numUpdates": -(-size // GROUP), "numStdp": 0},
+        "numUpdates": {"numUpdates": -(-size // UPDATE_GROUP), "numStdp": 0},
     }
 
 
 def _axons_out(plan: Plan, core: CorePlan, memories: Sequence[_Memory], relays: NDArray[np.int32]) -> NDArray[np.int32]:
     """Where the spikes of ``core`` go, by source compartment; ``relays`` (neurons, 4): where the relays stand."""
     targets = np.array([(other.chip, other.core) for other in plan.cores], np.int64)
-    numbers, places = _members(core, "exc")
-    read_out = np.stack([places, np.full_like(places, core.chip), np.full_like(places, READ_OUT), numbers], axis=1)
-    found = [np.column_stack([places, relays[numbers]]), read_out]
+    numbers, compartments = _members(core, "exc")
+    to_counter = np.broadcast_to([core.chip, READ_OUT], (numbers.size, 2))
+    read_out = np.column_stack([compartments, to_counter, numbers])
+    axons_out = [np.column_stack([compartments, relays[numbers]]), read_out]
     senders: tuple[tuple[PopulationName, str], ...] = (("inh", "of_relay"), ("inputs", "of_input"))
     for population, table in senders:
-        numbers, places = _members(core, population)
+        numbers, compartments = _members(core, population)
         axons = np.stack([getattr(memory, table)[numbers] for memory in memories], axis=1)
         source, target = np.nonzero(axons >= 0)
-        found.append(np.column_stack([places[source], targets[target], axons[source, target]]))
-    rows = np.concatenate(found)
+        axons_out.append(np.column_stack([compartments[source], targets[target], axons[source, target]]))
+    rows = np.concatenate(axons_out)
     return rows[np.argsort(rows[:, 0], kind="stable")].astype(np.int32)
 
 
@@ -195,22 +210,24 @@ def core_images(plan: Plan) -> tuple[CoreImage, ...]:
         raise NetworkLimitError(
             f"Loihi 1 shifts each weight, not their sum by {plan.network.shift} bits; use fewer weight bits"
         )
-    if plan.network.decay > FORGETS:
-        raise NetworkLimitError(f"decay {plan.network.decay} does not fit 0..{FORGETS}; raise network.tau_membrane")
+    if plan.network.decay > NO_MEMORY_DECAY:
+        raise NetworkLimitError(
+            f"decay {plan.network.decay} does not fit 0..{NO_MEMORY_DECAY}; raise network.tau_membrane"
+        )
     memories = [_memory(plan, core) for core in plan.cores]
-    places = locations(plan, "inh")
+    relay_locations = locations(plan, "inh")
     axons = np.full(plan.network.neurons, -1, np.int32)
     for memory in memories:
         axons = np.maximum(axons, memory.of_neuron)
-    relays = np.column_stack([places[:, :2], axons])
+    relays = np.column_stack([relay_locations[:, :2], axons])
     images = []
     for core, memory in zip(plan.cores, memories, strict=True):
         members = [(name, _members(core, name)[1]) for name in POPULATIONS]
-        present = [name for name, own in members if own.size]
-        compartments = np.zeros((sum(own.size for _, own in members), 4), np.int32)
-        for name, own in members:
-            if own.size:
-                compartments[own, :2] = present.index(name)
+        present = [name for name, numbers in members if numbers.size]
+        compartments = np.zeros((sum(numbers.size for _, numbers in members), 4), np.int32)
+        for name, numbers in members:
+            if numbers.size:
+                compartments[numbers, :2] = present.index(name)
         registers = _registers(plan.network, present, len(compartments), memory.formats)
         words, entries = pack(memory.rows, memory.formats)
         axons_out = _axons_out(plan, core, memories, relays)
@@ -224,9 +241,9 @@ def locations(plan: Plan, population: PopulationName) -> NDArray[np.int32]:
     """Chip, core and compartment of every neuron of ``population``, int32 (neurons, 3)."""
     rows = [np.zeros((0, 4), np.int64)]
     for core in plan.cores:
-        numbers, places = _members(core, population)
+        numbers, compartments = _members(core, population)
         where = np.broadcast_to([core.chip, core.core], (numbers.size, 2))
-        rows.append(np.column_stack([numbers, where, places]))
+        rows.append(np.column_stack([numbers, where, compartments]))
     table = np.concatenate(rows)
     return table[np.argsort(table[:, 0], kind="stable"), 1:].astype(np.int32)
 
@@ -236,37 +253,37 @@ def host_tables(plan: Plan) -> HostTables:
     injection = [np.zeros((0, 4), np.int64)]
     for core in plan.cores if not plan.network.bias_input else ():
         axons = _input_axons(plan.network, _members(core, "exc")[0])
-        those = np.flatnonzero(axons >= 0)
-        where = np.broadcast_to([core.chip, core.core], (those.size, 2))
-        injection.append(np.column_stack([those, where, axons[those]]))
+        inputs = np.flatnonzero(axons >= 0)
+        where = np.broadcast_to([core.chip, core.core], (inputs.size, 2))
+        injection.append(np.column_stack([inputs, where, axons[inputs]]))
     table = np.concatenate(injection).astype(np.int32)
     by_input = table[np.argsort(table[:, 0], kind="stable")]
     return HostTables(by_input, *(locations(plan, name) for name in ("inputs", "exc", "inh")))
 
 
-def _parts(tables: HostTables, place: tuple[int, int]) -> tuple[Part, ...]:
+def _parts(tables: HostTables, chip: int, core: int) -> tuple[Part, ...]:
     """What stands on a core: runs of neurons on consecutive compartments."""
-    found = []
+    parts = []
     for name in POPULATIONS:
         table = getattr(tables, name)
-        numbers = np.flatnonzero((table[:, :2] == place).all(axis=1))
+        numbers = np.flatnonzero((table[:, :2] == (chip, core)).all(axis=1))
         compartments = table[numbers, 2]
         ends = np.flatnonzero((np.diff(numbers) != 1) | (np.diff(compartments) != 1)) + 1
         for run in np.split(np.arange(numbers.size), ends) if numbers.size else ():
-            found.append(Part(name, int(numbers[run[0]]), run.size, int(compartments[run[0]])))
-    return tuple(found)
+            parts.append(Part(name, int(numbers[run[0]]), run.size, int(compartments[run[0]])))
+    return tuple(parts)
 
 
 def _input_ways(images: Sequence[CoreImage], tables: HostTables) -> NDArray[np.int32]:
     """Input, chip, core and input axon of every way that an input's spikes take, int32 (ways, 4)."""
-    found = [tables.injection]
+    ways = [tables.injection]
     for image in images:
         numbers = np.flatnonzero((tables.inputs[:, :2] == (image.chip, image.core)).all(axis=1))
         owner = np.full(len(image.compartments), -1)
         owner[tables.inputs[numbers, 2]] = numbers
         sources = owner[image.axons_out[:, 0]]
-        found.append(np.column_stack([sources, image.axons_out[:, 1:]])[sources >= 0])
-    return np.concatenate(found).astype(np.int32)
+        ways.append(np.column_stack([sources, image.axons_out[:, 1:]])[sources >= 0])
+    return np.concatenate(ways).astype(np.int32)
 
 
 def _read_core(
@@ -275,18 +292,20 @@ def _read_core(
     """Fill ``weights`` with what a core's memory holds; its plan, and bits of inputs' and of relays' synapses."""
     registers = image.registers["synapseFmt"]
     formats = [None if form is None else Format.of(form, image.name) for form in registers]
-    core = CorePlan(image.chip, image.core, parts, np.zeros(len(weights), np.bool_), True, _NEEDS, _LOAD)
-    neurons, places = _members(core, "exc")
+    core = CorePlan(
+        image.chip, image.core, parts, np.zeros(len(weights), np.bool_), True, _UNKNOWN_NEEDS, _UNKNOWN_LOAD
+    )
+    neurons, compartments = _members(core, "exc")
     owner = np.full(len(image.compartments), -1)
-    owner[places] = neurons
+    owner[compartments] = neurons
     entries, row_of_axon = stored_rows(image.synapses, image.axons_in, image.name)
     rows = unpack(image.synapses, entries, formats, len(image.compartments), image.name)
     values = rows.currents(formats) >> INPUT_SHIFT
-    own = ways[(ways[:, 1:3] == (image.chip, image.core)).all(axis=1)]
+    ways_here = ways[(ways[:, 1:3] == (image.chip, image.core)).all(axis=1)]
     bits = []
-    for number, row in zip(own[:, 0], row_of_axon[own[:, 3]], strict=True):
-        those, form = slice(rows.starts[row], rows.starts[row + 1]), formats[rows.formats[row]]
-        weights[number, owner[rows.compartments[those]]] = values[those]
+    for number, row in zip(ways_here[:, 0], row_of_axon[ways_here[:, 3]], strict=True):
+        synapses, form = slice(rows.starts[row], rows.starts[row + 1]), formats[rows.formats[row]]
+        weights[number, owner[rows.compartments[synapses]]] = values[synapses]
         if form is not None:
             core.dense_inputs[number] = form.index_bits == 0
             bits.append(form.weight_bits)
@@ -298,18 +317,18 @@ def _read_core(
 def _differences(
     images: Sequence[CoreImage], tables: HostTables, again: Sequence[CoreImage], tables_again: HostTables
 ) -> list[str]:
-    """What of the images and tables is not as in those made again."""
-    found = []
+    """What of the images and tables differs from those made again, by name."""
+    differences = []
     for image, other in zip(images, again, strict=True):
         if image.registers != other.registers:
-            found.append(f"registers of {image.name}")
+            differences.append(f"registers of {image.name}")
         for name in ("compartments", "synapses", "axons_in", "axons_out"):
             if not np.array_equal(getattr(image, name), getattr(other, name)):
-                found.append(f"{name} of {image.name}")
+                differences.append(f"{name} of {image.name}")
     for name in ("injection", "inputs", "exc", "inh"):
         if not np.array_equal(getattr(tables, name), getattr(tables_again, name)):
-            found.append(f"the host's table {name}")
-    return found
+            differences.append(f"the host's table {name}")
+    return differences
 
 
 def network_of(
@@ -356,7 +375,7 @@ def _rebuilt(
     ways = _input_ways(images, tables)
     cores, bits, lateral = [], set(), set()
     for image in images:
-        core, own_bits, own_lateral = _read_core(image, _parts(tables, (image.chip, image.core)), ways, weights)
+        core, own_bits, own_lateral = _read_core(image, _parts(tables, image.chip, image.core), ways, weights)
         cores.append(core)
         bits.update(own_bits)
         lateral.update(own_lateral)

@@ -29,6 +29,8 @@ from lava_vpr.loihi import (
     BIAS_BITS,
     BIAS_EXPONENT_LIMIT,
     CEILING_EXPONENT_LIMIT,
+    CEILING_EXPONENT_OFFSET,
+    CEILING_EXPONENT_STEP,
     CORE_AXONS,
     CORE_COMPARTMENTS,
     CORE_FORMATS,
@@ -38,13 +40,13 @@ from lava_vpr.loihi import (
     DECAY_BITS,
     FLOOR_EXPONENT_LIMIT,
     INPUT_SHIFT,
+    LEAST_REFRACTORY_STEPS,
     LOIHI_1_INPUT_LIMIT,
+    MOST_REFRACTORY_STEPS,
     THRESHOLD_LIMIT,
 )
 
 Cores = tuple[tuple[int, int], ...]
-_REFRACTORY = 63
-"""Most that refractDelay holds. Source: nengo-loihi 1.1.0, ``hardware/validate.py:48``."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,7 @@ class Presented:
     """What became of some presentations.
 
     Attributes:
-        counts: Of each exc neuron, as the spike counters read out, int32 (n, neurons).
+        counts: Spikes of each exc neuron, as the spike counters read them out, int32 (n, neurons).
         exc, inh, inputs: Every spike, uint8 (n, steps, width).
         events: `EVENTS` by name, summed, int64 (cores,) in the order of `Chips.cores`.
     """
@@ -65,7 +67,7 @@ class Presented:
 
 
 class _Core(NamedTuple):
-    """A core's registers, for each of its compartments (the limits of the membrane: one), and its input axons' rows."""
+    """Registers of a core, one value a compartment (``limits`` of membranes: for all), and its input axons' rows."""
 
     keep_u: NDArray[np.int64]
     keep_v: NDArray[np.int64]
@@ -81,6 +83,7 @@ class _Core(NamedTuple):
 
 
 def _fault(where: str, what: str) -> ModelFileError:
+    """The refusal of a bundle whose content is wrong."""
     return ModelFileError(f"{where}: {what}; deploy the model again")
 
 
@@ -98,23 +101,23 @@ def _read(image: CoreImage) -> _Core:
             raise _fault(where, f"holds {have} {name}, but a core has {limit}")
     try:
         profiles = [[p["decayU"], p["decayV"], p["refractDelay"]] for p in registers["cxProfileCfg"]]
-        vth = np.array([profile["vth"] for profile in registers["vthProfileCfg"]], np.int64)
+        vth = np.array([v["vth"] for v in registers["vthProfileCfg"]], np.int64)
         shared = registers["dendriteSharedCfg"]
         floor, ceiling = int(shared["negVmLimit"]), int(shared["posVmLimit"])
         forms = [None if form is None else Format.of(form, where) for form in registers["synapseFmt"]]
-        own, register, mantissa, exponent = image.compartments.T.astype(np.int64)
-        decay_u, decay_v, refract = np.array(profiles, np.int64).reshape(-1, 3)[own].T
+        profile, register, mantissa, exponent = image.compartments.T.astype(np.int64)
+        decay_u, decay_v, refract = np.array(profiles, np.int64).reshape(-1, 3)[profile].T
         threshold = vth[register]
     except (LookupError, TypeError, ValueError, OverflowError) as error:
         raise _fault(where, f"its registers are not those of a Loihi 1 core ({error!r})") from None
     for name, column, most in (
-        ("profile", own, CORE_PROFILES - 1),
+        ("profile", profile, CORE_PROFILES - 1),
         ("threshold register", register, CORE_THRESHOLDS - 1),
         ("decayU", decay_u, unity - 1),
         ("decayV", decay_v, unity - 1),
         ("vth", threshold, THRESHOLD_LIMIT - 1),
         ("bias exponent", exponent, BIAS_EXPONENT_LIMIT),
-        ("refractDelay - 1", refract - 1, _REFRACTORY - 1),
+        ("refractDelay - 1", refract - LEAST_REFRACTORY_STEPS, MOST_REFRACTORY_STEPS - LEAST_REFRACTORY_STEPS),
         ("bias mantissa", abs(mantissa), (1 << BIAS_BITS) - 1),
         ("negVmLimit", np.array([floor]), FLOOR_EXPONENT_LIMIT),
         ("posVmLimit", np.array([ceiling]), CEILING_EXPONENT_LIMIT),
@@ -134,7 +137,7 @@ def _read(image: CoreImage) -> _Core:
         register,
         threshold << INPUT_SHIFT,
         mantissa << exponent,
-        (1 - (1 << floor), (1 << 9 + 2 * ceiling) - 1),
+        (1 - (1 << floor), (1 << CEILING_EXPONENT_OFFSET + CEILING_EXPONENT_STEP * ceiling) - 1),
         row_of,
         rows,
         rows.currents(forms),
@@ -147,7 +150,7 @@ def _starts(sizes: Sequence[int] | NDArray[np.int64]) -> NDArray[np.int64]:
     return np.concatenate([np.zeros(1, np.int64), np.cumsum(np.asarray(sizes, np.int64))])
 
 
-def _found(
+def _located(
     what: str, pairs: NDArray[np.int32], numbers: NDArray[np.int32], starts: NDArray[np.int64], cores: Cores
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Cores that ``pairs`` (n, 2) of chip and core name, and where in them all one after another ``numbers`` (n,) are.
@@ -168,7 +171,7 @@ def _found(
 def _wire(
     images: Sequence[CoreImage], read: Sequence[_Core], cores: Cores, neurons: int, positions: NDArray[np.int64] | None
 ) -> Wiring:
-    """Everything that is fixed; see `Chips.of`."""
+    """The cores and their axons as the kernel takes them; see `Chips.of`."""
     first, axons = _starts([len(i.compartments) for i in images]), _starts([len(i.axons_in) for i in images])
     sizes = [len(core.rows.formats) for core in read]
     rows = joined([core.rows for core in read])
@@ -181,7 +184,7 @@ def _wire(
     if lost.any():
         raise _fault(images[owner[lost][0]].name, "an output axon comes from no compartment or goes to no counter")
     target, axon = out[:, 2].copy(), out[:, 3].copy()
-    target[~counted], axon[~counted] = _found("an output axon", out[~counted, 1:3], axon[~counted], axons, cores)
+    target[~counted], axon[~counted] = _located("an output axon", out[~counted, 1:3], axon[~counted], axons, cores)
     hops = np.zeros((len(out), 3), np.int64)
     hops[~counted, 0] = chips[target[~counted]] != chips[owner[~counted]]
     if positions is not None:
@@ -236,10 +239,10 @@ class Chips:
         """Chips that hold ``images``.
 
         Args:
-            images: Of all cores.
-            tables: How the host reaches them.
+            images: Images of all cores.
+            tables: Where the host finds the network on them.
             steps: Steps with input of a presentation.
-            silent_steps: And without, after those.
+            silent_steps: Steps without input after those.
             bias_input: Input compartments integrate a bias; else spikes are injected.
             positions: Column and row of each core's tile (`deploy.mapping.mesh.tiles`), (cores, 2), for hops.
         Raises:
@@ -250,13 +253,13 @@ class Chips:
             raise _fault("the images", "hold no core, or one twice")
         read = [_read(image) for image in images]
         wiring = _wire(images, read, cores, len(tables.exc), positions)
-        places = {}
+        compartments = {}
         for name in ("exc", "inh", "inputs"):
             table = getattr(tables, name)
-            places[name] = _found(f"the host's table {name}", table[:, :2], table[:, 2], wiring.first, cores)[1]
+            compartments[name] = _located(f"the host's table {name}", table[:, :2], table[:, 2], wiring.first, cores)[1]
         axons = _starts([len(image.axons_in) for image in images])
         way = tables.injection[np.argsort(tables.injection[:, 0], kind="stable")]
-        core, axon = _found("the host's table injection", way[:, 1:3], way[:, 3], axons, cores)
+        core, axon = _located("the host's table injection", way[:, 1:3], way[:, 3], axons, cores)
         threshold = np.concatenate([core.threshold for core in read])
         bias = np.concatenate([core.bias for core in read])
         return Chips(
@@ -265,7 +268,7 @@ class Chips:
             threshold,
             bias,
             (way[:, 0].astype(np.int64), core, axon),
-            **places,
+            **compartments,
             steps=steps,
             silent_steps=silent_steps,
             bias_input=bias_input,
@@ -297,8 +300,8 @@ class Chips:
         if known != inputs:
             raise _fault("the host's tables", f"hold {known} inputs, but images have {inputs}")
         counts = np.zeros((n, self.exc.size), np.int32)
-        widths = (self.exc.size, self.inh.size, inputs)
-        exc, inh, sent = (np.zeros((n * record, total, width), np.uint8) for width in widths)
+        widths, recorded = (self.exc.size, self.inh.size, inputs), n if record else 0
+        exc, inh, sent = (np.zeros((recorded, total, width), np.uint8) for width in widths)
 
         def run(part: slice) -> NDArray[np.int64]:
             events = np.zeros((len(self.cores), len(EVENTS)), np.int64)
@@ -345,7 +348,7 @@ class Chips:
             state.v[self.inputs] = start_membranes(key, len(rates))
 
     def _sent(self, drawn: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-        """Input axons that ``drawn`` (steps, inputs) is injected into: their place by step, cores and axons."""
+        """Input axons that ``drawn`` (steps, inputs) is injected into: first of each step, cores and axons."""
         source, core, axon = self.injection
         steps, inputs = np.nonzero(drawn)
         low, high = np.searchsorted(source, inputs), np.searchsorted(source, inputs, side="right")
@@ -355,14 +358,14 @@ class Chips:
         return _starts(by_step), core[ways], axon[ways]
 
     def _name(self, i: int) -> str:
-        """Of a compartment, for messages."""
+        """The name of a compartment in messages."""
         k = int(np.searchsorted(self.wiring.first, i, side="right")) - 1
         return f"chip {self.cores[k][0]} core {self.cores[k][1]} compartment {i - self.wiring.first[k]}"
 
     def _check(self, state: State, presentation: int, flying: int, overflow: int) -> None:
         """Refuse a presentation with an overflow, or after which the cores are not at rest.
 
-        ``flying``: messages on their way after the last step (with an overflow: the step), see `_present`.
+        ``flying``: messages on their way after the last step (with an overflow: the step), see `present`.
         """
         if overflow >= 0:
             need = abs(int(state.sums[overflow])) >> INPUT_SHIFT

@@ -62,7 +62,7 @@ class Wiring(NamedTuple):
 
 
 class State(NamedTuple):
-    """Of all compartments, (C,): current, membrane, accumulator, refractory steps that are left, bias."""
+    """The state of all compartments, (C,): current, membrane, accumulator, refractory steps that are left, bias."""
 
     u: NDArray[np.int64]
     v: NDArray[np.int64]
@@ -85,7 +85,7 @@ def update(
     events: NDArray[np.int64],
     fired: NDArray[np.int64],
 ) -> tuple[int, int]:
-    """One step of all compartments; how many ``fired``, and the first whose accumulator overflows, or -1."""
+    """One step of all compartments; returns how many ``fired``, and the first whose accumulator overflows, or -1."""
     u, v, sums, held, bias = state
     n = 0
     for core in range(wiring.first.size - 1):
@@ -96,7 +96,8 @@ def update(
             if sums[i] >= _BOUND or sums[i] <= -_BOUND:
                 return n, i
             current = _decayed(u[i], wiring.keep_u[i])
-            updates += sums[i] != 0 or current != 0 or v[i] != 0 or bias[i] != 0
+            if sums[i] != 0 or current != 0 or v[i] != 0 or bias[i] != 0:
+                updates += 1
             current += sums[i]
             sums[i] = 0
             if current > STATE_LIMIT:
@@ -120,7 +121,7 @@ def update(
 
 @nb.njit(cache=True, inline="always")
 def _deliver(wiring: Wiring, sums: NDArray[np.int64], core: int, axon: int, events: NDArray[np.int64]) -> None:
-    """A spike meets an input axon."""
+    """Add the row of the input axon that a spike meets to the accumulators."""
     row = wiring.row_of[axon]
     begin, end = wiring.row_start[row], wiring.row_start[row + 1]
     for s in range(begin, end):

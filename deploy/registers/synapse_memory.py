@@ -75,7 +75,7 @@ def pack(rows: Rows, formats: Sequence[Format | None]) -> tuple[NDArray[np.uint6
 
     Args:
         rows: What to store; compartments of a dense row are 0, 1, 2 ..
-        formats: Of the core, by number.
+        formats: Formats of the core, by number.
     Returns:
         Words uint64 (words,), and first word, words and synapses of each row, int32 (rows, 3).
     Raises:
@@ -160,11 +160,11 @@ def _unpack(
 ) -> tuple[int, int, int]:
     """Read all rows; the first with a problem, what was found there and the problem, or problem 0."""
     for r in range(formats.size):
-        own = slice(starts[r], starts[r + 1])
-        found, problem = _unpack_row(words, entries[r], widths, limit, compartments[own], weights[own])
+        row = slice(starts[r], starts[r + 1])
+        value, problem = _unpack_row(words, entries[r], widths, limit, compartments[row], weights[row])
         if problem != 0:
-            return r, found, problem
-        formats[r] = found
+            return r, value, problem
+        formats[r] = value
     return 0, 0, 0
 
 
@@ -180,9 +180,9 @@ def unpack(
     Args:
         words: Synapse memory, uint64 (words,).
         axons_in: First word, words and synapses of each, int32 (axons, 3).
-        formats: Of the core, by number.
-        compartments: How many the core has.
-        where: Whose memory, for messages.
+        formats: Formats of the core, by number.
+        compartments: Compartments that the core has.
+        where: Whose memory it is, for messages.
     Raises:
         ModelFileError: the memory is not what the synapse map says it is.
     """

@@ -25,6 +25,10 @@ from lava_vpr.errors import ModelFileError, NetworkLimitError
 from lava_vpr.loihi import (
     BLOCK_HEADER_BITS,
     BLOCK_SYNAPSES,
+    COMPRESSION_DENSE,
+    COMPRESSION_SPARSE,
+    FANOUT_EXCITATORY,
+    FANOUT_INHIBITORY,
     INPUT_SHIFT,
     LOIHI_1_INDEX_BITS,
     LOIHI_1_WEIGHT_BITS,
@@ -38,10 +42,9 @@ Sign = Literal["excitatory", "inhibitory"]
 COUNT_BITS = (BLOCK_SYNAPSES - 1).bit_length()
 ID_BITS = BLOCK_HEADER_BITS - COUNT_BITS
 WEIGHT_CODES, INDEX_CODES = (0, *LOIHI_1_WEIGHT_BITS), (0, *LOIHI_1_INDEX_BITS)
-FANOUT_TYPES: dict[Sign, int] = {"excitatory": 2, "inhibitory": 3}
-DENSE, SPARSE = 3, 0
-"""Values of registers wgtBits and idxBits (the place in the list), fanoutType (1 is mixed) and compression. Source:
-nengo-loihi 1.1.0, ``block.py:427-545`` and ``builder/discretize.py``."""
+"""Widths by the value of registers wgtBits and idxBits; 0: none. Source: nengo-loihi 1.1.0, ``block.py:427-545``."""
+
+FANOUT_TYPES: dict[Sign, int] = {"excitatory": FANOUT_EXCITATORY, "inhibitory": FANOUT_INHIBITORY}
 
 _UNUSED: tuple[str, ...] = (
     "wgtLimitMant",
@@ -63,7 +66,7 @@ class Format:
         weight_bits: Bits of a stored magnitude; it stands for the upper bits of 8.
         index_bits: Bits of a compartment's number; 0: dense.
         exponent: The register weight, 8 bits, is worth itself times 2^(6 + exponent), in units of u.
-        sign: Of all its weights.
+        sign: Sign of all its weights.
     """
 
     weight_bits: int
@@ -78,14 +81,14 @@ class Format:
 
     @property
     def registers(self) -> dict[str, int]:
-        """As NxSDK's ``synapseFmt`` takes it."""
+        """The registers of the format, as NxSDK's ``synapseFmt`` takes them."""
         return dict.fromkeys(_UNUSED, 0) | {
             "wgtExp": self.exponent,
             "wgtBits": WEIGHT_CODES.index(self.weight_bits),
             "idxBits": INDEX_CODES.index(self.index_bits),
             "numSynapses": BLOCK_SYNAPSES - 1,
             "fanoutType": FANOUT_TYPES[self.sign],
-            "compression": SPARSE if self.index_bits else DENSE,
+            "compression": COMPRESSION_SPARSE if self.index_bits else COMPRESSION_DENSE,
         }
 
     @staticmethod
@@ -97,18 +100,18 @@ class Format:
         """
         try:
             signs = {code: sign for sign, code in FANOUT_TYPES.items()}
-            found = Format(
+            form = Format(
                 WEIGHT_CODES[registers["wgtBits"]],
                 INDEX_CODES[registers["idxBits"]],
                 int(registers["wgtExp"]),
                 signs[registers["fanoutType"]],
             )
-            sound = found.registers == dict(registers) and found.weight_bits > 0
+            sound = form.registers == dict(registers) and form.weight_bits > 0
         except (KeyError, IndexError, TypeError, ValueError):
             sound = False
-        if not sound or abs(found.exponent) > WEIGHT_EXPONENT_LIMIT:
+        if not sound or abs(form.exponent) > WEIGHT_EXPONENT_LIMIT:
             raise ModelFileError(f"{where}: its registers describe no synapse format of ours; deploy the model again")
-        return found
+        return form
 
     def currents(self, weights: NDArray[np.int32]) -> NDArray[np.int32]:
         """What stored ``weights`` bring their compartments, in units of u."""
@@ -138,9 +141,9 @@ class Rows:
         values = np.zeros(len(self.weights), np.int32)
         of_synapse = np.repeat(self.formats, np.diff(self.starts))
         for number in np.unique(self.formats):
-            form, those = formats[number], of_synapse == number
+            form, synapses = formats[number], of_synapse == number
             if form is not None:
-                values[those] = form.currents(self.weights[those])
+                values[synapses] = form.currents(self.weights[synapses])
         return values
 
 
@@ -185,7 +188,7 @@ def row_words(synapses: NDArray[np.int64], bits: int) -> NDArray[np.int64]:
 
     Args:
         synapses: Number of synapses of each row, int64, any shape.
-        bits: Of one synapse: weight, and index if the row is sparse.
+        bits: Bits of one synapse: weight, and index if the row is sparse.
     """
     whole, rest = np.divmod(np.asarray(synapses, np.int64), BLOCK_SYNAPSES)
     full = -(-(BLOCK_SYNAPSES * bits + BLOCK_HEADER_BITS) // WORD_BITS)
@@ -206,15 +209,15 @@ class Formats(list[Format | None]):
 
         Args:
             weights: Magnitudes as they are to be stored.
-            compartments: Of the columns.
-            dense: Which rows are.
-            form: Of the sparse rows; without its index, of the dense ones.
+            compartments: Compartments of the columns.
+            dense: Which rows are stored dense.
+            form: Format of the sparse rows; without its index, that of the dense ones.
         """
         numbers = np.zeros(len(dense), np.uint8)
-        for kind, own in ((True, replace(form, index_bits=0)), (False, form)):
-            if (dense == kind).any():
-                numbers[dense == kind] = len(self)
-                self.append(own)
+        for is_dense, own_form in ((True, replace(form, index_bits=0)), (False, form)):
+            if (dense == is_dense).any():
+                numbers[dense == is_dense] = len(self)
+                self.append(own_form)
         mask = dense[:, None] | (weights != 0)
         starts = np.concatenate([np.zeros(1, np.int64), np.cumsum(mask.sum(axis=1))])
         reached = np.broadcast_to(compartments, mask.shape)[mask]

@@ -51,9 +51,9 @@ def plan_by_hand(
 ) -> Plan:
     """Neurons where ``cores`` (chip, core) says; a part ``dense`` of the inputs' rows and, from 0.5, lateral ones."""
     made = []
-    for (chip, core), places in cores.items():
+    for (chip, core), members in cores.items():
         parts, compartment = [], 0
-        for population, first, size in places:
+        for population, first, size in members:
             parts.append(Part(population, first, size, compartment))
             compartment += size
         rows = np.arange(network.inputs) % 8 < 8 * dense
@@ -83,10 +83,10 @@ LAYOUTS: dict[str, dict[tuple[int, int], list[Place]]] = {
 def layout(name: str, network: FixedNetwork, dense: float = 0.5) -> Plan:
     """`LAYOUTS`, without input compartments if spikes are injected."""
     cores = {
-        core: [place for place in places if network.bias_input or place[0] != "inputs"]
-        for core, places in LAYOUTS[name].items()
+        core: [member for member in members if network.bias_input or member[0] != "inputs"]
+        for core, members in LAYOUTS[name].items()
     }
-    return plan_by_hand(network, {core: places for core, places in cores.items() if places}, dense)
+    return plan_by_hand(network, {core: members for core, members in cores.items() if members}, dense)
 
 
 def make(folder: Path, plan: Plan, images: int = 5, traverses: int = 1, seed: int = 0) -> Made:

@@ -36,7 +36,7 @@ def simple_plan(network: FixedNetwork, cores: int, seed: int = 0, chips: int = 2
     """Equal parts of exc, first relays away from their neurons, inputs on two cores, formats by chance."""
     rng = np.random.default_rng(seed)
     edges = np.linspace(0, network.neurons, cores + 1).astype(int)
-    places = [(k % chips, 3 * (k // chips) + 1) for k in range(2 * cores)]
+    positions = [(k % chips, 3 * (k // chips) + 1) for k in range(2 * cores)]
     found = []
     for k, (first, last) in enumerate(pairwise(edges)):
         parts = [Part("exc", int(first), int(last - first), 0)]
@@ -44,7 +44,7 @@ def simple_plan(network: FixedNetwork, cores: int, seed: int = 0, chips: int = 2
             begin = 0 if cores > 2 and k == 2 else int(first)
             parts.append(Part("inh", begin, int(last) - begin, parts[0].size))
         dense = rng.random(network.inputs) < rng.choice([0.0, 0.5, 1.0])
-        chip, core = places[k]
+        chip, core = positions[k]
         found.append(
             CorePlan(chip, core, tuple(p for p in parts if p.size), dense, bool(rng.random() < 0.5), NEEDS, LOAD)
         )
@@ -54,7 +54,7 @@ def simple_plan(network: FixedNetwork, cores: int, seed: int = 0, chips: int = 2
         at = sum(part.size for part in last_core.parts)
         found.append(replace(last_core, parts=(*last_core.parts, Part("inputs", 0, network.inputs - half, at))))
         if half:
-            chip, core = places[cores]
+            chip, core = positions[cores]
             empty = np.zeros(network.inputs, bool)
             parts_ = (Part("inputs", network.inputs - half, half, 0),)
             found.append(CorePlan(chip, core, parts_, empty, False, NEEDS, LOAD))

@@ -61,9 +61,9 @@ def check_plan(plan: Plan) -> None:
     for name, size in sizes.items():
         parts = [part for core in plan.cores for part in core.parts if part.population == name]
         assert sorted(i for part in parts for i in range(part.first, part.first + part.size)) == list(range(size))
-    places = [(core.chip, core.core) for core in plan.cores]
-    assert places == sorted(set(places))
-    assert all(0 <= chip < board.chips and 0 <= core < board.cores for chip, core in places)
+    numbers = [(core.chip, core.core) for core in plan.cores]
+    assert numbers == sorted(set(numbers))
+    assert all(0 <= chip < board.chips and 0 <= core < board.cores for chip, core in numbers)
     for core in plan.cores:
         assert [part.compartment for part in core.parts] == list(
             itertools.accumulate([0, *(part.size for part in core.parts[:-1])])

@@ -114,26 +114,26 @@ class Core:
 
     def _row(self, first: int, words: int, synapses: int, formats: Any) -> Row:
         at, end, position = first, first + words, 0
-        found: list[Row] = [(np.zeros(0, np.int64), np.zeros(0, np.int64))]
+        blocks: list[Row] = [(np.zeros(0, np.int64), np.zeros(0, np.int64))]
         while at < end:
             head = int(self.words[at])
-            own = formats[head & 15]
+            form = formats[head & 15]
             count = (head >> 4 & 63) + 1
-            weight, index = WEIGHT_BITS[own["wgtBits"]], INDEX_BITS[own["idxBits"]]
+            weight, index = WEIGHT_BITS[form["wgtBits"]], INDEX_BITS[form["idxBits"]]
             length = -(-(10 + count * (weight + index)) // 64)
             bits = np.unpackbits(self.words[at : at + length].astype("<u8").view(np.uint8), bitorder="little")
             fields = bits[10 : 10 + count * (weight + index)].reshape(count, weight + index).astype(np.int64)
-            places = fields[:, :index] @ (1 << np.arange(index)) if index else position + np.arange(count)
+            targets = fields[:, :index] @ (1 << np.arange(index)) if index else position + np.arange(count)
             sizes = fields[:, index:] @ (1 << np.arange(weight))
             position += count
-            shift = 8 - weight + 6 + own["wgtExp"]
+            shift = 8 - weight + 6 + form["wgtExp"]
             currents = sizes << shift if shift >= 0 else sizes >> -shift
-            currents = -currents if own["fanoutType"] == 3 else currents
-            found.append((places, currents))
+            currents = -currents if form["fanoutType"] == 3 else currents
+            blocks.append((targets, currents))
             at += length
         assert at == end, "a row does not end where its axon says"
         assert position == synapses, "a row has other synapses than its axon says"
-        targets, amounts = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
+        targets, amounts = (np.concatenate(arrays) for arrays in zip(*blocks, strict=True))
         assert len(set(targets.tolist())) == synapses, "two synapses of a row lead to one compartment"
         return targets, amounts
 
@@ -160,9 +160,9 @@ def violations(cores: list[Core], board: Board, tables: dict[str, NDArray[Any]])
             found.append(f"{what}: {value} > {limit}")
 
     exc = {tuple(row) for row in tables["exc"].tolist()}
-    places = {(core.chip, core.number) for core in cores}
-    if len(places) < len(cores):
-        found.append("two cores on one place")
+    numbers = {(core.chip, core.number) for core in cores}
+    if len(numbers) < len(cores):
+        found.append("two cores with one number")
     for core in cores:
         name = f"chip {core.chip} core {core.number}"
         if not (0 <= core.chip < board.chips and 0 <= core.number < board.cores):
@@ -195,9 +195,9 @@ def violations(cores: list[Core], board: Board, tables: dict[str, NDArray[Any]])
             if not 0 < own["vth"] < 1 << 17:
                 found.append(f"{name}: threshold {own}")
         received = np.zeros((2, len(core.compartments)), np.int64)
-        for places_hit, currents in core.rows:
-            received[0, places_hit] += np.maximum(currents, 0)
-            received[1, places_hit] += np.maximum(-currents, 0)
+        for targets, currents in core.rows:
+            received[0, targets] += np.maximum(currents, 0)
+            received[1, targets] += np.maximum(-currents, 0)
         need(f"{name} received", int(received.max(initial=0)) >> 6, board.input_limit - 1)
         for source, chip, number, axon in core.axons_out.tolist():
             if number == READ_OUT:
@@ -210,7 +210,7 @@ def violations(cores: list[Core], board: Board, tables: dict[str, NDArray[Any]])
 
 def matrices(cores: list[Core], tables: dict[str, NDArray[Any]], inputs: int) -> tuple[NDArray[np.int64], ...]:
     """Currents from inputs to exc, from exc to inh and from inh to exc, in units of u, followed from axon to axon."""
-    by_place = {(core.chip, core.number): core for core in cores}
+    by_number = {(core.chip, core.number): core for core in cores}
     whose = {}
     for name in ("exc", "inh", "inputs"):
         for core in cores:
@@ -222,8 +222,8 @@ def matrices(cores: list[Core], tables: dict[str, NDArray[Any]], inputs: int) ->
     relay, lateral = np.zeros((neurons, neurons), np.int64), np.zeros((neurons, neurons), np.int64)
 
     def follow(matrix: NDArray[np.int64], source: int, chip: int, core: int, axon: int, target: str) -> None:
-        places, currents = by_place[chip, core].rows[axon]
-        numbers = whose[target, chip, core][places]
+        targets, currents = by_number[chip, core].rows[axon]
+        numbers = whose[target, chip, core][targets]
         assert (numbers[currents != 0] >= 0).all(), f"a synapse leads elsewhere than to {target}"
         matrix[source, numbers[numbers >= 0]] += currents[numbers >= 0]
 
