@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -36,9 +37,16 @@ def folders() -> list[Path]:
     return sorted({path.parent for top in TOP for path in (ROOT / top).rglob("*.py")})
 
 
+@cache
+def texts() -> dict[Path, str]:
+    """What every file of the tests says, by its path."""
+    return {path: path.read_text(encoding="utf-8") for path in TESTS.rglob("*.py")}
+
+
+@cache
 def imports(path: Path) -> set[str]:
     """The names of the modules that a file imports, wherever in it."""
-    nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    nodes = list(ast.walk(ast.parse(texts()[path])))
     plain = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
     parents = [node for node in nodes if isinstance(node, ast.ImportFrom) and node.module]
     return plain | {f"{node.module}.{alias.name}" for node in parents for alias in node.names}
@@ -74,23 +82,24 @@ def test_tests_stand_where_what_they_test_stands() -> None:
 
 
 def test_no_test_imports_another() -> None:
-    for path in TESTS.rglob("*.py"):
+    for path in texts():
         others = [name for name in imports(path) if re.search(r"(^|\.)(test_\w+|conftest)(\.|$)", name)]
         assert others == [], path
 
 
 def test_what_is_taken_from_benchmarks() -> None:
     """The real images of `benchmarks.nordland`, and what is itself tested."""
-    for path in TESTS.rglob("*.py"):
+    for path in texts():
         name = str(path.relative_to(TESTS))
         taken = {".".join(found.split(".")[:2]) for found in imports(path) if found.startswith("benchmarks.")}
         if not name.startswith("benchmarks/"):
             assert taken - {"benchmarks.nordland"} == MEASURED.get(name, set()), name
 
 
-@pytest.mark.parametrize(
-    "module", [path for path in sorted((TESTS / "support").rglob("*.py")) if not path.is_relative_to(STANDINS)], ids=str
-)
+HELPERS = [path for path in sorted((TESTS / "support").rglob("*.py")) if not path.is_relative_to(STANDINS)]
+
+
+@pytest.mark.parametrize("module", HELPERS, ids=lambda path: f"{path.parent.name}/{path.stem}")
 def test_a_helper_says_who_uses_it(module: Path) -> None:
     """The last sentence of its docstring: "Used by ", and the rooms of tests that import it, or name it or its file."""
     if module.name in ("__init__.py", "models.py"):  # Lava finds a Process's models beside it
@@ -101,8 +110,8 @@ def test_a_helper_says_who_uses_it(module: Path) -> None:
     used = re.compile(rf"{re.escape(dotted)}\b|from {re.escape(parent)} import [^\n]*\b{name}\b|{re.escape(file)}")
     users = {
         path.relative_to(TESTS).parts[0] if path.parent != TESTS else "conftest"
-        for path in TESTS.rglob("*.py")
-        if path != module and used.search(path.read_text(encoding="utf-8"))
+        for path, text in texts().items()
+        if path != module and used.search(text)
     }
     said = re.search(r"Used by ([a-z, ]+)\.$", ast.get_docstring(ast.parse(module.read_text(encoding="utf-8"))) or "")
     assert said is not None, f"{dotted}: say who uses it: {', '.join(sorted(users))}"
