@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
+from lava_vpr.matching.answers import answers_looking_back
 from lava_vpr.matching.evaluation import truth_from_indices
 from lava_vpr.matching.sequences import (
     SequenceMatcher,
@@ -53,6 +54,23 @@ def test_sequences_equal_the_loops(case: tuple[NDArray[np.float64], int]) -> Non
         assert matrix.size == len(expected)
         for (q, r), value in expected.items():
             assert matrix[q - shift, r - shift] == pytest.approx(value, abs=1e-12)
+
+
+@given(case=scores_and_length())
+@settings(deadline=None, max_examples=40, derandomize=True)
+def test_answers_look_back(case: tuple[NDArray[np.float64], int]) -> None:
+    scores, length = case
+    answers = answers_looking_back("sad", scores, length)
+    windows = literal(scores, length, causal=True) if length > 1 else dict(np.ndenumerate(scores))
+    assert len(answers.matches) == len(answers.confidence) == len(scores)
+    for query, (match, confidence) in enumerate(zip(*answers, strict=True)):
+        places = {r: value for (q, r), value in windows.items() if q == query}
+        if not any(places.values()):  # no window ends here, or it holds no score
+            assert (match, confidence) == (-1, -np.inf)
+            continue
+        assert places[int(match)] == pytest.approx(max(places.values()), abs=1e-12)
+        first, second = [*sorted(places.values(), reverse=True), 0.0][:2]
+        assert confidence == pytest.approx(first - second if length > 1 else first, abs=1e-12)
 
 
 @given(case=scores_and_length())
