@@ -32,7 +32,8 @@ from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import LavaRunError
 from lava_vpr.isolated.runner import run_isolated
-from lava_vpr.processes.base.shared import FIXED_TAG, shared_array
+from lava_vpr.processes.base.checked import FIXED_TAG
+from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.networks.fused_place_network.process import FusedPlaceNetwork
 from lava_vpr.processes.networks.place_network.process import RELAY_WEIGHT, PlaceNetwork
 from lava_vpr.processes.poisson_encoder.process import PoissonEncoder

@@ -5,16 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.decorator import implements, requires, tag
 from lava.magma.core.model.py.model import PyLoihiProcessModel
 from lava.magma.core.model.py.ports import PyOutPort
 from lava.magma.core.model.py.type import LavaPyType
-from lava.magma.core.resources import CPU
-from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 from numpy.typing import NDArray
 
 from lava_vpr.engine.inference.bias_input import LEVEL, THRESHOLD, biases, start_membranes
 from lava_vpr.loihi import INPUT_SHIFT
+from lava_vpr.processes.base.cpu_model import cpu_model
 from lava_vpr.processes.bias_inputs.process import BiasInputs
 
 
@@ -54,9 +52,7 @@ class _InputsModel(PyLoihiProcessModel):
             self.shared += spikes
 
 
-@implements(proc=BiasInputs, protocol=LoihiProtocol)
-@requires(CPU)
-@tag("floating_pt")
+@cpu_model(BiasInputs, "float")
 class PyBiasInputsFloat(_InputsModel):
     """In float64; v is in the unit of the threshold."""
 
@@ -66,9 +62,7 @@ class PyBiasInputsFloat(_InputsModel):
     threshold, scale = float(THRESHOLD), 2.0**-INPUT_SHIFT
 
 
-@implements(proc=BiasInputs, protocol=LoihiProtocol)
-@requires(CPU)
-@tag("bit_accurate_loihi", "fixed_pt")
+@cpu_model(BiasInputs, "fixed")
 class PyBiasInputsFixed(_InputsModel):
     """In Loihi's integers."""
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT
+from lava_vpr.processes.base.checked import CheckedProcess, RegisterVar, check_outputs, check_presentations, require
 from lava_vpr.processes.base.neurons import check_state
-from lava_vpr.processes.base.shared import CheckedProcess, RegisterVar, check_outputs, check_presentations, require
 
 
 def _check_bias(name: str, largest: int, value: NDArray[Any]) -> None:

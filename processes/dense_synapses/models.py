@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.decorator import implements, requires, tag
 from lava.magma.core.model.py.model import PyLoihiProcessModel
 from lava.magma.core.model.py.ports import PyInPort, PyOutPort
 from lava.magma.core.model.py.type import LavaPyType
-from lava.magma.core.resources import CPU
-from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import dense_step, stored_weights
+from lava_vpr.processes.base.cpu_model import cpu_model
 from lava_vpr.processes.dense_synapses.process import DenseSynapses
 
 
@@ -34,9 +32,7 @@ class _DenseModel(PyLoihiProcessModel):
         self.rows = None
 
 
-@implements(proc=DenseSynapses, protocol=LoihiProtocol)
-@requires(CPU)
-@tag("floating_pt")
+@cpu_model(DenseSynapses, "float")
 class PyDenseSynapsesFloat(_DenseModel):
     """In float64, with the weights as they were given."""
 
@@ -53,9 +49,7 @@ class PyDenseSynapsesFloat(_DenseModel):
         self.rows.take(spikes, axis=0).sum(axis=0, out=self.a_buff)
 
 
-@implements(proc=DenseSynapses, protocol=LoihiProtocol)
-@requires(CPU)
-@tag("bit_accurate_loihi", "fixed_pt")
+@cpu_model(DenseSynapses, "fixed")
 class PyDenseSynapsesFixed(_DenseModel):
     """`dense_step` on the weights as synapse memory holds them, bit-accurate with Lava's Dense."""
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from lava_vpr.engine.general import lif
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import WEIGHT_BITS, WEIGHT_EXPONENT_LIMIT
-from lava_vpr.processes.base.shared import CheckedProcess, RegisterVar, require, whole
+from lava_vpr.processes.base.checked import CheckedProcess, RegisterVar, require, whole
 
 
 @lru_cache(maxsize=1)

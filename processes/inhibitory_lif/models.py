@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-from lava.magma.core.decorator import implements, requires, tag
-from lava.magma.core.resources import CPU
-from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
-
+from lava_vpr.processes.base.cpu_model import cpu_model
 from lava_vpr.processes.base.neurons import LifModelFixed, LifModelFloat
 from lava_vpr.processes.inhibitory_lif.process import InhibitoryLIF
 
 
-@implements(proc=InhibitoryLIF, protocol=LoihiProtocol)
-@requires(CPU)
-@tag("floating_pt")
+@cpu_model(InhibitoryLIF, "float")
 class PyInhibitoryLIFFloat(LifModelFloat):
     """In float64."""
 
 
-@implements(proc=InhibitoryLIF, protocol=LoihiProtocol)
-@requires(CPU)
-@tag("bit_accurate_loihi", "fixed_pt")
+@cpu_model(InhibitoryLIF, "fixed")
 class PyInhibitoryLIFFixed(LifModelFixed):
     """In Loihi's integers."""

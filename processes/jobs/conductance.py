@@ -15,7 +15,7 @@ from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.conductance.kernels import Constants
 from lava_vpr.engine.conductance.model import ConductanceState, constants
 from lava_vpr.isolated.worker import report
-from lava_vpr.processes.base.shared import shared_array
+from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.conductance.conductance_place_network.process import ConductancePlaceNetwork
 from lava_vpr.processes.conductance.fine_poisson_encoder.process import FinePoissonEncoder
 from lava_vpr.processes.spike_counter.process import SpikeCounter

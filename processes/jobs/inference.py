@@ -24,9 +24,10 @@ from lava_vpr.engine.inference.bias_input import biases, schedule
 from lava_vpr.engine.inference.fixed import EVENTS, SILENT_STEPS, FixedNetwork
 from lava_vpr.isolated import memory
 from lava_vpr.isolated.worker import report
+from lava_vpr.processes.base.checked import FIXED_TAG
 from lava_vpr.processes.base.lava_checks import refuse_cpu_models
 from lava_vpr.processes.base.library_inputs import LibraryBiasInputs
-from lava_vpr.processes.base.shared import FIXED_TAG, shared_array
+from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.bias_inputs.process import BiasInputs
 from lava_vpr.processes.networks.fused_place_network.process import FusedPlaceNetwork
 from lava_vpr.processes.networks.library_place_network.process import LibraryPlaceNetwork

@@ -16,7 +16,7 @@ from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, Rule
 from lava_vpr.engine.learning.integer_kernels import StepDraws
 from lava_vpr.engine.learning.lava_order import FoldedPhase, FoldedTrainer
 from lava_vpr.isolated.worker import report
-from lava_vpr.processes.base.shared import shared_array
+from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.networks.learning_place_network.process import LearningPlaceNetwork
 from lava_vpr.processes.networks.library_learning_network.process import LibraryLearningNetwork
 from lava_vpr.processes.poisson_encoder.process import PoissonEncoder

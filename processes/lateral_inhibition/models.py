@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.decorator import implements, requires, tag
 from lava.magma.core.model.py.model import PyLoihiProcessModel
 from lava.magma.core.model.py.ports import PyInPort, PyOutPort
 from lava.magma.core.model.py.type import LavaPyType
-from lava.magma.core.resources import CPU
-from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 from numpy.typing import NDArray
 
+from lava_vpr.processes.base.cpu_model import cpu_model
 from lava_vpr.processes.lateral_inhibition.process import LateralInhibition
 
 
@@ -30,9 +28,7 @@ class _LateralModel(PyLoihiProcessModel):
         self.a_buff[spikes] += self.inhibition
 
 
-@implements(proc=LateralInhibition, protocol=LoihiProtocol)
-@requires(CPU)
-@tag("floating_pt")
+@cpu_model(LateralInhibition, "float")
 class PyLateralInhibitionFloat(_LateralModel):
     """In float64."""
 
@@ -41,9 +37,7 @@ class PyLateralInhibitionFloat(_LateralModel):
     a_buff: NDArray[np.float64] = LavaPyType(np.ndarray, float)
 
 
-@implements(proc=LateralInhibition, protocol=LoihiProtocol)
-@requires(CPU)
-@tag("bit_accurate_loihi", "fixed_pt")
+@cpu_model(LateralInhibition, "fixed")
 class PyLateralInhibitionFixed(_LateralModel):
     """In Loihi's integers."""
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import need
 from lava_vpr.loihi import INPUT_LIMIT, WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
-from lava_vpr.processes.base.shared import CheckedProcess, RegisterVar, check_shape, vector, whole
+from lava_vpr.processes.base.checked import CheckedProcess, RegisterVar, check_shape, vector, whole
 
 
 class LateralInhibition(CheckedProcess):

@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.decorator import implements, requires, tag
 from lava.magma.core.model.py.model import PyLoihiProcessModel
 from lava.magma.core.model.py.ports import PyInPort, PyOutPort
 from lava.magma.core.model.py.type import LavaPyType
-from lava.magma.core.resources import CPU
-from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 from numpy.typing import NDArray
 
+from lava_vpr.processes.base.cpu_model import cpu_model
 from lava_vpr.processes.one_to_one.process import OneToOne
 
 
@@ -28,9 +26,7 @@ class _OneToOneModel(PyLoihiProcessModel):
         np.multiply(self.s_in.recv().astype(bool, copy=False), self.weight, out=self.a_buff)
 
 
-@implements(proc=OneToOne, protocol=LoihiProtocol)
-@requires(CPU)
-@tag("floating_pt")
+@cpu_model(OneToOne, "float")
 class PyOneToOneFloat(_OneToOneModel):
     """In float64."""
 
@@ -39,9 +35,7 @@ class PyOneToOneFloat(_OneToOneModel):
     a_buff: NDArray[np.float64] = LavaPyType(np.ndarray, float)
 
 
-@implements(proc=OneToOne, protocol=LoihiProtocol)
-@requires(CPU)
-@tag("bit_accurate_loihi", "fixed_pt")
+@cpu_model(OneToOne, "fixed")
 class PyOneToOneFixed(_OneToOneModel):
     """In Loihi's integers."""
 

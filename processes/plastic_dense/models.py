@@ -5,18 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.decorator import implements, requires, tag
 from lava.magma.core.model.py.model import PyLoihiProcessModel
 from lava.magma.core.model.py.ports import PyInPort, PyOutPort
 from lava.magma.core.model.py.type import LavaPyType
-from lava.magma.core.resources import CPU
-from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 from numpy.typing import NDArray
 
 from lava_vpr.engine.learning.integer import Rule, normalise, step_draws
 from lava_vpr.engine.learning.integer_kernels import StepDraws, decay_traces, learn_column
 from lava_vpr.loihi import TRACE_LIMIT
-from lava_vpr.processes.base.rules import FloatRule
+from lava_vpr.processes.base.cpu_model import cpu_model
+from lava_vpr.processes.base.float_rule import FloatRule
 from lava_vpr.processes.plastic_dense.process import PlasticDense, interval_of
 
 
@@ -60,9 +58,7 @@ class PlasticModel(PyLoihiProcessModel):
                         record[image] = getattr(self, name)
 
 
-@implements(proc=PlasticDense, protocol=LoihiProtocol)
-@requires(CPU)
-@tag("bit_accurate_loihi", "fixed_pt")
+@cpu_model(PlasticDense, "fixed")
 class PyPlasticDenseFixed(PlasticModel):
     """The host engine's kernels; equal to Lava's LearningDense where that can express the rule."""
 
@@ -105,9 +101,7 @@ class PyPlasticDenseFixed(PlasticModel):
                 learn_column(columns, i, self.x1, self.products, self.rule.target, self.rule.mu, draw)
 
 
-@implements(proc=PlasticDense, protocol=LoihiProtocol)
-@requires(CPU)
-@tag("floating_pt")
+@cpu_model(PlasticDense, "float")
 class PyPlasticDenseFloat(PlasticModel):
     """The rule in float64, without rounding; random numbers are not needed."""
 

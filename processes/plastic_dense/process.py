@@ -15,8 +15,8 @@ from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.learning.integer import Rule, normalise
 from lava_vpr.engine.learning.integer_kernels import StepDraws, decay_traces, learn_column
 from lava_vpr.loihi import WEIGHT_EXPONENT_LIMIT
-from lava_vpr.processes.base.rules import FloatRule
-from lava_vpr.processes.base.shared import CheckedProcess, RegisterVar, check_outputs
+from lava_vpr.processes.base.checked import CheckedProcess, RegisterVar, check_outputs
+from lava_vpr.processes.base.float_rule import FloatRule
 
 
 @lru_cache(maxsize=1)
@@ -71,7 +71,7 @@ class PlasticDense(CheckedProcess):
             draws: Random numbers instead of those of the keys: for traces and for weights, 53 bits each, one for every
                 Lava step, uint64 (k,). After k steps nothing is learned any more.
             record_weights, record_traces: Filled at the end of each presentation, (n, neurons, inputs) and (n, inputs),
-                uint8 or, for the floating-point model, float64; from `lava_vpr.processes.base.shared.shared_array`.
+                uint8 or, for the floating-point model, float64; from `lava_vpr.processes.base.shared_memory.shared_array`.
         Raises:
             NetworkLimitError: arrays that do not fit each other, or values that the learning engine cannot hold.
         """

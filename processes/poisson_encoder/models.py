@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.decorator import implements, requires, tag
 from lava.magma.core.model.py.model import PyLoihiProcessModel
 from lava.magma.core.model.py.ports import PyOutPort
 from lava.magma.core.model.py.type import LavaPyType
-from lava.magma.core.resources import CPU
-from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 from numpy.typing import NDArray
 
 from lava_vpr.engine.draw import LANES, draw_block, prepare_draws, scratch
+from lava_vpr.processes.base.cpu_model import cpu_model
 from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
 
 
@@ -54,15 +52,11 @@ class _EncoderModel(PyLoihiProcessModel):
             self.shared[chosen] += 1
 
 
-@implements(proc=PoissonEncoder, protocol=LoihiProtocol)
-@requires(CPU)
-@tag("floating_pt")
+@cpu_model(PoissonEncoder, "float")
 class PyPoissonEncoderFloat(_EncoderModel):
     """For networks in float64."""
 
 
-@implements(proc=PoissonEncoder, protocol=LoihiProtocol)
-@requires(CPU)
-@tag("bit_accurate_loihi", "fixed_pt")
+@cpu_model(PoissonEncoder, "fixed")
 class PyPoissonEncoderFixed(_EncoderModel):
     """For networks in Loihi's integers."""

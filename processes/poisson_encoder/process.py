@@ -14,7 +14,7 @@ from lava_vpr.encoding import rates16
 from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
 from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.random import presentation_keys
-from lava_vpr.processes.base.shared import CheckedProcess, check_outputs, check_presentations
+from lava_vpr.processes.base.checked import CheckedProcess, check_outputs, check_presentations
 
 
 @lru_cache(maxsize=1)

@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.decorator import implements, requires, tag
 from lava.magma.core.model.py.model import PyLoihiProcessModel
 from lava.magma.core.model.py.ports import PyInPort
 from lava.magma.core.model.py.type import LavaPyType
-from lava.magma.core.resources import CPU
-from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 from numpy.typing import NDArray
 
+from lava_vpr.processes.base.cpu_model import cpu_model
 from lava_vpr.processes.spike_counter.process import SpikeCounter
 
 
@@ -38,15 +36,11 @@ class _CounterModel(PyLoihiProcessModel):
             self.raster[image, step, spikes] = 1
 
 
-@implements(proc=SpikeCounter, protocol=LoihiProtocol)
-@requires(CPU)
-@tag("floating_pt")
+@cpu_model(SpikeCounter, "float")
 class PySpikeCounterFloat(_CounterModel):
     """For networks in float64."""
 
 
-@implements(proc=SpikeCounter, protocol=LoihiProtocol)
-@requires(CPU)
-@tag("bit_accurate_loihi", "fixed_pt")
+@cpu_model(SpikeCounter, "fixed")
 class PySpikeCounterFixed(_CounterModel):
     """For networks in Loihi's integers."""

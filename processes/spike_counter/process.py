@@ -10,7 +10,7 @@ from lava.magma.core.process.variable import Var
 from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import need
-from lava_vpr.processes.base.shared import CheckedProcess, check_outputs, check_shape, whole
+from lava_vpr.processes.base.checked import CheckedProcess, check_outputs, check_shape, whole
 
 
 class SpikeCounter(CheckedProcess):

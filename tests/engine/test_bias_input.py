@@ -31,7 +31,7 @@ from lava_vpr.errors import NetworkLimitError
 from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.loihi import STATE_LIMIT
 from lava_vpr.processes.base.library_inputs import LibraryBiasInputs
-from lava_vpr.processes.base.shared import shared_array
+from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.bias_inputs.models import PyBiasInputsFixed, PyBiasInputsFloat
 from lava_vpr.processes.bias_inputs.process import BiasInputs
 from lava_vpr.processes.jobs.inference import input_spikes

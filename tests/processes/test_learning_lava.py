@@ -20,7 +20,7 @@ from lava_vpr.engine.learning.lava_order import LibraryDraws
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.isolated.runner import run_isolated
-from lava_vpr.processes.base.rules import FloatRule
+from lava_vpr.processes.base.float_rule import FloatRule
 from lava_vpr.processes.jobs.learning import LEARNING, LIBRARY, options_of
 from lava_vpr.processes.networks.learning_place_network.process import LearningPlaceNetwork
 from lava_vpr.processes.networks.library_learning_network.process import LibraryLearningNetwork

@@ -19,7 +19,7 @@ from support.lava.model_harness import build, drive, some_spikes
 
 from lava_vpr.encoding import draw_spikes, rates16
 from lava_vpr.engine.random import presentation_keys
-from lava_vpr.processes.base.shared import shared_array
+from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.dense_synapses.models import PyDenseSynapsesFixed, PyDenseSynapsesFloat
 from lava_vpr.processes.dense_synapses.process import DenseSynapses
 from lava_vpr.processes.excitatory_lif.models import PyExcitatoryLIFFixed, PyExcitatoryLIFFloat

@@ -5,20 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.decorator import implements, requires, tag
 from lava.magma.core.model.py.model import PyLoihiProcessModel
 from lava.magma.core.model.py.ports import PyInPort, PyOutPort
 from lava.magma.core.model.py.type import LavaPyType
-from lava.magma.core.resources import CPU
-from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 
+from lava_vpr.processes.base.cpu_model import cpu_model
 from lava_vpr.processes.conductance.conductance_lif.process import READY, ConductanceLIF
 from lava_vpr.processes.conductance.neurons import ConductanceNeuron
 
 
-@implements(proc=ConductanceLIF, protocol=LoihiProtocol)
-@requires(CPU)
-@tag("floating_pt")
+@cpu_model(ConductanceLIF, "float")
 class PyConductanceLIFFloat(PyLoihiProcessModel):
     """Euler's method in float64, operation by operation as `lava_vpr.engine.conductance.kernels` does it."""
 

@@ -11,7 +11,7 @@ from lava.magma.core.process.variable import Var
 from numpy.typing import NDArray
 
 from lava_vpr.errors import NetworkLimitError
-from lava_vpr.processes.base.shared import check_shape
+from lava_vpr.processes.base.checked import check_shape
 from lava_vpr.processes.conductance.neurons import ConductanceNeuron
 
 READY = 1 << 40

@@ -5,16 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.decorator import implements, requires, tag
 from lava.magma.core.model.py.model import PyLoihiProcessModel
 from lava.magma.core.model.py.ports import PyInPort, PyOutPort
 from lava.magma.core.model.py.type import LavaPyType
-from lava.magma.core.resources import CPU
-from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 from numpy.typing import NDArray
 
 from lava_vpr.engine.conductance.kernels import NEVER, TRIPLET, Constants, normalise
 from lava_vpr.engine.conductance.plastic import learn
+from lava_vpr.processes.base.cpu_model import cpu_model
 from lava_vpr.processes.conductance.conductance_plastic.process import ConductancePlastic
 
 
@@ -60,9 +58,7 @@ class _Arrivals:
         return arrived
 
 
-@implements(proc=ConductancePlastic, protocol=LoihiProtocol)
-@requires(CPU)
-@tag("floating_pt")
+@cpu_model(ConductancePlastic, "float")
 class PyConductancePlasticFloat(PyLoihiProcessModel):
     """Weights in float64, changed by the kernels of the host engine."""
 

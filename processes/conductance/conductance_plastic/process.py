@@ -14,7 +14,7 @@ from lava_vpr.engine.conductance.kernels import Constants, normalise
 from lava_vpr.engine.conductance.model import RULES, trace_table
 from lava_vpr.engine.conductance.plastic import learn
 from lava_vpr.errors import NetworkLimitError
-from lava_vpr.processes.base.shared import CheckedProcess
+from lava_vpr.processes.base.checked import CheckedProcess
 from lava_vpr.processes.conductance.delayed_dense.process import check_synapses
 
 

@@ -5,19 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.decorator import implements, requires, tag
 from lava.magma.core.model.py.model import PyLoihiProcessModel
 from lava.magma.core.model.py.ports import PyInPort, PyOutPort
 from lava.magma.core.model.py.type import LavaPyType
-from lava.magma.core.resources import CPU
-from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 
+from lava_vpr.processes.base.cpu_model import cpu_model
 from lava_vpr.processes.conductance.delayed_dense.process import DelayedDense
 
 
-@implements(proc=DelayedDense, protocol=LoihiProtocol)
-@requires(CPU)
-@tag("floating_pt")
+@cpu_model(DelayedDense, "float")
 class PyDelayedDenseFloat(PyLoihiProcessModel):
     """A ring of sums, one row for each step that spikes can still arrive in.
 

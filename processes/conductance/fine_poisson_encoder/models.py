@@ -5,20 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.decorator import implements, requires, tag
 from lava.magma.core.model.py.model import PyLoihiProcessModel
 from lava.magma.core.model.py.ports import PyOutPort
 from lava.magma.core.model.py.type import LavaPyType
-from lava.magma.core.resources import CPU
-from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 
 from lava_vpr.encoding import draw_spikes
+from lava_vpr.processes.base.cpu_model import cpu_model
 from lava_vpr.processes.conductance.fine_poisson_encoder.process import FinePoissonEncoder
 
 
-@implements(proc=FinePoissonEncoder, protocol=LoihiProtocol)
-@requires(CPU)
-@tag("floating_pt")
+@cpu_model(FinePoissonEncoder, "float")
 class PyFinePoissonEncoder(PyLoihiProcessModel):
     """Draws a presentation's spikes when it begins."""
 

@@ -6,20 +6,16 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
-from lava.magma.core.decorator import implements, requires, tag
 from lava.magma.core.model.py.model import PyLoihiProcessModel
 from lava.magma.core.model.py.type import LavaPyType
-from lava.magma.core.resources import CPU
-from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 from numpy.typing import NDArray
 
 from lava_vpr.engine.inference.fixed import EVENTS, count_spikes
+from lava_vpr.processes.base.cpu_model import cpu_model
 from lava_vpr.processes.networks.fused_place_network.process import FusedPlaceNetwork
 
 
-@implements(proc=FusedPlaceNetwork, protocol=LoihiProtocol)
-@requires(CPU)
-@tag("bit_accurate_loihi", "fixed_pt")
+@cpu_model(FusedPlaceNetwork, "fixed")
 class PyFusedPlaceNetworkFixed(PyLoihiProcessModel):
     """Presents a batch of images in each Lava step, in Loihi's integers.
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lava_vpr.engine.general.lif import need
 from lava_vpr.engine.inference.fixed import EVENTS, SILENT_STEPS, FixedNetwork, count_spikes
 from lava_vpr.errors import NetworkLimitError
-from lava_vpr.processes.base.shared import CheckedProcess, check_outputs, whole
+from lava_vpr.processes.base.checked import CheckedProcess, check_outputs, whole
 
 
 @lru_cache(maxsize=2)

@@ -14,7 +14,7 @@ from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState
 from lava_vpr.engine.learning.integer_kernels import StepDraws
 from lava_vpr.loihi import THRESHOLD_LIMIT
-from lava_vpr.processes.base.shared import CheckedProcess
+from lava_vpr.processes.base.checked import CheckedProcess
 
 
 class LearningPlaceNetwork(CheckedProcess):

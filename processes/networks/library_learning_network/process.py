@@ -12,7 +12,7 @@ from lava_vpr.engine.general.lif import LifParameters, need
 from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState
 from lava_vpr.loihi import DECAY_BITS, WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
-from lava_vpr.processes.base.shared import CheckedProcess
+from lava_vpr.processes.base.checked import CheckedProcess
 
 
 def mantissa_of(inhibition: int) -> tuple[int, int]:

@@ -8,7 +8,7 @@ from lava.magma.core.process.ports.ports import InPort, OutPort
 from lava.magma.core.process.variable import Var
 
 from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork
-from lava_vpr.processes.base.shared import CheckedProcess
+from lava_vpr.processes.base.checked import CheckedProcess
 
 
 class LibraryPlaceNetwork(CheckedProcess):

@@ -22,7 +22,7 @@ from support.fuzz.fuzz_networks import Block, Format, block_of, settings_of, ste
 from support.fuzz.fuzz_places import input_of, place_of
 
 from lava_vpr.engine.inference.fixed import SILENT_STEPS
-from lava_vpr.processes.base.shared import shared_array
+from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.dense_synapses.process import DenseSynapses
 from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF
 from lava_vpr.processes.lateral_inhibition.process import LateralInhibition

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from lava_vpr.engine.learning.integer import Rule
 from lava_vpr.engine.learning.lava_order import LibraryDraws
 from lava_vpr.loihi import TRACE_LIMIT
-from lava_vpr.processes.base.rules import FloatRule
-from lava_vpr.processes.base.shared import shared_array
+from lava_vpr.processes.base.float_rule import FloatRule
+from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.plastic_dense.models import PyPlasticDenseFixed
 from lava_vpr.processes.plastic_dense.process import PlasticDense
 

@@ -13,7 +13,7 @@ from lava.magma.core.run_configs import Loihi2SimCfg
 from numpy.typing import NDArray
 
 from lava_vpr.errors import NetworkLimitError
-from lava_vpr.processes.base.shared import shared_array
+from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.dense_synapses.process import DenseSynapses
 from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF
 from lava_vpr.processes.jobs import inference as jobs

@@ -1,8 +1,7 @@
-"""What all Processes have in common: memory shared with their models, and checks made before Lava starts anything."""
+"""Processes whose parameters are checked before Lava starts anything, and the checks."""
 
 from __future__ import annotations
 
-import mmap
 from collections.abc import Callable
 from typing import Any
 
@@ -16,23 +15,6 @@ from lava_vpr.errors import NetworkLimitError
 
 FIXED_TAG = "fixed_pt"
 """Tag of the models that compute in Loihi's integers."""
-
-
-def shared_array(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
-    """Zeros in anonymous memory that forked processes share with this one.
-
-    Lava runs every model in a fork, and reading a Var back takes 23 us per element; what a model writes here is simply
-    there. The memory lives as long as the array.
-
-    Args:
-        shape: Of the array; it may be empty.
-        dtype: Of the array.
-    """
-    kind = np.dtype(dtype)
-    size = int(np.prod(shape, dtype=np.int64)) * kind.itemsize
-    if size == 0:
-        return np.zeros(shape, kind)
-    return np.frombuffer(mmap.mmap(-1, size), kind).reshape(shape)
 
 
 def whole(*values: Any) -> bool:
@@ -62,7 +44,7 @@ def check_outputs(name: str, **arrays: tuple[NDArray[Any] | None, tuple[int, ...
         if array is not None and (array.shape != shape or array.dtype != np.dtype(dtype)):
             raise NetworkLimitError(
                 f"{name}: {key} is {array.dtype} {array.shape}, but must be {np.dtype(dtype)} {shape}; "
-                "make it with lava_vpr.processes.base.shared.shared_array"
+                "make it with lava_vpr.processes.base.shared_memory.shared_array"
             )
 
 

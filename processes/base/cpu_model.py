@@ -1,0 +1,31 @@
+"""One declaration for the ProcessModels that run in Python on this machine's processor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Literal, TypeVar
+
+from lava.magma.core.decorator import implements, requires, tag
+from lava.magma.core.resources import CPU
+from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
+
+Model = TypeVar("Model", bound=type[Any])
+
+TAGS = {"fixed": ("bit_accurate_loihi", "fixed_pt"), "float": ("floating_pt",)}
+"""The tags by which a run picks the models that compute in Loihi's integers, or in floating point."""
+
+
+def cpu_model(process: type[Any], arithmetic: Literal["fixed", "float"]) -> Callable[[Model], Model]:
+    """Declare a class as the model of ``process`` in an arithmetic.
+
+    The decorator stands for Lava's ``implements`` with Loihi's protocol, ``requires(CPU)`` and ``tag`` (`TAGS`)::
+
+        @cpu_model(SpikeCounter, "fixed")
+        class PySpikeCounterFixed(PyLoihiProcessModel): ...
+    """
+
+    def declare(model: Model) -> Model:
+        tagged = requires(CPU)(tag(*TAGS[arithmetic])(model))
+        return implements(proc=process, protocol=LoihiProtocol)(tagged)
+
+    return declare
