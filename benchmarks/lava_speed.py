@@ -32,10 +32,12 @@ from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import LavaRunError
 from lava_vpr.isolated.runner import run_isolated
+from lava_vpr.loihi import NO_MEMORY_DECAY
 from lava_vpr.processes.base.checked import FIXED_TAG
 from lava_vpr.processes.base.shared_memory import shared_array
+from lava_vpr.processes.base.wiring import RELAY_WEIGHT, connect
 from lava_vpr.processes.networks.fused_place_network.process import FusedPlaceNetwork
-from lava_vpr.processes.networks.place_network.process import RELAY_WEIGHT, PlaceNetwork
+from lava_vpr.processes.networks.place_network.process import PlaceNetwork
 from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
 
 ROUNDS = 9
@@ -85,16 +87,12 @@ def start_library(network: FixedNetwork, n: int) -> tuple[Any, LIFReset]:
     excitatory, one = {"sign_mode": SignMode.EXCITATORY}, np.eye(neurons, dtype=np.int64)
     source = RingBuffer(data=trains.reshape(n * interval, -1).T)
     excite = Dense(weights=weights, num_weight_bits=bits, weight_exp=exponent, **excitatory)
-    exc = LIFReset(shape=(neurons,), du=4095, dv=network.decay, vth=network.threshold, **reset)
+    exc = LIFReset(shape=(neurons,), du=NO_MEMORY_DECAY, dv=network.decay, vth=network.threshold, **reset)
     relay = Dense(weights=RELAY_WEIGHT * one, **excitatory)
-    inh = LIFReset(shape=(neurons,), du=4095, dv=4095, vth=0, **reset)
+    inh = LIFReset(shape=(neurons,), du=NO_MEMORY_DECAY, dv=NO_MEMORY_DECAY, vth=0, **reset)
     inhibit = Dense(weights=network.lateral * (one - 1), sign_mode=SignMode.INHIBITORY)
     source.s_out.connect(excite.s_in)
-    excite.a_out.connect(exc.a_in)
-    exc.s_out.connect(relay.s_in)
-    relay.a_out.connect(inh.a_in)
-    inh.s_out.connect(inhibit.s_in)
-    inhibit.a_out.connect(exc.a_in)
+    connect(excite, exc, relay, inh, inhibit)
     return source, exc
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.engine.inference.bias_input import THRESHOLD, biases, start_membranes
 from lava_vpr.engine.inference.fixed import SILENT_STEPS
-from lava_vpr.loihi import DECAY_BITS, INPUT_SHIFT
+from lava_vpr.loihi import INPUT_SHIFT, NO_MEMORY_DECAY
 
 
 class LibraryBiasInputs:
@@ -40,7 +40,7 @@ class LibraryBiasInputs:
         """
         self.rates, self.keys, self.floating = rates, keys, floating
         self.written = self._values(0)
-        no_memory: float = 1.0 if floating else (1 << DECAY_BITS) - 1
+        no_memory: float = 1.0 if floating else NO_MEMORY_DECAY
         self.lif = LIF(shape=rates.shape[1:], du=no_memory, dv=0, vth=THRESHOLD, **self.written)
         self.sent = 0
 

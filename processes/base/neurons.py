@@ -19,7 +19,7 @@ from lava.magma.core.process.ports.ports import InPort, OutPort
 from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import LifParameters, bias_of, check_thresholds, lif_step, need
-from lava_vpr.loihi import DECAY_BITS, INPUT_LIMIT, INPUT_SHIFT, STATE_LIMIT
+from lava_vpr.loihi import DECAY_BITS, INPUT_LIMIT, INPUT_SHIFT, NO_MEMORY_DECAY, STATE_LIMIT
 from lava_vpr.processes.base.checked import CheckedProcess, RegisterVar, check_shape, require, vector, whole
 
 NO_FLOOR = -INPUT_LIMIT
@@ -61,7 +61,7 @@ class LifProcess(CheckedProcess):
         shape: tuple[int, ...],
         dv: float,
         vth: Any,
-        du: float = 4095,
+        du: float = NO_MEMORY_DECAY,
         bias_mant: Any = 0,
         bias_exp: Any = 0,
         floor: float | None = None,
@@ -70,6 +70,21 @@ class LifProcess(CheckedProcess):
         reset_interval: int = 0,
         **kwargs: Any,
     ) -> None:
+        """Make the population.
+
+        Args:
+            shape: (neurons,).
+            dv, du: Decays of membrane and current in units of 2^-12, 0..4096 and 0..4095 (4095: no memory).
+            vth: Thresholds, 0..131071, one for all or one each.
+            bias_mant, bias_exp: Bias mant 2^exp in units of 2^-6 of the threshold's, -4096..4095 and -7..7.
+            floor: Lower bound of the membrane in the threshold's unit, -131071..0; None is no bound.
+            hold_steps: Steps after a spike in which the membrane stays at 0.
+            theta_plus: What a spike adds to its neuron's threshold.
+            reset_interval: Steps of a presentation; 0: never reset.
+        Raises:
+            NetworkLimitError: shapes that do not fit, or integers that Loihi's registers cannot hold; numbers of a
+                float type are checked when Lava picks the integer model for them.
+        """
         n = check_shape(type(self).__name__, shape)
         need(whole(hold_steps) and hold_steps >= 0, "hold_steps", hold_steps, "a whole number, at least 0")
         need(whole(reset_interval) and reset_interval >= 0, "reset_interval", reset_interval, "whole, at least 0")

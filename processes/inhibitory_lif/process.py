@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from lava_vpr.loihi import NO_MEMORY_DECAY
 from lava_vpr.processes.base.neurons import LifProcess
 
 
@@ -13,24 +14,14 @@ class InhibitoryLIF(LifProcess):
     Ports, Vars and arithmetic as `LifProcess`.
     """
 
-    def __init__(
-        self,
-        *,
-        shape: tuple[int, ...],
-        du: float = 4095,
-        dv: float = 4095,
-        vth: Any = 0,
-        reset_interval: int = 0,
-        **kwargs: Any,
-    ) -> None:
+    def __init__(self, *, dv: float = NO_MEMORY_DECAY, vth: Any = 0, **kwargs: Any) -> None:
         """Make the population.
 
         Args:
-            shape: (neurons,).
-            du, dv: Decays of current and membrane in units of 2^-12.
+            dv: Decay of the membrane in units of 2^-12.
             vth: Thresholds, 0..131071, one for all or one each.
-            reset_interval: Steps of a presentation; 0: never reset.
+            **kwargs: The other arguments of `LifProcess`: ``shape``, ``du``, ``reset_interval`` and so on.
         Raises:
-            NetworkLimitError: as `lava_vpr.processes.excitatory_lif.process.ExcitatoryLIF`.
+            NetworkLimitError: as `LifProcess`.
         """
-        super().__init__(shape=shape, du=du, dv=dv, vth=vth, reset_interval=reset_interval, **kwargs)
+        super().__init__(dv=dv, vth=vth, **kwargs)

@@ -18,6 +18,8 @@ from lava_vpr.loihi import WEIGHT_EXPONENT_LIMIT
 from lava_vpr.processes.base.checked import CheckedProcess, RegisterVar, check_outputs
 from lava_vpr.processes.base.float_rule import FloatRule
 
+_EXPONENTS = f"in {-WEIGHT_EXPONENT_LIMIT}..{WEIGHT_EXPONENT_LIMIT}"
+
 
 @lru_cache(maxsize=1)
 def compile_plasticity() -> None:
@@ -71,38 +73,22 @@ class PlasticDense(CheckedProcess):
             draws: Random numbers instead of those of the keys: for traces and for weights, 53 bits each, one for every
                 Lava step, uint64 (k,). After k steps nothing is learned any more.
             record_weights, record_traces: Filled at the end of each presentation, (n, neurons, inputs) and (n, inputs),
-                uint8 or, for the floating-point model, float64; from `lava_vpr.processes.base.shared_memory.shared_array`.
+                uint8 or, for the floating-point model, float64; made by
+                `lava_vpr.processes.base.shared_memory.shared_array`.
         Raises:
             NetworkLimitError: arrays that do not fit each other, or values that the learning engine cannot hold.
         """
-        values = np.asarray(weights)
-        need(values.ndim == 2 and values.size > 0, "PlasticDense: weights' shape", values.shape, "(neurons, inputs)")
-        rule.check()
-        bound = WEIGHT_EXPONENT_LIMIT
-        need(-bound <= weight_exp <= bound, "weight_exp", weight_exp, f"in {-bound}..{bound}")
-        need(steps >= 0, "steps", steps, "at least 0")
-        need(weight_sum >= 0, "weight_sum", weight_sum, "at least 0")
-        n = 0 if keys is None else len(keys)
+        values = _checked_weights(weights, rule)
+        need(abs(weight_exp) <= WEIGHT_EXPONENT_LIMIT, "weight_exp", weight_exp, _EXPONENTS)
         _check_timing(steps, keys, draws, weight_sum)
-        if isinstance(rule, FloatRule):
-            low, high = float(values.min()), float(values.max())
-            need(0 <= low and high <= rule.w_max, "a weight", low if low < 0 else high, f"in 0..{rule.w_max}")
-        else:
-            values = stored_weights(values)
-        for name, record, size in (
-            ("record_weights", record_weights, values.shape),
-            ("record_traces", record_traces, values.shape[1:]),
-        ):
-            if record is not None:
-                kind = np.float64 if record.dtype == np.float64 else np.uint8
-                check_outputs("PlasticDense", **{name: (record, (n, *size), kind)})
+        _check_records(values.shape, 0 if keys is None else len(keys), record_weights, record_traces)
         super().__init__(
             rule=rule,
             weight_exp=int(weight_exp),
             steps=int(steps),
             keys=keys,
             weight_sum=weight_sum,
-            draws=draws,
+            draws=None if draws is None else StepDraws(*draws),
             record_weights=record_weights,
             record_traces=record_traces,
             **kwargs,
@@ -134,12 +120,44 @@ class PlasticDense(CheckedProcess):
         compile_plasticity()
 
 
+def _checked_weights(weights: NDArray[Any], rule: Rule | FloatRule) -> NDArray[Any]:
+    """The start weights as the model of ``rule`` holds them.
+
+    Raises:
+        NetworkLimitError: naming what does not fit.
+    """
+    values = np.asarray(weights)
+    need(values.ndim == 2 and values.size > 0, "PlasticDense: weights' shape", values.shape, "(neurons, inputs)")
+    rule.check()
+    if not isinstance(rule, FloatRule):
+        return stored_weights(values)
+    low, high = float(values.min()), float(values.max())
+    need(0 <= low and high <= rule.w_max, "a weight", low if low < 0 else high, f"in 0..{rule.w_max}")
+    return values
+
+
+def _check_records(
+    shape: tuple[int, ...], presentations: int, weights: NDArray[Any] | None, traces: NDArray[Any] | None
+) -> None:
+    """Refuse arrays for weights and traces of other than ``shape`` (neurons, inputs) and one entry a presentation.
+
+    Raises:
+        NetworkLimitError: naming the first.
+    """
+    for name, record, size in (("record_weights", weights, shape), ("record_traces", traces, shape[1:])):
+        if record is not None:
+            kind = np.float64 if record.dtype == np.float64 else np.uint8
+            check_outputs("PlasticDense", **{name: (record, (presentations, *size), kind)})
+
+
 def _check_timing(steps: int, keys: NDArray[np.uint64] | None, draws: StepDraws | None, weight_sum: float) -> None:
     """Refuse presentations without random numbers, and random numbers of another kind.
 
     Raises:
         NetworkLimitError: naming what does not fit.
     """
+    need(steps >= 0, "steps", steps, "at least 0")
+    need(weight_sum >= 0, "weight_sum", weight_sum, "at least 0")
     for name, array in [("keys", keys), *(("draws", array) for array in draws or ())]:
         fits = array is None or (array.dtype == np.uint64 and array.ndim == 1)
         need(fits, f"PlasticDense: {name}", getattr(array, "dtype", type(array)), "uint64 (n,)")

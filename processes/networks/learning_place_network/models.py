@@ -6,12 +6,11 @@ from lava.magma.core.decorator import implements
 from lava.magma.core.model.sub.model import AbstractSubProcessModel
 from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 
-from lava_vpr.processes.base.wiring import wire
+from lava_vpr.processes.base.wiring import RELAY_WEIGHT, wire
 from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF
 from lava_vpr.processes.inhibitory_lif.process import InhibitoryLIF
 from lava_vpr.processes.lateral_inhibition.process import LateralInhibition
 from lava_vpr.processes.networks.learning_place_network.process import LearningPlaceNetwork
-from lava_vpr.processes.networks.place_network.process import RELAY_WEIGHT
 from lava_vpr.processes.one_to_one.process import OneToOne
 from lava_vpr.processes.plastic_dense.process import PlasticDense
 

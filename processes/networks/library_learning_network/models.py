@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import numpy as np
 from lava.magma.core.decorator import implements, tag
 from lava.magma.core.learning.learning_rule import Loihi2FLearningRule
 from lava.magma.core.model.sub.model import AbstractSubProcessModel
 from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 from lava.proc.dense.process import Dense, LearningDense
 from lava.proc.lif.process import LIFReset
-from lava.proc.sparse.process import Sparse
 from lava.utils.weightutils import SignMode
-from scipy.sparse import identity
 
-from lava_vpr.loihi import DECAY_BITS, TRACE_LIMIT
+from lava_vpr.loihi import TRACE_LIMIT
+from lava_vpr.processes.base.library_parts import relays, reset_each
 from lava_vpr.processes.base.wiring import wire
 from lava_vpr.processes.networks.library_learning_network.process import LibraryLearningNetwork
-from lava_vpr.processes.networks.place_network.process import RELAY_WEIGHT
 
 
 @implements(proc=LibraryLearningNetwork, protocol=LoihiProtocol)
@@ -27,8 +24,6 @@ class SubLibraryLearningNetwork(AbstractSubProcessModel):
     def __init__(self, proc: LibraryLearningNetwork) -> None:
         learning, n = proc.learning, len(proc.start_weights)
         lif, rule, (_, exponent) = learning.neurons, learning.rule, proc.lateral
-        no_memory = (1 << DECAY_BITS) - 1
-        reset = {"reset_interval": proc.interval, "reset_offset": 1}
         # Impulses saturate at 127: every spike sets its trace to that.
         stdp = Loihi2FLearningRule(
             dw=rule.microcode(), x1_impulse=TRACE_LIMIT, x1_tau=rule.tau, t_epoch=1, rng_seed=proc.rng_seed
@@ -39,11 +34,8 @@ class SubLibraryLearningNetwork(AbstractSubProcessModel):
             weight_exp=-learning.shift,
             sign_mode=SignMode.EXCITATORY,
         )
-        self.exc = LIFReset(shape=(n,), du=lif.du, dv=lif.dv, vth=proc.threshold, **reset)
-        self.relay = Sparse(
-            weights=RELAY_WEIGHT * identity(n, dtype=np.int32, format="csr"), sign_mode=SignMode.EXCITATORY
-        )
-        self.inh = LIFReset(shape=(n,), du=no_memory, dv=no_memory, vth=0, **reset)
+        self.exc = LIFReset(shape=(n,), du=lif.du, dv=lif.dv, vth=proc.threshold, **reset_each(proc.interval))
+        self.relay, self.inh = relays(n, proc.interval)
         self.inhibit = Dense(weights=proc.vars.lateral_weights.init, weight_exp=exponent, sign_mode=SignMode.INHIBITORY)
         wire(proc, self.plastic, self.exc, self.relay, self.inh, self.inhibit)
         self.exc.s_out.connect(self.plastic.s_in_bap)

@@ -10,15 +10,13 @@ from lava.magma.core.model.sub.model import AbstractSubProcessModel
 from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 from lava.proc.dense.process import Dense
 from lava.proc.lif.process import LIFReset
-from lava.proc.sparse.process import Sparse
 from lava.utils.weightutils import SignMode
 from numpy.typing import NDArray
-from scipy.sparse import identity
 
-from lava_vpr.loihi import DECAY_BITS
+from lava_vpr.loihi import DECAY_UNITY, NO_MEMORY_DECAY
+from lava_vpr.processes.base.library_parts import relays, reset_each
 from lava_vpr.processes.base.wiring import wire
 from lava_vpr.processes.networks.library_place_network.process import LibraryPlaceNetwork
-from lava_vpr.processes.networks.place_network.process import RELAY_WEIGHT
 
 
 @implements(proc=LibraryPlaceNetwork, protocol=LoihiProtocol)
@@ -30,17 +28,14 @@ class SubLibraryPlaceNetwork(AbstractSubProcessModel):
         excite, bits, exponent = network.stored
         weights: NDArray[Any] = excite
         lateral: NDArray[Any] = network.inhibition * (np.eye(n, dtype=np.int32) - 1)
-        relay = RELAY_WEIGHT * identity(n, dtype=np.int32, format="csr")
-        no_memory: float = (1 << DECAY_BITS) - 1
+        no_memory: float = NO_MEMORY_DECAY
         decay: float = network.decay
         if proc.floating:  # exponents into the weights, decays as fractions
             weights, lateral = excite * 2.0**exponent, lateral * 2.0**network.inhibition_exponent
-            relay, no_memory, decay = relay.astype(float), 1.0, decay / (1 << DECAY_BITS)
-        # Resets fall on the steps 1, interval + 1, ...; thresholds stay int, other types cannot be read back.
-        reset = {"reset_interval": proc.interval, "reset_offset": 1}
+            no_memory, decay = 1.0, decay / DECAY_UNITY
         self.excite = Dense(weights=weights, num_weight_bits=bits, weight_exp=exponent, sign_mode=SignMode.EXCITATORY)
-        self.exc = LIFReset(shape=(n,), du=no_memory, dv=decay, vth=network.threshold, **reset)
-        self.relay = Sparse(weights=relay, sign_mode=SignMode.EXCITATORY)
-        self.inh = LIFReset(shape=(n,), du=no_memory, dv=no_memory, vth=0, **reset)
+        # The threshold stays int: other types cannot be read back.
+        self.exc = LIFReset(shape=(n,), du=no_memory, dv=decay, vth=network.threshold, **reset_each(proc.interval))
+        self.relay, self.inh = relays(n, proc.interval, proc.floating)
         self.inhibit = Dense(weights=lateral, weight_exp=network.inhibition_exponent, sign_mode=SignMode.INHIBITORY)
         wire(proc, self.excite, self.exc, self.relay, self.inh, self.inhibit)

@@ -6,12 +6,12 @@ from lava.magma.core.decorator import implements
 from lava.magma.core.model.sub.model import AbstractSubProcessModel
 from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 
-from lava_vpr.processes.base.wiring import wire
+from lava_vpr.processes.base.wiring import RELAY_WEIGHT, wire
 from lava_vpr.processes.dense_synapses.process import DenseSynapses
 from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF
 from lava_vpr.processes.inhibitory_lif.process import InhibitoryLIF
 from lava_vpr.processes.lateral_inhibition.process import LateralInhibition
-from lava_vpr.processes.networks.place_network.process import RELAY_WEIGHT, PlaceNetwork
+from lava_vpr.processes.networks.place_network.process import PlaceNetwork
 from lava_vpr.processes.one_to_one.process import OneToOne
 
 

@@ -10,9 +10,6 @@ from lava.magma.core.process.variable import Var
 from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork
 from lava_vpr.processes.base.checked import CheckedProcess
 
-RELAY_WEIGHT = 2
-"""Of the synapses from exc to inh: any positive one does; an even one does so in every sign mode."""
-
 
 class PlaceNetwork(CheckedProcess):
     """`FixedNetwork` composed of DenseSynapses, ExcitatoryLIF, OneToOne, InhibitoryLIF and LateralInhibition.
