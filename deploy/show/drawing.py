@@ -24,7 +24,7 @@ from lava_vpr.deploy.boards.plan import CorePlan, Part, Plan
 from lava_vpr.deploy.show.tables import step_time, summary
 
 COLOURS = {"exc": "#0067a8", "inh": "#c24a00", "inputs": "#00805c"}
-"""Of the populations, as the report's curves."""
+"""Colours of the populations, as the report's curves have them."""
 
 _NAMES = {"exc": "excitatory neurons", "inh": "inhibitory relays", "inputs": "input compartments"}
 _INK, _MUTED, _LINE, _PALE, _PAPER = "#1a2127", "#55616b", "#d5dbe0", "#edf1f4", "#ffffff"
@@ -33,6 +33,9 @@ WIDTH, MARGIN, GAP = 1200, 32, 10
 _CARD_COLUMNS = 4
 MOST_CARDS = 8
 """Cores that are drawn large; of more, the busiest."""
+
+_LIMITS = 4
+"""Limits of a core that a card shows where all are public."""
 
 NEARLY = 0.9
 """Share of a limit above which a core's bar is drawn dark."""
@@ -137,6 +140,7 @@ def _text(axes: Axes, x: float, y: float, text: str, size: float = 11, **style: 
 
 
 def _rectangle(axes: Axes, box: Box, colour: str, **style: Any) -> None:
+    """A filled rectangle."""
     left, top, width, height = box
     # Not add_patch, which works out the data's limits anew each time: they are fixed.
     axes.add_artist(Rectangle((left, top), width, height, **{"facecolor": colour, "linewidth": 0, **style}))
@@ -202,7 +206,9 @@ def _chip(axes: Axes, plan: Plan, chip: int, mesh: _Mesh) -> None:
     board = plan.board
     used = {core.core: core for core in plan.cores if core.chip == chip}
     name = f"chip {chip}" if board.chips > 1 else "the chip"
-    note = f": {len(used)} of {board.cores} cores" + "; Intel's compiler decides which" * (mesh.tile_cores is None)
+    note = f": {len(used)} of {board.cores} cores"
+    if mesh.tile_cores is None:
+        note += "; Intel's compiler decides which"
     _text(axes, mesh.left, mesh.top - 16, name + note, 12.5, weight="bold")
     if mesh.tile_cores is not None:
         tiles = [mesh.tile(tile) for tile in range(mesh.rows * mesh.columns)]
@@ -259,6 +265,7 @@ def _cards(plan: Plan) -> list[CorePlan]:
 
 
 def _cards_title(plan: Plan, cards: list[CorePlan]) -> str:
+    """The heading of the cards."""
     if len(cards) == len(plan.cores):
         return "cores in use"
     return f"the {len(cards)} busiest of {len(plan.cores)} cores in use"
@@ -278,9 +285,10 @@ def _limits(plan: Plan, core: CorePlan) -> list[tuple[str, int, int]]:
 
 def _card_height(plan: Plan, cards: list[CorePlan]) -> float:
     """Height of a card that holds the most that any has to."""
-    parts = max(sum(part.size > 0 for part in core.parts) for core in cards)
+    parts = max(len([part for part in core.parts if part.size]) for core in cards)
     limits = len(_limits(plan, cards[0]))
-    return 32 + 17 * parts + 14 + 19 * (limits + (limits < 4)) + 8
+    lines = limits if limits == _LIMITS else limits + 1  # a line says that others are not public
+    return 32 + 17 * parts + 14 + 19 * lines + 8
 
 
 def _card(axes: Axes, plan: Plan, core: CorePlan, box: Box) -> None:
@@ -298,7 +306,7 @@ def _card(axes: Axes, plan: Plan, core: CorePlan, box: Box) -> None:
         _part(axes, part, left + 12, y + 40 + 17 * line)
     limits = _limits(plan, core)
     bottom = y + height - 18
-    if len(limits) < 4:
+    if len(limits) < _LIMITS:
         _text(axes, left + 12, bottom, "other limits are not public", 10, color=_MUTED)
         bottom -= 19
     for line, (what, used, limit) in enumerate(reversed(limits)):

@@ -13,7 +13,7 @@ from lava_vpr.deploy.registers.clearing import clearing
 from lava_vpr.engine.inference.fixed import SILENT_STEPS
 
 MOST_ROWS = 24
-"""Of a table; what lies between the first and the last of more cores is left out."""
+"""Rows of a table; what lies between the first and the last of more cores is left out."""
 
 UNKNOWN = "unknown"
 
@@ -84,10 +84,12 @@ def _caption(plan: Plan) -> str:
 
 
 def _bits(bits: int) -> str:
-    return f"{bits} bit{'s' * (bits != 1)}"
+    """``bits`` with its unit."""
+    return f"{bits} bit" if bits == 1 else f"{bits} bits"
 
 
 def _row(plan: Plan, core: CorePlan) -> list[str]:
+    """The cells of one core."""
     board, needs = plan.board, core.needs
     dense, sparse = rows_of(plan, core)
     return [
@@ -110,6 +112,7 @@ def _sum(values: Sequence[int | None]) -> int | None:
 
 
 def _totals(plan: Plan) -> list[str]:
+    """The cells of all cores together."""
     needs = [core.needs for core in plan.cores]
     rows = [rows_of(plan, core) for core in plan.cores]
     words = _sum([need.synapse_words for need in needs])
