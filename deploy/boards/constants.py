@@ -49,7 +49,7 @@ class Constant:
 
     def at(self, level: Level) -> float:
         """The value at ``level``."""
-        return self.estimate.at(level)
+        return float(getattr(self, level))
 
     def as_json(self) -> dict[str, Any]:
         """The constant as scripts read it."""

@@ -312,7 +312,7 @@ def _clearing(plan: Plan, events: EventCounts, constants: CostConstants) -> dict
 def _idle_nanoseconds(core: CorePlan, constants: CostConstants, level: Level) -> float:
     """Time of a core on which no spike arrives or is sent, while the membranes of exc decay."""
     accesses, updates = sum(part.size for part in core.parts), core.part("exc").size
-    return neuron_nanoseconds(constants, level, float(accesses), float(updates), 0.0, 0.0)
+    return float(neuron_nanoseconds(constants, level, accesses, updates, 0, 0))
 
 
 def assumptions(events: EventCounts) -> tuple[str, ...]:

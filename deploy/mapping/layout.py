@@ -13,11 +13,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.deploy.boards.constants import LOIHI_1
 from lava_vpr.deploy.boards.plan import CorePlan, Load, Needs, Part, PopulationName
+from lava_vpr.deploy.boards.step_time import neuron_nanoseconds
 from lava_vpr.deploy.mapping.boundaries import Integers
 from lava_vpr.deploy.mapping.row_formats import StoredRows, choose_formats
 from lava_vpr.deploy.mapping.sizing import NO_NEURONS, Floats, Sizing, limit_of, load
-from lava_vpr.loihi import ACCESS_NS, MESSAGE_NS, SPIKE_NS, UPDATE_NS
 
 
 @dataclass(frozen=True)
@@ -204,7 +205,8 @@ def with_relays(sizing: Sizing, bounds: Integers, relays: Integers) -> Layout | 
     if axons_left.min() < 0:
         return None
     axons = reached.sum(axis=0)[: network.input_compartments]
-    each = ACCESS_NS + UPDATE_NS + sizing.grains[: axons.size] * (SPIKE_NS + MESSAGE_NS * axons)
+    spiking = sizing.grains[: axons.size]
+    each = neuron_nanoseconds(LOIHI_1, "nominal", 1.0, 1.0, spiking, spiking * axons)
     compartments_left = limit_of(board.compartments) - layout.sizes - relays
     inputs = spread(each, axons, compartments_left, axons_left, np.array([load.nanoseconds for load in layout.loads]))
     if inputs is None:

@@ -13,20 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.board import Board
+from lava_vpr.deploy.boards.constants import LOIHI_1
 from lava_vpr.deploy.boards.plan import Load
+from lava_vpr.deploy.boards.step_time import arrival_nanoseconds, neuron_nanoseconds
 from lava_vpr.deploy.mapping.boundaries import Integers
 from lava_vpr.deploy.registers.synapses import lateral_synapse, row_words
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import NetworkLimitError
-from lava_vpr.loihi import (
-    ACCESS_NS,
-    AXON_IN_NS,
-    MESSAGE_NS,
-    SPIKE_NS,
-    SYNAPSE_DENSE_NS,
-    SYNAPSE_SPARSE_NS,
-    UPDATE_NS,
-)
 
 Floats = NDArray[np.float64]
 
@@ -62,15 +55,10 @@ def nanoseconds(
     spikes: Floats | float,
     messages_out: Floats | float,
 ) -> Floats:
-    """Time on a Loihi 1 core of what `Load` counts, in ns; for other boards it only compares cores."""
-    return np.asarray(
-        AXON_IN_NS * messages_in
-        + SYNAPSE_DENSE_NS * dense
-        + SYNAPSE_SPARSE_NS * sparse
-        + (ACCESS_NS + UPDATE_NS) * updates
-        + SPIKE_NS * spikes
-        + MESSAGE_NS * messages_out
-    )
+    """Time on a Loihi 1 core of what `Load` counts, in ns, one after the other; for other boards it only compares
+    cores."""
+    arrivals = arrival_nanoseconds(LOIHI_1, "nominal", messages_in, dense, sparse)
+    return np.asarray(arrivals + neuron_nanoseconds(LOIHI_1, "nominal", updates, updates, spikes, messages_out))
 
 
 @dataclass(frozen=True)
