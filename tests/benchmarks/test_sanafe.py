@@ -32,7 +32,7 @@ from lava_vpr.engine.random import presentation_keys
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import BackendUnavailableError
 
-LITERAL = Path(__file__).parents[1] / "support" / "literal" / "literal_sanafe.py"
+STANDIN = Path(__file__).parents[1] / "support" / "standins" / "sanafe_python.py"
 CHIP = """\
 architecture:
   attributes:
@@ -65,16 +65,16 @@ def interpreter(folder: Path, script: str) -> Path:
     return path
 
 
-def literal(folder: Path) -> Path:
-    return interpreter(folder, f'exec "{sys.executable}" "{LITERAL}" "$@"')
+def standin(folder: Path) -> Path:
+    return interpreter(folder, f'exec "{sys.executable}" "{STANDIN}" "$@"')
 
 
 @functools.cache
 def answer(seed: int) -> dict[str, Any]:
-    """Of the literal stand-in."""
+    """Of the stand-in."""
     with tempfile.TemporaryDirectory() as folder:
         own = case(seed)
-        return ask(literal(Path(folder)), problem_of(own.plan, own.trains, input_core=own.input_core))
+        return ask(standin(Path(folder)), problem_of(own.plan, own.trains, input_core=own.input_core))
 
 
 def again(seed: int, answered: dict[str, Any]) -> CrossCheck:
@@ -88,9 +88,9 @@ def again(seed: int, answered: dict[str, Any]) -> CrossCheck:
 @pytest.mark.parametrize("seed", [0, 1, 15, 31, 44])
 def test_the_closed_form_is_what_events_one_by_one_sum_to(seed: int, tmp_path: Path) -> None:
     own = case(seed)
-    found = cross_check(own.plan, own.trains, python=literal(tmp_path), input_core=own.input_core)
+    found = cross_check(own.plan, own.trains, python=standin(tmp_path), input_core=own.input_core)
     assert failures(own, found) == []
-    assert found.version == "literal"
+    assert found.version == "stand-in"
     assert found.queries == 2
     assert found.microjoules["total"][1] > 0
     assert found.counts["spikes"][0] > 0
@@ -100,7 +100,7 @@ def test_both_ways_of_injecting(tmp_path: Path) -> None:
     own = case(24)
     times = []
     for input_core in (True, False):
-        found = cross_check(own.plan, own.trains, python=literal(tmp_path), input_core=input_core)
+        found = cross_check(own.plan, own.trains, python=standin(tmp_path), input_core=input_core)
         assert failures(own, found) == []
         assert found.simple_milliseconds is not None
         times.append(found.simple_milliseconds[0])

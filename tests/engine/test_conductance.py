@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from support.literal.literal_conductance import Slow, slow_presentation
+from support.literal.floats import Slow, slow_presentation
 
 from lava_vpr.config import Config, preset
 from lava_vpr.engine.conductance import run as conductance_run

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.literal.literal import present_fixed
+from support.literal.integers import present_fixed
 
 from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes

@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 from support.fuzz.fuzz_compare import Comparison, all_groups, all_places, compare_groups, compare_places
 from support.fuzz.fuzz_networks import block_of
-from support.fuzz.fuzz_places import general, input_of, place_of
-from support.literal.literal_lif import literal_run
+from support.fuzz.fuzz_places import input_of, place_of
+from support.literal.integers import as_populations, literal_run
 
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.general.simulation import INPUTS, GeneralNetwork, Population, Synapses, simulate
@@ -65,7 +65,7 @@ def test_the_host_equals_plain_integers(group: int) -> None:
 
 @pytest.mark.parametrize("number", range(4))
 def test_the_host_equals_plain_integers_for_place_networks(number: int) -> None:
-    hold_against_literal(general(place_of(1, 0, number)), input_of(1, 0).trains)
+    hold_against_literal(as_populations(place_of(1, 0, number)), input_of(1, 0).trains)
 
 
 def learning_like(seed: int) -> tuple[GeneralNetwork, NDArray[np.bool_]]:

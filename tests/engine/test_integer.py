@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.literal import literal_integer
+from support.literal import integers
 
 from lava_vpr.config import StdpLearning
 from lava_vpr.encoding import draw_spikes
@@ -70,7 +70,7 @@ def test_equals_the_literal_version(learning: IntegerLearning) -> None:
         key = presentation_key(3, "train", k)
         rates = rng.integers(0, 16_000, INPUTS).astype(np.uint16)
         spikes = draw_spikes(rates, key, learning.steps)
-        expected = literal_integer.present(state.weights, state.theta, spikes, learning, key)
+        expected = integers.present(state.weights, state.theta, spikes, learning, key)
         traces = np.zeros(INPUTS, np.uint8)
         counts, events, raster = integer.present(state, learning, rates, key, traces=traces, raster=True)
         for found, wanted in zip((state.weights, state.theta, traces, raster), expected, strict=True):
@@ -95,7 +95,7 @@ def test_a_weight_change_equals_the_literal_one(mantissas: list[int], data: st.D
     x = np.tile(np.array([0, 1, 60, 127], np.uint8), 5)
     weights = w[:, None].copy()
     integer_kernels.learn_column(weights, 0, x, rule.table(), target, mu, np.uint64(draw))
-    expected = [literal_integer.learned(int(a), int(b), literal, draw * 2.0**-53) for a, b in zip(w, x, strict=True)]
+    expected = [integers.learned(int(a), int(b), literal, draw * 2.0**-53) for a, b in zip(w, x, strict=True)]
     assert weights[:, 0].tolist() == expected
 
 

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from support.literal.literal import train_presentation
+from support.literal.floats import train_presentation
 
 from lava_vpr.config import StdpLearning
 from lava_vpr.encoding import draw_spikes

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from support.fuzz.fuzz_networks import BLOCKS_OF_GROUP, GROUPS_OF_START, block_of, events_of, steps_of
-from support.fuzz.fuzz_places import NETWORKS_OF_START, general, input_of, place_of
+from support.fuzz.fuzz_places import NETWORKS_OF_START, input_of, place_of
+from support.literal.integers import as_populations
 
 from lava_vpr.engine.general.simulation import simulate
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
@@ -108,7 +109,7 @@ def compare_places(seed: int, chosen: dict[int, Sequence[int]], *, timeout: floa
         trains = given.trains
         for number in numbers:
             network, name = place_of(seed, start, number), f"places {seed} {start} {number}"
-            spec = general(network)
+            spec = as_populations(network)
             _, _, film = count_spikes(network, given.rates, given.keys, raster=True)
             alone = [simulate(spec, train).spikes[0] for train in np.split(trains, len(film))]
             row = simulate(spec, trains, record=True)

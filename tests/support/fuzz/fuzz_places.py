@@ -14,8 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.encoding import draw_spikes
-from lava_vpr.engine.general.lif import LifParameters
-from lava_vpr.engine.general.simulation import INPUTS, GeneralNetwork, Population, Synapses
 from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.loihi import WEIGHT_LIMIT
@@ -80,17 +78,3 @@ def place_of(seed: int, start: int, number: int) -> UncheckedNetwork:
     threshold = int(np.clip(mean * rng.choice([0.1, 1.0, 5.0]), 1, 131_071))
     decay = int(rng.choice([0, 137, 4095, 4096, rng.integers(300), rng.integers(4096)]))
     return UncheckedNetwork(weights.astype(np.uint8), bits, shift, threshold, inhibition, exponent, decay, given.steps)
-
-
-def general(network: FixedNetwork) -> GeneralNetwork:
-    """The same network as populations and synapses: inputs to exc, exc to inh one to one, inh to all other exc."""
-    n, interval = network.neurons, network.steps + SILENT_STEPS
-    exc = Population(np.full(n, network.threshold), parameters=LifParameters(dv=network.decay), reset_interval=interval)
-    inh = Population(np.zeros(n, np.int64), parameters=LifParameters(dv=4095), reset_interval=interval)
-    own = np.eye(n, dtype=np.int64)
-    synapses = (
-        Synapses(INPUTS, 0, network.weights.astype(np.int64), 8, -network.shift),
-        Synapses(0, 1, own),
-        Synapses(1, 0, network.inhibition * (own - 1), 8, network.inhibition_exponent, "inhibitory"),
-    )
-    return GeneralNetwork(network.inputs, (exc, inh), synapses)

@@ -1,4 +1,4 @@
-"""Stands in for a Python with SANA-FE: python literal_sanafe.py -I -B WORKER PROBLEM RESULT.
+"""Stands in for a Python with SANA-FE: python sanafe_python.py -I -B WORKER PROBLEM RESULT.
 
 Event by event, as SANA-FE 2.2.9 does it with its ``loihi.yaml`` and `simple` timing; written from its description in
 `benchmarks.sanafe.cross_check`, without the project's cost model and constants.
@@ -104,7 +104,7 @@ def main(problem: str, result: str) -> None:
     """As the worker."""
     chip = Chip(json.loads(Path(problem).read_text()))
     answers = [chip.play(query) for query in chip.problem["queries"]]
-    Path(result).write_text(json.dumps({"version": "literal", "queries": answers}))
+    Path(result).write_text(json.dumps({"version": "stand-in", "queries": answers}))
 
 
 if __name__ == "__main__":
