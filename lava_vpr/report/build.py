@@ -11,7 +11,7 @@ from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.model import Model, as_integer
-from lava_vpr.recognition import Recognition
+from lava_vpr.recognition import BASELINES, Recognition
 from lava_vpr.report.data import Raster, ReportData
 
 RASTERS = 2
@@ -43,7 +43,7 @@ def report_data(
         summary=summary,
         default_decoder=result.default,
         metrics=result.metrics,
-        matrices={name: result.scores[name] for name in (result.default, "sad", "cosine") if name in result.scores},
+        matrices={name: result.scores[name] for name in (result.default, *BASELINES) if name in result.scores},
         truth=result.truth,
         matches=result.matches,
         confidence=result.confidence,
