@@ -37,7 +37,7 @@ def test_kernels_older_than_any_source_are_dropped(package: Path) -> None:
     kernelcache.prepare()
     assert [path.exists() for path in (*old, *kept)] == [False, False, True, True]
     # Another file than the kernel's own has changed: its function may be inlined there.
-    os.utime(package / "inputs" / "preprocess.py", (2000, 2000))
+    os.utime(package / "inputs" / "orientation.py", (2000, 2000))
     kernelcache.prepare()
     assert [path.exists() for path in kept] == [False, True]
     assert "NUMBA_CACHE_DIR" not in os.environ
