@@ -95,23 +95,24 @@ class Layout:
 
     def needs(self, number: int) -> Needs:
         """What a core's content takes of the limits: one profile and one threshold register for each population that is
-        present, and one synapse format for each kind of rows."""
+        present, and one synapse format for each kind of rows, dense or sparse."""
         sizing, size = self.sizing, int(self.sizes[number])
         network, board = sizing.network, sizing.board
         (first, relays), (begin, inputs) = self.relays[number].tolist(), self.inputs[number].tolist()
-        axons_in, words, kinds = relays, relays, {"to relays"} if relays else set()
+        axons_in, words = relays, relays
+        formats: set[tuple[str, bool]] = {("to relays", False)} if relays else set()
         if size:
             rows, reached = self.rows[number], self.reached[number]
             words += rows.words
             axons_in += int(reached.sum()) + sizing.relay_axons_of(size)
-            kinds |= {f"inputs {dense}" for dense in np.unique(rows.dense_inputs[reached])}
+            formats |= {("of inputs", bool(dense)) for dense in rows.dense_inputs[reached]}
             if sizing.inhibits and size > 1:
-                kinds.add(f"lateral {rows.dense_lateral}")
+                formats.add(("of relays", rows.dense_lateral))
             if sizing.inhibits and size < network.neurons:
-                kinds.add("lateral True")
+                formats.add(("of relays", True))
         axons_out = 2 * size + int(self.relay_axons[first + relays] - self.relay_axons[first])
         axons_out += int(self.reached[:, begin : begin + inputs].sum())
-        populations = sum(members > 0 for members in (size, relays, inputs))
+        populations = np.count_nonzero([size, relays, inputs])
 
         def if_public(limit: int | None, value: int) -> int | None:
             return None if limit is None else value
@@ -123,7 +124,7 @@ class Layout:
             synapse_words=if_public(board.synapse_words, words),
             profiles=if_public(board.profiles, populations),
             thresholds=if_public(board.thresholds, populations),
-            formats=if_public(board.formats, len(kinds)),
+            formats=if_public(board.formats, len(formats)),
         )
 
     def core_plan(self, number: int, chip: int, core: int) -> CorePlan:

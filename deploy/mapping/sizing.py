@@ -331,8 +331,9 @@ class Sizing:
         """Operations in a step of the relays' rows on cores of ``size`` neurons, dense and sparse."""
         rate = self.spiking if self.inhibits else 0.0
         elsewhere = (self.network.neurons - size) * size * rate
-        own = np.where(size > 1, size, 0) * rate
-        return elsewhere + np.where(dense, own * size, 0.0), np.where(dense, 0.0, own * (size - 1))
+        relay_spikes = np.where(size > 1, size, 0) * rate
+        dense_operations = elsewhere + np.where(dense, relay_spikes * size, 0.0)
+        return dense_operations, np.where(dense, 0.0, relay_spikes * (size - 1))
 
 
 def load(messages_in: float, dense: float, sparse: float, updates: float, spikes: float, messages_out: float) -> Load:
