@@ -139,7 +139,8 @@ def test_counts_and_events_are_the_hosts(name: str) -> None:
 
 
 def test_integer_backends_refuse_the_float_model() -> None:
-    model, queries = train([encoded(2, 784)], tiny_paper()), encoded(2, 784)
+    config = update(tiny_paper(), {"network": {"steps": 1000}})  # two spikes a query
+    model, queries = train([encoded(2, 784)], config), encoded(2, 784)
     host, fixed, floating = verify(model, queries, np.eye(2, dtype=bool), names=("host", "lava-fixed", "lava-float"))
     assert (host.equal, host.queries) == (True, 2)
     assert fixed.as_json() == {"available": False, "reason": fixed.reason}
