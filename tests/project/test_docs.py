@@ -42,11 +42,10 @@ def test_links_lead_somewhere(page: Path) -> None:
         assert (page.parent / target).exists(), target
 
 
-def test_modules_that_the_architecture_names_exist() -> None:
-    text = (ROOT / "docs" / "architecture.md").read_text()
-    for name in re.findall(r"`([a-z_]+\.py)`", text):
-        assert any(list((ROOT / folder).rglob(name)) for folder in ("lava_vpr", "processes", "deploy")), name
-    for module in re.findall(r"python -m (benchmarks\.[a-z_]+)", (ROOT / "README.md").read_text()):
+def test_benchmarks_that_the_readme_names_exist() -> None:
+    modules = re.findall(r"python -m (benchmarks\.[a-z_.]+)", (ROOT / "README.md").read_text())
+    assert modules
+    for module in modules:
         assert (ROOT / (module.replace(".", "/") + ".py")).exists()
 
 
