@@ -23,11 +23,9 @@ from lava_vpr.engine.general.simulation import simulate as run_general
 from lava_vpr.engine.inference.bias_input import THRESHOLD
 from lava_vpr.engine.inference.fixed import SCALARS, SILENT_STEPS, FixedNetwork
 from lava_vpr.errors import BundleError, NetworkLimitError
-from lava_vpr.loihi import DECAY_BITS, WEIGHT_BITS
+from lava_vpr.loihi import NO_MEMORY_DECAY, WEIGHT_BITS
 
 WEIGHTS, PARAMETERS = "network/weights.npy", "network/parameters.json"
-NO_MEMORY = (1 << DECAY_BITS) - 1
-"""Decay of currents and relays: nothing is left after a step."""
 
 CHUNK = 32
 """Presentations that are simulated in one go; more take more memory, fewer are slower."""
@@ -45,9 +43,10 @@ def parameters_of(network: FixedNetwork) -> dict[str, Any]:
         NetworkLimitError: the network overflows Loihi's registers.
     """
     network.check()
-    if network.decay > NO_MEMORY:
+    if network.decay > NO_MEMORY_DECAY:
         raise NetworkLimitError(
-            f"decay {network.decay} does not fit Loihi 2's 0..{NO_MEMORY}; train with network.tau_membrane above 1"
+            f"decay {network.decay} does not fit Loihi 2's 0..{NO_MEMORY_DECAY}; train with network.tau_membrane "
+            "above 1"
         )
     _, bits, exponent = network.stored
     reset = {"reset_interval": network.steps + SILENT_STEPS, "reset_offset": 1}
@@ -55,11 +54,11 @@ def parameters_of(network: FixedNetwork) -> dict[str, Any]:
         "network": {"inputs": network.inputs, "neurons": network.neurons, **network.scalars},
         "steps": network.steps,
         "silent_steps": SILENT_STEPS,
-        "inputs": {"du": NO_MEMORY, "dv": 0, "vth": THRESHOLD} if network.bias_input else None,
+        "inputs": {"du": NO_MEMORY_DECAY, "dv": 0, "vth": THRESHOLD} if network.bias_input else None,
         "excite": {"num_weight_bits": bits, "weight_exp": exponent},
-        "exc": {"du": NO_MEMORY, "dv": network.decay, "vth": network.threshold, **reset},
+        "exc": {"du": NO_MEMORY_DECAY, "dv": network.decay, "vth": network.threshold, **reset},
         "relay": {"weight": RELAY_WEIGHT, "num_weight_bits": WEIGHT_BITS, "weight_exp": 0},
-        "inh": {"du": NO_MEMORY, "dv": NO_MEMORY, "vth": RELAY_THRESHOLD, **reset},
+        "inh": {"du": NO_MEMORY_DECAY, "dv": NO_MEMORY_DECAY, "vth": RELAY_THRESHOLD, **reset},
         "inhibit": {
             "weight": -network.inhibition,
             "num_weight_bits": WEIGHT_BITS,

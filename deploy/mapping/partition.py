@@ -167,9 +167,11 @@ def _ranges_beside_their_relays(sizing: Sizing, cores: int) -> Integers | None:
     lateral_rate = sizing.spiking if sizing.inhibits else 0.0
 
     def able(ranges: NeuronRanges, words: Integers) -> NDArray[np.bool_]:
+        """Whether cores hold ``ranges``, stored in ``words``, and their relays."""
         return sizing.relay_room(ranges, words, cores) >= ranges.size
 
     def with_sparse_inputs(first: int, ends: Integers) -> RangeCosts:
+        """Operations that the rows of a core's own relays add if they have to be dense."""
         ranges = sizing.ranges(first, ends)
         sparse = able(ranges, ranges.words_lateral_sparse)
         added = np.where(sparse | sizing.all_dense, 0.0, ranges.size * lateral_rate)
@@ -177,6 +179,7 @@ def _ranges_beside_their_relays(sizing: Sizing, cores: int) -> Integers | None:
         return RangeCosts(fits, added, sizing.time(ranges, cores, ~sparse))
 
     def with_chosen_formats(first: int, ends: Integers) -> RangeCosts:
+        """Operations that the rows add which `choose_formats` turns dense."""
         ranges = sizing.ranges(first, ends)
         fits, sparse = able(ranges, ranges.words_least), able(ranges, ranges.words_lateral_sparse)
         added, time = np.zeros(ends.size), sizing.time(ranges, cores, ~sparse)
@@ -207,6 +210,7 @@ def _ranges_with_most_room(sizing: Sizing, cores: int) -> Integers | None:
     """The bounds with most room for relays; None if so few cores cannot hold the neurons."""
 
     def by_room(first: int, ends: Integers) -> RangeCosts:
+        """Room for relays, the most first."""
         ranges = sizing.ranges(first, ends)
         room = np.minimum(sizing.relay_room(ranges, ranges.words_least, cores), sizing.network.neurons)
         return RangeCosts(room >= 0, -room.astype(np.float64), np.zeros(ends.size))

@@ -256,6 +256,7 @@ class Sizing:
         return self.ranges(first, np.array([end]))
 
     def _ranges(self, first: int, ends: Integers) -> NeuronRanges:
+        """The same for few of ``ends``, as arrays of all kinds of inputs are made."""
         cumulated, members, _ = self._patterns
         size = ends - first
         counts = cumulated[ends] - cumulated[first]

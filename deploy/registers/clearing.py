@@ -6,17 +6,17 @@ from typing import Any
 
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork
-from lava_vpr.loihi import DECAY_BITS, INPUT_SHIFT
+from lava_vpr.loihi import DECAY_BITS, DECAY_UNITY, INPUT_SHIFT
 
 
 def rest_steps(network: FixedNetwork) -> int:
     """Steps without input after which every membrane is 0 by its own decay, whatever it was.
 
-    From the threshold downwards, and from the deepest that inhibition of one step can reach upwards.
+    The larger of two starts counts: the threshold, and the deepest that inhibition of one step can reach.
     """
-    keep = (1 << DECAY_BITS) - network.decay
+    keep = DECAY_UNITY - network.decay
     v, steps = max(network.threshold, (network.neurons - 1) * network.lateral) << INPUT_SHIFT, 0
-    while v and keep < 1 << DECAY_BITS:
+    while v and keep < DECAY_UNITY:
         v, steps = v * keep >> DECAY_BITS, steps + 1
     return steps
 

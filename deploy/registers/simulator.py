@@ -38,6 +38,7 @@ from lava_vpr.loihi import (
     CORE_SYNAPSE_WORDS,
     CORE_THRESHOLDS,
     DECAY_BITS,
+    DECAY_UNITY,
     FLOOR_EXPONENT_LIMIT,
     INPUT_SHIFT,
     LEAST_REFRACTORY_STEPS,
@@ -93,7 +94,7 @@ def _read(image: CoreImage) -> _Core:
     Raises:
         ModelFileError: they are not those of a Loihi 1 core.
     """
-    where, registers, unity = image.name, image.registers, 1 << DECAY_BITS
+    where, registers = image.name, image.registers
     size, words, axons = len(image.compartments), len(image.synapses), max(len(image.axons_in), len(image.axons_out))
     limits = (CORE_COMPARTMENTS, CORE_SYNAPSE_WORDS, CORE_AXONS)
     for name, have, limit in zip(("compartments", "synapse words", "axons"), (size, words, axons), limits, strict=True):
@@ -113,8 +114,8 @@ def _read(image: CoreImage) -> _Core:
     for name, column, most in (
         ("profile", profile, CORE_PROFILES - 1),
         ("threshold register", register, CORE_THRESHOLDS - 1),
-        ("decayU", decay_u, unity - 1),
-        ("decayV", decay_v, unity - 1),
+        ("decayU", decay_u, DECAY_UNITY - 1),
+        ("decayV", decay_v, DECAY_UNITY - 1),
         ("vth", threshold, THRESHOLD_LIMIT - 1),
         ("bias exponent", exponent, BIAS_EXPONENT_LIMIT),
         ("refractDelay - 1", refract - LEAST_REFRACTORY_STEPS, MOST_REFRACTORY_STEPS - LEAST_REFRACTORY_STEPS),
@@ -131,8 +132,8 @@ def _read(image: CoreImage) -> _Core:
     rows = unpack(image.synapses, entries, forms, size, where)
     sparse = np.array([form is not None and form.index_bits > 0 for form in forms], np.int64)[rows.formats]
     return _Core(
-        unity - 1 - decay_u,
-        unity - decay_v,
+        DECAY_UNITY - 1 - decay_u,
+        DECAY_UNITY - decay_v,
         refract,
         register,
         threshold << INPUT_SHIFT,
