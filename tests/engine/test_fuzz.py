@@ -26,9 +26,9 @@ def judge(found: Comparison, networks: int, enough: list[str], capsys: pytest.Ca
     assert min(found.events[name] for name in enough) * 10 >= networks
 
 
-def test_200_random_networks_equal_lavas_library(capsys: pytest.CaptureFixture[str]) -> None:
-    found = compare_groups(1, all_groups(8), timeout=400)
-    judge(found, 200, ["wrapped", "saturated", "spiked"], capsys)
+def test_100_random_networks_equal_lavas_library(capsys: pytest.CaptureFixture[str]) -> None:
+    found = compare_groups(1, all_groups(4), timeout=400)
+    judge(found, 100, ["wrapped", "saturated", "spiked"], capsys)
     assert found.events["exactly 2^23"] > 0
 
 
@@ -39,7 +39,8 @@ def test_2000_random_networks_equal_lavas_library(capsys: pytest.CaptureFixture[
 
 
 def test_random_place_networks_equal_lavas_library(capsys: pytest.CaptureFixture[str]) -> None:
-    judge(compare_places(1, all_places(2), timeout=400), 8, ["wrapped", "refused", "spiked"], capsys)
+    found = compare_places(1, {0: (0, 1), 1: (1, 2)}, timeout=400)
+    judge(found, 4, ["wrapped", "refused", "spiked"], capsys)
 
 
 @pytest.mark.slow

@@ -19,6 +19,17 @@ from lava.utils.weightutils import SignMode
 from numpy.typing import NDArray
 
 
+def present_each(
+    arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Mapping[str, int]]
+) -> dict[str, NDArray[Any]]:
+    """`present` of several networks, one after the other: arrays and results by name_what."""
+    results = {}
+    for name, own in options.items():
+        given = {what: arrays[f"{name}_{what}"] for what in ("weights", "spikes")}
+        results[name] = present(given, own)["raster"]
+    return results
+
+
 def present(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, int]) -> dict[str, NDArray[Any]]:
     """Present each train of ``spikes`` (n, steps + 3, inputs) in turn; the raster (n, steps + 3, neurons)."""
     weights, spikes = arrays["weights"].astype(np.int64), arrays["spikes"].astype(np.int32)
