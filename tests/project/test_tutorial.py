@@ -147,10 +147,16 @@ def test_the_page_lists_every_process_and_no_other() -> None:
 def test_the_page_gives_its_arguments_ports_and_vars(name: str) -> None:
     _, text = processes()[name]
     _, (arguments, ports, variables, _) = rows()[name]
-    own = next(node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ClassDef) and node.name == name)
-    maker = next(node for node in own.body if isinstance(node, ast.FunctionDef) and node.name == "__init__")
-    taken = {argument.arg for argument in maker.args.kwonlyargs}
-    for argument in taken:
+    classes = {node.name: node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ClassDef)}
+    makers = [
+        {argument.arg for argument in node.args.kwonlyargs}
+        for made_by in (name, "LifProcess")  # whose arguments a population passes on
+        if made_by in classes
+        for node in classes[made_by].body
+        if isinstance(node, ast.FunctionDef) and node.name == "__init__"
+    ]
+    taken = set().union(*makers)
+    for argument in makers[0]:
         assert re.search(rf"\b{argument}\b", arguments), f"{argument} is missing"
     for argument in re.findall(r"(?:^|, )\s*(\w+)(?=[=,: (]|$)", arguments.strip()):
         assert argument in taken, f"{argument} is no argument"
