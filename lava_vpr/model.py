@@ -244,6 +244,7 @@ def _network(
 
 
 def _assembled(header: dict[str, Any], arrays: dict[str, NDArray[Any]], network: FixedNetwork | None) -> Model:
+    """The model of what `content` kept; errors are those of whatever is wrong with it."""
     config = from_dict(header["config"])
     if network is not None:
         network.check()

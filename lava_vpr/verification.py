@@ -48,14 +48,14 @@ class Verdict:
     """What one backend made of the queries.
 
     Attributes:
-        name: Of the backend.
+        name: Name of the backend.
         reason: Why it cannot run here; None if it did.
         equal: Whether every spike equals the host's; None for a float backend.
-        queries: How many were compared.
+        queries: Number of queries that were compared.
         spikes: Spikes of the host that were compared, in every population that the backend has (and every step
             without one).
         differing: (step, neuron) pairs in which spikes differ.
-        mismatch: The first of them.
+        mismatch: The first spike that differs.
         recall: R@1 of the default decoder on these queries.
     """
 
@@ -114,7 +114,7 @@ def compare(host: Trains, other: Trains, names: Sequence[str]) -> tuple[int, int
 def compare_counts(
     host: NDArray[np.int32], other: NDArray[np.int32], names: Sequence[str]
 ) -> tuple[int, Mismatch | None]:
-    """How many counts (queries, neurons) differ, and the first of them.
+    """The number of counts (queries, neurons) that differ, and the first that does.
 
     Raises:
         InputError: of different shapes.

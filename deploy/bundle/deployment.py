@@ -105,7 +105,7 @@ def deploy(
 
 
 def _manifest(model: Model, plan: Plan, compression: dict[str, Any] | None) -> dict[str, Any]:
-    """What the bundle says of itself."""
+    """The manifest of the bundle of ``model``, without the list of its files."""
     network, board = plan.network, plan.board
     limits = {name: "unknown" if value is None else value for name, value in board.as_json().items()}
     return {

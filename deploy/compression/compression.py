@@ -26,7 +26,7 @@ PURPOSE = "a board"
 
 @dataclass(frozen=True)
 class Figures:
-    """A model on calibration images: fractions in 0..1, and synaptic operations of a query (weights that are not 0)."""
+    """What a model reaches on calibration images: fractions in 0..1, and the synaptic operations of a query."""
 
     recall_at_1: float
     recall_at_100_precision: float

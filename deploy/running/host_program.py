@@ -62,6 +62,7 @@ class Outcome:
 
 
 def _interpreter(python: str | None) -> str:
+    """The Python that runs the program: ``python``, else what NXSDK_PYTHON names, else the running one."""
     return python or os.environ.get(PYTHON) or sys.executable
 
 
@@ -187,7 +188,7 @@ def _status(out: Path) -> dict[str, object]:
 
 
 def _follow(child: subprocess.Popen[bytes], out: Path, patience: float, advance: Callable[[int], None] | None) -> bool:
-    """Wait for the end and tell the progress; whether there was none for too long."""
+    """Wait for the program's end and tell its progress; return whether there was none for too long."""
     known, since = 0, time.monotonic()
     while True:
         with contextlib.suppress(subprocess.TimeoutExpired):

@@ -73,7 +73,7 @@ class BundleBackend:
         return Trains(exc, inputs, inh)
 
     def _play(self, model: Model, shown: Presentations) -> Iterator[tuple[slice, Spikes]]:
-        """The presentations, some at a time."""
+        """Simulate the presentations some at a time: which they are, and their spikes."""
         keys = shown.keys
         with bundle_of(model) as bundle:
             play = TARGETS[bundle.target].player(bundle)
@@ -106,5 +106,9 @@ class KapohoBayBackend:
         return counts, events
 
     def trains(self, model: Model, shown: Presentations) -> Trains:
-        """Not to be had from the board."""
+        """Refuse: the board reads out no single spikes.
+
+        Raises:
+            BackendUnavailableError: always.
+        """
         raise BackendUnavailableError("kapoho-bay reads out spike counts, not single spikes; use --backend bundle")

@@ -26,10 +26,10 @@ class Presentations(NamedTuple):
     """What a backend is shown.
 
     Attributes:
-        rates: Of the inputs in each presentation, (n, inputs): uint16 in units of 2^-16 for integer networks, uint32 in
-            units of 2^-32 for the float conductance model.
+        rates: Rates of the inputs, (n, inputs): uint16 in units of 2^-16 for integer networks, uint32
+            in units of 2^-32 for the float conductance model.
         image_ids: The number of each presentation's image in its traverse, int64 (n,).
-        seed: Of the noise.
+        seed: The seed of the noise.
         role: What the noise is for, one of `lava_vpr.engine.random.ROLES`.
     """
 
@@ -91,7 +91,7 @@ class BackendRow:
     """A backend as users choose it.
 
     Attributes:
-        name: Of ``--backend``.
+        name: The name that ``--backend`` takes.
         title: What it is, for people.
         make: The backend, from the number of threads it may use and what is told its progress (None: nobody).
         unavailable: Why it cannot run here, and what to do; None if it can.

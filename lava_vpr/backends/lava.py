@@ -46,7 +46,7 @@ class LavaBackend:
     """The network as Lava Processes.
 
     Attributes:
-        name: Of the backend.
+        name: Name of the backend.
         job: Function of `lava_vpr.processes.jobs.inference` that wires and runs the network.
         tag: Which ProcessModels: ``fixed_pt`` or ``floating_pt``.
         board: Whether it runs on a Loihi 2 board.
@@ -95,7 +95,7 @@ class LavaBackend:
     def _conductance(
         self, network: ConductanceState, config: Config, shown: Presentations
     ) -> tuple[NDArray[np.int32], Events]:
-        """The ``paper`` preset's network as float Processes."""
+        """Run the ``paper`` preset's network as float Processes: spike counts and events."""
         arrays: dict[str, NDArray[Any]] = {
             "weights": network.weights,
             "theta_mv": network.theta_mv,

@@ -18,14 +18,14 @@ BACKENDS: Registry[BackendRow] = Registry("backend", BackendUnavailableError)
 
 
 def _bundle(threads: int, advance: Advance | None) -> Backend:
-    """The simulation of a bundle."""
+    """The backend that simulates bundles."""
     from lava_vpr.backends.deployed import BundleBackend  # only those who have a bundle wait for `deploy`
 
     return BundleBackend(advance)
 
 
 def _kapoho_bay(threads: int, advance: Advance | None) -> Backend:
-    """The board."""
+    """The backend that runs bundles on Kapoho Bay."""
     from lava_vpr.backends.deployed import KapohoBayBackend
 
     return KapohoBayBackend(advance)

@@ -180,7 +180,7 @@ def _compressed(
 
 
 def _told(bars: ExitStack, points: int) -> Callable[[str], None]:
-    """A bar for a search of at most ``points``."""
+    """Show a bar for a search of at most ``points``; what is returned moves it by one."""
     advance = bars.enter_context(progress_bar("compressing", points))
     return lambda note: advance(1, note)
 

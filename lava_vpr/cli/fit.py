@@ -129,7 +129,7 @@ def _largest(
 
 
 def _capacities(board: Board, rows: tuple[Capacity, ...]) -> Table:
-    """One row a width of weights."""
+    """The table of the largest maps, with a row for each width of weights."""
     table = Table(title=f"the largest maps that fit {board.title}", title_justify="left")
     for name in ("bits a weight", "places", "neurons", "cores"):
         table.add_column(name, justify="right", no_wrap=True)

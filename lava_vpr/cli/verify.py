@@ -96,7 +96,7 @@ def verify(
 
 
 def _table(verdicts: list[Verdict]) -> Table:
-    """One row a backend."""
+    """The table of the verdicts, with a row for each backend."""
     table = Table()
     table.add_column("backend", no_wrap=True)
     table.add_column("result", no_wrap=True)

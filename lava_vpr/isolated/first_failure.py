@@ -76,6 +76,7 @@ def recorded(folder: Path) -> dict[str, Any] | None:
 
 
 def _log(folder: Path) -> str:
+    """The end of what the run's processes wrote to stdout and stderr."""
     try:
         return (folder / "log").read_text(encoding="utf-8", errors="replace")[-LOG_TAIL:]
     except OSError:
@@ -83,6 +84,7 @@ def _log(folder: Path) -> str:
 
 
 def _stacks(folder: Path) -> list[str]:
+    """Where each process of the run stood, as far as they have said so."""
     return [path.read_text(encoding="utf-8", errors="replace") for path in sorted(folder.glob("stacks-*"))]
 
 

@@ -22,6 +22,7 @@ _forking = 0  # who forks; set just before each fork
 
 
 def _call(option: int, value: int) -> None:
+    """Call ``prctl`` where the system has it."""
     if _prctl is not None:
         _prctl(option, ctypes.c_ulong(value), ctypes.c_ulong(0), ctypes.c_ulong(0), ctypes.c_ulong(0))
 
@@ -32,11 +33,13 @@ def adopt_orphans() -> None:
 
 
 def _before_fork() -> None:
+    """Note who is about to fork."""
     global _forking
     _forking = os.getpid()
 
 
 def _after_fork() -> None:
+    """Bind the forked process to its parent's end."""
     _call(PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != _forking:  # it ended before the line above
         os.kill(os.getpid(), signal.SIGKILL)

@@ -79,6 +79,11 @@ def run_isolated(
 
 
 def _folder() -> Path:
+    """Make the folder of a run.
+
+    Raises:
+        LavaRunError: no folder can be made, or its path is too long for Lava's sockets.
+    """
     try:
         folder = Path(tempfile.mkdtemp(prefix="lava-vpr-"))
     except OSError as error:
@@ -133,7 +138,7 @@ def _wait(
     reader: job_folder.ProgressReader,
     progress: Callable[[int], None] | None,
 ) -> None:
-    """Until there are results.
+    """Wait until there are results.
 
     Raises:
         LavaVprError: there will be none.
@@ -189,7 +194,7 @@ def _end(worker: subprocess.Popen[bytes], folder: Path) -> None:
 
 @contextlib.contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """Ctrl-C waits until the end of the block."""
+    """Hold Ctrl-C back until the end of the block."""
     handler = signal.getsignal(signal.SIGINT)
     if threading.current_thread() is not threading.main_thread() or handler is None:
         yield

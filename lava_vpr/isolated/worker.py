@@ -36,7 +36,10 @@ _progress: ProgressWriter | None = None
 
 
 def report(done: int) -> None:
-    """Say that ``done`` further units of work are done; from the target or any Lava model. Nothing outside a worker."""
+    """Say that ``done`` further units of work are done, from the target or any Lava model.
+
+    Outside a worker it says nothing.
+    """
     if _progress is not None:
         _progress.add(done)
 
@@ -81,14 +84,14 @@ class _Children:
                 record_end(self._folder, part or name, code)
 
     def watch(self) -> None:
-        """Look for ever."""
+        """Look for processes that have died, for ever."""
         while True:
             self.look()
             time.sleep(WATCH)
 
 
 def _tell_stacks(folder: Path, title: str) -> Path:
-    """On `STACKS`, write where the main thread of this process stands; the file."""
+    """Let this process write where its main thread stands when it gets `STACKS`; return the file."""
     path = folder / f"stacks-{os.getpid()}"
     file = path.open("w", encoding="utf-8")
     file.write(f"Process {os.getpid()}: {title}\n")
@@ -183,7 +186,7 @@ def _prepare(folder: Path) -> None:
 
 
 def _work(folder: Path) -> int:
-    """Call the target; the exit code."""
+    """Call the target and return the exit code."""
     from lava_vpr.isolated.first_failure import record_exception
     from lava_vpr.isolated.job_folder import load_job, save_arrays
 
@@ -200,7 +203,7 @@ def _work(folder: Path) -> int:
 
 
 def _start(folder: Path) -> int:
-    """Fork the process that works, in a group of its own; its id."""
+    """Fork the process that works, in a group of its own, and return its id."""
     lifetime.bind_forks()  # those of the fork, too
     pid = os.fork()
     if pid == 0:
@@ -217,7 +220,10 @@ def _start(folder: Path) -> int:
 
 
 def main(folder: Path, caller: int) -> int:
-    """Run the job in ``folder`` for the process ``caller`` and see it end; the exit code, 128 + n after signal n."""
+    """Run the job in ``folder`` for the process ``caller``, see it end, and return the exit code.
+
+    It is 128 + n after signal n.
+    """
     signals: list[int] = []
 
     def stop(number: int, frame: FrameType | None) -> None:
