@@ -12,11 +12,12 @@ The strategy, for k cores that hold excitatory neurons in consecutive ranges:
 4. **Inputs** that integrate a bias fill what is left of all cores, so that the busiest core is least busy.
 
 Every k is tried up to the number of cores found. Of the layouts on the fewest cores the one with the fewest operations
-is chosen, then the one with the least busy core. Two bounds say what to expect: no layout of k ranges takes fewer cores
-than the sums of compartments and output axons, or the room for relays, demand (`least_further`). Where spikes are
-injected and no neuron stands alone on its core, no plan takes fewer cores: only the number of relays that fit beside
-the ranges matters then, and the third way finds the most. Otherwise (inputs with weights to some cores only, relays of
-neurons that stand alone) a plan on fewer cores may exist.
+is chosen, then the one with the least busy core.
+
+What this finds is exact where spikes are injected: no plan takes fewer cores in which every neuron shares its core with
+another, because only the number of relays that fit beside the ranges matters then, and the third way finds the most (of
+more than `_ROOM_RANGES` ranges, near to the most). A plan on fewer cores may exist where neurons stand alone on their
+cores, whose relays take an axon less, and where inputs integrate a bias, if they have weights to some cores only.
 """
 
 from __future__ import annotations
