@@ -19,7 +19,7 @@ from lava.utils.weightutils import SignMode
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from support.fuzz.fuzz_networks import Block, Format, block_of, settings_of, steps_of
-from support.fuzz.fuzz_places import input_of, place_of
+from support.fuzz.fuzz_places import fused_of, input_of, place_of
 
 from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.processes.base.shared_memory import shared_array
@@ -107,7 +107,7 @@ def groups(arrays: Arrays, options: dict[str, Any]) -> Arrays:
 
 
 def _start_places(seed: int, start: int, numbers: Sequence[int]) -> Arrays:
-    """The composed and the library's networks in one start of Lava, each fused one in its own: it has no ports."""
+    """The composed and the library's networks in one start of Lava, a fused one in its own: it has no ports."""
     given, networks = input_of(seed, start), {number: place_of(seed, start, number) for number in numbers}
     encoder = PoissonEncoder(rates=given.rates, keys=given.keys, steps=given.steps)
     n, interval = len(given.keys), given.steps + SILENT_STEPS
@@ -123,12 +123,11 @@ def _start_places(seed: int, start: int, numbers: Sequence[int]) -> Arrays:
     for name, place in wired.items():
         results |= {f"{name}_u": place.u.get(), f"{name}_v": place.v.get()}
     encoder.stop()
-    for number, network in networks.items():
-        raster = shared_array((n, interval, network.neurons), np.uint8)
-        results[f"{start}_{number}_fused_spikes"] = raster
-        fused = FusedPlaceNetwork(network=network, rates=given.rates, keys=given.keys, batch=2, raster=raster)
-        fused.run(condition=RunSteps(num_steps=fused.batches), run_cfg=Loihi2SimCfg(**CONFIG))
-        fused.stop()
+    network = networks[fused_of(start, numbers)]
+    raster = results[f"{start}_fused_spikes"] = shared_array((n, interval, network.neurons), np.uint8)
+    fused = FusedPlaceNetwork(network=network, rates=given.rates, keys=given.keys, batch=2, raster=raster)
+    fused.run(condition=RunSteps(num_steps=fused.batches), run_cfg=Loihi2SimCfg(**CONFIG))
+    fused.stop()
     return results
 
 
@@ -143,8 +142,8 @@ def places(arrays: Arrays, options: dict[str, Any]) -> Arrays:
         arrays: None.
         options: ``seed``; ``starts``: as [start, [network, ...]].
     Returns:
-        For each start S, network N and kind K (ours, library, fused): S_N_K_spikes (presentations, steps + 3, neurons);
-        but for fused ones also S_N_K_u and S_N_K_v (neurons,) of exc after the last step.
+        For each start S, network N and kind K (ours, library): S_N_K_spikes (presentations, steps + 3, neurons), and
+        S_N_K_u and S_N_K_v (neurons,) of exc after the last step; S_fused_spikes of the network `fused_of`.
     """
     results: Arrays = {}
     with mock.patch.object(LateralInhibition, "check_fixed", _accept):

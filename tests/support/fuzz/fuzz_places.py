@@ -8,6 +8,7 @@ Used by engine and support.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,11 @@ from lava_vpr.engine.random import presentation_keys
 from lava_vpr.loihi import WEIGHT_LIMIT
 
 NETWORKS_OF_START = 4
+
+
+def fused_of(start: int, numbers: Sequence[int]) -> int:
+    """The network of a start that also runs as one fused Process, which takes a start of Lava of its own."""
+    return numbers[start % len(numbers)]
 
 
 class UncheckedNetwork(FixedNetwork):
