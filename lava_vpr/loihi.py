@@ -149,7 +149,7 @@ DAVIES_HOP_EAST_WEST_PJ, DAVIES_HOP_NORTH_SOUTH_PJ = 3.0, 4.0
 crossed, in pJ. Source: Davies et al., IEEE Micro 38(1), 2018, table 2, doi 10.1109/MM.2018.112130359."""
 
 DAVIES_SYNAPSE_NS, DAVIES_ACTIVE_NS, DAVIES_INACTIVE_NS, DAVIES_MESSAGE_NS = 3.5, 8.4, 5.3, 2.1
-"""Their times, in ns. Source: as above."""
+"""Times of those events, in ns. Source: as above."""
 
 DAVIES_BARRIER_US = {1: 0.113, 32: 0.465}
 """Time of the barrier with 1 and with 32 tiles, in us. Source: as above."""

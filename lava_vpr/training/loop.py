@@ -29,7 +29,7 @@ from lava_vpr.training.trainers import ConductanceTrainer, StretchTrainer, resto
 
 @dataclass(frozen=True)
 class Progress:
-    """How far one stretch has come; ``neurons_used`` and ``places_covered`` speak of its last whole epoch."""
+    """Progress of one stretch; ``neurons_used`` and ``places_covered`` speak of its last whole epoch."""
 
     stretch: int
     epoch: int
@@ -119,7 +119,7 @@ def train(
         interval: Least seconds between two checkpoints.
         resume: Go on from ``checkpoint``.
         progress: Called after every presentation, from any thread.
-        resumed: Told the epochs done per stretch when training resumes.
+        resumed: Function that is told the epochs done per stretch when training resumes.
     Raises:
         InputError: references do not match.
         ModelFileError: the checkpoint cannot be used or written.
@@ -184,7 +184,7 @@ def _run(learn: Callable[[int], None], stretches: int, jobs: int, stop: threadin
 
 
 def traverses_shown(config: Config, epoch: int, given: int) -> int:
-    """How many of the ``given`` traverses an epoch shows: while neurons compete for places, the first alone."""
+    """The number of the ``given`` traverses that an epoch shows: while neurons compete for places, the first alone."""
     settings = as_integer_config(config)
     competing = settings is not None and epoch < settings.learning.competing
     return 1 if competing else given
@@ -281,7 +281,7 @@ def _finish(
 
 
 def _response_presentations(config: Config, references: Sequence[EncodedTraverse]) -> int:
-    """How often each place was shown to count its responses."""
+    """The number of times that each place was shown to count its responses."""
     learning = config.learning
     repeats = min(learning.label_epochs, learning.epochs) if isinstance(learning, ConductanceLearning) else 1
     return repeats * len(references)

@@ -50,7 +50,7 @@ class LifTrainer:
 
 
 class IntegerLifTrainer:
-    """The same network, learning in Loihi's integers."""
+    """The current-based network, learning in Loihi's integers."""
 
     def __init__(self, config: Config, stretch: Stretch, number: int) -> None:
         settings = integer_config(config, "IntegerLifTrainer")
@@ -98,7 +98,7 @@ class ConductanceTrainer:
 
 
 def trainer_of(config: Config, stretch: Stretch, number: int) -> StretchTrainer:
-    """What learns one stretch under ``config``."""
+    """The trainer that learns one stretch under ``config``."""
     chosen = as_integer_config(config)
     if chosen is None:
         return ConductanceTrainer(config, stretch, number)

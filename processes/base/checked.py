@@ -35,7 +35,7 @@ def check_outputs(name: str, **arrays: tuple[NDArray[Any] | None, tuple[int, ...
     """Refuse arrays for results that have another shape or type than the results.
 
     Args:
-        name: Of the Process, for the message.
+        name: Name of the Process, for the message.
         **arrays: Array, or None; its shape; its dtype.
     Raises:
         NetworkLimitError: naming the first.
@@ -54,10 +54,10 @@ def check_presentations(
     """Refuse what an input Process cannot present.
 
     Args:
-        name: Of the Process, for the message.
+        name: Name of the Process, for the message.
         rates: Must be uint16 (n, inputs).
         keys: Must be uint64 (n,).
-        steps, silent_steps: Of one presentation, at least 1 and 0.
+        steps, silent_steps: Steps of one presentation with and without input, at least 1 and 0.
     Raises:
         NetworkLimitError: naming the argument and the remedy.
     """

@@ -137,7 +137,7 @@ class LifProcess(CheckedProcess):
 
 
 class LifModelFixed(PyLoihiProcessModel):
-    """`lif_step`, bit-accurate with Lava's LIF."""
+    """The neurons in Loihi's integers, by `lif_step`: bit-accurate with Lava's LIF."""
 
     a_in: PyInPort = LavaPyType(PyInPort.VEC_DENSE, np.int64, precision=24)
     s_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, bool, precision=1)
@@ -173,11 +173,11 @@ class LifModelFixed(PyLoihiProcessModel):
         self.ready = True
 
     def on_var_update(self) -> None:
-        """A Var was set."""
+        """Take over the Vars again before the next step: one was set."""
         self.ready = False
 
     def run_spk(self) -> None:
-        """One step."""
+        """Run one step."""
         if not self.ready:
             self._prepare()
         drive = self.a_in.recv()
@@ -217,11 +217,11 @@ class LifModelFloat(PyLoihiProcessModel):
         self.ready = True
 
     def on_var_update(self) -> None:
-        """A Var was set."""
+        """Take over the Vars again before the next step: one was set."""
         self.ready = False
 
     def run_spk(self) -> None:
-        """One step."""
+        """Run one step."""
         if not self.ready:
             self._prepare()
         drive = self.a_in.recv()

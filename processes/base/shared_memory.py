@@ -16,8 +16,8 @@ def shared_array(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
     there. The memory lives as long as the array.
 
     Args:
-        shape: Of the array; it may be empty.
-        dtype: Of the array.
+        shape: Shape of the array, which may be empty.
+        dtype: Type of its elements.
     """
     kind = np.dtype(dtype)
     size = int(np.prod(shape, dtype=np.int64)) * kind.itemsize

@@ -17,7 +17,7 @@ from lava_vpr.processes.bias_inputs.process import BiasInputs
 
 
 class _InputsModel(PyLoihiProcessModel):
-    """Integrates in the unit of its kind: ``threshold`` is `LEVEL` in units of 1 / ``scale``."""
+    """The model integrates in the unit of its arithmetic: ``threshold`` is `LEVEL` in units of 1 / ``scale``."""
 
     s_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, bool, precision=1)
     emitted: NDArray[np.int64] = LavaPyType(np.ndarray, np.int64)
@@ -54,7 +54,7 @@ class _InputsModel(PyLoihiProcessModel):
 
 @cpu_model(BiasInputs, "float")
 class PyBiasInputsFloat(_InputsModel):
-    """In float64; v is in the unit of the threshold."""
+    """The compartments in float64, whose v is in the unit of the threshold."""
 
     v: NDArray[np.float64] = LavaPyType(np.ndarray, float)
     bias_mant: NDArray[np.float64] = LavaPyType(np.ndarray, float)
@@ -64,7 +64,7 @@ class PyBiasInputsFloat(_InputsModel):
 
 @cpu_model(BiasInputs, "fixed")
 class PyBiasInputsFixed(_InputsModel):
-    """In Loihi's integers."""
+    """The compartments in Loihi's integers."""
 
     v: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=24)
     bias_mant: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=13)

@@ -16,7 +16,7 @@ from lava_vpr.processes.dense_synapses.process import DenseSynapses
 
 
 class _DenseModel(PyLoihiProcessModel):
-    """What both models have in common: rows of weights, made at first and whenever a Var was set."""
+    """The base of both models keeps rows of weights, made at first and whenever a Var was set."""
 
     s_in: PyInPort = LavaPyType(PyInPort.VEC_DENSE, bool, precision=1)
     weights: NDArray[Any]
@@ -28,13 +28,13 @@ class _DenseModel(PyLoihiProcessModel):
         self.exponent: int = proc_params["weight_exp"]
 
     def on_var_update(self) -> None:
-        """A Var was set."""
+        """Drop the rows: a Var was set."""
         self.rows = None
 
 
 @cpu_model(DenseSynapses, "float")
 class PyDenseSynapsesFloat(_DenseModel):
-    """In float64, with the weights as they were given."""
+    """The synapses in float64, with the weights as they were given."""
 
     a_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, float)
     weights: NDArray[np.float64] = LavaPyType(np.ndarray, float)

@@ -9,9 +9,9 @@ from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF
 
 @cpu_model(ExcitatoryLIF, "float")
 class PyExcitatoryLIFFloat(LifModelFloat):
-    """In float64."""
+    """The neurons in float64."""
 
 
 @cpu_model(ExcitatoryLIF, "fixed")
 class PyExcitatoryLIFFixed(LifModelFixed):
-    """In Loihi's integers."""
+    """The neurons in Loihi's integers, bit-accurate with Lava's LIF."""

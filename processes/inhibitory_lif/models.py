@@ -9,9 +9,9 @@ from lava_vpr.processes.inhibitory_lif.process import InhibitoryLIF
 
 @cpu_model(InhibitoryLIF, "float")
 class PyInhibitoryLIFFloat(LifModelFloat):
-    """In float64."""
+    """The neurons in float64."""
 
 
 @cpu_model(InhibitoryLIF, "fixed")
 class PyInhibitoryLIFFixed(LifModelFixed):
-    """In Loihi's integers."""
+    """The neurons in Loihi's integers, bit-accurate with Lava's LIF."""

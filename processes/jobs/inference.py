@@ -56,7 +56,7 @@ class Clock:
         self._held = 0
 
     def add(self, presentations: int, began: float) -> None:
-        """A run of Lava that has just ended."""
+        """Note a run of Lava that has just ended."""
         self._rows.append((float(presentations), began, time.monotonic()))
 
     def look(self) -> None:
@@ -65,7 +65,7 @@ class Clock:
             self._held = memory.held_by_family() or 0
 
     def arrays(self) -> Arrays:
-        """See above; nothing if nobody asked."""
+        """The results ``runs`` and ``held`` for the caller; none if nobody asked."""
         if not self.wanted:
             return {}
         return {"runs": np.array(self._rows, np.float64).reshape(-1, 3), "held": np.array([self._held], np.int64)}
@@ -107,11 +107,11 @@ def play(
         process: Any of the Processes to run.
         units: Times that ``steps`` steps are run.
         steps: Lava steps of a unit.
-        tag: Which models.
+        tag: Tag of the models to run.
         presentations: In all units together.
         batch: Presentations of a unit.
         board: On a Loihi 2 board instead of in simulation.
-        clock: Told of every run.
+        clock: Clock that is told of every run.
     Raises:
         BackendUnavailableError: a part of the network would run on the CPU instead of the board.
     """

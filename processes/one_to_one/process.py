@@ -25,7 +25,7 @@ class OneToOne(CheckedProcess):
 
         Args:
             shape: (neurons,).
-            weight: Of every synapse; a whole number in -255..255 in the integer model.
+            weight: Weight of every synapse; a whole number in -255..255 in the integer model.
         Raises:
             NetworkLimitError: a shape or an integer out of its range; a float is checked when Lava picks the integer
                 model for it.

@@ -16,7 +16,7 @@ from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
 
 
 class _EncoderModel(PyLoihiProcessModel):
-    """Draws four steps at a time."""
+    """The model draws the spikes of four steps at a time."""
 
     s_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, bool, precision=1)
     emitted: NDArray[np.int64] = LavaPyType(np.ndarray, np.int64)
@@ -54,9 +54,9 @@ class _EncoderModel(PyLoihiProcessModel):
 
 @cpu_model(PoissonEncoder, "float")
 class PyPoissonEncoderFloat(_EncoderModel):
-    """For networks in float64."""
+    """The encoder for networks in float64."""
 
 
 @cpu_model(PoissonEncoder, "fixed")
 class PyPoissonEncoderFixed(_EncoderModel):
-    """For networks in Loihi's integers."""
+    """The encoder for networks in Loihi's integers."""

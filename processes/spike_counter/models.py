@@ -38,9 +38,9 @@ class _CounterModel(PyLoihiProcessModel):
 
 @cpu_model(SpikeCounter, "float")
 class PySpikeCounterFloat(_CounterModel):
-    """For networks in float64."""
+    """The counter for networks in float64."""
 
 
 @cpu_model(SpikeCounter, "fixed")
 class PySpikeCounterFixed(_CounterModel):
-    """For networks in Loihi's integers."""
+    """The counter for networks in Loihi's integers."""

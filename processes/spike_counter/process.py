@@ -34,7 +34,7 @@ class SpikeCounter(CheckedProcess):
 
         Args:
             shape: (neurons,).
-            presentations: How many will follow each other.
+            presentations: Number of presentations that will follow each other.
             interval: Steps of one, the silent ones included.
             counts: Shared array to count in, besides the Var; int32 (presentations, neurons).
             raster: Shared array that records every spike, uint8 (presentations, interval, neurons).

@@ -110,7 +110,7 @@ def constants(config: Config, *, learn: bool) -> Constants:
 
 @lru_cache(maxsize=4)
 def trace_table(total: int, dt_ms: float) -> NDArray[np.float64]:
-    """What is left of each trace after k steps, (3, total + 1)."""
+    """Table of what is left of each trace after k steps, (3, total + 1)."""
     return np.array([[math.exp(-(k * dt_ms) / tau) for k in range(total + 1)] for tau in TRACE_TAUS_MS])
 
 

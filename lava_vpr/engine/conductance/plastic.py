@@ -31,7 +31,7 @@ class Plastic(NamedTuple):
 
 @nb.njit(cache=True, nogil=True)
 def new_plastic(slots: int, inputs: int, spikes: int) -> Plastic:
-    """Room for ``slots`` neurons."""
+    """Make room for ``slots`` neurons."""
     return Plastic(
         np.zeros(slots, np.int64),
         np.zeros(slots, np.int64),

@@ -34,7 +34,7 @@ _CHUNK_STEPS = 256  # input is summed up so many steps ahead: its sums for 400 n
 _CALM_CHECK_STEPS = 32
 _PLASTIC_SLOTS = 16
 _RECENT, _AWAKE, _PLASTIC, _EXC_SPIKES, _INH_SPIKES = range(5)
-"""What the counters in ``tally`` count."""
+"""Names of the counters in ``tally``."""
 
 
 class Exc(NamedTuple):
@@ -84,7 +84,7 @@ def _release(exc: Exc, tally: NDArray[np.int64], step: int, timer: int) -> None:
 
 @nb.njit(cache=True, nogil=True)
 def _update_inh(inh: Inh, gi: NDArray[np.float64], tally: NDArray[np.int64], step: int, c: Constants) -> None:
-    """One Euler step of the awake inhibitory neurons; each spike raises ``gi`` of all other neurons."""
+    """Take one Euler step of the awake inhibitory neurons; each spike raises ``gi`` of all other neurons."""
     for r in range(tally[_AWAKE]):
         i = inh.awake[r]
         active = step - inh.last[i] >= c.inh_freeze
@@ -194,7 +194,7 @@ def _decay_theta(theta: NDArray[np.float64], steps: int, decay: float) -> None:
 
 @nb.njit(cache=True, nogil=True)
 def _at_rest(n: int, theta: NDArray[np.float64]) -> tuple[Exc, Inh]:
-    """Both populations at rest, ready to fire."""
+    """Bring both populations to rest, ready to fire."""
     exc = Exc(
         np.full(n, E_REST), np.zeros(n), np.zeros(n), theta, np.zeros(n),
         np.full(n, NEVER), np.empty(n, np.int64), np.full(n, -1),

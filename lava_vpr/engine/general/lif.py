@@ -35,7 +35,7 @@ from lava_vpr.loihi import (
 
 SignMode = Literal["null", "mixed", "excitatory", "inhibitory"]
 NO_FLOOR = -STATE_LIMIT
-"""Below every membrane: no floor."""
+"""A floor below every membrane, which stands for none."""
 
 
 def need(condition: bool, name: str, value: Any, limit: str) -> None:
@@ -138,7 +138,7 @@ def stored_weights(
         weights: Whole numbers, any shape: 0..255, -255..0 if inhibitory, -256..255 if mixed.
         bits: Bits of a weight, 1..8; a mixed sign takes one of them.
         sign: Sign mode of the whole array.
-        of: Whose weights, for the message.
+        of: Name of the weights' owner, for the message.
     Raises:
         NetworkLimitError: a weight outside the range. (Lava's Dense clips it without a word.)
     """
@@ -171,12 +171,12 @@ def lif_step(
 
     Args:
         u, v: Current and membrane, changed in place.
-        threshold: In units of v >> 6; raised in place by theta_plus for each spike, up to what 17 bits hold.
+        threshold: Thresholds in units of v >> 6; raised in place by theta_plus for each spike, up to what 17 bits hold.
         held: Steps that a membrane still stays at 0, changed in place.
         drive: Input sums of this step.
-        bias: In units of v.
+        bias: Bias of each neuron in units of v.
         constants: `LifParameters.constants`.
-        spikes: Filled.
+        spikes: Filled with the neurons that spike, bool.
     Returns:
         The number of neurons that spike.
     """

@@ -28,17 +28,17 @@ from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import WEIGHT_EXPONENT_LIMIT
 
 INPUTS = -1
-"""Source of synapses from the inputs."""
+"""Index that stands for the inputs as a source of synapses."""
 
 
 @dataclass(frozen=True)
 class Population:
-    """LIF neurons.
+    """A population of LIF neurons.
 
     Attributes:
-        threshold: Of each neuron, in units of v >> 6, whole numbers (neurons,).
+        threshold: Threshold of each neuron, in units of v >> 6, whole numbers (neurons,).
         bias_mant, bias_exp: Bias mant 2^exp in units of v, one for all or one each.
-        parameters: What all share.
+        parameters: Settings that all its neurons share.
         reset_interval: Steps of a presentation: u, v and the hold are 0 at its start; 0: never reset.
     """
 
@@ -147,7 +147,7 @@ class Recording:
         spikes: bool (steps, neurons).
         u, v: Current and membrane after the last step, int32 (neurons,).
         threshold: After the last step, int32 (neurons,).
-        film_u, film_v: The same after each step, int32 (steps, neurons); empty tuples unless recorded.
+        film_u, film_v: Current and membrane after each step, int32 (steps, neurons); empty tuples unless recorded.
         film_drive: Input sums of each step, int64 (steps, neurons); an empty tuple unless recorded.
     """
 

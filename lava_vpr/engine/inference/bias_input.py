@@ -21,10 +21,10 @@ from lava_vpr.engine.random import GOLDEN, derived_key, hashes, mix
 from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT, INPUT_SHIFT
 
 THRESHOLD = 8000
-"""Of the input compartments, in units of v >> 6; just below what the largest bias exceeds in one step."""
+"""Threshold of the input compartments in units of v >> 6, just below what the largest bias exceeds in one step."""
 
 LEVEL = THRESHOLD << INPUT_SHIFT
-"""The same in units of v."""
+"""The threshold of the input compartments in units of v."""
 
 _PURPOSE = "phase"
 _CRC = np.uint64(zlib.crc32(_PURPOSE.encode()))
@@ -53,8 +53,8 @@ def start_membranes(key: int, inputs: int) -> NDArray[np.int32]:
     """Membranes of the inputs before a presentation, uniform in [0, LEVEL), int32 (inputs,).
 
     Args:
-        key: Of the presentation (`lava_vpr.engine.random.presentation_key`).
-        inputs: How many.
+        key: Key of the presentation (`lava_vpr.engine.random.presentation_key`).
+        inputs: Number of inputs.
     """
     words = hashes(derived_key(int(key), _PURPOSE), np.zeros(1, np.int64), np.arange(inputs))[0]
     return ((words >> _S32) * _LEVEL >> _S32).astype(np.int32)
@@ -81,7 +81,7 @@ def schedule(bias: NDArray[np.int32], key: np.uint64, steps: int) -> tuple[NDArr
 
     Args:
         bias: In units of v, int32 (inputs,).
-        key: Of the presentation.
+        key: Key of the presentation.
         steps: Steps with input.
     """
     level = np.int64(LEVEL)

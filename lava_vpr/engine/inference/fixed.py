@@ -60,10 +60,10 @@ EVENTS = (
     "messages",
     "steps",
 )
-"""What a run counts; see `named_events`."""
+"""The events that a run counts; see `named_events`."""
 
 SILENT_STEPS = 3
-"""After the last input: to exc (1), to its relay (2), to the others (3)."""
+"""Steps after the last input: its spikes reach exc (1), exc's its relay (2), the relay's the others (3)."""
 
 
 class Prepared(NamedTuple):
@@ -84,7 +84,7 @@ class FixedNetwork:
         shift: Right shift of the input sum; Lava's weight_exp is ``bits - 8 - shift``.
         threshold: vth, compared with v >> 6.
         inhibition: What a spike takes from every other neuron, mantissa of the lateral synapses (<= 255 x 2^exponent).
-        inhibition_exponent: See ``inhibition``.
+        inhibition_exponent: Exponent of the lateral synapses; what a spike takes is inhibition 2^exponent.
         decay: dv in units of 2^-12.
         steps: Steps with input in one presentation.
         bias_input: Whether input compartments integrate a bias (`engine.inference.bias_input`); else Poisson spikes are

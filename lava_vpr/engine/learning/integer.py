@@ -94,7 +94,7 @@ class Rule:
         return np.floor(value).astype(np.uint8), np.ceil((value % 1) * 2.0**53).astype(np.uint64)
 
     def table(self) -> NDArray[np.int64]:
-        """What the kernel takes: products (n, 2) of mantissa and left shift; -8 2^E is -4 2^(E + 1), as in Lava."""
+        """The products as the kernel takes them, (n, 2): mantissa, left shift; -8 2^E is -4 2^(E + 1), as in Lava."""
         read = [(-4, e + 1) if m == -8 and e + 1 in PRODUCT_EXPONENTS else (m, e) for m, e in self.products]
         return np.array([(mantissa, exponent + 7) for mantissa, exponent in read], np.int64).reshape(-1, 2)
 
@@ -150,7 +150,7 @@ class IntegerLearning:
 
 @dataclass
 class IntegerState:
-    """What training changes: ``weights`` uint8 (inputs, neurons), ``theta`` int32 (neurons,), thresholds."""
+    """The state that training changes: ``weights`` uint8 (inputs, neurons), ``theta`` int32 (neurons,), thresholds."""
 
     weights: NDArray[np.uint8]
     theta: NDArray[np.int32]

@@ -61,7 +61,7 @@ class FoldedPhase:
         weight_sum: What the host normalises each neuron's weights to.
         theta_plus: What the host adds to a neuron's threshold for each of its spikes.
         threshold_factor: All thresholds are multiplied by it / 256 when the phase begins.
-        epochs: How many.
+        epochs: Number of epochs.
     """
 
     chip: IntegerLearning
@@ -83,7 +83,7 @@ def settings(learning: StdpLearning) -> StdpLearning:
 
 
 ETA, THETA_PLUS = 0.6, 1.0
-"""Of ``learning.eta`` (first phase) and ``learning.theta_plus``. Chosen on Nordland 0:500, seeds 0 to 2: recall
+"""Factors on ``learning.eta`` (first phase) and ``learning.theta_plus``. Chosen on Nordland 0:500, seeds 0 to 2: recall
 there is optimistic. Without the step of rest after a spike, and with a threshold that stays where it is during a
 presentation, a neuron spikes more often in it; at the full rate it then learns one presentation by heart
 (`benchmarks.chip_learning`)."""
@@ -162,9 +162,9 @@ def fold(weights: NDArray[np.uint8], thresholds: NDArray[np.int32], common: int,
 
     Args:
         weights: The host's, uint8 (inputs, neurons).
-        thresholds: Of the neurons, int32 (neurons,), at least 1.
+        thresholds: Thresholds of the neurons, int32 (neurons,), at least 1.
         common: The chip's one threshold.
-        key: Of the presentation.
+        key: Key of the presentation.
     """
     return _fold(weights, thresholds, np.int64(common), np.uint64(derived_key(key, "fold")))
 
@@ -208,7 +208,7 @@ def laterals(inhibition: int, thresholds: NDArray[np.int32], common: int) -> tup
 
 @dataclass(frozen=True)
 class Boundary:
-    """What the host gives the chip before a presentation: weights uint8 (inputs, neurons), lateral weights."""
+    """The weights uint8 (inputs, neurons) and lateral weights that the host gives the chip before a presentation."""
 
     weights: NDArray[np.uint8]
     mantissas: NDArray[np.int64]

@@ -26,7 +26,7 @@ from lava_vpr.engine.random import presentation_key, uniform
 
 @dataclass
 class PlasticState:
-    """What training changes: ``weights`` float32 (inputs, neurons), ``theta`` float32 (neurons,), thresholds."""
+    """The state that training changes: ``weights`` (inputs, neurons) and thresholds ``theta`` (neurons,), float32."""
 
     weights: NDArray[np.float32]
     theta: NDArray[np.float32]
@@ -120,7 +120,7 @@ def _integrate(
     step: int,
     phase: KernelPhase,
 ) -> bool:
-    """One membrane step of all neurons; returns whether any exceeds its threshold."""
+    """Integrate one step of all neurons; returns whether any exceeds its threshold."""
     keep, floor = phase.keep, phase.floor
     above = False
     for i in range(v.size):

@@ -33,7 +33,7 @@ class PyConductanceLIFFloat(PyLoihiProcessModel):
         self.interval: int = proc_params["interval"]
 
     def run_spk(self) -> None:
-        """One step: what arrives, states, thresholds, resets."""
+        """Run one step: what arrives, states, thresholds, resets."""
         excited, inhibiting = self.g_e_in.recv(), -self.g_i_in.recv()
         if self.interval > 0 and (self.time_step - 1) % self.interval == 0:
             self._rest()
@@ -49,7 +49,7 @@ class PyConductanceLIFFloat(PyLoihiProcessModel):
         self.since_spike[fired] = 0
 
     def _rest(self) -> None:
-        """A presentation begins."""
+        """Begin a presentation."""
         self.v[:] = self.neuron.rest
         self.ge[:] = 0.0
         self.gi[:] = 0.0

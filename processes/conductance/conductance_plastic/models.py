@@ -23,7 +23,7 @@ class _Arrivals:
     """
 
     def __init__(self, delays: NDArray[np.integer]) -> None:
-        """``delays`` (neurons, inputs) in steps."""
+        """Set up for ``delays`` (neurons, inputs) in steps."""
         self.delays = np.ascontiguousarray(delays.T, np.int64)
         inputs, neurons = self.delays.shape
         self.slots = int(delays.max()) + 1
@@ -91,7 +91,7 @@ class PyConductancePlasticFloat(PyLoihiProcessModel):
         self._learn(step, np.flatnonzero(self.post_in.recv()))
 
     def _begin(self) -> None:
-        """A presentation begins."""
+        """Begin a presentation."""
         normalise(self.weights, self.weight_sum)
         self.arrivals.clear()
         self.arrived[:] = NEVER
@@ -120,6 +120,6 @@ class PyConductancePlasticFloat(PyLoihiProcessModel):
         self.post[fired] = step
 
     def _post_trace(self, step: int, trace: int) -> NDArray[np.float64]:
-        """What is left of a postsynaptic trace, (neurons,)."""
+        """The postsynaptic traces as they are now, (neurons,)."""
         spiked = self.post != NEVER
         return np.where(spiked, self.traces[trace, np.where(spiked, step - self.post, 0)], 0.0)

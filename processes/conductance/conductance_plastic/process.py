@@ -47,7 +47,7 @@ class ConductancePlastic(CheckedProcess):
             weights: At the start, float64 (neurons, inputs), as in Lava's Dense.
             delays: Whole steps in 0..65534, of the same shape.
             learning: The rule and its ``weight_sum``.
-            constants: Of `engine.conductance.model.constants`, with ``learn``; a presentation has ``total`` steps.
+            constants: Those of `engine.conductance.model.constants` with ``learn``; a presentation has ``total`` steps.
             dt_ms: Length of a step.
         Raises:
             NetworkLimitError: arrays of different shapes, or a value outside its range.

@@ -16,7 +16,7 @@ from lava_vpr.processes.conductance.fine_poisson_encoder.process import FinePois
 
 @cpu_model(FinePoissonEncoder, "float")
 class PyFinePoissonEncoder(PyLoihiProcessModel):
-    """Draws a presentation's spikes when it begins."""
+    """The model draws a presentation's spikes when it begins."""
 
     s_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, bool, precision=1)
 

@@ -44,7 +44,7 @@ class LearningPlaceNetwork(CheckedProcess):
         Args:
             learning: One phase of learning.
             state: Weights and thresholds at its start; not changed.
-            keys, draws, record_weights, record_traces: As of `lava_vpr.processes.plastic_dense.process.PlasticDense`.
+            keys, draws, record_weights, record_traces: See `lava_vpr.processes.plastic_dense.process.PlasticDense`.
         Raises:
             NetworkLimitError: it could overflow Loihi's registers, or arrays do not fit each other.
         """

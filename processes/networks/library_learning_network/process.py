@@ -48,7 +48,7 @@ class LibraryLearningNetwork(CheckedProcess):
         Args:
             learning: One phase of learning.
             state: Weights and (equal) thresholds at its start; not changed.
-            rng_seed: Of Lava's random numbers for the traces.
+            rng_seed: Seed of Lava's random numbers for the traces.
         Raises:
             NetworkLimitError: it could overflow Loihi's registers, or needs what the library lacks.
         """
