@@ -99,10 +99,10 @@ def problems(queries: int) -> list[tuple[str, FixedNetwork, NDArray[np.uint16], 
     """Networks learned from real images, and winter queries."""
     from benchmarks.nordland import encoded, learn, part
 
-    wanted = {name: preset(name) for name in PRESETS if name != "paper"}
-    wanted["loihi, 1 bit"] = update(preset("loihi"), {"network": {"weight_bits": 1}})
+    configs = {name: preset(name) for name in PRESETS if name != "paper"}
+    configs["loihi, 1 bit"] = update(preset("loihi"), {"network": {"weight_bits": 1}})
     made = []
-    for name, config in wanted.items():
+    for name, config in configs.items():
         for places in ((0, 100), (0, 200)):
             network = integer_model(learn(places, config), "the comparison").network
             winter = part(encoded("winter", config.encoder), slice(0, queries))
@@ -121,8 +121,8 @@ def main(queries: int) -> None:
         table = Table(title=f"{name}, {len(keys)} queries", title_justify="left")
         for column in ("per query where it depends on it", "ours", "neurobench 2.3.0"):
             table.add_column(column, justify="left" if column[0] == "p" else "right")
-        for metric, (own, other) in pairs.items():
-            table.add_row(metric, *(f"{value:,.6g}" if value < 1 else f"{value:,.2f}" for value in (own, other)))
+        for metric, (ours, other) in pairs.items():
+            table.add_row(metric, *(f"{value:,.6g}" if value < 1 else f"{value:,.2f}" for value in (ours, other)))
         console.print(table)
         if not equal(pairs):
             failed.append(name)

@@ -178,7 +178,7 @@ def _namespace(network: ConductanceNetwork, learning: ConductanceLearning) -> di
 
 
 def _populations(namespace: dict[str, Any], neurons: int, learn: bool) -> tuple[Any, Any]:
-    """Excitatory and inhibitory neurons."""
+    """The excitatory and the inhibitory neurons."""
     theta = "dtheta/dt = -theta / tau_theta : volt" if learn else "theta : volt"
     exc = b2.NeuronGroup(
         neurons,
@@ -234,18 +234,18 @@ def main(folder: Path) -> None:
     query, in which Brian2 compiles, is presented once more beforehand and not counted.
     """
     config = from_dict(json.loads((folder / "config.json").read_text(encoding="utf-8")))
-    with np.load(folder / "given.npz", allow_pickle=False) as given:
-        state = ConductanceState(given["weights"], given["theta_mv"], given["delays"])
-        rate_hz = given["rate_hz"]
+    with np.load(folder / "given.npz", allow_pickle=False) as arrays:
+        state = ConductanceState(arrays["weights"], arrays["theta_mv"], arrays["delays"])
+        rate_hz = arrays["rate_hz"]
     network = Brian2Network(config, state, learn=False)
     test_presentation(network, rate_hz[0])
-    taken = [test_presentation(network, own) for own in rate_hz]
-    found = {
+    taken = [test_presentation(network, rates) for rates in rate_hz]
+    answer = {
         "version": str(b2.__version__),
         "seconds": [seconds for _, seconds in taken],
         "spikes": [int(counts.sum()) for counts, _ in taken],
     }
-    (folder / "found.json").write_text(json.dumps(found), encoding="utf-8")
+    (folder / "found.json").write_text(json.dumps(answer), encoding="utf-8")
 
 
 if __name__ == "__main__":

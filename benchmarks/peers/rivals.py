@@ -45,8 +45,8 @@ def train_modules(model: Model, seed: int = 0) -> tuple[vprtempo.VprTempo, ...]:
     spikes = vprtempo.input_spikes(model.patches)
     modules = []
     for first in range(0, model.places, MODULE):
-        own = (model.labels >= first) & (model.labels < first + MODULE)
-        modules.append(vprtempo.train(spikes[own], model.labels[own] - first, seed=seed))
+        inside = (model.labels >= first) & (model.labels < first + MODULE)
+        modules.append(vprtempo.train(spikes[inside], model.labels[inside] - first, seed=seed))
     return tuple(modules)
 
 
@@ -114,8 +114,8 @@ def in_brian2(
             ) from None
         if ended.code or not (folder / "found.json").is_file():
             raise BackendUnavailableError(f"{python}: Brian2 did not run ({ended.last or 'it says nothing'}); {REMEDY}")
-        found: dict[str, Any] = json.loads((folder / "found.json").read_text(encoding="utf-8"))
-    return found
+        answer: dict[str, Any] = json.loads((folder / "found.json").read_text(encoding="utf-8"))
+    return answer
 
 
 def brian2_peer(model: Model, queries: EncodedTraverse, limit: int, python: str | None = None) -> Peer:
@@ -129,13 +129,13 @@ def brian2_peer(model: Model, queries: EncodedTraverse, limit: int, python: str 
     silent = f" and {network.rest_steps} of rest" if isinstance(network, ConductanceNetwork) else ""
     patches = queries.patches[:limit].reshape(min(limit, len(queries)), -1)
     try:
-        found = in_brian2(config, state, patches * (config.encoder.max_rate_hz / 255.0), chosen)
+        answer = in_brian2(config, state, patches * (config.encoder.max_rate_hz / 255.0), chosen)
     except BackendUnavailableError as error:
         return replace(blank, absent=str(error))
-    seconds = found["seconds"]
+    seconds = answer["seconds"]
     return replace(
         blank,
-        what=f"{blank.what}, version {found['version']}; {len(state.theta_mv)} neurons, {which}; "
+        what=f"{blank.what}, version {answer['version']}; {len(state.theta_mv)} neurons, {which}; "
         f"a query has {network.steps} steps with input{silent}",
         queries_per_second=1.0 / float(np.median(seconds)),
         bytes=state.weights.nbytes + state.theta_mv.nbytes + state.delays.nbytes,

@@ -87,11 +87,11 @@ class Loihi:
         self.network = quantise.quantise(weights, config.network, config.encoder.query_spikes)
 
     def train(self, q: int) -> None:
-        """One training presentation."""
+        """Shows an image to the network that learns."""
         self.trainer.present(self.learning_rates[q], presentation_key(0, "train", q))
 
     def test(self, q: int) -> None:
-        """One query."""
+        """Shows an image to the quantised network."""
         fixed.count_spikes(self.network, self.query_rates[q : q + 1], self.keys[q : q + 1])
 
 
@@ -192,35 +192,35 @@ def print_peers(name: str, peers: tuple[Peer, ...]) -> None:
     table.add_column("matcher", no_wrap=True)
     for head in ("queries/s", "of lava-vpr", "threads", "R@1", "R@5", "R@10", "R@100P", "AUC", "kB kept"):
         table.add_column(head, justify="right")
-    own = peers[0].queries_per_second
-    for one in peers:
-        if one.absent or one.queries_per_second is None or own is None or one.bytes is None:
-            table.add_row(one.name, *["-"] * 9)
+    our_rate = peers[0].queries_per_second
+    for peer in peers:
+        if peer.absent or peer.queries_per_second is None or our_rate is None or peer.bytes is None:
+            table.add_row(peer.name, *["-"] * 9)
             continue
         recall = ["-"] * 5
-        if one.metrics is not None:
-            m = one.metrics
+        if peer.metrics is not None:
+            m = peer.metrics
             values = (m.recall_at_1, m.recall_at_n[5], m.recall_at_n[10], m.recall_at_100_precision, m.auc)
             recall = [f"{100 * value:.1f}" for value in values]
-        rate = f"{one.queries_per_second:,.0f}" if one.queries_per_second >= 10 else f"{one.queries_per_second:.2g}"
-        ratio = f"{one.queries_per_second / own:.2g}"
-        table.add_row(one.name, rate, ratio, f"{one.threads}", *recall, f"{one.bytes / 1000:,.0f}")
+        rate = f"{peer.queries_per_second:,.0f}" if peer.queries_per_second >= 10 else f"{peer.queries_per_second:.2g}"
+        ratio = f"{peer.queries_per_second / our_rate:.2g}"
+        table.add_row(peer.name, rate, ratio, f"{peer.threads}", *recall, f"{peer.bytes / 1000:,.0f}")
     console.print(table)
-    for one in peers:
-        console.print(f"{one.name}: {one.absent or one.what}", style="dim", markup=False)
+    for peer in peers:
+        console.print(f"{peer.name}: {peer.absent or peer.what}", style="dim", markup=False)
 
 
 def as_json(peers: tuple[Peer, ...]) -> dict[str, Any]:
     """By name: queries per second, recall and bytes; null where there is none."""
     return {
-        one.name: {
-            "queries_per_second": one.queries_per_second,
-            "threads": one.threads,
-            "bytes": one.bytes,
-            "recall": one.metrics.as_json() if one.metrics is not None else None,
-            "absent": one.absent or None,
+        peer.name: {
+            "queries_per_second": peer.queries_per_second,
+            "threads": peer.threads,
+            "bytes": peer.bytes,
+            "recall": peer.metrics.as_json() if peer.metrics is not None else None,
+            "absent": peer.absent or None,
         }
-        for one in peers
+        for peer in peers
     }
 
 
@@ -241,8 +241,8 @@ def print_presentations(presentations: int, epochs: int, images: Path | None, co
     head = "".join(f"{name:>10}" for name in ("Brian2", "paper", "ratio", "loihi", "ratio"))
     click.echo(f"{'ms per presentation':28}{head}")
     for row in dict.fromkeys(name.split("/")[0] for name in figures):
-        brian, paper, own = (figures[f"{row}/{name}"] for name in ("brian2", "paper", "loihi"))
-        click.echo(f"{row:28}{brian:10.1f}{paper:10.1f}{brian / paper:10.0f}{own:10.3f}{brian / own:10.0f}")
+        brian, paper, ours = (figures[f"{row}/{name}"] for name in ("brian2", "paper", "loihi"))
+        click.echo(f"{row:28}{brian:10.1f}{paper:10.1f}{brian / paper:10.0f}{ours:10.3f}{brian / ours:10.0f}")
     if same is not None:
         click.echo(
             f"same input spikes: {same['equal']} of {same['presentations']} presentations give the same "

@@ -312,28 +312,27 @@ def train(
     Raises:
         InputError: no spikes, or labels that do not number the places.
     """
-    own, places = config or VprTempoConfig(), _checked(spikes, labels)
+    settings, places = config or VprTempoConfig(), _checked(spikes, labels)
     spikes = np.ascontiguousarray(spikes, np.float32)
     rng = np.random.default_rng(seed)
-    inputs, steps = spikes.shape[1], own.epochs * len(spikes)
-    neurons = own.features_per_input * inputs
-    start = new_layer(neurons, inputs, own.excitatory, own.inhibitory, rng)
+    inputs, steps = spikes.shape[1], settings.epochs * len(spikes)
+    neurons = settings.features_per_input * inputs
+    start = new_layer(neurons, inputs, settings.excitatory, settings.inhibitory, rng)
     feature = Layer(
         start.weights,
-        rng.uniform(0, own.threshold, neurons).astype(np.float32),
-        rng.uniform(0, own.constant, neurons).astype(np.float32),
-        np.linspace(own.lowest_rate, own.highest_rate, neurons + 1, dtype=np.float32)[1:],
+        rng.uniform(0, settings.threshold, neurons).astype(np.float32),
+        rng.uniform(0, settings.constant, neurons).astype(np.float32),
+        np.linspace(settings.lowest_rate, settings.highest_rate, neurons + 1, dtype=np.float32)[1:],
     )
-    for t, image in enumerate(_order(len(spikes), own.epochs, rng)):
-        feature_step(feature, spikes[image], _annealed(t, steps, own.anneal_every), own)
+    for t, image in enumerate(_order(len(spikes), settings.epochs, rng)):
+        feature_step(feature, spikes[image], _annealed(t, steps, settings.anneal_every), settings)
     sums = spikes @ feature.weights.T + feature.constant
-    features = np.clip(sums - feature.threshold, 0.0, np.float32(own.ceiling))
-    output = new_layer(int(places.max()) + 1, neurons, own.output_excitatory, own.output_inhibitory, rng)
-    for t, image in enumerate(_order(len(spikes), own.epochs, rng)):
-        output_step(
-            output, features[image], feature.rate, int(places[image]), _annealed(t, steps, own.anneal_every), own
-        )
-    return VprTempo(feature, output, own)
+    features = np.clip(sums - feature.threshold, 0.0, np.float32(settings.ceiling))
+    output = new_layer(int(places.max()) + 1, neurons, settings.output_excitatory, settings.output_inhibitory, rng)
+    for t, image in enumerate(_order(len(spikes), settings.epochs, rng)):
+        annealed = _annealed(t, steps, settings.anneal_every)
+        output_step(output, features[image], feature.rate, int(places[image]), annealed, settings)
+    return VprTempo(feature, output, settings)
 
 
 def _order(images: int, epochs: int, rng: np.random.Generator) -> list[int]:

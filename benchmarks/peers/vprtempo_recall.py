@@ -59,8 +59,9 @@ def spikes_of(season: str, kind: str) -> NDArray[np.float32]:
 
 def section(kind: str, places: tuple[int, int], config: VprTempoConfig, seed: int) -> Metrics:
     """Recall of one section; the best amplitude is the confidence, as in the released code."""
-    own = slice(*places)
-    scores = train(spikes_of("summer", kind)[own], config=config, seed=seed).scores(spikes_of("winter", kind)[own])
+    images = slice(*places)
+    network = train(spikes_of("summer", kind)[images], config=config, seed=seed)
+    scores = network.scores(spikes_of("winter", kind)[images])
     values = scores.astype(np.float64)
     return evaluate(values, values.max(axis=1), np.eye(len(values), dtype=bool))
 

@@ -65,7 +65,7 @@ def real(name: str, model: Model, queries: int) -> Case:
 
 
 def real_cases(queries: int) -> Iterator[Case]:
-    """Models of real images."""
+    """Models of real images, with queries of another season."""
     small, large = (learn((0, places), preset("loihi")) for places in (100, 500))
     default = real("100 places, preset loihi", small, queries)
     yield default
@@ -123,22 +123,23 @@ def scattered(plan: Plan, rng: np.random.Generator) -> Plan:
     return replace(plan, board=KAPOHO_BAY, cores=tuple(cores))
 
 
-def failures(case: Case, found: CrossCheck) -> list[str]:
-    """What must not be."""
-    told = []
-    if found.absent:
-        return [found.absent]
-    if not (found.difference is not None and found.difference <= LIMIT):
-        told.append(f"apart by {found.difference}")
-    if found.spikes_differ:
-        told.append(f"{found.spikes_differ} of SANA-FE's own spikes are not ours")
-    told += [f"{name}: {ours:g}, SANA-FE {theirs:g}" for name, (ours, theirs) in found.counts.items() if ours != theirs]
+def failures(case: Case, checked: CrossCheck) -> list[str]:
+    """Whatever of the comparison must not be, a line each; none if all is well."""
+    lines = []
+    if checked.absent:
+        return [checked.absent]
+    if not (checked.difference is not None and checked.difference <= LIMIT):
+        lines.append(f"apart by {checked.difference}")
+    if checked.spikes_differ:
+        lines.append(f"{checked.spikes_differ} of SANA-FE's own spikes are not ours")
+    pairs = checked.counts.items()
+    lines += [f"{name}: {ours:g}, SANA-FE {theirs:g}" for name, (ours, theirs) in pairs if ours != theirs]
     if not case.trains.exc.any():
-        told.append("no neuron spiked, so little was compared")
-    return told
+        lines.append("no neuron spiked, so little was compared")
+    return lines
 
 
-def rows(table: Table, case: Case, found: CrossCheck) -> None:
+def rows(table: Table, case: Case, checked: CrossCheck) -> None:
     """A section of the table: figures of a query, mean over the queries."""
 
     def row(name: str, pair: tuple[float, float], digits: str) -> None:
@@ -147,13 +148,13 @@ def rows(table: Table, case: Case, found: CrossCheck) -> None:
         table.add_row(name, f"{ours:{digits}}", f"{theirs:{digits}}", apart)
 
     table.add_section()
-    table.add_row(f"[bold]{case.name}[/bold]", "", "", f"[bold]{found.difference:.1e}[/bold]")
-    for name, pair in found.microjoules.items():
+    table.add_row(f"[bold]{case.name}[/bold]", "", "", f"[bold]{checked.difference:.1e}[/bold]")
+    for name, pair in checked.microjoules.items():
         row(f"  {name}, uJ", pair, ",.8g")
-    if found.simple_milliseconds is not None:
-        row("  time, simple, ms", found.simple_milliseconds, ",.8g")
-    table.add_row("  time, detailed, ms", "", f"{found.detailed_milliseconds:,.8g}", "")
-    for name, pair in found.counts.items():
+    if checked.simple_milliseconds is not None:
+        row("  time, simple, ms", checked.simple_milliseconds, ",.8g")
+    table.add_row("  time, detailed, ms", "", f"{checked.detailed_milliseconds:,.8g}", "")
+    for name, pair in checked.counts.items():
         row(f"  {name}", pair, ",.12g")
 
 
@@ -174,11 +175,11 @@ def main(queries: int, count: int) -> None:
         table.add_column(name, justify="right" if i else "left", no_wrap=True)
     bad, largest, started = [], 0.0, time.perf_counter()
     for case in cases:
-        found = cross_check(case.plan, case.trains, input_core=case.input_core)
-        bad += [f"{case.name}: {line}" for line in failures(case, found)]
-        if not found.absent:
-            rows(table, case, found)
-            largest = max(largest, found.difference or 0.0)
+        checked = cross_check(case.plan, case.trains, input_core=case.input_core)
+        bad += [f"{case.name}: {line}" for line in failures(case, checked)]
+        if not checked.absent:
+            rows(table, case, checked)
+            largest = max(largest, checked.difference or 0.0)
     console.print(table)
     for line in bad:
         console.print(line)

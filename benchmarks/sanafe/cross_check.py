@@ -197,16 +197,16 @@ def _read(answer: dict[str, Any], plan: Plan, trains: Trains) -> _Answer:
 
 
 def _fired(queries: list[Any], plan: Plan, shape: tuple[int, int]) -> dict[str, NDArray[np.bool_]]:
-    """Spikes of each population."""
+    """The spikes that SANA-FE had, by population."""
     network = plan.network
     widths = {"exc": network.neurons, "inh": network.neurons, "inputs": network.inputs}
-    found = {name: np.zeros((*shape, width), np.bool_) for name, width in widths.items()}
+    trains = {name: np.zeros((*shape, width), np.bool_) for name, width in widths.items()}
     parts = {group_name(k, i): part for k, core in enumerate(plan.cores) for i, part in enumerate(core.parts)}
     for q, query in enumerate(queries):
         for step, neurons in enumerate(query["fired_neurons"]):
             for group, offset in neurons:
-                found[parts[group].population][q, step, parts[group].first + offset] = True
-    return found
+                trains[parts[group].population][q, step, parts[group].first + offset] = True
+    return trains
 
 
 def _our_counts(events: EventCounts) -> dict[str, Floats]:

@@ -67,17 +67,17 @@ def _attributes(plan: Plan, part: Part) -> dict[str, float]:
 def _groups(plan: Plan) -> list[dict[str, Any]]:
     """Groups of all parts, and of the port."""
     columns, rows, tile_cores = plan.board.columns or 0, plan.board.rows or 0, plan.board.tile_cores or 1
-    found = []
+    groups = []
     for k, core in enumerate(plan.cores):
         place = {"tile": core.chip * columns * rows + core.core // tile_cores, "core": core.core % tile_cores}
         for i in sorted(range(len(core.parts)), key=lambda i: core.parts[i].compartment):
             part = core.parts[i]
-            own = {"name": group_name(k, i), "size": part.size, "plays": False, "attributes": _attributes(plan, part)}
-            found.append(own | place)
+            group = {"name": group_name(k, i), "size": part.size, "plays": False, "attributes": _attributes(plan, part)}
+            groups.append(group | place)
     if not plan.network.bias_input:
         size = plan.network.inputs
-        found.append({"name": PORT, "tile": 0, "core": tile_cores, "size": size, "plays": True, "attributes": {}})
-    return [group for group in found if group["size"]]
+        groups.append({"name": PORT, "tile": 0, "core": tile_cores, "size": size, "plays": True, "attributes": {}})
+    return [group for group in groups if group["size"]]
 
 
 def _rows(source: str, target: str, stored: Synapses, weights: NDArray[np.int64], dense: Synapses) -> list[Any]:
@@ -89,24 +89,24 @@ def _rows(source: str, target: str, stored: Synapses, weights: NDArray[np.int64]
         weights: Int64, same shape.
         dense: Rows stored dense, bool (sources,).
     """
-    found = []
-    for kind, own in (("dense", stored & dense[:, None]), ("sparse", stored & ~dense[:, None])):
-        pre, post = np.nonzero(own)
+    rows = []
+    for kind, synapses in (("dense", stored & dense[:, None]), ("sparse", stored & ~dense[:, None])):
+        pre, post = np.nonzero(synapses)
         if pre.size:
             values = weights[pre, post].tolist()
             row = {"from": source, "to": target, "kind": kind, "pre": pre.tolist(), "post": post.tolist()}
-            found.append(row | {"weights": values})
-    return found
+            rows.append(row | {"weights": values})
+    return rows
 
 
 def _to_exc(plan: Plan, core: CorePlan, part: Part, target: str) -> list[Any]:
     """Synapses of inputs and relays to the excitatory neurons of ``part``."""
-    network, own = plan.network, slice(part.first, part.first + part.size)
-    weights = network.weights[:, own].astype(np.int64)
+    network, neurons = plan.network, slice(part.first, part.first + part.size)
+    weights = network.weights[:, neurons].astype(np.int64)
     present = weights > 0
     # A row without any weight is not stored, not even dense.
     stored = present | (core.dense_inputs & present.any(axis=1))[:, None]
-    found = [] if network.bias_input else _rows(PORT, target, stored, weights, core.dense_inputs)
+    rows = [] if network.bias_input else _rows(PORT, target, stored, weights, core.dense_inputs)
     numbers = np.arange(network.neurons)
     here = (numbers >= part.first) & (numbers < part.first + part.size)
     lateral = np.ones((network.neurons, part.size), np.bool_)
@@ -114,33 +114,33 @@ def _to_exc(plan: Plan, core: CorePlan, part: Part, target: str) -> list[Any]:
         lateral[numbers[here], numbers[here] - part.first] = False
     if part.size == 1:
         lateral[here] = False
-    pull = -network.lateral * (numbers[:, None] != numbers[None, own]).astype(np.int64)
+    pull = -network.lateral * (numbers[:, None] != numbers[None, neurons]).astype(np.int64)
     dense = ~here | core.dense_lateral
     for k, other in enumerate(plan.cores):
         for i, sender in enumerate(other.parts):
-            name, those = group_name(k, i), slice(sender.first, sender.first + sender.size)
+            name, senders = group_name(k, i), slice(sender.first, sender.first + sender.size)
             if sender.population == "inh" and network.inhibition:
-                found += _rows(name, target, lateral[those], pull[those], dense[those])
+                rows += _rows(name, target, lateral[senders], pull[senders], dense[senders])
             elif sender.population == "inputs":
-                found += _rows(name, target, stored[those], weights[those], core.dense_inputs[those])
-    return found
+                rows += _rows(name, target, stored[senders], weights[senders], core.dense_inputs[senders])
+    return rows
 
 
 def _synapses(plan: Plan) -> list[Any]:
-    """All of them."""
-    found: list[Any] = []
+    """The synapses of all connections of the plan."""
+    rows: list[Any] = []
     for k, core in enumerate(plan.cores):
         for i, part in enumerate(core.parts):
             if part.population == "exc":
-                found += _to_exc(plan, core, part, group_name(k, i))
+                rows += _to_exc(plan, core, part, group_name(k, i))
             for n, other in enumerate(plan.cores if part.population == "inh" else ()):
                 for m, sender in enumerate(other.parts):
                     if sender.population == "exc":
                         same = sender.first + np.arange(sender.size)[:, None] == part.first + np.arange(part.size)
                         weights = np.full(same.shape, RELAY_WEIGHT)
                         sparse = np.zeros(sender.size, np.bool_)
-                        found += _rows(group_name(n, m), group_name(k, i), same, weights, sparse)
-    return found
+                        rows += _rows(group_name(n, m), group_name(k, i), same, weights, sparse)
+    return rows
 
 
 def bias_and_membrane(train: NDArray[Any]) -> tuple[int, int]:
@@ -202,5 +202,5 @@ def problem_of(plan: Plan, trains: Trains, *, input_core: bool = True) -> dict[s
         "silent_steps": SILENT_STEPS,
         "groups": groups,
         "synapses": _synapses(plan),
-        "queries": [_query(plan, own) for own in (trains.inputs if trains.inputs is not None else ())],
+        "queries": [_query(plan, inputs) for inputs in (trains.inputs if trains.inputs is not None else ())],
     }

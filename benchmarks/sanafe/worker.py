@@ -27,10 +27,10 @@ COUNT_FIELDS = ("updated", "fired", "spikes", "hops")
 
 def replaced(text: str, pattern: str, by: str) -> str:
     """``text`` with the one place that matches ``pattern`` replaced."""
-    found, times = re.subn(f"(?m){pattern}", by, text)
+    changed, times = re.subn(f"(?m){pattern}", by, text)
     if times != 1:
         raise SystemExit(f"loihi.yaml of this SANA-FE holds {pattern!r} {times} times, not once")
-    return found
+    return changed
 
 
 def architecture(problem: dict[str, Any], shipped: str) -> str:
@@ -58,7 +58,7 @@ def build(sanafe: Any, problem: dict[str, Any], arch: Any) -> Any:
     net = sanafe.Network()
     made = {}
     for group in problem["groups"]:
-        made[group["name"]] = own = net.create_neuron_group(
+        made[group["name"]] = group_made = net.create_neuron_group(
             group["name"],
             group["size"],
             model_attributes=group["attributes"],
@@ -67,12 +67,12 @@ def build(sanafe: Any, problem: dict[str, Any], arch: Any) -> Any:
             log_spikes=not group["plays"],
         )
         for i in range(group["size"] if group["plays"] else 0):
-            own[i].set_attributes(soma_hw_name=f"loihi_inputs[{i}]")
-        own.map_to_core(arch.tiles[group["tile"]].cores[group["core"]])
+            group_made[i].set_attributes(soma_hw_name=f"loihi_inputs[{i}]")
+        group_made.map_to_core(arch.tiles[group["tile"]].cores[group["core"]])
     # A connection takes the synapse unit that its target names at that time.
     for kind in ("dense", "sparse"):
-        for own in made.values():
-            for neuron in own:
+        for group_made in made.values():
+            for neuron in group_made:
                 neuron.set_attributes(default_synapse_hw_name=f"loihi_{kind}_synapse")
         for row in problem["synapses"]:
             if row["kind"] == kind:
@@ -94,13 +94,13 @@ def play(chip: Any, groups: Any, problem: dict[str, Any], query: dict[str, Any],
         groups[name][index].set_attributes(model_attributes={"bias": 0})
     parts.append(chip.sim(problem["silent_steps"], timing, 1, 0, perf_trace=True, spike_trace=True))
     chip.reset()
-    found: dict[str, Any] = {key: [] for key in (*STEP_FIELDS, *COUNT_FIELDS, "fired_neurons")}
+    answer: dict[str, Any] = {key: [] for key in (*STEP_FIELDS, *COUNT_FIELDS, "fired_neurons")}
     for part in parts:
         for key in (*STEP_FIELDS, *COUNT_FIELDS):
-            found[key] += list(part["perf_trace"][key])
-        found["fired_neurons"] += [[[a.group_name, a.neuron_offset] for a in step] for step in part["spike_trace"]]
-    found["packets"] = sum(part["packets_sent"] for part in parts)
-    return found
+            answer[key] += list(part["perf_trace"][key])
+        answer["fired_neurons"] += [[[a.group_name, a.neuron_offset] for a in step] for step in part["spike_trace"]]
+    answer["packets"] = sum(part["packets_sent"] for part in parts)
+    return answer
 
 
 def main(problem_path: str, result_path: str) -> None:

@@ -121,14 +121,14 @@ class CostConstants:
 
     def listed(self) -> tuple[Constant, ...]:
         """All constants in the order of the fields, with the barriers of `barrier_tiles`, as a report has them."""
-        found: list[Constant] = []
+        constants: list[Constant] = []
         for item in fields(self):
             value = getattr(self, item.name)
             if item.name == "barrier":
-                found += [self.barrier(tiles) for tiles in self.barrier_tiles]
+                constants += [self.barrier(tiles) for tiles in self.barrier_tiles]
             elif isinstance(value, Constant):
-                found.append(value)
-        return tuple(found)
+                constants.append(value)
+        return tuple(constants)
 
 
 def _barrier(tiles: int) -> Constant:

@@ -132,7 +132,7 @@ def modelled(plan: Plan, events: EventCounts) -> Modelled:
 
 
 def _with_figures(counted: Modelled, plan: Plan, events: EventCounts, constants: CostConstants) -> Modelled:
-    """``counted`` with all estimates."""
+    """``counted`` with the estimates of energies and times."""
     cleared = _clearing(plan, events, constants)
     steps = Estimate.of(lambda level: float(step_microseconds(events, constants, level).mean()))
     milliseconds = steps * (events.steps / 1e3) + cleared["milliseconds"]
@@ -203,16 +203,16 @@ def _dynamic(plan: Plan, events: EventCounts, constants: CostConstants) -> dict[
     def mean(picojoules: Floats) -> float:
         return float(picojoules.sum(axis=1).mean()) / 1e6
 
-    found = {name: Estimate(mean(low[name]), mean(nominal[name]), mean(high[name])) for name in nominal}
-    return found | _outside_steps(plan, constants)
+    components = {name: Estimate(mean(low[name]), mean(nominal[name]), mean(high[name])) for name in nominal}
+    return components | _outside_steps(plan, constants)
 
 
 def _outside_steps(plan: Plan, constants: CostConstants) -> dict[str, Estimate]:
     """Microjoules of what is written for a query between presentations, by component."""
-    found = {"clearing of states": _write_picojoules(plan, constants) * (plan.network.neurons / 1e6)}
+    components = {"clearing of states": _write_picojoules(plan, constants) * (plan.network.neurons / 1e6)}
     if plan.network.bias_input:
-        found["settings of the inputs"] = _settings_microjoules(plan, constants)
-    return found
+        components["settings of the inputs"] = _settings_microjoules(plan, constants)
+    return components
 
 
 def _write_picojoules(plan: Plan, constants: CostConstants) -> Estimate:
@@ -270,11 +270,11 @@ def _input_microjoules(plan: Plan, events: EventCounts, constants: CostConstants
         crossing((0.0, 0.0) if events.injected else hops),
         _settings_microjoules(plan, constants) * 1e6,
     )
-    found = {
+    by_mode = {
         "injected": (messages + crossing(hops if events.injected else from_entry)) * 1e-6,
         "bias": total(compartments) * 1e-6,
     }
-    return found if events.injected else dict(reversed(found.items()))
+    return by_mode if events.injected else dict(reversed(by_mode.items()))
 
 
 def _static(plan: Plan, milliseconds: Estimate, constants: CostConstants) -> Estimate:
@@ -317,7 +317,7 @@ def _idle_nanoseconds(core: CorePlan, constants: CostConstants, level: Level) ->
 
 def assumptions(events: EventCounts) -> tuple[str, ...]:
     """What the model takes for granted, a sentence each."""
-    found = [
+    sentences = [
         "A step lasts as long as its busiest core, plus a barrier by tiles in use (SANA-FE's simple timing): no "
         "contention on the mesh; the high bound takes no step as shorter than the 5.8 us measured on 32 chips (Frady "
         "et al. 2020).",
@@ -326,11 +326,11 @@ def assumptions(events: EventCounts) -> tuple[str, ...]:
         "an update; no figure is public.",
     ]
     if events.injected:
-        found.append("Injected spikes enter the mesh at tile 0 of the chip they go to, one message for each core.")
+        sentences.append("Injected spikes enter the mesh at tile 0 of the chip they go to, one message for each core.")
     if events.crossings.any():
-        found.append("A message to the other chip costs what its tiles cost: no figure for the link is public.")
+        sentences.append("A message to the other chip costs what its tiles cost: no figure for the link is public.")
     if events.injected:
-        found.append(
+        sentences.append(
             "Inputs that integrate a bias are an estimate: every input compartment accessed and updated in every step."
         )
-    return tuple(found)
+    return tuple(sentences)

@@ -25,16 +25,16 @@ SETTING_WORDS, SETTING_WRITES = 2, 3
 
 def counts_on_chips(plan: Plan, population: PopulationName) -> dict[int, int]:
     """The number of neurons of ``population`` on each chip in use."""
-    found: Counter[int] = Counter({core.chip: 0 for core in plan.cores})
+    neurons: Counter[int] = Counter({core.chip: 0 for core in plan.cores})
     for core in plan.cores:
-        found[core.chip] += sum(part.size for part in core.parts if part.population == population)
-    return dict(found)
+        neurons[core.chip] += sum(part.size for part in core.parts if part.population == population)
+    return dict(neurons)
 
 
 def entry_hops(plan: Plan) -> tuple[float, float]:
     """Tiles east-west and north-south from tile 0 of a chip to its exc compartments, mean over these."""
-    found = routes(plan)
-    east_west, north_south = (found.size @ found.entry) / max(1, int(found.size.sum()))
+    ways = routes(plan)
+    east_west, north_south = (ways.size @ ways.entry) / max(1, int(ways.size.sum()))
     return float(east_west), float(north_south)
 
 
@@ -66,9 +66,9 @@ def host_milliseconds(plan: Plan, events: EventCounts, constants: CostConstants)
         "injected": max(on_chip.values(), default=0.0),
         "bias": SETTING_WRITES * max(settings.values(), default=0),
     }
-    found = {}
+    by_mode = {}
     for mode, messages in (("injected", injected), ("bias", bias)):
         usb = messages + counts
         sent = Estimate(*(number * constants.host_message.nominal / 1e3 for number in (usb.low, usb.nominal, usb.high)))
-        found[mode] = sent + constants.write_time.estimate * (work[mode] / 1e6)
-    return found if events.injected else dict(reversed(found.items()))
+        by_mode[mode] = sent + constants.write_time.estimate * (work[mode] / 1e6)
+    return by_mode if events.injected else dict(reversed(by_mode.items()))

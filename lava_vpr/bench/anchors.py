@@ -36,7 +36,7 @@ class Anchor:
     doi: str
 
     def as_json(self) -> dict[str, Any]:
-        """As plain values."""
+        """The result as plain values."""
         return asdict(self)
 
 

@@ -118,10 +118,10 @@ def cosine_answer(model: Model, rates: NDArray[Any]) -> tuple[Callable[[slice], 
     """Nearest place of the queries' input ``rates`` (n, inputs) by cosine, and bytes kept."""
     order, starts = _grouped(model.labels, model.places)
     kept = _unit(query_rates(model.activity, model.config)[order].astype(np.float32))
-    given = rates.astype(np.float32)
+    asked = rates.astype(np.float32)
 
     def answer(part: slice) -> Places:
-        values = given[part] @ kept.T  # a query's own length does not move its maximum
+        values = asked[part] @ kept.T  # a query's own length does not move its maximum
         near = values if starts is None else np.maximum.reduceat(values, starts, axis=1)
         return np.asarray(near.argmax(axis=1))
 
@@ -241,6 +241,6 @@ def run_peers(
         tell("speed of each")
         rates = _rates(matchers, len(queries) * repeats(queries), workers, rounds, fill)
     return tuple(
-        Peer(one.name, one.what, one.metrics, rate, workers, one.bytes, len(queries))
-        for one, rate in zip(matchers, rates, strict=True)
+        Peer(matcher.name, matcher.what, matcher.metrics, rate, workers, matcher.bytes, len(queries))
+        for matcher, rate in zip(matchers, rates, strict=True)
     )

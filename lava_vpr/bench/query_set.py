@@ -17,7 +17,7 @@ from lava_vpr.model import Model
 
 @dataclass(frozen=True)
 class QuerySet:
-    """Queries to a model.
+    """The queries of a run, and the model that is asked.
 
     Attributes:
         model: The model that is asked.

@@ -137,7 +137,7 @@ class StepTimes:
 
 @dataclass(frozen=True)
 class Bench:
-    """Everything of one run.
+    """Everything that one run finds out.
 
     Attributes:
         model: Figures of the model: places, neurons, weight_bits, steps, preset.

@@ -49,7 +49,7 @@ Begin = Callable[[str, int], Advance]
 
 @dataclass(frozen=True)
 class Request:
-    """What to find out.
+    """What a run is to find out.
 
     Attributes:
         targets: Boards to model.
@@ -96,7 +96,7 @@ def run(
     command: str = "",
     begin: Begin = lambda text, parts: lambda done: None,
 ) -> Bench:
-    """Recall, then costs.
+    """Finds out the recall of the queries, then their costs.
 
     Args:
         model: A trained model.
@@ -124,7 +124,7 @@ def run(
         images=len(queries),
         recall=answers.metrics[answers.default],
         measured=measured,
-        targets={name: found for name, (found, _) in costs.items()},
+        targets={name: modelled_costs for name, (modelled_costs, _) in costs.items()},
         workload=attempts.result("workload", lambda: _workload(queries, trains), None),
         peers=attempts.result("peers", lambda: _peers(queries, truth, answers, request, begin), ()),
         sweep=attempts.result("sweep", lambda: _sweep(queries, truth, request, begin), ()),
@@ -150,13 +150,13 @@ def _recall(queries: QuerySet, truth: NDArray[np.bool_], request: Request) -> Re
 
 def plans_of(model: Model, targets: tuple[str, ...]) -> dict[str, Plan | str]:
     """Where the network stands on each board, or why it cannot."""
-    found: dict[str, Plan | str] = {}
+    plans: dict[str, Plan | str] = {}
     for name in targets:
         try:
-            found[name] = plan_of(model, BOARDS[name])
+            plans[name] = plan_of(model, BOARDS[name])
         except (NetworkLimitError, ConfigError) as error:
-            found[name] = str(error)
-    return found
+            plans[name] = str(error)
+    return plans
 
 
 def counted_trains(queries: QuerySet) -> Trains | None:
@@ -255,7 +255,7 @@ def machine(cpuinfo: Path = Path("/proc/cpuinfo")) -> dict[str, object]:
     except OSError:
         lines = []
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    found: dict[str, object] = {
+    facts: dict[str, object] = {
         "processor": names[0] if names else platform.processor() or platform.machine(),
         "processors": cores(),
         "system": f"{platform.system()} {platform.machine()}",
@@ -264,10 +264,10 @@ def machine(cpuinfo: Path = Path("/proc/cpuinfo")) -> dict[str, object]:
     }
     for package in ("numpy", "numba", "lava-nc"):
         try:
-            found[package] = importlib.metadata.version(package)
+            facts[package] = importlib.metadata.version(package)
         except importlib.metadata.PackageNotFoundError:
-            found[package] = None
-    return found
+            facts[package] = None
+    return facts
 
 
 def _workload(queries: QuerySet, trains: Trains | None) -> Workload | None:

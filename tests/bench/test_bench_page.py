@@ -261,7 +261,7 @@ def test_figures_have_three_significant_digits(value: float | None, text: str) -
 
 def test_a_boards_own_figures_are_told() -> None:
     there = Measured("loihi2", "a board", 9, queries_per_second=88.0, no_energy="x", board={"idle_milliwatts": 1234.5})
-    found = bench(measured=(there,))
+    found = bench(measured=(there,), targets={}, sweep=(), step_times=())  # a page with nothing to draw
     assert re.search(r"idle milliwatts +│ +1,234 │", printed(found))
     assert "measured on a board" in page(found)
     assert as_json(found)["measured"]["loihi2"]["board"] == {"idle_milliwatts": 1234.5}

@@ -53,15 +53,16 @@ def measure(model: Model, shown: Presentations, backend: str) -> Measured:
         bundle = model.bundle
         if bundle is None:
             bundle = deploy(model, BOARDS[backend], Path(folder) / "bundle", picture=False).bundle.path
-        found = _run(bundle, Path(folder), Presentations(rates, ids, shown.seed), backend)
-    each = interval * found["microseconds_per_step"]
-    figures = found | {
+        profile = _run(bundle, Path(folder), Presentations(rates, ids, shown.seed), backend)
+    each = interval * profile["microseconds_per_step"]
+    figures = profile | {
         "microseconds_per_query": each,
-        "dynamic_microjoules_per_query": each * found["dynamic_milliwatts"] * 1e-3,
+        "dynamic_microjoules_per_query": each * profile["dynamic_milliwatts"] * 1e-3,
     }
     return Measured(
         backend,
-        f"a board, by the vendor's profiler: mean over {found['steps']:,.0f} steps, host's input and read-out included",
+        f"a board, by the vendor's profiler: mean over {profile['steps']:,.0f} steps, host's input and read-out "
+        "included",
         queries=n,
         queries_per_second=1e6 / each,
         no_energy="the board's energy is under its own figures",
@@ -70,15 +71,15 @@ def measure(model: Model, shown: Presentations, backend: str) -> Measured:
 
 
 def _run(bundle: Path, folder: Path, shown: Presentations, backend: str) -> dict[str, float]:
-    """What the bundle's program measures."""
-    given, power = folder / "queries", folder / "power.json"
-    given.mkdir()
-    np.save(given / "rates.npy", np.ascontiguousarray(shown.rates, np.uint16), allow_pickle=False)
-    np.save(given / "keys.npy", np.ascontiguousarray(shown.keys, np.uint64), allow_pickle=False)
+    """The figures that the bundle's program measures, by name (`FIGURES`)."""
+    queries, power = folder / "queries", folder / "power.json"
+    queries.mkdir()
+    np.save(queries / "rates.npy", np.ascontiguousarray(shown.rates, np.uint16), allow_pickle=False)
+    np.save(queries / "keys.npy", np.ascontiguousarray(shown.keys, np.uint64), allow_pickle=False)
     variable = TARGETS[backend].interpreter
     python = os.environ.get(variable) if variable is not None else None
     words = [python or sys.executable, str(bundle.absolute() / "program" / "run.py")]
-    words += ["--queries", str(given), "--out", str(folder / "out"), "--power", str(power)]
+    words += ["--queries", str(queries), "--out", str(folder / "out"), "--power", str(power)]
     try:
         ended = run_child(words, seconds=TIMEOUT)
     except (OSError, subprocess.TimeoutExpired) as error:
@@ -86,7 +87,7 @@ def _run(bundle: Path, folder: Path, shown: Presentations, backend: str) -> dict
     if ended.code:
         raise LavaRunError(ended.last or f"{backend}: the board's program failed without a word", ended.err)
     try:
-        found = json.loads(power.read_text(encoding="utf-8"))
-        return {name: float(found[name]) for name in FIGURES}
+        profile = json.loads(power.read_text(encoding="utf-8"))
+        return {name: float(profile[name]) for name in FIGURES}
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise LavaRunError(f"{backend}: the board's program told no power ({error}); deploy the model again") from None

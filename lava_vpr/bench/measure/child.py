@@ -64,9 +64,9 @@ def singles(answer: Answer, rates: NDArray[Any], ids: NDArray[np.int64], count: 
     taken, end = [], time.monotonic() + seconds
     for k in range(count):
         i = k % len(ids)
-        own, at = rates[i : i + 1], ids[i : i + 1] + (k // len(ids)) * NOISE
+        rate, image_id = rates[i : i + 1], ids[i : i + 1] + (k // len(ids)) * NOISE
         began = time.perf_counter()
-        answer(own, at)
+        answer(rate, image_id)
         taken.append(1e3 * (time.perf_counter() - began))
         if time.monotonic() > end:
             break

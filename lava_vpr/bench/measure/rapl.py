@@ -72,16 +72,17 @@ def counters(root: Path = ROOT) -> tuple[Counter, ...]:
     if not root.is_dir():
         raise NoRaplError(f"{root} is missing: this machine (or virtual machine) shows no RAPL counters")
     folders = [folder for folder in sorted(root.iterdir()) if _PACKAGE.fullmatch(folder.name)]
-    found = []
+    packages = []
     for folder in folders:
         name = _text(folder / "name")
         if name.startswith("package"):  # "psys", the whole board, would count packages twice
             parts = [part for part in sorted(root.iterdir()) if _PART.fullmatch(part.name)]
-            own = [part for part in parts if part.name.startswith(f"{folder.name}:") and _text(part / "name") == "dram"]
-            found += [(folder, name), *((part, f"{name} dram") for part in own)]
-    if not found:
+            inside = [part for part in parts if part.name.startswith(f"{folder.name}:")]
+            packages.append((folder, name))
+            packages += [(part, f"{name} dram") for part in inside if _text(part / "name") == "dram"]
+    if not packages:
         raise NoRaplError(f"{root} lists no RAPL package: the processor has none, or its driver (intel_rapl) is absent")
-    made = tuple(Counter(folder, name, _number(folder / "max_energy_range_uj")) for folder, name in found)
+    made = tuple(Counter(folder, name, _number(folder / "max_energy_range_uj")) for folder, name in packages)
     for counter in made:
         counter.read()
     return made
@@ -116,7 +117,7 @@ class Meter:
 
     @property
     def sources(self) -> str:
-        """What is counted."""
+        """The names of what is counted, for people."""
         return ", ".join(counter.name for counter in self._counters)
 
     def __enter__(self) -> Meter:

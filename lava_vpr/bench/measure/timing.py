@@ -131,13 +131,13 @@ def _compiled(model: Model, shown: Presentations, made: Measured, rounds: int, r
     options = {"backend": made.name, "seed": shown.seed, "threads": threads, "rounds": rounds}
     options |= {"singles": SINGLES, "seconds": SINGLE_SECONDS, "fill": FILL if made.name == "host" else 0.0}
     with _on_disk(model, made.name) as path, _one_blas_thread(), rapl.Meter(rapl_root) as meter:
-        found = run_isolated(
+        timed = run_isolated(
             "lava_vpr.bench.measure.child:measure",
             {"rates": shown.rates, "ids": shown.image_ids},
             options | {"path": str(path.absolute())},
             timeout=TIMEOUT,
         )
-    spans, size = found["rounds"], int(found["batch"][0])
+    spans, size = timed["rounds"], int(timed["batch"][0])
     times = size // made.queries
     repeats = f", each {times} times with other noise" if times > 1 else ""
     return _with_note(
@@ -146,8 +146,8 @@ def _compiled(model: Model, shown: Presentations, made: Measured, rounds: int, r
         what=f"{made.what}; input rates to match, spikes drawn; in one batch all queries{repeats}",
         threads=threads,
         queries_per_second=size / float((spans[:, 1] - spans[:, 0]).min()),
-        milliseconds=tuple(sorted(float(x) for x in found["milliseconds"])),
-        peak_bytes=int(found["peak"][0]) or None,
+        milliseconds=tuple(sorted(float(x) for x in timed["milliseconds"])),
+        peak_bytes=int(timed["peak"][0]) or None,
     )
 
 

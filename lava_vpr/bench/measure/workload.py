@@ -63,7 +63,7 @@ def of_trains(network: FixedNetwork, trains: Trains, rates: NDArray[np.uint16], 
     if trains.inputs is None or trains.inh is None:
         raise ValueError("trains of the inputs and of inh are needed")
     neurons, inputs, (n, steps, _) = network.neurons, network.inputs, trains.exc.shape
-    own = inputs if network.bias_input else 0
+    input_neurons = inputs if network.bias_input else 0
     weights = inputs * neurons + neurons + neurons * neurons
     zeros = int(np.count_nonzero(network.weights == 0)) + neurons
     if network.lateral == 0:
@@ -79,10 +79,10 @@ def of_trains(network: FixedNetwork, trains: Trains, rates: NDArray[np.uint16], 
             input_updates(own_rates, int(key), network.steps) for own_rates, key in zip(rates, keys, strict=True)
         )
     return Workload(
-        footprint_bytes=weights + MEMBRANE_BYTES * (2 * neurons + own),
+        footprint_bytes=weights + MEMBRANE_BYTES * (2 * neurons + input_neurons),
         parameters=weights,
         connection_sparsity=zeros / weights,
-        activation_sparsity=1 - spikes / (n * steps * (2 * neurons + own)),
+        activation_sparsity=1 - spikes / (n * steps * (2 * neurons + input_neurons)),
         dense_operations=float(steps * weights),
         effective_macs=0.0,
         effective_acs=effective / n,

@@ -39,7 +39,7 @@ def percentiles(measured: Measured) -> dict[str, float] | None:
 
 def counts(bench: Bench) -> dict[str, float | None]:
     """Events per query: of the first board that the network was mapped on, else those of the host engine."""
-    mapped = next((one.counts for one in bench.targets.values() if one.counts), bench.events)
+    mapped = next((costs.counts for costs in bench.targets.values() if costs.counts), bench.events)
     return {name: mapped.get(name) for name in COUNTS} | {
         name: value for name, value in mapped.items() if name not in COUNTS
     }
@@ -47,14 +47,14 @@ def counts(bench: Bench) -> dict[str, float | None]:
 
 def absent(bench: Bench) -> list[dict[str, str]]:
     """What this report lacks, and why: ``what`` and ``reason`` each."""
-    rows = [(f"{one.name}, measured", one.absent) for one in bench.measured]
+    rows = [(f"{row.name}, measured", row.absent) for row in bench.measured]
     without: dict[str, list[str]] = {}
-    for one in bench.measured:
-        if one.no_energy and not one.absent:
-            without.setdefault(one.no_energy, []).append(one.name)
+    for row in bench.measured:
+        if row.no_energy and not row.absent:
+            without.setdefault(row.no_energy, []).append(row.name)
     rows += [(f"energy of {', '.join(names)}, measured", reason) for reason, names in without.items()]
-    rows += [(f"{name}, modelled energy and time", one.unavailable or "") for name, one in bench.targets.items()]
-    rows += [(f"{one.name}, as a peer", one.absent) for one in bench.peers]
+    rows += [(f"{name}, modelled energy and time", row.unavailable or "") for name, row in bench.targets.items()]
+    rows += [(f"{row.name}, as a peer", row.absent) for row in bench.peers]
     if bench.workload is None and "workload" not in bench.failed:
         rows += [("workload metrics", "they are defined on integer networks; this model is a float one")]
     if not bench.peers and "peers" not in bench.failed:
@@ -71,14 +71,14 @@ def as_json(bench: Bench) -> dict[str, Any]:
         "model": bench.model,
         "queries": bench.images,
         "recall": bench.recall.as_json(),
-        "measured": {one.name: _measured(one) for one in bench.measured},
-        "modelled": {name: one.as_json() for name, one in bench.targets.items()},
+        "measured": {row.name: _measured(row) for row in bench.measured},
+        "modelled": {name: row.as_json() for name, row in bench.targets.items()},
         "counts": counts(bench),
         "workload": None if bench.workload is None else asdict(bench.workload),
-        "peers": {one.name: _row(one, metrics="recall") for one in bench.peers} or None,
-        "sweep": [_row(one, **_CANDIDATE) for one in bench.sweep] or None,
-        "constants": {one.name: _constant(one) for one in bench.constants},
-        "anchors": [one.as_json() for one in ANCHORS],
+        "peers": {row.name: _row(row, metrics="recall") for row in bench.peers} or None,
+        "sweep": [_row(row, **_CANDIDATE) for row in bench.sweep] or None,
+        "constants": {row.name: _constant(row) for row in bench.constants},
+        "anchors": [row.as_json() for row in ANCHORS],
         "assumptions": assumptions(bench),
         "absent": absent(bench),
         "machine": bench.machine,
@@ -88,8 +88,8 @@ def as_json(bench: Bench) -> dict[str, Any]:
 
 
 def assumptions(bench: Bench) -> list[str]:
-    """Of the cost model, each once."""
-    return list(dict.fromkeys(text for one in bench.targets.values() for text in one.assumptions))
+    """The assumptions of the cost model on all boards, each once."""
+    return list(dict.fromkeys(text for costs in bench.targets.values() for text in costs.assumptions))
 
 
 _CANDIDATE = {
@@ -99,19 +99,19 @@ _CANDIDATE = {
 }
 
 
-def _measured(one: Measured) -> dict[str, Any]:
+def _measured(backend: Measured) -> dict[str, Any]:
     """A row of ``measured``: latencies as percentiles."""
-    return _row(one, milliseconds="milliseconds_per_query") | {"milliseconds_per_query": percentiles(one)}
+    return _row(backend, milliseconds="milliseconds_per_query") | {"milliseconds_per_query": percentiles(backend)}
 
 
-def _row(one: Measured | Peer | Candidate, **keys: str) -> dict[str, Any]:
+def _row(row: Measured | Peer | Candidate, **keys: str) -> dict[str, Any]:
     """The fields of a row, those in ``keys`` under another key; ``name`` is not among them, no text is null."""
-    values = {keys.get(item.name, item.name): getattr(one, item.name) for item in fields(one) if item.name != "name"}
+    values = {keys.get(item.name, item.name): getattr(row, item.name) for item in fields(row) if item.name != "name"}
     return {key: None if value == "" else value for key, value in values.items()}
 
 
-def _constant(one: Any) -> dict[str, Any]:
-    return {name: getattr(one, name) for name in ("what", "low", "nominal", "high", "unit", "source")}
+def _constant(constant: Any) -> dict[str, Any]:
+    return {name: getattr(constant, name) for name in ("what", "low", "nominal", "high", "unit", "source")}
 
 
 def _plain(value: Any) -> Any:

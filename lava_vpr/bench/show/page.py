@@ -65,15 +65,15 @@ def _header(bench: Bench) -> str:
     metrics = bench.recall
     facts = {**bench.model, **bench.machine}
     shown = "".join(f"<div><dt>{_text(named(k))}</dt><dd>{_text(_fact(v))}</dd></div>" for k, v in facts.items())
-    costs = []
-    for name, one in bench.targets.items():
-        costs.append((f"modelled, {title_of(name)}", _in_short(one)))
+    in_short = []
+    for name, costs in bench.targets.items():
+        in_short.append((f"modelled, {title_of(name)}", _in_short(costs)))
     for host in bench.measured:
         at = percentiles(host)
         if host.name == "host" and at:
             text = f"{figure(host.queries_per_second)} queries/s, p50 {figure(at['p50'])} ms"
-            costs.append(("measured, this machine", _text(text)))
-    lines = "".join(f"<div><dt>{_text(term)}</dt><dd>{text}</dd></div>" for term, text in costs)
+            in_short.append(("measured, this machine", _text(text)))
+    lines = "".join(f"<div><dt>{_text(term)}</dt><dd>{text}</dd></div>" for term, text in in_short)
     return render(
         "bench_header.html",
         recall=fraction(metrics.recall_at_1, 2),
@@ -89,36 +89,36 @@ def _fact(value: object) -> str:
     return NONE if value is None else str(value)
 
 
-def _in_short(one: Modelled) -> str:
+def _in_short(costs: Modelled) -> str:
     """Energy and time of a target, or that there are none."""
-    energy = one.dynamic_microjoules
-    if energy is None or one.milliseconds is None:
-        return f'unavailable <span class="note">{_text(one.unavailable or "")}</span>'
-    told = []
-    for value, unit in ((energy, "uJ dynamic"), (one.milliseconds, "ms")):
+    energy = costs.dynamic_microjoules
+    if energy is None or costs.milliseconds is None:
+        return f'unavailable <span class="note">{_text(costs.unavailable or "")}</span>'
+    figures = []
+    for value, unit in ((energy, "uJ dynamic"), (costs.milliseconds, "ms")):
         span = f"({figure(value.low)} to {figure(value.high)})"
-        told.append(f'{_text(f"{figure(value.nominal)} {unit}")} <span class="note">{span}</span>')
-    return ", ".join(told)
+        figures.append(f'{_text(f"{figure(value.nominal)} {unit}")} <span class="note">{span}</span>')
+    return ", ".join(figures)
 
 
 def _modelled(bench: Bench) -> str:
     parts = []
-    for k, (name, one) in enumerate(bench.targets.items()):
+    for k, (name, costs) in enumerate(bench.targets.items()):
         title = title_of(name)
-        if one.dynamic_by_component:
+        if costs.dynamic_by_component:
             alt = safe(f"Modelled dynamic energy of a query on {title} by component")
-            drawing = plots.energy(one.dynamic_by_component, f"energy{k}", alt)
+            drawing = plots.energy(costs.dynamic_by_component, f"energy{k}", alt)
             parts.append(_drawn(f"Where the energy goes, modelled for {title}", drawing))
         for times in bench.step_times:
             if times.target == name and times.busiest:
                 alt = safe(f"Modelled time of each step on {title}")
                 drawing = plots.step_times(times, f"steps{k}", alt)
                 parts.append(_drawn(f"Time of each step, modelled for {title}, nominal, mean of the queries", drawing))
-        if one.unavailable:
-            reason = f"<h3>{_text(title)}</h3><p>Modelled energy and time unavailable: {_text(one.unavailable)}.</p>"
+        if costs.unavailable:
+            reason = f"<h3>{_text(title)}</h3><p>Modelled energy and time unavailable: {_text(costs.unavailable)}.</p>"
             parts.append(f'<div class="panel">{reason}</div>')
         else:
-            parts.append(html_table(modelled(one)))
+            parts.append(html_table(modelled(costs)))
     parts.append(html_table(counted(bench)))
     note = (
         "Nothing here was measured on a chip: events were counted, then multiplied by published constants. Low: the "
@@ -130,7 +130,7 @@ def _modelled(bench: Bench) -> str:
 
 def _measured(bench: Bench, tables: Iterable[Table]) -> str:
     drawing = ""
-    if any(one.milliseconds for one in bench.measured):
+    if any(backend.milliseconds for backend in bench.measured):
         latencies = plots.latencies(bench.measured, safe("Measured time of single queries, by backend"))
         drawing = _drawn("Time of single queries, measured", latencies)
     note = "On this machine; another gives other figures. Simulations of the chip say nothing about the chip's speed."
@@ -150,7 +150,7 @@ def _sweep(bench: Bench, tables: Iterable[Table]) -> str:
 
 
 def _anchors(bench: Bench, tables: Iterable[Table]) -> str:
-    ours = next((one for one in bench.targets.values() if one.milliseconds is not None), None)
+    ours = next((costs for costs in bench.targets.values() if costs.milliseconds is not None), None)
     drawing = ""
     if ours is not None:
         beside = plots.beside_anchors(ours, safe("This network, modelled, beside published figures"))

@@ -79,25 +79,25 @@ def energy(parts: Mapping[str, Estimate], prefix: str, label: str) -> str:
         return to_svg(canvas_, prefix, label)
 
 
-def step_times(one: StepTimes, prefix: str, label: str) -> str:
+def step_times(times: StepTimes, prefix: str, label: str) -> str:
     """Time of every step of a presentation: the busiest core, and the barrier on top of it."""
-    busiest = np.asarray(one.busiest, float)
+    busiest = np.asarray(times.busiest, float)
     steps = np.arange(1, len(busiest) + 1)
     with Style():
         canvas_ = canvas(WIDTH, 250)
         axes = canvas_.add_axes((0.09, 0.19, 0.89, 0.77))
         _grid(axes, "y")
         edges = np.append(steps - 0.5, steps[-1] + 0.5)
-        for top, bottom, colour in ((busiest, 0.0, "c6"), (busiest + one.barrier, busiest, "c4")):
+        for top, bottom, colour in ((busiest, 0.0, "c6"), (busiest + times.barrier, busiest, "c4")):
             axes.stairs(top, edges, baseline=bottom, fill=True, color=THEME[colour], alpha=0.55, linewidth=0)
-        axes.set(xlim=(0.5, len(steps) + 0.5), ylim=(0, 1.32 * float((busiest + one.barrier).max())))
+        axes.set(xlim=(0.5, len(steps) + 0.5), ylim=(0, 1.32 * float((busiest + times.barrier).max())))
         axes.set(xlabel="step of a presentation", ylabel="modelled time, µs")
         for left, text, colour in ((0.02, "barrier", "c4"), (0.2, "the board waits", "c6")):
             axes.plot(left, 0.93, "s", color=THEME[colour], markersize=9, alpha=0.55, transform=axes.transAxes)
             axes.text(left + 0.02, 0.93, text, va="center", transform=axes.transAxes)
         for left, text, colour, values, style in (
-            (0.46, "what arrives", "c0", one.receive, "-"),
-            (0.74, "neurons", "c1", one.neurons, "--"),
+            (0.46, "what arrives", "c0", times.receive, "-"),
+            (0.74, "neurons", "c1", times.neurons, "--"),
         ):
             line: dict[str, Any] = {"color": THEME[colour], "linewidth": 1.8, "linestyle": style}
             axes.step(edges, [*values, values[-1]], where="post", **line)
@@ -108,8 +108,11 @@ def step_times(one: StepTimes, prefix: str, label: str) -> str:
 
 def latencies(rows: Sequence[Measured], label: str) -> str:
     """A histogram of single queries for each backend, one above the other over one logarithmic axis."""
-    rows = sorted((one for one in rows if one.milliseconds), key=lambda one: float(np.median(one.milliseconds)))
-    values = [np.asarray(one.milliseconds, float) for one in rows]
+    rows = sorted(
+        (backend for backend in rows if backend.milliseconds),
+        key=lambda backend: float(np.median(backend.milliseconds)),
+    )
+    values = [np.asarray(backend.milliseconds, float) for backend in rows]
     low, high = 0.8 * min(v.min() for v in values), 1.25 * max(v.max() for v in values)
     bins = np.geomspace(low, high, 97)
     with Style():
@@ -135,7 +138,7 @@ def latencies(rows: Sequence[Measured], label: str) -> str:
             axes.text(at[0 if side == "left" else 2], base + 0.72, shown, ha=side, va="bottom", fontsize=9.5)
         axes.set(xlim=(low, high), ylim=(-0.02, len(rows)))
         _logarithmic(axes)
-        axes.set_yticks([len(rows) - 1 - k + 0.3 for k in range(len(rows))], [one.name for one in rows])
+        axes.set_yticks([len(rows) - 1 - k + 0.3 for k in range(len(rows))], [backend.name for backend in rows])
         axes.tick_params(axis="y", length=0, labelcolor=THEME["ink"])
         axes.set_xlabel("measured time of a single query, ms")
         axes.spines["left"].set_visible(False)
@@ -146,19 +149,23 @@ def pareto(rows: Sequence[Candidate], label: str) -> str:
     """Recall of every setting against its energy and its time; the best are joined, what was chosen is named."""
     with Style():
         canvas_ = canvas(WIDTH + 200, 404)
-        recalls = [100 * one.metrics.recall_at_1 for one in rows]
+        recalls = [100 * candidate.metrics.recall_at_1 for candidate in rows]
         for k, what in enumerate(("energy, µJ", "time, ms")):
             axes = canvas_.add_axes((0.07 + 0.49 * k, 0.13, 0.43, 0.78))
             _grid(axes, "both")
-            costs = [one.microjoules if k == 0 else one.milliseconds for one in rows]
+            costs = [candidate.microjoules if k == 0 else candidate.milliseconds for candidate in rows]
             for early, (_, colour, style, marker) in zip((True, False), _FRONTS, strict=True):
                 points = [
                     (cost, recall)
-                    for cost, recall, one in zip(costs, recalls, rows, strict=True)
-                    if ("stop_margin" in one.settings) == early
+                    for cost, recall, candidate in zip(costs, recalls, rows, strict=True)
+                    if ("stop_margin" in candidate.settings) == early
                 ]
                 _front(axes, points, colour, style, marker)
-            chosen = [(x, y, one.chosen) for x, y, one in zip(costs, recalls, rows, strict=True) if one.chosen]
+            chosen = [
+                (x, y, candidate.chosen)
+                for x, y, candidate in zip(costs, recalls, rows, strict=True)
+                if candidate.chosen
+            ]
             axes.set(xlim=(0.8 * min(costs), 1.25 * max(costs)))
             _names(axes, chosen, (max(-1.5, min(recalls) - 3), min(101.5, max(recalls) + 3)))
             _logarithmic(axes)
@@ -216,10 +223,10 @@ def beside_anchors(ours: Modelled, label: str) -> str:
     rows: list[tuple[str, str, tuple[Estimate | None, Estimate | None]]] = [
         ("this network, modelled", "c0", (ours.dynamic_microjoules, ours.milliseconds))
     ]
-    for one in ANCHORS:
-        if one.microjoules is not None or one.milliseconds is not None:
-            colour = "c1" if one.kind == "measured" else "c6"
-            rows.append((one.name, colour, (_exact(one.microjoules), _exact(one.milliseconds))))
+    for anchor in ANCHORS:
+        if anchor.microjoules is not None or anchor.milliseconds is not None:
+            colour = "c1" if anchor.kind == "measured" else "c6"
+            rows.append((anchor.name, colour, (_exact(anchor.microjoules), _exact(anchor.milliseconds))))
     with Style():
         height = 50 + 27 * len(rows)
         canvas_ = canvas(WIDTH + 200, height)

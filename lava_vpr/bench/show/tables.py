@@ -23,7 +23,7 @@ NONE = "-"
 
 @dataclass(frozen=True)
 class Table:
-    """A table of text.
+    """A table of plain text.
 
     Attributes:
         title: Above it.
@@ -60,12 +60,12 @@ def figure(value: float | None, digits: int = 3) -> str:
 
 
 def percent(value: float | None) -> str:
-    """A fraction in percent."""
+    """``value``, a fraction, in percent; a dash for none."""
     return NONE if value is None or math.isnan(value) else f"{100 * value:.1f}"
 
 
 def named(name: str) -> str:
-    """A key as words."""
+    """``name``, a key, as words."""
     return name.replace("_", " ")
 
 
@@ -80,7 +80,7 @@ def size(count: int | None) -> str:
 
 
 def figures_of(metrics: Metrics | None) -> tuple[str, ...]:
-    """Cells below `FIGURES`."""
+    """The cells below the headings `FIGURES`."""
     if metrics is None:
         return (NONE,) * len(FIGURES)
     at = metrics.recall_at_n
@@ -101,16 +101,26 @@ def recall(bench: Bench) -> Table:
 
 
 def measured(rows: Sequence[Measured]) -> Table:
-    """Backends timed on this machine."""
+    """The backends that were timed on this machine."""
     cells = []
-    for one in rows:
-        if one.absent:
+    for backend in rows:
+        if backend.absent:
             continue
-        at = percentiles(one) or {}
-        energy = NONE if one.joules_per_query is None else f"{figure(1e3 * one.joules_per_query)}"
+        at = percentiles(backend) or {}
+        energy = NONE if backend.joules_per_query is None else f"{figure(1e3 * backend.joules_per_query)}"
         latency = (figure(at.get(f"p{q}")) for q in PERCENTILES)
-        rate = figure(one.queries_per_second)
-        cells.append((one.name, *latency, rate, f"{one.threads}", f"{one.queries:,}", size(one.peak_bytes), energy))
+        rate = figure(backend.queries_per_second)
+        cells.append(
+            (
+                backend.name,
+                *latency,
+                rate,
+                f"{backend.threads}",
+                f"{backend.queries:,}",
+                size(backend.peak_bytes),
+                energy,
+            )
+        )
     latency_heads = tuple(f"p{q} ms" for q in PERCENTILES)
     return Table(
         title="measured here, a query",
@@ -121,8 +131,8 @@ def measured(rows: Sequence[Measured]) -> Table:
 
 
 def on_boards(rows: Sequence[Measured]) -> Table:
-    """What the profilers of boards tell."""
-    boards = {one.name: one.board for one in rows if one.board}
+    """The figures of the boards' own profilers."""
+    boards = {backend.name: backend.board for backend in rows if backend.board}
     names = dict.fromkeys(name for board in boards.values() for name in board)
     cells = [(named(name), *(figure(board.get(name), 4) for board in boards.values())) for name in names]
     note = "By the vendor's profiler, idle power subtracted where it says dynamic; host's input and read-out included."
@@ -131,7 +141,7 @@ def on_boards(rows: Sequence[Measured]) -> Table:
 
 def timed(rows: Sequence[Measured]) -> Table:
     """What was timed of each backend, in words."""
-    cells = tuple((one.name, one.what) for one in rows if not one.absent and one.what)
+    cells = tuple((backend.name, backend.what) for backend in rows if not backend.absent and backend.what)
     return Table("what was timed", ("backend", "from what to what"), cells, long=frozenset({1}), page_only=True)
 
 
@@ -141,7 +151,7 @@ def _three(name: str, values: Estimate | None) -> tuple[str, ...]:
     return (name, figure(values.low), figure(values.nominal), figure(values.high))
 
 
-def _clearing(told: dict[str, Any]) -> Iterable[tuple[str, ...]]:
+def _clearing(clearing: dict[str, Any]) -> Iterable[tuple[str, ...]]:
     """How states are cleared, contained in the figures above, and what steps of rest would take instead."""
     for key, text in (
         ("writes_per_query", "clearing of states: writes"),
@@ -151,7 +161,7 @@ def _clearing(told: dict[str, Any]) -> Iterable[tuple[str, ...]]:
         ("rest_microjoules", "  those would take, uJ"),
         ("rest_milliseconds", "  those would take, ms"),
     ):
-        value = told.get(key)
+        value = clearing.get(key)
         if isinstance(value, Estimate):
             yield _three(text, value)
         elif value is not None:
@@ -163,38 +173,38 @@ def title_of(target: str) -> str:
     return BOARDS[target].title if target in BOARDS else target
 
 
-def modelled(one: Modelled) -> Table:
+def modelled(costs: Modelled) -> Table:
     """The costs of a query on a board."""
-    rows: list[tuple[str, ...]] = [_three("dynamic energy, uJ", one.dynamic_microjoules)]
-    parts = sorted((one.dynamic_by_component or {}).items(), key=lambda item: -item[1].nominal)
+    rows: list[tuple[str, ...]] = [_three("dynamic energy, uJ", costs.dynamic_microjoules)]
+    parts = sorted((costs.dynamic_by_component or {}).items(), key=lambda item: -item[1].nominal)
     rows += [_three(f"  {named(name)}", value) for name, value in parts]
     strong = {0, len(rows)}
-    rows += [_three("time on the chip, ms", one.milliseconds), _three("  one step, us", one.step_microseconds)]
-    static = f"static energy, apart, mJ ({one.chips} chips)"
-    rows += [_three(f"{static}, time on the chip", one.static_millijoules)]
-    for k, (way, value) in enumerate((one.io_milliseconds_by_way or {}).items()):
+    rows += [_three("time on the chip, ms", costs.milliseconds), _three("  one step, us", costs.step_microseconds)]
+    static = f"static energy, apart, mJ ({costs.chips} chips)"
+    rows += [_three(f"{static}, time on the chip", costs.static_millijoules)]
+    for k, (way, value) in enumerate((costs.io_milliseconds_by_way or {}).items()):
         rows += [_three(f"host I/O, apart, ms: {way}{' (in use)' if k == 0 else ''}", value)]
-    for k, (way, value) in enumerate((one.io_microjoules_by_way or {}).items()):
-        told = "in use, contained above" if k == 0 else "instead"
-        rows += [_three(f"input on the chip, uJ: {way} ({told})", value)]
-    rows += [_three("time with host I/O, not overlapped, ms", one.wall_milliseconds)]
-    rows += [_three(f"{static}, that time", one.wall_static_millijoules)]
-    rows += _clearing(one.clearing)
+    for k, (way, value) in enumerate((costs.io_microjoules_by_way or {}).items()):
+        use = "in use, contained above" if k == 0 else "instead"
+        rows += [_three(f"input on the chip, uJ: {way} ({use})", value)]
+    rows += [_three("time with host I/O, not overlapped, ms", costs.wall_milliseconds)]
+    rows += [_three(f"{static}, that time", costs.wall_static_millijoules)]
+    rows += _clearing(costs.clearing)
     return Table(
-        title=f"modelled for {title_of(one.target)}: a query of {one.steps} steps, input {one.input_mode}",
+        title=f"modelled for {title_of(costs.target)}: a query of {costs.steps} steps, input {costs.input_mode}",
         columns=("modelled", "modelled low", "modelled nominal", "modelled high"),
         rows=tuple(rows),
         strong=frozenset(strong),
-        note=f"Modelled, not measured. {_in_use(one)}{_busy(one.busiest)}",
+        note=f"Modelled, not measured. {_in_use(costs)}{_busy(costs.busiest)}",
     )
 
 
-def _in_use(one: Modelled) -> str:
+def _in_use(costs: Modelled) -> str:
     """Cores and tiles in use."""
-    cores = "1 core" if one.cores == 1 else f"{one.cores} cores"
-    if one.tiles is None:
+    cores = "1 core" if costs.cores == 1 else f"{costs.cores} cores"
+    if costs.tiles is None:
         return f"{cores}."
-    return f"{cores} on {'1 tile' if one.tiles == 1 else f'{one.tiles} tiles'}."
+    return f"{cores} on {'1 tile' if costs.tiles == 1 else f'{costs.tiles} tiles'}."
 
 
 def _busy(shares: dict[str, float] | None) -> str:
@@ -214,7 +224,7 @@ def _count(value: float | None) -> str:
 
 def counted(bench: Bench) -> Table:
     """Events of a query, on every board and by the host engine."""
-    boards = {name: one.counts for name, one in bench.targets.items() if one.counts}
+    boards = {name: costs.counts for name, costs in bench.targets.items() if costs.counts}
     sources = boards or {"host": {**bench.events}}
     names = dict.fromkeys((*counts(bench), *(name for values in boards.values() for name in values)))
     rows = [(named(name), *(_count(values.get(name)) for values in sources.values())) for name in names]
@@ -223,22 +233,24 @@ def counted(bench: Bench) -> Table:
         (f"busiest core, a step: {named(name)}", *(_count(values.get(name)) for values in most.values()))
         for name in dict.fromkeys(name for values in most.values() for name in values)
     ]
-    told = [text for name in boards if bench.targets[name].unavailable for text in bench.targets[name].assumptions]
+    remarks = [text for name in boards if bench.targets[name].unavailable for text in bench.targets[name].assumptions]
     if boards:
-        told.insert(0, "Counted from every spike of the queries; messages and hops depend on where the neurons stand.")
-    note = " ".join(told)
+        remarks.insert(
+            0, "Counted from every spike of the queries; messages and hops depend on where the neurons stand."
+        )
+    note = " ".join(remarks)
     return Table("counted events, mean of a query", ("event", *sources), tuple(rows), note=note)
 
 
 def peers(rows: Sequence[Peer]) -> Table:
     """Other matchers on the same images."""
     cells = []
-    for one in rows:
-        if one.absent:
+    for peer in rows:
+        if peer.absent:
             continue
-        at = figures_of(one.metrics)
-        rate = figure(one.queries_per_second)
-        cells.append((one.name, at[0], at[3], at[5], rate, f"{one.threads}", size(one.bytes), one.what))
+        at = figures_of(peer.metrics)
+        rate = figure(peer.queries_per_second)
+        cells.append((peer.name, at[0], at[3], at[5], rate, f"{peer.threads}", size(peer.bytes), peer.what))
     heads = ("matcher", "R@1", "R@100P", "AUC", "queries/s", "threads", "of references", "what")
     note = "Recall in percent. queries/s: measured here, from preprocessed image to match, all queries in one batch."
     return Table("peers on the same images", heads, tuple(cells), long=frozenset({7}), note=note)
@@ -246,21 +258,26 @@ def peers(rows: Sequence[Peer]) -> Table:
 
 def sweep(rows: Sequence[Candidate]) -> Table:
     """The front of the sweep, dearest first, and what was chosen."""
-    shown = sorted((one for one in rows if one.front or one.chosen), key=lambda one: -one.microjoules)
+    shown = sorted(
+        (candidate for candidate in rows if candidate.front or candidate.chosen),
+        key=lambda candidate: -candidate.microjoules,
+    )
     cells: dict[tuple[object, ...], tuple[str, ...]] = {}
-    for one in shown:
-        costs = (figure(one.microjoules), figure(one.milliseconds), figure(one.mean_steps))
-        at = figures_of(one.metrics)
-        kind = "front, stops early" if "stop_margin" in one.settings else "front"
-        row = (one.chosen or kind, at[0], at[3], at[5], *costs, _settings(one.settings))
+    for candidate in shown:
+        costs = (figure(candidate.microjoules), figure(candidate.milliseconds), figure(candidate.mean_steps))
+        at = figures_of(candidate.metrics)
+        kind = "front, stops early" if "stop_margin" in candidate.settings else "front"
+        row = (candidate.chosen or kind, at[0], at[3], at[5], *costs, _settings(candidate.settings))
         # Settings that change nothing, such as a margin that is never reached, would fill the table.
-        cells.setdefault((one.chosen, one.metrics.recall_at_1, one.microjoules, one.milliseconds), row)
-    found = tuple(cells.values())
+        cells.setdefault(
+            (candidate.chosen, candidate.metrics.recall_at_1, candidate.microjoules, candidate.milliseconds), row
+        )
+    lines = tuple(cells.values())
     return Table(
         title=f"sweep: the front of {len(rows)} points",
         columns=("point", "R@1", "R@100P", "AUC", "modelled uJ", "modelled ms", "mean steps", "unlike this model"),
-        rows=found,
-        strong=frozenset(k for k, row in enumerate(found) if not row[0].startswith("front")),
+        rows=lines,
+        strong=frozenset(k for k, row in enumerate(lines) if not row[0].startswith("front")),
         long=frozenset({7}),
         note="Recall in percent, on the very queries that the search chose on: judge a choice on others. Energy and "
         "time modelled for Kapoho Bay, nominal, clearing included, host I/O not. Of points with equal figures, one. "
@@ -269,25 +286,25 @@ def sweep(rows: Sequence[Candidate]) -> Table:
 
 
 def _settings(values: dict[str, Any]) -> str:
-    """Settings as words."""
-    given = {name: value for name, value in values.items() if value is not None}
+    """The settings that differ from the model's, as words."""
+    changed = {name: value for name, value in values.items() if value is not None}
     return ", ".join(
         f"{named(name)} {value:g}" if isinstance(value, float) else f"{named(name)} {value}"
-        for name, value in given.items()
+        for name, value in changed.items()
     )
 
 
-def workload(one: Workload) -> Table:
-    """NeuroBench's metrics."""
+def workload(metrics: Workload) -> Table:
+    """The metrics by NeuroBench's definitions."""
     rows = (
-        ("footprint", size(one.footprint_bytes)),
-        ("parameters", f"{one.parameters:,}"),
-        ("connection sparsity", figure(one.connection_sparsity)),
-        ("activation sparsity", figure(one.activation_sparsity, 4)),
-        ("synaptic operations a query, dense", figure(one.dense_operations, 4)),
-        ("effective multiply-accumulates a query", figure(one.effective_macs, 4)),
-        ("effective accumulates a query", figure(one.effective_acs, 4)),
-        ("membrane updates a query", figure(one.membrane_updates, 4)),
+        ("footprint", size(metrics.footprint_bytes)),
+        ("parameters", f"{metrics.parameters:,}"),
+        ("connection sparsity", figure(metrics.connection_sparsity)),
+        ("activation sparsity", figure(metrics.activation_sparsity, 4)),
+        ("synaptic operations a query, dense", figure(metrics.dense_operations, 4)),
+        ("effective multiply-accumulates a query", figure(metrics.effective_macs, 4)),
+        ("effective accumulates a query", figure(metrics.effective_acs, 4)),
+        ("membrane updates a query", figure(metrics.membrane_updates, 4)),
     )
     return Table("workload metrics by NeuroBench's definitions", ("metric", "value"), rows)
 
@@ -295,8 +312,15 @@ def workload(one: Workload) -> Table:
 def constants(bench: Bench) -> Table:
     """Every constant of the cost model, with its source."""
     rows = tuple(
-        (one.what or named(one.name), figure(one.low), figure(one.nominal), figure(one.high), one.unit, one.source)
-        for one in bench.constants
+        (
+            constant.what or named(constant.name),
+            figure(constant.low),
+            figure(constant.nominal),
+            figure(constant.high),
+            constant.unit,
+            constant.source,
+        )
+        for constant in bench.constants
     )
     heads = ("constant", "low", "nominal", "high", "unit", "source")
     return Table("constants of the cost model", heads, rows, long=frozenset({0, 5}), page_only=True)
@@ -305,11 +329,11 @@ def constants(bench: Bench) -> Table:
 def anchors() -> Table:
     """Published results, with their citations."""
     rows = []
-    for one in ANCHORS:
-        kind = "" if one.kind == "measured" else f" ({one.kind})"
-        cited = f"{one.citation}, doi {one.doi}"
-        told = f"{one.task}; on {one.board}{kind}" + (f"; {one.note}" if one.note else "")
-        rows.append((one.name, figure(one.microjoules), figure(one.milliseconds), told, cited))
+    for anchor in ANCHORS:
+        kind = "" if anchor.kind == "measured" else f" ({anchor.kind})"
+        cited = f"{anchor.citation}, doi {anchor.doi}"
+        task = f"{anchor.task}; on {anchor.board}{kind}" + (f"; {anchor.note}" if anchor.note else "")
+        rows.append((anchor.name, figure(anchor.microjoules), figure(anchor.milliseconds), task, cited))
     heads = ("published", "uJ", "ms", "task and board", "where")
     return Table(
         "published figures, none of them the same task", heads, tuple(rows), long=frozenset({3, 4}), page_only=True
@@ -318,14 +342,14 @@ def anchors() -> Table:
 
 def sections(bench: Bench) -> dict[str, tuple[Table, ...]]:
     """All tables that have anything to say, by section, in the terminal's order."""
-    found = {
+    tables_of = {
         "recall": (recall(bench),),
         "measured": (measured(bench.measured), on_boards(bench.measured), timed(bench.measured)),
-        "modelled": (*(modelled(one) for one in bench.targets.values() if not one.unavailable), counted(bench)),
+        "modelled": (*(modelled(costs) for costs in bench.targets.values() if not costs.unavailable), counted(bench)),
         "workload": () if bench.workload is None else (workload(bench.workload),),
         "peers": (peers(bench.peers),),
         "sweep": (sweep(bench.sweep),),
         "anchors": (anchors(),),
         "model": (constants(bench),),
     }
-    return {name: tuple(table for table in tables if table.rows) for name, tables in found.items()}
+    return {name: tuple(table for table in tables if table.rows) for name, tables in tables_of.items()}

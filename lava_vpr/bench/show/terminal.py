@@ -16,7 +16,7 @@ WIDEST = 60
 
 
 def rendered(table: Table) -> rich.table.Table:
-    """A table for rich."""
+    """``table`` as rich prints it."""
     made = rich.table.Table(
         title=escape(table.title), title_justify="left", caption=escape(table.note), caption_justify="left"
     )

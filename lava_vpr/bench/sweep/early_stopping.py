@@ -25,12 +25,12 @@ def leads(model: Model, total: NDArray[np.int32]) -> NDArray[np.float64]:
         total: Spikes up to each step, (n, steps, neurons).
     """
     name = model.config.decoder.default
-    found = np.zeros(total.shape[:2])
+    lead = np.zeros(total.shape[:2])
     for step in range(total.shape[1]):
         scores = decode(model, np.ascontiguousarray(total[:, step]), name)
         top = np.partition(scores, scores.shape[1] - 2, axis=1)
-        found[:, step] = top[:, -1] - top[:, -2]
-    return found
+        lead[:, step] = top[:, -1] - top[:, -2]
+    return lead
 
 
 def stops(lead: NDArray[np.float64], margin: float) -> NDArray[np.int64]:

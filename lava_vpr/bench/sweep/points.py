@@ -99,24 +99,24 @@ def current(model: Model) -> Settings:
         ConfigError: it has no integer network.
     """
     network, encoder = integer_model(model, PURPOSE).config.network, model.config.encoder
-    found = {name: float(getattr(encoder, name)) for name in ENCODER}
-    found |= {name: float(getattr(network, name)) for name in NETWORK}
+    settings = {name: float(getattr(encoder, name)) for name in ENCODER}
+    settings |= {name: float(getattr(network, name)) for name in NETWORK}
     lateral = network.joined_inhibition if model.joined else network.inhibition
-    return found | {"inhibition": lateral, "neurons_per_place": model.neurons / model.places}
+    return settings | {"inhibition": lateral, "neurons_per_place": model.neurons / model.places}
 
 
 def fast_settings(model: Model) -> Settings:
     """The settings of ``model`` with those of preset ``fast``; its neurons per place stay."""
     config = integer_config(preset("fast"), PURPOSE)
     network = config.network
-    found = {name: float(getattr(config.encoder, name)) for name in ENCODER}
-    found |= {name: float(getattr(network, name)) for name in NETWORK}
+    settings = {name: float(getattr(config.encoder, name)) for name in ENCODER}
+    settings |= {name: float(getattr(network, name)) for name in NETWORK}
     lateral = network.joined_inhibition if model.joined else network.inhibition
-    return {**current(model), **found, "inhibition": lateral}
+    return {**current(model), **settings, "inhibition": lateral}
 
 
 def configured(config: Config, settings: Settings) -> Config:
-    """``config`` with ``settings``."""
+    """``config`` with ``settings`` in their sections."""
     plain: dict[str, float] = {name: int(value) if name in WHOLE else value for name, value in settings.items()}
     network = {name: plain[name] for name in NETWORK}
     network |= {"inhibition": plain["inhibition"], "joined_inhibition": plain["inhibition"]}
@@ -127,10 +127,10 @@ def references_of(model: Model) -> list[EncodedTraverse]:
     """The reference traverses, as far as a model keeps them; thumbnails are those of the first."""
     parts = []
     for start in range(0, len(model.labels), model.places):
-        own = slice(start, start + model.places)
+        images = slice(start, start + model.places)
         parts.append(
             EncodedTraverse(
-                model.place_names, model.place_indices, model.patches[own], model.activity[own], model.thumbnails
+                model.place_names, model.place_indices, model.patches[images], model.activity[images], model.thumbnails
             )
         )
     return parts
@@ -189,12 +189,12 @@ def figures(run: Run, margins: Sequence[float]) -> list[Measurement]:
     total = np.cumsum(run.trains.exc, axis=1, dtype=np.int32)
     name = run.model.config.decoder.default
     lead = leads(run.model, total) if np.isfinite(margins).any() else np.zeros(total.shape[:2])
-    found = []
+    measurements = []
     for margin in margins:
         steps = stops(lead, margin)
         at = np.arange(len(steps)), steps - 1
         scores = decode(run.model, np.ascontiguousarray(total[at]), name)
-        found.append(
+        measurements.append(
             Measurement(
                 evaluate(scores, confidence(name, scores), run.truth),
                 float(energy[at].mean() + outside_microjoules.nominal),
@@ -202,21 +202,30 @@ def figures(run: Run, margins: Sequence[float]) -> list[Measurement]:
                 float(steps.mean()),
             )
         )
-    return found
+    return measurements
 
 
-def mean(found: Sequence[Measurement]) -> Measurement:
-    """Means over cases."""
-    first = found[0].metrics
+def mean(measurements: Sequence[Measurement]) -> Measurement:
+    """The means of the figures of all cases."""
+    first = measurements[0].metrics
     metrics = replace(
         first,
-        recall_at_1=float(np.mean([one.metrics.recall_at_1 for one in found])),
-        recall_at_100_precision=float(np.mean([one.metrics.recall_at_100_precision for one in found])),
-        precision_at_100_recall=float(np.mean([one.metrics.precision_at_100_recall for one in found])),
-        auc=float(np.mean([one.metrics.auc for one in found])),
-        recall_at_n={n: float(np.mean([one.metrics.recall_at_n[n] for one in found])) for n in first.recall_at_n},
-        queries=sum(one.metrics.queries for one in found),
-        without_place=sum(one.metrics.without_place for one in found),
+        recall_at_1=float(np.mean([measurement.metrics.recall_at_1 for measurement in measurements])),
+        recall_at_100_precision=float(
+            np.mean([measurement.metrics.recall_at_100_precision for measurement in measurements])
+        ),
+        precision_at_100_recall=float(
+            np.mean([measurement.metrics.precision_at_100_recall for measurement in measurements])
+        ),
+        auc=float(np.mean([measurement.metrics.auc for measurement in measurements])),
+        recall_at_n={
+            n: float(np.mean([measurement.metrics.recall_at_n[n] for measurement in measurements]))
+            for n in first.recall_at_n
+        },
+        queries=sum(measurement.metrics.queries for measurement in measurements),
+        without_place=sum(measurement.metrics.without_place for measurement in measurements),
     )
-    costs = np.mean([(one.microjoules, one.milliseconds, one.steps) for one in found], axis=0)
+    costs = np.mean(
+        [(measurement.microjoules, measurement.milliseconds, measurement.steps) for measurement in measurements], axis=0
+    )
     return Measurement(metrics, *(float(value) for value in costs))

@@ -71,7 +71,7 @@ class _Search:
     found: dict[tuple[tuple[str, float], ...], list[Point]] = field(default_factory=dict)
 
     def measure(self, settings: Settings) -> None:
-        """Of new settings, all margins."""
+        """Measures a network of new settings with every margin."""
         points: list[Point] = []
         try:
             runs = runs_of(self.cases, settings, self.board, self.threads)
@@ -79,29 +79,29 @@ class _Search:
             runs = ()
         if runs:
             each = zip(*(figures(run, self.margins) for run in runs), strict=True)
-            points = [(settings, m, mean(found)) for m, found in zip(self.margins, each, strict=True)]
+            points = [(settings, m, mean(measurements)) for m, measurements in zip(self.margins, each, strict=True)]
         self.found[_key(settings)] = points
 
     def points(self) -> list[Point]:
-        """All, as measured."""
+        """All points, in the order in which they were measured."""
         return [point for points in self.found.values() for point in points]
 
     def parents(self) -> list[Settings]:
         """Settings of the front, those that recall little aside."""
         points = self.points()
-        least = USEFUL * max((one.metrics.recall_at_1 for *_, one in points), default=0.0)
-        known = {_key(s): s for s, _, one in front(points) if one.metrics.recall_at_1 >= least}
+        least = USEFUL * max((measurement.metrics.recall_at_1 for *_, measurement in points), default=0.0)
+        known = {_key(s): s for s, _, measurement in front(points) if measurement.metrics.recall_at_1 >= least}
         return [known[key] for key in sorted(known)]
 
 
 def front(points: Sequence[Point]) -> list[Point]:
     """Those that no other outdoes; those without early stopping that no other without it outdoes."""
-    found = []
+    best = []
     for kind in ([point for point in points if point[1] == np.inf], points):
         if kind:
-            keep = on_front(np.array([one.objectives for *_, one in kind]))
-            found += [point for point, kept in zip(kind, keep, strict=True) if kept]
-    return found
+            keep = on_front(np.array([measurement.objectives for *_, measurement in kind]))
+            best += [point for point, kept in zip(kind, keep, strict=True) if kept]
+    return best
 
 
 def on_front(objectives: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -178,12 +178,12 @@ def search(
 ) -> tuple[Candidate, ...]:
     """`sweep` over several models of equal settings with queries of their own: figures are means over them."""
     state, rng = _Search(cases, board, threads, (np.inf, *MARGINS)), random.Random(0)
-    own, fast = current(cases[0].model), fast_settings(cases[0].model)
+    as_learned, fast = current(cases[0].model), fast_settings(cases[0].model)
     with_settings(cases[0].model, UNCHANGED)  # refuse what cannot be quantised anew
-    chosen = {_key(fast): FAST, _key(own): MODEL}
-    starts, misses = [own, fast], 0
+    chosen = {_key(fast): FAST, _key(as_learned): MODEL}
+    starts, misses = [as_learned, fast], 0
     while len(state.found) < budget and misses < 50 * budget:
-        settings = starts.pop(0) if starts else _moved(rng.choice(state.parents() or [own]), rng, retrain)
+        settings = starts.pop(0) if starts else _moved(rng.choice(state.parents() or [as_learned]), rng, retrain)
         if _key(settings) in state.found:
             misses += 1
             continue
@@ -195,19 +195,27 @@ def search(
         raise NetworkLimitError(f"nothing that was tried fits {board.title}; learn fewer places, or use another board")
     best = {id(point) for point in front(points)}
     return tuple(
-        _candidate(own, point, id(point) in best, chosen.get(_key(point[0]), "") if point[1] == np.inf else "")
+        _candidate(as_learned, point, id(point) in best, chosen.get(_key(point[0]), "") if point[1] == np.inf else "")
         for point in points
     )
 
 
-def _candidate(own: Settings, point: Point, best: bool, chosen: str) -> Candidate:
+def _candidate(as_learned: Settings, point: Point, best: bool, chosen: str) -> Candidate:
     """A point as the report has it: what differs from the model, whole numbers as such."""
-    settings, margin, one = point
+    settings, margin, measurement = point
     changed: dict[str, Any] = {
         name: int(value) if float(value).is_integer() else value
         for name, value in settings.items()
-        if value != own[name]
+        if value != as_learned[name]
     }
     if margin < np.inf:
         changed["stop_margin"] = margin
-    return Candidate(changed, one.metrics, one.microjoules, one.milliseconds, one.steps, front=best, chosen=chosen)
+    return Candidate(
+        changed,
+        measurement.metrics,
+        measurement.microjoules,
+        measurement.milliseconds,
+        measurement.steps,
+        front=best,
+        chosen=chosen,
+    )
