@@ -236,6 +236,22 @@ def normalise(weights: NDArray[np.uint8], total: int, key: int) -> None:
     normalise_columns(weights, total, np.uint64(derived_key(key, "normalise")))
 
 
+def _kernel_phase(learning: IntegerLearning) -> KernelPhase:
+    """The phase as the kernel reads it; what the host does after a presentation is left out."""
+    rule, (whole, fraction) = learning.rule, learning.rule.decay()
+    lif = replace(learning.neurons, theta_plus=0) if learning.late_theta else learning.neurons
+    return KernelPhase(
+        shift=learning.shift,
+        steps=learning.steps,
+        lif=lif.constants,
+        target=rule.target,
+        mu=rule.mu,
+        products=rule.table(),
+        whole=whole,
+        fraction=fraction,
+    )
+
+
 def present(
     state: IntegerState,
     learning: IntegerLearning,
@@ -264,23 +280,11 @@ def present(
         (steps + 3, neurons) or empty.
     """
     inputs, neurons = state.weights.shape
-    rule, total = learning.rule, learning.steps + SILENT_STEPS
+    total = learning.steps + SILENT_STEPS
     if learning.weight_sum:
         normalise(state.weights, learning.weight_sum, key)
     counts, events = np.zeros(neurons, np.int32), np.zeros(2, np.int64)
     film = np.zeros((total, neurons) if raster else (0, 0), np.uint8)
-    lif = replace(learning.neurons, theta_plus=0) if learning.late_theta else learning.neurons
-    whole, fraction = rule.decay()
-    phase = KernelPhase(
-        shift=learning.shift,
-        steps=learning.steps,
-        lif=lif.constants,
-        target=rule.target,
-        mu=rule.mu,
-        products=rule.table(),
-        whole=whole,
-        fraction=fraction,
-    )
     lateral = np.full(neurons, learning.inhibition, np.int64) if inhibition is None else inhibition
     x = np.zeros(inputs, np.uint8) if traces is None else traces
     train(
@@ -288,7 +292,7 @@ def present(
         state.theta,
         rates,
         np.uint64(key),
-        phase,
+        _kernel_phase(learning),
         lateral,
         step_draws(key, total) if draws is None else draws,
         x,
