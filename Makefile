@@ -54,7 +54,7 @@ recall: $(STAMP) ## Recall on real images (LAVA_VPR_DATA)
 	@.venv-peers/bin/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
 	@touch .venv-peers/.installed
 
-peers: .venv-peers/.installed ## Side by side with the reference network in Brian2 (an environment of its own)
+peers: .venv-peers/.installed ## Side by side with VPRSNN's network in Brian2 (an environment of its own)
 	@.venv-peers/bin/python -m benchmarks.peers.side_by_side
 
 peers-test: .venv-peers/.installed ## The tests that hold the paper preset against Brian2

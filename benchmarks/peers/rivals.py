@@ -1,6 +1,6 @@
-"""Other systems that answer the same queries as lava-vpr: VPRTempo, and the reference network in Brian2.
+"""Other systems that answer the same queries as lava-vpr: VPRTempo, and VPRSNN's network in Brian2.
 
-VPRTempo takes turns with the matchers of `lava_vpr.bench.peers`. The reference network runs in Brian2, in an
+VPRTempo takes turns with the matchers of `lava_vpr.bench.peers`. VPRSNN's network runs in Brian2, in an
 environment that has it (`make peers`); a few queries, one thread.
 """
 
@@ -82,7 +82,7 @@ def interpreter() -> str | None:
 
 
 def _reference(model: Model) -> tuple[Config, ConductanceState, str]:
-    """The reference network: the model's own if it is one, else untrained; and what to say of it."""
+    """VPRSNN's network: the model's own if it is one, else untrained; and what to say of it."""
     if isinstance(model.network, ConductanceState) and isinstance(model.config.network, ConductanceNetwork):
         return model.config, model.network, "this model's own network, frozen"
     config = preset("paper")
@@ -119,7 +119,7 @@ def in_brian2(
 
 
 def brian2_peer(model: Model, queries: EncodedTraverse, limit: int, python: str | None = None) -> Peer:
-    """The reference network in Brian2 on the first ``limit`` queries; ``absent`` says why it did not run."""
+    """VPRSNN's network in Brian2 on the first ``limit`` queries; ``absent`` says why it did not run."""
     blank = Peer("brian2", "VPRSNN's network (Hussaini et al. 2022) in Brian2, one thread")
     chosen = python or interpreter()
     if chosen is None:

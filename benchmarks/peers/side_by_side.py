@@ -167,7 +167,7 @@ def section() -> tuple[str, EncodedTraverse, EncodedTraverse]:
 def all_peers(
     model: Model, queries: EncodedTraverse, truth: NDArray[np.bool_], brian2_queries: int = 3, **options: Any
 ) -> tuple[Peer, ...]:
-    """lava-vpr, SAD, cosine and VPRTempo in turns, then the reference network in Brian2 on a few queries.
+    """lava-vpr, SAD, cosine and VPRTempo in turns, then VPRSNN's network in Brian2 on a few queries.
 
     Args:
         model, queries, truth, options: As in `lava_vpr.bench.peers.run_peers`.
@@ -266,7 +266,7 @@ def main(
     peers_only: bool,
     json_file: Path | None,
 ) -> None:
-    """Time the reference network in Brian2 beside this project's engines, and every peer beside lava-vpr."""
+    """Time VPRSNN's network in Brian2 beside this project's engines, and every peer beside lava-vpr."""
     figures: dict[str, Any] = {}
     try:
         if not peers_only:
