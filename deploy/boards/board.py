@@ -16,17 +16,17 @@ class Board:
     """What a board holds; every number of a core unless said.
 
     Attributes:
-        name: As ``--target`` takes it.
-        title: For people.
+        name: The name that ``--target`` takes.
+        title: The name for people.
         chips: Chips of the board.
         cores: Neuron cores of a chip.
         tile_cores, columns, rows: Cores of a tile, and the mesh of tiles of a chip; None: not public.
         input_limit: What one neuron can receive in one step stays below, in weight units.
         shifts_sum: A negative weight exponent shifts the sum of the weights (Lava); else each weight (Loihi 1).
         compartments, axons_in, axons_out, synapse_words: Limits.
-        profiles, thresholds, formats: Distinct ones.
+        profiles, thresholds, formats: Distinct ones that a core can hold.
         weight_bits, index_bits: Widths that a stored synapse can have.
-        host_spikes: That the host sends to one chip in one step.
+        host_spikes: Spikes that the host can send to one chip in one step.
         clearing: How states return to 0 between two queries: ``reset`` by Lava's LIFReset, or ``writes`` of the chips'
             embedded processors.
         constants: Energies and times of its operations; None: none are public.

@@ -27,8 +27,8 @@ class Constant:
     """A constant of the cost model.
 
     Attributes:
-        name: Short, unique.
-        what: For people.
+        name: A short name, unique among the constants.
+        what: The constant in words, for people.
         unit: pJ, ns, us or mW.
         low, nominal, high: The value, as the two columns have it.
         source: The source in words, with doi; says which bound is whose, and what is an assumption.
@@ -44,11 +44,11 @@ class Constant:
 
     @property
     def estimate(self) -> Estimate:
-        """The three values."""
+        """The three values of the constant as an estimate."""
         return Estimate(self.low, self.nominal, self.high)
 
     def at(self, level: Level) -> float:
-        """The value at ``level``."""
+        """The constant's value at ``level``: low, nominal or high."""
         return float(getattr(self, level))
 
     def as_json(self) -> dict[str, Any]:

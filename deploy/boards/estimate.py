@@ -30,7 +30,7 @@ class Estimate:
         return Estimate(self.low * factor, self.nominal * factor, self.high * factor)
 
     def at(self, level: Level) -> float:
-        """The figure at ``level``."""
+        """The estimate's figure at ``level``: low, nominal or high."""
         return float(getattr(self, level))
 
     def as_json(self) -> dict[str, float]:

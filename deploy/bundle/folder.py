@@ -34,8 +34,8 @@ class Bundle:
     """A bundle that was read and found intact.
 
     Attributes:
-        path: Its folder.
-        manifest: What it says of itself.
+        path: The folder that it was read from.
+        manifest: What the bundle says of itself.
         files: Content of every file in the manifest, by its name relative to the folder.
     """
 
@@ -45,11 +45,11 @@ class Bundle:
 
     @property
     def target(self) -> str:
-        """Name of its board, a key of `lava_vpr.deploy.boards.board.BOARDS`."""
+        """The name of the bundle's board, a key of `lava_vpr.deploy.boards.board.BOARDS`."""
         return str(self.manifest["target"])
 
     def data(self, name: str) -> bytes:
-        """Content of a file.
+        """The content of the bundle's file ``name``, in bytes.
 
         Raises:
             BundleError: the bundle has none of that name.

@@ -52,8 +52,8 @@ class ChipLearning:
         phases: See `FoldedPhase`.
         start: Weights and thresholds; not changed.
         seeds: Lava's ``rng_seed`` of each epoch.
-        epochs, images, keys: Of each presentation in order: its epoch, the row of ``rates``, and its key.
-        rates: Of all reference images, uint16 (images, inputs), units of 2^-16.
+        epochs, images, keys: The epoch, the row of ``rates`` and the key of each presentation, in order.
+        rates: Rates of the inputs for all reference images, uint16 (images, inputs), units of 2^-16.
     """
 
     phases: tuple[FoldedPhase, ...]
@@ -151,7 +151,7 @@ def _phase_json(phase: FoldedPhase) -> dict[str, Any]:
 
 
 def _phase(described: Mapping[str, Any]) -> FoldedPhase:
-    """The inverse of `_phase_json`."""
+    """The phase that `_phase_json` wrote."""
     rule, host = described["learning_rule"], described["host"]
     products = tuple((int(mantissa), int(exponent)) for mantissa, exponent in rule["products"])
     chip = IntegerLearning(

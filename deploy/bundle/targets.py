@@ -23,7 +23,7 @@ class Target:
     """How bundles for one board are written, opened and run.
 
     Attributes:
-        name: Of the board.
+        name: The board's name.
         network_files: The files that hold the network of a plan, by name.
         network: The network of a bundle, rebuilt from these files alone.
         player: A simulation of a bundle, from these files alone.

@@ -51,14 +51,14 @@ class Modelled:
         dynamic_by_component: Microjoules of a query, clearing of states included, host I/O not.
         milliseconds: Time of a query on the chip: all its steps and the clearing of states.
         step_microseconds: Time of one step, mean over the steps.
-        static_millijoules: Energy that all chips and embedded processors draw during that time.
+        static_millijoules: Energy that all chips and embedded processors draw during ``milliseconds``.
         io_milliseconds_by_way: Time of the host's traffic for the query, apart: both input modes, the one in use first.
         io_microjoules_by_way: Dynamic energy on the chips that input takes, by input mode, the one in use first.
             Messages, input compartments and their settings of the mode in use are part of ``dynamic_by_component``; the
             other's are an estimate of what would stand there instead.
         wall_milliseconds: Time of a query if the host's traffic cannot overlap with another query: the longer of time
             on the chip and traffic of the mode in use.
-        wall_static_millijoules: Static energy during that.
+        wall_static_millijoules: Static energy during ``wall_milliseconds``.
         busiest: Whose part made a step that long, as share of the steps (nominal): ``receive`` or ``neurons``.
         busiest_core: What a step waits for: events of the core that has most of them, mean over the steps, by name.
         clearing: How states are cleared and what it takes: writes, microjoules, milliseconds; what rest would take.

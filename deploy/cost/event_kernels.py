@@ -186,7 +186,7 @@ def count_presentation(
     membranes: NDArray[np.int32],
     events: Counts,
 ) -> None:
-    """Adds the events of one presentation to ``events`` (all steps, K, kinds).
+    """Add the events of one presentation to ``events`` (all steps, K, kinds).
 
     Args:
         routes: The plan.

@@ -37,23 +37,23 @@ class EventCounts:
 
     Attributes:
         messages_in: Spikes that arrive, those of inputs included.
-        input_messages: Those of them that carry an input's spike. If inputs integrate a bias they are among
+        input_messages: The messages in that carry an input's spike. If inputs integrate a bias they are among
             ``messages_out`` of the inputs' cores, too; injected ones are not, no core of the plan sends them.
         operations_dense, operations_sparse: Synaptic operations by the format of the row that was met: all stored
             synapses of a dense row, the weights that are not 0 of a sparse one.
         updates, touched: Compartments updated, by two definitions; see the module.
-        spikes: Of compartments.
+        spikes: Spikes of compartments.
         messages_out: Spikes sent to cores, one message for each core that they go to, the own one included.
         read_outs: Spikes sent to the spike counters of the embedded processor (those of exc).
         crossings: Messages out to another chip.
         hops_east_west, hops_north_south: Tiles that messages out cross; 0 where the mesh is not public.
-        input_hops_east_west, input_hops_north_south: The same of input messages, by destination.
-        input_updates: Those of ``updates`` that are of input compartments.
+        input_hops_east_west, input_hops_north_south: Tiles that input messages cross, by destination.
+        input_updates: The ``updates`` of input compartments.
         accesses: Compartments mapped (a read-only view: the same in every step).
-        input_accesses: Those of them that are input compartments.
+        input_accesses: The accesses of input compartments.
         input_spikes, exc_spikes, inh_spikes: int64 (n, steps).
         injected: Whether input spikes are injected.
-        tiles: In use; None: the mesh is not public.
+        tiles: Tiles in use; None: the mesh is not public.
     """
 
     messages_in: Counts = field(repr=False)
@@ -81,7 +81,7 @@ class EventCounts:
 
     @property
     def queries(self) -> int:
-        """The number of queries."""
+        """The number of queries that were counted."""
         return int(self.updates.shape[0])
 
     @property
@@ -147,7 +147,7 @@ def routes(plan: Plan, entry: tuple[int, int] | None = None) -> Routes:
 
 
 def _ways(plan: Plan, entry: tuple[int, int] | None) -> tuple[Counts, Counts]:
-    """``ways`` and ``entry`` of `Routes`."""
+    """The tiles and crossings of all ways between the plan's cores: ``ways`` and ``entry`` of `Routes`."""
     board, count = plan.board, len(plan.cores)
     cores = np.array([(core.chip, core.core) for core in plan.cores], np.int64).reshape(-1, 2)
     ways, first = np.zeros((count, count, 3), np.int64), np.zeros((count, 2), np.int64)

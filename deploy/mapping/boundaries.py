@@ -128,7 +128,7 @@ def search(layers: Sequence[Integers], cost_of: CostOf, most: int) -> Integers |
 
 
 def _evenly(layer: Integers, most: int) -> Integers:
-    """At most ``most`` of ``layer``, evenly, its ends among them."""
+    """At most ``most`` boundaries of ``layer``, evenly spread, its ends among them."""
     if layer.size <= most:
         return layer
     return layer[np.unique(np.linspace(0, layer.size - 1, most).round().astype(np.int64))]

@@ -191,9 +191,9 @@ def with_relays(sizing: Sizing, bounds: Integers, relays: Integers) -> Layout | 
     """
     network, board = sizing.network, sizing.board
     words = limit_of(board.synapse_words)
-    stored = [
+    stored = [  # cores without neurons store no such rows
         choose_formats(sizing, int(first), int(end), words - int(relays_here))
-        for (first, end), relays_here in zip(pairwise(bounds), relays, strict=False)  # further cores store no such rows
+        for (first, end), relays_here in zip(pairwise(bounds), relays[: bounds.size - 1], strict=True)
     ]
     rows = tuple(core_rows for core_rows in stored if core_rows is not None)
     if len(rows) < len(stored):
@@ -236,10 +236,10 @@ def spread(each: Floats, axons: Integers, room: Integers, room_axons: Integers, 
     cores = list(zip(room.tolist(), room_axons.tolist(), busy.tolist(), strict=True))
 
     def below(level: float) -> Integers:
-        """As many inputs on each core, from the first on, as keep it within ``level``."""
+        """The number of inputs on each core: as many, from the first core on, as keep it within ``level``."""
         start, sizes = 0, []
-        for compartments, left, taken in cores:
-            end = min(start + compartments, bisect_right(axons_before, axons_before[start] + left) - 1)
+        for compartments, free_axons, taken in cores:
+            end = min(start + compartments, bisect_right(axons_before, axons_before[start] + free_axons) - 1)
             end = min(end, bisect_right(time_before, time_before[start] + level - taken) - 1)
             sizes.append(max(0, end - start))
             start += sizes[-1]

@@ -172,7 +172,7 @@ def _ranges_beside_their_relays(sizing: Sizing, cores: int) -> Integers | None:
         return sizing.relay_room(ranges, words, cores) >= ranges.size
 
     def with_sparse_inputs(first: int, ends: Integers) -> RangeCosts:
-        """Operations that the rows of a core's own relays add if they have to be dense."""
+        """The operations that the rows of a core's own relays add if they have to be dense."""
         ranges = sizing.ranges(first, ends)
         sparse = able(ranges, ranges.words_lateral_sparse)
         added = np.where(sparse | sizing.all_dense, 0.0, ranges.size * lateral_rate)
@@ -211,7 +211,7 @@ def _ranges_with_most_room(sizing: Sizing, cores: int) -> Integers | None:
     """The bounds with most room for relays; None if so few cores cannot hold the neurons."""
 
     def by_room(first: int, ends: Integers) -> RangeCosts:
-        """Room for relays, the most first."""
+        """The costs of ranges by which those with the most room for relays are the cheapest."""
         ranges = sizing.ranges(first, ends)
         room = np.minimum(sizing.relay_room(ranges, ranges.words_least, cores), sizing.network.neurons)
         return RangeCosts(room >= 0, -room.astype(np.float64), np.zeros(ends.size))

@@ -67,9 +67,9 @@ def _least_needs(sizing: Sizing, neurons: int) -> dict[str, int]:
     starts = range(sizing.network.neurons - neurons + 1)
     ranges = [sizing.range_of(first, first + neurons) for first in starts]
     return {
-        "axons_in": min(int(one.active[0]) for one in ranges) + sizing.relay_axons_of(neurons),
+        "axons_in": min(int(neurons_range.active[0]) for neurons_range in ranges) + sizing.relay_axons_of(neurons),
         "axons_out": 2 * neurons,
-        "synapse_words": min(int(one.words_least[0]) for one in ranges),
+        "synapse_words": min(int(neurons_range.words_least[0]) for neurons_range in ranges),
     }
 
 

@@ -256,7 +256,7 @@ class Sizing:
         return self.ranges(first, np.array([end]))
 
     def _ranges(self, first: int, ends: Integers) -> NeuronRanges:
-        """The same for few of ``ends``, as arrays of all kinds of inputs are made."""
+        """What `ranges` returns, for only so many ``ends`` as arrays of all kinds of inputs can be made for."""
         cumulated, members, _ = self._patterns
         size = ends - first
         counts = cumulated[ends] - cumulated[first]
@@ -322,7 +322,7 @@ class Sizing:
         return self.time_of(ranges, ranges.dense + more_dense, ranges.sparse + more_sparse, cores)
 
     def time_of(self, ranges: NeuronRanges, dense: Floats | float, sparse: Floats | float, cores: int) -> Floats:
-        """The same with ``dense`` and ``sparse`` synaptic operations in a step on each core, float64 (ranges,)."""
+        """Time in ns of a step with ``dense`` and ``sparse`` synaptic operations on each core, float64 (ranges,)."""
         spikes = ranges.size * self.spiking
         messages_out = 2 * spikes + (spikes * cores if self.inhibits else 0.0)
         messages_in = ranges.messages + self.relay_axons * self.spiking + spikes

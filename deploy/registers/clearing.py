@@ -1,4 +1,4 @@
-"""How each board comes to rest between two queries; `docs/network.md` has the contract, this is who fulfils it."""
+"""How each board comes to rest between two queries: the mechanisms that fulfil the contract in `docs/network.md`."""
 
 from __future__ import annotations
 

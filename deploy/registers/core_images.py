@@ -80,7 +80,7 @@ class HostTables:
 
 @dataclass(frozen=True)
 class _Memory:
-    """What a core receives.
+    """What a core receives: the rows of its memory, and the input axons that lead to them.
 
     Attributes:
         rows: The rows of its memory.
@@ -113,7 +113,7 @@ def _input_axons(network: FixedNetwork, neurons: NDArray[np.int64]) -> NDArray[n
 
 
 def _memory(plan: Plan, core: CorePlan) -> _Memory:
-    """What ``core`` receives.
+    """The rows of the memory of ``core``, and the input axons that lead to them.
 
     Rows stand in this order: of the inputs, ascending; one of all relays elsewhere; of its neurons' relays; to its
     relays.

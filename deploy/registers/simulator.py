@@ -52,7 +52,7 @@ Cores = tuple[tuple[int, int], ...]
 
 @dataclass(frozen=True)
 class Presented:
-    """What became of some presentations.
+    """What the chips made of some presentations: spikes and events.
 
     Attributes:
         counts: Spikes of each exc neuron, as the spike counters read them out, int32 (n, neurons).
@@ -237,7 +237,7 @@ class Chips:
         bias_input: bool,
         positions: NDArray[np.int64] | None = None,
     ) -> Chips:
-        """Chips that hold ``images``.
+        """The chips whose cores hold ``images``.
 
         Args:
             images: Images of all cores.
@@ -349,7 +349,7 @@ class Chips:
             state.v[self.inputs] = start_membranes(key, len(rates))
 
     def _sent(self, drawn: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-        """Input axons that ``drawn`` (steps, inputs) is injected into: first of each step, cores and axons."""
+        """The input axons that ``drawn`` (steps, inputs) is injected into: the first of each step, cores and axons."""
         source, core, axon = self.injection
         steps, inputs = np.nonzero(drawn)
         low, high = np.searchsorted(source, inputs), np.searchsorted(source, inputs, side="right")

@@ -28,7 +28,7 @@ def _widths(formats: Sequence[Format | None]) -> NDArray[np.int64]:
 
 @nb.njit(cache=True, inline="always")
 def _put(words: NDArray[np.uint64], at: int, value: int, bits: int) -> int:
-    """Or ``value`` into bits ``at`` and following; returns the position behind it."""
+    """Set ``value`` in the bits ``at`` and following, which are 0; returns the position behind it."""
     word, offset = at >> 6, at & 63
     words[word] |= np.uint64(value) << np.uint64(offset)
     if offset + bits > 64:
@@ -38,7 +38,7 @@ def _put(words: NDArray[np.uint64], at: int, value: int, bits: int) -> int:
 
 @nb.njit(cache=True, inline="always")
 def _get(words: NDArray[np.uint64], at: int, bits: int) -> Any:
-    """Bits ``at`` and following."""
+    """The value of the bits ``at`` and following."""
     word, offset = at >> 6, at & 63
     value = words[word] >> np.uint64(offset)
     if offset + bits > 64:

@@ -76,7 +76,7 @@ class Format:
 
     @property
     def bits(self) -> int:
-        """Bits of one synapse."""
+        """The bits that one synapse of this format takes."""
         return self.weight_bits + self.index_bits
 
     @property
@@ -126,7 +126,7 @@ class Rows:
 
     Attributes:
         starts: Row r holds synapses ``starts[r]`` to ``starts[r + 1] - 1``, int64 (rows + 1,).
-        compartments: Whom each synapse reaches, int32 (synapses,).
+        compartments: The compartment that each synapse reaches, int32 (synapses,).
         weights: Stored magnitudes, int32 (synapses,).
         formats: Format of each row, uint8 (rows,).
     """
@@ -205,7 +205,7 @@ class Formats(list[Format | None]):
     def rows(
         self, weights: NDArray[Any], compartments: NDArray[np.int64], dense: NDArray[np.bool_], form: Format
     ) -> Rows:
-        """Rows of ``weights`` (rows, compartments): all of it where ``dense``, else what is not 0.
+        """The rows of ``weights`` (rows, compartments): all weights where ``dense``, else those that are not 0.
 
         Args:
             weights: Magnitudes as they are to be stored.

@@ -49,7 +49,7 @@ class Outcome:
 
     Attributes:
         counts: int32 (n, neurons), -1 in rows that were not answered; or None.
-        done: bool (n,), which were.
+        done: Which presentations were answered, bool (n,).
         stage, error: Where and why it failed; empty if it did not.
         log: What it wrote, and NxSDK's traceback.
     """
@@ -145,7 +145,7 @@ def _present(
     timeout: float,
     advance: Callable[[int], None] | None,
 ) -> Outcome:
-    """Run the program once."""
+    """Run the bundle's host program once."""
     with tempfile.TemporaryDirectory(prefix="lava-vpr-") as folder:
         queries, out, log = Path(folder, "queries"), Path(folder, "out"), Path(folder, "log")
         queries.mkdir()

@@ -66,7 +66,7 @@ class _Mesh:
     columns: int
 
     def box(self, core: int) -> Box:
-        """The cell of ``core``."""
+        """The cell in which ``core`` is drawn."""
         if self.tile_cores is None:
             row, column = divmod(core, self.columns)
             return self.left + column * (self.cell + 4), self.top + row * (self.cell + 4), self.cell, self.cell
@@ -135,12 +135,12 @@ def _width(text: str, size: float) -> float:
 
 
 def _text(axes: Axes, x: float, y: float, text: str, size: float = 11, **style: Any) -> None:
-    """Text whose middle line is at ``y``."""
+    """Write ``text`` with its middle line at ``y``."""
     axes.text(x, y, text, fontsize=size, va="center_baseline", **{"ha": "left", **style})
 
 
 def _rectangle(axes: Axes, box: Box, colour: str, **style: Any) -> None:
-    """A filled rectangle."""
+    """Draw ``box`` as a filled rectangle."""
     left, top, width, height = box
     # Not add_patch, which works out the data's limits anew each time: they are fixed.
     axes.add_artist(Rectangle((left, top), width, height, **{"facecolor": colour, "linewidth": 0, **style}))
@@ -159,7 +159,7 @@ def _meshes(plan: Plan, top: float) -> list[_Mesh]:
 
 
 def _heading(axes: Axes, plan: Plan, words: list[str]) -> None:
-    """Title and summary."""
+    """Draw the title and the summary of the plan."""
     network = plan.network
     way = "with a bias" if network.bias_input else "with injected spikes"
     _text(axes, MARGIN, 36, plan.board.title, 20, weight="bold")
@@ -170,7 +170,7 @@ def _heading(axes: Axes, plan: Plan, words: list[str]) -> None:
 
 
 def _legend(axes: Axes, plan: Plan, y: float) -> None:
-    """What the colours mean."""
+    """Draw the legend, which says what the colours mean."""
     present = {part.population for core in plan.cores for part in core.parts if part.size}
     x = float(MARGIN)
 
@@ -202,7 +202,7 @@ def _memory(axes: Axes, box: Box, used: float) -> None:
 
 
 def _chip(axes: Axes, plan: Plan, chip: int, mesh: _Mesh) -> None:
-    """One chip: its tiles, unused cores pale, the others with what they hold."""
+    """Draw one chip: its tiles, unused cores pale, the others with what they hold."""
     board = plan.board
     used = {core.core: core for core in plan.cores if core.chip == chip}
     name = f"chip {chip}" if board.chips > 1 else "the chip"
@@ -221,7 +221,7 @@ def _chip(axes: Axes, plan: Plan, chip: int, mesh: _Mesh) -> None:
 
 
 def _outline(boxes: list[Box]) -> Outline:
-    """All of ``boxes`` as one path."""
+    """The outlines of all ``boxes`` as one path."""
     corners = [
         corner
         for left, top, width, height in boxes
@@ -238,7 +238,7 @@ def _outline(boxes: list[Box]) -> Outline:
 
 
 def _core(axes: Axes, plan: Plan, core: CorePlan, box: Box) -> None:
-    """A core in use: bands as high as its populations' shares, its number, and its synapse memory on the right."""
+    """Draw a core in use: a band as high as each population's share, its number, its synapse memory on the right."""
     left, top, width, height = box
     words = plan.board.synapse_words
     bar = 6.0 if words is not None else 0.0
@@ -272,7 +272,7 @@ def _cards_title(plan: Plan, cards: list[CorePlan]) -> str:
 
 
 def _limits(plan: Plan, core: CorePlan) -> list[tuple[str, int, int]]:
-    """What a core takes, of those limits that are public."""
+    """What a core takes of the limits that are public."""
     board, needs = plan.board, core.needs
     every = (
         ("compartments", needs.compartments, board.compartments),
@@ -284,7 +284,7 @@ def _limits(plan: Plan, core: CorePlan) -> list[tuple[str, int, int]]:
 
 
 def _card_height(plan: Plan, cards: list[CorePlan]) -> float:
-    """Height of a card that holds the most that any has to."""
+    """The height of a card that has room for the content of the fullest card."""
     parts = max(len([part for part in core.parts if part.size]) for core in cards)
     limits = len(_limits(plan, cards[0]))
     lines = limits if limits == _LIMITS else limits + 1  # a line says that others are not public
@@ -323,7 +323,7 @@ def _part(axes: Axes, part: Part, x: float, y: float) -> None:
 
 
 def _bar(axes: Axes, what: str, used: int, limit: int, box: Box) -> None:
-    """How much of a limit is in use; nearly all of it stands out."""
+    """Draw how much of a limit is in use; a bar of nearly all of it stands out."""
     left, y, width, height = box
     bar = (left + 92, y - height / 2, 64.0, height)
     full = min(1.0, used / limit)

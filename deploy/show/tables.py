@@ -29,7 +29,7 @@ def step_time(board: Board, core: CorePlan) -> str:
 
 
 def rows_of(plan: Plan, core: CorePlan) -> tuple[int | None, int | None]:
-    """How many rows of the inputs a core stores dense, and how many sparse; a row without any weight is not stored."""
+    """The numbers of inputs' rows that a core stores dense and sparse; a row without any weight is not stored."""
     if plan.board.synapse_words is None:
         return None, None
     exc = core.part("exc")
@@ -44,7 +44,7 @@ def share(used: int | None, limit: int | None) -> str:
 
 
 def _of(used: int | None, limit: int | None) -> str:
-    """``used`` and, if it is known, ``limit``."""
+    """The text of ``used`` and, if it is known, of ``limit``."""
     if used is None:
         return UNKNOWN
     return f"{used:,}" if limit is None else f"{used:,} of {limit:,}"
@@ -78,13 +78,13 @@ def core_table(plan: Plan, *, most: int = MOST_ROWS) -> Table:
 
 
 def _caption(plan: Plan) -> str:
-    """What the table's words mean."""
+    """The table's caption, which says what its words mean."""
     bits = _bits(plan.weight_bits)
     return f"row: the synapses of an input on a core, {bits} each, sparse ones with an index; a step: modelled time"
 
 
 def _bits(bits: int) -> str:
-    """``bits`` with its unit."""
+    """The number of ``bits`` with its unit, in words."""
     return f"{bits} bit" if bits == 1 else f"{bits} bits"
 
 
@@ -106,7 +106,7 @@ def _row(plan: Plan, core: CorePlan) -> list[str]:
 
 
 def _sum(values: Sequence[int | None]) -> int | None:
-    """The sum; None if a value is not known."""
+    """The sum of ``values``; None if one of them is not known."""
     known = [value for value in values if value is not None]
     return sum(known) if len(known) == len(values) else None
 

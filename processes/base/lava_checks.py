@@ -30,9 +30,9 @@ def require_lava() -> None:
     if not hasattr(os, "fork"):
         raise BackendUnavailableError(f"Lava starts its models by fork, which {sys.platform} lacks; use Linux or WSL")
     if tuple(sys.version_info[:2]) != PYTHON:
-        found = ".".join(map(str, sys.version_info[:3]))
+        running = ".".join(map(str, sys.version_info[:3]))
         raise BackendUnavailableError(
-            f"lava-nc {WANTED} needs Python 3.10, this is {found}; install lava-vpr under Python 3.10"
+            f"lava-nc {WANTED} needs Python 3.10, this is {running}; install lava-vpr under Python 3.10"
         )
     try:
         version = importlib.metadata.version("lava-nc")
@@ -47,7 +47,7 @@ def require_lava() -> None:
 
 
 def _loihi_installed() -> bool:
-    """As `lava.utils.loihi.is_installed`, also where Lava is absent."""
+    """Whether Lava's part for Loihi is installed: `lava.utils.loihi.is_installed`, also where Lava is absent."""
     try:
         return importlib.util.find_spec(LOIHI_MODULE) is not None
     except ModuleNotFoundError:

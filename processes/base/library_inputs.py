@@ -30,7 +30,7 @@ class LibraryBiasInputs:
     """
 
     def __init__(self, *, rates: NDArray[np.uint16], keys: NDArray[np.uint64], floating: bool = False) -> None:
-        """Make the compartments.
+        """Make the compartments and give them the bias and start membrane of the first presentation.
 
         Args:
             rates: Spikes a step in units of 2^-16, uint16 (n, inputs), n at least 1.
@@ -45,7 +45,7 @@ class LibraryBiasInputs:
         self.sent = 0
 
     def _values(self, presentation: int, steps_before: int = 0) -> dict[str, NDArray[Any]]:
-        """Vars ``steps_before`` steps before a presentation begins."""
+        """The values of the Vars ``steps_before`` steps before a presentation begins."""
         mantissa, exponent = biases(self.rates[presentation])
         v = start_membranes(int(self.keys[presentation]), self.rates.shape[1])
         v -= steps_before * (mantissa << exponent)

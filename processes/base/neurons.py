@@ -47,7 +47,7 @@ def check_state(name: str, value: NDArray[Any]) -> None:
 
 
 class LifProcess(CheckedProcess):
-    """Leaky integrate-and-fire neurons.
+    """A population of leaky integrate-and-fire neurons, the base of the Processes for exc and inh.
 
     Ports: ``a_in``, ``s_out`` (neurons,). Vars (neurons,): ``u``, ``v``, ``vth``, ``held`` (steps that a membrane still
     stays at 0), ``bias_mant``, ``bias_exp``; Vars (1,): ``du``, ``dv``, ``floor``, ``hold_steps``, ``theta_plus``.
@@ -70,7 +70,7 @@ class LifProcess(CheckedProcess):
         reset_interval: int = 0,
         **kwargs: Any,
     ) -> None:
-        """Make the population.
+        """Make the population: its ports, and its Vars with their first values.
 
         Args:
             shape: (neurons,).
@@ -89,7 +89,7 @@ class LifProcess(CheckedProcess):
         need(whole(hold_steps) and hold_steps >= 0, "hold_steps", hold_steps, "a whole number, at least 0")
         need(whole(reset_interval) and reset_interval >= 0, "reset_interval", reset_interval, "whole, at least 0")
         super().__init__(shape=shape, reset_interval=int(reset_interval), **kwargs)
-        given: dict[str, tuple[Any, int]] = {
+        first_values: dict[str, tuple[Any, int]] = {
             "du": (du, 1),
             "dv": (dv, 1),
             "floor": (NO_FLOOR if floor is None else floor, 1),
@@ -99,7 +99,7 @@ class LifProcess(CheckedProcess):
             "bias_mant": (bias_mant, n),
             "bias_exp": (bias_exp, n),
         }
-        init = {name: vector(name, value, size) for name, (value, size) in given.items()}
+        init = {name: vector(name, value, size) for name, (value, size) in first_values.items()}
         self.a_in = InPort(shape=shape)
         self.s_out = OutPort(shape=shape)
         for name in ("u", "v", "held"):
@@ -177,7 +177,7 @@ class LifModelFixed(PyLoihiProcessModel):
         self.ready = False
 
     def run_spk(self) -> None:
-        """Run one step."""
+        """Receive the input sums of one step, integrate them with `lif_step`, and send the spikes."""
         if not self.ready:
             self._prepare()
         drive = self.a_in.recv()
@@ -188,7 +188,7 @@ class LifModelFixed(PyLoihiProcessModel):
 
 
 class LifModelFloat(PyLoihiProcessModel):
-    """The same neurons in float64."""
+    """The neurons of `LifProcess` in float64: the equations without truncation, wrapping and clipping."""
 
     a_in: PyInPort = LavaPyType(PyInPort.VEC_DENSE, float)
     s_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, bool, precision=1)
@@ -221,7 +221,7 @@ class LifModelFloat(PyLoihiProcessModel):
         self.ready = False
 
     def run_spk(self) -> None:
-        """Run one step."""
+        """Receive the input sums of one step, integrate them in floating point, and send the spikes."""
         if not self.ready:
             self._prepare()
         drive = self.a_in.recv()

@@ -48,7 +48,7 @@ class BiasInputs(CheckedProcess):
         emitted: NDArray[np.int64] | None = None,
         **kwargs: Any,
     ) -> None:
-        """Make the compartments.
+        """Make the compartments, which send the spikes of all presentations one after another.
 
         Args:
             rates: Spikes a step in units of 2^-16, uint16 (n, inputs).

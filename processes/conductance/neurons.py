@@ -20,7 +20,7 @@ class ConductanceNeuron:
         ge_decay, gi_decay: Step over time constant of the excitatory and inhibitory conductance.
         rest, reset: Potential without input, and after a spike.
         threshold: A neuron spikes above ``(theta - offset) + threshold``.
-        offset: Taken from theta.
+        offset: Potential that is taken from theta.
         e_exc, e_inh: Reversal potentials.
         freeze: Steps from a spike to the first one in which the membrane moves again.
         refractory: Steps from a spike to the first one that may bring another.

@@ -56,7 +56,7 @@ class DenseSynapses(CheckedProcess):
         sign_mode: SignMode | str | None = None,
         **kwargs: Any,
     ) -> None:
-        """Make the synapses.
+        """Make the synapses with their weights and the format in which they are stored.
 
         Args:
             weights: (post, pre): whole numbers 0..255, -255..0 if inhibitory, -256..255 if mixed; or any floats for the

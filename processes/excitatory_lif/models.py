@@ -9,9 +9,9 @@ from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF
 
 @cpu_model(ExcitatoryLIF, "float")
 class PyExcitatoryLIFFloat(LifModelFloat):
-    """The neurons in float64."""
+    """The excitatory neurons in float64, without truncation, wrapping and clipping."""
 
 
 @cpu_model(ExcitatoryLIF, "fixed")
 class PyExcitatoryLIFFixed(LifModelFixed):
-    """The neurons in Loihi's integers, bit-accurate with Lava's LIF."""
+    """The excitatory neurons in Loihi's integers, bit-accurate with Lava's LIF."""

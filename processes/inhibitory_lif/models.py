@@ -9,9 +9,9 @@ from lava_vpr.processes.inhibitory_lif.process import InhibitoryLIF
 
 @cpu_model(InhibitoryLIF, "float")
 class PyInhibitoryLIFFloat(LifModelFloat):
-    """The neurons in float64."""
+    """The relays in float64, without truncation, wrapping and clipping."""
 
 
 @cpu_model(InhibitoryLIF, "fixed")
 class PyInhibitoryLIFFixed(LifModelFixed):
-    """The neurons in Loihi's integers, bit-accurate with Lava's LIF."""
+    """The relays in Loihi's integers, bit-accurate with Lava's LIF."""

@@ -15,7 +15,7 @@ class InhibitoryLIF(LifProcess):
     """
 
     def __init__(self, *, dv: float = NO_MEMORY_DECAY, vth: Any = 0, **kwargs: Any) -> None:
-        """Make the population.
+        """Make the population, by default of relays that any positive input makes spike.
 
         Args:
             dv: Decay of the membrane in units of 2^-12.

@@ -32,8 +32,8 @@ def _events(
 ) -> NDArray[np.int64]:
     """Synaptic operations, input, excitatory and inhibitory spikes of all presentations, int64 (4,)."""
     operations, inputs = exc + inh * (len(state.theta_mv) - 1), 0
-    for own, key in zip(rates, keys, strict=True):
-        spikes = draw_spikes(own, int(key), c.steps)
+    for image_rates, key in zip(rates, keys, strict=True):
+        spikes = draw_spikes(image_rates, int(key), c.steps)
         operations += _delivered(state.delays, spikes, c.total)
         inputs += int(spikes.sum())
     return np.array([operations, inputs, exc, inh])

@@ -60,7 +60,7 @@ class Clock:
         self._rows.append((float(presentations), began, time.monotonic()))
 
     def look(self) -> None:
-        """Note what is held; while Lava's processes are there."""
+        """Note how much memory is held, while Lava's processes are still there."""
         if self.wanted:
             self._held = memory.held_by_family() or 0
 
@@ -78,7 +78,7 @@ def network_of(arrays: Arrays, options: dict[str, Any]) -> FixedNetwork:
 
 
 def _begin(process: AbstractProcess, tag: str, board: bool) -> RunConfig | None:
-    """How to run the models ``tag``; None on a board, for which the network is compiled and started here.
+    """The way to run the models ``tag``; None on a board, for which the network is compiled and started here.
 
     Raises:
         BackendUnavailableError: a part of the network would run on the CPU instead of the board.
@@ -171,13 +171,13 @@ def across(source: OutPort, target: InPort, adapter: str | None) -> None:
 
 
 def input_spikes(rates: NDArray[np.uint16], keys: NDArray[np.uint64], steps: int) -> NDArray[np.int64]:
-    """How many spikes bias inputs send in all presentations, by their definition; int64 (inputs,).
+    """The number of spikes that each bias input sends in all presentations, by its definition; int64 (inputs,).
 
     For input compartments on a board, whose spikes do not leave it.
     """
     total = np.zeros(rates.shape[1], np.int64)
-    for own, key in zip(rates, keys, strict=True):
-        _, members = schedule(np.left_shift(*biases(own)), key, steps)
+    for image_rates, key in zip(rates, keys, strict=True):
+        _, members = schedule(np.left_shift(*biases(image_rates)), key, steps)
         total += np.bincount(members, minlength=len(total))
     return total
 
@@ -222,8 +222,8 @@ def _wired(network: PlaceNetwork | LibraryPlaceNetwork, arrays: Arrays, options:
         play(source, n, interval, tag, n, board=board, clock=clock)
         return result | clock.arrays()
     play_written(written, n, spec.steps, tag, board=board, clock=clock)
-    own = counts["inputs"].sum(axis=0) if "inputs" in counts else input_spikes(rates, keys, spec.steps)
-    return result | {"input_spikes": own.astype(np.int64)} | clock.arrays()
+    sent = counts["inputs"].sum(axis=0) if "inputs" in counts else input_spikes(rates, keys, spec.steps)
+    return result | {"input_spikes": sent.astype(np.int64)} | clock.arrays()
 
 
 def composed(arrays: Arrays, options: dict[str, Any]) -> Arrays:

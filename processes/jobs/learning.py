@@ -129,8 +129,8 @@ def folded(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> di
     trainer.begin_epoch(epoch)
     rates, keys, chip = arrays["rates"], arrays["keys"], trainer.phase.chip
     n, (inputs, neurons) = len(rates), state.weights.shape
-    given = trainer.begin(int(keys[0]))
-    start = IntegerState(given.weights, np.full(neurons, trainer.common, np.int32))
+    boundary = trainer.begin(int(keys[0]))
+    start = IntegerState(boundary.weights, np.full(neurons, trainer.common, np.int32))
     encoder = PoissonEncoder(rates=rates, keys=keys, steps=chip.steps)
     network = LibraryLearningNetwork(learning=chip, state=start, rng_seed=trainer.seeds[epoch])
     raster = shared_array((n, network.interval, neurons), np.uint8)
@@ -140,17 +140,17 @@ def folded(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> di
     config = Loihi2SimCfg(select_tag="fixed_pt", select_sub_proc_model=True)
     weights, traces = np.zeros((n, inputs, neurons), np.uint8), np.zeros((n, inputs), np.uint8)
     others = np.eye(neurons, dtype=np.int32) - 1
-    network.lateral_weights.init = given.mantissas[:, None] * others
+    network.lateral_weights.init = boundary.mantissas[:, None] * others
     try:
         for k in range(n):
             if k:
-                given = trainer.begin(int(keys[k]))
-                network.weights.set(given.weights.T.astype(np.int32))
-                network.lateral_weights.set((given.mantissas[:, None] * others).astype(np.int32))
+                boundary = trainer.begin(int(keys[k]))
+                network.weights.set(boundary.weights.T.astype(np.int32))
+                network.lateral_weights.set((boundary.mantissas[:, None] * others).astype(np.int32))
                 network.x1.set(np.zeros(inputs, np.int32))
             network.run(condition=RunSteps(num_steps=network.interval), run_cfg=config)
             weights[k], traces[k] = network.weights.get().T, network.x1.get()
-            trainer.end(given, weights[k], raster[k].sum(axis=0, dtype=np.int32))
+            trainer.end(boundary, weights[k], raster[k].sum(axis=0, dtype=np.int32))
             report(1)
     finally:
         network.stop()

@@ -30,7 +30,7 @@ class _LateralModel(PyLoihiProcessModel):
 
 @cpu_model(LateralInhibition, "float")
 class PyLateralInhibitionFloat(_LateralModel):
-    """The inhibition in float64."""
+    """The inhibition between neurons in float64, with any strength."""
 
     a_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, float)
     inhibition: NDArray[np.float64] = LavaPyType(np.ndarray, float)
@@ -39,7 +39,7 @@ class PyLateralInhibitionFloat(_LateralModel):
 
 @cpu_model(LateralInhibition, "fixed")
 class PyLateralInhibitionFixed(_LateralModel):
-    """The inhibition in Loihi's integers."""
+    """The inhibition between neurons in Loihi's integers."""
 
     a_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, np.int32, precision=24)
     inhibition: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=16)

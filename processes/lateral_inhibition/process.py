@@ -21,7 +21,7 @@ class LateralInhibition(CheckedProcess):
     """
 
     def __init__(self, *, shape: tuple[int, ...], inhibition: float, **kwargs: Any) -> None:
-        """Make the synapses.
+        """Make the synapses from every neuron to all others, with one inhibition.
 
         Args:
             shape: (neurons,).

@@ -28,7 +28,7 @@ class _OneToOneModel(PyLoihiProcessModel):
 
 @cpu_model(OneToOne, "float")
 class PyOneToOneFloat(_OneToOneModel):
-    """The synapses in float64."""
+    """The synapses from each neuron to its partner in float64, with any weight."""
 
     a_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, float)
     weight: NDArray[np.float64] = LavaPyType(np.ndarray, float)
@@ -37,7 +37,7 @@ class PyOneToOneFloat(_OneToOneModel):
 
 @cpu_model(OneToOne, "fixed")
 class PyOneToOneFixed(_OneToOneModel):
-    """The synapses in Loihi's integers."""
+    """The synapses from each neuron to its partner in Loihi's integers."""
 
     a_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, np.int16, precision=9)
     weight: NDArray[np.int16] = LavaPyType(np.ndarray, np.int16, precision=9)

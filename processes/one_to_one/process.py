@@ -21,7 +21,7 @@ class OneToOne(CheckedProcess):
     """
 
     def __init__(self, *, shape: tuple[int, ...], weight: float, **kwargs: Any) -> None:
-        """Make the synapses.
+        """Make the synapses, one for each neuron and all of one weight.
 
         Args:
             shape: (neurons,).

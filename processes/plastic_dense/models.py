@@ -19,7 +19,7 @@ from lava_vpr.processes.plastic_dense.process import PlasticDense, interval_of
 
 
 class PlasticModel(PyLoihiProcessModel):
-    """The base of both models runs a step; how they begin a presentation, sum, decay and learn is their own."""
+    """The base of both models runs a step; each begins presentations, sums, decays and learns in its arithmetic."""
 
     s_in: PyInPort = LavaPyType(PyInPort.VEC_DENSE, bool, precision=1)
     s_in_post: PyInPort = LavaPyType(PyInPort.VEC_DENSE, bool, precision=1)
@@ -36,7 +36,7 @@ class PlasticModel(PyLoihiProcessModel):
         self.records = {"weights": proc_params["record_weights"], "x1": proc_params["record_traces"]}
 
     def run_spk(self) -> None:
-        """Run one step."""
+        """Send the last step's sums, take this step's input and postsynaptic spikes, and learn from both."""
         image, step = divmod(self.time_step - 1, self.interval) if self.interval else (0, self.time_step - 1)
         learning = self.presentations == 0 or image < self.presentations
         if step == 0 and self.interval and learning:

@@ -61,7 +61,7 @@ class PlasticDense(CheckedProcess):
         record_traces: NDArray[Any] | None = None,
         **kwargs: Any,
     ) -> None:
-        """Make the connection.
+        """Make the synapses with their start weights, the rule and the presentations that they learn from.
 
         Args:
             weights: Start weights (neurons, inputs): 0..255, or 0..w_max with a `FloatRule`.

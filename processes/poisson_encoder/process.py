@@ -54,7 +54,7 @@ class PoissonEncoder(CheckedProcess):
         emitted: NDArray[np.int64] | None = None,
         **kwargs: Any,
     ) -> None:
-        """Make the encoder.
+        """Make the encoder of some presentations, which it sends one after another.
 
         Args:
             rates: Spike probabilities in units of 2^-16, uint16 (n, inputs).

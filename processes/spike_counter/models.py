@@ -24,7 +24,7 @@ class _CounterModel(PyLoihiProcessModel):
         self.shared, self.raster = proc_params["shared"], proc_params["raster"]
 
     def run_spk(self) -> None:
-        """Count this step's spikes."""
+        """Count the spikes of this step for the presentation that it belongs to, and record them if asked to."""
         spikes = np.flatnonzero(self.s_in.recv())
         image, step = divmod(self.time_step - 1, self.interval)
         if not len(spikes) or image >= self.presentations:

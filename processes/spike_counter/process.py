@@ -30,7 +30,7 @@ class SpikeCounter(CheckedProcess):
         raster: NDArray[np.uint8] | None = None,
         **kwargs: Any,
     ) -> None:
-        """Make the counter.
+        """Make the counter of one population's spikes in some presentations.
 
         Args:
             shape: (neurons,).

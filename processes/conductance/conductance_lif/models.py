@@ -33,7 +33,7 @@ class PyConductanceLIFFloat(PyLoihiProcessModel):
         self.interval: int = proc_params["interval"]
 
     def run_spk(self) -> None:
-        """Run one step: what arrives, states, thresholds, resets."""
+        """Run one step: receive what arrives, advance the states, send the spikes, reset the neurons that fired."""
         excited, inhibiting = self.g_e_in.recv(), -self.g_i_in.recv()
         if self.interval > 0 and (self.time_step - 1) % self.interval == 0:
             self._rest()
@@ -49,14 +49,14 @@ class PyConductanceLIFFloat(PyLoihiProcessModel):
         self.since_spike[fired] = 0
 
     def _rest(self) -> None:
-        """Begin a presentation."""
+        """Bring all states but theta to rest, as a presentation begins with them."""
         self.v[:] = self.neuron.rest
         self.ge[:] = 0.0
         self.gi[:] = 0.0
         self.since_spike[:] = READY
 
     def _step(self, n: ConductanceNeuron) -> np.ndarray:
-        """Advance all states by one step; which neurons spike, bool (neurons,)."""
+        """Advance all states by one step and return which neurons spike, bool (neurons,)."""
         self.since_spike += 1
         change = n.leak * ((n.rest - self.v) + self.ge * (n.e_exc - self.v) + self.gi * (n.e_inh - self.v))
         np.add(self.v, change, out=self.v, where=self.since_spike >= n.freeze)

@@ -80,7 +80,7 @@ class ConductancePlaceNetwork(AbstractProcess):
     """
 
     def __init__(self, *, state: ConductanceState, config: Config, learn: bool = False, **kwargs: Any) -> None:
-        """Make the network.
+        """Make the network with the weights, delays and thetas of ``state``.
 
         Args:
             state: Weights and delays (inputs, neurons), thetas (neurons,).

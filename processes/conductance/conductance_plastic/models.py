@@ -80,7 +80,7 @@ class PyConductancePlasticFloat(PyLoihiProcessModel):
         self.drive = np.zeros(shape[0])
 
     def run_spk(self) -> None:
-        """Send what arrived in the last step; then this step's arrivals, and after them its postsynaptic spikes."""
+        """Send what arrived in the last step, take what arrives in this one, and learn from its postsynaptic spikes."""
         step = (self.time_step - 1) % self.constants.total
         if step == 0:
             self._begin()
@@ -91,7 +91,7 @@ class PyConductancePlasticFloat(PyLoihiProcessModel):
         self._learn(step, np.flatnonzero(self.post_in.recv()))
 
     def _begin(self) -> None:
-        """Begin a presentation."""
+        """Begin a presentation: weights are normalised, traces and spikes on their way are lost."""
         normalise(self.weights, self.weight_sum)
         self.arrivals.clear()
         self.arrived[:] = NEVER

@@ -41,7 +41,7 @@ class ConductancePlastic(CheckedProcess):
         dt_ms: float,
         **kwargs: Any,
     ) -> None:
-        """Make the connection.
+        """Make the synapses with their start weights, their delays and the rule that they learn by.
 
         Args:
             weights: At the start, float64 (neurons, inputs), as in Lava's Dense.

@@ -54,7 +54,7 @@ class DelayedDense(AbstractProcess):
         interval: int = 0,
         **kwargs: Any,
     ) -> None:
-        """Make the connection.
+        """Make the synapses with their weights and delays.
 
         Args:
             weights: float64 (neurons, inputs), as in Lava's Dense.

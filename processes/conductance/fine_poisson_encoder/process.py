@@ -27,7 +27,7 @@ class FinePoissonEncoder(AbstractProcess):
         rest_steps: int = 0,
         **kwargs: Any,
     ) -> None:
-        """Make the encoder.
+        """Make the encoder of some presentations, which it sends one after another.
 
         Args:
             rates: Spike probabilities per step in units of 2^-32, uint32 (n, inputs).

@@ -45,7 +45,7 @@ class FusedPlaceNetwork(CheckedProcess):
         events: NDArray[np.int64] | None = None,
         **kwargs: Any,
     ) -> None:
-        """Make the network.
+        """Make the Process that presents all images to ``network``.
 
         Args:
             network: What to run.

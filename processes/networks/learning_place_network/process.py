@@ -39,14 +39,14 @@ class LearningPlaceNetwork(CheckedProcess):
         record_traces: NDArray[Any] | None = None,
         **kwargs: Any,
     ) -> None:
-        """Make the network.
+        """Make the network for one phase of learning.
 
         Args:
             learning: One phase of learning.
             state: Weights and thresholds at its start; not changed.
             keys, draws, record_weights, record_traces: See `lava_vpr.processes.plastic_dense.process.PlasticDense`.
         Raises:
-            NetworkLimitError: it could overflow Loihi's registers, or arrays do not fit each other.
+            NetworkLimitError: the network could overflow Loihi's registers, or arrays do not fit each other.
         """
         inputs, neurons = state.weights.shape
         learning.check(neurons)
@@ -79,7 +79,7 @@ class LearningPlaceNetwork(CheckedProcess):
         return self.learning.steps + SILENT_STEPS
 
     def raise_thresholds(self, counts: NDArray[np.int32]) -> None:
-        """What the host does after a presentation with ``late_theta``; the run must pause.
+        """Raise the thresholds as the host does after a presentation with ``late_theta``; the run must pause.
 
         Args:
             counts: Spikes of each neuron in that presentation, (neurons,).

@@ -43,14 +43,14 @@ class LibraryLearningNetwork(CheckedProcess):
     """
 
     def __init__(self, *, learning: IntegerLearning, state: IntegerState, rng_seed: int, **kwargs: Any) -> None:
-        """Make the network.
+        """Make the network for one presentation in one phase of learning.
 
         Args:
             learning: One phase of learning.
             state: Weights and (equal) thresholds at its start; not changed.
             rng_seed: Seed of Lava's random numbers for the traces.
         Raises:
-            NetworkLimitError: it could overflow Loihi's registers, or needs what the library lacks.
+            NetworkLimitError: the network could overflow Loihi's registers, or needs what the library lacks.
         """
         inputs, neurons = state.weights.shape
         learning.check(neurons)

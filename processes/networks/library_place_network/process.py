@@ -19,14 +19,14 @@ class LibraryPlaceNetwork(CheckedProcess):
     """
 
     def __init__(self, *, network: FixedNetwork, floating: bool = False, **kwargs: Any) -> None:
-        """Make the network.
+        """Make the network that Lava's library can hold of the spec ``network``.
 
         Args:
             network: What to run.
             floating: Wire it for a run with the tag ``floating_pt``: the library's floating-point models take decays as
                 fractions and ignore weight exponents, so one set of parameters cannot serve both.
         Raises:
-            NetworkLimitError: it could overflow Loihi's registers.
+            NetworkLimitError: the network could overflow Loihi's registers.
         """
         network.check()
         super().__init__(network=network, floating=floating, **kwargs)

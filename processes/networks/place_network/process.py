@@ -19,12 +19,12 @@ class PlaceNetwork(CheckedProcess):
     """
 
     def __init__(self, *, network: FixedNetwork, **kwargs: Any) -> None:
-        """Make the network.
+        """Make the network of the spec ``network``; its models wire the parts.
 
         Args:
             network: What to run.
         Raises:
-            NetworkLimitError: it could overflow Loihi's registers.
+            NetworkLimitError: the network could overflow Loihi's registers.
         """
         network.check()
         super().__init__(network=network, **kwargs)
