@@ -30,13 +30,13 @@ console = Console(highlight=False, width=110)
 
 
 def on_chip(model: Model) -> Model:
-    """What the network in a bundle of ``model`` learns."""
+    """The model that the network in a bundle of ``model`` learns."""
     bundle = Bundle(Path("memory"), {}, learning_files(model))
     return learned_on_chip(model, read_learning(bundle), cores())
 
 
 def figures(places: tuple[int, int], config: Config) -> dict[str, Metrics]:
-    """Each way to learn ``places``, by name."""
+    """The figures of each way to learn ``places``, by name."""
     whole = learn(places, config)
     models = {
         "float": whole,
@@ -50,7 +50,7 @@ def figures(places: tuple[int, int], config: Config) -> dict[str, Metrics]:
 @click.command()
 @click.option("--seeds", default="0,1,2", show_default=True, help="Seeds, separated by commas.")
 def main(seeds: str) -> None:
-    """Print the table."""
+    """Print recall by way of learning."""
     chosen = [int(seed) for seed in seeds.split(",")]
     rows = [figures(places, dataclasses.replace(preset("loihi"), seed=seed)) for places in SECTIONS for seed in chosen]
     table = Table(title=f"ways to learn, five sections, seeds {seeds}, percent", title_justify="left")

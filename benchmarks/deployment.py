@@ -33,7 +33,7 @@ console = Console(highlight=False, width=110)
 
 
 def row(places: int, queries: int, rounds: int) -> list[str]:
-    """Everything about a map of ``places``.
+    """The cells of the table's row for a map of ``places``: times and speeds.
 
     Raises:
         InputError: the simulation does not give the host's counts.
@@ -72,7 +72,7 @@ def row(places: int, queries: int, rounds: int) -> list[str]:
 @click.option("--queries", default=50, show_default=True, help="Real queries a round.")
 @click.option("--rounds", default=5, show_default=True, help="Rounds, of which the fastest counts.")
 def main(queries: int, rounds: int) -> None:
-    """Print the table."""
+    """Print how long deployments take and how fast their simulation runs."""
     table = Table(title="Kapoho Bay, default preset", title_justify="left")
     names = ("places", "cores", "partition s", "whole deploy s", "MB", "bundle steps/s", "host steps/s", "ratio")
     for name in names:

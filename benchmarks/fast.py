@@ -44,9 +44,9 @@ def case(places: Places, config: Config) -> Case:
     return Case(learn(places, config), queries, np.eye(len(queries), dtype=bool))
 
 
-def measure(one: Case, margins: Sequence[float] = (np.inf,)) -> list[Measurement]:
+def measure(asked: Case, margins: Sequence[float] = (np.inf,)) -> list[Measurement]:
     """Recall and modelled costs of a model as it stands, for each margin of early stopping."""
-    (run,) = runs_of([one], current(one.model), KAPOHO_BAY, cores())
+    (run,) = runs_of([asked], current(asked.model), KAPOHO_BAY, cores())
     return figures(run, margins)
 
 
@@ -58,14 +58,14 @@ def _table(title: str, first: str) -> Table:
     return table
 
 
-def _cells(one: Measurement | Candidate) -> list[str]:
-    m, steps = one.metrics, one.steps if isinstance(one, Measurement) else one.mean_steps
+def _cells(row: Measurement | Candidate) -> list[str]:
+    m, steps = row.metrics, row.steps if isinstance(row, Measurement) else row.mean_steps
     recall = (f"{100 * value:.1f}" for value in (m.recall_at_1, m.recall_at_100_precision, m.auc))
-    return [*recall, f"{one.microjoules:.3f}", f"{one.milliseconds:.4f}", f"{steps:.1f}"]
+    return [*recall, f"{row.microjoules:.3f}", f"{row.milliseconds:.4f}", f"{steps:.1f}"]
 
 
 def sections(config: Config, seeds: Sequence[int]) -> dict[tuple[Places, int], list[Measurement]]:
-    """Every section and seed, for no early stopping and then for each of `MARGINS`."""
+    """The figures of every section and seed, without early stopping and then with each of `MARGINS`."""
     return {
         (section, seed): measure(case(section, dataclasses.replace(config, seed=seed)), (np.inf, *MARGINS))
         for section in SECTIONS
@@ -74,62 +74,66 @@ def sections(config: Config, seeds: Sequence[int]) -> dict[tuple[Places, int], l
 
 
 def print_preset(name: str, seeds: Sequence[int]) -> None:
-    """A preset by part, seed and section, and what early stopping would bring."""
-    found = sections(preset(name), seeds)
+    """Print a preset's figures by part, seed and section, and what early stopping would bring."""
+    results = sections(preset(name), seeds)
     table = _table(f"preset {name}, sections of 100 places, seeds {', '.join(map(str, seeds))}", "places")
     for title, chosen in PARTS.items():
-        table.add_row(title, *_cells(mean([rows[0] for (section, _), rows in found.items() if section in chosen])))
+        table.add_row(title, *_cells(mean([rows[0] for (section, _), rows in results.items() if section in chosen])))
     for seed in seeds:
-        table.add_row(f"seed {seed}", *_cells(mean([rows[0] for (_, own), rows in found.items() if own == seed])))
+        rows = [rows[0] for (_, learned_with), rows in results.items() if learned_with == seed]
+        table.add_row(f"seed {seed}", *_cells(mean(rows)))
     for section in SECTIONS:
-        rows = [rows[0] for (own, _), rows in found.items() if own == section]
+        rows = [rows[0] for (places, _), rows in results.items() if places == section]
         table.add_row(f"{section[0]}:{section[1]}", *_cells(mean(rows)))
     table.add_section()
     for title, chosen in PARTS.items():
         for number, margin in enumerate(MARGINS, start=1):
-            rows = [rows[number] for (section, _), rows in found.items() if section in chosen]
+            rows = [rows[number] for (section, _), rows in results.items() if section in chosen]
             table.add_row(f"{title}, stopped at a lead of {margin:g}", *_cells(mean(rows)))
     console.print(table)
 
 
 def print_without(seeds: Sequence[int]) -> None:
-    """What the settings bring that the default lacks, and pruning by size."""
+    """Print what the settings bring that the default lacks, and pruning by size."""
     table = _table("preset fast with other settings, five sections", "other")
     for title, changes in WITHOUT.items():
         config = update(preset("fast"), changes)
-        found = [measure(case(s, dataclasses.replace(config, seed=seed)))[0] for s in SECTIONS for seed in seeds]
-        table.add_row(title, *_cells(mean(found)))
+        figures_of_all = [
+            measure(case(s, dataclasses.replace(config, seed=seed)))[0] for s in SECTIONS for seed in seeds
+        ]
+        table.add_row(title, *_cells(mean(figures_of_all)))
     console.print(table)
 
 
 def print_joined(seeds: Sequence[int]) -> None:
-    """All 500 places in one model, single images and sequences."""
+    """Print the figures of all 500 places in one model, single images and sequences."""
     table = _table("preset fast, places 0:500 in one model", "queries")
     lengths: dict[int, list[float]] = {5: [], 10: []}
-    found = []
+    single_images = []
     for seed in seeds:
-        one = case((0, 500), dataclasses.replace(preset("fast"), seed=seed))
-        found.append(measure(one)[0])
+        asked = case((0, 500), dataclasses.replace(preset("fast"), seed=seed))
+        single_images.append(measure(asked)[0])
         for length, recalls in lengths.items():
-            result = answer(one.model, (0, 500), sequence=length, rivals=())
+            result = answer(asked.model, (0, 500), sequence=length, rivals=())
             recalls.append(result.metrics[result.default].recall_at_1)
-    table.add_row("single images", *_cells(mean(found)))
+    table.add_row("single images", *_cells(mean(single_images)))
     for length, recalls in lengths.items():
-        table.add_row(f"sequences of {length}", f"{100 * np.mean(recalls):.1f}", *[""] * 5)
+        table.add_row(f"sequences of {length}", f"{100 * np.mean(recalls):.1f}")
     console.print(table)
 
 
 def print_front(seeds: Sequence[int], budget: int) -> None:
-    """The front of a search on 0:200, from preset ``fast`` on (what differs from it); early stopping apart."""
+    """Print the front of a search on 0:200, from preset ``fast`` on (what differs from it); early stopping apart."""
     configs = [dataclasses.replace(preset("fast"), seed=seed) for seed in seeds]
     cases = [case(section, config) for section in SECTIONS[:2] for config in configs]
-    found = search(cases, budget, retrain=False, threads=cores())
+    points = search(cases, budget, retrain=False, threads=cores())
     for stopping in (False, True):
-        rows = [one for one in found if one.front and ("stop_margin" in one.settings) == stopping]
-        table = _table(f"front on 0:200 of {budget} networks, with{'out' * (not stopping)} early stopping", "settings")
-        for one in sorted(rows, key=lambda one: one.microjoules):
-            words = ", ".join(f"{key} {value:g}" for key, value in one.settings.items())
-            table.add_row(one.chosen or words, *_cells(one))
+        rows = [point for point in points if point.front and ("stop_margin" in point.settings) == stopping]
+        way = "with early stopping" if stopping else "without early stopping"
+        table = _table(f"front on 0:200 of {budget} networks, {way}", "settings")
+        for point in sorted(rows, key=lambda point: point.microjoules):
+            words = ", ".join(f"{key} {value:g}" for key, value in point.settings.items())
+            table.add_row(point.chosen or words, *_cells(point))
         console.print(table)
 
 
@@ -138,7 +142,7 @@ def print_front(seeds: Sequence[int], budget: int) -> None:
 @click.option("--budget", type=int, default=40, help="Networks that the search on 0:200 tries.")
 @click.option("--joined/--no-joined", default=True)
 def main(seeds: str, budget: int, joined: bool) -> None:
-    """Print every table."""
+    """Print recall and modelled costs of preset ``fast``, a table for each question."""
     numbers = [int(seed) for seed in seeds.split(",")]
     print_preset("fast", numbers)
     print_preset("loihi", numbers[:1])

@@ -62,7 +62,7 @@ def matchers(model: Model, presentations: int) -> tuple[dict[str, Callable[[], M
 @click.option("--rounds", default=15, show_default=True)
 @click.option("--presentations", default=5000, show_default=True, help="Queries of a round, at least.")
 def main(name: str, rounds: int, presentations: int) -> None:
-    """Print queries per second."""
+    """Print the queries per second of every matcher."""
     model = learn(PLACES, preset(name))
     every, n = matchers(model, presentations)
     matches = {key: run() for key, run in every.items()}  # compiled now

@@ -70,7 +70,7 @@ def some_input(network: FixedNetwork, n: int) -> tuple[NDArray[np.uint16], NDArr
 
 
 def start_composed(network: FixedNetwork, n: int) -> tuple[Any, PlaceNetwork]:
-    """The Process to run, and the network behind it: our own six Processes."""
+    """The Process to run, and the network behind it, of our own six Processes."""
     rates, keys = some_input(network, n)
     encoder, composed = PoissonEncoder(rates=rates, keys=keys, steps=network.steps), PlaceNetwork(network=network)
     encoder.s_out.connect(composed.s_in)
@@ -78,19 +78,19 @@ def start_composed(network: FixedNetwork, n: int) -> tuple[Any, PlaceNetwork]:
 
 
 def start_library(network: FixedNetwork, n: int) -> tuple[Any, LIFReset]:
-    """The same from Lava's library: RingBuffer, Dense, LIF, Dense, LIF, Dense."""
+    """The Process to run, and the network behind it, of Lava's library: RingBuffer, Dense, LIF, Dense, LIF, Dense."""
     rates, keys = some_input(network, n)
     interval, neurons = network.steps + 3, network.neurons
     trains = draw_trains(rates, keys, network.steps, interval).astype(np.int32)
     weights, bits, exponent = network.stored
     reset = {"reset_interval": interval, "reset_offset": 1}
-    excitatory, one = {"sign_mode": SignMode.EXCITATORY}, np.eye(neurons, dtype=np.int64)
+    excitatory, diagonal = {"sign_mode": SignMode.EXCITATORY}, np.eye(neurons, dtype=np.int64)
     source = RingBuffer(data=trains.reshape(n * interval, -1).T)
     excite = Dense(weights=weights, num_weight_bits=bits, weight_exp=exponent, **excitatory)
     exc = LIFReset(shape=(neurons,), du=NO_MEMORY_DECAY, dv=network.decay, vth=network.threshold, **reset)
-    relay = Dense(weights=RELAY_WEIGHT * one, **excitatory)
+    relay = Dense(weights=RELAY_WEIGHT * diagonal, **excitatory)
     inh = LIFReset(shape=(neurons,), du=NO_MEMORY_DECAY, dv=NO_MEMORY_DECAY, vth=0, **reset)
-    inhibit = Dense(weights=network.lateral * (one - 1), sign_mode=SignMode.INHIBITORY)
+    inhibit = Dense(weights=network.lateral * (diagonal - 1), sign_mode=SignMode.INHIBITORY)
     source.s_out.connect(excite.s_in)
     connect(excite, exc, relay, inh, inhibit)
     return source, exc
@@ -137,7 +137,7 @@ def fused_and_host(arrays: Arrays, options: dict[str, Any]) -> Arrays:
     expected: list[NDArray[np.int32]] = []
 
     def host() -> None:
-        """As many batches, one after the other."""
+        """Present as many batches to the host engine, one after the other."""
         parts = [slice(start, start + batch) for start in range(0, n, batch)]
         expected[:] = [count_spikes(network, rates[part], keys[part])[0] for part in parts]
 
@@ -151,7 +151,7 @@ def fused_and_host(arrays: Arrays, options: dict[str, Any]) -> Arrays:
 
 
 def main() -> None:
-    """Print both comparisons."""
+    """Print how fast our networks in Lava run beside what they are held against."""
     table = Table("", "per second, median", "least .. most", "ratio of medians")
     options = {"rounds": ROUNDS, "batch": BATCH, "batches": BATCHES}
     for names, measure in (
@@ -161,8 +161,8 @@ def main() -> None:
         target = f"benchmarks.lava_speed:{measure.__name__}"
         rates = run_isolated(target, {}, options, timeout=TIMEOUT)["rates"]
         ratio = np.median(rates[0]) / np.median(rates[1])
-        for name, own, last in zip(names, rates, (f"{ratio:.2f}", ""), strict=True):
-            table.add_row(name, f"{np.median(own):,.0f}", f"{own.min():,.0f} .. {own.max():,.0f}", last)
+        for name, speeds, last in zip(names, rates, (f"{ratio:.2f}", ""), strict=True):
+            table.add_row(name, f"{np.median(speeds):,.0f}", f"{speeds.min():,.0f} .. {speeds.max():,.0f}", last)
     console.print(table)
 
 

@@ -34,7 +34,7 @@ console = Console(highlight=False, width=110)
 
 
 def shuffled(model: Model, places: tuple[int, int], seed: int) -> Recognition:
-    """The same queries in random order under new numbers, so with other noise."""
+    """Recognition of the winter images ``places`` in random order under new numbers, so with other noise."""
     order = np.random.default_rng(seed).permutation(np.arange(*places))
     queries = part(encoded("winter", model.config.encoder), order)
     queries = dataclasses.replace(queries, indices=np.arange(len(order)) + 100_000 * (seed + 1))
@@ -43,7 +43,7 @@ def shuffled(model: Model, places: tuple[int, int], seed: int) -> Recognition:
 
 
 def mean(results: Iterable[Metrics]) -> tuple[float, float, float]:
-    """Mean R@1, R@100P and AUC."""
+    """The means of R@1, R@100P and AUC."""
     rows = [(m.recall_at_1, m.recall_at_100_precision, m.auc) for m in results]
     a, b, c = np.mean(rows, axis=0)
     return float(a), float(b), float(c)
@@ -72,7 +72,7 @@ def _table(title: str) -> Table:
 
 
 def print_sections(config: Config, seeds: Sequence[int]) -> None:
-    """The main table: default decoder by part and seed, the other decoders, the baselines."""
+    """Print the main table: default decoder by part and seed, the other decoders, the baselines."""
     results = sections(config, seeds)
     table = _table(f"five sections of 100 places, preset {config.preset}, seeds {', '.join(map(str, seeds))}, percent")
     every = [r for rows in results.values() for r in rows]
@@ -93,7 +93,7 @@ def print_sections(config: Config, seeds: Sequence[int]) -> None:
 
 
 def print_shuffled(config: Config, seeds: Sequence[int]) -> None:
-    """Queries in order, and shuffled and renumbered."""
+    """Print recall of queries in order, and of the same ones shuffled and renumbered."""
     table = _table("queries shuffled and renumbered, five sections")
     models = [(s, learn(s, dataclasses.replace(config, seed=seed))) for s in SECTIONS for seed in seeds]
     name = config.decoder.default
@@ -104,7 +104,7 @@ def print_shuffled(config: Config, seeds: Sequence[int]) -> None:
 
 
 def print_joined(config: Config, seeds: Sequence[int]) -> None:
-    """All 500 places in one model."""
+    """Print recall of all 500 places in one model."""
     table = _table("places 0:500 in one model")
     collected: dict[str, list[Metrics]] = {}
     for seed in seeds:
@@ -122,7 +122,7 @@ def print_joined(config: Config, seeds: Sequence[int]) -> None:
 
 
 def print_bits(config: Config, seeds: Sequence[int]) -> None:
-    """Every width of the weights."""
+    """Print recall for every width of the weights."""
     table = _table("weight bits, five sections")
     for bits in range(1, 9):
         results = sections(update(config, {"network": {"weight_bits": bits}}), seeds)
@@ -131,7 +131,7 @@ def print_bits(config: Config, seeds: Sequence[int]) -> None:
 
 
 def print_learning(config: Config, seeds: Sequence[int]) -> None:
-    """Float learning beside learning in Loihi's integers, and every width of the weights after the latter."""
+    """Print recall of float learning beside learning in integers, and every width of the weights after the latter."""
     table = _table(f"arithmetic of learning, five sections, seeds {', '.join(map(str, seeds))}")
     integer = {"arithmetic": "integer"}
     variants: dict[str, dict[str, Any]] = {
@@ -148,7 +148,7 @@ def print_learning(config: Config, seeds: Sequence[int]) -> None:
 
 
 def print_inputs(config: Config, seeds: Sequence[int]) -> None:
-    """Every kind of input."""
+    """Print recall for every kind of input."""
     table = _table("input kinds, five sections")
     for kind in INPUTS:
         results = sections(update(config, {"encoder": {"kind": kind}}), seeds)
@@ -158,7 +158,7 @@ def print_inputs(config: Config, seeds: Sequence[int]) -> None:
 
 
 def with_input_mode(model: Model, mode: str) -> Model:
-    """The same weights with another way of input, responses measured that way; learning injects in any case."""
+    """The model with its weights and another input mode, responses measured in it; learning injects in any case."""
     config = update(model.config, {"network": {"input_mode": mode}})
     network = dataclasses.replace(integer_model(model, "--inputs").network, bias_input=mode == "bias")
     references = part(encoded("summer", config.encoder), model.place_indices)
@@ -167,7 +167,7 @@ def with_input_mode(model: Model, mode: str) -> Model:
 
 
 def print_input_modes(config: Config, seeds: Sequence[int]) -> None:
-    """Injected Poisson trains beside regular trains of compartments that integrate a bias."""
+    """Print recall with injected Poisson trains beside regular trains of compartments that integrate a bias."""
     sizes = {f"section {first}:{end}": (first, end) for first, end in SECTIONS} | {"0:500 in one model": (0, 500)}
     figures: dict[tuple[str, int, str], Metrics] = {}
     for name, places in sizes.items():
@@ -186,8 +186,8 @@ def print_input_modes(config: Config, seeds: Sequence[int]) -> None:
     for mode in INPUT_MODES:
         for name in (f"{mode} R@1", "R@100P", "AUC"):
             table.add_column(name, justify="right")
-    for name, (chosen, own) in rows.items():
-        values = [mean(figures[key, seed, mode] for key in chosen for seed in own) for mode in INPUT_MODES]
+    for name, (chosen, seeds_of_row) in rows.items():
+        values = [mean(figures[key, seed, mode] for key in chosen for seed in seeds_of_row) for mode in INPUT_MODES]
         table.add_row(name, *(f"{100 * value:.1f}" for three in values for value in three))
     console.print(table)
 

@@ -50,7 +50,7 @@ def cpu_flags() -> str:
 
 
 def main() -> None:
-    """Print the table."""
+    """Print how fast a section trains and a query is answered."""
     config = preset("loihi")
     summer, winter = encoded("summer", config.encoder), encoded("winter", config.encoder)
     section = part(summer, slice(0, 100))

@@ -317,7 +317,7 @@ PRESETS: dict[str, typing.Callable[[], Config]] = {"loihi": _loihi, "fast": _fas
 
 
 def preset(name: str) -> Config:
-    """The named preset's settings.
+    """The settings of the preset called ``name``.
 
     Raises:
         ConfigError: no preset has that name.

@@ -56,7 +56,7 @@ def pack(kind: str, header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]
 
 
 def save(path: Path, kind: str, header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write `pack` to ``path``.
+    """Write the container that `pack` makes to ``path``.
 
     Raises:
         ModelFileError: it cannot be written; what stood at ``path`` still does.

@@ -38,10 +38,10 @@ def integer_config(config: Config, purpose: str, path: Path | None = None) -> In
     Raises:
         ConfigError: the settings are those of the float conductance model.
     """
-    found = as_integer_config(config)
-    if found is None:
+    settings = as_integer_config(config)
+    if settings is None:
         raise not_integer(purpose, path)
-    return found
+    return settings
 
 
 def not_integer(purpose: str, path: Path | None = None) -> ConfigError:

@@ -70,12 +70,12 @@ class Model:
 
     @property
     def places(self) -> int:
-        """Number of places."""
+        """The number of places that the model knows."""
         return len(self.place_names)
 
     @property
     def neurons(self) -> int:
-        """Number of excitatory neurons, all stretches together."""
+        """The number of excitatory neurons, all stretches together."""
         return int(self.responses.shape[0])
 
     @property

@@ -63,11 +63,11 @@ class Registry(Mapping[str, Row], Generic[Row]):
         return row
 
     def remove(self, name: str) -> None:
-        """Take the row called ``name`` out again; the error of an unknown name as for ``registry[name]``."""
+        """Take the row called ``name`` out again; an unknown name is the same error as for ``registry[name]``."""
         del self._rows[self[name].name]
 
     def __getitem__(self, name: str) -> Row:
-        """The row called ``name``.
+        """The row that was registered under ``name``.
 
         Raises:
             LavaVprError: (of the class given as ``error``) no row has that name; the message lists the names there are.

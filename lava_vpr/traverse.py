@@ -102,7 +102,7 @@ class Traverse:
 
 
 def open_traverse(source: str | Path, *, places: tuple[int, int] | None = None, every: float = 1.0) -> Traverse:
-    """The traverse in ``source``:
+    """Open the traverse in ``source``, which is one of these:
 
     * a folder: its images by natural sort; hidden files, other types and subfolders are ignored;
     * a text file (.txt, .lst) with one path a line, or a CSV file with a column image, file, filename, path or name,

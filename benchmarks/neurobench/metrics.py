@@ -2,7 +2,7 @@
 
     LAVA_VPR_DATA=... python -m benchmarks.neurobench.metrics [--queries 20]
 
-`make neurobench` installs the package in an environment of its own; `benchmarks/neurobench_package.py` runs there, in a
+`make neurobench` installs the package in an environment of its own; `benchmarks/neurobench/package.py` runs there, in a
 process of its own, and builds the network again in torch. Its neurons must spike as ours do, and every metric be equal:
 counts exactly, fractions to the digits that the package rounds to.
 """
@@ -67,10 +67,10 @@ def compare(network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.u
         ended = run_child([PYTHON, PROGRAM, problem], seconds=1200)
     if ended.code:
         raise LavaRunError(f"neurobench failed: {ended.last}", ended.err)
-    found = json.loads(ended.out.strip().splitlines()[-1])
-    if not np.array_equal(np.array(found["counts"]), trains.exc.sum(axis=1, dtype=np.int64)):
+    answer = json.loads(ended.out.strip().splitlines()[-1])
+    if not np.array_equal(np.array(answer["counts"]), trains.exc.sum(axis=1, dtype=np.int64)):
         raise LavaRunError("the network built for neurobench spikes otherwise than ours", ended.err)
-    theirs = found["metrics"] | found["metrics"].pop("SynapticOperations")
+    theirs = answer["metrics"] | answer["metrics"].pop("SynapticOperations")
     return {name: (float(getattr(ours, name)), float(theirs[key])) for name, key in THEIRS.items()}
 
 
@@ -88,7 +88,7 @@ THEIRS = {
 
 
 def equal(pairs: dict[str, Pair]) -> bool:
-    """Whether all agree."""
+    """Whether our figure and neurobench's agree for every metric, within what the package rounds."""
     if set(pairs) != set(Workload.__dataclass_fields__):
         return False
     allowed = {"connection_sparsity": ROUNDED, "activation_sparsity": 1e-12}

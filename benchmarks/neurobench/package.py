@@ -1,4 +1,4 @@
-"""The network as the package neurobench sees it: python neurobench_package.py PROBLEM.npz (in its own environment).
+"""The network as the package neurobench sees it: python package.py PROBLEM.npz (in its own environment).
 
 Reads weights, numbers and input spikes (`benchmarks.neurobench.metrics` has the format), builds the network in torch
 with neurons of its own arithmetic, runs neurobench's benchmark on it, and prints metrics and spike counts as JSON.
@@ -33,7 +33,7 @@ class Neurons(snntorch.SpikingNeuron):
         self.keep, self.mem = float(4096 - decay), torch.zeros(1)
 
     def forward(self, drive: Tensor) -> tuple[Tensor, Tensor]:
-        """One step; spikes and membranes."""
+        """Advance the neurons by one step; returns their spikes and membranes."""
         u = drive * 64
         u = torch.where(u > LIMIT, u - 2 * LIMIT, torch.where(u <= -LIMIT, u + 2 * LIMIT, u))
         v = torch.sign(self.mem) * torch.floor(torch.abs(self.mem) * self.keep / 4096) + u
@@ -62,12 +62,12 @@ class Network(nn.Module):
         self.reset()
 
     def reset(self) -> None:
-        """Before a presentation."""
+        """Clear all states, as before a presentation."""
         self.drive = self.relayed = torch.zeros(self.batch, self.n)
         self.exc.mem = self.inh.mem = torch.zeros(self.batch, self.n)
 
     def forward(self, spikes: Tensor) -> tuple[Tensor, Tensor]:
-        """One step; synapses are given the spikes of this step and deliver them in the next."""
+        """Advance the network by one step; synapses are given the spikes of this step and deliver them in the next."""
         exc, mem = self.exc(self.drive)
         inh, _ = self.inh(self.relayed)
         self.drive = torch.floor(self.excite(spikes) / self.shift) - self.exponent * self.inhibit(inh)
@@ -77,7 +77,7 @@ class Network(nn.Module):
 
 
 class Stored(nn.Module):
-    """What is stored: one byte a weight, four a membrane."""
+    """The network as it is stored: one byte a weight, four a membrane."""
 
     def __init__(self, network: Network) -> None:
         super().__init__()
@@ -95,11 +95,11 @@ def measured(weights: np.ndarray, numbers: Numbers, spikes: np.ndarray) -> dict[
     loader = DataLoader(data, batch_size=len(spikes))
     workload = [ActivationSparsity, SynapticOperations, MembraneUpdates]
     with torch.no_grad():
-        found = Benchmark(SNNTorchModel(network), loader, [], [], [[], workload]).run(quiet=True)
+        metrics = Benchmark(SNNTorchModel(network), loader, [], [], [[], workload]).run(quiet=True)
         counts = network.counts.numpy().astype(int).tolist()
     stored = TorchModel(Stored(network))
-    found |= {metric.__name__: metric()(stored) for metric in (Footprint, ParameterCount, ConnectionSparsity)}
-    return {"metrics": found, "counts": counts}
+    metrics |= {metric.__name__: metric()(stored) for metric in (Footprint, ParameterCount, ConnectionSparsity)}
+    return {"metrics": metrics, "counts": counts}
 
 
 def main(path: str) -> None:

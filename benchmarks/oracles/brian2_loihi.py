@@ -26,7 +26,7 @@ with warnings.catch_warnings():
 
 
 def neurons(problem: Any, index: int) -> LoihiNeuronGroup:
-    """Population ``index``. It has one threshold, and neither bias nor floor."""
+    """Population ``index`` for brian2-loihi, with one threshold, and with neither bias nor floor."""
     size, du, dv, floor, hold = (int(x) for x in problem["populations"][index])
     thresholds = np.unique(problem[f"threshold_{index}"])
     if len(thresholds) > 1 or problem[f"bias_{index}"].any() or floor != -(1 << 23):
@@ -90,7 +90,7 @@ def run(problem: Any) -> dict[str, np.ndarray]:
 
 
 def main(folder: str) -> None:
-    """Every problem of ``folder``."""
+    """Run every problem of ``folder`` and write its result beside it."""
     brian2.prefs.codegen.target = "numpy"  # compiling each network's constants takes longer than running it
     for path in sorted(Path(folder).glob("*.problem.npz")):
         with np.load(path, allow_pickle=False) as problem:

@@ -202,15 +202,15 @@ def group_table(simulator: str, verdicts: Sequence[Verdict]) -> Table:
     columns = ("networks", "at limits", "spikes", "differ", "membranes", "differ", "unexplained")
     table = _table(f"{simulator}: spikes and membranes", "", *columns)
     for group in dict.fromkeys(v.case.group for v in verdicts):
-        own = [v for v in verdicts if v.case.group == group]
+        members = [v for v in verdicts if v.case.group == group]
         figures = (
-            len(own),
-            sum(reaches_limits(v.case.problem, v.case.expected) for v in own),
-            sum(int(v.case.expected.spikes.sum()) for v in own),
-            sum(v.spikes for v in own),
-            sum(v.case.expected.v.size for v in own),
-            sum(v.membranes for v in own),
-            sum(v.rules is None for v in own),
+            len(members),
+            sum(reaches_limits(v.case.problem, v.case.expected) for v in members),
+            sum(int(v.case.expected.spikes.sum()) for v in members),
+            sum(v.spikes for v in members),
+            sum(v.case.expected.v.size for v in members),
+            sum(v.membranes for v in members),
+            sum(v.rules is None for v in members),
         )
         table.add_row(group, *(f"{figure:,}" for figure in figures))
     return table
@@ -221,8 +221,9 @@ def rule_table(simulator: str, verdicts: Sequence[Verdict]) -> Table:
     table = _table(f"{simulator}: what differs, by the fewest rules that reproduce it", "", *RULE_COLUMNS)
     differing = [v for v in verdicts if v.spikes or v.membranes]
 
-    def row(name: str, own: Sequence[Verdict], *needed: int) -> None:
-        figures = (len(own), sum(v.spikes for v in own), sum(v.membranes for v in own), *needed)
+    def row(name: str, explained: Sequence[Verdict], *needed: int) -> None:
+        spikes, membranes = sum(v.spikes for v in explained), sum(v.membranes for v in explained)
+        figures = (len(explained), spikes, membranes, *needed)
         table.add_row(name, *(f"{figure:,}" for figure in figures))
 
     for rule in RULES[simulator]:
@@ -235,20 +236,20 @@ def rule_table(simulator: str, verdicts: Sequence[Verdict]) -> Table:
 
 def failures(verdicts: Iterable[Verdict]) -> list[str]:
     """What must not be: silent networks, our plain arithmetic apart from the engine, differences without a reason."""
-    found = []
+    lines = []
     for v in verdicts:
         if not v.case.expected.spikes.any():
-            found.append(f"{v.case.problem.name}: no spike, so nothing was compared")
+            lines.append(f"{v.case.problem.name}: no spike, so nothing was compared")
         if literal(v.case.problem).differs(v.case.expected):
-            found.append(f"{v.case.problem.name}: the plain arithmetic differs from the engine")
+            lines.append(f"{v.case.problem.name}: the plain arithmetic differs from the engine")
         if v.rules is None:
             where = "in common arithmetic" if v.case.common else "that no rules explain"
-            found.append(f"{v.case.problem.name}: {v.spikes} spikes and {v.membranes} membranes differ {where}")
-    return found
+            lines.append(f"{v.case.problem.name}: {v.spikes} spikes and {v.membranes} membranes differ {where}")
+    return lines
 
 
 def compare(simulator: str, networks: int, queries: int) -> list[Verdict]:
-    """Everything for one simulator."""
+    """The verdicts on every network that one simulator is asked about."""
     cases = random_cases(simulator, networks) + inference_cases(simulator, queries)
     started = time.perf_counter()
     answers = ask(simulator, [case.problem for case in cases])
@@ -265,17 +266,17 @@ def main(networks: int, queries: int, only: str | None) -> None:
     if queries and not os.environ.get("LAVA_VPR_DATA"):
         console.print("no real queries: LAVA_VPR_DATA does not name the images")
         queries = 0
-    found = []
+    failed = []
     for simulator in [only] if only else list(RULES):
         try:
             verdicts = compare(simulator, networks, queries)
         except LavaVprError as error:
             raise click.ClickException(str(error)) from None
         console.print(group_table(simulator, verdicts), rule_table(simulator, verdicts), LEGEND, sep="\n")
-        found += [f"{simulator}, {line}" for line in failures(verdicts)]
-    for line in found:
+        failed += [f"{simulator}, {line}" for line in failures(verdicts)]
+    for line in failed:
         console.print(line)
-    if found:
+    if failed:
         raise SystemExit(1)
     console.print("every spike and membrane is equal, or differs by a named rule")
 

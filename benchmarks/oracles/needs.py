@@ -117,7 +117,7 @@ def ask(problems: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def problems(plan: Plan) -> list[dict[str, Any]]:
-    """Every core of a plan."""
+    """Every core of a plan as the oracle takes it."""
     pairs = zip(plan.cores, core_images(plan), strict=True)
     return [problem(plan, core, image.registers, image.compartments) for core, image in pairs]
 
@@ -125,9 +125,9 @@ def problems(plan: Plan) -> list[dict[str, Any]]:
 def differences(core: CorePlan, theirs: dict[str, Any]) -> list[str]:
     """The counts of a core that differ, or why nengo-loihi refuses it."""
     where, ours = f"chip {core.chip} core {core.core}", planned(core)
-    found = [f"{where}: refused by nengo-loihi: {theirs['error']}"] if theirs["error"] else []
+    refusals = [f"{where}: refused by nengo-loihi: {theirs['error']}"] if theirs["error"] else []
     wrong = [name for name in COUNTED if ours[name] != theirs.get(name)]
-    return found + [f"{where}: {name} {ours[name]}, nengo-loihi {theirs.get(name)}" for name in wrong]
+    return refusals + [f"{where}: {name} {ours[name]}, nengo-loihi {theirs.get(name)}" for name in wrong]
 
 
 def random_network(seed: int) -> FixedNetwork:
@@ -191,11 +191,11 @@ def main(count: int, real: bool) -> None:
     cores = [(name, core, made) for name, plan in plans for core, made in zip(plan.cores, problems(plan), strict=True)]
     *answers, refused = ask([made for _, _, made in cores] + [too_large()])
     for name in dict.fromkeys(name for name, _ in plans):
-        own = [(core, theirs) for (label, core, _), theirs in zip(cores, answers, strict=True) if label == name]
-        wrong = [line for core, theirs in own for line in differences(core, theirs)]
+        pairs = [(core, theirs) for (label, core, _), theirs in zip(cores, answers, strict=True) if label == name]
+        wrong = [line for core, theirs in pairs for line in differences(core, theirs)]
         failed += [f"{name}: {line}" for line in wrong]
-        most = max((core.needs.synapse_words or 0) * WORD_BITS for core, _ in own)
-        figures = (len(own), len(own) * len(COUNTED), len(wrong), most)
+        most = max((core.needs.synapse_words or 0) * WORD_BITS for core, _ in pairs)
+        figures = (len(pairs), len(pairs) * len(COUNTED), len(wrong), most)
         table.add_row(name, *(f"{figure:,}" for figure in figures))
     console.print(table)
     refusal = refused["error"] or "nothing"

@@ -85,7 +85,7 @@ def run(problem: Any) -> dict[str, np.ndarray]:
 
 
 def main(folder: str) -> None:
-    """Every problem of ``folder``."""
+    """Run every problem of ``folder`` and write its result beside it."""
     warnings.simplefilter("ignore")  # each overflow and each lost bit; both show in the result
     for path in sorted(Path(folder).glob("*.problem.npz")):
         with np.load(path, allow_pickle=False) as problem:

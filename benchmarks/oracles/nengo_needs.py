@@ -81,7 +81,7 @@ def groups(problem: Any) -> list[Synapse]:
 
 
 def needs(problem: Any) -> dict[str, Any]:
-    """What nengo-loihi's own functions say."""
+    """The needs of a core as nengo-loihi's own functions count them."""
     size = int(problem["compartments"])
     block = LoihiBlock(size)
     registers = block.compartment
@@ -95,7 +95,7 @@ def needs(problem: Any) -> dict[str, Any]:
         axon = Axon(int(count))
         axon.target = SimpleNamespace(pop_type=0)  # synapses on another core, of single axons
         block.add_axon(axon)
-    found: dict[str, Any] = {"error": None}
+    validated: dict[str, Any] = {"error": None}
     try:
         validate_block(block)
         board = Board()
@@ -103,11 +103,11 @@ def needs(problem: Any) -> dict[str, Any]:
         Allocator().block_to_new_core(block, chip)
         core = chip.cores[0]
         validate_core(core)
-        found["profiles"], found["thresholds"] = len(core.compartment_cfgs), len(core.vth_cfgs)
+        validated["profiles"], validated["thresholds"] = len(core.compartment_cfgs), len(core.vth_cfgs)
     except (BuildError, AssertionError) as error:
-        found["error"] = str(error) or type(error).__name__
+        validated["error"] = str(error) or type(error).__name__
     formats = {tuple(getattr(group.synapse_cfg, name) for name in SynapseConfig.params) for group in block.synapses}
-    return found | {
+    return validated | {
         "compartments": size,
         "axons_in": sum(group.n_axons for group in block.synapses),
         "axons_out": sum(axon.axon_slots() for axon in block.axons),
@@ -117,11 +117,11 @@ def needs(problem: Any) -> dict[str, Any]:
 
 
 def main(folder: str) -> None:
-    """Every core of ``folder``."""
+    """Count what every core of ``folder`` needs and write it beside the core."""
     for path in sorted(Path(folder).glob("*.core.npz")):
         with np.load(path, allow_pickle=False) as problem:
-            found = needs(problem)
-        path.with_name(path.name.replace(".core.npz", ".needs.json")).write_text(json.dumps(found))
+            counted = needs(problem)
+        path.with_name(path.name.replace(".core.npz", ".needs.json")).write_text(json.dumps(counted))
 
 
 if __name__ == "__main__":

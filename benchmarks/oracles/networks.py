@@ -74,7 +74,7 @@ def _weights(rng: np.random.Generator, shape: tuple[int, int], c: Connection, st
     if style.strong:
         size[rng.random(shape) < 0.1] = 255
     if not style.rough:
-        drop = 8 - c.bits + (c.sign == MIXED)
+        drop = 8 - c.bits + (1 if c.sign == MIXED else 0)
         unit = 1 << min(7, max(drop, -c.exponent))
         size = size // unit * unit
     if c.sign == EXCITATORY:
@@ -116,7 +116,7 @@ def _population(rng: np.random.Generator, dialect: Dialect, style: Style) -> Pop
 
 
 def _lively(problem: Problem, result: Result) -> bool:
-    """Every population spikes, and no more than in 40 % of its steps."""
+    """Whether every population spikes, and no more than in 40 % of its steps."""
     ends = np.cumsum([p.size for p in problem.populations])
     films = np.split(result.spikes, ends[:-1], axis=2)
     return all(film.sum() >= 5 and film.mean() <= 0.4 for film in films)
@@ -138,8 +138,8 @@ def _candidate(rng: np.random.Generator, name: str, dialect: Dialect, style: Sty
         tuned = []
         for p in populations:
             middle = THRESHOLD_LIMIT ** rng.uniform(0.2, 1.0)
-            own = middle * rng.uniform(0.7, 1.3, p.size) if dialect.bias else np.full(p.size, middle)
-            tuned.append(replace(p, threshold=own.astype(np.int64).clip(0, THRESHOLD_LIMIT - 1)))
+            thresholds = middle * rng.uniform(0.7, 1.3, p.size) if dialect.bias else np.full(p.size, middle)
+            tuned.append(replace(p, threshold=thresholds.astype(np.int64).clip(0, THRESHOLD_LIMIT - 1)))
         problem = Problem(name, spikes, tuple(tuned), tuple(connections))
         result = engine_result(problem)
         if _lively(problem, result):
@@ -164,28 +164,28 @@ def random_networks(
 
     Args:
         simulator: Key of `DIALECTS`.
-        count: How many.
+        count: How many networks.
         common: Within what the simulator shares with us, or beyond it.
         limits: Only networks in which a current wraps or a membrane is clipped.
-        seed: Of everything drawn.
+        seed: The seed of everything drawn.
     Raises:
         InputError: no such networks are found.
     """
     rng = np.random.default_rng([seed, list(DIALECTS).index(simulator), common, limits])
-    found: list[tuple[Problem, Result]] = []
+    networks: list[tuple[Problem, Result]] = []
     for trial in range(200 * (count + 1)):
-        if len(found) == count:
-            return found
+        if len(networks) == count:
+            return networks
         style = Style(not common and trial % 3 != 0, limits or (not common and trial % 3 != 1))
-        name = f"random {'common' if common else 'beyond'}{' limits' if limits else ''} {len(found)}"
+        name = f"random {'common' if common else 'beyond'}{' limits' if limits else ''} {len(networks)}"
         made = _candidate(rng, name, DIALECTS[simulator], style)
         if made is None or is_common(*made, simulator) != common or (limits and not reaches_limits(*made)):
             continue
-        found.append(made)
-    raise InputError(f"{simulator}: only {len(found)} of {count} random networks found; ask for fewer")
+        networks.append(made)
+    raise InputError(f"{simulator}: only {len(networks)} of {count} random networks found; ask for fewer")
 
 
 def edge_networks() -> list[tuple[Problem, Result]]:
-    """Currents of exactly +-2^23."""
+    """Networks whose currents reach exactly +-2^23."""
     problems = [edge_problem("current of 2^23", 1), edge_problem("current of -2^23", -1)]
     return [(problem, engine_result(problem)) for problem in problems]

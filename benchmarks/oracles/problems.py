@@ -47,7 +47,7 @@ class Population:
 
     @property
     def size(self) -> int:
-        """Number of neurons."""
+        """The number of neurons in this population."""
         return len(self.threshold)
 
 
@@ -74,7 +74,7 @@ class Problem:
 
     @property
     def neurons(self) -> int:
-        """Neurons of all populations."""
+        """The number of neurons in all populations."""
         return sum(population.size for population in self.populations)
 
 
@@ -86,7 +86,7 @@ class Result:
     v: NDArray[np.int32]
 
     def differs(self, other: Result) -> bool:
-        """Whether one spike or membrane is another."""
+        """Whether any spike or membrane of ``other`` is not the same as here."""
         return not (np.array_equal(self.spikes, other.spikes) and np.array_equal(self.v, other.v))
 
 
@@ -130,17 +130,17 @@ def inference_problem(name: str, network: FixedNetwork, rates: NDArray[np.uint16
         keys: Key of each presentation, uint64 (n,).
     """
     spikes = np.zeros((len(rates), network.steps + SILENT_STEPS, network.inputs), bool)
-    for image, (own, key) in enumerate(zip(rates, keys, strict=True)):
-        spikes[image, : network.steps] = draw_spikes(own, int(key), network.steps)
+    for image, (image_rates, key) in enumerate(zip(rates, keys, strict=True)):
+        spikes[image, : network.steps] = draw_spikes(image_rates, int(key), network.steps)
     n, zeros = network.neurons, np.zeros(network.neurons, np.int64)
     exc = Population(4095, network.decay, np.full(n, network.threshold, np.int64), zeros)
     inh = Population(4095, 4095, zeros, zeros)
-    own = np.eye(n, dtype=np.int64)
+    diagonal = np.eye(n, dtype=np.int64)
     weights = network.weights.astype(np.int64) << (8 - network.bits)
     connections = (
         Connection(INPUTS, 0, weights, network.bits, network.bits - 8 - network.shift),
-        Connection(0, 1, 2 * own),
-        Connection(1, 0, -network.inhibition * (1 - own), 8, network.inhibition_exponent, INHIBITORY),
+        Connection(0, 1, 2 * diagonal),
+        Connection(1, 0, -network.inhibition * (1 - diagonal), 8, network.inhibition_exponent, INHIBITORY),
     )
     return Problem(name, spikes, (exc, inh), connections)
 

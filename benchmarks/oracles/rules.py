@@ -58,7 +58,7 @@ def complement(x: Whole, bits: int) -> Whole:
 
 def synapse_weights(c: Connection, rules: frozenset[str]) -> tuple[Whole, int]:
     """What is added up for a spike (pre, post), and the exponent by which the sum is shifted then."""
-    drop = 8 - c.bits + (c.sign == MIXED)
+    drop = 8 - c.bits + (1 if c.sign == MIXED else 0)
     unit, highest = 1 << drop, (1 << (8 - drop)) - 1
     if WEIGHTS_ROUNDED in rules:
         steps = np.rint(c.weights / unit).astype(np.int64).clip(-highest, highest)
@@ -113,10 +113,10 @@ def literal(problem: Problem, rules: Iterable[str] = ()) -> Result:
         u, v, held = ([np.zeros(p.size, np.int64) for p in problem.populations] for _ in range(3))
         for step in range(steps):
             drive = [np.zeros(p.size, np.int64) for p in problem.populations]
-            for c, (own, exponent) in zip(problem.connections, weights, strict=True):
+            for c, (added, exponent) in zip(problem.connections, weights, strict=True):
                 source = problem.spikes if c.source == INPUTS else film[c.source]
                 if step > 0:
-                    total = own[source[k, step - 1]].sum(axis=0)
+                    total = added[source[k, step - 1]].sum(axis=0)
                     drive[c.target] += total << exponent if exponent > 0 else total >> -exponent
             for i, p in enumerate(problem.populations):
                 u[i] = _current(u[i], drive[i], p, chosen)

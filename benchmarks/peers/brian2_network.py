@@ -132,7 +132,7 @@ class Brian2Network:
         self.synapses.w = (weights * (self.weight_sum / weights.sum(axis=0))).ravel()
 
     def _run(self) -> NDArray[np.int64]:
-        """Input, then rest, as one presentation; spikes of the part with input."""
+        """Run one presentation, input and then rest; returns the spike counts of the part with input."""
         before = np.array(self.monitor.count)
         self.net.run(self.steps * self.dt, namespace=self.namespace)
         counts = np.array(self.monitor.count) - before
@@ -151,7 +151,7 @@ class Brian2Network:
         return counts, time.perf_counter() - start
 
     def present_spikes(self, when: NDArray[np.int32], sources: NDArray[np.int32]) -> tuple[NDArray[np.int64], float]:
-        """The same with given input spikes (steps and inputs, as `draw_spikes` returns them), from rest."""
+        """Show an image from rest with these input spikes (steps and inputs, as `draw_spikes` returns them)."""
         start = time.perf_counter()
         if self.learn:
             self._normalise()
@@ -162,7 +162,7 @@ class Brian2Network:
 
 
 def _namespace(network: ConductanceNetwork, learning: ConductanceLearning) -> dict[str, Any]:
-    """What the equations refer to."""
+    """The constants that the equations refer to, by name."""
     return {
         "tau_ge": network.tau_ge_ms * b2.ms,
         "tau_gi": network.tau_gi_ms * b2.ms,

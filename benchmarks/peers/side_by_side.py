@@ -102,7 +102,7 @@ def rates_per_step(images: NDArray[np.uint8], config: Config) -> NDArray[np.uint
 
 
 def copy_of(state: ConductanceState) -> ConductanceState:
-    """A state of its own."""
+    """A copy of ``state`` that can change by itself."""
     return ConductanceState(state.weights.copy(), state.theta_mv.copy(), state.delays.copy())
 
 
@@ -116,7 +116,7 @@ def timed(times: Times, name: str, call: Callable[[], object]) -> None:
 def measure(
     config: Config, state: ConductanceState, loihi: Loihi, images: NDArray[np.uint8], repeats: int, label: str
 ) -> Times:
-    """All three in turns, the conductance model from ``state``: milliseconds by ``train``/``test`` and name."""
+    """Time all three in turns, the conductance model from ``state``: milliseconds by ``train``/``test`` and name."""
     rates, hertz = rates_per_step(images, config), images * (config.encoder.max_rate_hz / 255.0)
     learning = Brian2Network(config, copy_of(state), learn=True)
     frozen = Brian2Network(config, copy_of(state), learn=False)
@@ -137,7 +137,7 @@ def measure(
 
 
 def parity(config: Config, state: ConductanceState, images: NDArray[np.uint8], n: int) -> dict[str, float]:
-    """The same input spikes to both: presentations with equal counts, and the largest weight difference."""
+    """Give both networks the same input spikes: presentations with equal counts, and the largest weight difference."""
     rates, ours = rates_per_step(images, config), copy_of(state)
     theirs = Brian2Network(config, copy_of(state), learn=True, inputs="spikes")
     equal = spikes = 0
@@ -186,7 +186,7 @@ def side_by_side() -> tuple[str, tuple[Peer, ...]]:
 
 
 def print_peers(name: str, peers: tuple[Peer, ...]) -> None:
-    """The table; ratios are of speed, to this project's."""
+    """Print the table of all peers; ratios are of speed, to this project's."""
     console = Console(highlight=False)
     table = Table(title=f"{name}; exact matches, percent", title_justify="left")
     table.add_column("matcher", no_wrap=True)
@@ -211,7 +211,7 @@ def print_peers(name: str, peers: tuple[Peer, ...]) -> None:
 
 
 def as_json(peers: tuple[Peer, ...]) -> dict[str, Any]:
-    """By name: queries per second, recall and bytes; null where there is none."""
+    """Each peer's queries per second, recall and bytes by its name; null where there is none."""
     return {
         peer.name: {
             "queries_per_second": peer.queries_per_second,
@@ -225,7 +225,7 @@ def as_json(peers: tuple[Peer, ...]) -> dict[str, Any]:
 
 
 def print_presentations(presentations: int, epochs: int, images: Path | None, compare: bool) -> dict[str, Any]:
-    """The table of presentations and the comparison of spikes; their figures."""
+    """Print the table of presentations and the comparison of spikes; returns their figures."""
     config = preset("paper")
     pictures = load_images(images)
     patches = np.stack([patch_normalised(picture).ravel() for picture in pictures])

@@ -40,13 +40,13 @@ class VprTempoConfig:
     Attributes:
         features_per_input: Feature neurons for each pixel.
         excitatory, inhibitory: Probability of a connection of either kind, pixel to feature (P_exc, P_inh).
-        output_excitatory, output_inhibitory: The same, feature to output.
+        output_excitatory, output_inhibitory: Probability of a connection of either kind, feature to output.
         threshold: Thresholds of features start in U[0, threshold] (theta_max).
         lowest_rate, highest_rate: Target rates of features rise evenly between these (f_min, f_max).
         constant: Features get U[0, constant] as input besides (C; the paper: 0.1).
         learning_rate: eta_STDP at the start.
         threshold_rate: eta_ITP at the start.
-        balance: Of inhibition: this many times eta_STDP (eq. 4).
+        balance: The rate at which inhibition is balanced, this many times eta_STDP (eq. 4).
         forced: Amplitude that is wanted of the right output, and that features settle at.
         ceiling: Largest spike.
         epochs: How often each image is shown to each layer.
@@ -114,11 +114,11 @@ class Layer:
 
 @dataclass(frozen=True)
 class VprTempo:
-    """A trained network.
+    """A trained network of VPRTempo, layer by layer.
 
     Attributes:
-        feature, output: Its layers.
-        config: Its settings.
+        feature, output: The layer of features, and the layer with one neuron a place.
+        config: The settings that it was trained with.
     """
 
     feature: Layer
@@ -127,7 +127,7 @@ class VprTempo:
 
     @property
     def nbytes(self) -> int:
-        """Of what answers queries: both matrices, and the features' thresholds and constants if they are used."""
+        """The bytes that answering queries needs: both matrices, and the features' thresholds and constants if used."""
         matrices = self.feature.weights.nbytes + self.output.weights.nbytes
         return matrices + (2 * self.feature.threshold.nbytes if self.config.clamp else 0)
 
@@ -288,7 +288,11 @@ def output_step(layer: Layer, features: Floats, rate: Floats, place: int, share:
 
 
 def _checked(spikes: Floats, labels: NDArray[np.int64] | None) -> NDArray[np.int64]:
-    """Place of each image."""
+    """The place of each image, int64 (n,).
+
+    Raises:
+        InputError: spikes or labels that cannot be learned.
+    """
     if spikes.ndim != 2 or spikes.size == 0 or not np.isfinite(spikes).all() or spikes.min() < 0 or spikes.max() > 1:
         raise InputError(f"vprtempo: references of shape {spikes.shape}, must be (images, pixels) in 0..1")
     places = np.arange(len(spikes)) if labels is None else np.asarray(labels)

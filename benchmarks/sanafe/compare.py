@@ -48,7 +48,7 @@ console = Console(highlight=False, width=118)
 
 @dataclass(frozen=True)
 class Case:
-    """What is compared; `benchmarks.sanafe.cross_check.cross_check` has ``input_core``."""
+    """A plan and spikes that are compared; `benchmarks.sanafe.cross_check.cross_check` has ``input_core``."""
 
     name: str
     plan: Plan
@@ -106,19 +106,21 @@ def random_case(seed: int, queries: int = 2) -> Case:
     inh = np.zeros_like(exc)
     inh[:, 1:] = exc[:, :-1]
     spikes = draw_trains(rates, keys, made.steps, made.steps + SILENT_STEPS, bias_input=made.bias_input)
-    kind = ("input compartments" if made.bias_input else "injected") + ", scattered" * (seed % 3 == 0)
+    kind = "input compartments" if made.bias_input else "injected"
+    if seed % 3 == 0:
+        kind += ", scattered"
     name = f"random {seed}: {neurons} neurons on {len(plan.cores)} cores, {kind}"
     return Case(name, plan, Trains(exc, spikes, inh), input_core=seed % 4 < 2)
 
 
 def scattered(plan: Plan, rng: np.random.Generator) -> Plan:
-    """The same cores on tiles of their own, anywhere on both chips of Kapoho Bay."""
+    """The plan with each core on a tile of its own, anywhere on both chips of Kapoho Bay."""
     tiles = np.sort(rng.choice(KAPOHO_BAY.chips * KAPOHO_BAY.cores // TILE_CORES, len(plan.cores), replace=False))
-    places = tiles * TILE_CORES + rng.integers(0, TILE_CORES, tiles.size)
+    positions = tiles * TILE_CORES + rng.integers(0, TILE_CORES, tiles.size)
     order = rng.permutation(len(plan.cores))
     cores = [
-        replace(plan.cores[i], chip=int(place) // KAPOHO_BAY.cores, core=int(place) % KAPOHO_BAY.cores)
-        for i, place in zip(order, places, strict=True)
+        replace(plan.cores[i], chip=int(position) // KAPOHO_BAY.cores, core=int(position) % KAPOHO_BAY.cores)
+        for i, position in zip(order, positions, strict=True)
     ]
     return replace(plan, board=KAPOHO_BAY, cores=tuple(cores))
 

@@ -61,13 +61,13 @@ class CrossCheck:
     """SANA-FE on the same network, mapping and spikes, beside the closed form; mean over the queries.
 
     Attributes:
-        version: Of SANA-FE.
-        queries: Compared.
-        microjoules: By component: (closed form, SANA-FE).
-        simple_milliseconds: (closed form, SANA-FE with ``simple`` timing).
-        detailed_milliseconds: SANA-FE with ``detailed`` timing: the bound with contention.
+        version: The version of SANA-FE.
+        queries: The number of queries that were compared.
+        microjoules: Energy by component: (closed form, SANA-FE).
+        simple_milliseconds: Time: (closed form, SANA-FE with ``simple`` timing).
+        detailed_milliseconds: Time of SANA-FE with ``detailed`` timing: the bound with contention.
         absent: Why it was not run; empty if it was.
-        counts: Of events: (ours, SANA-FE's).
+        counts: Events by name: (ours, SANA-FE's).
         difference: Largest relative difference of all that was compared: energy by component and time of every query,
             energy and time of every step.
         spikes_differ: Spikes of exc, inh and input compartments that SANA-FE's own dynamics have elsewhere.
@@ -128,7 +128,7 @@ def ask(python: Path, problem: dict[str, Any], timeout_s: float = TIMEOUT_S) -> 
 
 
 def _run(command: list[str], folder: Path, timeout_s: float) -> Ended:
-    """Run ``command`` in ``folder``.
+    """Run ``command`` in ``folder`` as a program of its own.
 
     Raises:
         BackendUnavailableError: it does not start, or takes too long; then it and all that it started are ended.
@@ -155,7 +155,9 @@ class _Answer:
 
 
 def _read(answer: dict[str, Any], plan: Plan, trains: Trains) -> _Answer:
-    """Check and convert; events of the port are subtracted, so that updates and spikes are those of compartments.
+    """The answer, checked and converted.
+
+    Events of the port are subtracted, so that updates and spikes are those of compartments.
 
     Raises:
         BackendUnavailableError: it is no answer to this problem.
@@ -210,7 +212,7 @@ def _fired(queries: list[Any], plan: Plan, shape: tuple[int, int]) -> dict[str, 
 
 
 def _our_counts(events: EventCounts) -> dict[str, Floats]:
-    """The same counts as SANA-FE's, float64 (n,)."""
+    """Our own counts of the events that SANA-FE counts, float64 (n,)."""
 
     def each(*names: str) -> Floats:
         return np.asarray(sum(events.each(name) for name in names), np.float64)

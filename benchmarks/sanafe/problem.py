@@ -35,7 +35,7 @@ Synapses = NDArray[np.bool_]
 
 
 def group_name(core: int, part: int) -> str:
-    """Of a part of a core, by their places in the plan."""
+    """The name of the group for a part of a core, by their numbers in the plan."""
     return f"{core}.{part}"
 
 
@@ -165,7 +165,7 @@ def bias_and_membrane(train: NDArray[Any]) -> tuple[int, int]:
 
 
 def _query(plan: Plan, inputs: NDArray[np.uint8]) -> dict[str, Any]:
-    """What plays in one query; ``inputs`` (steps + 3, inputs)."""
+    """The trains and biases that play in one query; ``inputs`` (steps + 3, inputs)."""
     trains, biases, unit = [], [], 1 << INPUT_SHIFT
     if not plan.network.bias_input:
         for j in np.flatnonzero(inputs.any(axis=0)).tolist():
@@ -180,7 +180,7 @@ def _query(plan: Plan, inputs: NDArray[np.uint8]) -> dict[str, Any]:
 
 
 def problem_of(plan: Plan, trains: Trains, *, input_core: bool = True) -> dict[str, Any]:
-    """The whole problem.
+    """The JSON of a plan and its queries, as the module's docstring describes it.
 
     Args:
         plan: Where the network stands, on a Loihi 1 board.

@@ -50,7 +50,7 @@ class BundleBackend:
     """Simulates the registers and memory of a bundle; reads nothing else.
 
     Attributes:
-        advance: Told how many queries are done.
+        advance: Called with the number of queries that are done.
     """
 
     advance: Advance | None = None
@@ -89,7 +89,7 @@ class KapohoBayBackend:
     """Runs a bundle's host program on the board; it reads out counts, not single spikes.
 
     Attributes:
-        advance: Told how many queries are done.
+        advance: Called with the number of queries that are done.
         board: The board that a model is deployed for first, unless it is a bundle.
     """
 

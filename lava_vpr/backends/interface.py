@@ -23,7 +23,7 @@ Events = dict[str, int]
 
 
 class Presentations(NamedTuple):
-    """What a backend is shown.
+    """The presentations that a backend is shown.
 
     Attributes:
         rates: Rates of the inputs, (n, inputs): uint16 in units of 2^-16 for integer networks, uint32
@@ -77,7 +77,7 @@ class Backend(Protocol):
         ...
 
     def trains(self, model: Model, shown: Presentations) -> Trains:
-        """Every spike of the same presentations to the integer network of ``model``.
+        """Every spike of the presentations ``shown`` to the integer network of ``model``.
 
         Raises:
             BackendUnavailableError: the backend tells counts only.
@@ -92,8 +92,8 @@ class BackendRow:
 
     Attributes:
         name: The name that ``--backend`` takes.
-        title: What it is, for people.
-        make: The backend, from the number of threads it may use and what is told its progress (None: nobody).
+        title: The backend in words, for people.
+        make: Makes the backend from the number of threads it may use and what is told its progress (None: nobody).
         unavailable: Why it cannot run here, and what to do; None if it can.
         exact: Its spikes are the host's, bit for bit; otherwise it computes in floating point, and its recall is
             compared instead.

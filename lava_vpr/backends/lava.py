@@ -50,7 +50,7 @@ class LavaBackend:
         job: Function of `lava_vpr.processes.jobs.inference` that wires and runs the network.
         tag: Which ProcessModels: ``fixed_pt`` or ``floating_pt``.
         board: Whether it runs on a Loihi 2 board.
-        advance: Told how many presentations are done.
+        advance: Called with the number of presentations that are done.
     """
 
     name: str

@@ -12,17 +12,17 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Anchor:
-    """One published result.
+    """A published result of other hardware, printed beside ours.
 
     Attributes:
         name: Authors and year.
         task: What was done, with what network.
-        board: On what.
+        board: The hardware that it ran on.
         kind: ``measured`` by the authors, or ``hoped for``.
-        microjoules: Of one answer, as published; None: not published.
-        milliseconds: Of one answer, as published; None: not published.
+        microjoules: Energy of one answer, as published; None: not published.
+        milliseconds: Time of one answer, as published; None: not published.
         note: What else was published.
-        citation, doi: Where.
+        citation, doi: Where it was published.
     """
 
     name: str

@@ -43,10 +43,10 @@ class Matcher:
     """A matcher whose speed is taken.
 
     Attributes:
-        name: As in `Peer`.
-        what: As in `Peer`.
+        name: Its name, as in `Peer`.
+        what: The matcher in words, as in `Peer`.
         bytes: The bytes that it keeps of the references.
-        answer: From a part of the queries, repeated `repeats` times, to their places.
+        answer: A function from a part of the queries, repeated `repeats` times, to their places.
         metrics: Its recall.
     """
 

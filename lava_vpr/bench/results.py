@@ -15,14 +15,14 @@ class Measured:
     """A backend on this machine, or on a board.
 
     Attributes:
-        name: Of the backend, or of a stage beside it (``encoding``: an image file to input rates).
-        what: For people: what was timed, from what to what.
+        name: The name of the backend, or of a stage beside it (``encoding``: an image file to input rates).
+        what: What was timed, in words, from what to what.
         queries: How many different queries were answered.
-        threads: That answered them in `queries_per_second`; single queries are timed on one.
+        threads: Threads that answered them in `queries_per_second`; single queries are timed on one.
         queries_per_second: All queries in one batch; the fastest round.
-        milliseconds: Of single queries, one after another; sorted.
+        milliseconds: Times of single queries, one after another; sorted.
         peak_bytes: Most memory that the process answering them held; None: not measured.
-        joules_per_query: Of the processor, by RAPL, idle not subtracted; None: see ``no_energy``.
+        joules_per_query: Energy of the processor, by RAPL, idle not subtracted; None: see ``no_energy``.
         no_energy: Why there is no energy; empty if there is.
         absent: Why the backend was not measured at all; empty if it was.
         board: A board's own figures, by its profiler (power in mW, steps, idle power subtracted), by name; None: it
@@ -47,7 +47,7 @@ class Workload:
     """NeuroBench's metrics (Yik et al., Nature Communications 2025); per query where not said otherwise.
 
     Attributes:
-        footprint_bytes: Of the network's parameters and states as stored.
+        footprint_bytes: Bytes of the network's parameters and states as stored.
         parameters: Number of synaptic weights and other parameters.
         connection_sparsity: Zeros among all weights, 0..1.
         activation_sparsity: 1 - spikes / (neurons x steps), 0..1.
@@ -72,12 +72,12 @@ class Peer:
 
     Attributes:
         name: ``sad``, ``cosine``, ``lava-vpr`` itself, or that of another matcher that took turns with them.
-        what: For people, with citation.
+        what: The matcher in words, with citation.
         metrics: Recall on the same queries; None if not computed.
         queries_per_second: From preprocessed input to match, all queries in one batch, on ``threads`` threads.
-        threads: See there.
-        bytes: That the matcher keeps of the references (templates or weights).
-        queries: Timed.
+        threads: Number of these threads.
+        bytes: Bytes that the matcher keeps of the references (templates or weights).
+        queries: Number of queries that were timed.
         absent: Why it was not run; empty if it was.
     """
 
@@ -100,7 +100,7 @@ class Candidate:
             tau_membrane, stop_margin (None: no early stopping).
         metrics: Of the default decoder.
         microjoules: Dynamic energy of a query.
-        milliseconds: Of a query on the chip.
+        milliseconds: Time of a query on the chip.
         mean_steps: Steps of a query; fewer than ``steps`` with early stopping.
         front: No other point is at least as good in recall, energy and time and better in one; of points without early
             stopping, which no backend does yet, no other without it.
@@ -142,15 +142,15 @@ class Bench:
     Attributes:
         model: Figures of the model: places, neurons, weight_bits, steps, preset.
         machine: Processor, cores, what software.
-        recall: Of the default decoder on the same queries.
-        images: Queries.
+        recall: Figures of the default decoder on the same queries.
+        images: Number of queries.
         measured: Backends and stages, timed here.
-        targets: Of `Modelled`, by name.
-        workload: None: the model is no integer network.
+        targets: What a query costs on each board, by the board's name.
+        workload: NeuroBench's metrics; None: the model is no integer network.
         peers, sweep: Empty if they were not asked for, or failed.
         events: What the host engine counted, per query; of every network, a float one too.
-        constants: Of the cost model: objects with name, what, low, nominal, high, unit, source.
-        step_times: Of the targets that have times.
+        constants: Constants of the cost model: objects with name, what, low, nominal, high, unit, source.
+        step_times: Times of each step on the targets that have times.
         command: How to repeat the run.
         failed: What was asked for and could not be done, by stage, with the reason.
     """

@@ -56,7 +56,7 @@ class Request:
         backends: Backends to time on this machine.
         sweep, peers: Whether to search settings, and to run other matchers.
         limit: Most queries that a backend is timed on; None: by backend.
-        seed: Of the queries' noise; None: the model's.
+        seed: The seed of the queries' noise; None: the model's.
     """
 
     targets: tuple[str, ...] = field(default_factory=lambda: tuple(BOARDS))
@@ -72,7 +72,7 @@ class _Attempts:
     """Stages that may fail: minutes of other work are not lost if one does.
 
     Attributes:
-        failed: Why, by stage.
+        failed: Why a stage failed, by stage.
     """
 
     failed: dict[str, str] = field(default_factory=dict)
@@ -96,7 +96,7 @@ def run(
     command: str = "",
     begin: Begin = lambda text, parts: lambda done: None,
 ) -> Bench:
-    """Finds out the recall of the queries, then their costs.
+    """Find out the recall of the queries, then their costs.
 
     Args:
         model: A trained model.

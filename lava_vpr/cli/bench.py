@@ -115,8 +115,8 @@ def bench(
             advance = bars.enter_context(progress_bar(text, parts))
             return lambda done: advance(done, "")
 
-        found = run(model, traverse, queries, truth, request, command=command_line(ctx), begin=begin)
-    _tell(found, json_path, report_folder)
+        results = run(model, traverse, queries, truth, request, command=command_line(ctx), begin=begin)
+    _tell(results, json_path, report_folder)
 
 
 def _refuse(model: Model, path: Path, targets: tuple[str, ...], names: tuple[str, ...], sweep: bool) -> None:
@@ -133,23 +133,23 @@ def _refuse(model: Model, path: Path, targets: tuple[str, ...], names: tuple[str
         backends.require(name, model)
 
 
-def _tell(found: Bench, json_path: Path | None, report_folder: Path | None) -> None:
-    """Files first: whoever reads the tables may go away."""
+def _tell(results: Bench, json_path: Path | None, report_folder: Path | None) -> None:
+    """Write the files, then print the tables: whoever reads these may go away."""
     from lava_vpr.bench.show.json_values import as_json
     from lava_vpr.bench.show.terminal import absences, tables
 
     if json_path is not None:
-        write_json(json_path, as_json(found))
+        write_json(json_path, as_json(results))
     page = None
     if report_folder is not None:
         # matplotlib takes a second to import: only those who want a report wait for it.
         from lava_vpr.bench.show.page import page as page_of
         from lava_vpr.report import write_page
 
-        page = write_page(page_of(found), report_folder / "bench.html")
-    for table in tables(found):
+        page = write_page(page_of(results), report_folder / "bench.html")
+    for table in tables(results):
         print_whole(table)
-    for line in absences(found):
+    for line in absences(results):
         console.print(line, markup=False)
     if page is not None:
         console.print(f"report: {page}", markup=False)

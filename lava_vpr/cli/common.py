@@ -52,23 +52,23 @@ class RegisteredName(click.Choice):
 
     @property
     def choices(self) -> tuple[str, ...]:  # type: ignore[override]
-        """The names there are."""
+        """The names of all rows in the registry, as they are now."""
         return tuple(self.registry)
 
 
 def places_option(help: str) -> Callable[[F], F]:
-    """The option ``--places A:B``."""
+    """Give a command the option ``--places A:B``."""
     return click.option("--places", type=Places(), default=None, help=help)
 
 
 def every_option(command: F) -> F:
-    """The option ``--every SECONDS``."""
+    """Give a command the option ``--every SECONDS``."""
     text = "From a video, one frame every so often."
     return click.option("--every", type=float, default=1.0, show_default=True, metavar="SECONDS", help=text)(command)
 
 
 def answer_options(command: F) -> F:
-    """The options ``--backend`` and ``--seed`` of commands that run a model."""
+    """Give a command that runs a model the options ``--backend`` and ``--seed``."""
     text = "Seed of the queries' spikes (default: the model's)."
     seeded = click.option("--seed", type=seed_type, default=None, help=text)(command)
     text = "Where the network runs."

@@ -38,7 +38,7 @@ class Layout:
 
 @dataclass(frozen=True)
 class Dataset:
-    """One dataset.
+    """A benchmark dataset and the ways in which it may lie on disk.
 
     Attributes:
         name: How it is called.

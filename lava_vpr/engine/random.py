@@ -32,7 +32,7 @@ def mix(x: np.uint64) -> np.uint64:
 
 
 def _mix(x: int) -> int:
-    """`mix` in Python integers."""
+    """The value of `mix`, computed in Python integers."""
     x = ((x ^ (x >> 30)) * int(_MIX_1)) & _MASK
     x = ((x ^ (x >> 27)) * int(_MIX_2)) & _MASK
     return x ^ (x >> 31)

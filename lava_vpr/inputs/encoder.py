@@ -94,13 +94,13 @@ class Layout(NamedTuple):
 
     @property
     def inputs(self) -> int:
-        """The number of inputs."""
+        """The number of inputs, over all channels."""
         return self.channels * self.grid**2
 
 
 @dataclass(frozen=True)
 class Input:
-    """One kind of input.
+    """A kind of input: its channels, how they respond, and how a report draws them.
 
     Attributes:
         name: How options and settings call it.

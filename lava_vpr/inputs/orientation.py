@@ -1,6 +1,6 @@
 """Orientation channels: the responses of complex cells, edge energy by direction.
 
-They are blind to contrast sign, because snow turns dark into light while the direction of an edge stays.
+The channels are blind to contrast sign, because snow turns dark into light while the direction of an edge stays.
 """
 
 from __future__ import annotations

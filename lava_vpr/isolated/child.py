@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 
 class Ended(NamedTuple):
-    """How a program ended.
+    """The exit code of a program that has ended, and what it wrote.
 
     Attributes:
         code: Its exit code; negative: the signal that ended it.

@@ -35,13 +35,13 @@ def save_arrays(folder: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
 
 
 def load_arrays(folder: Path) -> dict[str, NDArray[Any]]:
-    """Read what `save_arrays` wrote."""
+    """Read the arrays that `save_arrays` wrote as ``folder``, by name."""
     names = json.loads((folder / "names.json").read_text(encoding="utf-8"))
     return {name: np.load(folder / f"{number}.npy", allow_pickle=False) for number, name in enumerate(names)}
 
 
 def save_job(folder: Path, target: str, options: str) -> None:
-    """Write what is to be done, after the arrays: ``options`` is JSON."""
+    """Write what is to be done, after the arrays; ``options`` is JSON."""
     part = folder / "job.part"
     part.write_text(json.dumps([target, options]), encoding="utf-8")
     part.replace(folder / "job.json")

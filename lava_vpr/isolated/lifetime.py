@@ -46,7 +46,7 @@ def _after_fork() -> None:
 
 
 def bind_forks() -> None:
-    """From now on a process forked from this one, or from its descendants, is killed when the forking thread ends."""
+    """Have processes forked from now on, from this one or its descendants, killed when the forking thread ends."""
     os.register_at_fork(before=_before_fork, after_in_child=_after_fork)
 
 

@@ -37,10 +37,10 @@ def family() -> list[int]:
             # The name, in brackets, may hold anything; after it come state and parent.
             parent = int(path.read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()[1])
             below.setdefault(parent, []).append(int(path.parent.name))
-    found = [os.getpid()]
-    for process in found:
-        found += below.get(process, [])
-    return found
+    processes = [os.getpid()]
+    for process in processes:  # grows while it is gone through
+        processes += below.get(process, [])
+    return processes
 
 
 def held_by_family() -> int | None:

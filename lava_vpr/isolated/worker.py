@@ -1,8 +1,8 @@
 """Runs one target for `lava_vpr.isolated.runner`: ``python -m lava_vpr.isolated.worker FOLDER CALLER``.
 
-Two processes. The keeper forks the one that works, never imports Lava, and ends and reaps everything below it when the
-work ends, when it is told to (SIGTERM), when the caller is gone or when the folder is. The worker proper runs the
-target; Lava's processes are its children and are killed by the system when it dies.
+The worker is two processes. The keeper forks the one that works, never imports Lava, and ends and reaps everything
+below it when the work ends, when it is told to (SIGTERM), when the caller is gone or when the folder is. The worker
+proper runs the target. Lava's processes are its children and are killed by the system when it dies.
 """
 
 from __future__ import annotations

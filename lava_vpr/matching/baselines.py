@@ -1,8 +1,8 @@
-"""What simpler matchers reach on the same images: SAD, cosine of the input rates, and descriptors from elsewhere.
+"""Simpler matchers on the same images: SAD, cosine of the input rates, and descriptors from elsewhere.
 
 * ``sad``: mean absolute difference of patch-normalised images, the paper's baseline (Hussaini et al. 2022, section
   VI.B, after SeqSLAM, Milford and Wyeth 2012). Scores are the distances, negated; the best one is the confidence.
-* ``cosine``: of the network's own input rates: what its encoding allows without spikes.
+* ``cosine``: cosine of the network's own input rates, which shows what its encoding allows without spikes.
 * ``descriptors``: cosine of descriptors that another program computed (NetVLAD, for instance), from .npy files.
 
 A place with several reference images is as near as its nearest. Results are built block by block: beside inputs and

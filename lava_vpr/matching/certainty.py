@@ -25,7 +25,7 @@ class Matcher:
     Attributes:
         name: How options, settings and files call it.
         title: How reports call it.
-        confidence: What says how sure its best match is: a function of this module.
+        confidence: The function of this module that says how sure its best match is.
     """
 
     name: str

@@ -45,7 +45,7 @@ PreparedScores = Callable[[Counts], Scores]
 
 @dataclass(frozen=True)
 class Decoder(Matcher):
-    """One decoder.
+    """A decoder: its score function in every variant, and what its answers are worth.
 
     Attributes:
         scores: The score function of every variant. Each row of scores, at least 0, depends on that query alone, bit

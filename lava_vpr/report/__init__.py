@@ -1,7 +1,7 @@
 """The evaluation report: one HTML file that needs nothing else, from plain arrays.
 
-`ReportData` in, ``report.html`` out. Everything is drawn here and nothing is computed that `matching.evaluation` has
-not computed already, so that the report and the JSON never disagree.
+`write_report` turns `ReportData` into ``report.html``. Everything is drawn here and nothing is computed that
+`matching.evaluation` has not computed already, so that the report and the JSON never disagree.
 """
 
 from __future__ import annotations

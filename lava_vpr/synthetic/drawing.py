@@ -1,6 +1,6 @@
 """Draws a synthetic scene's sky, land and track: the camera, and a painter that fills polygons given in metres.
 
-Drawn with OpenCV's polygon filler on a canvas of twice the size, without anti-aliasing, to be averaged afterwards.
+OpenCV's polygon filler draws on a canvas of twice the size, without anti-aliasing, to be averaged afterwards.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class Painter:
         self._depths: dict[float, tuple[float, float, float, float, float]] = {}
 
     def _depth(self, s: float) -> tuple[float, float, float, float, float]:
-        """At ``s``: pixels per metre, column and row of the track, share of haze, gain of the headlamps."""
+        """Pixels per metre, column and row of the track, share of haze and gain of the headlamps at ``s``."""
         depth = self._depths.get(s)
         if depth is None:
             z = max(s - self.camera.s, NEAR_M)

@@ -132,7 +132,7 @@ def route(seed: int) -> Route:
 
 @dataclass(frozen=True)
 class Thing:
-    """Something beside the track.
+    """A thing beside the track, or a piece of its ground.
 
     Attributes:
         kind: ``conifer``, ``broadleaf``, ``bush``, ``rock``, ``house``, ``barn``, ``church``, ``silo``, ``fence``,

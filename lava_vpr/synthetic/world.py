@@ -1,7 +1,7 @@
 """The built-in synthetic world: one route seen from a vehicle, in several seasons, lights and weathers.
 
-It is what `lava-vpr demo` and `synth` show and what tests measure without a data set. A place is drawn from its own
-geometry (`lava_vpr.synthetic.scene`), so neighbours share what stands between them; a condition changes colours, light,
+Commands `demo` and `synth` show this world, and tests measure on it without a data set. A place is drawn from its own
+geometry (`lava_vpr.synthetic.scene`), so neighbours share what stands between them. A condition changes colours, light,
 air, weather, the vehicle's stance and traffic, and nothing else. Snow turns much of what was dark against its
 surroundings into something bright, as on real winter journeys. Every image depends on (seed, place, condition) only.
 """

@@ -104,7 +104,7 @@ class Checkpoint:
                 self._write()
 
     def flush(self) -> None:
-        """Write what is known, if anything (called when training is interrupted)."""
+        """Write the state that is known, if there is any (called when training is interrupted)."""
         with self._lock:
             if self.path is not None and self.epochs:
                 self._write()

@@ -183,16 +183,16 @@ def _run(learn: Callable[[int], None], stretches: int, jobs: int, stop: threadin
             raise
 
 
-def traverses_shown(config: Config, epoch: int, given: int) -> int:
-    """The number of the ``given`` traverses that an epoch shows: while neurons compete for places, the first alone."""
+def traverses_shown(config: Config, epoch: int, traverses: int) -> int:
+    """The number of ``traverses`` that an epoch shows: while neurons compete for places, the first alone."""
     settings = as_integer_config(config)
     competing = settings is not None and epoch < settings.learning.competing
-    return 1 if competing else given
+    return 1 if competing else traverses
 
 
-def presentations(config: Config, places: int, given: int, epochs: int) -> int:
+def presentations(config: Config, places: int, traverses: int, epochs: int) -> int:
     """Training presentations of ``places`` places in the first ``epochs`` epochs."""
-    return places * sum(traverses_shown(config, epoch, given) for epoch in range(epochs))
+    return places * sum(traverses_shown(config, epoch, traverses) for epoch in range(epochs))
 
 
 def _epoch(

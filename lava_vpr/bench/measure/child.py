@@ -30,13 +30,13 @@ Answer = Callable[[NDArray[Any], NDArray[np.int64]], NDArray[np.int64]]
 
 
 def decoder_of(model: Model) -> Callable[[NDArray[np.int32]], NDArray[np.int64]]:
-    """From spike counts (n, neurons) to matched places (n,), by the model's decoder."""
+    """The model's decoder: a function from spike counts (n, neurons) to matched places (n,)."""
     scores_of = prepare(model)
     return lambda counts: best(scores_of(counts))
 
 
 def host_answer(model: Model, seed: int) -> Answer:
-    """On the host engine, one thread; the network is checked and prepared once."""
+    """A function that answers queries on the host engine, one thread; it checks and prepares the network once."""
     match = decoder_of(model)
     if as_integer(model) is None:
         host = HostBackend(1)
@@ -46,7 +46,7 @@ def host_answer(model: Model, seed: int) -> Answer:
 
 
 def bundle_answer(folder: Path, seed: int) -> Answer:
-    """By the simulation of a bundle's registers and memory, which are read once."""
+    """A function that answers queries by simulating a bundle's registers and memory, which are read once."""
     bundle = bundle_folder.load(folder)
     match, play = decoder_of(open_bundle(folder)), TARGETS[bundle.target].player(bundle)
 
@@ -83,7 +83,7 @@ def repeated(rates: NDArray[Any], ids: NDArray[np.int64], times: int) -> tuple[N
 
 
 def batch(answer: Answer, rates: NDArray[Any], ids: NDArray[np.int64], threads: int) -> NDArray[np.int64]:
-    """All in one batch, shared among threads."""
+    """The seconds and answers of all queries in one batch, shared among threads."""
     return np.concatenate(share(lambda part: answer(rates[part], ids[part]), len(ids), threads))
 
 

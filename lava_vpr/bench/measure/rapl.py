@@ -39,10 +39,10 @@ class Counter:
     span: int
 
     def read(self) -> int:
-        """Microjoules.
+        """The counter's present value in microjoules.
 
         Raises:
-            NoRaplError: it cannot be read.
+            NoRaplError: the counter cannot be read.
         """
         return _number(self.folder / "energy_uj")
 

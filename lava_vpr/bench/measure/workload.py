@@ -1,8 +1,8 @@
 """What a network is and does, by NeuroBench's definitions, counted on the spikes of a run.
 
 Definitions: Yik et al., "The NeuroBench framework for benchmarking neuromorphic computing algorithms and systems",
-Nature Communications 16:1545 (2025), and where the text leaves it open, the package neurobench 2.3.0 (`benchmarks.
-neurobench_metrics` compares every figure with it). For this network that means:
+Nature Communications 16:1545 (2025), and where the text leaves it open, the package neurobench 2.3.0
+(`benchmarks.neurobench.metrics` compares every figure with it). For this network that means:
 
 * **Layers** are the synapses inputs -> exc (inputs x neurons), exc -> inh (one to one) and inh -> exc (neurons x
   neurons, its diagonal zero), and the neurons exc and inh; inputs that integrate a bias are neurons, too, injected ones

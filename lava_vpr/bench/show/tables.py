@@ -26,13 +26,13 @@ class Table:
     """A table of plain text.
 
     Attributes:
-        title: Above it.
+        title: The line above it.
         columns: Headings.
         rows: Cells, as many as headings.
         words: How many of the first columns are words; the others are figures.
         strong: Rows that matter most, by index.
         long: Columns of long text, by index, which may wrap.
-        note: Below it.
+        note: The text below it.
         page_only: It stands on the page, and not on the terminal.
     """
 
@@ -152,7 +152,7 @@ def _three(name: str, values: Estimate | None) -> tuple[str, ...]:
 
 
 def _clearing(clearing: dict[str, Any]) -> Iterable[tuple[str, ...]]:
-    """How states are cleared, contained in the figures above, and what steps of rest would take instead."""
+    """The row on how states are cleared, contained in the figures above, and what steps of rest would take instead."""
     for key, text in (
         ("writes_per_query", "clearing of states: writes"),
         ("microjoules", "  contained above, uJ"),

@@ -59,8 +59,8 @@ class Run:
     """The queries of a case through the network of a point.
 
     Attributes:
-        model: As it runs.
-        plan: Where it stands.
+        model: The model as it runs.
+        plan: Where its neurons stand.
         trains: Every spike.
         truth: bool (queries, places).
     """
@@ -76,9 +76,9 @@ class Measurement:
     """Figures of a point, means over the cases: of the default decoder, and modelled costs of a query.
 
     Attributes:
-        metrics: Of the default decoder; curves are those of the first case.
+        metrics: Figures of the default decoder; curves are those of the first case.
         microjoules, milliseconds: Dynamic energy and time on the board, clearing of states included, host I/O not.
-        steps: Of a query, silent ones included.
+        steps: Steps of a query, silent ones included.
     """
 
     metrics: Metrics

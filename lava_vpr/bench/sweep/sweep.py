@@ -68,10 +68,10 @@ class _Search:
     board: Board
     threads: int
     margins: tuple[float, ...]
-    found: dict[tuple[tuple[str, float], ...], list[Point]] = field(default_factory=dict)
+    by_settings: dict[tuple[tuple[str, float], ...], list[Point]] = field(default_factory=dict)
 
     def measure(self, settings: Settings) -> None:
-        """Measures a network of new settings with every margin."""
+        """Measure a network of new settings with every margin."""
         points: list[Point] = []
         try:
             runs = runs_of(self.cases, settings, self.board, self.threads)
@@ -80,11 +80,11 @@ class _Search:
         if runs:
             each = zip(*(figures(run, self.margins) for run in runs), strict=True)
             points = [(settings, m, mean(measurements)) for m, measurements in zip(self.margins, each, strict=True)]
-        self.found[_key(settings)] = points
+        self.by_settings[_key(settings)] = points
 
     def points(self) -> list[Point]:
         """All points, in the order in which they were measured."""
-        return [point for points in self.found.values() for point in points]
+        return [point for points in self.by_settings.values() for point in points]
 
     def parents(self) -> list[Settings]:
         """Settings of the front, those that recall little aside."""
@@ -95,7 +95,7 @@ class _Search:
 
 
 def front(points: Sequence[Point]) -> list[Point]:
-    """Those that no other outdoes; those without early stopping that no other without it outdoes."""
+    """The points that no other outdoes, after the points without early stopping that no other of these outdoes."""
     best = []
     for kind in ([point for point in points if point[1] == np.inf], points):
         if kind:
@@ -182,9 +182,9 @@ def search(
     with_settings(cases[0].model, UNCHANGED)  # refuse what cannot be quantised anew
     chosen = {_key(fast): FAST, _key(as_learned): MODEL}
     starts, misses = [as_learned, fast], 0
-    while len(state.found) < budget and misses < 50 * budget:
+    while len(state.by_settings) < budget and misses < 50 * budget:
         settings = starts.pop(0) if starts else _moved(rng.choice(state.parents() or [as_learned]), rng, retrain)
-        if _key(settings) in state.found:
+        if _key(settings) in state.by_settings:
             misses += 1
             continue
         state.measure(settings)

@@ -1,4 +1,4 @@
-"""One presentation of the conductance network, compiled, from the parts in `conductance_kernels` and its neighbours."""
+"""One presentation of the conductance network, compiled, from `engine.conductance.kernels` and `plastic`."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _RECENT, _AWAKE, _PLASTIC, _EXC_SPIKES, _INH_SPIKES = range(5)
 
 
 class Exc(NamedTuple):
-    """Excitatory states, each (neurons,).
+    """The states of the excitatory neurons, each (neurons,).
 
     Attributes:
         v, ge, gi, theta: Membrane, conductances and adaptive threshold.
@@ -59,7 +59,10 @@ class Exc(NamedTuple):
 
 
 class Inh(NamedTuple):
-    """Inhibitory states, each (neurons,); ``awake`` lists those that ever received a spike, as flagged in ``woken``."""
+    """The states of the inhibitory neurons, each (neurons,).
+
+    ``awake`` lists those that ever received a spike, as flagged in ``woken``.
+    """
 
     v: NDArray[np.float64]
     ge: NDArray[np.float64]

@@ -50,7 +50,7 @@ class Population:
 
     @property
     def size(self) -> int:
-        """Number of neurons."""
+        """The number of neurons in this population."""
         return len(self.threshold)
 
     @property
@@ -146,7 +146,7 @@ class Recording:
     Attributes:
         spikes: bool (steps, neurons).
         u, v: Current and membrane after the last step, int32 (neurons,).
-        threshold: After the last step, int32 (neurons,).
+        threshold: Threshold after the last step, int32 (neurons,).
         film_u, film_v: Current and membrane after each step, int32 (steps, neurons); empty tuples unless recorded.
         film_drive: Input sums of each step, int64 (steps, neurons); an empty tuple unless recorded.
     """
@@ -176,7 +176,7 @@ class _State:
         self.films = np.zeros(shape, np.int32), np.zeros(shape, np.int32), np.zeros(shape, np.int64)
 
     def advance(self, step: int) -> None:
-        """Integrate ``drive``, and record."""
+        """Integrate the input sums ``drive`` in step ``step``, and record what is to be recorded."""
         if self.interval and step % self.interval == 0:
             self.u[:] = self.v[:] = self.held[:] = 0
         lif_step(self.u, self.v, self.threshold, self.held, self.drive, self.bias, self.constants, self.fired)

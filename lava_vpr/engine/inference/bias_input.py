@@ -42,11 +42,11 @@ def biases(rates: NDArray[np.uint16]) -> tuple[NDArray[np.int32], NDArray[np.int
         Mantissas 0..4095 and exponents 0..7 of the bias mantissa 2^exponent in units of v, int32, same shape.
     """
     r = rates.astype(np.int64)
-    wanted = np.minimum(2 * r * LEVEL // ((1 << 17) - r), _TOP)
+    exact = np.minimum(2 * r * LEVEL // ((1 << 17) - r), _TOP)
     exponent = np.zeros(r.shape, np.int64)
     for e in range(BIAS_EXPONENT_LIMIT):
-        exponent += wanted >= 1 << (BIAS_BITS + e)
-    return (wanted >> exponent).astype(np.int32), exponent.astype(np.int32)
+        exponent += exact >= 1 << (BIAS_BITS + e)
+    return (exact >> exponent).astype(np.int32), exponent.astype(np.int32)
 
 
 def start_membranes(key: int, inputs: int) -> NDArray[np.int32]:

@@ -121,12 +121,12 @@ class FixedNetwork:
 
     @property
     def inputs(self) -> int:
-        """Number of inputs."""
+        """The number of input neurons."""
         return int(self.weights.shape[0])
 
     @property
     def neurons(self) -> int:
-        """Number of excitatory neurons."""
+        """The number of excitatory neurons."""
         return int(self.weights.shape[1])
 
     @property

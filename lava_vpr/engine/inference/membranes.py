@@ -1,7 +1,7 @@
 """Membranes of one presentation, worked out again from the spikes that reached the neurons.
 
 The engine keeps spike counts, or every spike, and never its membranes: nobody who answers queries needs them. Whoever
-counts what a chip updates does, and gets them here with the engine's own membrane step.
+counts what a chip updates needs them, and gets them here with the engine's own membrane step.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def _replay(
     after: NDArray[np.int32],
     fired: NDArray[np.uint8],
 ) -> None:
-    """Fills ``after`` and ``fired`` from the second step on; in the first nothing has arrived."""
+    """Fill ``after`` and ``fired`` from the second step on; in the first nothing has arrived."""
     (steps, width), neurons = inputs.shape, after.shape[1]
     v, drive = np.zeros(neurons, np.int32), np.zeros(neurons, np.int32)
     for step in range(1, steps):
@@ -73,7 +73,7 @@ def membranes(network: FixedNetwork, inputs: NDArray[np.uint8], inh: NDArray[np.
         inh: Spikes of the relays, uint8 (steps + 3, neurons).
     """
     steps = len(inputs)
-    found = Membranes(
+    result = Membranes(
         np.zeros((steps, network.neurons), np.int32),
         np.zeros((steps, network.neurons), np.uint8),
     )
@@ -85,6 +85,6 @@ def membranes(network: FixedNetwork, inputs: NDArray[np.uint8], inh: NDArray[np.
         np.int32((1 << DECAY_BITS) - network.decay),
         np.ascontiguousarray(inputs).view(np.uint8),
         np.ascontiguousarray(inh).view(np.uint8),
-        *found,
+        *result,
     )
-    return found
+    return result

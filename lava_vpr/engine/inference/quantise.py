@@ -149,10 +149,10 @@ def _scale_and_shift(
     whole = min(_largest_unit(inhibition, neurons) * gain, ROUNDING * most)
     if shift is None and whole >= scale:
         return scale, 0
-    wanted = _first_shift(scale / gain, threshold) if shift is None else shift
-    fitting = min(scale, whole * (1 << wanted))
+    right_shift = _first_shift(scale / gain, threshold) if shift is None else shift
+    fitting = min(scale, whole * (1 << right_shift))
     if 2 * fitting > scale:
-        return fitting, wanted
+        return fitting, right_shift
     return scale, _shift(scale / gain, threshold, inhibition, neurons) if shift is None else shift
 
 

@@ -86,7 +86,7 @@ class Rule:
         return " + ".join(terms).replace("+ -", "- ")  # Lava cannot read a sign after a sign
 
     def decay(self) -> tuple[NDArray[np.uint8], NDArray[np.uint64]]:
-        """Of each trace 0..127 one step later: its whole part, and the probability of one more in units of 2^-53.
+        """The whole part of each trace 0..127 one step later, and the probability of one more in units of 2^-53.
 
         A draw of 53 bits rounds up when it is below.
         """
@@ -326,7 +326,7 @@ class IntegerTrainer:
         self.phase = self.competition
 
     def begin_epoch(self, epoch: int) -> None:
-        """To be called before the first image of every epoch (from 0): chooses the phase."""
+        """Choose the phase of ``epoch`` (from 0); to be called before the first image of every epoch."""
         if epoch == self.learning.competing:
             factor = round(self.learning.consolidation_threshold * 256)
             self.state.theta[:] = np.maximum(1, self.state.theta.astype(np.int64) * factor >> 8)

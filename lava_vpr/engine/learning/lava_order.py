@@ -92,15 +92,15 @@ presentation, a neuron spikes more often in it; at the full rate it then learns 
 def folded_phases(
     learning: StdpLearning, inputs: int, neurons: int, spikes_per_step: float, drive: float
 ) -> tuple[FoldedPhase, FoldedPhase]:
-    """Both phases of folded learning under the settings of float learning.
+    """The two phases of folded learning under the settings of float learning.
 
     Raises:
         ConfigError: a setting that the chip cannot express.
         NetworkLimitError: the network could overflow.
     """
-    own = settings(learning)
+    folded = settings(learning)
     for name in ("tau_trace", "consolidation_tau_trace"):
-        tau = getattr(own, name)
+        tau = getattr(folded, name)
         if tau != int(tau):  # Lava keeps it in an integer Var, which it reads whenever one is set
             raise ConfigError(f"learning.{name} is {tau!r}, but must be a whole number of steps to learn on the chip")
     first, second = (
@@ -112,9 +112,9 @@ def folded_phases(
             epochs=epochs,
         )
         for part, factor, epochs in zip(
-            phases(own, inputs, neurons, spikes_per_step, drive),
-            (1 << FACTOR_BITS, round(own.consolidation_threshold * (1 << FACTOR_BITS))),
-            (own.competing, own.epochs - own.competing),
+            phases(folded, inputs, neurons, spikes_per_step, drive),
+            (1 << FACTOR_BITS, round(folded.consolidation_threshold * (1 << FACTOR_BITS))),
+            (folded.competing, folded.epochs - folded.competing),
             strict=True,
         )
     )
@@ -202,8 +202,8 @@ def laterals(inhibition: int, thresholds: NDArray[np.int32], common: int) -> tup
     """
     mantissa, exponent = mantissa_of(inhibition)
     top = min(WEIGHT_LIMIT, (INPUT_LIMIT - 1) // max(1, len(thresholds) - 1) >> exponent)
-    own = thresholds.astype(np.int64)
-    return np.minimum((2 * mantissa * common + own) // (2 * own), top), exponent
+    divisors = thresholds.astype(np.int64)
+    return np.minimum((2 * mantissa * common + divisors) // (2 * divisors), top), exponent
 
 
 @dataclass(frozen=True)
@@ -223,7 +223,7 @@ class FoldedTrainer:
     """
 
     def __init__(self, learning: Sequence[FoldedPhase], state: IntegerState, seeds: Sequence[int]) -> None:
-        """Begin.
+        """Make the trainer at the start of the first phase; `begin_epoch` chooses the phase and the draws of an epoch.
 
         Args:
             learning: The phases.
@@ -235,7 +235,7 @@ class FoldedTrainer:
         self.draws = LibraryDraws(0)
 
     def begin_epoch(self, epoch: int) -> None:
-        """To be called before the first image of every epoch (from 0): chooses phase and common threshold."""
+        """Choose phase and common threshold of ``epoch`` (from 0); to be called before the epoch's first image."""
         first = 0
         for phase in self.learning:
             if first <= epoch < first + phase.epochs:
@@ -253,9 +253,9 @@ class FoldedTrainer:
         mantissas, exponent = laterals(self.phase.chip.inhibition, self._state.theta, self.common)
         return Boundary(fold(self._state.weights, self._state.theta, self.common, key), mantissas, exponent)
 
-    def end(self, given: Boundary, weights: NDArray[np.uint8], counts: NDArray[np.int32]) -> None:
+    def end(self, boundary: Boundary, weights: NDArray[np.uint8], counts: NDArray[np.int32]) -> None:
         """Take over what the chip learned: its ``weights`` after the presentation, and its spike counts."""
-        unfold(self._state.weights, given.weights, weights)
+        unfold(self._state.weights, boundary.weights, weights)
         raised = self._state.theta + counts.astype(np.int64) * self.phase.theta_plus
         self._state.theta[:] = np.minimum(raised, THRESHOLD_LIMIT - 1)
 
@@ -268,8 +268,8 @@ class FoldedTrainer:
         self, rates: NDArray[np.uint16], key: int, raster: bool = False
     ) -> tuple[NDArray[np.int32], dict[str, NDArray[np.uint8]], NDArray[np.uint8]]:
         """`present`; also the chip's ``weights`` and ``traces`` after it, and the raster (steps + 3, neurons)."""
-        given = self.begin(key)
-        chip = IntegerState(given.weights.copy(), np.full(len(self._state.theta), self.common, np.int32))
+        boundary = self.begin(key)
+        chip = IntegerState(boundary.weights.copy(), np.full(len(self._state.theta), self.common, np.int32))
         traces = np.zeros(len(chip.weights), np.uint8)
         counts, _, film = present(
             chip,
@@ -278,10 +278,10 @@ class FoldedTrainer:
             key,
             draws=self.draws.next(self.phase.chip.steps + SILENT_STEPS),
             traces=traces,
-            inhibition=given.mantissas << given.exponent,
+            inhibition=boundary.mantissas << boundary.exponent,
             raster=raster,
         )
-        self.end(given, chip.weights, counts)
+        self.end(boundary, chip.weights, counts)
         return counts, {"weights": chip.weights, "traces": traces}, film
 
     def state(self) -> dict[str, NDArray[np.uint8] | NDArray[np.int32]]:

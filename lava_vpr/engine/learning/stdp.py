@@ -232,7 +232,7 @@ class Trainer:
         self._phase = self._competition
 
     def begin_epoch(self, epoch: int) -> None:
-        """To be called before the first image of every epoch (from 0): chooses the phase."""
+        """Choose the phase of ``epoch`` (from 0); to be called before the first image of every epoch."""
         if epoch == self.learning.competing:
             self.state.theta *= np.float32(self.learning.consolidation_threshold)
         self._phase = self._competition if epoch < self.learning.competing else self._consolidation

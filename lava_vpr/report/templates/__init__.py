@@ -18,8 +18,8 @@ def render(name: str, /, **fields: str) -> str:
         TypeError: the fields are not exactly those of the template.
     """
     template = Template(text(name))
-    found = template.pattern.finditer(template.template)
-    names = {match["named"] or match["braced"] for match in found if match["escaped"] is None}
+    matches = template.pattern.finditer(template.template)
+    names = {match["named"] or match["braced"] for match in matches if match["escaped"] is None}
     if names != fields.keys():
         raise TypeError(f"{name}: has the fields {sorted(names)}, but was given {sorted(fields)}")
     return template.substitute(fields)
