@@ -35,7 +35,7 @@ lint: $(STAMP) ## ruff, mypy, and which room imports which
 	@rm -rf .typing/lava_vpr && mkdir -p .typing/lava_vpr
 	@for f in lava_vpr/* processes deploy; do ln -s "../../$$f" ".typing/lava_vpr/$${f##*/}"; done
 	@$(BIN)/mypy .typing/lava_vpr
-	@cd .typing && ../$(BIN)/lint-imports --config ../pyproject.toml --no-cache
+	@cd .typing && ../$(BIN)/lint-imports --config ../pyproject.toml --no-cache --no-logo
 	@cd deploy/programs && for board in kapoho_bay loihi2; do MYPYPATH=common:$$board \
 		../../$(BIN)/mypy --config-file ../../pyproject.toml --cache-dir ../../.mypy_cache --explicit-package-bases common $$board || exit 1; done
 
