@@ -34,7 +34,7 @@ from lava_vpr.model import integer_model
 
 ROOT = Path(__file__).resolve().parents[2]
 PYTHON = ROOT / ".venv-neurobench" / "bin" / "python"
-PROGRAM = ROOT / "benchmarks" / "neurobench_package.py"
+PROGRAM = ROOT / "benchmarks" / "neurobench" / "package.py"
 NUMBERS = ("shift", "threshold", "decay", "inhibition", "inhibition_exponent")
 ROUNDED = 0.5e-4
 """neurobench 2.3.0 rounds connection sparsity to 4 digits."""
