@@ -144,8 +144,10 @@ def parity(config: Config, state: ConductanceState, images: NDArray[np.uint8], n
     for k in range(n):
         key = presentation_key(config.seed, "train", k)
         counts, _ = train_presentation(ours, rates[k % len(rates)], key, config)
-        reference, _ = theirs.present_spikes(*draw_spikes(rates[k % len(rates)], np.uint64(key), config.network.steps))
-        equal += np.array_equal(counts, reference)
+        their_counts, _ = theirs.present_spikes(
+            *draw_spikes(rates[k % len(rates)], np.uint64(key), config.network.steps)
+        )
+        equal += np.array_equal(counts, their_counts)
         spikes += int(counts.sum())
     difference = float(np.abs(ours.weights - theirs.weights).max())
     return {"presentations": n, "equal": equal, "spikes": spikes, "largest_weight_difference": difference}

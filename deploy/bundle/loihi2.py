@@ -176,9 +176,9 @@ def simulate(network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.
     inputs = draw_trains(rates, keys, steps, interval, bias_input=parameters["inputs"] is not None)
     for start in range(0, n, CHUNK):
         part = slice(start, start + CHUNK)
-        activity = run_general(general, inputs[part].reshape(-1, size).astype(bool))
-        exc[part] = activity.spikes[EXC].reshape(-1, interval, neurons)
-        inh[part] = activity.spikes[INH].reshape(-1, interval, neurons)
+        recording = run_general(general, inputs[part].reshape(-1, size).astype(bool))
+        exc[part] = recording.spikes[EXC].reshape(-1, interval, neurons)
+        inh[part] = recording.spikes[INH].reshape(-1, interval, neurons)
     return Spikes(exc, inh, inputs)
 
 

@@ -85,7 +85,7 @@ def _updates(
     inhibited: bool,
     events: Counts,
 ) -> None:
-    """Updates of the excitatory neurons in one step.
+    """Count the updates of the excitatory neurons in one step.
 
     A neuron has a reason to be updated if its membrane was not 0, or if the sum that arrived is not 0: then its
     membrane is not 0 afterwards, or it has spiked.
@@ -111,7 +111,7 @@ def _updates(
 
 @nb.njit(cache=True, inline="always")
 def _send(events: Counts, home: int, target: int, operations: Counts, ways: Counts) -> None:
-    """A message from core to core, and what it meets there."""
+    """Count a message from core to core, and what it meets there."""
     events[home, _OUT] += 1
     for i in range(3):
         events[home, _WAY + i] += ways[home, target, i]
@@ -124,7 +124,7 @@ def _send(events: Counts, home: int, target: int, operations: Counts, ways: Coun
 def _neurons_spikes(
     routes: Routes, now_fired: NDArray[np.uint8], last_fired: NDArray[np.uint8], relay_row: Counts, now: Counts
 ) -> int:
-    """Messages of excitatory spikes, and of the relays of those one step ago; returns the number of these relays."""
+    """Count messages of excitatory spikes, and of relays of those one step ago; returns the number of these relays."""
     relays = 0
     for i in range(now_fired.size):
         if now_fired[i]:
@@ -145,7 +145,7 @@ def _neurons_spikes(
 
 @nb.njit(cache=True, inline="always")
 def _input_spike(routes: Routes, j: int, now: Counts) -> None:
-    """Messages of a spike of input ``j``."""
+    """Count the messages of a spike of input ``j``."""
     home = routes.input_core[j]
     if home >= 0:
         now[home, _SPIKES] += 1
@@ -167,7 +167,7 @@ def _input_spike(routes: Routes, j: int, now: Counts) -> None:
 
 @nb.njit(cache=True, inline="always")
 def _input_updates(routes: Routes, mapped: Counts, stopped: NDArray[np.uint8], now: Counts) -> None:
-    """Updates of input compartments: of all, but of those without a bias that ``stopped`` at 0."""
+    """Count updates of input compartments: of all but those without a bias that ``stopped`` at 0."""
     for kind in (_UPDATES, _TOUCHED, _INPUT_UPDATES):
         for k in range(mapped.size):
             now[k, kind] += mapped[k]

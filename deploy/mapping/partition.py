@@ -46,7 +46,7 @@ _RANGES, _FORMATTED_RANGES, _ROOM_RANGES = 40_000, 2_000, 500_000
 def partition(
     network: FixedNetwork, board: Board, rates: NDArray[np.float64], *, exc_spikes: float = EXC_SPIKES
 ) -> Plan:
-    """Place ``network`` on the cores of ``board``.
+    """Put ``network`` on the cores of ``board``.
 
     Args:
         network: The network.

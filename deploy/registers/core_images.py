@@ -28,7 +28,7 @@ from lava_vpr.loihi import (
 
 POPULATIONS: tuple[PopulationName, ...] = get_args(PopulationName)
 READ_OUT = -1
-"""In place of a core: the axon goes to the embedded processor of its chip, to the spike counter of neuron ``axon``."""
+"""Instead of a core: the axon goes to the embedded processor of its chip, to the spike counter of neuron ``axon``."""
 
 _UNKNOWN_NEEDS, _UNKNOWN_LOAD = Needs(0, 0, 0, 0, 0, 0, 0), Load(0, 0, 0, 0, 0, 0, 0)
 """What stands in the plan of a core that was read back from registers, which say nothing of it."""

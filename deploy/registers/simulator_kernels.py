@@ -85,7 +85,7 @@ def update(
     events: NDArray[np.int64],
     fired: NDArray[np.int64],
 ) -> tuple[int, int]:
-    """One step of all compartments; returns how many ``fired``, and the first whose accumulator overflows, or -1."""
+    """Advance all compartments by one step; returns how many ``fired``, and the first that overflows, or -1."""
     u, v, sums, held, bias = state
     n = 0
     for core in range(wiring.first.size - 1):
@@ -144,7 +144,7 @@ def present(
     events: NDArray[np.int64],
     film: NDArray[np.uint8],
 ) -> tuple[int, int]:
-    """One presentation of ``film`` (all steps, C), filled.
+    """Run one presentation and fill ``film`` (all steps, C) with its spikes.
 
     ``inputs``: compartments whose bias is written to 0 before the silent steps. ``sent_*``: core and input axon of what
     is injected in each step. ``counters``: what is read out.

@@ -73,7 +73,7 @@ class BundleBackend:
         return Trains(exc, inputs, inh)
 
     def _play(self, model: Model, shown: Presentations) -> Iterator[tuple[slice, Spikes]]:
-        """Simulate the presentations some at a time: which they are, and their spikes."""
+        """Simulate the presentations some at a time; yields which they are, and their spikes."""
         keys = shown.keys
         with bundle_of(model) as bundle:
             play = TARGETS[bundle.target].player(bundle)

@@ -109,7 +109,7 @@ def train(
 
 
 def settings(preset_name: str | None, config_file: Path | None, options: dict[str, Any]) -> Config:
-    """The preset, then the file, then single options.
+    """The settings that the preset, then the file, then single options decide.
 
     Raises:
         ConfigError: a setting that is unknown, out of range, or contradicts another.

@@ -76,7 +76,7 @@ def _walk_webp(data: bytes) -> bytes:
 
 
 def _walk_bmp(data: bytes) -> bytes:
-    """Nothing: a BMP has no EXIF; an uncompressed one must have all its rows."""
+    """The EXIF block of a BMP, which has none, so empty; an uncompressed BMP must have all its rows."""
     if len(data) < 34:
         raise DamagedError("it ends within its header")
     offset, header = struct.unpack_from("<II", data, 10)

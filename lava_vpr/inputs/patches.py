@@ -23,7 +23,7 @@ def grey(image: NDArray[np.uint8], side: int, interpolation: int) -> NDArray[np.
 def window_z_score(image: NDArray[np.uint8], window: int = PATCH_WINDOW) -> NDArray[np.float64]:
     """Each pixel's z-score in the ``window`` x ``window`` square around it, shape (h, w).
 
-    Squares are cut off at the border (the reference pads with NaN and ignores NaN); a square without contrast gives 0.
+    Squares are cut off at the border (the released code pads with NaN and ignores NaN). One without contrast gives 0.
     Sums are exact integers: with n pixels, S their sum and Q their sum of squares, z = (n x - S) / sqrt(n Q - S^2),
     where the standard deviation is the population's.
     """

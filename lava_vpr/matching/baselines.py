@@ -109,7 +109,7 @@ def sad_distances(
 
 
 def _unit_free(q: NDArray[Any], r: NDArray[Any]) -> Scores:
-    """Cosine similarities (n_q, n_r); 0 where either is blank."""
+    """Cosine similarities (n_q, n_r); 0 where either vector is blank."""
     a, b = q.astype(np.float64), r.astype(np.float64)
     lengths = np.sqrt((a * a).sum(axis=1))[:, None] * np.sqrt((b * b).sum(axis=1))[None, :]
     products = a @ b.T

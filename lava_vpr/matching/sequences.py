@@ -1,9 +1,9 @@
 """Sequence matching: the scores of L consecutive queries at L consecutive places, added up along the diagonal.
 
 ``score_L(q, r) = sum_{k < L} n(q + k, r + k)`` with n the scores of a query divided by their sum, so that every query
-has the same say (Hussaini et al. 2022, section VI.C, after SeqSLAM, Milford and Wyeth 2012, at the speed of the
-reference). Only queries and places with a full window count. The causal form, for streams, looks back instead:
-``sum_k n(q - k, r - k)``; it holds the same numbers, named after the window's last pair.
+has the same say (Hussaini et al. 2022, section VI.C, after SeqSLAM, Milford and Wyeth 2012, at the speed of
+the learned traverse). Only queries and places with a full window count. The causal form, for streams, looks back
+instead: ``sum_k n(q - k, r - k)``. It holds the same numbers, named after the window's last pair.
 
 Places must follow each other in travelling order. Where routes that do not continue each other were joined into one
 list, a window across the joint adds up places that nobody passes in turn, and the last L - 1 places of one route (first

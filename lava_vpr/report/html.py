@@ -38,7 +38,7 @@ def _figures(figures: Figures) -> tuple[float | None, ...]:
 
 
 def _header(data: ReportData) -> str:
-    """Title, the one sentence that matters, and how far the baselines get."""
+    """The head of the page: title, the one sentence that matters, and how far the baselines get."""
     correct, queries = int(sections.correct_queries(data).sum()), len(data.query_names)
     default = data.metrics[data.default_decoder]
     compared = [n for n in data.metrics if n == data.default_decoder or is_baseline(n, data.default_decoder)]

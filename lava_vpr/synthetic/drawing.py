@@ -110,7 +110,7 @@ class Painter:
             cv2.rectangle(self.canvas, *corners, colour, -1, cv2.LINE_8, _SHIFT)
 
     def line(self, a: Point, b: Point, colour: Colour, width: float) -> None:
-        """A line ``width`` pixels wide, drawn as a polygon so that thin ones do not jump."""
+        """Draw a line ``width`` pixels wide, as a polygon so that thin ones do not jump."""
         dx, dy = b[0] - a[0], b[1] - a[1]
         length = 2.0 * math.hypot(dx, dy) or 1.0
         nx, ny = -dy / length * width, dx / length * width
@@ -127,7 +127,7 @@ class Painter:
 
 
 def draw_backdrop(p: Painter, clouds: Sequence[tuple[float, float, float]]) -> None:
-    """Sky, clouds (column, row, size as shares of the sky), mountains, hills, a distant wood and the plain."""
+    """Draw sky, clouds (column, row, size as shares of the sky), mountains, hills, a distant wood and the plain."""
     look = p.look
     t = np.clip(np.arange(p.rows) / max(1.0, p.horizon), 0, 1)[:, None, None]
     p.canvas[:] = (np.asarray(look.sky[0]) * (1 - t) + np.asarray(look.sky[1]) * t).astype(np.uint8)
@@ -152,7 +152,7 @@ def draw_backdrop(p: Painter, clouds: Sequence[tuple[float, float, float]]) -> N
 
 
 def draw_ground(p: Painter, t: Thing) -> None:
-    """One segment of one side: the slope beside the track, and the field or water beyond it."""
+    """Draw one segment of one side: the slope beside the track, and the field or water beyond it."""
     look = p.look
     near, far = max(t.s, p.camera.s + NEAR_M), t.s + SEGMENT_M
     if far <= near:
@@ -174,12 +174,12 @@ def draw_ground(p: Painter, t: Thing) -> None:
 
 
 def draw_way(p: Painter) -> None:
-    """Verge, ballast with sleepers and rails, or a road with its lines."""
+    """Draw the way: verge, ballast with sleepers and rails, or a road with its lines."""
     look, s0 = p.look, p.camera.s
     stops = [s0 + z for z in _STOPS]
 
     def strip(left: float, right: float, colour: Colour) -> None:
-        """A strip of the ground from sight to the bonnet, as one polygon."""
+        """Draw a strip of the ground from sight to the bonnet, as one polygon."""
         outline = [p.at(s, left, 0.0) for s in stops] + [p.at(s, right, 0.0) for s in reversed(stops)]
         p.fill(outline, p.paint(colour, s0 + 14))
 
@@ -202,7 +202,7 @@ def draw_way(p: Painter) -> None:
 
 
 def draw_land(p: Painter, things: Sequence[Thing]) -> None:
-    """The ground among ``things``, the farthest first, and the track upon it."""
+    """Draw the ground among ``things``, the farthest first, and the track upon it."""
     for t in things:
         if t.kind in GROUND:
             draw_ground(p, t)

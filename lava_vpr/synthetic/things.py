@@ -19,7 +19,7 @@ _FROST = 0.8  # how much snow plants carry: the more, the more of them turn from
 
 
 def _shadow(p: Painter, t: Thing, x: float, y: float) -> None:
-    """The shadow at the foot of a tree, away from the sun."""
+    """Draw the shadow at the foot of a tree, away from the sun."""
     if p.look.sun:
         width = 0.5 * t.width * p.scale(t.s)
         p.blob(x - p.look.sun * width, y, 1.5 * width, 0.16 * width + 0.5, p.paint(scaled(p.look.crops[0], 0.72), t.s))
@@ -34,7 +34,7 @@ def _foliage(p: Painter, t: Thing, shades: tuple[Colour, Colour]) -> tuple[Colou
 
 
 def _conifer(p: Painter, t: Thing) -> None:
-    """Three tiers of branches, one side brighter."""
+    """Draw a conifer: three tiers of branches, one side brighter."""
     look = p.look
     x, y = p.at(t.s, t.x, t.y)
     m = p.scale(t.s)
@@ -56,7 +56,7 @@ def _conifer(p: Painter, t: Thing) -> None:
 
 
 def _broadleaf(p: Painter, t: Thing) -> None:
-    """A trunk and a crown of clumps; in winter a crown of frosted twigs with the branches showing."""
+    """Draw a broadleaved tree: trunk and crown of clumps; in winter a crown of frosted twigs, its branches showing."""
     look = p.look
     x, y = p.at(t.s, t.x, t.y)
     h, w = t.height * p.scale(t.s), t.width * p.scale(t.s) / 2
@@ -103,7 +103,7 @@ def _rock(p: Painter, t: Thing) -> None:
 
 
 def _windows(p: Painter, t: Thing) -> None:
-    """One or two rows of windows, some of them lit when it is dark."""
+    """Draw one or two rows of windows, some of them lit when it is dark."""
     look, rows = p.look, 1 if t.height < 4.2 else 2
     columns, size = (2 if t.width < 8 else 3), min(0.55, 0.25 * t.height / rows)
     for r in range(rows):
@@ -114,7 +114,7 @@ def _windows(p: Painter, t: Thing) -> None:
 
 
 def _tower(p: Painter, t: Thing, wall: Colour, roof: Colour) -> None:
-    """A church's tower with its spire."""
+    """Draw a church's tower with its spire."""
     top = t.y + 1.9 * t.height
     p.face(t.s, t.x - 1.7, t.x + 1.7, t.y, top, scaled(wall, 0.95))
     spire = (p.at(t.s, t.x - 2.0, top), p.at(t.s, t.x, top + 8.0), p.at(t.s, t.x + 2.0, top))
@@ -123,7 +123,7 @@ def _tower(p: Painter, t: Thing, wall: Colour, roof: Colour) -> None:
 
 
 def _building(p: Painter, t: Thing) -> None:
-    """A box under a gable roof whose ridge runs along the track or across it."""
+    """Draw a building: a box under a gable roof whose ridge runs along the track or across it."""
     look, s = p.look, t.s
     deep = s + 7.0 + 5.0 * t.shape[3]
     walls = {"barn": WALLS[0], "church": WALLS[1], "silo": WALLS[3]}.get(t.kind, WALLS[int(t.tint * len(WALLS))])
@@ -159,7 +159,7 @@ def _building(p: Painter, t: Thing) -> None:
 
 
 def _fence(p: Painter, t: Thing) -> None:
-    """Two rails on posts, one segment long."""
+    """Draw a fence: two rails on posts, one segment long."""
     start, end = max(t.s, p.camera.s + NEAR_M), t.s + SEGMENT_M
     if end <= start or start - p.camera.s > 80:
         return
@@ -177,7 +177,7 @@ def _fence(p: Painter, t: Thing) -> None:
 
 
 def _mast(p: Painter, t: Thing) -> None:
-    """A catenary mast or telegraph pole with its wire to the next one."""
+    """Draw a catenary mast or telegraph pole with its wire to the next one."""
     railway = p.way.railway
     colour, m = p.paint(p.look.wood, t.s, 0.75), p.scale(t.s)
     half = max(0.13, 0.5 / m)
@@ -206,7 +206,7 @@ def _sign(p: Painter, t: Thing) -> None:
 
 
 def _bridge(p: Painter, t: Thing) -> None:
-    """A bridge across the track on two piers."""
+    """Draw a bridge across the track on two piers."""
     s, deck, reach = t.s, t.height, 60.0
     stone = p.paint((132, 138, 142) if t.tint < 0.5 else (84, 98, 120), s)
     for x in (-SHOULDER_M - 1.2, SHOULDER_M + 1.2):
@@ -244,7 +244,7 @@ def _out_of_view(p: Painter, t: Thing) -> bool:
 
 
 def draw_things(p: Painter, things: Sequence[Thing]) -> None:
-    """All ``things`` but the ground, in their order, which is the farthest first."""
+    """Draw all ``things`` but the ground, in their order, which is the farthest first."""
     for t in things:
         if t.kind in GROUND or (t.kind != "fence" and t.s <= p.camera.s + _NEAR_THING_M):
             continue
@@ -253,7 +253,7 @@ def draw_things(p: Painter, things: Sequence[Thing]) -> None:
 
 
 def draw_occluder(p: Painter, rng: np.random.Generator) -> None:
-    """Something that was there on this day only: traffic on the other lane or track, or a branch near the lens."""
+    """Draw something that was there on this day only: traffic on the other lane or track, or a branch near the lens."""
     s = p.camera.s + rng.uniform(9, 17)
     tint = rng.uniform(0, 1)
     body = WALLS[int(tint * len(WALLS))]

@@ -92,8 +92,8 @@ class CheckedProcess(AbstractProcess):
     """A Process that is checked in the moment in which Lava's compiler picks its model.
 
     An error inside a running model can hang the program, and one Process serves both float and integer models. The
-    compiler names the picked model before it starts anything: the one place where a parameter that the integer model
-    cannot hold is refused as an ordinary exception.
+    compiler names the picked model before it starts anything: the one moment when a parameter that the integer
+    model cannot hold is refused as an ordinary exception.
     """
 
     _runtime: Any = None  # Lava's destructor asks for it, also where a constructor refused its arguments

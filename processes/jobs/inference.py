@@ -185,7 +185,7 @@ def input_spikes(rates: NDArray[np.uint16], keys: NDArray[np.uint64], steps: int
 def _wired(network: PlaceNetwork | LibraryPlaceNetwork, arrays: Arrays, options: dict[str, Any]) -> Arrays:
     """Inputs, network and counters; on a board, with the vendor's adapters between them.
 
-    Regular inputs of the library's network are its own LIF compartments, all others a Process of this project.
+    Bias inputs of the library's network are its own LIF compartments, all others a Process of this project.
     """
     spec, interval, clock = network.network, network.interval, Clock(options)
     tag, board, record = str(options.get("tag", FIXED_TAG)), bool(options.get("board")), bool(options.get("record"))

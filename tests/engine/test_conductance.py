@@ -300,7 +300,7 @@ def test_errors_say_what_and_the_remedy() -> None:
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # Brian2's own, of pyparsing and others
 @pytest.mark.parametrize("rule", ["triplet", "paper"])
 def test_brian2_gives_the_same_spikes(rule: str) -> None:
-    """The same input spikes to the reference network in Brian2; needs Brian2 (`make peers-test`) and a C compiler."""
+    """The same input spikes to VPRSNN's network in Brian2; needs Brian2 (`make peers-test`) and a C compiler."""
     pytest.importorskip("brian2", reason="Brian2 is not installed: make peers-test")
     from benchmarks.peers.brian2_network import Brian2Network
 

@@ -125,7 +125,7 @@ def _on_disk(model: Model, backend: str) -> Iterator[Path]:
 
 
 def _compiled(model: Model, shown: Presentations, made: Measured, rounds: int, rapl_root: Path) -> Measured:
-    """The host engine, or the simulation of a bundle."""
+    """The figures of the host engine, or of a bundle's simulation, timed in fresh processes."""
     threads = cores() if made.name == "host" else 1
     watts, _ = rapl.idle_watts(root=rapl_root)
     options = {"backend": made.name, "seed": shown.seed, "threads": threads, "rounds": rounds}
@@ -152,7 +152,7 @@ def _compiled(model: Model, shown: Presentations, made: Measured, rounds: int, r
 
 
 def _lava(model: Model, shown: Presentations, made: Measured, least: int, rapl_root: Path) -> Measured:
-    """Lava: once with a run for each query, once with many a run. What it compiles and starts is told apart."""
+    """The figures of Lava, timed with a run for each query and with many a run; compiling and starting are apart."""
     backend = backends.get(made.name)
     if not isinstance(backend, LavaBackend):
         return replace(made, absent=f"{made.name} cannot be timed")
@@ -190,7 +190,7 @@ def _lava(model: Model, shown: Presentations, made: Measured, least: int, rapl_r
 
 
 def measure_encoding(traverse: Traverse, config: Config, limit: int = 200) -> Measured:
-    """The stage before: an image file read and turned into input rates, one after another.
+    """The figures of the stage before: an image file read and turned into input rates, one after another.
 
     Raises:
         InputError: an image cannot be read.

@@ -61,7 +61,7 @@ def _section(name: str, heading: str, note: str, content: str) -> str:
 
 
 def _header(bench: Bench) -> str:
-    """Recall first, then the costs in one line each."""
+    """The head of the page: recall first, then the costs in one line each."""
     metrics = bench.recall
     facts = {**bench.model, **bench.machine}
     shown = "".join(f"<div><dt>{_text(named(k))}</dt><dd>{_text(_fact(v))}</dd></div>" for k, v in facts.items())

@@ -88,7 +88,7 @@ class Measurement:
 
     @property
     def objectives(self) -> tuple[float, float, float]:
-        """What the front is made of; lower is better."""
+        """The figures that decide about the front; lower is better."""
         return -self.metrics.recall_at_1, self.microjoules, self.milliseconds
 
 

@@ -183,7 +183,7 @@ def update_exc(
     c: Constants,
     block: NDArray[np.float64],
 ) -> int:
-    """One Euler step of all excitatory neurons, then the arriving input; returns how many are above threshold.
+    """Take one Euler step of all excitatory neurons, then add the input; returns how many are above threshold.
 
     ``block`` is infinite while a neuron's refractory timer runs, else 0. Separate loops, because a compiler only
     vectorises a loop over few arrays that could overlap.

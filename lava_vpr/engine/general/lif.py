@@ -167,7 +167,7 @@ def lif_step(
     constants: LifConstants,
     spikes: NDArray[np.bool_],
 ) -> int:
-    """One step of a population, every array (neurons,).
+    """Advance a population by one step; every array is (neurons,).
 
     Args:
         u, v: Current and membrane, changed in place.

@@ -33,7 +33,7 @@ class KernelNumbers(NamedTuple):
 
 @nb.njit(cache=True, inline="always")
 def integrate(v: NDArray[np.int32], drive: NDArray[np.int32], shift: np.int32, keep: np.int32) -> np.int32:
-    """One membrane step of all neurons from ``drive`` >> ``shift``; returns the highest membrane.
+    """Take one membrane step of all neurons from ``drive`` >> ``shift``; returns the highest membrane.
 
     sign(v) (|v| keep >> 12) stays within 32 bits because |v| = 4096 h + l: h keep + (l keep >> 12).
     """

@@ -72,7 +72,7 @@ def normalise_columns(weights: NDArray[np.uint8], total: int, key: np.uint64) ->
 
 @nb.njit(cache=True, nogil=True)
 def decay_traces(x: NDArray[np.uint8], whole: NDArray[np.uint8], fraction: NDArray[np.uint64], draw: np.uint64) -> None:
-    """All traces ``x`` (inputs,) one step later, in place; tables from `Rule.decay`, ``draw`` of 53 bits."""
+    """Let all traces ``x`` (inputs,) decay by one step, in place; tables from `Rule.decay`, ``draw`` of 53 bits."""
     after = np.empty(whole.size, np.uint8)
     for k in range(whole.size):
         after[k] = whole[k] + np.uint8(draw < fraction[k])
