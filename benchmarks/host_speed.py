@@ -3,9 +3,9 @@
     LAVA_VPR_DATA=... python -m benchmarks.host_speed [--preset fast] [--rounds 15] [--presentations 5000]
 
 Nordland, 100 summer places, winter queries; all cores. Ours is timed from input rates to match: spikes drawn, network
-run, counts decoded; queries are repeated, each time with other noise. Of SAD and cosine there are two each: what
+run, counts decoded; queries are repeated, each time with other noise. SAD and cosine are timed in two forms each: what
 `lava-vpr eval` computes (exact sums in float64), and the fastest plain way we know: absolute differences of bytes in a
-compiled loop, and one product of float32 matrices, as ``bench --peers`` times them. They are timed from patches, or
+compiled loop, and one product of float32 matrices, as ``bench --peers`` times them. Both are timed from patches, or
 input rates, to match.
 """
 

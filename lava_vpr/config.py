@@ -37,7 +37,7 @@ class LifNetwork:
         prune: Share of each neuron's weights, the smallest, that are then set to 0.
         threshold: Firing threshold of every excitatory neuron.
         inhibition: What one spike takes from every other neuron, one stretch.
-        joined_inhibition: The same when several stretches are joined into one network.
+        joined_inhibition: What one spike takes when several stretches are joined into one network.
         tau_membrane: Membrane time constant, in steps.
         drive: Drive per step of a neuron whose weights are all at the mean.
         input_mode: How queries reach the network: spikes ``injected`` into the chip (Poisson trains), or input

@@ -56,7 +56,7 @@ def activity_of(
     """Responses of the input channels to one image, float32 (inputs,).
 
     Args:
-        image: As it was read, uint8 (h, w) or (h, w, 3) BGR.
+        image: The image as it was read, uint8 (h, w) or (h, w, 3) BGR.
         encoder: Settings.
         patch: `patch_normalised` (image) if that is known already.
     """

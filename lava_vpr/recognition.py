@@ -64,7 +64,7 @@ def count_query_spikes(
         model: A trained model.
         queries: Encoded with the model's settings.
         backend: Name in `lava_vpr.backends.registry.BACKENDS`, or a backend.
-        seed: Of the queries' noise; None: the model's.
+        seed: The seed of the queries' noise; None: the model's.
         threads: For a backend that is given by name; does not change the result.
         advance: Told how many queries are done, by backends that are slow and given by name.
         shown: The queries as the backend is shown them, if that is known; None: worked out.

@@ -66,7 +66,7 @@ class Traverse:
                 yield read_image(path)
 
     def load(self, i: int) -> NDArray[np.uint8]:
-        """Image number ``i`` of this traverse, 0 <= i < len. Of a video, all frames before it are decoded first."""
+        """Image number ``i`` of this traverse, 0 <= i < len. In a video, all frames before it are decoded first."""
         if not 0 <= i < len(self):
             raise IndexError(f"image {i} of a traverse of {len(self)}")
         if self.frames is not None:

@@ -25,7 +25,7 @@ from lava_vpr.model import Model, as_integer, decode
 class Mismatch:
     """The first spike in which a backend differs from the host: where, and what each of them says (0 or 1).
 
-    Of a backend that tells counts only, the first count that differs; ``step`` is None.
+    For a backend that tells counts only, the first count that differs; ``step`` is then None.
     """
 
     query: str
@@ -153,8 +153,8 @@ def verify(
         queries: Encoded with the model's settings.
         truth: bool (n, places), for the recall of float backends.
         names: Backends; the host always comes first.
-        seed: Of the queries' noise; None: the model's.
-        threads: Of the host.
+        seed: The seed of the queries' noise; None: the model's.
+        threads: Threads of the host engine.
         begin: Told each backend before its run; returns what is told its presentations as they are done.
     Raises:
         InputError: a query without any spike of an excitatory neuron: its comparison would be empty.

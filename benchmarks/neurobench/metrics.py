@@ -3,8 +3,8 @@
     LAVA_VPR_DATA=... python -m benchmarks.neurobench.metrics [--queries 20]
 
 `make neurobench` installs the package in an environment of its own; `benchmarks/neurobench/package.py` runs there, in a
-process of its own, and builds the network again in torch. Its neurons must spike as ours do, and every metric be equal:
-counts exactly, fractions to the digits that the package rounds to.
+process of its own, and builds the network again in torch. The neurons there must spike as ours do, and every metric be
+equal: counts exactly, fractions to the digits that the package rounds to.
 """
 
 from __future__ import annotations

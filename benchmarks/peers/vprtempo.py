@@ -253,8 +253,8 @@ def feature_step(layer: Layer, spikes: Floats, share: float, config: VprTempoCon
 
     Args:
         layer: The feature layer.
-        spikes: Of the image, float32 (inputs,).
-        share: Of the initial learning rates.
+        spikes: Spikes of the image, float32 (inputs,).
+        share: Share of the initial learning rates.
         config: Settings.
     """
     total = layer.weights @ spikes + layer.constant
@@ -276,7 +276,7 @@ def output_step(layer: Layer, features: Floats, rate: Floats, place: int, share:
         features: Spikes of the feature layer, float32 (features,).
         rate: Target rates of the features (features,); rare ones learn faster.
         place: Index of the output neuron that stands for the image's place.
-        share: Of the initial learning rates.
+        share: Share of the initial learning rates.
         config: Settings.
     """
     total = layer.weights @ features
@@ -309,10 +309,10 @@ def train(
     """Learn the references, layer after layer; every epoch in an order of its own.
 
     Args:
-        spikes: Of the reference images, float32 (images, pixels), 0..1.
+        spikes: Spikes of the reference images, float32 (images, pixels), 0..1.
         labels: Place of each image, 0 .. places - 1; None: each is its own place.
         config: Settings; None: the defaults.
-        seed: Of weights, thresholds and order.
+        seed: The seed of weights, thresholds and order.
     Raises:
         InputError: no spikes, or labels that do not number the places.
     """

@@ -2,7 +2,7 @@
 
 SANA-FE (Boyle et al., IEEE TCAD 2025, doi 10.1109/TCAD.2025.3537971) lives in an environment of its own, which `make
 sanafe` makes, and runs as another process that reads and writes files: it is licensed under GPL-3.0 and is never
-imported here. It gets the input spikes (or the bias of input compartments) and makes its own exc and inh spikes.
+imported here. SANA-FE gets the input spikes (or the bias of input compartments) and makes its own exc and inh spikes.
 
 **What SANA-FE counts** (``chip.cpp``, ``pipeline.hpp``, ``models.cpp``, ``schedule.cpp``), and `closed_form` too:
 
@@ -13,16 +13,16 @@ imported here. It gets the input spikes (or the bias of input compartments) and 
 - Message: one for each core that a spike goes to, its own included, charged when it is sent. It is received and its
   synapses are looked up in the same step; the sum counts in the next.
 - Synaptic operation: every synapse of the row on the target core, zeros of dense rows included.
-- Hops: columns and rows between the tiles; none within a tile. They take energy, and no time in ``simple``.
+- Hops: columns and rows between the tiles; none within a tile. Hops take energy, and no time in ``simple``.
 - ``simple`` time of a step: the larger of the busiest sender (accesses, updates, spikes and messages sent of a core)
   and the busiest receiver (16 ns a message and its synapses), each found over all cores; then the barrier by the
   number of tiles that hold a neuron: the entry of its table with the largest number that is not above it.
 - ``detailed`` time puts single messages on links and queues: hops, waiting receivers and blocked routes count.
 
-It has no host: injected spikes come from one more core on tile 0 (`benchmarks.sanafe.worker`), whose neurons are
+SANA-FE has no host: injected spikes come from one more core on tile 0 (`benchmarks.sanafe.worker`), whose neurons are
 free and whose messages and hops are charged. It knows no read-out, static power, clearing or learning.
 
-Both sum the same products in another order: differences of about 1e-14 are rounding.
+Both sides sum the same products in another order: differences of about 1e-14 are rounding.
 """
 
 from __future__ import annotations
@@ -244,9 +244,9 @@ def compare(plan: Plan, trains: Trains, answer: dict[str, Any], *, input_core: b
 
     Args:
         plan, trains: What was asked.
-        answer: Of `ask`.
+        answer: What `ask` returned.
         input_core: As in `cross_check`.
-        tiles: That hold a neuron in SANA-FE.
+        tiles: Tiles that hold a neuron in SANA-FE.
     Raises:
         BackendUnavailableError: it is no answer to this problem.
     """
@@ -302,7 +302,7 @@ def cross_check(
     Args:
         plan: Where the network stands.
         trains: Every spike of the queries, those of inputs and relays too.
-        python: That has SANA-FE; None: what `find_sanafe` finds.
+        python: The Python that has SANA-FE; None: what `find_sanafe` finds.
         input_core: Injected spikes take the one core that sends them the time of any core's messages, as SANA-FE has
             it; else none, as the cost model has it, which knows a host.
         timeout_s: For SANA-FE.

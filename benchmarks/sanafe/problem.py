@@ -9,9 +9,9 @@
 
 Groups stand in the order of each core's compartments. A unit of weight, threshold, bias and potential is 2^6 of v.
 SANA-FE's soma computes v' = trunc(v keep) + bias + sum with doubles that hold every number of ours exactly, so its exc
-and inh spikes are its own and come out equal. It neither wraps u nor clips v; a network that is deployed cannot make u
-wrap, and v is only clipped where inhibition drives it down to -2^23. Its Python interface turns floats into 32 bits:
-those handed over have at most 24 digits.
+and inh spikes are its own and come out equal. The soma neither wraps u nor clips v: a deployed network cannot
+make u wrap, and v is only clipped where inhibition drives it down to -2^23. Its Python interface turns floats into 32
+bits: the floats handed over have at most 24 digits.
 """
 
 from __future__ import annotations

@@ -85,7 +85,7 @@ def deploy(
     """Write the bundle of ``model`` for ``board``.
 
     Args:
-        model: As it is to run (compressed, with its way of input).
+        model: The model as it is to run (compressed, with its input mode).
         board: From `lava_vpr.deploy.boards.board`.
         path: The folder; a bundle that stands there is replaced in one step.
         learning: Also hold the network that learns (Loihi 2).

@@ -232,7 +232,7 @@ def learned_on_chip(model: Model, parts: tuple[ChipLearning, ...], threads: int)
 
     Args:
         model: With float weights of its own.
-        parts: Of its stretches.
+        parts: The learning networks of its stretches.
         threads: For the responses; does not change the result.
     """
     weights = learned_weights(parts, integer_config(model.config, PURPOSE).learning.mean_weight)

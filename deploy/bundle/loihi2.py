@@ -123,8 +123,8 @@ def general_network(weights: NDArray[np.uint8], parameters: dict[str, Any]) -> G
     """The Processes of a bundle as populations 0 (exc) and 1 (inh) of the general engine.
 
     Args:
-        weights: As Dense takes them, uint8 (neurons, inputs).
-        parameters: As `parameters_of`; inputs are spikes, whether injected or those of input compartments.
+        weights: Weights as Dense takes them, uint8 (neurons, inputs).
+        parameters: The result of `parameters_of`; inputs are spikes, whether injected or those of input compartments.
     """
     n = len(weights)
     others = parameters["inhibit"]["weight"] * (1 - np.eye(n, dtype=np.int32))

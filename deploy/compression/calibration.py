@@ -109,7 +109,7 @@ def search(
 
     Args:
         model: The model.
-        board: Where it is to run.
+        board: The board that the model is to run on.
         calibration: Images to measure recall on.
         max_loss: What R@1 may lose, a fraction in 0..1.
         changes: What is not to be searched.

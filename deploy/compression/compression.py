@@ -49,7 +49,7 @@ class Compressed:
     """A model as it is to be deployed.
 
     Attributes:
-        model: As it is to be deployed: quantised anew, unless nothing had to be done.
+        model: The model as it is to be deployed: quantised anew, unless nothing had to be done.
         original: The model that it was made from.
         prune: Share of each neuron's weights that was set to 0.
         notes: What differs from the original without having been asked for, for people.
@@ -219,7 +219,7 @@ def for_board(model: Model, board: Board, changes: Changes = UNCHANGED, *, threa
 
     Args:
         model: The model.
-        board: Where it is to run.
+        board: The board that the model is to run on.
         changes: What to change besides.
         threads: For the references' responses; does not change the result.
     """

@@ -144,7 +144,7 @@ def closed_form(
 
     Args:
         events: What was counted, with injected spikes from ``entry`` (`lava_vpr.deploy.cost.events.count_events`).
-        constants: Those of Loihi 1.
+        constants: The constants of Loihi 1.
         tiles: With a core mapped, one of inputs included; None: those of the plan.
         updates: ``touched`` as SANA-FE counts, or ``updates``.
         input_core: Injected spikes are sent by one core of their own, whose neurons cost nothing.

@@ -98,7 +98,7 @@ def _updates(
         relayed: Whose relays spiked in the step before, (N,).
         relays: The number of those.
         inhibited: Whether a relay's spike takes anything from the others.
-        events: Of this step, (K, kinds).
+        events: Events of this step, (K, kinds).
     """
     for i in range(membranes.size):
         k = routes.exc_core[i]

@@ -4,7 +4,7 @@ The register-level simulation counts the same from registers and memory; `tests/
 two against each other. A message belongs to the step of its spike: it is sent, received and meets its row in that step,
 and the sum counts in the next.
 
-**What is an update.** Every mapped compartment is accessed in every step. It is also updated when there is a reason:
+**What is an update.** Every mapped compartment is accessed in every step, and updated when there is a reason:
 
 - `EventCounts.updates`, as the register-level simulation counts: the sum that arrived, the membrane or the bias is not
   0.

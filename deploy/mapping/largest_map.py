@@ -1,6 +1,6 @@
 """The largest map that fits a board.
 
-It is the largest of networks as large and as costly as they can become: every input has a weight to every neuron, so
+This is the largest of networks as large and as costly as they can become: every input has a weight to every neuron, so
 every row is stored in full. Threshold and inhibition are what `engine.inference.quantise` makes of weights whose 99.9th
 percentile is `TOP`, as measured; real networks, two thirds of whose weights are 0, take less synapse memory.
 """

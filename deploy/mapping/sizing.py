@@ -73,7 +73,7 @@ class NeuronRanges:
             has no zero (then dense costs nothing more).
         words_lateral_sparse, words_lateral_dense: Synapse memory without the rows to relays: rows of the inputs as
             above, those of the neurons' own relays sparse or dense.
-        words_least: The same with each row in the format that takes least.
+        words_least: Synapse memory with each row in the format that takes least.
     """
 
     size: Integers

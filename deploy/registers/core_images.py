@@ -337,8 +337,8 @@ def network_of(
     """The network that images hold: weights from memory; all else must be as a network with ``scalars`` has it.
 
     Args:
-        images: Of every core.
-        tables: Where its neurons stand.
+        images: Registers and memory of every core.
+        tables: Where the network's neurons stand.
         scalars: ``inputs``, ``neurons`` and `lava_vpr.engine.inference.fixed.SCALARS` by name.
         board: Whose cores they are.
     Raises:

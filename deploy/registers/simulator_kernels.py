@@ -35,8 +35,8 @@ class Wiring(NamedTuple):
 
     Attributes:
         first: Compartments of core k are ``first[k]`` to ``first[k + 1] - 1``, (K + 1,).
-        keep_u, keep_v, refract: Of each compartment, (C,).
-        floor, ceiling: Of the membranes of a core, (K,).
+        keep_u, keep_v, refract: Decays and refractory steps of each compartment, (C,).
+        floor, ceiling: Bounds of the membranes of a core, (K,).
         out_start, out_core, out_axon: Output axons by source (C + 1,); core and input axon of each, or `READ_OUT` and
             counter, (O,).
         hops: Whether an output axon leaves its chip, and its tiles east-west and north-south, (O, 3).

@@ -210,7 +210,7 @@ def run_peers(
         queries: Queries to a trained model.
         truth: bool (n_queries, places).
         recognition: Recall of the model and its baselines on these queries, if known; None: worked out.
-        threads: That share the queries; None: one for each processor.
+        threads: Threads that share the queries; None: one for each processor.
         rounds: The fastest counts.
         fill: Seconds that a round takes at least.
         others: More matchers, which take turns with these.

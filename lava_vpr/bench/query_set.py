@@ -22,7 +22,7 @@ class QuerySet:
     Attributes:
         model: The model that is asked.
         images: The query images, encoded with its settings.
-        shown: The same as every backend is shown them: input rates and noise.
+        shown: The presentations that every backend is shown of them: input rates and noise.
     """
 
     model: Model = field(repr=False)

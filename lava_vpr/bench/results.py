@@ -98,7 +98,7 @@ class Candidate:
     Attributes:
         settings: What differs from the model: steps, weight_bits, prune, inhibition, query_spikes, neurons_per_place,
             tau_membrane, stop_margin (None: no early stopping).
-        metrics: Of the default decoder.
+        metrics: Figures of the default decoder.
         microjoules: Dynamic energy of a query.
         milliseconds: Time of a query on the chip.
         mean_steps: Steps of a query; fewer than ``steps`` with early stopping.

@@ -101,7 +101,7 @@ def run(
     Args:
         model: A trained model.
         traverse: The query images' files.
-        images: The same, encoded with the model's settings.
+        images: The query images, encoded with the model's settings.
         truth: bool (queries, places).
         request: What to find out.
         command: How to repeat the run, for the report.

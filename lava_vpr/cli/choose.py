@@ -50,7 +50,7 @@ def open_queries(
         model: The model that answers.
         source: Folder, list, video or image.
         places: Range of images that the user asked for.
-        every: Of a video, seconds between two frames.
+        every: Seconds between two frames of a video.
         aligned: No ground truth is given: queries must show the model's places in their order.
         output: File to be written, which must be none of the images.
     Raises:

@@ -60,7 +60,7 @@ class LazyGroup(OneLineGroup):
     """A group that knows its commands by name and one-line help, so that ``--help`` answers at once.
 
     Args:
-        table: By name, the command's module, its name there, and its one-line help.
+        table: The module of each command by its name, the function's name there, and the one-line help.
     """
 
     def __init__(self, *args: Any, table: Mapping[str, tuple[str, str, str]], **options: Any) -> None:

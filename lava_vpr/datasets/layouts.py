@@ -26,7 +26,7 @@ class Layout:
         step: Distance from one image in use to the next: 8 takes images 0, 8, 16 ...
         ground_truth: ``frames``: image k of every traverse shows the same place, and all are equally long;
             ``positions``: they were taken at different speeds, so a position or ground truth file must say.
-        every: Of videos, seconds between two frames.
+        every: Seconds between two frames of a video.
     """
 
     references: tuple[str, ...]

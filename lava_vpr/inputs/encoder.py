@@ -35,7 +35,7 @@ class EncoderConfig:
         blur: Standard deviation in pixels of the Gaussian that the resized image is smoothed with; 0: none.
         pool_floor: Share of the image's mean edge energy that is added to each window's.
         train_spikes: Expected input spikes per step while training ("tot"), all inputs together.
-        query_spikes: The same while answering a query.
+        query_spikes: Expected input spikes per step while answering a query.
         query_inputs: Only so many inputs, those that respond most, spike while answering a query; 0: all.
         max_rate_hz: ``pixels`` under the ``paper`` preset: rate of a white pixel, in Hz.
     """

@@ -1,7 +1,7 @@
 """Patch normalisation: what the paper's network sees of an image, and what the baseline SAD compares.
 
-It follows the released code of Hussaini et al. 2022 (VPRSNN): bilinear resize of the colour image, then grey, then a
-7x7 sliding-window z-score.
+The normalisation follows the released code of Hussaini et al. 2022 (VPRSNN): bilinear resize of the colour image,
+then grey, then a 7x7 sliding-window z-score.
 """
 
 from __future__ import annotations

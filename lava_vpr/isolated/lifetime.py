@@ -126,7 +126,7 @@ def remove_shared_memory(name: str) -> None:
 def name_shared_memory(name: str) -> None:
     """Let the segments and semaphores that this process and its children make begin with ``name``.
 
-    They can be told from those of others then, and removed after a kill. This reaches into the standard library (Python
+    These can be told from others' then, and removed after a kill. This reaches into the standard library (Python
     3.10: `multiprocessing.shared_memory`, `multiprocessing.synchronize`), which has no setting for it.
     """
     from multiprocessing import process, shared_memory

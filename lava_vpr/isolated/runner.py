@@ -46,8 +46,8 @@ def run_isolated(
     Args:
         target: "package.module:function" of a function f(arrays, options) -> dict of arrays. It may start Lava, from
             its main thread; what it leaves running is killed.
-        arrays: Its first argument: numbers, booleans or text, no Python objects.
-        options: Its second, as JSON values.
+        arrays: The target's first argument: numbers, booleans or text, no Python objects.
+        options: The target's second argument, as JSON values.
         timeout: Seconds that it may take, its start included (Lava's import takes about one).
         progress: Called with the units of work that were reported (`lava_vpr.isolated.worker.report`) since the last
             call.

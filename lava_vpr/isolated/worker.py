@@ -222,7 +222,7 @@ def _start(folder: Path) -> int:
 def main(folder: Path, caller: int) -> int:
     """Run the job in ``folder`` for the process ``caller``, see it end, and return the exit code.
 
-    It is 128 + n after signal n.
+    The code is 128 + n after signal n.
     """
     signals: list[int] = []
 

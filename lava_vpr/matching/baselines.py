@@ -85,7 +85,7 @@ def sad_distances(
 
     Args:
         references: Patch-normalised images, uint8 (n_references, h, w).
-        queries: The same, uint8 (n_queries, h, w).
+        queries: Query images of the same kind, uint8 (n_queries, h, w).
         labels: Place of each reference image, int (n_references,), 0 .. n_places - 1; None: each is its own place.
     Returns:
         Distances (n_queries, n_places), 0..255, the smallest over a place's images; exact to the last bit. Negate
@@ -121,7 +121,7 @@ def cosine_similarities(references: NDArray[Any], queries: NDArray[Any], labels:
 
     Args:
         references: Rates or descriptors, (n_references, n), any real type.
-        queries: The same, (n_queries, n).
+        queries: Vectors of the queries, (n_queries, n).
         labels: As in `sad_distances`.
     Returns:
         Similarities (n_queries, n_places), the largest over a place's images; 0 for a blank row. uint16 rates give

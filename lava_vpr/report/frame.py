@@ -14,7 +14,7 @@ def document(title: str, body: str, *, style: str = "", payload: str = "", scrip
     """A whole page as HTML text.
 
     Args:
-        title: Of the window, as plain text.
+        title: The title of the window, as plain text.
         body: Header, navigation and main part, as HTML.
         style: What the page adds to the common style sheet.
         payload: JSON for the script, that cannot end its own element; without a script, none.

@@ -209,13 +209,13 @@ def write_traverses(
     """Write two journeys along a synthetic route as folders of images.
 
     ``folder`` receives ``reference/`` and ``query/`` with ``place_00000.png`` ..., and ``reference_positions.csv`` and
-    ``query_positions.csv`` (columns name, x, y; metres). They appear when all are complete, or not at all; an earlier
-    result of this function is replaced.
+    ``query_positions.csv`` (columns name, x, y; metres). The folders appear when all are complete, or not at
+    all. An earlier result of this function is replaced.
 
     Args:
-        folder: Where to write; created with its parents.
+        folder: The folder to write to; created with its parents.
         places, seed: As in `World`.
-        conditions: Of the reference and of the query journey, each one of `CONDITIONS`.
+        conditions: The conditions of the reference and of the query journey, each one of `CONDITIONS`.
         keep: Names of other entries that ``folder`` may hold; they stay as they are.
     Raises:
         ConfigError: ``places`` or ``seed`` out of range.

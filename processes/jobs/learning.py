@@ -40,7 +40,7 @@ def learning_of(options: Mapping[str, Any]) -> IntegerLearning:
 def learning(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
     """Show images to `LearningPlaceNetwork`, one presentation after another in one runtime of Lava.
 
-    It pauses after each presentation: thresholds are read, and with ``late_theta`` raised; a unit of progress is
+    The run pauses after each presentation: thresholds are read, and with ``late_theta`` raised; a unit of progress is
     reported.
 
     Args:

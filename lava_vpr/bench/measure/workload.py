@@ -57,8 +57,8 @@ def of_trains(network: FixedNetwork, trains: Trains, rates: NDArray[np.uint16], 
     Args:
         network: Any.
         trains: Every spike of all three populations, uint8 (n, steps + 3, width).
-        rates: Of these presentations, uint16 (n, inputs).
-        keys: Of these presentations, uint64 (n,).
+        rates: Rates of these presentations, uint16 (n, inputs).
+        keys: Keys of these presentations, uint64 (n,).
     """
     if trains.inputs is None or trains.inh is None:
         raise ValueError("trains of the inputs and of inh are needed")
@@ -109,7 +109,7 @@ def input_updates(rates: NDArray[np.uint16], key: int, steps: int) -> int:
 
     Args:
         rates: uint16 (inputs,).
-        key: Of the presentation.
+        key: The key of the presentation.
         steps: Steps with input.
     """
     mantissa, exponent = biases(rates)

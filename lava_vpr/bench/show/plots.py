@@ -43,7 +43,7 @@ def _grid(axes: Axes, axis: Literal["x", "y", "both"]) -> None:
 
 
 def _ranged(value: Estimate) -> str:
-    """Nominal, and low to high where they differ."""
+    """The estimate in words: nominal, and low to high where they differ."""
     low, nominal, high = (written(v) for v in (value.low, value.nominal, value.high))
     return nominal if low == high else f"{nominal} ({low} to {high})"
 

@@ -3,8 +3,8 @@
 Every point is a whole deployment in small: the network quantised anew from the learned float weights for the board, its
 responses to the references measured anew (role ``response``), the queries run (role ``query``), partitioned, and its
 spikes counted into the cost model. The search goes out from points of the front as it stands: one to three settings
-move to a near value, what comes out is measured, and the front moves. It is seeded, so equal input gives equal points.
-Every network is also tried with early stopping (`lava_vpr.bench.sweep.early_stopping`).
+move to a near value, what comes out is measured, and the front moves. The search is seeded, so equal input
+gives equal points. Every network is also tried with early stopping (`lava_vpr.bench.sweep.early_stopping`).
 
 Nothing here is measured on a chip: energies and times are modelled, with nominal constants.
 """
@@ -149,10 +149,10 @@ def sweep(
     """Points around ``model`` and preset ``fast``, and which of them form the front.
 
     Args:
-        model: Of the integer network, with its float weights.
+        model: A model with an integer network and its float weights.
         queries: Calibration images, encoded with the model's settings.
         truth: bool (queries, places).
-        seed: Of the queries' noise; None: the model's.
+        seed: The seed of the queries' noise; None: the model's.
         budget: Points to measure; those that the board refuses count, early stopping does not.
         retrain: Also try other numbers of neurons, for which the references are learned again.
         board: One whose energies and times are published.

@@ -198,7 +198,8 @@ def _fold(weights: NDArray[np.uint8], thresholds: NDArray[np.int32], common: int
 def laterals(inhibition: int, thresholds: NDArray[np.int32], common: int) -> tuple[NDArray[np.int64], int]:
     """Each neuron's lateral weight, as mantissas int64 (neurons,) of 8 bits and one exponent.
 
-    It is cut off where all other neurons at once would overflow Loihi's current: nobody far below ``common`` has won.
+    The weight is cut off where all other neurons at once would overflow Loihi's current: no neuron far below ``common``
+    has won.
     """
     mantissa, exponent = mantissa_of(inhibition)
     top = min(WEIGHT_LIMIT, (INPUT_LIMIT - 1) // max(1, len(thresholds) - 1) >> exponent)

@@ -17,7 +17,7 @@ from lava_vpr.processes.plastic_dense.process import PlasticDense
 
 @implements(proc=LearningPlaceNetwork, protocol=LoihiProtocol)
 class SubLearningPlaceNetwork(AbstractSubProcessModel):
-    """Input spikes to exc, plastic, by what exc spikes; exc to inh, one to one; inh to all other exc."""
+    """Input spikes go to exc by synapses that its spikes change, exc to inh, one to one, and inh to all other exc."""
 
     def __init__(self, proc: LearningPlaceNetwork) -> None:
         learning, shape, interval = proc.learning, proc.s_out.shape, proc.interval

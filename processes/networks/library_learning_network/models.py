@@ -19,7 +19,7 @@ from lava_vpr.processes.networks.library_learning_network.process import Library
 @implements(proc=LibraryLearningNetwork, protocol=LoihiProtocol)
 @tag("fixed_pt")
 class SubLibraryLearningNetwork(AbstractSubProcessModel):
-    """Input spikes to exc, plastic, by what exc spikes; exc to inh, one to one; inh to all other exc."""
+    """Input spikes go to exc by synapses that its spikes change, exc to inh, one to one, and inh to all other exc."""
 
     def __init__(self, proc: LibraryLearningNetwork) -> None:
         learning, n = proc.learning, len(proc.start_weights)

@@ -21,7 +21,7 @@ from lava_vpr.processes.networks.library_place_network.process import LibraryPla
 
 @implements(proc=LibraryPlaceNetwork, protocol=LoihiProtocol)
 class SubLibraryPlaceNetwork(AbstractSubProcessModel):
-    """Input spikes to exc; exc to inh, one to one; inh to all other exc. Every arrow takes one step."""
+    """Input spikes go to exc, exc to inh, one to one, and inh to all other exc. Every arrow takes one step."""
 
     def __init__(self, proc: LibraryPlaceNetwork) -> None:
         network, n = proc.network, proc.network.neurons

@@ -17,7 +17,7 @@ from lava_vpr.processes.one_to_one.process import OneToOne
 
 @implements(proc=PlaceNetwork, protocol=LoihiProtocol)
 class SubPlaceNetwork(AbstractSubProcessModel):
-    """Input spikes to exc; exc to inh, one to one; inh to all other exc. Every arrow takes one step."""
+    """Input spikes go to exc, exc to inh, one to one, and inh to all other exc. Every arrow takes one step."""
 
     def __init__(self, proc: PlaceNetwork) -> None:
         network, shape, interval = proc.network, (proc.network.neurons,), proc.interval
