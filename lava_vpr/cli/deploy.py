@@ -95,7 +95,7 @@ def deploy(
 ) -> None:
     """Place the neurons of MODEL on a board's cores, and write all that the board needs as the folder BUNDLE.
 
-    Weights are quantised anew from those that were learned where bits, pruning or the way of input change, or where the
+    Weights are quantised anew from those that were learned where bits, pruning or the input mode change, or where the
     board demands it. With --max-loss, ways to do so are tried from cheap to dear, by synaptic operations of a query.
     """
     board = BOARDS[target]
