@@ -16,8 +16,8 @@ INPUT_LIMIT = STATE_LIMIT >> INPUT_SHIFT
 """Input sums of one step beyond this (131,072 weight units) wrap u."""
 
 LOIHI_1_INPUT_LIMIT = 1 << 15
-"""The same on Loihi 1, whose accumulator has 21 bits and sign in units shifted by 6. Source: nengo-loihi 1.1.0,
-``discretize.py:21``, and its emulator's overflow flag; not verified on silicon."""
+"""The limit of a neuron's input sum on Loihi 1, whose accumulator has 21 bits and sign in units shifted by 6. Source:
+nengo-loihi 1.1.0, ``discretize.py:21``, and its emulator's overflow flag; not verified on silicon."""
 
 THRESHOLD_LIMIT = 1 << 17
 """Threshold mantissas stay below. Source: nengo-loihi 1.1.0, ``discretize.py:10``."""
@@ -53,7 +53,7 @@ PRODUCT_MANTISSAS = range(-8, 8)
 """Scale S of a product S 2^E of a learning rule: 4 bits. Source: lava-nc 0.10, ``magma/core/learning``."""
 
 PRODUCT_EXPONENTS = range(-7, 9)
-"""Its exponent E. Source: as `PRODUCT_MANTISSAS`."""
+"""The exponent E of a learning rule's product. Source: as `PRODUCT_MANTISSAS`."""
 
 CORE_COMPARTMENTS = 1024
 """Compartments of a Loihi 1 core. Source: nengo-loihi 1.1.0, ``block.py:8``."""

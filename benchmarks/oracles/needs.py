@@ -154,7 +154,7 @@ def random_plans(count: int) -> Iterator[Plan]:
 
 
 def real_plans() -> Iterator[tuple[str, Plan]]:
-    """The default model of 100 and of 500 places, with other widths and both ways of input."""
+    """The default model of 100 and of 500 places, with other widths and in both input modes."""
     for places in ((0, 100), (0, 500)):
         model = integer_model(learn(places, preset("loihi")), "Kapoho Bay")
         for bias_input in (False, True):

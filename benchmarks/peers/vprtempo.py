@@ -28,9 +28,9 @@ from lava_vpr.errors import ConfigError, InputError
 Floats = NDArray[np.float32]
 
 SIDE, WINDOW = 56, 15
-"""Its own images: pixels a side, and the window of their patch normalisation (defaults of the released code)."""
+"""VPRTempo's own images: pixels a side, and the window of their patch normalisation (defaults of the released code)."""
 SMALL_SIDE, SMALL_WINDOW = 28, 7
-"""The paper's, and VPRSNN's."""
+"""Pixels a side, and the window, of VPRSNN's images and the paper's."""
 
 
 @dataclass(frozen=True)

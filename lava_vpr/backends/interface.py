@@ -16,7 +16,7 @@ from lava_vpr.errors import InputError
 from lava_vpr.model import Model
 
 Advance = Callable[[int], None]
-"""Told how many more presentations are done."""
+"""A function that is told how many more presentations are done."""
 
 Events = dict[str, int]
 """The counted events of a run by name, summed over its presentations."""

@@ -44,7 +44,7 @@ COUNTED = 500
 
 Advance = Callable[[int], None]
 Begin = Callable[[str, int], Advance]
-"""Told what begins and in how many parts; returns what is told of parts done."""
+"""A function that is told what begins and in how many parts, and returns what is told of parts done."""
 
 
 @dataclass(frozen=True)

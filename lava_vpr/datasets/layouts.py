@@ -50,7 +50,7 @@ class Dataset:
 
 
 DATASETS: Registry[Dataset] = Registry("dataset", InputError)
-"""All datasets by name."""
+"""The benchmark datasets, by name."""
 
 _STEREO = "RGB/Stereo_Left/Omni_F"
 _SUN, _RAIN, _DUSK = "2015-08-12-15-04-18", "2015-10-29-12-18-17", "2014-11-21-16-07-03"

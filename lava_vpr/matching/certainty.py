@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from lava_vpr.matching.equations import Scores, first_most
 
 Confidence = Callable[[Scores], Scores]
-"""From scores (n_queries, n_places) with a score in every row to how sure the best one is, float64 (n_queries,)."""
+"""A function from scores (n_queries, n_places) with a score in every row to how sure the best one is, float64
+(n_queries,)."""
 
 
 @dataclass(frozen=True)

@@ -38,9 +38,10 @@ class Reading:
 
 
 ScoreFunction = Callable[[Counts, Counts, Reading], Scores]
-"""From responses (n_exc, n_places), spikes (n_queries, n_exc) and the reading to scores (n_queries, n_places)."""
+"""A function from responses (n_exc, n_places), spikes (n_queries, n_exc) and the reading to scores (n_queries,
+n_places)."""
 PreparedScores = Callable[[Counts], Scores]
-"""From spikes (n_queries, n_exc) to scores (n_queries, n_places)."""
+"""A function from spikes (n_queries, n_exc) to scores (n_queries, n_places)."""
 
 
 @dataclass(frozen=True)

@@ -195,7 +195,7 @@ AGAIN = "deploy the model again or fetch an intact copy"
 @pytest.mark.parametrize("places", [100, 500])
 @pytest.mark.parametrize("mode", ["injected", "bias"])
 def test_a_hundred_real_queries_on_both_bundles(places: int, mode: str, data_root: Path, tmp_path: Path) -> None:
-    """The default model of 100 and of 500 places, both ways of input, deployed to both boards: every spike."""
+    """The default model of 100 and of 500 places, both input modes, deployed to both boards: every spike."""
     config = update(preset("loihi"), {"network": {"input_mode": mode}})
     model = learn((0, places), config)
     queries = part(real("winter", config.encoder), slice(0, 100))

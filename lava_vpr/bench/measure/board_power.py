@@ -27,7 +27,7 @@ from lava_vpr.isolated.child import run_child
 from lava_vpr.model import Model, checked_network
 
 STEPS = 100_000
-"""Of a run at least; queries are repeated with other noise. Source: public measurements of idle power of Loihi and
+"""Least steps of a run; queries are repeated with other noise. Source: public measurements of idle power of Loihi and
 Loihi 2 run as many steps (lava-dl's tiny_yolo_sdnn benchmark; users' scripts for NxSDK)."""
 
 TIMEOUT = 2 * 3600.0

@@ -26,7 +26,7 @@ from lava_vpr.model import Model, as_integer, checked_network, prepare
 
 Arrays = dict[str, NDArray[Any]]
 Answer = Callable[[NDArray[Any], NDArray[np.int64]], NDArray[np.int64]]
-"""From rates (n, inputs) and image ids (n,) to the matched places (n,)."""
+"""A function from rates (n, inputs) and image ids (n,) to the matched places (n,)."""
 
 
 def decoder_of(model: Model) -> Callable[[NDArray[np.int32]], NDArray[np.int64]]:
@@ -74,7 +74,7 @@ def singles(answer: Answer, rates: NDArray[Any], ids: NDArray[np.int64], count: 
 
 
 NOISE = 1 << 32
-"""Added to image ids when a query is presented again, for other noise; no traverse is that long."""
+"""The number added to image ids when a query is presented again, for other noise; no traverse is that long."""
 
 
 def repeated(rates: NDArray[Any], ids: NDArray[np.int64], times: int) -> tuple[NDArray[Any], NDArray[np.int64]]:

@@ -48,7 +48,7 @@ LATTICE: dict[str, tuple[float, ...]] = {
 (50 a chip, six standard deviations above the mean)."""
 
 MODEL, FAST = "this model", "preset fast"
-"""What `Candidate.chosen` says."""
+"""The two texts that `Candidate.chosen` can hold."""
 
 USEFUL = 0.75
 """Settings are moved on from if they recall this share of the best: far below, points are cheap and useless."""

@@ -82,7 +82,7 @@ def test_with_nothing_changed_the_model_is_the_same_bit_for_bit(model: Any) -> N
 
 @pytest.mark.parametrize("change", [{"weight_bits": 2}, {"weight_bits": 5}, {"input_mode": "bias"}])
 def test_it_is_the_model_that_training_with_those_settings_gives(change: dict[str, Any]) -> None:
-    """Learning does not know bits or the way of input, so both ways must meet."""
+    """Learning does not know bits or the input mode, so both ways must meet."""
     made = compression.requantised(trained(traverses=2), compression.Changes(**change))
     short = {"bits": change["weight_bits"]} if "weight_bits" in change else change
     assert_equal(made, trained(traverses=2, **short))

@@ -31,7 +31,7 @@ INDEX_BITS = (0, 6, 7, 8, 9, 10, 11, 12)
 
 
 def random_network(rng: np.random.Generator, large: bool) -> FixedNetwork:
-    """A network of any size, density, width and way of input."""
+    """A network of any size, density, width and input mode."""
     inputs = int(rng.integers(1, 1600 if large else 90))
     neurons = int(rng.integers(1, 260 if large else 40))
     bits = int(rng.integers(1, 9))
