@@ -39,7 +39,7 @@ from lava_vpr.isolated.child import environment_without_python, run_child
 from lava_vpr.model import integer_model
 
 ROOT = Path(__file__).resolve().parents[2]
-SCRIPTS = {name: Path(__file__).with_name(f"{name.replace('-', '_')}.py") for name in RULES}
+SCRIPTS = {name: Path(__file__).with_name(f"in_{name.replace('-', '_')}.py") for name in RULES}
 TIMEOUT_S = 1200
 SMALL = ((1, 0, 12), (2, 0, 30), (3, 0, 60), (3, 1, 30), (8, 5, 60))
 """bits, shift and threshold of small inference networks; the last two shift their sums by bits that weights use."""

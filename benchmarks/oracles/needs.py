@@ -41,7 +41,7 @@ from lava_vpr.training.references import expected_rates
 
 ROOT = Path(__file__).resolve().parents[2]
 PYTHON = ROOT / ".venv-nengo-loihi" / "bin" / "python"
-SCRIPT = Path(__file__).with_name("nengo_needs.py")
+SCRIPT = Path(__file__).with_name("needs_in_nengo_loihi.py")
 COUNTED = ("compartments", "axons_in", "axons_out", "synapse_bits", "profiles", "thresholds", "formats")
 console = Console(highlight=False, width=118)
 

@@ -46,7 +46,8 @@ def texts() -> dict[Path, str]:
 @cache
 def imports(path: Path) -> set[str]:
     """The names of the modules that a file imports, wherever in it."""
-    nodes = list(ast.walk(ast.parse(texts()[path])))
+    text = texts()[path] if path in texts() else path.read_text(encoding="utf-8")
+    nodes = list(ast.walk(ast.parse(text)))
     plain = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
     parents = [node for node in nodes if isinstance(node, ast.ImportFrom) and node.module]
     return plain | {f"{node.module}.{alias.name}" for node in parents for alias in node.names}
@@ -116,3 +117,12 @@ def test_a_helper_says_who_uses_it(module: Path) -> None:
     said = re.search(r"Used by ([a-z, ]+)\.$", ast.get_docstring(ast.parse(module.read_text(encoding="utf-8"))) or "")
     assert said is not None, f"{dotted}: say who uses it: {', '.join(sorted(users))}"
     assert set(re.split(", | and ", said[1])) == users
+
+
+def test_no_benchmark_hides_a_package() -> None:
+    """A program run in an environment of its own finds the modules beside it before the packages that it needs."""
+    for folder in (place for place in folders() if place.is_relative_to(ROOT / "benchmarks")):
+        beside = {path.stem for path in modules(folder)}
+        for path in modules(folder):
+            needed = {name.split(".")[0] for name in imports(path)}
+            assert not needed & beside, f"{path}: {needed & beside}"

@@ -1,4 +1,4 @@
-"""What cores need of Loihi 1 as nengo-loihi counts it: python nengo_needs.py FOLDER (in its own environment).
+"""What cores need of Loihi 1 as nengo-loihi counts it: python needs_in_nengo_loihi.py FOLDER (its own environment).
 
 Reads every ``*.core.npz`` (`benchmarks.oracles.needs` has the format): which neurons stand on a core and which weights
 lead to them. Builds nengo-loihi's own block of it, lets its own functions count bits, axons and configurations and

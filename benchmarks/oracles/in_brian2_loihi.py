@@ -1,4 +1,4 @@
-"""Runs problems in brian2-loihi: python brian2_loihi.py FOLDER (an environment of its own, see `make oracles`).
+"""Runs problems in brian2-loihi: python in_brian2_loihi.py FOLDER (environment: `make oracles`).
 
 Reads every ``*.problem.npz`` (`benchmarks.oracles.problems` has the format) and writes ``*.result.npz`` beside it.
 """

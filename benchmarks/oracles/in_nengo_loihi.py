@@ -1,4 +1,4 @@
-"""Runs problems in nengo-loihi's emulator: python nengo_loihi.py FOLDER (in an environment of its own).
+"""Runs problems in nengo-loihi's emulator: python in_nengo_loihi.py FOLDER (an environment of its own).
 
 Reads every ``*.problem.npz`` (`benchmarks.oracles.problems` has the format) and writes ``*.result.npz`` beside it.
 Blocks are built by hand, without nengo's network on top, so that the emulator gets the very integers; only the weights
