@@ -109,6 +109,6 @@ def _table(verdicts: list[Verdict]) -> Table:
         result = {None: "floating point", True: "every spike equal", False: f"{verdict.differing:,} differ"}
         compared = f"{verdict.spikes:,}" if verdict.equal is not None else ""
         recall = "" if verdict.recall is None else f"{100 * verdict.recall:.1f}"
-        shown = "reference" if verdict.name == "host" else result[verdict.equal]
+        shown = "compared with" if verdict.name == "host" else result[verdict.equal]
         table.add_row(verdict.name, shown, f"{verdict.queries}", compared, recall)
     return table
