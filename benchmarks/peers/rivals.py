@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.peers import vprtempo
-from lava_vpr.bench.peers import Matcher, repeats
+from lava_vpr.bench.peers import TimedMatcher, repeats
 from lava_vpr.bench.results import Peer
 from lava_vpr.config import ConductanceNetwork, Config, preset
 from lava_vpr.configfile import to_dict
@@ -50,7 +50,7 @@ def train_modules(model: Model, seed: int = 0) -> tuple[vprtempo.VprTempo, ...]:
     return tuple(modules)
 
 
-def vprtempo_matcher(model: Model, queries: EncodedTraverse, truth: NDArray[np.bool_]) -> Matcher:
+def vprtempo_matcher(model: Model, queries: EncodedTraverse, truth: NDArray[np.bool_]) -> TimedMatcher:
     """VPRTempo, trained now on the model's references; the best amplitude is the confidence."""
     modules = train_modules(model)
     patches = np.tile(queries.patches, (repeats(queries), 1, 1))
@@ -60,7 +60,7 @@ def vprtempo_matcher(model: Model, queries: EncodedTraverse, truth: NDArray[np.b
         return np.concatenate([module.scores(spikes) for module in modules], axis=1)
 
     scores = scores_of(queries.patches).astype(np.float64)
-    return Matcher(
+    return TimedMatcher(
         "vprtempo",
         "VPRTempo (Hines et al. 2024) from its equations, its settings, trained here on the model's 28x28 "
         "patch-normalised images; float32 matrix products",

@@ -39,7 +39,7 @@ FILL = 0.3
 
 
 @dataclass(frozen=True)
-class Matcher:
+class TimedMatcher:
     """A matcher whose speed is taken.
 
     Attributes:
@@ -135,7 +135,7 @@ def _kept(model: Model) -> int:
     return sum(array.nbytes for array in arrays or (network.weights,)) + model.responses.nbytes
 
 
-def _matchers(queries: QuerySet, known: Recognition) -> list[Matcher]:
+def _matchers(queries: QuerySet, known: Recognition) -> list[TimedMatcher]:
     """This model, SAD and cosine."""
     model, times = queries.model, repeats(queries)
     rates, ids = repeated(queries.shown.rates, queries.shown.image_ids, times)
@@ -143,21 +143,21 @@ def _matchers(queries: QuerySet, known: Recognition) -> list[Matcher]:
     sad, sad_bytes = sad_answer(model, np.tile(queries.images.patches, (times, 1, 1)))
     cosine, cosine_bytes = cosine_answer(model, rates)
     return [
-        Matcher(
+        TimedMatcher(
             "lava-vpr",
             "this model on the host engine: input spikes drawn, network run, spikes decoded",
             _kept(model),
             lambda part: host(rates[part], ids[part]),
             known.metrics[known.default],
         ),
-        Matcher(
+        TimedMatcher(
             "sad",
             "sum of absolute differences of patch-normalised 28x28 images (Milford and Wyeth 2012), 8-bit integers",
             sad_bytes,
             sad,
             known.metrics["sad"],
         ),
-        Matcher(
+        TimedMatcher(
             "cosine",
             "nearest neighbour by cosine of the network's own input rates, float32 matrix product",
             cosine_bytes,
@@ -167,7 +167,7 @@ def _matchers(queries: QuerySet, known: Recognition) -> list[Matcher]:
     ]
 
 
-def _round(matcher: Matcher, queries: int, repeats: int, threads: int) -> float:
+def _round(matcher: TimedMatcher, queries: int, repeats: int, threads: int) -> float:
     """Seconds that ``repeats`` batches of ``queries`` take."""
 
     def run(part: slice) -> None:
@@ -179,7 +179,7 @@ def _round(matcher: Matcher, queries: int, repeats: int, threads: int) -> float:
     return time.perf_counter() - began
 
 
-def _rates(matchers: Sequence[Matcher], queries: int, threads: int, rounds: int, fill: float) -> list[float]:
+def _rates(matchers: Sequence[TimedMatcher], queries: int, threads: int, rounds: int, fill: float) -> list[float]:
     """Queries per second of each, the fastest of ``rounds``; they take turns, since other programs may run, too."""
     repeats = []
     for matcher in matchers:
@@ -201,7 +201,7 @@ def run_peers(
     threads: int | None = None,
     rounds: int = 5,
     fill: float = FILL,
-    others: Sequence[Matcher] = (),
+    others: Sequence[TimedMatcher] = (),
     advance: Advance | None = None,
 ) -> tuple[Peer, ...]:
     """Recall and speed of lava-vpr, SAD and cosine on the same places and queries.

@@ -29,7 +29,7 @@ def one_line(text: str) -> str:
     return line if len(line) <= LONGEST else line[:LONGEST] + " ..."
 
 
-def _place(error: BaseException) -> str:
+def _code_location(error: BaseException) -> str:
     """Where an exception came from: its last frame outside installed packages and the standard library."""
     frames = [(Path(f.filename), f.lineno, f.name) for f in traceback.extract_tb(error.__traceback__)]
     ours = [f for f in frames if not {"site-packages", f"python3.{sys.version_info.minor}"} & set(f[0].parts)]
@@ -58,7 +58,7 @@ def record_exception(folder: Path, error: BaseException, where: str = "") -> Non
     with contextlib.suppress(OSError, ValueError):
         sys.stderr.write(full)
         sys.stderr.flush()
-    values = {"where": where, "type": type(error).__name__, "text": str(error), "place": _place(error)}
+    values = {"where": where, "type": type(error).__name__, "text": str(error), "code_location": _code_location(error)}
     record(folder, {**values, "known": _known_class(error), "traceback": full})
 
 
@@ -122,8 +122,8 @@ def of_record(values: dict[str, Any], target: str, folder: Path) -> LavaVprError
         error: LavaVprError = known(values["text"])
         return error
     text = one_line(f"{values['type']}: {values['text']}" if values["text"] else values["type"])
-    place = f" at {values['place']}" if values["place"] else ""
-    said = f"{target} failed{f' in {where}' if where else ''}: {text}{place}"
+    location = f" at {values['code_location']}" if values["code_location"] else ""
+    said = f"{target} failed{f' in {where}' if where else ''}: {text}{location}"
     return _failure(said, "traceback", values["traceback"])
 
 

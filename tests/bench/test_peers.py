@@ -45,7 +45,7 @@ def test_all_in_one_run(monkeypatch: pytest.MonkeyPatch) -> None:
         sizes.append(len(range(24)[part]))
         return np.zeros(sizes[-1], np.int64)
 
-    other = peers.Matcher("other", "one that always answers 0", 5, answer, known.metrics["sad"])
+    other = peers.TimedMatcher("other", "one that always answers 0", 5, answer, known.metrics["sad"])
     told: list[str] = []
     found = peers.run_peers(
         QuerySet.of(model, queries), truth, threads=2, rounds=2, fill=0.0, others=[other], advance=told.append
