@@ -11,7 +11,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr import __version__, container
+from lava_vpr import __version__
 from lava_vpr.config import Config
 from lava_vpr.configfile import from_dict, to_dict
 from lava_vpr.engine.conductance.model import ConductanceState
@@ -20,6 +20,7 @@ from lava_vpr.errors import LavaVprError, ModelFileError
 from lava_vpr.gate import IntegerConfig, as_integer_config, not_integer
 from lava_vpr.matching import decoders
 from lava_vpr.matching.equations import Variant, assign
+from lava_vpr.storage import container
 
 
 @dataclass(frozen=True)
@@ -161,7 +162,7 @@ _ARRAYS = ("learned", "responses", "place_indices", "labels", "patches", "activi
 
 
 def content(model: Model, network: bool = True) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """What a file keeps of ``model``, for `lava_vpr.container`.
+    """What a file keeps of ``model``, for `lava_vpr.storage.container`.
 
     Args:
         model: The model.

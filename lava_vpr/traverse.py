@@ -24,10 +24,10 @@ from lava_vpr.images.files import (
     file_text,
     folder_images,
     refuse_file,
-    shown,
 )
 from lava_vpr.images.imagefiles import read_image
 from lava_vpr.images.videos import sample_video, video_frames
+from lava_vpr.storage.text import shown
 
 LIST_SUFFIXES = (".txt", ".lst", ".csv")
 PATH_COLUMNS = ("image", "file", "filename", "path", "name")

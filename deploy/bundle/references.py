@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from lava_vpr import container
 from lava_vpr.deploy.bundle.folder import Bundle, array_bytes
 from lava_vpr.encoding import query_rates
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import BundleError
 from lava_vpr.model import Model, assemble, content
+from lava_vpr.storage import container
 from lava_vpr.training.references import response_keys
 
 REFERENCES = "host/references.lvpr"

@@ -19,9 +19,9 @@ from rich.table import Table
 
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.config import EncoderConfig
-from lava_vpr.container import write_atomically
 from lava_vpr.encoding import EncodedTraverse, encode_traverse
 from lava_vpr.errors import InputError, ModelFileError
+from lava_vpr.storage.writing import write_atomically
 from lava_vpr.traverse import Traverse
 
 F = TypeVar("F", bound=Callable[..., Any])

@@ -10,15 +10,10 @@ from pathlib import Path
 from typing import NoReturn
 
 from lava_vpr.errors import InputError
+from lava_vpr.storage.text import shown
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg")
-
-
-def shown(path: str | Path) -> str:
-    """``path`` for a one-line message: characters that would break the line or the terminal are escaped."""
-    text = str(path)
-    return text if text.isprintable() else repr(text)
 
 
 def natural_key(name: str) -> tuple[list[str | int], str]:

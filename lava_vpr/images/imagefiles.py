@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
 from lava_vpr.images.codecs import quiet
-from lava_vpr.images.files import shown
 from lava_vpr.images.formats import DamagedError, orientation_of, walk
+from lava_vpr.storage.text import shown
 
 MIN_SIDE = 2  # an edge needs two pixels
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
 from lava_vpr.images.codecs import quiet
-from lava_vpr.images.files import shown
+from lava_vpr.storage.text import shown
 
 _TIMESTAMP_SLACK_S = 1e-3  # containers round times to milliseconds
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lava_vpr.container import write_atomically
 from lava_vpr.errors import InputError
 from lava_vpr.report.data import Figures, Raster, ReportData
 from lava_vpr.report.html import page
+from lava_vpr.storage.writing import write_atomically
 
 
 def write_report(data: ReportData, folder: Path) -> Path:

@@ -14,11 +14,11 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from lava_vpr import container
 from lava_vpr.config import Config
 from lava_vpr.configfile import to_dict
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.errors import ModelFileError
+from lava_vpr.storage import container
 
 
 def check_resume(path: Path, resume: bool) -> None:

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
-from lava_vpr.images.files import csv_rows, file_text, shown
+from lava_vpr.images.files import csv_rows, file_text
+from lava_vpr.storage.text import shown
 
 EARTH_RADIUS_M = 6_371_008.8  # mean radius, IUGG
 

@@ -13,8 +13,8 @@ import pytest
 from click.testing import CliRunner, Result
 from support.common.imagefiles import write_images
 
-from lava_vpr import container
 from lava_vpr.cli import main
+from lava_vpr.storage import container
 
 DEADLINE = 240.0  # seconds; reached only when something hangs
 

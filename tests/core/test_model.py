@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 from support.common.small_models import encoded, small_model, tiny_paper
 
-from lava_vpr import container, model
+from lava_vpr import model
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import ModelFileError
 from lava_vpr.recognition import count_query_spikes
+from lava_vpr.storage import container
 from lava_vpr.training.loop import train
 
 

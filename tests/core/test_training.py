@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from support.common.small_models import encoded, small_config, tiny_paper
 
-from lava_vpr import container, model
+from lava_vpr import model
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.random import presentation_key
 from lava_vpr.errors import ConfigError, InputError, ModelFileError, NetworkLimitError
 from lava_vpr.model import Model
+from lava_vpr.storage import container
 from lava_vpr.training.loop import Progress, check_size, presentations, split, train
 from lava_vpr.training.references import coverage
 

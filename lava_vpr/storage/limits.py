@@ -1,0 +1,70 @@
+"""The limits on what a file may cost: named, each with its reason, and raised by an environment variable of its name.
+
+A limit is checked before its cost is paid: before memory is taken, a step simulated, a picture decoded. The variable of
+the limit ``image_pixels`` is LAVA_VPR_MAX_IMAGE_PIXELS, a whole number. docs/security.md lists all limits.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+
+from lava_vpr.errors import ConfigError
+
+MIB, GIB = 1 << 20, 1 << 30
+
+
+@dataclass(frozen=True)
+class Limit:
+    """One limit.
+
+    Attributes:
+        default: The most that is accepted unless the variable says otherwise.
+        unit: What is counted, in the plural.
+        reason: Why so much suffices, and why not more.
+    """
+
+    default: int
+    unit: str
+    reason: str
+
+
+LIMITS: dict[str, Limit] = {
+    "text_bytes": Limit(64 * MIB, "bytes", "a list of a million images with paths of 64 characters"),
+    "image_bytes": Limit(GIB, "bytes", "more than the largest accepted picture takes without compression"),
+    "image_pixels": Limit(
+        178_956_970, "pixels", "where Pillow, too, refuses a picture as a decompression bomb (twice MAX_IMAGE_PIXELS)"
+    ),
+}
+"""Every limit by its name."""
+
+
+def variable(name: str) -> str:
+    """The environment variable that sets the limit ``name``."""
+    return f"LAVA_VPR_MAX_{name.upper()}"
+
+
+def limit(name: str) -> int:
+    """The most that the limit ``name`` allows now.
+
+    Raises:
+        ConfigError: its environment variable holds no whole number above 0.
+    """
+    text = os.environ.get(variable(name))
+    if text is None:
+        return LIMITS[name].default
+    if not (text.isascii() and text.isdigit() and len(text) <= 18 and int(text) > 0):
+        raise ConfigError(f"{variable(name)} is {text[:40]!r}, but must be a whole number above 0; correct or unset it")
+    return int(text)
+
+
+def excess(name: str, amount: int) -> str | None:
+    """What a message says of an ``amount`` beyond the limit ``name``, with the remedy; None if it is within.
+
+    Raises:
+        ConfigError: the limit's environment variable holds no whole number above 0.
+    """
+    most = limit(name)
+    if amount <= most:
+        return None
+    return f"{amount:,} {LIMITS[name].unit}, more than the {most:,} allowed; if the file is sound, set {variable(name)}"

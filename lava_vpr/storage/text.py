@@ -1,0 +1,21 @@
+"""Text from files and file names, made fit for one line of a message or a terminal."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+def shown(path: str | Path) -> str:
+    """``path`` for a one-line message: characters that would break the line or the terminal are escaped."""
+    text = str(path)
+    return text if text.isprintable() else repr(text)
+
+
+def harmless(text: str) -> str:
+    """``text`` with every character that no terminal should be sent (controls, escapes, surrogates) as its escape.
+
+    Line ends and tabs stay.
+    """
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() or c in "\n\t" else repr(c)[1:-1] for c in text)
