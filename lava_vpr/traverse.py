@@ -35,24 +35,30 @@ PATH_COLUMNS = ("image", "file", "filename", "path", "name")
 
 @dataclass(frozen=True, eq=False)
 class Traverse:
-    """Images of one drive, in order; nothing but names is held in memory.
+    """Images of one drive, in order; nothing but the paths of files is held in memory.
 
     Attributes:
         source: What the user gave.
-        names: File name of each image, or ``frame 000012`` with the frame's number in the video.
         indices: Absolute index of each image in the whole sequence of the source, int64 (n,).
-        paths: File of each image; of a video, that one file.
+        paths: File of each image, as text, since a `Path` takes three times as much; of a video, that one file.
         frames: Frame number of each image in a video, int64 (n,); None unless this is a video.
     """
 
     source: str
-    names: tuple[str, ...]
     indices: NDArray[np.int64]
-    paths: tuple[Path, ...]
+    paths: tuple[str, ...]
     frames: NDArray[np.int64] | None = None
 
     def __len__(self) -> int:
-        return len(self.names)
+        return len(self.indices)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """File name of each image, or ``frame 000012`` with the frame's number in the video; made anew when asked."""
+        if self.frames is not None:
+            return tuple(f"frame {number:06d}" for number in self.frames)
+        # File names that are not text in this locale carry surrogates, which no JSON, CSV or terminal takes.
+        return tuple(os.fsencode(os.path.basename(path)).decode("utf-8", "replace") for path in self.paths)
 
     def images(self) -> Iterator[NDArray[np.uint8]]:
         """All images in order, each (h, w, 3) BGR or (h, w) grey; a video is decoded in one pass.
@@ -60,18 +66,18 @@ class Traverse:
             InputError: an image cannot be read; the message names it.
         """
         if self.frames is not None:
-            yield from video_frames(self.paths[0], self.frames)
+            yield from video_frames(Path(self.paths[0]), self.frames)
         else:
             for path in self.paths:
-                yield read_image(path)
+                yield read_image(Path(path))
 
     def load(self, i: int) -> NDArray[np.uint8]:
         """Image number ``i`` of this traverse, 0 <= i < len. In a video, all frames before it are decoded first."""
         if not 0 <= i < len(self):
             raise IndexError(f"image {i} of a traverse of {len(self)}")
         if self.frames is not None:
-            return next(video_frames(self.paths[0], self.frames[i : i + 1]))
-        return read_image(self.paths[i])
+            return next(video_frames(Path(self.paths[0]), self.frames[i : i + 1]))
+        return read_image(Path(self.paths[i]))
 
     def between(self, first: int, end: int) -> Traverse:
         """Images ``first`` .. ``end`` - 1 of this traverse.
@@ -94,7 +100,6 @@ class Traverse:
         order = [range(len(self))[i] for i in chosen]
         return Traverse(
             self.source,
-            tuple(self.names[i] for i in order),
             self.indices[order].astype(np.int64),
             self.paths if self.frames is not None else tuple(self.paths[i] for i in order),
             None if self.frames is None else self.frames[order].astype(np.int64),
@@ -138,26 +143,23 @@ def open_traverse(source: str | Path, *, places: tuple[int, int] | None = None, 
     elif suffix in VIDEO_SUFFIXES:
         whole = _of_video(text, path, every, None if places is None else places[1])
     elif suffix in IMAGE_SUFFIXES:
-        whole = _of_files(text, [path])
+        whole = _of_files(text, [str(path)])
     else:
         known = " ".join(LIST_SUFFIXES + VIDEO_SUFFIXES + IMAGE_SUFFIXES)
         raise InputError(f"{shown(path)}: is of no known type; give a folder of images or one of {known}")
     return whole if places is None else whole.between(*places)
 
 
-def _of_files(source: str, files: list[Path]) -> Traverse:
-    # File names that are not text in this locale carry surrogates, which no JSON, CSV or terminal takes.
-    names = tuple(os.fsencode(file.name).decode("utf-8", "replace") for file in files)
-    return Traverse(source, names, np.arange(len(files), dtype=np.int64), tuple(files))
+def _of_files(source: str, files: list[str]) -> Traverse:
+    return Traverse(source, np.arange(len(files), dtype=np.int64), tuple(files))
 
 
 def _of_video(source: str, path: Path, every: float, stop: int | None) -> Traverse:
     frames = sample_video(path, every, stop)
-    names = tuple(f"frame {number:06d}" for number in frames)
-    return Traverse(source, names, np.arange(len(frames), dtype=np.int64), (path,), frames)
+    return Traverse(source, np.arange(len(frames), dtype=np.int64), (str(path),), frames)
 
 
-def _listed_images(path: Path) -> list[Path]:
+def _listed_images(path: Path) -> list[str]:
     """The files that a text or CSV list names, in its order."""
     if path.suffix.lower() == ".csv":
         rows, column = csv_rows(path), 0
@@ -178,7 +180,7 @@ def _listed_images(path: Path) -> list[Path]:
         file = path.parent / entry
         if not os.path.isfile(file):
             refuse_file(file, f"{shown(path)} line {number}: ")
-        files.append(file)
+        files.append(str(file))
     if not files:
         raise InputError(f"{shown(path)}: names no images; write one path a line")
     return files

@@ -32,8 +32,8 @@ def refuse_file(path: Path, where: str = "") -> NoReturn:
     raise InputError(f"{where}{shown(path)}: {cause}; correct or remove it")
 
 
-def folder_images(folder: Path) -> list[Path]:
-    """The image files directly in ``folder``, naturally sorted."""
+def folder_images(folder: Path) -> list[str]:
+    """The paths of the image files directly in ``folder``, naturally sorted."""
     names, subfolders = [], []
     try:
         with os.scandir(folder) as entries:
@@ -55,7 +55,7 @@ def folder_images(folder: Path) -> list[Path]:
         if subfolders:
             hint = "give one of its subfolders, such as " + shown(min(subfolders, key=natural_key))
         raise InputError(f"{shown(folder)}: holds no images ({' '.join(s[1:] for s in IMAGE_SUFFIXES)}); {hint}")
-    return [folder / name for name in sorted(names, key=natural_key)]
+    return [str(folder / name) for name in sorted(names, key=natural_key)]
 
 
 def file_text(path: Path) -> str:
