@@ -41,7 +41,7 @@ def matchers(model: Model, presentations: int) -> tuple[dict[str, Callable[[], M
     rates, ids = query_rates(winter.activity, model.config), winter.indices
     times = -(-presentations // len(ids))
     rates, ids = repeated(rates, ids, times)
-    patches = np.tile(winter.patches, (times, 1, 1))
+    patches = np.tile(winter.patches_for("SAD"), (times, 1, 1))
     known, answer = query_rates(model.activity, model.config), host_answer(model, model.config.seed)
     (sad, _), (cosine, _) = sad_answer(model, patches), cosine_answer(model, rates)
 

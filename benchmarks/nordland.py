@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.config import Config, EncoderConfig
-from lava_vpr.encoding import EncodedTraverse, encode_traverse
+from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
 from lava_vpr.model import Model
@@ -38,7 +38,7 @@ def folder(season: str) -> Path:
 @lru_cache(maxsize=8)
 def encoded(season: str, encoder: EncoderConfig) -> EncodedTraverse:
     """All 500 images of a season."""
-    return encode_traverse(open_traverse(folder(season)), encoder)
+    return encode_traverse(open_traverse(folder(season)), encoder, Keep.ALL)
 
 
 def part(traverse: EncodedTraverse, chosen: slice | NDArray[np.int64]) -> EncodedTraverse:
@@ -48,9 +48,9 @@ def part(traverse: EncodedTraverse, chosen: slice | NDArray[np.int64]) -> Encode
         traverse,
         names=tuple(traverse.names[i] for i in order),
         indices=traverse.indices[order],
-        patches=traverse.patches[order],
+        patches=traverse.patches_for("a part")[order],
         activity=traverse.activity[order],
-        thumbnails=traverse.thumbnails[order],
+        thumbnails=traverse.thumbnails_for("a part")[order],
     )
 
 

@@ -6,8 +6,10 @@ for the ``paper`` preset's 0.1 ms. An input spikes when its draw of the same wid
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from enum import Flag, auto
+from itertools import islice
 
 import cv2
 import numpy as np
@@ -16,6 +18,7 @@ from numpy.typing import NDArray
 from lava_vpr.config import ConductanceNetwork, Config
 from lava_vpr.engine.inference.bias_input import bias_input_spikes
 from lava_vpr.engine.random import draws
+from lava_vpr.errors import InputError
 from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
 from lava_vpr.inputs.patches import PATCH_SIDE, patch_normalised
 from lava_vpr.traverse import Traverse
@@ -28,26 +31,58 @@ _BLOCK = 64
 """Number of images whose query rates are made together."""
 
 
+class Keep(Flag):
+    """What is kept of images beside their activity: what SAD compares, what reports show."""
+
+    NOTHING = 0
+    PATCHES = auto()
+    THUMBNAILS = auto()
+    ALL = PATCHES | THUMBNAILS
+
+
 @dataclass(frozen=True)
 class EncodedTraverse:
-    """What is kept of a traverse once its images are read.
+    """What is kept of images once they are read.
 
     Attributes:
         names: File name of each image.
         indices: Absolute index of each image in its sequence, int64 (n,).
-        patches: Patch-normalised images, uint8 (n, 28, 28).
         activity: Responses of the input channels, float32 (n, inputs), at least 0.
-        thumbnails: Small BGR images for reports, uint8 (n, 48, 64, 3).
+        patches: Patch-normalised images, uint8 (n, 28, 28); None unless they were to be kept.
+        thumbnails: Small BGR images for reports, uint8 (n, 48, 64, 3); None unless they were to be kept.
     """
 
     names: tuple[str, ...]
     indices: NDArray[np.int64]
-    patches: NDArray[np.uint8]
     activity: NDArray[np.float32]
-    thumbnails: NDArray[np.uint8]
+    patches: NDArray[np.uint8] | None = None
+    thumbnails: NDArray[np.uint8] | None = None
 
     def __len__(self) -> int:
         return len(self.names)
+
+    def patches_for(self, purpose: str) -> NDArray[np.uint8]:
+        """The patches, seen to be there; ``purpose`` is who needs them, and the message begins with it.
+
+        Raises:
+            InputError: they were not kept.
+        """
+        return _seen(self.patches, "patches", Keep.PATCHES, purpose)
+
+    def thumbnails_for(self, purpose: str) -> NDArray[np.uint8]:
+        """The thumbnails, seen to be there; ``purpose`` is who needs them, and the message begins with it.
+
+        Raises:
+            InputError: they were not kept.
+        """
+        return _seen(self.thumbnails, "thumbnails", Keep.THUMBNAILS, purpose)
+
+
+def _seen(kept: NDArray[np.uint8] | None, what: str, keep: Keep, purpose: str) -> NDArray[np.uint8]:
+    """``kept``, unless it is None."""
+    if kept is None:
+        raise InputError(f"{purpose}: needs the images' {what}, which were not kept; encode them with {keep}")
+    return kept
 
 
 def activity_of(
@@ -66,30 +101,65 @@ def activity_of(
     return row.activity(patch_normalised(image) if patch is None else patch, encoder)
 
 
+def thumbnail(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """An image (h, w) or (h, w, 3) BGR as reports show it, uint8 (48, 64, 3) BGR."""
+    small = cv2.resize(image, THUMBNAIL, interpolation=cv2.INTER_AREA)
+    return np.asarray(small if small.ndim == 3 else np.repeat(small[:, :, None], 3, axis=2), np.uint8)
+
+
 def encode_traverse(
-    traverse: Traverse, encoder: EncoderConfig, progress: Callable[[int], None] | None = None
+    traverse: Traverse,
+    encoder: EncoderConfig,
+    keep: Keep = Keep.NOTHING,
+    progress: Callable[[int], None] | None = None,
 ) -> EncodedTraverse:
-    """Read every image once, one at a time, and keep only what the network, baselines and report need.
+    """Read every image once, one at a time.
 
     Args:
         traverse: The images.
         encoder: Settings.
+        keep: What is kept beside the activity.
         progress: Called with 1 after every image.
     Raises:
         InputError: an image cannot be read.
     """
+    return _encoded(traverse, traverse.images(), encoder, keep, progress)
+
+
+def encoded_batches(traverse: Traverse, encoder: EncoderConfig, size: int) -> Iterator[EncodedTraverse]:
+    """`encode_traverse` for ``size`` images at a time, in order; a batch is encoded when it is asked for.
+
+    Raises:
+        InputError: an image cannot be read.
+    """
+    images = traverse.images()  # once for all batches: a video is decoded in one pass
+    for start in range(0, len(traverse), size):
+        part = traverse.take(range(start, min(start + size, len(traverse))))
+        yield _encoded(part, images, encoder, Keep.NOTHING, None)
+
+
+def _encoded(
+    traverse: Traverse,
+    images: Iterator[NDArray[np.uint8]],
+    encoder: EncoderConfig,
+    keep: Keep,
+    progress: Callable[[int], None] | None,
+) -> EncodedTraverse:
+    """The next images of ``images``, which are those of ``traverse``, encoded."""
     n = len(traverse)
-    patches = np.empty((n, PATCH_SIDE, PATCH_SIDE), np.uint8)
     activity = np.empty((n, encoder.inputs), np.float32)
-    thumbnails = np.empty((n, THUMBNAIL[1], THUMBNAIL[0], 3), np.uint8)
-    for i, image in enumerate(traverse.images()):
-        patches[i] = patch_normalised(image)
-        activity[i] = activity_of(image, encoder, patches[i])
-        small = cv2.resize(image, THUMBNAIL, interpolation=cv2.INTER_AREA)
-        thumbnails[i] = small if small.ndim == 3 else small[:, :, None]
+    patches = np.empty((n, PATCH_SIDE, PATCH_SIDE), np.uint8) if Keep.PATCHES in keep else None
+    thumbnails = np.empty((n, THUMBNAIL[1], THUMBNAIL[0], 3), np.uint8) if Keep.THUMBNAILS in keep else None
+    for i, image in enumerate(islice(images, n)):
+        patch = None
+        if patches is not None:
+            patch = patches[i] = patch_normalised(image)
+        activity[i] = activity_of(image, encoder, patch)
+        if thumbnails is not None:
+            thumbnails[i] = thumbnail(image)
         if progress is not None:
             progress(1)
-    return EncodedTraverse(traverse.names, traverse.indices, patches, activity, thumbnails)
+    return EncodedTraverse(traverse.names, traverse.indices, activity, patches, thumbnails)
 
 
 def rates16(activity: NDArray[np.float32], spikes_per_step: float) -> NDArray[np.uint16]:

@@ -179,7 +179,7 @@ def _every_matcher(
     for name in sorted(DECODERS, key=lambda name: name == model.config.decoder.default):
         yield name, decode(model, counts, name)
     if "sad" in rivals:
-        yield "sad", -baselines.sad_distances(model.patches, queries.patches, model.labels)
+        yield "sad", -baselines.sad_distances(model.patches, queries.patches_for("SAD"), model.labels)
     if "cosine" in rivals:
         references = query_rates(model.activity, model.config)
         yield "cosine", baselines.cosine_similarities(references, rates, model.labels)

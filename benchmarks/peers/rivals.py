@@ -53,13 +53,13 @@ def train_modules(model: Model, seed: int = 0) -> tuple[vprtempo.VprTempo, ...]:
 def vprtempo_matcher(model: Model, queries: EncodedTraverse, truth: NDArray[np.bool_]) -> TimedMatcher:
     """VPRTempo, trained now on the model's references; the best amplitude is the confidence."""
     modules = train_modules(model)
-    patches = np.tile(queries.patches, (repeats(queries), 1, 1))
+    patches = np.tile(queries.patches_for("VPRTempo"), (repeats(queries), 1, 1))
 
     def scores_of(images: NDArray[np.uint8]) -> NDArray[np.float32]:
         spikes = vprtempo.input_spikes(images)
         return np.concatenate([module.scores(spikes) for module in modules], axis=1)
 
-    scores = scores_of(queries.patches).astype(np.float64)
+    scores = scores_of(queries.patches_for("VPRTempo")).astype(np.float64)
     return TimedMatcher(
         "vprtempo",
         "VPRTempo (Hines et al. 2024) from its equations, its settings, trained here on the model's 28x28 "
@@ -127,7 +127,7 @@ def brian2_peer(model: Model, queries: EncodedTraverse, limit: int, python: str 
     config, state, which = _reference(model)
     network = config.network
     silent = f" and {network.rest_steps} of rest" if isinstance(network, ConductanceNetwork) else ""
-    patches = queries.patches[:limit].reshape(min(limit, len(queries)), -1)
+    patches = queries.patches_for("Brian2")[:limit].reshape(min(limit, len(queries)), -1)
     try:
         answer = in_brian2(config, state, patches * (config.encoder.max_rate_hz / 255.0), chosen)
     except BackendUnavailableError as error:

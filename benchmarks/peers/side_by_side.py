@@ -39,7 +39,7 @@ from lava_vpr.bench.peers import run_peers
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Peer
 from lava_vpr.config import Config, preset
-from lava_vpr.encoding import EncodedTraverse, encode_traverse, rates16
+from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse, rates16
 from lava_vpr.engine.conductance.kernels import draw_spikes
 from lava_vpr.engine.conductance.model import ConductanceState, count_spikes, initial_state, train_presentation
 from lava_vpr.engine.inference import fixed, quantise
@@ -157,12 +157,15 @@ def section() -> tuple[str, EncodedTraverse, EncodedTraverse]:
     """References and queries of `PLACES`, and what they are."""
     encoder = preset("loihi").encoder
     if os.environ.get("LAVA_VPR_DATA"):
-        pair = [encode_traverse(open_traverse(folder(name), places=PLACES), encoder) for name in ("summer", "winter")]
+        pair = [
+            encode_traverse(open_traverse(folder(name), places=PLACES), encoder, Keep.ALL)
+            for name in ("summer", "winter")
+        ]
         return f"Nordland, summer to winter, places {PLACES[0]}:{PLACES[1]}", pair[0], pair[1]
     with tempfile.TemporaryDirectory(prefix="lava-vpr-") as name:
         root = Path(name) / "world"
         write_traverses(root, PLACES[1] - PLACES[0], 0)
-        pair = [encode_traverse(open_traverse(root / kind), encoder) for kind in ("reference", "query")]
+        pair = [encode_traverse(open_traverse(root / kind), encoder, Keep.ALL) for kind in ("reference", "query")]
     return "the synthetic world (set LAVA_VPR_DATA for real images)", pair[0], pair[1]
 
 

@@ -140,7 +140,7 @@ def _matchers(queries: QuerySet, known: Recognition) -> list[TimedMatcher]:
     model, times = queries.model, repeats(queries)
     rates, ids = repeated(queries.shown.rates, queries.shown.image_ids, times)
     host = host_answer(model, queries.shown.seed)
-    sad, sad_bytes = sad_answer(model, np.tile(queries.images.patches, (times, 1, 1)))
+    sad, sad_bytes = sad_answer(model, np.tile(queries.images.patches_for("SAD"), (times, 1, 1)))
     cosine, cosine_bytes = cosine_answer(model, rates)
     return [
         TimedMatcher(

@@ -27,6 +27,7 @@ from lava_vpr.cli.common import (
 )
 from lava_vpr.cli.evaluate import command_line
 from lava_vpr.deploy.boards.board import BOARDS
+from lava_vpr.encoding import Keep
 from lava_vpr.errors import ConfigError
 from lava_vpr.model import Model, integer_model
 
@@ -99,7 +100,7 @@ def bench(
     _refuse(model, model_path, targets, names, sweep)
     traverse = open_queries(model, query, places, every, output=json_path)
     truth = truth_in_order(model, traverse)
-    queries = encode(traverse, model.config.encoder)
+    queries = encode(traverse, model.config.encoder, Keep.PATCHES if peers else Keep.NOTHING)
     request = Request(
         targets=tuple(dict.fromkeys(targets)) or tuple(BOARDS),
         backends=tuple(dict.fromkeys(names)) or backends.timed_by_default(),

@@ -19,7 +19,7 @@ from rich.table import Table
 
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.config import EncoderConfig
-from lava_vpr.encoding import EncodedTraverse, encode_traverse
+from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse
 from lava_vpr.errors import InputError, ModelFileError
 from lava_vpr.storage.writing import write_atomically
 from lava_vpr.traverse import Traverse
@@ -126,10 +126,10 @@ def backend_progress(backend: str, queries: int) -> Iterator[Callable[[int], Non
         yield lambda done: advance(done, "")
 
 
-def encode(traverse: Traverse, encoder: EncoderConfig) -> EncodedTraverse:
-    """Read and encode a traverse, with a progress bar."""
+def encode(traverse: Traverse, encoder: EncoderConfig, keep: Keep = Keep.NOTHING) -> EncodedTraverse:
+    """Read and encode a traverse, with a progress bar; ``keep`` is what is kept beside the activity."""
     with progress_bar(f"reading {traverse.source}", len(traverse)) as advance:
-        return encode_traverse(traverse, encoder, lambda n: advance(n, ""))
+        return encode_traverse(traverse, encoder, keep, lambda n: advance(n, ""))
 
 
 def check_writable(path: Path, *inputs: Path | str | None) -> None:

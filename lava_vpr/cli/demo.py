@@ -12,6 +12,7 @@ from lava_vpr.cli.choose import open_queries
 from lava_vpr.cli.common import PATH, console, encode, seed_type, write_json
 from lava_vpr.cli.evaluate import print_table
 from lava_vpr.config import preset
+from lava_vpr.encoding import Keep
 from lava_vpr.engine.threads import cores
 from lava_vpr.recognition import as_json, recognise
 from lava_vpr.report import write_report
@@ -45,7 +46,7 @@ def demo(out: Path) -> None:
     config = preset("loihi")
     reference = open_traverse(out / "reference")
     started = time.perf_counter()
-    model = train_model([encode(reference, config.encoder)], config, jobs=cores())
+    model = train_model([encode(reference, config.encoder, Keep.ALL)], config, jobs=cores())
     console.print(
         f"learned them in {time.perf_counter() - started:.1f} s with {model.neurons} neurons and "
         f"{model.weight_bits}-bit weights: {out}/model.lvpr",
@@ -53,7 +54,7 @@ def demo(out: Path) -> None:
     )
     model_file.save(model, out / "model.lvpr")
     traverse = open_queries(model, str(out / "query"), None, 1.0)
-    queries = encode(traverse, config.encoder)
+    queries = encode(traverse, config.encoder, Keep.ALL)
     result = recognise(model, queries, aligned_truth(model, traverse), threads=cores())
     print_table(model, result)
     write_json(out / "figures.json", as_json(model, result))

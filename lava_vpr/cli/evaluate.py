@@ -24,6 +24,7 @@ from lava_vpr.cli.common import (
     print_whole,
     write_json,
 )
+from lava_vpr.encoding import Keep
 from lava_vpr.engine.threads import cores
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.model import Model
@@ -80,8 +81,8 @@ def evaluate(
     backends.require(backend, model)
     traverse = open_queries(model, query, places, every, aligned=truth.aligned, output=json_path)
     correct = truth.of(model, traverse)
-    queries = encode(traverse, model.config.encoder)
     comparison = Comparison(sequence, rivals or BASELINES, descriptors, keep_scores=report_folder is not None)
+    queries = encode(traverse, model.config.encoder, _kept(comparison))
     with backend_progress(backend, len(queries)) as advance:
         result = recognise(
             model, queries, correct, comparison, backend=backend, seed=seed, threads=cores(), advance=advance
@@ -98,6 +99,12 @@ def evaluate(
     print_table(model, result, sequence)
     if page is not None:
         console.print(f"report: {page}", markup=False)
+
+
+def _kept(comparison: Comparison) -> Keep:
+    """What the comparison, and a report of it, need of the images beside their activity."""
+    patches = Keep.PATCHES if "sad" in comparison.rivals else Keep.NOTHING
+    return patches | (Keep.THUMBNAILS if comparison.keep_scores else Keep.NOTHING)
 
 
 def _percent(value: float) -> str:

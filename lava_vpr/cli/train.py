@@ -25,6 +25,7 @@ from lava_vpr.cli.common import (
 )
 from lava_vpr.config import PRESETS, Config, preset
 from lava_vpr.configfile import read_toml, update
+from lava_vpr.encoding import Keep
 from lava_vpr.engine.threads import cores
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.model import Model
@@ -94,7 +95,11 @@ def train(
         check_writable(output, *(path for traverse in chosen for path in traverse.paths))
         check_references([len(traverse) for traverse in chosen])
         check_size(len(chosen[0]), config)
-        encoded = [encode(traverse, config.encoder) for traverse in chosen]
+        encoded = [
+            # A model keeps the thumbnails of its first traverse.
+            encode(traverse, config.encoder, Keep.PATCHES if number else Keep.ALL)
+            for number, traverse in enumerate(chosen)
+        ]
         started = time.perf_counter()
         try:
             model = _with_progress(encoded, config, len(whole[0]), jobs or cores(), checkpoint, resume)

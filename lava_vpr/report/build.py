@@ -50,7 +50,7 @@ def report_data(
         place_names=model.place_names[:places],
         query_names=queries.names[:n],
         place_thumbnails=model.thumbnails[:places],
-        query_thumbnails=queries.thumbnails[:n],
+        query_thumbnails=queries.thumbnails_for("the report")[:n],
         input_layout=config.encoder.layout,
         drawing=kind.drawing,
         legend=kind.legend,

@@ -126,6 +126,7 @@ def train(
         NetworkLimitError: the trained network could overflow.
     """
     check_references([len(reference) for reference in references])
+    _kept(references)  # seen now, before hours of work
     stretches = check_size(len(references[0]), config)
     trainers = [trainer_of(config, stretch, number) for number, stretch in enumerate(stretches)]
     store = Checkpoint(checkpoint, fingerprint(references, config), interval)
@@ -259,6 +260,7 @@ def _finish(
         learned, network, responses = np.zeros((0, 0), np.float32), trainers[0].network, trainers[0].responses
     used, covered = coverage(responses)
     places = len(references[0])
+    patches, thumbnails = _kept(references)
     return Model(
         config=config,
         network=network,
@@ -269,15 +271,25 @@ def _finish(
         place_names=references[0].names,
         route_images=route_images,
         labels=np.tile(np.arange(places), len(references)),
-        patches=np.concatenate([reference.patches for reference in references]),
+        patches=patches,
         activity=activity,
-        thumbnails=references[0].thumbnails,
+        thumbnails=thumbnails,
         training={
             "spikes_per_image": float(responses.sum() / (places * _response_presentations(config, references))),
             "neurons_used": used,
             "places_covered": covered,
         },
     )
+
+
+def _kept(references: Sequence[EncodedTraverse]) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """What a model keeps of its references' looks: every patch, and the first traverse's thumbnails.
+
+    Raises:
+        InputError: they were encoded without.
+    """
+    patches = [reference.patches_for("training") for reference in references]
+    return np.concatenate(patches), references[0].thumbnails_for("training")
 
 
 def _response_presentations(config: Config, references: Sequence[EncodedTraverse]) -> int:

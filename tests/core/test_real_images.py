@@ -12,7 +12,7 @@ import pytest
 from benchmarks.nordland import SECTIONS, answer, encoded, learn, part
 from benchmarks.recall import mean, sections, shuffled
 from lava_vpr.config import preset
-from lava_vpr.encoding import encode_traverse
+from lava_vpr.encoding import Keep, encode_traverse
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.threads import cores
 from lava_vpr.matching.baselines import sad_distances
@@ -140,7 +140,8 @@ def test_the_synthetic_world_is_a_fair_likeness(seed: int, tmp_path: Path) -> No
     """Summer and winter differ as much as in reality: images alone are not enough, the network is."""
     write_traverses(tmp_path / "world", 100, seed)
     summer, winter = (
-        encode_traverse(open_traverse(tmp_path / "world" / name), CONFIG.encoder) for name in ("reference", "query")
+        encode_traverse(open_traverse(tmp_path / "world" / name), CONFIG.encoder, Keep.ALL)
+        for name in ("reference", "query")
     )
     result = recognise(train([summer], CONFIG, jobs=cores()), winter, np.eye(100, dtype=bool), threads=cores())
     ours, sad = result.metrics[result.default], result.metrics["sad"]

@@ -184,7 +184,7 @@ BEFORE = """
 import numpy as np
 from lava_vpr import model as file
 from lava_vpr.config import Config, EncoderConfig
-from lava_vpr.encoding import encode_traverse, query_rates
+from lava_vpr.encoding import Keep, encode_traverse, query_rates
 from lava_vpr.engine.inference.fixed import count_spikes
 from lava_vpr.synthetic import write_traverses
 from lava_vpr.training import train
@@ -193,7 +193,7 @@ from pathlib import Path
 
 write_traverses(Path("route"), places=4, seed=0)
 config = Config(encoder=EncoderConfig(orientations=4))
-images = encode_traverse(open_traverse("route/reference"), config.encoder)
+images = encode_traverse(open_traverse("route/reference"), config.encoder, Keep.ALL)
 file.save(train([images], config), Path("route.lvpr"))
 rates, image_ids = query_rates(images.activity, config)[:2], images.indices[:2]
 """

@@ -130,7 +130,7 @@ def references_of(model: Model) -> list[EncodedTraverse]:
         images = slice(start, start + model.places)
         parts.append(
             EncodedTraverse(
-                model.place_names, model.place_indices, model.patches[images], model.activity[images], model.thumbnails
+                model.place_names, model.place_indices, model.activity[images], model.patches[images], model.thumbnails
             )
         )
     return parts

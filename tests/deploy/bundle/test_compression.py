@@ -19,7 +19,7 @@ from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2
 from lava_vpr.deploy.compression import calibration, compression
-from lava_vpr.encoding import EncodedTraverse, encode_traverse
+from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse
 from lava_vpr.engine.conductance.model import initial_state
 from lava_vpr.engine.inference import quantise
 from lava_vpr.errors import ConfigError, NetworkLimitError
@@ -338,7 +338,7 @@ def test_a_hundred_real_places_lose_two_points_for_half_of_the_operations(data_r
     summer, winter = (open_traverse(data_root / "data" / "nordland" / name) for name in ("summer", "winter"))
     config = changed(steps=350)
     config = update(config, {"stretch": 100, "learning": {"steps": 350, "epochs": 8}})
-    model = train([encode_traverse(summer.between(0, 100), config.encoder)], config, jobs=2)
+    model = train([encode_traverse(summer.between(0, 100), config.encoder, Keep.ALL)], config, jobs=2)
     seen = winter.between(0, 100)
     images = encode_traverse(seen, config.encoder), aligned_truth(model, seen)
     result = calibration.search(model, KAPOHO_BAY, images, 0.02, compression.Changes(weight_bits=2), threads=2)

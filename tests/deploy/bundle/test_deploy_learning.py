@@ -43,8 +43,8 @@ def traverse(config: Config, seed: int) -> EncodedTraverse:
     return EncodedTraverse(
         tuple(f"{i}.png" for i in range(PLACES)),
         np.arange(PLACES),
-        np.zeros((PLACES, 28, 28), np.uint8),
         (looks + noise).astype(np.float32),
+        np.zeros((PLACES, 28, 28), np.uint8),
         np.zeros((PLACES, 48, 64, 3), np.uint8),
     )
 

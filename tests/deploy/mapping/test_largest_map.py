@@ -14,7 +14,7 @@ from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2, Board
 from lava_vpr.deploy.mapping import largest_map
 from lava_vpr.deploy.mapping.largest_map import Capacity, largest, table, typical
 from lava_vpr.deploy.mapping.partition import partition
-from lava_vpr.encoding import encode_traverse
+from lava_vpr.encoding import Keep, encode_traverse
 from lava_vpr.engine.inference import quantise
 from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.training.loop import train
@@ -120,15 +120,15 @@ def test_a_trained_network_is_as_was_assumed(data_root: Path) -> None:
     """Threshold and inhibition within 5 %, sums of weights within 25 %; and it takes no more cores."""
     images = open_traverse(data_root / "data" / "nordland" / "summer")
     chosen = update(preset("loihi"), {"stretch": 50})
-    encoded = encode_traverse(images, chosen.encoder)
+    encoded = encode_traverse(images, chosen.encoder, Keep.ALL)
     first = np.arange(100)
     encoded = replace(
         encoded,
         names=encoded.names[:100],
         indices=encoded.indices[first],
-        patches=encoded.patches[first],
+        patches=encoded.patches_for("the part")[first],
         activity=encoded.activity[first],
-        thumbnails=encoded.thumbnails[first],
+        thumbnails=encoded.thumbnails_for("the part")[first],
     )
     model = train([encoded], chosen, jobs=2)
     weights = quantise.equalise(model.learned)
