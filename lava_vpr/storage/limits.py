@@ -35,6 +35,16 @@ LIMITS: dict[str, Limit] = {
     "image_pixels": Limit(
         178_956_970, "pixels", "where Pillow, too, refuses a picture as a decompression bomb (twice MAX_IMAGE_PIXELS)"
     ),
+    "model_file_bytes": Limit(GIB, "bytes", "twice what a model of 20,000 places takes on the disk"),
+    "model_bytes": Limit(
+        2 * GIB,
+        "bytes",
+        "a model of 20,000 places with a neuron each (2.1e9 bytes, of which 1.6e9 are reference responses); all 27,592 "
+        "places of Nordland take 3.7e9 and want the limit raised, for `train` too",
+    ),
+    "header_bytes": Limit(
+        8 * MIB, "bytes", "names of 255 characters for 20,000 places, with room; its objects take 250 MB"
+    ),
 }
 """Every limit by its name."""
 
