@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,20 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
-from lava_vpr.images.files import (
-    IMAGE_SUFFIXES,
-    VIDEO_SUFFIXES,
-    csv_rows,
-    file_text,
-    folder_images,
-    refuse_file,
-)
+from lava_vpr.images.files import IMAGE_SUFFIXES, VIDEO_SUFFIXES, folder_images
 from lava_vpr.images.imagefiles import read_image
+from lava_vpr.images.lists import LIST_SUFFIXES, listed_images
 from lava_vpr.images.videos import sample_video, video_frames
 from lava_vpr.storage.text import shown
-
-LIST_SUFFIXES = (".txt", ".lst", ".csv")
-PATH_COLUMNS = ("image", "file", "filename", "path", "name")
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,8 +101,8 @@ def open_traverse(source: str | Path, *, places: tuple[int, int] | None = None, 
     """Open the traverse in ``source``, which is one of these:
 
     * a folder: its images by natural sort; hidden files, other types and subfolders are ignored;
-    * a text file (.txt, .lst) with one path a line, or a CSV file with a column image, file, filename, path or name,
-      else the first; paths relative to the list's folder, order as given, # comments;
+    * a text file (.txt, .lst) with one path a line, or a CSV file whose header names a column image, file, filename,
+      path or name, else without header, paths first; paths relative to the list's folder, order as given, # comments;
     * a video: one frame every ``every`` seconds (the whole video is decoded once to know its frames);
     * one image.
     Args:
@@ -139,7 +130,7 @@ def open_traverse(source: str | Path, *, places: tuple[int, int] | None = None, 
     elif not path.is_file():
         raise InputError(f"{shown(path)}: is neither a folder nor a file; give a folder of images, a list or a video")
     elif suffix in LIST_SUFFIXES:
-        whole = _of_files(text, _listed_images(path))
+        whole = _of_files(text, listed_images(path))
     elif suffix in VIDEO_SUFFIXES:
         whole = _of_video(text, path, every, None if places is None else places[1])
     elif suffix in IMAGE_SUFFIXES:
@@ -150,6 +141,22 @@ def open_traverse(source: str | Path, *, places: tuple[int, int] | None = None, 
     return whole if places is None else whole.between(*places)
 
 
+def open_traverses(sources: Sequence[str | Path], *, every: float = 1.0) -> list[Traverse]:
+    """Several traverses of one route, each as `open_traverse` opens it.
+
+    Raises:
+        InputError: as `open_traverse`; or one of several is a single image: a pattern such as ``summer/*.png`` that the
+            shell has replaced by file names is one traverse, not many.
+    """
+    for source in map(Path, sources if len(sources) > 1 else ()):
+        if source.suffix.lower() in IMAGE_SUFFIXES and source.is_file():
+            raise InputError(
+                f"{shown(source)}: is one of {len(sources)} references, but a single image; give the folder "
+                f"{shown(source.parent)} instead of the images in it, or a list of them"
+            )
+    return [open_traverse(source, every=every) for source in sources]
+
+
 def _of_files(source: str, files: list[str]) -> Traverse:
     return Traverse(source, np.arange(len(files), dtype=np.int64), tuple(files))
 
@@ -157,30 +164,3 @@ def _of_files(source: str, files: list[str]) -> Traverse:
 def _of_video(source: str, path: Path, every: float, stop: int | None) -> Traverse:
     frames = sample_video(path, every, stop)
     return Traverse(source, np.arange(len(frames), dtype=np.int64), (str(path),), frames)
-
-
-def _listed_images(path: Path) -> list[str]:
-    """The files that a text or CSV list names, in its order."""
-    if path.suffix.lower() == ".csv":
-        rows, column = csv_rows(path), 0
-        if rows:
-            header = [cell.lower() for cell in rows[0][1]]
-            named = [header.index(name) for name in PATH_COLUMNS if name in header]
-            plain = Path(header[0]).suffix in IMAGE_SUFFIXES or (path.parent / rows[0][1][0]).is_file()
-            column = named[0] if named else 0
-            rows = rows[1:] if named or not plain else rows
-        entries = [(line, cells[column] if column < len(cells) else "") for line, cells in rows]
-    else:
-        lines = enumerate((line.strip() for line in file_text(path).splitlines()), start=1)
-        entries = [(number, line) for number, line in lines if line and not line.startswith("#")]
-    files = []
-    for number, entry in entries:
-        if not entry or "\0" in entry:
-            raise InputError(f"{shown(path)} line {number}: names no file; complete or remove the line")
-        file = path.parent / entry
-        if not os.path.isfile(file):
-            refuse_file(file, f"{shown(path)} line {number}: ")
-        files.append(str(file))
-    if not files:
-        raise InputError(f"{shown(path)}: names no images; write one path a line")
-    return files

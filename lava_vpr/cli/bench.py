@@ -13,6 +13,7 @@ from lava_vpr.backends import registry as backends
 from lava_vpr.cli.choose import open_model, open_queries, truth_in_order
 from lava_vpr.cli.common import (
     PATH,
+    OneSource,
     RegisteredName,
     check_folder,
     check_writable,
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 DEFAULT = backends.timed_by_default()
 
 
-@click.command("bench")
+@click.command("bench", cls=OneSource)
 @click.argument("model_path", metavar="MODEL", type=PATH)
 @click.argument("query", type=str)
 @places_option("Query images A..B-1 (default: the model's own range).")

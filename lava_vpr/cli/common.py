@@ -56,6 +56,21 @@ class RegisteredName(click.Choice):
         return tuple(self.registry)
 
 
+class OneSource(click.Command):
+    """A command whose last argument is one folder, list, video or image, and which says so if it is given more."""
+
+    allow_extra_args = True
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        rest = super().parse_args(ctx, args)
+        if rest and not ctx.resilient_parsing:
+            ctx.fail(
+                f"{rest[0]!r} is one argument too many ({len(rest)} are); give the folder instead of the images in it, "
+                "or a list of them"
+            )
+        return rest
+
+
 def places_option(help: str) -> Callable[[F], F]:
     """Give a command the option ``--places A:B``."""
     return click.option("--places", type=Places(), default=None, help=help)

@@ -13,6 +13,7 @@ from lava_vpr.backends import registry as backends
 from lava_vpr.cli.choose import TruthOptions, open_model, open_queries, truth_options
 from lava_vpr.cli.common import (
     PATH,
+    OneSource,
     answer_options,
     backend_progress,
     check_folder,
@@ -31,7 +32,7 @@ from lava_vpr.model import Model
 from lava_vpr.recognition import BASELINES, Comparison, Recognition, as_json, recognise
 
 
-@click.command("eval")
+@click.command("eval", cls=OneSource)
 @click.argument("model_path", metavar="MODEL", type=PATH)
 @click.argument("query", type=str)
 @places_option("Query images A..B-1 (default: the model's own range).")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from pathlib import Path
 
 import click
@@ -14,6 +12,7 @@ from lava_vpr.backends import registry as backends
 from lava_vpr.cli.choose import open_model
 from lava_vpr.cli.common import (
     PATH,
+    OneSource,
     answer_options,
     backend_progress,
     check_writable,
@@ -29,12 +28,13 @@ from lava_vpr.errors import InputError
 from lava_vpr.matching.answers import Answers, answers_looking_back
 from lava_vpr.model import Model, decode
 from lava_vpr.recognition import count_query_spikes
+from lava_vpr.storage.tables import csv_line
 from lava_vpr.traverse import open_traverse
 
 COLUMNS = ("query", "query_name", "place", "place_name", "confidence", "accepted")
 
 
-@click.command()
+@click.command(cls=OneSource)
 @click.argument("model_path", metavar="MODEL", type=PATH)
 @click.argument("images", type=str)
 @click.option("-o", "--output", type=PATH, required=True, metavar="matches.csv", help="CSV file to write.")
@@ -95,12 +95,10 @@ def query(
 
 def table(model: Model, queries: EncodedTraverse, answers: Answers, accepted: NDArray[np.bool_]) -> str:
     """The answers as CSV text; a query without match has place -1, no name and no confidence."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
+    lines = [csv_line(COLUMNS)]
     rows = zip(queries.names, queries.indices, *answers, accepted, strict=True)
     for name, index, match, confidence, good in rows:
         place = (int(model.place_indices[match]), model.place_names[match]) if match >= 0 else (-1, "")
         certainty = repr(float(confidence)) if match >= 0 else ""
-        writer.writerow((int(index), name, *place, certainty, str(bool(good)).lower()))
-    return text.getvalue()
+        lines.append(csv_line((int(index), name, *place, certainty, str(bool(good)).lower())))
+    return "".join(lines)

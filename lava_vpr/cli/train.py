@@ -32,7 +32,7 @@ from lava_vpr.model import Model
 from lava_vpr.training.checkpoint import check_resume, remove_checkpoint
 from lava_vpr.training.loop import Progress, check_references, check_size, presentations, split
 from lava_vpr.training.loop import train as train_model
-from lava_vpr.traverse import open_traverse
+from lava_vpr.traverse import open_traverses
 
 
 @click.command()
@@ -90,7 +90,7 @@ def train(
     checkpoint = output.with_name(output.name + ".checkpoint")
     with only_one(output):
         check_resume(checkpoint, resume)
-        whole = [open_traverse(source, every=every) for source in references]
+        whole = open_traverses(references, every=every)
         chosen = [traverse.between(*places) if places else traverse for traverse in whole]
         check_writable(output, *(path for traverse in chosen for path in traverse.paths))
         check_references([len(traverse) for traverse in chosen])

@@ -13,6 +13,7 @@ from lava_vpr.backends import registry as backends
 from lava_vpr.cli.choose import open_model, open_queries
 from lava_vpr.cli.common import (
     PATH,
+    OneSource,
     RegisteredName,
     check_writable,
     console,
@@ -31,7 +32,7 @@ from lava_vpr.verification import Verdict
 from lava_vpr.verification import verify as verify_spikes
 
 
-@click.command("verify")
+@click.command("verify", cls=OneSource)
 @click.argument("model_path", metavar="MODEL", type=PATH)
 @click.argument("query", type=str)
 @places_option("Query images A..B-1 (default: the model's own range).")

@@ -1,9 +1,7 @@
-"""Files that users name: image folders in natural order, lists and tables as text; each refusal is one clear line."""
+"""Files that users name: their types, and image folders in natural order; each refusal is one clear line."""
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 import re
 from pathlib import Path
@@ -16,20 +14,26 @@ IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg")
 
 
-def natural_key(name: str) -> tuple[list[str | int], str]:
+def natural_key(name: str) -> tuple[list[str | tuple[int, str]], str]:
     """Sort key that reads digits as numbers and ignores case: img2 before img10. Equal ones: by plain text."""
     parts = re.split("([0-9]+)", name.casefold())  # text and numbers take turns, beginning with text
-    return [int(part) if k % 2 else part for k, part in enumerate(parts)], name
+    return [_number(part) if k % 2 else part for k, part in enumerate(parts)], name
 
 
-def refuse_file(path: Path, where: str = "") -> NoReturn:
-    """Say why ``path`` is no regular file."""
+def _number(digits: str) -> tuple[int, str]:
+    """What sorts as the number does; Python refuses to read one of thousands of digits."""
+    significant = digits.lstrip("0")
+    return len(significant), significant
+
+
+def refuse_file(path: Path, where: str = "", remedy: str = "") -> NoReturn:
+    """Say why ``path`` is no regular file: ``where`` precedes it, ``remedy`` follows the usual ones."""
     try:
         path.stat()
         cause = "is a folder, not an image" if path.is_dir() else "is not a regular file"
     except OSError as error:
         cause = f"cannot be opened ({error.strerror})"
-    raise InputError(f"{where}{shown(path)}: {cause}; correct or remove it")
+    raise InputError(f"{where}{shown(path)}: {cause}; correct or remove it{remedy}")
 
 
 def folder_images(folder: Path) -> list[str]:
@@ -56,30 +60,3 @@ def folder_images(folder: Path) -> list[str]:
             hint = "give one of its subfolders, such as " + shown(min(subfolders, key=natural_key))
         raise InputError(f"{shown(folder)}: holds no images ({' '.join(s[1:] for s in IMAGE_SUFFIXES)}); {hint}")
     return [str(folder / name) for name in sorted(names, key=natural_key)]
-
-
-def file_text(path: Path) -> str:
-    """The text of a list or table."""
-    try:
-        return path.read_bytes().decode("utf-8-sig")
-    except OSError as error:
-        raise InputError(f"{shown(path)}: cannot be read ({error.strerror}); check path and permissions") from None
-    except UnicodeDecodeError as error:
-        line = error.object[: error.start].count(b"\n") + 1
-        raise InputError(f"{shown(path)} line {line}: is not UTF-8 text; save the file as UTF-8") from None
-
-
-def csv_rows(path: Path) -> list[tuple[int, list[str]]]:
-    """Line number and stripped cells of a CSV file's rows, without empty and # lines. Separator: , or ; or tab."""
-    text = file_text(path)
-    first = next((line for line in text.splitlines() if line.strip() and not line.startswith("#")), "")
-    reader = csv.reader(io.StringIO(text, newline=""), delimiter=next((d for d in ";\t" if d in first), ","))
-    rows = []
-    try:
-        for row in reader:
-            cells = [cell.strip() for cell in row]
-            if any(cells) and not cells[0].startswith("#"):
-                rows.append((reader.line_num, cells))
-    except csv.Error as error:
-        raise InputError(f"{shown(path)} line {reader.line_num}: is not CSV ({error}); correct the line") from None
-    return rows

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from lava_vpr.errors import InputError
 from lava_vpr.images.codecs import quiet
 from lava_vpr.images.formats import DamagedError, orientation_of, walk
+from lava_vpr.storage.reading import read_bytes
 from lava_vpr.storage.text import shown
 
 MIN_SIDE = 2  # an edge needs two pixels
@@ -67,7 +68,7 @@ def read_image(path: Path) -> NDArray[np.uint8]:
         InputError: the file cannot be read, is no image, is damaged, or holds samples that are neither 8 nor 16 bits.
     """
     try:
-        data = path.read_bytes()
+        data = read_bytes(path, "image_bytes")
     except OSError as error:
         raise InputError(f"{shown(path)}: cannot be read ({error.strerror}); check path and permissions") from None
     try:

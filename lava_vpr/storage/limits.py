@@ -31,6 +31,7 @@ class Limit:
 
 LIMITS: dict[str, Limit] = {
     "text_bytes": Limit(64 * MIB, "bytes", "a list of a million images with paths of 64 characters"),
+    "rows": Limit(2_000_000, "lines", "23 days of an image a second; read as a table they take up to 1 GB of memory"),
     "image_bytes": Limit(GIB, "bytes", "more than the largest accepted picture takes without compression"),
     "image_pixels": Limit(
         178_956_970, "pixels", "where Pillow, too, refuses a picture as a decompression bomb (twice MAX_IMAGE_PIXELS)"

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
-from lava_vpr.images.files import csv_rows, file_text
+from lava_vpr.storage.tables import csv_rows, file_text, text_lines
 from lava_vpr.storage.text import shown
 
 EARTH_RADIUS_M = 6_371_008.8  # mean radius, IUGG
@@ -148,7 +148,7 @@ def _span(indices: NDArray[np.int64]) -> str:
 def _text_truth(path: Path) -> dict[int, set[int]]:
     """Correct places by query, from a text file."""
     places_of: dict[int, set[int]] = {}
-    lines = [(number, line.split("#")[0]) for number, line in enumerate(file_text(path).splitlines(), start=1)]
+    lines = [(number, line.split("#")[0]) for number, line in enumerate(text_lines(path), start=1)]
     lines = [(number, line) for number, line in lines if line.strip()]
     if lines and not any(c.isdigit() for c in lines[0][1]):
         lines = lines[1:]  # a header

@@ -228,7 +228,7 @@ def test_unreadable_file_and_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     def denied(*_: object) -> bytes:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(Path, "read_bytes", denied)
+    monkeypatch.setattr(os, "open", denied)
     refused(lambda: open_traverse(tmp_path).load(0), "secret.png: cannot be read (Permission denied); check")
     refused(lambda: read_positions(path), "secret.png: cannot be read (Permission denied); check")
     monkeypatch.setattr(os, "scandir", denied)

@@ -61,6 +61,11 @@ def test_natural_sort_is_numeric(numbers: list[int]) -> None:
     assert sorted(names, key=natural_key) == [f"run7_{n}.png" for n in sorted(numbers)]
 
 
+def test_natural_sort_takes_numbers_of_any_length() -> None:
+    names = ["a" + "9" * 9_999, "a1" + "0" * 9_999, "a0" + "9" * 9_999, "a007", "a7", "a08"]
+    assert sorted(names, key=natural_key) == ["a007", "a7", "a08", "a0" + "9" * 9_999, "a" + "9" * 9_999, names[1]]
+
+
 def test_places_keep_absolute_indices(tmp_path: Path) -> None:
     folder(tmp_path, *(f"{k}.png" for k in range(12)))
     traverse = open_traverse(tmp_path, places=(9, 12))
@@ -163,7 +168,8 @@ def test_text_list(tmp_path: Path) -> None:
         ("id,filename\n7,2.png\n8,1.png\n", ("2.png", "1.png")),
         ("# c\nPath ;x\n2.png;1\n\n1.png;2\n", ("2.png", "1.png")),
         ("2.png,5\n1.png,6\n", ("2.png", "1.png")),
-        ("picture,x\n2.png,5\n", ("2.png",)),
+        ("Image,image number\n2.png,5\n,\n,\n", ("2.png",)),
+        ('"a, b.png";x\n2.png;y\n', ("a, b.png", "2.png")),
         ("x\timage\n3\t1.png\n", ("1.png",)),
         ('"a, b.png"\n1.png\n', ("a, b.png", "1.png")),
         ("noext\n1.png\n", ("noext", "1.png")),
@@ -188,10 +194,57 @@ def test_lists_that_cannot_be_used(tmp_path: Path) -> None:
     listing("l.txt", b"1.png\n#\n9.png\n", missing)
     listing("l.csv", b"image\n1.png\n9.png\n", f"l.csv line 3: {tmp_path}/9.png: cannot be opened")
     listing("l.txt", b"1.png\nd.png\n", "l.txt line 2", "d.png: is a folder, not an image")
-    listing("l.csv", b"x,image\n1,1.png\n2\n", "l.csv line 3: names no file")
+    listing("l.csv", b"x,image\n1,1.png\n2,\n", "l.csv line 3: names no file")
     listing("l.txt", b"1.png\n\xff\n", "l.txt line 2: is not UTF-8 text; save the file as UTF-8")
     listing("l.csv", b"1.png\n1\0.png\n", "l.csv line 2")
     listing("l.txt", b"1.png\n1\0.png\n", "l.txt line 2: names no file")
+
+
+@pytest.mark.parametrize(
+    ("text", "cause"),
+    [
+        (b"image,x\na, b.png,5\n1.png,6\n", "l.csv line 2: has 3 cells, but line 1 has 2; write a cell that holds ','"),
+        (b"image\n1.png\na, b.png\n", "l.csv line 3: has 2 cells, but line 1 has 1"),
+        (b"x,image\n1,1.png\n2\n", "l.csv line 3: has 1 cells, but line 1 has 2"),
+        (b"image,x\n1.png,1\n,\n1.png,2\n", "l.csv line 3: names no file"),
+        (b"first\n1.png\n", "first: cannot be opened (No such file or directory); correct or remove it, or name its"),
+        (b"first.jp2,5\n1.png,6\n", "first.jp2: cannot be opened"),
+        (b"image,x,image\n1.png,1,1.png\n", "l.csv line 1: has 2 columns 'image'; rename all but one"),
+        (b"path\n1.png\n", "l.csv line 1: 'path' may be a header or the file of that name; add a header, or write ./"),
+        (b'image,x\n1.png,"1\n1.png,2\n1.png,3\n', "l.csv line 2: is not CSV (the quote that it opens is not closed)"),
+        (b'image,x\n"1.png"2,1\n', "l.csv line 2: is not CSV"),
+        (b"image\n\xef\xbb\xbf1.png\n", "l.csv line 2"),
+        (b"image\n" + b"x" * 200_000 + b"\n", "l.csv line 2: is not CSV (field larger than field limit"),
+    ],
+)
+def test_csv_lists_that_would_lose_or_change_an_image_are_refused(tmp_path: Path, text: bytes, cause: str) -> None:
+    folder(tmp_path, "1.png", "a, b.png", "a", "path")
+    refused(lambda: open_traverse(written(tmp_path / "l.csv", text)), cause)
+
+
+def test_a_list_names_files_with_any_character_but_line_ends(tmp_path: Path) -> None:
+    names = [f"a{chr(c)}b.png" for c in (0x0B, 0x0C, 0x1C, 0x1D, 0x1E, 0x85, 0x2028, 0x2029)] + ["\x85", "\xa0c"]
+    folder(tmp_path, *names)
+    for name, header in (("l.txt", ""), ("l.csv", "image\n")):
+        listing = written(tmp_path / name, (header + "\r".join(names)).encode())
+        assert list(open_traverse(listing).names) == names
+
+
+def test_a_list_of_too_many_lines_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder(tmp_path, "1.png")
+    monkeypatch.setenv("LAVA_VPR_MAX_ROWS", "10")
+    for name in ("l.txt", "l.csv"):
+        refused(
+            lambda name=name: open_traverse(written(tmp_path / name, b"1.png\n" * 11)),
+            f"{name}: has 11 lines, more than the 10 allowed; if the file is sound, set LAVA_VPR_MAX_ROWS",
+        )
+
+
+@pytest.mark.timeout(20)
+def test_lists_are_no_pipes(tmp_path: Path) -> None:
+    for name in ("l.txt", "l.csv"):
+        os.mkfifo(tmp_path / name)
+        refused(lambda name=name: open_traverse(tmp_path / name), f"{name}: is neither a folder nor a file; give")
 
 
 # ---------------------------------------------------------------- video
