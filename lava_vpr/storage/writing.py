@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import errno
+import glob
+import hashlib
 import os
 import stat
 import tempfile
@@ -29,6 +31,25 @@ def replaceable(path: Path) -> os.stat_result | None:
     return status
 
 
+def temporary_prefix(path: Path) -> str:
+    """How the name of a temporary file or folder beside ``path`` begins; `tempfile` adds 8 characters and ``.tmp``.
+
+    It holds the name of ``path``, or a hash of that where both together are longer than a name may be.
+    """
+    if len(os.fsencode(path.name)) + len("..") + 8 + len(".tmp") <= _NAME_BYTES:
+        return f".{path.name}."
+    return f".{hashlib.sha256(os.fsencode(path.name)).hexdigest()[:32]}."
+
+
+_NAME_BYTES = 255  # NAME_MAX of Linux; its common file systems have no less
+
+
+def leftovers(path: Path) -> list[Path]:
+    """Temporary files of writes to ``path`` that were killed, sorted."""
+    path = Path(os.path.realpath(path))
+    return sorted(path.parent.glob(glob.escape(temporary_prefix(path)) + "*.tmp"))
+
+
 def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
     """Let ``write`` fill a temporary file beside ``path``, then put it in place in one step.
 
@@ -40,7 +61,7 @@ def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
     """
     path = Path(os.path.realpath(path))  # a link stays, the file that it names is replaced
     before = replaceable(path)
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
+    handle, name = tempfile.mkstemp(prefix=temporary_prefix(path), suffix=".tmp", dir=path.parent)
     temporary = Path(name)
     try:
         with os.fdopen(handle, "wb") as file:

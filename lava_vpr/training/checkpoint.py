@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import glob
 import hashlib
 import json
 import threading
@@ -19,6 +18,7 @@ from lava_vpr.configfile import to_dict
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.errors import ModelFileError
 from lava_vpr.storage import container
+from lava_vpr.storage.writing import leftovers
 
 
 def check_resume(path: Path, resume: bool) -> None:
@@ -41,7 +41,7 @@ def _nothing_to_resume(path: Path) -> ModelFileError:
 
 def remove_checkpoint(path: Path) -> None:
     """Remove the checkpoint of a training that is done, and what writes that were killed left beside it."""
-    for file in (path, *path.parent.glob(f".{glob.escape(path.name)}.*.tmp")):
+    for file in (path, *leftovers(path)):
         file.unlink(missing_ok=True)
 
 

@@ -9,7 +9,7 @@ from typing import BinaryIO
 
 import pytest
 
-from lava_vpr.storage.writing import write_atomically
+from lava_vpr.storage.writing import leftovers, write_atomically
 
 
 def mode(path: Path) -> int:
@@ -71,3 +71,27 @@ def test_a_write_that_fails_leaves_what_was_there(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="No space"):
         write_atomically(path, fail)
     assert [(entry.name, entry.read_bytes()) for entry in tmp_path.iterdir()] == [("a", b"old")]
+
+
+@pytest.mark.parametrize("name", ["n" * 255, "é" * 127, "n" * 242, "n" * 241])
+def test_a_name_may_be_as_long_as_the_file_system_takes_it(tmp_path: Path, name: str) -> None:
+    write_atomically(tmp_path / name, lambda file: file.write(b"new"))
+    assert [(entry.name, entry.read_bytes()) for entry in tmp_path.iterdir()] == [(name, b"new")]
+
+
+def test_what_killed_writes_leave_is_found(tmp_path: Path) -> None:
+    for name in ("a", "n" * 255):
+        (tmp_path / name).write_bytes(b"old")
+        left: list[Path] = []
+
+        def killed(file: BinaryIO, left: list[Path] = left) -> None:
+            left.extend(entry for entry in tmp_path.iterdir() if entry.suffix == ".tmp")
+            raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            write_atomically(tmp_path / name, killed)
+        left[0].touch()
+        assert leftovers(tmp_path / name) == left
+        left[0].unlink()
+    (tmp_path / ".a.other").touch()
+    assert leftovers(tmp_path / "a") == []
