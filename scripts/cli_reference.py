@@ -30,7 +30,10 @@ HEAD = """# The command line
 ```
 
 `--help` after a command shows what stands here. Work that takes long shows its progress on a terminal and is quiet in a
-pipe. An output file that exists is replaced in one step when the new one is complete.
+pipe. An output file that exists is replaced in one step when the new one is complete, and hands on its permissions.
+Refused before any work is an output that is read-only, that is an input or another output of the command (by whatever
+name: a link, a hard link), that would stand in the bundle that is read, or that would be a new image in a folder of
+images that is read. Other new files may stand beside images.
 
 | exit code | meaning |
 |---|---|

@@ -15,8 +15,6 @@ from lava_vpr.cli.common import (
     PATH,
     OneSource,
     RegisteredName,
-    check_folder,
-    check_writable,
     console,
     encode,
     every_option,
@@ -24,9 +22,9 @@ from lava_vpr.cli.common import (
     print_whole,
     progress_bar,
     seed_type,
-    write_json,
 )
 from lava_vpr.cli.evaluate import command_line
+from lava_vpr.cli.outputs import Outputs, write_json
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.encoding import Keep
 from lava_vpr.errors import ConfigError
@@ -90,16 +88,14 @@ def bench(
 
     Query i shows place i. What this machine lacks (a board, energy counters) is said, and the rest is told.
     """
-    if json_path is not None:
-        check_writable(json_path, model_path, query)
-    if report_folder is not None:
-        check_folder(report_folder)
+    page = report_folder and report_folder / "bench.html"
+    outputs = Outputs((json_path,), made=(page,), model=model_path, images=(query,))
     # The cost model and what it needs take a second to import: --help does not wait for them.
     from lava_vpr.bench.run import Request, run
 
     model = open_model(model_path)
     _refuse(model, model_path, targets, names, sweep)
-    traverse = open_queries(model, query, places, every, output=json_path)
+    traverse = open_queries(model, query, places, every, outputs=outputs)
     truth = truth_in_order(model, traverse)
     queries = encode(traverse, model.config.encoder, Keep.PATCHES if peers else Keep.NOTHING)
     request = Request(
@@ -118,7 +114,7 @@ def bench(
             return lambda done: advance(done, "")
 
         results = run(model, traverse, queries, truth, request, command=command_line(ctx), begin=begin)
-    _tell(results, json_path, report_folder)
+    _tell(results, json_path, page)
 
 
 def _refuse(model: Model, path: Path, targets: tuple[str, ...], names: tuple[str, ...], sweep: bool) -> None:
@@ -135,20 +131,19 @@ def _refuse(model: Model, path: Path, targets: tuple[str, ...], names: tuple[str
         backends.require(name, model)
 
 
-def _tell(results: Bench, json_path: Path | None, report_folder: Path | None) -> None:
+def _tell(results: Bench, json_path: Path | None, page: Path | None) -> None:
     """Write the files, then print the tables: whoever reads these may go away."""
     from lava_vpr.bench.show.json_values import as_json
     from lava_vpr.bench.show.terminal import absences, tables
 
     if json_path is not None:
         write_json(json_path, as_json(results))
-    page = None
-    if report_folder is not None:
+    if page is not None:
         # matplotlib takes a second to import: only those who want a report wait for it.
         from lava_vpr.bench.show.page import page as page_of
         from lava_vpr.report import write_page
 
-        page = write_page(page_of(results), report_folder / "bench.html")
+        write_page(page_of(results), page)
     for table in tables(results):
         print_whole(table)
     for line in absences(results):

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr import model as model_file
-from lava_vpr.cli.common import PATH, check_writable, stderr
+from lava_vpr.cli.common import PATH, stderr
+from lava_vpr.cli.outputs import Outputs
 from lava_vpr.model import Model
 from lava_vpr.traverse import Traverse, open_traverse
 from lava_vpr.truth.alignment import aligned_truth, by_number, choose_queries, positions_truth
@@ -42,7 +43,7 @@ def open_queries(
     every: float,
     *,
     aligned: bool = True,
-    output: Path | None = None,
+    outputs: Outputs | None = None,
 ) -> Traverse:
     """The query images to answer.
 
@@ -52,14 +53,14 @@ def open_queries(
         places: Range of images that the user asked for.
         every: Seconds between two frames of a video.
         aligned: No ground truth is given: queries must show the model's places in their order.
-        output: File to be written, which must be none of the images.
+        outputs: Of the command; none may be one of the images of ``source``.
     Raises:
         InputError: the images cannot be used; see `choose_queries`.
     """
-    traverse = choose_queries(model, open_traverse(source, every=every), places, aligned=aligned)
-    if output is not None:
-        check_writable(output, *traverse.paths)
-    return traverse
+    whole = open_traverse(source, every=every)
+    if outputs is not None:
+        outputs.spare(whole.paths)
+    return choose_queries(model, whole, places, aligned=aligned)
 
 
 def truth_in_order(model: Model, queries: Traverse, tolerance: int = 0) -> NDArray[np.bool_]:

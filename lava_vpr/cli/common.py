@@ -1,10 +1,7 @@
-"""What all commands share: options, progress, output files."""
+"""What all commands share: options, progress, tables."""
 
 from __future__ import annotations
 
-import fcntl
-import json
-import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -20,8 +17,6 @@ from rich.table import Table
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.config import EncoderConfig
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse
-from lava_vpr.errors import InputError, ModelFileError
-from lava_vpr.storage.writing import write_atomically
 from lava_vpr.traverse import Traverse
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -147,78 +142,7 @@ def encode(traverse: Traverse, encoder: EncoderConfig, keep: Keep = Keep.NOTHING
         return encode_traverse(traverse, encoder, keep, lambda n: advance(n, ""))
 
 
-def check_writable(path: Path, *inputs: Path | str | None) -> None:
-    """Refuse an output that cannot be written, or that would replace an input, before any work is done.
-
-    Args:
-        path: The output.
-        inputs: Files and folders that are read.
-    Raises:
-        InputError: its folder is missing or closed to us, it is no file, or it is one of the inputs.
-    """
-    if path.is_dir():
-        raise InputError(f"{path}: is a folder; name a file")
-    if path.exists() and not path.is_file():
-        raise InputError(f"{path}: is a device or pipe, which would be replaced; name a file")
-    target = Path(os.path.realpath(path))
-    if any(source is not None and target == Path(os.path.realpath(source)) for source in inputs):
-        raise InputError(f"{path}: is also an input, which would be replaced; name another file")
-    if not target.parent.is_dir():
-        raise InputError(f"{path}: the folder {path.parent} does not exist; create it first")
-    if not os.access(target.parent, os.W_OK):
-        raise InputError(f"{path}: no permission to write in {path.parent}; choose another place")
-
-
-@contextmanager
-def only_one(path: Path) -> Iterator[None]:
-    """Hold ``path`` for this process: two that write the same model would lose each other's work.
-
-    Raises:
-        ModelFileError: another process holds it.
-    """
-    lock = path.with_name(f".{path.name}.lock")
-    with lock.open("w") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise ModelFileError(f"{path}: another training is writing it; wait, or choose another name") from None
-        try:
-            yield
-        finally:
-            lock.unlink(missing_ok=True)
-
-
-def check_folder(path: Path) -> None:
-    """Refuse a folder for results that cannot be made, before any work is done.
-
-    Raises:
-        InputError: there is a file of that name, or no permission to write.
-    """
-    if path.exists() and not path.is_dir():
-        raise InputError(f"{path}: is a file; name a folder")
-    existing = next(folder for folder in (path, *path.absolute().parents) if folder.is_dir())
-    if not os.access(existing, os.W_OK):
-        raise InputError(f"{path}: no permission to write in {existing}; choose another place")
-
-
 def print_whole(table: Table) -> None:
     """Print a table at its own width: on a narrow terminal lines wrap, but no figure is cut."""
     width = Measurement.get(console, console.options.update(width=200), table).maximum
     _Console(highlight=False, soft_wrap=True, width=max(console.width, width)).print(table, crop=False)
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a text file in one step.
-
-    Raises:
-        InputError: it cannot be written; what was there still is.
-    """
-    try:
-        write_atomically(path, lambda file: file.write(text.encode()))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror}); free space or choose another place") from None
-
-
-def write_json(path: Path, values: dict[str, Any]) -> None:
-    """Write JSON so that equal values give equal bytes."""
-    write_text(path, json.dumps(values, indent=2, allow_nan=False) + "\n")

@@ -9,8 +9,9 @@ import click
 
 from lava_vpr import model as model_file
 from lava_vpr.cli.choose import open_queries
-from lava_vpr.cli.common import PATH, console, encode, seed_type, write_json
+from lava_vpr.cli.common import PATH, console, encode, seed_type
 from lava_vpr.cli.evaluate import print_table
+from lava_vpr.cli.outputs import Outputs, write_json
 from lava_vpr.config import preset
 from lava_vpr.encoding import Keep
 from lava_vpr.engine.threads import cores
@@ -41,7 +42,11 @@ def synth(folder: Path, places: int, seed: int) -> None:
 )
 def demo(out: Path) -> None:
     """Draw a synthetic route, learn it in summer, recognise it in winter, write a report."""
-    write_traverses(out, 100, 0, keep=("model.lvpr", "figures.json", "report"))
+    results = out / "model.lvpr", out / "figures.json", out / "report" / "report.html"
+    Outputs(made=results)
+    # What only an earlier demo can have left is replaced; a single one of these files may be someone's own.
+    earlier = all(path.is_file() for path in results)
+    write_traverses(out, 100, 0, keep=("model.lvpr", "figures.json", "report") if earlier else ())
     console.print(f"drew 100 places in summer and winter: {out}/reference, {out}/query", markup=False)
     config = preset("loihi")
     reference = open_traverse(out / "reference")
@@ -52,11 +57,11 @@ def demo(out: Path) -> None:
         f"{model.weight_bits}-bit weights: {out}/model.lvpr",
         markup=False,
     )
-    model_file.save(model, out / "model.lvpr")
     traverse = open_queries(model, str(out / "query"), None, 1.0)
     queries = encode(traverse, config.encoder, Keep.ALL)
     result = recognise(model, queries, aligned_truth(model, traverse), threads=cores())
     print_table(model, result)
-    write_json(out / "figures.json", as_json(model, result))
     page = write_report(report_data(model, queries, result, "lava-vpr demo", 1, None), out / "report")
+    write_json(out / "figures.json", as_json(model, result))
+    model_file.save(model, out / "model.lvpr")  # all three in a moment: see above
     console.print(f"report to open in a browser: {page}", markup=False)

@@ -15,7 +15,6 @@ from lava_vpr.cli.choose import open_model, open_queries
 from lava_vpr.cli.common import (
     PATH,
     RegisteredName,
-    check_writable,
     console,
     encode,
     every_option,
@@ -23,8 +22,8 @@ from lava_vpr.cli.common import (
     print_whole,
     progress_bar,
     stderr,
-    write_json,
 )
+from lava_vpr.cli.outputs import Outputs, write_json
 from lava_vpr.config import INPUT_MODES
 from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.deploy.bundle.deployment import Deployed
@@ -35,7 +34,6 @@ from lava_vpr.deploy.compression.calibration import Calibration, calibrated, fig
 from lava_vpr.deploy.compression.compression import Changes, Compressed, Figures, for_board
 from lava_vpr.deploy.show.tables import core_table, summary
 from lava_vpr.engine.threads import cores
-from lava_vpr.errors import InputError
 from lava_vpr.model import Model, integer_model
 from lava_vpr.truth.alignment import aligned_truth
 
@@ -104,15 +102,13 @@ def deploy(
         if value is not None and np.isnan(value):
             raise click.UsageError(f"{name} is not a number")
     check_replaceable(output)
-    if json_path is not None:
-        check_writable(json_path, model_path, calibrate)
-        if output.resolve() in json_path.resolve().parents:
-            raise InputError(f"{json_path}: would stand in the bundle, which holds its own files alone; name another")
+    images = () if calibrate is None else (calibrate,)
+    outputs = Outputs((json_path,), folders=(output,), model=model_path, images=images)
     model = open_model(model_path)
     integer_model(model, board.title, model_path)
     calibration = None
     if calibrate is not None:
-        calibration = _calibration(model, calibrate, places, every, json_path)
+        calibration = _calibration(model, calibrate, places, every, outputs)
     compressed = _compressed(model, board, Changes(weight_bits, prune, input_mode), calibration, max_loss)
     deployed = write_bundle(
         compressed.model,
@@ -159,10 +155,10 @@ def _check_usage(
 
 
 def _calibration(
-    model: Model, source: str, places: tuple[int, int] | None, every: float, json_path: Path | None
+    model: Model, source: str, places: tuple[int, int] | None, every: float, outputs: Outputs
 ) -> Calibration:
     """The calibration images and which place each shows."""
-    traverse = open_queries(model, source, places, every, output=json_path)
+    traverse = open_queries(model, source, places, every, outputs=outputs)
     return encode(traverse, model.config.encoder), aligned_truth(model, traverse)
 
 

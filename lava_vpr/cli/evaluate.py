@@ -16,15 +16,13 @@ from lava_vpr.cli.common import (
     OneSource,
     answer_options,
     backend_progress,
-    check_folder,
-    check_writable,
     console,
     encode,
     every_option,
     places_option,
     print_whole,
-    write_json,
 )
+from lava_vpr.cli.outputs import Outputs, write_json
 from lava_vpr.encoding import Keep
 from lava_vpr.engine.threads import cores
 from lava_vpr.matching.evaluation import Metrics
@@ -74,15 +72,14 @@ def evaluate(
 
     Without --gt or --positions, query i shows place i, and both must be equally many.
     """
-    if json_path is not None:
-        check_writable(json_path, model_path, query, *truth.files, *(descriptors or ()))
-    if report_folder is not None:
-        check_folder(report_folder)
+    page = report_folder and report_folder / "report.html"
+    read = (*truth.files, *(descriptors or ()))
+    outputs = Outputs((json_path,), made=(page,), read=read, model=model_path, images=(query,))
     model = open_model(model_path)
     backends.require(backend, model)
-    traverse = open_queries(model, query, places, every, aligned=truth.aligned, output=json_path)
+    traverse = open_queries(model, query, places, every, aligned=truth.aligned, outputs=outputs)
     correct = truth.of(model, traverse)
-    comparison = Comparison(sequence, rivals or BASELINES, descriptors, keep_scores=report_folder is not None)
+    comparison = Comparison(sequence, rivals or BASELINES, descriptors, keep_scores=page is not None)
     queries = encode(traverse, model.config.encoder, _kept(comparison))
     with backend_progress(backend, len(queries)) as advance:
         result = recognise(
@@ -90,13 +87,12 @@ def evaluate(
         )
     if json_path is not None:  # files first: whoever reads the table may go away
         write_json(json_path, as_json(model, result))
-    page = None
-    if report_folder is not None:
+    if page is not None:
         # matplotlib takes a second to import: only those who want a report wait for it.
         from lava_vpr.report import write_report
         from lava_vpr.report.build import report_data
 
-        page = write_report(report_data(model, queries, result, command_line(ctx), sequence, seed), report_folder)
+        write_report(report_data(model, queries, result, command_line(ctx), sequence, seed), page.parent)
     print_table(model, result, sequence)
     if page is not None:
         console.print(f"report: {page}", markup=False)

@@ -13,13 +13,11 @@ from lava_vpr.cli.choose import open_model
 from lava_vpr.cli.common import (
     PATH,
     RegisteredName,
-    check_writable,
     console,
     print_whole,
     stderr,
-    write_json,
-    write_text,
 )
+from lava_vpr.cli.outputs import Outputs, write_json, write_text
 from lava_vpr.config import INPUT_MODES, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import BOARDS, Board
@@ -68,9 +66,7 @@ def fit(
         raise click.UsageError("--neurons-per-place is for fit without MODEL; a model has its neurons")
     if model is None and picture is not None:
         raise click.UsageError("--picture draws the cores of a model; give MODEL")
-    for path in (picture, json_path):
-        if path is not None:
-            check_writable(path, model)
+    Outputs((json_path, picture), model=model)
     board = BOARDS[target]
     if model is None:
         _largest(board, weight_bits, input_mode, neurons_per_place, json_path)

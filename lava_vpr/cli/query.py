@@ -15,13 +15,12 @@ from lava_vpr.cli.common import (
     OneSource,
     answer_options,
     backend_progress,
-    check_writable,
     console,
     encode,
     every_option,
     places_option,
-    write_text,
 )
+from lava_vpr.cli.outputs import Outputs, write_text
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
@@ -72,16 +71,16 @@ def query(
     """
     if min_confidence is not None and np.isnan(min_confidence):
         raise click.UsageError("--min-confidence is not a number")
-    check_writable(output, model_path, images)
+    outputs = Outputs((output,), model=model_path, images=(images,))
     model = open_model(model_path)
     backends.require(backend, model)
     whole = open_traverse(images, every=every)
+    outputs.spare(whole.paths)
     traverse = whole.between(*places) if places else whole
     if sequence > len(traverse):
         raise InputError(
             f"{images}: has {len(traverse)} images, fewer than --sequence {sequence}; use a shorter sequence"
         )
-    check_writable(output, *traverse.paths)
     queries = encode(traverse, model.config.encoder)
     with backend_progress(backend, len(queries)) as advance:
         counts, _ = count_query_spikes(model, queries, backend=backend, seed=seed, threads=cores(), advance=advance)

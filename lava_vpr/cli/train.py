@@ -13,22 +13,22 @@ from lava_vpr import model as model_file
 from lava_vpr.cli.common import (
     PATH,
     RegisteredName,
-    check_writable,
     console,
     encode,
     every_option,
-    only_one,
     places_option,
     progress_bar,
     seed_type,
     stderr,
 )
+from lava_vpr.cli.outputs import Outputs
 from lava_vpr.config import PRESETS, Config, preset
 from lava_vpr.configfile import read_toml, update
 from lava_vpr.encoding import Keep
 from lava_vpr.engine.threads import cores
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.model import Model
+from lava_vpr.storage.locking import only_one
 from lava_vpr.training.checkpoint import check_resume, remove_checkpoint
 from lava_vpr.training.loop import Progress, check_references, check_size, presentations, split
 from lava_vpr.training.loop import train as train_model
@@ -86,13 +86,13 @@ def train(
     MODEL in a .checkpoint file, from which --resume goes on.
     """
     config = settings(preset_name, config_file, options)
-    check_writable(output, config_file, *references)
     checkpoint = output.with_name(output.name + ".checkpoint")
+    outputs = Outputs((output, checkpoint), read=(config_file,), images=references)
     with only_one(output):
         check_resume(checkpoint, resume)
         whole = open_traverses(references, every=every)
+        outputs.spare(path for traverse in whole for path in traverse.paths)
         chosen = [traverse.between(*places) if places else traverse for traverse in whole]
-        check_writable(output, *(path for traverse in chosen for path in traverse.paths))
         check_references([len(traverse) for traverse in chosen])
         check_size(len(chosen[0]), config)
         encoded = [

@@ -15,7 +15,6 @@ from lava_vpr.cli.common import (
     PATH,
     OneSource,
     RegisteredName,
-    check_writable,
     console,
     encode,
     every_option,
@@ -23,8 +22,8 @@ from lava_vpr.cli.common import (
     print_whole,
     progress_bar,
     seed_type,
-    write_json,
 )
+from lava_vpr.cli.outputs import Outputs, write_json
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
 from lava_vpr.truth.alignment import aligned_truth
@@ -63,12 +62,11 @@ def verify(
 
     Exits with 1 if a single spike differs. A float backend has spikes of its own; its recall is printed.
     """
-    if json_path is not None:
-        check_writable(json_path, model_path, query)
+    outputs = Outputs((json_path,), model=model_path, images=(query,))
     model = open_model(model_path)
     for name in names:  # asked for by name: not to run it is an error
         backends.require(name, model)
-    traverse = open_queries(model, query, places, every, output=json_path)
+    traverse = open_queries(model, query, places, every, outputs=outputs)
     # The truth of all queries, then the first of them: fewer queries than places would be refused as not aligned.
     truth = aligned_truth(model, traverse)[:limit]
     queries = encode(traverse.take(range(min(limit, len(traverse)))), model.config.encoder)
