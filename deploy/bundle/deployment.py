@@ -11,6 +11,7 @@ from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.boards.plan import CorePlan, Plan
 from lava_vpr.deploy.bundle import folder as bundle_folder
 from lava_vpr.deploy.bundle.folder import Bundle, json_bytes
+from lava_vpr.deploy.bundle.programs import program_files
 from lava_vpr.deploy.bundle.readme import readme
 from lava_vpr.deploy.bundle.references import reference_files
 from lava_vpr.deploy.bundle.targets import TARGETS
@@ -20,8 +21,6 @@ from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.threads import cores
 from lava_vpr.model import Model, integer_model
 from lava_vpr.training.references import expected_rates, measured_responses
-
-PROGRAMS = Path(__file__).parents[1] / "programs"
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,7 @@ def contents(
         model = replace(model, responses=measured_responses(model, network, cores()))
     files = reference_files(model)
     files |= target.network_files(plan)
-    files |= _programs(target.program)
+    files |= program_files(target.program)
     if learning:
         from lava_vpr.deploy.bundle.learning import learning_files
 
@@ -155,10 +154,3 @@ def _load(board: Board, core: CorePlan) -> dict[str, Any]:
     """What a core is expected to do in a step."""
     load = {name: round(value, 6) for name, value in asdict(core.load).items()}
     return load if board.timed else load | {"nanoseconds": "unknown"}
-
-
-def _programs(folder: str) -> dict[str, bytes]:
-    """The host program ``run.py``, and the files that it needs beside it."""
-    folders = (PROGRAMS / "common", PROGRAMS / folder)
-    files = sorted(path for holder in folders for path in holder.iterdir() if path.is_file())
-    return {f"program/{path.name}": path.read_bytes() for path in files}

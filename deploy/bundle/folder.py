@@ -19,10 +19,13 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from lava_vpr.deploy.boards.board import BOARDS
+from lava_vpr.deploy.bundle.arrays import Shape, array_of
 from lava_vpr.errors import BundleError
+from lava_vpr.storage.limits import excess
+from lava_vpr.storage.reading import parse_json
 
 FORMAT, VERSION = "lava-vpr bundle", 1
 MANIFEST = "manifest.json"
@@ -58,26 +61,32 @@ class Bundle:
             raise BundleError(f"{self.path / name}: the bundle lacks this file; {AGAIN}")
         return self.files[name]
 
-    def array(self, name: str) -> NDArray[Any]:
+    def array(self, name: str, kind: DTypeLike = None, shape: Shape | None = None) -> NDArray[Any]:
         """The array in a ``.npy`` file.
 
+        Args:
+            name: The file.
+            kind, shape: The type and shape that it must have, as `lava_vpr.deploy.bundle.arrays.array_of` takes them.
         Raises:
-            BundleError: missing, or no array.
+            BundleError: missing, no array, or another than this.
         """
         try:
-            loaded: NDArray[Any] = np.load(io.BytesIO(self.data(name)), allow_pickle=False)
-            return loaded
-        except (ValueError, EOFError, OSError) as error:
-            raise BundleError(f"{self.path / name}: is no array ({error}); {AGAIN}") from None
+            return array_of(self.data(name), kind, shape)
+        except ValueError as error:
+            raise BundleError(f"{self.path / name}: {error}; {AGAIN}") from None
 
     def json(self, name: str) -> Any:
         """The value in a ``.json`` file.
 
         Raises:
-            BundleError: missing, or no JSON.
+            BundleError: missing, too long, or no JSON.
         """
+        data = self.data(name)
+        beyond = excess("bundle_json_bytes", len(data))
+        if beyond is not None:
+            raise BundleError(f"{self.path / name}: has {beyond}")
         try:
-            return json.loads(self.data(name))
+            return parse_json(data, object_pairs_hook=_without_repeats)
         except ValueError as error:
             raise BundleError(f"{self.path / name}: is no JSON ({error}); {AGAIN}") from None
 
@@ -85,6 +94,18 @@ class Bundle:
         """Folders below ``under`` that hold files, sorted."""
         names = (PurePosixPath(name) for name in self.files)
         return tuple(sorted({str(name.parent) for name in names if name.parent.parent == PurePosixPath(under)}))
+
+
+def _without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A JSON object; two readers could disagree on what a repeated key says.
+
+    Raises:
+        ValueError: a key is repeated.
+    """
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError("an object says a key twice")
+    return found
 
 
 def array_bytes(array: NDArray[Any]) -> bytes:

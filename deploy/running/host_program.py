@@ -1,39 +1,42 @@
-"""Runs a bundle's host program as a process of its own: no failure of the vendor's software can take us along.
+"""Presents queries to Kapoho Bay by its host program, a process of its own: the vendor's failures stay there.
 
-The program (``program/run.py`` in the bundle) needs a Python that has the vendor's software; the environment variable
-NXSDK_PYTHON names it, else it is the running one.
+The program needs a Python that has the vendor's software; the environment variable NXSDK_PYTHON names it, else it is
+the running one.
 """
 
 from __future__ import annotations
 
-import contextlib
 import importlib.util
-import json
 import logging
 import os
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.deploy.bundle.arrays import array_of
+from lava_vpr.deploy.bundle.core_files import scalars
+from lava_vpr.deploy.bundle.folder import Bundle
+from lava_vpr.deploy.running.board_program import Ended, run_program
 from lava_vpr.errors import BackendUnavailableError, BundleError, LavaRunError, LavaVprError, NetworkLimitError
-from lava_vpr.isolated.child import end, run_child
+from lava_vpr.isolated.child import run_child
+from lava_vpr.storage.reading import read_bytes
 
 NOTES = logging.getLogger("lava_vpr")
 PYTHON = "NXSDK_PYTHON"
 ATTEMPTS = 2
-LOOK = 0.05  # seconds between two looks at the program
-GRACE = 15.0  # seconds for it to let go of the board
 IMPORT_SECONDS = 60.0
 PATIENCE = 700.0  # seconds without progress beyond those of one run; the program gives up sooner, unless it hangs
 
-_FIND = "import importlib.util, sys; sys.exit(3 if importlib.util.find_spec('nxsdk') is None else 0)"
+_FIND = (
+    "import sys; sys.path[:] = [path for path in sys.path if path]; "  # not where we stand, which may be a bundle
+    "import importlib.util; sys.exit(3 if importlib.util.find_spec('nxsdk') is None else 0)"
+)
 _ERRORS: dict[str, type[LavaVprError]] = {
     "bundle": BundleError,
     "input": NetworkLimitError,
@@ -61,11 +64,6 @@ class Outcome:
     log: str
 
 
-def _interpreter(python: str | None) -> str:
-    """The Python that runs the program: ``python``, else what NXSDK_PYTHON names, else the running one."""
-    return python or os.environ.get(PYTHON) or sys.executable
-
-
 def _has_nxsdk(python: str) -> str | None:
     """Why ``python`` cannot import NxSDK; None if it has it."""
     source = "it is Intel's closed package, from its neuromorphic research community"
@@ -83,14 +81,14 @@ def _has_nxsdk(python: str) -> str | None:
 
 def kapoho_bay_available() -> str | None:
     """Why Kapoho Bay cannot be used here and what to do; None if it can, as far as can be told without starting it."""
-    reason = _has_nxsdk(_interpreter(None))
+    reason = _has_nxsdk(os.environ.get(PYTHON) or sys.executable)
     if reason is None and os.environ.get("KAPOHOBAY") != "1":
         return "no Kapoho Bay is announced to NxSDK; connect it (lsusb must show it) and set KAPOHOBAY=1"
     return reason
 
 
 def run_bundle(
-    bundle_path: Path,
+    bundle: Bundle,
     rates: NDArray[np.uint16],
     keys: NDArray[np.uint64],
     *,
@@ -102,7 +100,7 @@ def run_bundle(
     is started afresh, which is logged as a warning (`lava_vpr`).
 
     Args:
-        bundle_path: The bundle.
+        bundle: The bundle, whose data the shipped program gets (`lava_vpr.deploy.running.board_program`).
         rates: Spikes a step in units of 2^-16, uint16 (n, inputs).
         keys: Keys of the presentations, uint64 (n,).
         python: A Python that has the vendor's software (default: $NXSDK_PYTHON, else the running one).
@@ -120,7 +118,7 @@ def run_bundle(
     done = np.zeros(len(keys), bool)
     for attempt in range(ATTEMPTS):
         left = np.flatnonzero(~done)
-        outcome = _present(bundle_path, rates[left], keys[left], _interpreter(python), timeout or 0.0, advance)
+        outcome = _present(bundle, rates[left], keys[left], python, timeout or 0.0, advance)
         if outcome.counts is not None:
             counts = np.full((len(keys), outcome.counts.shape[1]), -1, np.int32) if counts is None else counts
             counts[left[outcome.done]] = outcome.counts[outcome.done]
@@ -133,92 +131,44 @@ def run_bundle(
         if attempt + 1 < ATTEMPTS:
             NOTES.warning("%s; the others are presented again", said)
     raise LavaRunError(
-        f"{said}; run bundle's program/run.py --self-test to see whether the board is sound", outcome.log
+        f"{said}; run the bundle's program/run.py --self-test to see whether the board is sound", outcome.log
     )
 
 
 def _present(
-    bundle_path: Path,
+    bundle: Bundle,
     rates: NDArray[np.uint16],
     keys: NDArray[np.uint64],
-    python: str,
+    python: str | None,
     timeout: float,
     advance: Callable[[int], None] | None,
 ) -> Outcome:
-    """Run the bundle's host program once."""
-    with tempfile.TemporaryDirectory(prefix="lava-vpr-") as folder:
-        queries, out, log = Path(folder, "queries"), Path(folder, "out"), Path(folder, "log")
-        queries.mkdir()
-        np.save(queries / "rates.npy", np.ascontiguousarray(rates, np.uint16), allow_pickle=False)
-        np.save(queries / "keys.npy", np.ascontiguousarray(keys, np.uint64), allow_pickle=False)
-        program = bundle_path.absolute() / "program" / "run.py"
-        environment = {**os.environ, "TMPDIR": folder}  # whatever it leaves is removed
-        words = [python, str(program), "--queries", str(queries), "--out", str(out), "--timeout", str(timeout)]
-        with log.open("wb") as file:
-            try:
-                child = subprocess.Popen(
-                    words,
-                    cwd=folder,
-                    env=environment,
-                    stdin=subprocess.DEVNULL,
-                    stdout=file,
-                    stderr=file,
-                    start_new_session=True,
-                )
-            except OSError as error:
-                raise BackendUnavailableError(
-                    f"{python}: cannot be started ({error.strerror}); set {PYTHON} to a Python that has nxsdk"
-                ) from None
-        try:
-            hung = _follow(child, out, timeout + PATIENCE, advance)
-        finally:
-            end(child, GRACE)
-        text = [
-            path.read_text(encoding="utf-8", errors="replace") for path in (log, out / "failure.txt") if path.exists()
-        ]
-        return _outcome(child.returncode, hung, out, len(keys), "\n".join(text))
+    """Run the host program once."""
+    with tempfile.TemporaryDirectory(prefix="lava-vpr-") as name:
+        folder = Path(name)
+        words = ("--timeout", str(timeout))
+        ended = run_program(
+            bundle, folder, rates, keys, words, python=python, patience=timeout + PATIENCE, advance=advance
+        )
+        return _outcome(ended, folder / "out", (len(keys), scalars(bundle)["neurons"]))
 
 
-def _status(out: Path) -> dict[str, object]:
-    """What the program says of itself."""
-    try:
-        return dict(json.loads((out / "status.json").read_text(encoding="utf-8")))
-    except (OSError, ValueError):
-        return {}
-
-
-def _follow(child: subprocess.Popen[bytes], out: Path, patience: float, advance: Callable[[int], None] | None) -> bool:
-    """Wait for the program's end and tell its progress; return whether there was none for too long."""
-    known, since = 0, time.monotonic()
-    while True:
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            child.wait(LOOK)
-        over = child.returncode is not None  # before the file is looked at: nothing is missed
-        count = _status(out).get("done")
-        if isinstance(count, int) and count > known:
-            if advance is not None:
-                advance(count - known)
-            known, since = count, time.monotonic()
-        if over or time.monotonic() - since > patience:
-            return not over
-
-
-def _outcome(code: int, hung: bool, out: Path, n: int, log: str) -> Outcome:
-    """Read what the program left; rows count as answered only if all of it agrees."""
-    status = _status(out)
-    lines = [line for line in log.splitlines() if line.strip()]
-    last = lines[-1].strip()[:400] if lines else "it said nothing"
-    stage, error = str(status.get("stage") or "run"), str(status.get("error") or "")
-    if hung:
+def _outcome(ended: Ended, out: Path, size: tuple[int, int]) -> Outcome:
+    """Read what the program left for ``size`` (n, neurons); rows count as answered only if all of it agrees."""
+    last, stage, error = ended.last or "it said nothing", ended.stage, ended.error
+    if ended.hung:
         stage, error = "run", "the program hung and was stopped"
-    elif code != 0 and not error:
-        stage, error = "run", f"the program ended with exit code {code} ({last})"
+    elif ended.code != 0 and not error:
+        stage, error = "run", f"the program ended with exit code {ended.code} ({last})"
+    stage = stage or "run"
+    nothing = Outcome(None, np.zeros(size[0], bool), stage, error or last, ended.log)
     try:
-        counts = np.load(out / "counts.npy", allow_pickle=False)
-        done = np.load(out / "done.npy", allow_pickle=False)
-    except (OSError, ValueError):
-        return Outcome(None, np.zeros(n, bool), stage, error or last, log)
-    sound = counts.dtype == np.int32 and counts.ndim == 2 and done.dtype == bool and len(counts) == n == len(done)
-    if not sound or (counts[done] < 0).any():
-        return Outcome(None, np.zeros(n, bool), stage, error or "the program left impossible results", log)
-    return Outcome(counts, done, stage, error or last, log)
+        counts = array_of(read_bytes(out / "counts.npy", "bundle_bytes"), np.int32, size)
+        done = array_of(read_bytes(out / "done.npy", "bundle_bytes"), np.bool_, size[:1])
+    except OSError:
+        return nothing
+    except ValueError:
+        return replace(nothing, error=error or "the program left impossible results")
+    if (counts[done] < 0).any():
+        return replace(nothing, error=error or "the program left impossible results")
+    return replace(nothing, counts=counts, done=done)

@@ -100,7 +100,7 @@ class KapohoBayBackend:
         """See `lava_vpr.backends.interface.Backend.count_spikes`."""
         network = checked_network(model, self.board.name)
         with bundle_of(model, self.board) as bundle:
-            counts = host_program.run_bundle(bundle.path, shown.rates, shown.keys, advance=self.advance)
+            counts = host_program.run_bundle(bundle, shown.rates, shown.keys, advance=self.advance)
         # The board is sent what the host draws, so the host's engine can tell the events.
         _, events, _ = fixed.count_spikes(network, shown.rates, shown.keys)
         return counts, events

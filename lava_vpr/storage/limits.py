@@ -46,6 +46,11 @@ LIMITS: dict[str, Limit] = {
     "header_bytes": Limit(
         8 * MIB, "bytes", "names of 255 characters for 20,000 places, with room; its objects take 250 MB"
     ),
+    "bundle_bytes": Limit(2 * GIB, "bytes", "20,000 places: their responses take 1.6 GB, all else less than 0.2 GB"),
+    "bundle_files": Limit(10_000, "files", "a full Kapoho Bay has 1,280 files of cores; a learned stretch has five"),
+    "bundle_json_bytes": Limit(
+        4 * MIB, "bytes", "10,000 files take 2 MB of manifest; once read, it takes 30 times more"
+    ),
 }
 """Every limit by its name."""
 

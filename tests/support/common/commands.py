@@ -1,6 +1,6 @@
 """Running commands in tests, on a small synthetic route.
 
-Used by cli, conftest and core.
+Used by cli, conftest, core and deploy.
 """
 
 from __future__ import annotations
