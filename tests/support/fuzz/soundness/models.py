@@ -1,0 +1,225 @@
+"""Model files: every part by itself, and whether the parts fit each other.
+
+Used by support.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from support.fuzz.soundness import settings
+from support.fuzz.soundness.parsing import container_of
+from support.fuzz.soundness.rules import Findings, whole
+
+Arrays = Mapping[str, NDArray[Any]]
+NUMBERS = {
+    "bits": (1, 8),
+    "shift": (0, 7),
+    "threshold": (1, (1 << 17) - 1),
+    "inhibition": (0, 255),
+    "inhibition_exponent": (0, 7),
+    "decay": (0, 4096),
+    "steps": (1, 100_000),
+    "regular": (0, 1),
+}
+SUM_LIMIT = 1 << 17
+SILENT = 3
+VALUES = ("learned", "responses", "place_indices", "labels", "patches", "activity", "thumbnails")
+
+
+def numbers(said: Any, findings: Findings) -> bool:
+    """M3 for the numbers ``said`` of a network; whether they can be used further."""
+    if not findings.need(isinstance(said, dict), "M3", "no numbers of the network"):
+        return False
+    sound = True
+    for name, (low, high) in NUMBERS.items():
+        value = said.get(name, 0 if name == "regular" else None)  # models from before there were bias inputs
+        sound &= findings.need(whole(value, low, high), "M3", f"{name} is {value!r:.40}")
+    return sound
+
+
+def sums(weights: NDArray[Any], said: Mapping[str, int], findings: Findings) -> None:
+    """M2 and M4 of an integer network."""
+    if not findings.need(
+        weights.dtype == np.uint8 and weights.ndim == 2, "M2", f"weights {weights.dtype} {weights.shape}"
+    ):
+        return
+    neurons = weights.shape[1]
+    findings.need(neurons >= 1, "M2", "no neurons")
+    largest = int(weights.max(initial=0))
+    findings.need(largest < 1 << said["bits"], "M2", f"a weight of {largest} in {said['bits']} bits")
+    reach = int(weights.astype(np.int64).sum(axis=0).max(initial=0)) >> said["shift"]
+    findings.need(reach < SUM_LIMIT, "M4", f"weights that sum to {reach}")
+    lateral = (neurons - 1) * (said["inhibition"] << said["inhibition_exponent"])
+    findings.need(lateral < SUM_LIMIT, "M4", f"lateral inhibition of {lateral}")
+
+
+def check_model(data: bytes, view: Mapping[str, Any]) -> Findings:
+    """The rules that a model file breaks.
+
+    Args:
+        data: The file.
+        view: What the reader made of it: ``config`` as nested dictionaries, ``arrays`` by their names in the file,
+            ``names``, ``route_images``, ``stretches`` and, for an integer network, ``numbers``.
+    """
+    findings = Findings()
+    header, arrays = container_of(data, "model", findings)
+    if findings:
+        return findings
+    config = dict(view["config"])
+    if not settings.check(config, findings):
+        return findings
+    settings.as_said(header.get("config"), config, findings)
+    inputs = settings.inputs_of(config)
+    if config["network"]["model"] == "lif":
+        weights = arrays.get("network.weights")
+        if findings.need(weights is not None, "M2", "no weights") and weights is not None:
+            if numbers(header.get("fixed"), findings):
+                sums(weights, {"regular": 0, **header["fixed"]}, findings)
+                findings.need(view["numbers"] == {"regular": 0, **header["fixed"]}, "M14", f"{view['numbers']}")
+            findings.need(weights.shape[:1] == (inputs,), "M2", f"weights {weights.shape} of {inputs} inputs")
+            shape: tuple[int, ...] = weights.shape
+            references(header, arrays, config, shape, findings)
+            _learned(arrays, shape, findings)
+    else:
+        shape = _conductance(arrays, config, inputs, findings)
+        references(header, arrays, config, shape, findings)
+        _learned(arrays, None, findings)
+    as_returned(header, arrays, view, findings)
+    return findings
+
+
+def _learned(arrays: Arrays, shape: tuple[int, ...] | None, findings: Findings) -> None:
+    learned = arrays.get("learned")
+    if not findings.need(learned is not None, "M11", "no learned weights") or learned is None:
+        return
+    fits = learned.shape == (0, 0) or (shape is not None and learned.shape == shape)
+    findings.need(learned.dtype == np.float32 and fits, "M11", f"learned {learned.dtype} {learned.shape}")
+    if learned.dtype.kind == "f":
+        findings.need(bool((np.isfinite(learned) & (learned >= 0)).all()), "M11", "learned weights beyond all bounds")
+
+
+def _conductance(arrays: Arrays, config: Any, inputs: int, findings: Findings) -> tuple[int, ...]:
+    """M13; the shape of the weights."""
+    network, learning = config["network"], config["learning"]
+    shape = (inputs, network["neurons"])
+    expected = {"weights": ("f8", shape), "theta_mv": ("f8", shape[1:]), "delays": ("u2", shape)}
+    for name, (kind, size) in expected.items():
+        array = arrays.get(f"network.{name}")
+        if not findings.need(array is not None, "M13", f"no {name}") or array is None:
+            continue
+        fits = array.dtype == np.dtype(kind) and array.shape == size
+        if not findings.need(fits, "M13", f"{name} {array.dtype} {array.shape}"):
+            continue
+        if name == "delays":
+            longest = math.floor(network["delay_max_ms"] / network["dt_ms"] + 0.5)
+            findings.need(int(array.max(initial=0)) <= longest, "M13", f"a delay of {array.max(initial=0)} steps")
+            continue
+        findings.need(bool(np.isfinite(array).all()), "M13", f"{name} not finite")
+        if name == "weights":
+            # After learning, normalisation may bring weights above w_max, up to all of the sum.
+            most = max(learning["w_max"], learning["weight_sum"])
+            findings.need(bool(((array >= 0) & (array <= most)).all()), "M13", f"{name} beyond 0 to {most}")
+    return shape
+
+
+def references(
+    header: Mapping[str, Any], arrays: Arrays, config: Any, shape: tuple[int, ...], findings: Findings
+) -> None:
+    """M5 to M10 and M12: what a model keeps of its references."""
+    names = header.get("place_names")
+    good = isinstance(names, list) and all(isinstance(name, str) for name in names) and len(names) >= 1
+    if not findings.need(good, "M12", "no names of places") or not isinstance(names, list):
+        return
+    for name in names:
+        findings.need(
+            "\0" not in name and not any("\ud800" <= c <= "\udfff" for c in name), "M12", f"name {name!r:.40}"
+        )
+    figures = header.get("training")
+    if findings.need(isinstance(figures, dict), "M12", "no figures of the training") and isinstance(figures, dict):
+        for name, value in figures.items():
+            finite = type(value) in (int, float) and math.isfinite(value)
+            findings.need(finite, "M12", f"figure {name!r:.20} is {value!r:.40}")
+    places, neurons = len(names), shape[1] if len(shape) == 2 else -1
+    _stretches(header.get("stretches"), places, neurons, findings)
+    route = header.get("route_images")
+    findings.need(whole(route, places, 1 << 53), "M6", f"route_images is {route!r:.40}")
+    indices = arrays.get("place_indices")
+    if _is(indices, "i8", (places,), "M6", "place_indices", findings) and indices is not None:
+        findings.need(len(set(indices.tolist())) == places, "M6", "places with equal indices")
+        inside = whole(route, 1, 1 << 53) and bool(((indices >= 0) & (indices < route)).all())
+        findings.need(inside, "M6", "indices beyond the route")
+    labels = arrays.get("labels")
+    good = labels is not None and labels.dtype == np.int64 and labels.ndim == 1
+    if not findings.need(good, "M7", "no labels") or labels is None:
+        return
+    inside = bool(((labels >= 0) & (labels < places)).all())
+    counts = np.bincount(labels[(labels >= 0) & (labels < places)], minlength=places)
+    findings.need(inside and len(set(counts.tolist())) == 1 and counts[0] >= 1, "M7", f"images a place: {counts[:9]}")
+    _images(arrays, len(labels), places, settings.inputs_of(config), config, findings)
+    responses = arrays.get("responses")
+    if _is(responses, "i4", (neurons, places), "M9", "responses", findings) and responses is not None:
+        most = _most_spikes(header, config, len(labels) // max(1, places))
+        sound = bool(((responses >= 0) & (responses <= most)).all())
+        findings.need(
+            sound, "M9", f"responses from {responses.min(initial=0)} to {responses.max(initial=0)}, at most {most}"
+        )
+
+
+def _most_spikes(header: Mapping[str, Any], config: Any, traverses: int) -> int:
+    """Spikes that one neuron can have for one place."""
+    learning = config["learning"]
+    repeats = min(learning["label_epochs"], learning["epochs"]) if "label_epochs" in learning else 1
+    fixed = header.get("fixed")
+    steps = fixed["steps"] + SILENT if isinstance(fixed, dict) and type(fixed.get("steps")) is int else None
+    # A deployed bundle, whose numbers stand elsewhere, and the conductance network: those of the settings.
+    return int(traverses * repeats * (steps or config["network"]["steps"] + SILENT))
+
+
+def _stretches(parts: Any, places: int, neurons: int, findings: Findings) -> None:
+    good = isinstance(parts, list) and len(parts) >= 1 and all(isinstance(p, list) and len(p) == 4 for p in parts)
+    if not findings.need(good, "M5", f"stretches {parts!r:.40}"):
+        return
+    place = neuron = 0
+    for first, size, first_neuron, count in parts:
+        sound = whole(first, place, place) and whole(size, 1, places)
+        sound = sound and whole(first_neuron, neuron, neuron) and whole(count, 1, neurons)
+        if not findings.need(sound, "M5", f"stretch {first!r:.20}, {size!r:.20}, {first_neuron!r:.20}, {count!r:.20}"):
+            return
+        place, neuron = place + size, neuron + count
+    findings.need((place, neuron) == (places, neurons), "M5", f"stretches of {place} places, {neuron} neurons")
+
+
+def _is(
+    array: NDArray[Any] | None, kind: str, shape: tuple[int, ...], rule: str, name: str, findings: Findings
+) -> bool:
+    good = array is not None and array.dtype == np.dtype(kind) and array.shape == shape
+    told = "is missing" if array is None else f"is {array.dtype} {array.shape}"
+    return findings.need(good, rule, f"{name} {told}")
+
+
+def _images(arrays: Arrays, images: int, places: int, inputs: int, config: Any, findings: Findings) -> None:
+    _is(arrays.get("patches"), "u1", (images, 28, 28), "M10", "patches", findings)
+    _is(arrays.get("thumbnails"), "u1", (places, 48, 64, 3), "M10", "thumbnails", findings)
+    activity = arrays.get("activity")
+    if _is(activity, "f4", (images, inputs), "M8", "activity", findings) and activity is not None:
+        findings.need(bool((np.isfinite(activity) & (activity >= 0)).all()), "M8", "activity beyond all bounds")
+        if config["encoder"]["kind"] == "pixels":
+            findings.need(bool((activity <= 255).all()), "M8", "pixels above 255")
+
+
+def as_returned(header: Mapping[str, Any], arrays: Arrays, view: Mapping[str, Any], findings: Findings) -> None:
+    """M14: the reader returns what the file says."""
+    for name, array in view["arrays"].items():
+        own = arrays.get(name)
+        same = (
+            own is not None and own.dtype == array.dtype and np.array_equal(own, array, equal_nan=own.dtype.kind == "f")
+        )
+        findings.need(same, "M14", f"{name} is read as something else")
+    findings.need(list(view["names"]) == header.get("place_names"), "M14", "names are read as something else")
+    findings.need(view["route_images"] == header.get("route_images"), "M14", "route_images")
+    findings.need([list(part) for part in view["stretches"]] == header.get("stretches"), "M14", "stretches")
