@@ -13,24 +13,64 @@ from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
 from lava_vpr.images.codecs import quiet
+from lava_vpr.images.containers import examine
+from lava_vpr.images.formats import DamagedError
+from lava_vpr.images.windows import Film
+from lava_vpr.storage.limits import excess
+from lava_vpr.storage.reading import open_regular
 from lava_vpr.storage.text import shown
 
 _TIMESTAMP_SLACK_S = 1e-3  # containers round times to milliseconds
 
 
 @contextlib.contextmanager
-def _capture(path: Path) -> Iterator[cv2.VideoCapture]:
-    """The opened video, released at the end."""
-    # ffmpeg reads this once, at the first video; it prints damage on standard error otherwise.
-    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
-    with quiet():
-        capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+def _capture(path: Path) -> Iterator[tuple[cv2.VideoCapture, Film]]:
+    """The opened video, released at the end, and what its container says of it.
+
+    FFmpeg gets the file that was examined, by the number of its descriptor, so that nothing in its name is taken for a
+    protocol or a pattern; its format is prescribed, and of the protocols it may use that of files only.
+    """
+    try:
+        with open_regular(path) as file:
+            film = _examined(path, file.fileno())
+            with quiet():
+                # FFmpeg reads this once, at the first video; it prints damage on standard error otherwise.
+                os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+                options = f"protocol_whitelist;file|format_whitelist;{film.demuxer}|input_format;{film.demuxer}"
+                os.environ["OPENCV_FFMPEG_CAPTURE_OPTIONS"] = options
+                capture = cv2.VideoCapture(f"/dev/fd/{file.fileno()}", cv2.CAP_FFMPEG)
+    except OSError as error:
+        raise InputError(f"{shown(path)}: cannot be read ({error.strerror}); check path and permissions") from None
     try:
         if not capture.isOpened():
             raise InputError(f"{shown(path)}: cannot be decoded as a video; convert it to MP4 (H.264) or to images")
-        yield capture
+        _check_size(path, int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT)))
+        yield capture, film
     finally:
         capture.release()
+
+
+def _examined(path: Path, handle: int) -> Film:
+    """What the video says of itself; its structure is whole and its frames are not too large."""
+    try:
+        film = examine(handle)
+    except DamagedError as error:
+        raise InputError(
+            f"{shown(path)}: is damaged or cut short ({error}); copy it again, or if it plays to its end, convert the "
+            "video to MP4 (H.264) or to images"
+        ) from None
+    except InputError as error:
+        raise InputError(f"{shown(path)}: {error}") from None
+    for width, height in film.sizes:
+        _check_size(path, width, height)
+    return film
+
+
+def _check_size(path: Path, width: int, height: int) -> None:
+    """Frames are no larger than images may be."""
+    beyond = excess("image_pixels", width * height)
+    if beyond is not None:
+        raise InputError(f"{shown(path)}: has frames of {width} x {height}, {beyond}")
 
 
 def sample_video(path: Path, every: float, stop: int | None = None) -> NDArray[np.int64]:
@@ -41,10 +81,12 @@ def sample_video(path: Path, every: float, stop: int | None = None) -> NDArray[n
 
     Returns:
         Frame numbers, int64 (n,), increasing from 0.
+    Raises:
+        InputError: no video of a known format, damaged or cut short, or its last frames cannot be decoded.
     """
     frames: list[int] = []
     due, number, time, first = 0, 0, 0.0, 0.0
-    with _capture(path) as capture:
+    with _capture(path) as (capture, film):
         rate = capture.get(cv2.CAP_PROP_FPS)
         period = 1 / rate if rate > 0 else 0.04
         while capture.grab():
@@ -58,6 +100,11 @@ def sample_video(path: Path, every: float, stop: int | None = None) -> NDArray[n
                     break
                 due = int((time + _TIMESTAMP_SLACK_S) // every) + 1
             number += 1
+        else:
+            missing = (film.span - time) / period
+            if number and (missing > 1.5 or (missing > 0.5 and number < film.frames)):
+                cause = f"{time:.2f} of {film.span:.2f} seconds can be decoded"
+                raise InputError(f"{shown(path)}: is damaged or cut short ({cause}); copy it again or convert it")
     if not frames:
         raise InputError(f"{shown(path)}: holds no video frame that can be decoded; convert it to MP4 (H.264)")
     return np.array(frames, dtype=np.int64)
@@ -68,7 +115,7 @@ def video_frames(path: Path, numbers: NDArray[np.int64]) -> Iterator[NDArray[np.
     k = 0
     while k < len(numbers):
         at = -1
-        with _capture(path) as capture:
+        with _capture(path) as (capture, _):
             while k < len(numbers) and numbers[k] > at:
                 while at < numbers[k] and capture.grab():
                     at += 1

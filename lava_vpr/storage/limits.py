@@ -51,6 +51,7 @@ LIMITS: dict[str, Limit] = {
     "bundle_json_bytes": Limit(
         4 * MIB, "bytes", "10,000 files take 2 MB of manifest; once read, it takes 30 times more"
     ),
+    "video_parts": Limit(10_000_000, "parts", "46 hours of 60 frames a second; a walk over them takes half a minute"),
 }
 """Every limit by its name."""
 

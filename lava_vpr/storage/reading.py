@@ -7,9 +7,30 @@ import json
 import os
 import stat
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, BinaryIO, NoReturn
 
 from lava_vpr.storage.limits import excess, limit
+
+
+def open_regular(path: Path) -> BinaryIO:
+    """The regular file ``path`` (or what it is linked to), open for reading.
+
+    Raises:
+        OSError: it is missing, closed to us, or no regular file (a pipe is not waited for). Its ``strerror`` is fit for
+            a message, as in "cannot be read (is a named pipe, not a file)".
+    """
+    try:
+        handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY)
+    except ValueError as error:  # a NUL in the name
+        raise OSError(errno.EINVAL, str(error), str(path)) from None
+    kind = os.fstat(handle).st_mode
+    if stat.S_ISREG(kind):
+        return os.fdopen(handle, "rb")
+    os.close(handle)
+    if stat.S_ISDIR(kind):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    what = "a named pipe" if stat.S_ISFIFO(kind) else "a device or socket"
+    raise OSError(errno.EINVAL, f"is {what}, not a file", str(path))
 
 
 def read_bytes(path: Path, limit_name: str) -> bytes:
@@ -19,23 +40,13 @@ def read_bytes(path: Path, limit_name: str) -> bytes:
         path: The file; what it is linked to, if it is a link.
         limit_name: The limit in `lava_vpr.storage.limits.LIMITS` on its length in bytes.
     Raises:
-        OSError: it is missing, closed to us, longer than the limit, or no regular file (a pipe is not waited for). Its
-            ``strerror`` is fit for a message, as in "cannot be read (is a named pipe, not a file)".
+        OSError: as `open_regular`, or longer than the limit.
     """
-    try:
-        handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY)
-    except ValueError as error:  # a NUL in the name
-        raise OSError(errno.EINVAL, str(error), str(path)) from None
-    with os.fdopen(handle, "rb") as file:
-        status = os.fstat(handle)
-        if stat.S_ISDIR(status.st_mode):
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-        if not stat.S_ISREG(status.st_mode):
-            kind = "a named pipe" if stat.S_ISFIFO(status.st_mode) else "a device or socket"
-            raise OSError(errno.EINVAL, f"is {kind}, not a file", str(path))
+    with open_regular(path) as file:
+        length = os.fstat(file.fileno()).st_size
         most = limit(limit_name)
-        data = b"" if status.st_size > most else file.read(most + 1)
-        beyond = excess(limit_name, max(status.st_size, len(data)))
+        data = b"" if length > most else file.read(most + 1)
+        beyond = excess(limit_name, max(length, len(data)))
         if beyond is not None:
             raise OSError(errno.EFBIG, f"has {beyond}", str(path))
         return data

@@ -20,6 +20,7 @@ from support.common.imagefiles import QUICK, image_bytes, refused, smooth_pictur
 from lava_vpr.images import videos
 from lava_vpr.images.files import natural_key
 from lava_vpr.images.imagefiles import read_image
+from lava_vpr.images.windows import Film
 from lava_vpr.traverse import open_traverse
 
 # ---------------------------------------------------------------- folders
@@ -287,9 +288,13 @@ def test_video_of_an_odd_frame_rate(tmp_path: Path) -> None:
 
 def test_videos_that_cannot_be_used(tmp_path: Path) -> None:
     good = video(tmp_path / "v.mp4", 20)
-    for name, data in (("zero.avi", b""), ("text.mp4", b"hello" * 99), ("cut.mp4", good.read_bytes()[:2000])):
+    for name, data, why in (
+        ("zero.avi", b"", "is empty (0 bytes); copy it again or remove it"),
+        ("text.mp4", b"hello" * 99, "is no AVI, MP4, QuickTime, Matroska, WebM or MPEG program stream video, whatever"),
+        ("cut.mp4", good.read_bytes()[:2000], "is damaged or cut short (it has 2,000 of"),
+    ):
         path = written(tmp_path / name, data)
-        refused(lambda path=path: open_traverse(path), f"{name}: cannot be decoded as a video; convert it")
+        refused(lambda path=path: open_traverse(path), f"{name}: {why}")
     empty = written(tmp_path / "head.avi", video(tmp_path / "w.avi", 20).read_bytes()[:5700])
     refused(lambda: open_traverse(empty), "head.avi: ", "video")
     for every in (0.0, -1.0, float("nan"), float("inf")):
@@ -321,7 +326,7 @@ def test_damaged_videos_print_nothing(tmp_path: Path) -> None:
     assert done.stderr == ""
     lines = done.stdout.splitlines()
     assert "video" in lines[0]
-    assert "text.mp4: cannot be decoded as a video" in lines[1]
+    assert "text.mp4: is no AVI, MP4" in lines[1]
     assert len(lines) == 3
 
 
@@ -352,7 +357,7 @@ class FakeCapture:
 def test_time_stamps_decide_which_frames_are_used(monkeypatch: pytest.MonkeyPatch) -> None:
     def sampled(stamps: list[float], every: float, stop: int | None = None) -> list[int]:
         fake = FakeCapture(stamps)
-        monkeypatch.setattr(videos, "_capture", lambda _: contextlib.nullcontext(fake))
+        monkeypatch.setattr(videos, "_capture", lambda _: contextlib.nullcontext((fake, Film("none"))))
         frames = videos.sample_video(Path("v.mkv"), every, stop).tolist()
         assert stop is None or fake.at == frames[-1]  # nothing is decoded in vain
         return frames
