@@ -29,6 +29,7 @@ from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.encoding import Keep
 from lava_vpr.errors import ConfigError
 from lava_vpr.model import Model, integer_model
+from lava_vpr.storage.text import shown
 
 if TYPE_CHECKING:
     from lava_vpr.bench.results import Bench
@@ -147,6 +148,6 @@ def _tell(results: Bench, json_path: Path | None, page: Path | None) -> None:
     for table in tables(results):
         print_whole(table)
     for line in absences(results):
-        console.print(line, markup=False)
+        console.print(line)
     if page is not None:
-        console.print(f"report: {page}", markup=False)
+        console.print(f"report: {shown(page)}")

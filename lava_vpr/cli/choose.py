@@ -69,7 +69,6 @@ def truth_in_order(model: Model, queries: Traverse, tolerance: int = 0) -> NDArr
         stderr.print(
             f"note: images {queries.indices[0]}:{queries.indices[-1] + 1} are taken, in order, as the places "
             f"{model.place_indices[0]}:{model.place_indices[-1] + 1}",
-            markup=False,
         )
     return aligned_truth(model, queries, tolerance)
 

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
 import click
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.measure import Measurement
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.segment import Segment
 from rich.table import Table
+from rich.text import Text
 
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.config import EncoderConfig
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse
+from lava_vpr.storage.text import harmless
 from lava_vpr.traverse import Traverse
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -31,7 +34,7 @@ class Places(click.ParamType):
         if isinstance(value, tuple):
             return value
         first, colon, end = str(value).partition(":")
-        if not (colon and first.isascii() and end.isascii() and first.isdigit() and end.isdigit()):
+        if not (colon and all(part.isascii() and part.isdigit() and len(part) <= 18 for part in (first, end))):
             self.fail(f"{value!r} is not of the form A:B, for instance 0:100", param, ctx)
         if int(first) >= int(end):
             self.fail(f"{value!r} holds no place; A must be below B", param, ctx)
@@ -90,15 +93,31 @@ seed_type = click.IntRange(0, 2**63 - 1)
 PATH = click.Path(path_type=Path, readable=False)  # what cannot be read is told with exit code 1, as all data
 
 
-class _Console(Console):
-    """rich's console, but a reader who has gone away is left to `OneLineGroup`."""
+class PlainConsole(Console):
+    """rich's console for texts that others wrote: names of files, words in models and manifests.
+
+    Nothing in a text is taken for markup, for the name of an emoji or for an order to the terminal, be it printed, in a
+    table or in a progress bar. A reader who has gone away is left to `OneLineGroup`.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(highlight=False, soft_wrap=True, markup=False, emoji=False, **options)
 
     def on_broken_pipe(self) -> None:
         raise BrokenPipeError
 
+    def render_str(self, text: str, **options: Any) -> Text:
+        """``text`` as rich lays it out: escaped here, so that its width is that of what is shown."""
+        return super().render_str(harmless(text), **options)
 
-console = _Console(highlight=False, soft_wrap=True)
-stderr = _Console(stderr=True, highlight=False, soft_wrap=True)
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        """What is sent to the terminal: escaped here, too, whatever it was made of."""
+        for segment in super().render(renderable, options):
+            yield segment if segment.control else segment._replace(text=harmless(segment.text))
+
+
+console = PlainConsole()
+stderr = PlainConsole(stderr=True)
 
 
 @contextmanager
@@ -108,22 +127,27 @@ def progress_bar(text: str, total: int) -> Iterator[Callable[[int, str], None]]:
         yield lambda by, note: None
         return
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(),
-        TextColumn("{task.fields[note]}"),
+        TextColumn("{task.fields[note]}", markup=False),
     )
     with Progress(*columns, console=stderr, transient=True) as bar:
-        task = bar.add_task(text, total=total, note="")
+        task = bar.add_task(_one_line(text), total=total, note="")
 
         def advance(by: int, note: str) -> None:
             if note:
-                bar.update(task, advance=by, note=note)
+                bar.update(task, advance=by, note=_one_line(note))
             else:
                 bar.advance(task, by)
 
         yield advance
+
+
+def _one_line(text: str) -> str:
+    """``text`` as it stands beside a bar, which has one line; rich drops some characters that are better shown."""
+    return harmless(text).replace("\n", "\\n").replace("\t", " ")
 
 
 @contextmanager
@@ -145,4 +169,4 @@ def encode(traverse: Traverse, encoder: EncoderConfig, keep: Keep = Keep.NOTHING
 def print_whole(table: Table) -> None:
     """Print a table at its own width: on a narrow terminal lines wrap, but no figure is cut."""
     width = Measurement.get(console, console.options.update(width=200), table).maximum
-    _Console(highlight=False, soft_wrap=True, width=max(console.width, width)).print(table, crop=False)
+    PlainConsole(width=max(console.width, width)).print(table, crop=False)

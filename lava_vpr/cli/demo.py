@@ -18,6 +18,7 @@ from lava_vpr.engine.threads import cores
 from lava_vpr.recognition import as_json, recognise
 from lava_vpr.report import write_report
 from lava_vpr.report.build import report_data
+from lava_vpr.storage.text import shown
 from lava_vpr.synthetic.world import write_traverses
 from lava_vpr.training.loop import train as train_model
 from lava_vpr.traverse import open_traverse
@@ -33,7 +34,7 @@ from lava_vpr.truth.alignment import aligned_truth
 def synth(folder: Path, places: int, seed: int) -> None:
     """Draw a synthetic route: DIR/reference in summer, DIR/query in winter."""
     write_traverses(folder, places, seed)
-    console.print(f"{places} places: {folder}/reference, {folder}/query", markup=False)
+    console.print(f"{places} places: {shown(folder / 'reference')}, {shown(folder / 'query')}")
 
 
 @click.command()
@@ -47,15 +48,14 @@ def demo(out: Path) -> None:
     # What only an earlier demo can have left is replaced; a single one of these files may be someone's own.
     earlier = all(path.is_file() for path in results)
     write_traverses(out, 100, 0, keep=("model.lvpr", "figures.json", "report") if earlier else ())
-    console.print(f"drew 100 places in summer and winter: {out}/reference, {out}/query", markup=False)
+    console.print(f"drew 100 places in summer and winter: {shown(out / 'reference')}, {shown(out / 'query')}")
     config = preset("loihi")
     reference = open_traverse(out / "reference")
     started = time.perf_counter()
     model = train_model([encode(reference, config.encoder, Keep.ALL)], config, jobs=cores())
     console.print(
         f"learned them in {time.perf_counter() - started:.1f} s with {model.neurons} neurons and "
-        f"{model.weight_bits}-bit weights: {out}/model.lvpr",
-        markup=False,
+        f"{model.weight_bits}-bit weights: {shown(out / 'model.lvpr')}",
     )
     traverse = open_queries(model, str(out / "query"), None, 1.0)
     queries = encode(traverse, config.encoder, Keep.ALL)
@@ -64,4 +64,4 @@ def demo(out: Path) -> None:
     page = write_report(report_data(model, queries, result, "lava-vpr demo", 1, None), out / "report")
     write_json(out / "figures.json", as_json(model, result))
     model_file.save(model, out / "model.lvpr")  # all three in a moment: see above
-    console.print(f"report to open in a browser: {page}", markup=False)
+    console.print(f"report to open in a browser: {shown(page)}")

@@ -35,6 +35,7 @@ from lava_vpr.deploy.compression.compression import Changes, Compressed, Figures
 from lava_vpr.deploy.show.tables import core_table, summary
 from lava_vpr.engine.threads import cores
 from lava_vpr.model import Model, integer_model
+from lava_vpr.storage.text import shown
 from lava_vpr.truth.alignment import aligned_truth
 
 
@@ -130,12 +131,12 @@ def deploy(
         }
         write_json(json_path, {"target": board.name, **values})
     for note in compressed.notes:
-        stderr.print(f"note: {note}", markup=False)
+        stderr.print(f"note: {note}")
     if compressed.before is not None:
         print_whole(_figures(compressed, learned))
     print_whole(core_table(deployed.plan))
-    console.print("\n".join(summary(deployed.plan)), markup=False)
-    console.print(f"bundle: {output}", markup=False)
+    console.print("\n".join(summary(deployed.plan)))
+    console.print(f"bundle: {shown(output)}")
 
 
 def _check_usage(

@@ -9,6 +9,7 @@ import shutil
 
 import click
 from rich.table import Table
+from rich.text import Text
 
 from lava_vpr import __version__
 from lava_vpr.backends.registry import BACKENDS
@@ -59,7 +60,6 @@ def doctor() -> None:
     """Say what is installed, what each optional part is for, and which backends can run."""
     console.print(
         f"lava-vpr {__version__}, Python {platform.python_version()}, {platform.machine()}, {cores()} processors",
-        markup=False,
     )
     table = Table(show_header=True, title="packages", title_justify="left")
     for column in ("package", "version", "what for"):
@@ -68,11 +68,9 @@ def doctor() -> None:
     for package, purpose in NEEDED.items():
         state = version(package)
         missing += [package] if state is None else []
-        table.add_row(package, state or "[bold red]missing[/]", purpose)
+        table.add_row(package, state or Text("missing", style="bold red"), purpose)
     for package, (extra, purpose) in OPTIONAL.items():
-        table.add_row(
-            package, version(package) or "not installed", f"optional ({extra}): {purpose}".replace("[", r"\[")
-        )
+        table.add_row(package, version(package) or "not installed", f"optional ({extra}): {purpose}")
     browser = next((name for name in BROWSERS if shutil.which(name)), None)
     table.add_row("Chromium", browser or "not installed", "optional: the test that opens a report in a real browser")
     for name, state, purpose in _costing():
@@ -84,7 +82,7 @@ def doctor() -> None:
     for name, row in BACKENDS.items():
         reason, what = row.unavailable(), row.title
         can = reason is None and not missing
-        names.add_row(name, "yes" if can else "no", what if reason is None else f"{what}\n{reason}".replace("[", r"\["))
+        names.add_row(name, "yes" if can else "no", what if reason is None else f"{what}\n{reason}")
     console.print(names)
     if missing:
         raise BackendUnavailableError(

@@ -28,6 +28,7 @@ from lava_vpr.engine.threads import cores
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.model import Model
 from lava_vpr.recognition import BASELINES, Comparison, Recognition, as_json, recognise
+from lava_vpr.storage.text import shown
 
 
 @click.command("eval", cls=OneSource)
@@ -95,7 +96,7 @@ def evaluate(
         write_report(report_data(model, queries, result, command_line(ctx), sequence, seed), page.parent)
     print_table(model, result, sequence)
     if page is not None:
-        console.print(f"report: {page}", markup=False)
+        console.print(f"report: {shown(page)}")
 
 
 def _kept(comparison: Comparison) -> Keep:

@@ -22,6 +22,7 @@ from lava_vpr.config import INPUT_MODES, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.model import integer_model
+from lava_vpr.storage.text import shown
 
 if TYPE_CHECKING:
     from lava_vpr.deploy.mapping.largest_map import Capacity
@@ -98,11 +99,11 @@ def _model(
 
         write_text(picture, draw(plan).decode())
     for note in compressed.notes:
-        stderr.print(f"note: {note}", markup=False)
+        stderr.print(f"note: {note}")
     print_whole(core_table(plan))
-    console.print("\n".join(summary(plan)), markup=False)
+    console.print("\n".join(summary(plan)))
     if picture is not None:
-        console.print(f"picture: {picture}", markup=False)
+        console.print(f"picture: {shown(picture)}")
 
 
 def _largest(

@@ -28,6 +28,7 @@ from lava_vpr.matching.answers import Answers, answers_looking_back
 from lava_vpr.model import Model, decode
 from lava_vpr.recognition import count_query_spikes
 from lava_vpr.storage.tables import csv_line
+from lava_vpr.storage.text import shown
 from lava_vpr.traverse import open_traverse
 
 COLUMNS = ("query", "query_name", "place", "place_name", "confidence", "accepted")
@@ -89,7 +90,7 @@ def query(
     accepted = (answers.matches >= 0) & (answers.confidence >= (-np.inf if min_confidence is None else min_confidence))
     write_text(output, table(model, queries, answers, accepted))
     images_read = "1 image" if len(queries) == 1 else f"{len(queries)} images"
-    console.print(f"{images_read}, {int(accepted.sum())} recognised: {output}", markup=False)
+    console.print(f"{images_read}, {int(accepted.sum())} recognised: {shown(output)}")
 
 
 def table(model: Model, queries: EncodedTraverse, answers: Answers, accepted: NDArray[np.bool_]) -> str:

@@ -29,6 +29,7 @@ from lava_vpr.engine.threads import cores
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.model import Model
 from lava_vpr.storage.locking import only_one
+from lava_vpr.storage.text import shown
 from lava_vpr.training.checkpoint import check_resume, remove_checkpoint
 from lava_vpr.training.loop import Progress, check_references, check_size, presentations, split
 from lava_vpr.training.loop import train as train_model
@@ -105,7 +106,7 @@ def train(
             model = _with_progress(encoded, config, len(whole[0]), jobs or cores(), checkpoint, resume)
         except KeyboardInterrupt:
             if checkpoint.exists():
-                stderr.print(f"progress is kept in {checkpoint}; go on with --resume", markup=False)
+                stderr.print(f"progress is kept in {shown(checkpoint)}; go on with --resume")
             raise
         seconds = time.perf_counter() - started
         model_file.save(model, output)
@@ -168,7 +169,7 @@ def _with_progress(
         def resumed(done: dict[int, int]) -> None:
             advance(sum(presentations(config, stretches[k].places, traverses, epoch) for k, epoch in done.items()), "")
             finished = ", ".join(f"stretch {k + 1}: {epoch} of {epochs}" for k, epoch in sorted(done.items()))
-            stderr.print(f"resuming from {checkpoint}; epochs done: {finished}", markup=False)
+            stderr.print(f"resuming from {shown(checkpoint)}; epochs done: {finished}")
 
         return train_model(
             encoded,
@@ -190,8 +191,7 @@ def _report(model: Model, output: Path, seconds: float) -> None:
     console.print(
         f"learned {model.places} places{parts} in {seconds:.1f} s: {model.neurons} neurons, {bits}, "
         f"{figures['spikes_per_image']:.1f} spikes per image, {figures['neurons_used']:.0f} neurons used, "
-        f"{figures['places_covered']:.0f} of {model.places} places covered\nmodel: {output}",
-        markup=False,
+        f"{figures['places_covered']:.0f} of {model.places} places covered\nmodel: {shown(output)}",
     )
     if not figures["neurons_used"]:
         stderr.print(

@@ -84,7 +84,7 @@ def verify(
     print_whole(_table(verdicts))
     for verdict in verdicts:
         if verdict.reason is not None:
-            console.print(f"{verdict.name}: {verdict.reason}", markup=False)
+            console.print(f"{verdict.name}: {verdict.reason}")
     different = [verdict for verdict in verdicts if verdict.equal is False]
     if different:
         first = different[0]

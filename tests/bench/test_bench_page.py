@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rich.console import Console
 from support.common.browser import visit
 
 from lava_vpr.bench.anchors import ANCHORS
@@ -30,6 +29,7 @@ from lava_vpr.bench.show import tables as described
 from lava_vpr.bench.show.json_values import COUNTS, as_json
 from lava_vpr.bench.show.page import page
 from lava_vpr.bench.show.terminal import absences, tables
+from lava_vpr.cli.common import PlainConsole
 from lava_vpr.deploy.boards.constants import Constant
 from lava_vpr.deploy.boards.estimate import Estimate
 from lava_vpr.matching.evaluation import Metrics, evaluate
@@ -190,11 +190,11 @@ def test_nan_becomes_null() -> None:
 
 
 def printed(found: Bench) -> str:
-    console = Console(width=220, record=True, file=io.StringIO())
+    console = PlainConsole(width=220, record=True, file=io.StringIO())
     for table in tables(found):
         console.print(table)
     for line in absences(found):
-        console.print(line, markup=False)
+        console.print(line)
     return console.export_text()
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import rich.table
-from rich.markup import escape
 
 from lava_vpr.bench.results import Bench
 from lava_vpr.bench.show.json_values import absent
@@ -17,19 +16,17 @@ WIDEST = 60
 
 def rendered(table: Table) -> rich.table.Table:
     """``table`` as rich prints it."""
-    made = rich.table.Table(
-        title=escape(table.title), title_justify="left", caption=escape(table.note), caption_justify="left"
-    )
+    made = rich.table.Table(title=table.title, title_justify="left", caption=table.note, caption_justify="left")
     for k, name in enumerate(table.columns):
         wraps = k in table.long
         made.add_column(
-            escape(name),
+            name,
             justify="left" if k < table.words or wraps else "right",
             no_wrap=not wraps,
             max_width=WIDEST if wraps else None,
         )
     for k, row in enumerate(table.rows):
-        made.add_row(*map(escape, row), style="bold" if k in table.strong else None)
+        made.add_row(*row, style="bold" if k in table.strong else None)
     return made
 
 
