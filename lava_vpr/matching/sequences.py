@@ -106,46 +106,43 @@ def sequence_truth(truth: NDArray[np.bool_], length: int, *, causal: bool = Fals
 
 @dataclass(frozen=True, eq=False)
 class SequenceMatcher:
-    """`causal_sequence_scores` for a stream, one query at a time and the same bit for bit; state goes in and out.
+    """`causal_sequence_scores` for a stream, some queries at a time and the same bit for bit; state goes in and out.
 
-    ``matcher, scores = matcher.update(row)``; start a new one where the stream is interrupted.
+    ``matcher, scores = matcher.update(rows)``; start a new one where the stream is interrupted.
 
     Attributes:
         n_places: Number of places.
         length: L.
         normalise: Whether to normalise each query's scores.
-        rows: The scores of the last queries, oldest first, at most L - 1.
+        rows: The scores of the last queries, oldest first, at most L - 1 (m, n_places); None before the first.
     """
 
     n_places: int
     length: int
     normalise: bool = True
-    rows: tuple[Scores, ...] = ()
+    rows: Scores | None = None
 
     def __post_init__(self) -> None:
         _check_length(self.length, None, self.n_places)
 
-    def update(self, scores: Scores) -> tuple[SequenceMatcher, Scores | None]:
-        """Take the next query's scores.
+    def update(self, scores: Scores) -> tuple[SequenceMatcher, Scores]:
+        """Take the scores of the next queries.
 
         Args:
-            scores: Scores of one query, shape (n_places,).
+            scores: Scores of single queries (n, n_places); how many come at a time changes no result.
         Returns:
-            The next state; and the scores (n_places - L + 1,) of sequences that end at this query, element c for place
-            c + L - 1, or None while fewer than L queries have been seen.
+            The next state; and the scores (m, n_places - L + 1) of the sequences that end at the last m of these
+            queries, element c for place c + L - 1: at all of them, but for the first L - 1 of the stream.
         Raises:
             InputError: the scores are not those of ``n_places`` places.
         """
-        if scores.shape != (self.n_places,):
+        if scores.shape[1:] != (self.n_places,):
             raise InputError(
                 f"scores of shape {scores.shape} given to a matcher of {self.n_places} places; use one model throughout"
             )
-        row = np.array(scores, dtype=np.float64)
-        rows = (*self.rows, normalise_scores(row[None])[0] if self.normalise else row)
-        if len(rows) < self.length:
-            return replace(self, rows=rows), None
-        columns = self.n_places - self.length + 1
-        total = rows[0][:columns].copy()
-        for k in range(1, self.length):
-            total += rows[k][k : k + columns]
-        return replace(self, rows=rows[1:]), total
+        values = normalise_scores(scores) if self.normalise else np.asarray(scores, dtype=np.float64)
+        known = np.array(values) if self.rows is None else np.concatenate([self.rows, values])
+        if len(known) < self.length:
+            return replace(self, rows=known), np.zeros((0, self.n_places - self.length + 1))
+        last = known[len(known) - self.length + 1 :].copy()
+        return replace(self, rows=last), causal_sequence_scores(known, self.length, normalise=False)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
-from lava_vpr.matching.answers import answers_looking_back
+from lava_vpr.matching.answers import Answers, LookingBack, answers_of
 from lava_vpr.matching.evaluation import truth_from_indices
 from lava_vpr.matching.sequences import (
     SequenceMatcher,
@@ -60,7 +60,7 @@ def test_sequences_equal_the_loops(case: tuple[NDArray[np.float64], int]) -> Non
 @settings(deadline=None, max_examples=40, derandomize=True)
 def test_answers_look_back(case: tuple[NDArray[np.float64], int]) -> None:
     scores, length = case
-    answers = answers_looking_back("sad", scores, length)
+    _, answers = LookingBack.of("sad", scores.shape[1], length).update(scores)
     windows = literal(scores, length, causal=True) if length > 1 else dict(np.ndenumerate(scores))
     assert len(answers.matches) == len(answers.confidence) == len(scores)
     for query, (match, confidence) in enumerate(zip(*answers, strict=True)):
@@ -73,30 +73,63 @@ def test_answers_look_back(case: tuple[NDArray[np.float64], int]) -> None:
         assert confidence == pytest.approx(first - second if length > 1 else first, abs=1e-12)
 
 
-@given(case=scores_and_length())
-@settings(deadline=None, max_examples=40, derandomize=True)
-def test_a_stream_gives_the_bits_of_the_batch(case: tuple[NDArray[np.float64], int]) -> None:
+def cut(scores: NDArray[np.float64], ends: list[int]) -> list[NDArray[np.float64]]:
+    """Consecutive parts of all rows, some of them empty."""
+    return np.split(scores, sorted(end % (len(scores) + 1) for end in ends))
+
+
+@given(case=scores_and_length(), ends=st.lists(st.integers(0, 9), max_size=9))
+@settings(deadline=None, max_examples=80, derandomize=True)
+def test_a_stream_gives_the_bits_of_the_batch(case: tuple[NDArray[np.float64], int], ends: list[int]) -> None:
     scores, length = case
-    matcher, answers = SequenceMatcher(scores.shape[1], length), []
-    for q, row in enumerate(scores):
-        matcher, answer = matcher.update(row)
-        assert (answer is None) == (q < length - 1)
-        assert len(matcher.rows) <= length - 1
-        if answer is not None:
+    for parts in (cut(scores, ends), list(scores[:, None])):
+        matcher, answers, seen = SequenceMatcher(scores.shape[1], length), [], 0
+        for part in parts:
+            matcher, answer = matcher.update(part)
+            assert len(answer) == max(0, seen + len(part) - length + 1) - max(0, seen - length + 1)
+            assert matcher.rows is not None
+            seen += len(part)
+            assert len(matcher.rows) == min(seen, length - 1)
+            assert matcher.rows.base is None  # nothing older is held by it
             answers.append(answer)
-    np.testing.assert_array_equal(np.array(answers), causal_sequence_scores(scores, length))
+        np.testing.assert_array_equal(np.concatenate(answers), causal_sequence_scores(scores, length))
+
+
+@given(case=scores_and_length(), ends=st.lists(st.integers(0, 9), max_size=9))
+@settings(deadline=None, max_examples=80, derandomize=True)
+def test_answers_do_not_depend_on_how_queries_come(case: tuple[NDArray[np.float64], int], ends: list[int]) -> None:
+    """All scores at once, written out plainly, against any parts of them."""
+    scores, length = case
+    first = length - 1
+    if length > 1:
+        windows = answers_of("sequence", causal_sequence_scores(scores, length))
+        known = windows.matches >= 0
+        whole = Answers(
+            np.concatenate([np.full(first, -1), np.where(known, windows.matches + first, -1)]),
+            np.concatenate([np.full(first, -np.inf), windows.confidence]),
+        )
+    else:
+        whole = answers_of("sad", scores)
+    for parts in (cut(scores, ends), list(scores[:, None])):
+        state, answers = LookingBack.of("sad", scores.shape[1], length), []
+        for part in parts:
+            state, answer = state.update(part)
+            assert len(answer.matches) == len(answer.confidence) == len(part)
+            answers.append(answer)
+        for field in (0, 1):
+            np.testing.assert_array_equal(np.concatenate([answer[field] for answer in answers]), whole[field])
 
 
 def test_a_stream_is_not_changed_by_what_follows() -> None:
-    start, _ = SequenceMatcher(3, 2).update(np.array([1.0, 0.0, 0.0]))
-    row = np.array([0.0, 1.0, 0.0])
-    _, once = start.update(row)
-    start.update(np.array([5.0, 5.0, 5.0]))
-    row[:] = 9.0
-    _, again = start.update(np.array([0.0, 1.0, 0.0]))
-    assert once is not None
-    assert again is not None
-    assert once.tolist() == again.tolist() == [2.0, 0.0]
+    for normalise in (True, False):
+        first, row = np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 1.0, 0.0]])
+        start, none = SequenceMatcher(3, 2, normalise).update(first)
+        assert none.shape == (0, 2)
+        _, once = start.update(row)
+        start.update(np.array([[5.0, 5.0, 5.0]]))
+        row[:] = first[:] = 9.0
+        _, again = start.update(np.array([[0.0, 1.0, 0.0]]))
+        assert once.tolist() == again.tolist() == [[2.0, 0.0]]
 
 
 def test_normalised_scores_of_similarities_distances_and_silence() -> None:
@@ -124,10 +157,8 @@ def test_scores_can_be_taken_as_they_are() -> None:
     scores = np.array([[1.0, 2.0], [3.0, 4.0]])
     assert sequence_scores(scores, 2, normalise=False).tolist() == [[5.0]]
     assert causal_sequence_scores(scores, 2, normalise=False).tolist() == [[5.0]]
-    matcher, _ = SequenceMatcher(2, 2, normalise=False).update(scores[0])
-    answer = matcher.update(scores[1])[1]
-    assert answer is not None
-    assert answer.tolist() == [5.0]
+    matcher, _ = SequenceMatcher(2, 2, normalise=False).update(scores[:1])
+    assert matcher.update(scores[1:])[1].tolist() == [[5.0]]
 
 
 def test_a_sequence_finds_the_place_that_single_images_miss() -> None:
@@ -175,5 +206,5 @@ def test_a_sequence_longer_than_the_route_is_refused() -> None:
 
 
 def test_scores_of_another_model_are_refused() -> None:
-    with pytest.raises(InputError, match=r"scores of shape \(4,\) given to a matcher of 3 places; use one model"):
-        SequenceMatcher(3, 2).update(np.ones(4))
+    with pytest.raises(InputError, match=r"scores of shape \(1, 4\) given to a matcher of 3 places; use one model"):
+        SequenceMatcher(3, 2).update(np.ones((1, 4)))
