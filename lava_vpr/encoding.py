@@ -126,16 +126,21 @@ def encode_traverse(
     return _encoded(traverse, traverse.images(), encoder, keep, progress)
 
 
-def encoded_batches(traverse: Traverse, encoder: EncoderConfig, size: int) -> Iterator[EncodedTraverse]:
+def encoded_batches(
+    traverse: Traverse, encoder: EncoderConfig, size: int, progress: Callable[[int], None] | None = None
+) -> Iterator[EncodedTraverse]:
     """`encode_traverse` for ``size`` images at a time, in order; a batch is encoded when it is asked for.
 
+    Args:
+        traverse, encoder, progress: As in `encode_traverse`.
+        size: Images in a batch, but for the last.
     Raises:
         InputError: an image cannot be read.
     """
     images = traverse.images()  # once for all batches: a video is decoded in one pass
     for start in range(0, len(traverse), size):
         part = traverse.take(range(start, min(start + size, len(traverse))))
-        yield _encoded(part, images, encoder, Keep.NOTHING, None)
+        yield _encoded(part, images, encoder, Keep.NOTHING, progress)
 
 
 def _encoded(

@@ -4,22 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.interface import Advance, Backend, Events, Presentations, query_presentations
-from lava_vpr.encoding import EncodedTraverse, query_rates
+from lava_vpr.backends.registry import BACKENDS
+from lava_vpr.encoding import EncodedTraverse, encoded_batches, query_rates
 from lava_vpr.matching import baselines, sequences
-from lava_vpr.matching.answers import answers_of
+from lava_vpr.matching.answers import Answers, LookingBack, answers_of
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.matching.evaluation import Metrics, evaluate
-from lava_vpr.model import Model, decode
+from lava_vpr.model import Model, decode, prepare
+from lava_vpr.traverse import Traverse
 
 BASELINES = ("sad", "cosine")
+BATCH = 64
+"""Queries of a stream that are encoded together, and decoded together."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +80,63 @@ def count_query_spikes(
     shown = query_presentations(model, queries, seed) if shown is None else shown
     chosen = backends.get(backend, threads, advance) if isinstance(backend, str) else backend
     return chosen.count_spikes(model, shown)
+
+
+class Answered(NamedTuple):
+    """Some queries of a stream, in order, and their answers.
+
+    Attributes:
+        names: File name of each image.
+        indices: Absolute index of each image in its sequence, int64 (n,).
+        answers: What the model says of each.
+    """
+
+    names: tuple[str, ...]
+    indices: NDArray[np.int64]
+    answers: Answers
+
+
+def answer_stream(
+    model: Model,
+    traverse: Traverse,
+    *,
+    backend: str = "host",
+    sequence: int = 1,
+    seed: int | None = None,
+    threads: int = 1,
+    read: Advance | None = None,
+    advance: Advance | None = None,
+) -> Iterator[Answered]:
+    """Answer the images of a traverse, some at a time: however many they are, few are in memory.
+
+    Every answer is the one that it has among all queries at once, bit for bit.
+
+    Args:
+        model: A trained model.
+        traverse: The images.
+        backend: Name in `lava_vpr.backends.registry.BACKENDS`.
+        sequence: Queries that are matched together, each with those before it; 1: each alone.
+        seed: The seed of the queries' noise; None: the model's.
+        threads: Threads of the backend; does not change the result.
+        read: Told how many more images are read.
+        advance: Told how many more queries a slow backend has run.
+    Raises:
+        LavaVprError: an image cannot be read, the sequence exceeds the places, or the backend cannot run.
+    """
+    chosen, calls = backends.get(backend, threads, advance), max(1, BACKENDS[backend].together // BATCH)
+    state = LookingBack.of(model.config.decoder.default, model.places, sequence)
+    scores_of = prepare(model)
+    batches = encoded_batches(traverse, model.config.encoder, BATCH, read)
+    shown = (query_presentations(model, batch, seed) for batch in batches)
+    first = 0
+    while group := list(islice(shown, calls)):
+        counts, _ = chosen.count_spikes(model, Presentations.joined(group))
+        for start in range(0, len(counts), BATCH):
+            some = counts[start : start + BATCH]
+            part = traverse.take(range(first + start, first + start + len(some)))
+            state, answers = state.update(scores_of(some))
+            yield Answered(part.names, part.indices, answers)
+        first += len(counts)
 
 
 @dataclass(frozen=True)

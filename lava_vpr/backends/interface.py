@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, Protocol
 
@@ -46,6 +46,12 @@ class Presentations(NamedTuple):
     def part(self, chosen: slice | NDArray[np.int64]) -> Presentations:
         """Some of the presentations, each with the noise that it has here."""
         return self._replace(rates=self.rates[chosen], image_ids=self.image_ids[chosen])
+
+    @classmethod
+    def joined(cls, parts: Sequence[Presentations]) -> Presentations:
+        """The presentations of all ``parts``, at least one, in their order; seed and role are those of the first."""
+        rates, ids = (np.concatenate([getattr(part, name) for part in parts]) for name in ("rates", "image_ids"))
+        return parts[0]._replace(rates=rates, image_ids=ids)
 
 
 def query_presentations(model: Model, queries: EncodedTraverse, seed: int | None = None) -> Presentations:
@@ -105,6 +111,8 @@ class BackendRow:
         default: ``bench`` times it if no backend was asked for.
         limit: Most queries that ``bench`` times it on; None: all.
         batch: Presentations that ``bench`` runs in one batch, at least.
+        together: Queries of a stream that it is shown in one call: few bound the memory, but what starts a process or
+            reads a bundle for each call is given many.
     """
 
     name: str
@@ -119,3 +127,4 @@ class BackendRow:
     default: bool = False
     limit: int | None = None
     batch: int = 1
+    together: int = 8192

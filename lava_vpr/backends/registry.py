@@ -47,6 +47,7 @@ BACKENDS.register(
         float_model=True,
         timing="compiled",
         default=True,
+        together=256,
     )
 )
 BACKENDS.register(

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable
+import shutil
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -155,18 +158,54 @@ def _standing(folder: Path) -> Path:
     return next(above for above in (folder, *folder.parents) if os.path.lexists(above))
 
 
+@contextmanager
+def _told(path: Path) -> Iterator[None]:
+    """Turn what goes wrong when ``path`` is written into an `InputError`."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(
+            f"{shown(path)}: cannot be written ({error.strerror}); free space or choose another place"
+        ) from None
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a text file in one step.
 
     Raises:
         InputError: it cannot be written; what was there still is.
     """
-    try:
+    with _told(path):
         write_atomically(path, lambda file: file.write(text.encode()))
-    except OSError as error:
-        raise InputError(
-            f"{shown(path)}: cannot be written ({error.strerror}); free space or choose another place"
-        ) from None
+
+
+@contextmanager
+def text_writer(path: Path) -> Iterator[Callable[[str], None]]:
+    """Write a text file piece by piece; it appears in one step, once all is written, and not at all if that fails.
+
+    Until then the text lies on the disk of ``path`` without a name: whatever ends this process, nothing is left.
+
+    Yields:
+        What takes the next piece.
+    Raises:
+        InputError: it cannot be written; what was there still is.
+    """
+    with _told(path):
+        text = tempfile.TemporaryFile(dir=os.path.dirname(os.path.realpath(path)))
+
+    def write(piece: str) -> None:
+        with _told(path):
+            text.write(piece.encode())
+            text.flush()
+
+    try:
+        yield write
+        with _told(path):
+            text.seek(0)
+            write_atomically(path, lambda file: shutil.copyfileobj(text, file))
+    finally:
+        with suppress(OSError):  # a full disk, told before
+            text.close()
 
 
 def write_json(path: Path, values: dict[str, Any]) -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import click
@@ -9,24 +12,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.backends import registry as backends
+from lava_vpr.backends.interface import Advance
 from lava_vpr.cli.choose import open_model
 from lava_vpr.cli.common import (
     PATH,
     OneSource,
     answer_options,
-    backend_progress,
     console,
-    encode,
     every_option,
     places_option,
+    progress_bar,
 )
-from lava_vpr.cli.outputs import Outputs, write_text
-from lava_vpr.encoding import EncodedTraverse
+from lava_vpr.cli.outputs import Outputs, text_writer
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
-from lava_vpr.matching.answers import Answers, answers_looking_back
-from lava_vpr.model import Model, decode
-from lava_vpr.recognition import count_query_spikes
+from lava_vpr.matching.answers import Answers
+from lava_vpr.model import Model
+from lava_vpr.recognition import Answered, answer_stream
 from lava_vpr.storage.tables import csv_line
 from lava_vpr.storage.text import shown
 from lava_vpr.traverse import open_traverse
@@ -80,24 +82,49 @@ def query(
     traverse = whole.between(*places) if places else whole
     if sequence > len(traverse):
         raise InputError(
-            f"{images}: has {len(traverse)} images, fewer than --sequence {sequence}; use a shorter sequence"
+            f"{shown(images)}: has {len(traverse)} images, fewer than --sequence {sequence}; use a shorter sequence"
         )
-    queries = encode(traverse, model.config.encoder)
-    with backend_progress(backend, len(queries)) as advance:
-        counts, _ = count_query_spikes(model, queries, backend=backend, seed=seed, threads=cores(), advance=advance)
-    decoder = model.config.decoder.default
-    answers = answers_looking_back(decoder, decode(model, counts, decoder), sequence)
-    accepted = (answers.matches >= 0) & (answers.confidence >= (-np.inf if min_confidence is None else min_confidence))
-    write_text(output, table(model, queries, answers, accepted))
-    images_read = "1 image" if len(queries) == 1 else f"{len(queries)} images"
-    console.print(f"{images_read}, {int(accepted.sum())} recognised: {shown(output)}")
+    recognised = 0
+    with query_progress(traverse.source, backend, len(traverse)) as (read, advance), text_writer(output) as write:
+        write(csv_line(COLUMNS))
+        stream = answer_stream(
+            model, traverse, backend=backend, sequence=sequence, seed=seed, threads=cores(), read=read, advance=advance
+        )
+        for answered in stream:
+            accepted = accepted_of(answered.answers, min_confidence)
+            recognised += int(accepted.sum())
+            write(rows(model, answered, accepted))
+    images_read = "1 image" if len(traverse) == 1 else f"{len(traverse)} images"
+    console.print(f"{images_read}, {recognised} recognised: {shown(output)}")
 
 
-def table(model: Model, queries: EncodedTraverse, answers: Answers, accepted: NDArray[np.bool_]) -> str:
-    """The answers as CSV text; a query without match has place -1, no name and no confidence."""
-    lines = [csv_line(COLUMNS)]
-    rows = zip(queries.names, queries.indices, *answers, accepted, strict=True)
-    for name, index, match, confidence, good in rows:
+@contextmanager
+def query_progress(source: str, backend: str, queries: int) -> Iterator[tuple[Advance, Advance]]:
+    """A bar for the images that are read, or for the queries that a slow backend has run, with how many are read.
+
+    Yields:
+        What is told of further images read, and of further queries run.
+    """
+    if backend == "host":  # done with an image before the next is read
+        with progress_bar(f"reading {source}", queries) as advance:
+            yield lambda done: advance(done, ""), lambda done: None
+        return
+    seen = itertools.count(1)
+    with progress_bar(f"running {backend}", queries) as advance:
+        yield lambda done: advance(0, f"{next(seen)} read"), lambda done: advance(done, "")
+
+
+def accepted_of(answers: Answers, least: float | None) -> NDArray[np.bool_]:
+    """Which answers are a match of at least the confidence ``least``, bool (n,); None: of any."""
+    return (answers.matches >= 0) & (answers.confidence >= (-np.inf if least is None else least))
+
+
+def rows(model: Model, answered: Answered, accepted: NDArray[np.bool_]) -> str:
+    """The answers as rows of CSV; a query without match has place -1, no name and no confidence."""
+    lines = []
+    for name, index, match, confidence, good in zip(
+        answered.names, answered.indices, *answered.answers, accepted, strict=True
+    ):
         place = (int(model.place_indices[match]), model.place_names[match]) if match >= 0 else (-1, "")
         certainty = repr(float(confidence)) if match >= 0 else ""
         lines.append(csv_line((int(index), name, *place, certainty, str(bool(good)).lower())))
