@@ -11,10 +11,10 @@ import typing
 from dataclasses import dataclass, field
 from typing import Literal
 
-from lava_vpr.errors import ConfigError
+from lava_vpr.errors import ConfigError, brief
 from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
 from lava_vpr.matching.decoders import DECODERS
-from lava_vpr.ranges import need, within
+from lava_vpr.ranges import need, real, whole, within
 
 InputMode = Literal["injected", "bias"]
 INPUT_MODES: tuple[str, ...] = typing.get_args(InputMode)
@@ -155,8 +155,9 @@ class StdpLearning:
             floor="[-1000000, 0]",
             hold_steps="[0, 1000]",
         )
-        need(0 < self.mean_weight < self.w_max, "learning.mean_weight", self.mean_weight, "above 0, below w_max")
-        need(0 < self.start_weight <= self.w_max, "learning.start_weight", self.start_weight, "in (0, w_max]")
+        mean, start = self.mean_weight, self.start_weight
+        need(real(mean) and 0 < mean < self.w_max, "learning.mean_weight", mean, "above 0, below w_max")
+        need(real(start) and 0 < start <= self.w_max, "learning.start_weight", start, "in (0, w_max]")
 
     @property
     def competing(self) -> int:
@@ -199,7 +200,7 @@ class ConductanceNetwork:
             tau_ge_ms="[0.1, 1000]",
             tau_gi_ms="[0.1, 1000]",
             delay_max_ms="[0, 100]",
-            timer_rate="(0, 1]",
+            timer_rate="[0.001, 1]",
         )
 
 
@@ -269,8 +270,9 @@ class Config:
     decoder: DecoderConfig = field(default_factory=DecoderConfig)
 
     def __post_init__(self) -> None:
-        need(0 <= self.seed < 2**63, "seed", self.seed, "in 0..2^63-1")
-        need(0 <= self.stretch <= 1_000_000, "stretch", self.stretch, "in 0..1000000 (0: the whole route at once)")
+        need(whole(self.seed) and 0 <= self.seed < 2**63, "seed", self.seed, "in 0..2^63-1")
+        fits = whole(self.stretch) and 0 <= self.stretch <= 1_000_000
+        need(fits, "stretch", self.stretch, "in 0..1000000 (0: the whole route at once)")
         if isinstance(self.network, LifNetwork) != isinstance(self.learning, StdpLearning):
             raise ConfigError(
                 f"network.model {self.network.model!r} does not go with learning.rule {self.learning.rule!r}; "
@@ -323,5 +325,5 @@ def preset(name: str) -> Config:
         ConfigError: no preset has that name.
     """
     if name not in PRESETS:
-        raise ConfigError(f"there is no preset {name!r}; choose from {', '.join(PRESETS)}")
+        raise ConfigError(f"there is no preset {brief(name)}; choose from {', '.join(PRESETS)}")
     return PRESETS[name]()

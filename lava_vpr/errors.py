@@ -5,6 +5,8 @@ The command line turns a `LavaVprError` into that line and exit code 1; anything
 
 from __future__ import annotations
 
+import reprlib
+
 
 class LavaVprError(Exception):
     """Base of all errors whose cause lies outside this program."""
@@ -44,3 +46,25 @@ class LavaRunError(LavaVprError):
     def __init__(self, message: str, traceback: str = "") -> None:
         super().__init__(message)
         self.traceback = traceback
+
+
+class _Brief(reprlib.Repr):
+    """What `brief` shows: few elements, few levels, and of whole numbers too long to print their size."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.maxlevel, self.maxstring, self.maxother = 2, 60, 60
+        self.maxdict = self.maxlist = self.maxtuple = self.maxset = self.maxfrozenset = self.maxarray = 4
+
+    def repr_int(self, x: int, level: int) -> str:
+        """``x``, or how long it is."""
+        return f"a number of {x.bit_length()} bits" if x.bit_length() > 128 else repr(x)
+
+
+_BRIEF = _Brief()
+
+
+def brief(value: object) -> str:
+    """A ``value`` that a file or a caller gave, for a message: one short printable line whatever it is."""
+    text = _BRIEF.repr(value)
+    return text if text.isprintable() else repr(text)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lava_vpr.errors import ConfigError
 from lava_vpr.inputs.orientation import orientation_channels
 from lava_vpr.inputs.patches import PATCH_SIDE, on_off
-from lava_vpr.ranges import need, within
+from lava_vpr.ranges import need, whole, within
 from lava_vpr.registry import Registry
 
 
@@ -55,10 +55,11 @@ class EncoderConfig:
     def __post_init__(self) -> None:
         need(self.kind in INPUTS, "encoder.kind", self.kind, "one of " + ", ".join(INPUTS))
         within(self, "encoder", image_size="[8, 512]")
-        need(1 <= self.cell <= self.image_size, "encoder.cell", self.cell, "in 1..image_size")
+        need(whole(self.cell) and 1 <= self.cell <= self.image_size, "encoder.cell", self.cell, "in 1..image_size")
         need(self.image_size % self.cell == 0, "encoder.image_size", self.image_size, f"a multiple of {self.cell}")
         within(self, "encoder", orientations="[2, 16]")
-        need(3 <= self.window <= 255 and self.window % 2 == 1, "encoder.window", self.window, "odd, in 3..255")
+        odd = whole(self.window) and 3 <= self.window <= 255 and self.window % 2 == 1
+        need(odd, "encoder.window", self.window, "odd, in 3..255")
         within(
             self,
             "encoder",
