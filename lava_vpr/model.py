@@ -13,14 +13,16 @@ from numpy.typing import NDArray
 
 from lava_vpr import __version__
 from lava_vpr.config import Config
-from lava_vpr.configfile import from_dict, to_dict
+from lava_vpr.configfile import to_dict
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import LavaVprError, ModelFileError
 from lava_vpr.gate import IntegerConfig, as_integer_config, not_integer
 from lava_vpr.matching import decoders
 from lava_vpr.matching.equations import Variant, assign
+from lava_vpr.modelfile import LEARNED, UnfitError, checked
 from lava_vpr.storage import container
+from lava_vpr.storage.text import shown
 
 
 @dataclass(frozen=True)
@@ -158,9 +160,6 @@ def prepare(model: Model) -> Callable[[NDArray[np.int32]], NDArray[np.float64]]:
     )
 
 
-_ARRAYS = ("learned", "responses", "place_indices", "labels", "patches", "activity", "thumbnails")
-
-
 def content(model: Model, network: bool = True) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """What a file keeps of ``model``, for `lava_vpr.storage.container`.
 
@@ -168,7 +167,7 @@ def content(model: Model, network: bool = True) -> tuple[dict[str, Any], dict[st
         model: The model.
         network: The network and what it was learned from, too; without it `assemble` is given one.
     """
-    arrays: dict[str, NDArray[Any]] = {name: getattr(model, name) for name in _ARRAYS}
+    arrays: dict[str, NDArray[Any]] = {name: getattr(model, name) for name in LEARNED}
     header: dict[str, Any] = {
         "version": __version__,
         "config": to_dict(model.config),
@@ -217,61 +216,28 @@ def assemble(
         header, arrays: From the file.
         network: The network, where the file has none.
     Raises:
-        ModelFileError: parts are missing, or do not fit each other.
+        ModelFileError: parts are missing, out of range, or do not fit each other (`lava_vpr.modelfile`).
     """
+    remedy = "train it again or fetch an intact copy" if network is None else "deploy the model again"
     try:
-        return _assembled(header, arrays, network)
+        found = checked(header, arrays, network)
     except LavaVprError as error:
-        raise ModelFileError(f"{path}: the model cannot be used ({error})") from None
-    except (KeyError, TypeError, ValueError, IndexError) as error:
-        raise ModelFileError(
-            f"{path}: the model lacks or garbles {error}; it was written by another version, train it again"
-        ) from None
-
-
-def _network(
-    header: dict[str, Any], arrays: dict[str, NDArray[Any]], config: Config
-) -> FixedNetwork | ConductanceState:
-    """The network that a model file holds."""
-    if as_integer_config(config) is None:
-        names = [field.name for field in dataclasses.fields(ConductanceState)]
-        return ConductanceState(**{name: arrays[f"network.{name}"] for name in names})
-    scalars = {"regular": 0, **header["fixed"]}  # models from before there were bias inputs
-    network = FixedNetwork.of_scalars(arrays["network.weights"], scalars)
-    if network.weights.dtype != np.uint8:
-        raise ValueError(f"weights of type {network.weights.dtype} instead of uint8")
-    network.check()
-    return network
-
-
-def _assembled(header: dict[str, Any], arrays: dict[str, NDArray[Any]], network: FixedNetwork | None) -> Model:
-    """The model of what `content` kept; errors are those of whatever is wrong with it."""
-    config = from_dict(header["config"])
-    if network is not None:
-        network.check()
-    whole = network or _network(header, arrays, config)
-    values: dict[str, Any] = {name: arrays[name] for name in _ARRAYS}
-    model = Model(
-        config=config,
-        network=whole,
-        stretches=tuple(Stretch(*part) for part in header["stretches"]),
-        place_names=tuple(header["place_names"]),
-        route_images=int(header["route_images"]),
-        training=dict(header["training"]),
-        **values,
+        raise ModelFileError(f"{shown(path)}: the model cannot be used ({error}); {remedy}") from None
+    except UnfitError as error:
+        raise ModelFileError(f"{shown(path)}: the model lacks or garbles {error}; {remedy}") from None
+    arrays = found.arrays
+    return Model(
+        config=found.config,
+        network=found.network,
+        stretches=tuple(Stretch(*row) for row in found.stretches),
+        place_names=found.place_names,
+        route_images=found.route_images,
+        training=found.training,
+        learned=arrays["learned"],
+        responses=arrays["responses"],
+        place_indices=arrays["place_indices"],
+        labels=arrays["labels"],
+        patches=arrays["patches"],
+        activity=arrays["activity"],
+        thumbnails=arrays["thumbnails"],
     )
-    places, inputs = model.places, config.encoder.inputs
-    for name, shape in {
-        "responses": (whole.weights.shape[1], places),
-        "activity": (len(model.labels), inputs),
-        "patches": (len(model.labels), 28, 28),
-        "thumbnails": (places, 48, 64, 3),
-        "place_indices": (places,),
-    }.items():
-        if getattr(model, name).shape != shape:
-            raise ValueError(f"{name} of shape {getattr(model, name).shape} instead of {shape}")
-    if whole.weights.shape[0] != inputs or model.learned.shape not in ((0, 0), whole.weights.shape):
-        raise ValueError(f"weights of shape {whole.weights.shape} for {inputs} inputs")
-    if sorted(set(model.labels.tolist())) != list(range(places)):
-        raise ValueError("labels that are not the places")
-    return model

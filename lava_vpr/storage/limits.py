@@ -32,6 +32,7 @@ class Limit:
 LIMITS: dict[str, Limit] = {
     "text_bytes": Limit(64 * MIB, "bytes", "a list of a million images with paths of 64 characters"),
     "rows": Limit(2_000_000, "lines", "23 days of an image a second; read as a table they take up to 1 GB of memory"),
+    "config_bytes": Limit(64 << 10, "bytes", "thirty times all settings of a preset"),
     "image_bytes": Limit(GIB, "bytes", "more than the largest accepted picture takes without compression"),
     "image_pixels": Limit(
         178_956_970, "pixels", "where Pillow, too, refuses a picture as a decompression bomb (twice MAX_IMAGE_PIXELS)"
@@ -52,6 +53,15 @@ LIMITS: dict[str, Limit] = {
         4 * MIB, "bytes", "10,000 files take 2 MB of manifest; once read, it takes 30 times more"
     ),
     "video_parts": Limit(10_000_000, "parts", "46 hours of 60 frames a second; a walk over them takes half a minute"),
+    "presentation_operations": Limit(
+        4_000_000_000,
+        "operations",
+        "twenty times a query of 350 steps to all 27,592 places of Nordland; some seconds on one core",
+    ),
+    "presentation_bytes": Limit(GIB, "bytes", "ten times VPRSNN's network when every neuron learns at once"),
+    "training_operations": Limit(
+        10**14, "operations", "a day; eighteen times VPRSNN's 60 epochs over two traverses of 3,300 places"
+    ),
 }
 """Every limit by its name."""
 

@@ -1,0 +1,336 @@
+"""The format of a model file: what every key of its header and every array must be, checked in this one place.
+
+A file may be anybody's, so each value is held against its type and range, and against the others. With P places, T
+traverses, I inputs (of the settings), N neurons:
+
+    version        text of 1 to 40 printable characters
+    config         settings, each of its type and within its range (`lava_vpr.config`)
+    stretches      rows of four whole numbers: first place, places, first neuron, neurons; each has one at least of
+                   both, and together they tile P and N in order; one row with preset ``paper``
+    place_names    P texts, at least 2, of at most 1,024 characters, without NUL, that UTF-8 can write
+    route_images   whole number, at least P
+    training       the figures in `FIGURES`, finite, at least 0
+    fixed          `FixedNetwork.scalars`, whole numbers as its ``check`` allows (``regular`` may lack: 0); ``steps``,
+                   ``bits`` and ``regular`` are those of the settings. Not with preset ``paper``, not in a bundle
+
+and no other key. The arrays are those of `_arrays`, and no other: each of its type and shape, its least and most value
+within its range, none of them NaN. Beyond that, place_indices differ from each other, and labels are 0..P-1, T times
+over. What a query to it costs is within the limits ``presentation_operations`` and ``presentation_bytes``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.config import ConductanceLearning, ConductanceNetwork, Config
+from lava_vpr.configfile import from_dict
+from lava_vpr.engine import effort
+from lava_vpr.engine.conductance.model import ConductanceState
+from lava_vpr.engine.inference.fixed import SCALARS, SILENT_STEPS, FixedNetwork
+from lava_vpr.errors import brief
+from lava_vpr.inputs.encoder import INPUTS
+from lava_vpr.ranges import real, whole
+from lava_vpr.storage.limits import excess
+
+FIGURES = ("spikes_per_image", "neurons_used", "places_covered")
+"""The figures of the training run."""
+
+LEARNED = ("learned", "responses", "place_indices", "labels", "patches", "activity", "thumbnails")
+"""The arrays of a model beside those of its network."""
+
+_MOST_NAME, _MOST_VERSION, _MOST_COUNT = 1024, 40, 2**53
+_MOST_FLOAT = float(np.finfo(np.float32).max)
+_HEADER = ("version", "config", "stretches", "place_names", "route_images", "training")
+
+
+class Contents(NamedTuple):
+    """What a model file holds, checked; the fields are those of `lava_vpr.model.Model`."""
+
+    config: Config
+    network: FixedNetwork | ConductanceState
+    stretches: tuple[tuple[int, int, int, int], ...]
+    place_names: tuple[str, ...]
+    route_images: int
+    training: dict[str, float]
+    arrays: dict[str, NDArray[Any]]
+
+
+class UnfitError(ValueError):
+    """A value of a file that is not what its format says; the message names it."""
+
+
+class Sizes(NamedTuple):
+    """The numbers that shapes are made of."""
+
+    places: int
+    images: int
+    inputs: int
+    neurons: int
+
+
+class Rule(NamedTuple):
+    """What an array must be: its type, its shape, and the range of its values."""
+
+    dtype: str
+    shape: tuple[int, ...]
+    least: float = 0
+    most: float = math.inf
+
+
+def checked(
+    header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]], network: FixedNetwork | None = None
+) -> Contents:
+    """What ``header`` and ``arrays`` of a file say, if they are a model.
+
+    Args:
+        header, arrays: From the file.
+        network: The network, where the file has none.
+    Raises:
+        UnfitError: something is missing, too much, of another type, or contradicts the rest.
+        LavaVprError: settings or network are out of range, or too costly.
+    """
+    config = _config(header, network)
+    names = _place_names(header["place_names"])
+    stretches = _stretches(header["stretches"], len(names), config)
+    sizes = Sizes(len(names), _images(arrays, len(names)), config.encoder.inputs, sum(stretches[-1][2:]))
+    effort.check_query(config, sizes.neurons)
+    kept = dict(arrays)
+    if network is None:
+        kept, whole_network = _network(header, kept, config, sizes)
+    else:
+        network.check()
+        _agree(network, config)
+        if network.weights.shape != (sizes.inputs, sizes.neurons):
+            raise UnfitError(f"references of {sizes.neurons} neurons for a network of shape {network.weights.shape}")
+        whole_network = network
+    rules = _rules(config, sizes)
+    if network is not None or kept.get("learned", kept["labels"]).shape == (
+        0,
+        0,
+    ):  # a bundle's model saved has none either
+        rules["learned"] = rules["learned"]._replace(shape=(0, 0))
+    _check_arrays(kept, rules)
+    _check_places(kept, sizes)
+    return Contents(
+        config=config,
+        network=whole_network,
+        stretches=stretches,
+        place_names=names,
+        route_images=_count(header["route_images"], "route_images", sizes.places),
+        training=_figures(header["training"]),
+        arrays=kept,
+    )
+
+
+def check_size(config: Config, places: int, traverses: int, neurons: int) -> None:
+    """Refuse, before it is learned, a model whose file nobody could open.
+
+    Raises:
+        UnfitError: naming its size and the limit.
+    """
+    sizes = Sizes(places, places * traverses, config.encoder.inputs, neurons)
+    rules = {**_rules(config, sizes), **_network_rules(config, sizes)}
+    beyond = excess(
+        "model_bytes", sum(math.prod(rule.shape) * np.dtype(rule.dtype).itemsize for rule in rules.values())
+    )
+    if beyond is not None:
+        raise UnfitError(f"a model of {places:,} places and {neurons:,} neurons has {beyond}, or learn fewer places")
+
+
+def _config(header: Mapping[str, Any], network: FixedNetwork | None) -> Config:
+    """The settings, once the keys of the header are those of a model."""
+    for name in _HEADER:
+        if name not in header:
+            raise UnfitError(brief(name))
+    config = from_dict(header["config"])
+    fixed = ("fixed",) if network is None and not isinstance(config.network, ConductanceNetwork) else ()
+    for name in fixed:
+        if name not in header:
+            raise UnfitError(brief(name))
+    for name in header:
+        if name not in (*_HEADER, *fixed):
+            raise UnfitError(f"the header with a key {brief(name)}")
+    version = header["version"]
+    if not isinstance(version, str) or not 0 < len(version) <= _MOST_VERSION or not version.isprintable():
+        raise UnfitError(f"version {brief(version)}")
+    return config
+
+
+def _count(value: object, name: str, least: int, most: int = _MOST_COUNT) -> int:
+    """``value`` if it is a whole number in ``least`` .. ``most``."""
+    if not isinstance(value, int) or not whole(value) or not least <= value <= most:
+        raise UnfitError(f"{name} {brief(value)}, which must be a whole number in {least}..{most}")
+    return value
+
+
+def _place_names(value: object) -> tuple[str, ...]:
+    """The names of the places."""
+    if not isinstance(value, list) or len(value) < 2:
+        raise UnfitError(f"place_names {brief(value)}, which must be the names of two places or more")
+    for number, name in enumerate(value):
+        if not isinstance(name, str) or len(name) > _MOST_NAME or "\0" in name or not _writeable(name):
+            raise UnfitError(f"the name {brief(name)} of place {number}")
+    return tuple(value)
+
+
+def _writeable(text: str) -> bool:
+    """Whether UTF-8 can write ``text``: JSON can hold halves of characters."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def _stretches(value: object, places: int, config: Config) -> tuple[tuple[int, int, int, int], ...]:
+    """The stretches, in order and without gaps."""
+    if not isinstance(value, list) or not value:
+        raise UnfitError(f"stretches {brief(value)}")
+    rows: list[tuple[int, int, int, int]] = []
+    place = neuron = 0
+    for row in value:
+        if not isinstance(row, list) or len(row) != 4:
+            raise UnfitError(f"stretch {brief(row)}")
+        name = f"stretch {len(rows)} {brief(row)} with"
+        first_place, length = _count(row[0], name, place, place), _count(row[1], name, 1, places - place)
+        first_neuron, neurons = _count(row[2], name, neuron, neuron), _count(row[3], name, 1)
+        rows.append((first_place, length, first_neuron, neurons))
+        place, neuron = place + length, neuron + neurons
+    if place != places:
+        raise UnfitError(f"stretches of {place} places for {places} names")
+    if isinstance(config.network, ConductanceNetwork) and len(rows) > 1:
+        raise UnfitError(f"{len(rows)} stretches of a conductance model, which learns in one")
+    return tuple(rows)
+
+
+def _images(arrays: Mapping[str, NDArray[Any]], places: int) -> int:
+    """The number of reference images: one for each place in every traverse."""
+    if "labels" not in arrays:
+        raise UnfitError(brief("labels"))
+    shape = arrays["labels"].shape
+    if len(shape) != 1 or shape[0] < places or shape[0] % places:
+        raise UnfitError(f"labels of shape {shape} for {places} places")
+    return int(shape[0])
+
+
+def _figures(value: object) -> dict[str, float]:
+    """The figures of the training run."""
+    if not isinstance(value, dict) or set(value) != set(FIGURES):
+        raise UnfitError(f"training {brief(value)}, which must be {', '.join(FIGURES)}")
+    for name, figure in value.items():
+        if not real(figure) or not 0 <= figure <= _MOST_COUNT:
+            raise UnfitError(f"training {name} {brief(figure)}")
+    return dict(value)
+
+
+def _network(
+    header: Mapping[str, Any], arrays: dict[str, NDArray[Any]], config: Config, sizes: Sizes
+) -> tuple[dict[str, NDArray[Any]], FixedNetwork | ConductanceState]:
+    """The arrays that are not the network's, and the network that the file holds."""
+    rules = _network_rules(config, sizes)
+    own = {name: array for name, array in arrays.items() if name in rules}
+    rest = {name: array for name, array in arrays.items() if name not in rules}
+    _check_arrays(own, rules)
+    if isinstance(config.network, ConductanceNetwork):
+        return rest, ConductanceState(**{name.removeprefix("network."): array for name, array in own.items()})
+    fixed = header["fixed"]
+    if not isinstance(fixed, dict) or not set(SCALARS) - {"regular"} <= set(fixed) <= set(SCALARS):
+        raise UnfitError(f"fixed {brief(fixed)}, which must be {', '.join(SCALARS)}")
+    scalars = {"regular": 0, **fixed}  # models from before there were bias inputs
+    for name, value in scalars.items():
+        _count(value, name, -_MOST_COUNT)
+    network = FixedNetwork.of_scalars(own["network.weights"], scalars)
+    network.check()
+    _agree(network, config)
+    return rest, network
+
+
+def _agree(network: FixedNetwork, config: Config) -> None:
+    """Refuse an integer network that is not the one of the settings."""
+    settings = config.network
+    if isinstance(settings, ConductanceNetwork):
+        raise UnfitError("an integer network with the settings of the conductance model")
+    for name, own, set_to in (
+        ("steps", network.steps, settings.steps),
+        ("bits", network.bits, settings.weight_bits),
+        ("regular", int(network.bias_input), int(settings.input_mode == "bias")),
+    ):
+        if own != set_to:
+            raise UnfitError(f"{name} {own} where the settings say {set_to}")
+
+
+def _network_rules(config: Config, sizes: Sizes) -> dict[str, Rule]:
+    """What the arrays of the network must be."""
+    shape, network, learning = (sizes.inputs, sizes.neurons), config.network, config.learning
+    if not isinstance(network, ConductanceNetwork) or not isinstance(learning, ConductanceLearning):
+        return {"network.weights": Rule("uint8", shape, most=255)}
+    largest = max(learning.w_max, learning.weight_sum) * (1 + 1e-9)  # one weight can be all that is normalised
+    longest = math.floor(network.delay_max_ms / network.dt_ms + 0.5)
+    return {
+        "network.weights": Rule("float64", shape, most=largest),
+        "network.theta_mv": Rule("float64", shape[1:], most=_MOST_COUNT),
+        "network.delays": Rule("uint16", shape, most=longest),
+    }
+
+
+def _rules(config: Config, sizes: Sizes) -> dict[str, Rule]:
+    """What the arrays beside the network's must be; ``learned`` may also be empty."""
+    places, images, inputs, neurons = sizes
+    network, learning = config.network, config.learning
+    learned = (0, 0) if isinstance(learning, ConductanceLearning) else (inputs, neurons)
+    repeats = min(learning.label_epochs, learning.epochs) if isinstance(learning, ConductanceLearning) else 1
+    return {
+        "learned": Rule("float32", learned, most=_MOST_FLOAT),
+        "responses": Rule("int32", (neurons, places), most=images // places * repeats * (network.steps + SILENT_STEPS)),
+        "place_indices": Rule("int64", (places,), most=_MOST_COUNT),
+        "labels": Rule("int64", (images,), most=places - 1),
+        "patches": Rule("uint8", (images, 28, 28), most=255),
+        "activity": Rule(
+            "float32",
+            (images, inputs),
+            most=255 if INPUTS[config.encoder.kind].grey_levels else _MOST_FLOAT,
+        ),
+        "thumbnails": Rule("uint8", (places, 48, 64, 3), most=255),
+    }
+
+
+def _check_arrays(arrays: Mapping[str, NDArray[Any]], rules: Mapping[str, Rule]) -> None:
+    """Refuse ``arrays`` that are not what ``rules`` say, or not all of them, or more."""
+    for name in arrays:
+        if name not in rules:
+            raise UnfitError(f"an array {brief(name)}, which no model has")
+    for name, rule in rules.items():
+        if name not in arrays:
+            raise UnfitError(brief(name))
+        check_array(arrays[name], name, rule)
+
+
+def check_array(array: NDArray[Any], name: str, rule: Rule) -> None:
+    """Refuse an ``array`` that is not what ``rule`` says.
+
+    Raises:
+        UnfitError: naming what is wrong with it.
+    """
+    if array.dtype != rule.dtype:
+        raise UnfitError(f"{name} of type {array.dtype} instead of {rule.dtype}")
+    if array.shape != rule.shape:
+        raise UnfitError(f"{name} of shape {array.shape} instead of {rule.shape}")
+    if array.size == 0 or (array.dtype == np.uint8 and rule.most >= 255):
+        return
+    with np.errstate(invalid="ignore"):  # NaN is least and most of what it is among, and fits no range
+        least, most = array.min(), array.max()
+    if not (least >= rule.least and most <= rule.most):
+        raise UnfitError(f"{name} with values from {least:g} to {most:g}, which must be in {rule.least}..{rule.most:g}")
+
+
+def _check_places(arrays: Mapping[str, NDArray[Any]], sizes: Sizes) -> None:
+    """Refuse places that share an index, and labels that are not the places, traverse after traverse."""
+    if len(np.unique(arrays["place_indices"])) != sizes.places:
+        raise UnfitError("place_indices of which two are equal")
+    if not np.array_equal(arrays["labels"], np.tile(np.arange(sizes.places), sizes.images // sizes.places)):
+        raise UnfitError("labels that are not the places, traverse after traverse")

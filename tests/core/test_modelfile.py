@@ -1,0 +1,228 @@
+"""A model file with a right checksum is held against its format, value by value."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from support.common.small_models import encoded, small_model, tiny_paper
+
+from lava_vpr import model
+from lava_vpr.cli import main
+from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.errors import ModelFileError
+from lava_vpr.storage import container
+from lava_vpr.storage.limits import variable
+from lava_vpr.training.loop import train
+
+Header = dict[str, Any]
+Arrays = dict[str, np.ndarray]
+Forge = Callable[[Header, Arrays], object]
+PATH = Path("a.lvpr")
+
+
+@cache
+def sound(kind: str) -> tuple[str, Arrays]:
+    """Header, as text, and arrays of a model file, or of what a bundle keeps."""
+    whole = train([encoded(inputs=784)], tiny_paper()) if kind == "paper" else small_model()
+    header, arrays = model.content(whole, network=kind != "references")
+    return json.dumps(header), arrays
+
+
+def assembled(kind: str, forge: Forge) -> model.Model:
+    text, arrays = sound(kind)
+    header, own = json.loads(text), {name: array.copy() for name, array in arrays.items()}
+    forge(header, own)
+    network = small_model().network if kind == "references" else None
+    assert network is None or isinstance(network, FixedNetwork)
+    return model.assemble(PATH, header, own, network)
+
+
+def key(*names: str, value: object) -> Forge:
+    """Put ``value`` at a place of the header."""
+
+    def forge(header: Header, arrays: Arrays) -> None:
+        inner: Any = header
+        for name in names[:-1]:
+            inner = inner[name]
+        inner[names[-1]] = value
+
+    return forge
+
+
+def first(name: str, value: object) -> Forge:
+    """Put ``value`` in front of an array."""
+    return lambda header, arrays: arrays[name].reshape(-1).__setitem__(0, value)
+
+
+def of_type(name: str, dtype: str) -> Forge:
+    return lambda header, arrays: arrays.__setitem__(name, arrays[name].astype(dtype))
+
+
+def instead(name: str, array: np.ndarray) -> Forge:
+    return lambda header, arrays: arrays.__setitem__(name, array)
+
+
+def without(name: str) -> Forge:
+    return lambda header, arrays: (header if name in header else arrays).pop(name)
+
+
+DEEP: list[Any] = []
+for _ in range(200):
+    DEEP = [DEEP]
+STRETCHES = [[0, 4, 0, 4], [4, 4, 4, 4]]
+NO_SETTINGS = ("encoder", "network", "learning", "decoder")
+FORGED: list[tuple[str, Forge, str]] = [
+    # keys
+    *(("loihi", without(name), repr(name)) for name in ("version", "config", "stretches", "training", "fixed")),
+    *(("loihi", without(name), repr(name)) for name in ("responses", "activity", "thumbnails", "network.weights")),
+    *(("paper", without(name), repr(name)) for name in ("network.delays", "network.theta_mv")),
+    ("loihi", key("more", value=1), "a key 'more'"),
+    ("loihi", key("x" * 10**6, value=1), "a key 'xxxxx"),
+    ("paper", key("fixed", value={}), "a key 'fixed'"),
+    ("references", key("fixed", value={}), "a key 'fixed'"),
+    ("loihi", instead("extra", np.zeros(2)), "an array 'extra'"),
+    ("references", instead("network.weights", np.zeros((1568, 8), np.uint8)), "an array 'network.weights'"),
+    # numbers and texts of the header
+    *(("loihi", key("version", value=v), "version") for v in (5, "", "x" * 50, "\x1b[31m", None, [1])),
+    *(("loihi", key("route_images", value=v), "route_images") for v in (7, -1, 8.0, "8", True, None, 10**400)),
+    *(("loihi", key("place_names", value=v), "place_names") for v in (5, [], ["a"], {"a": 1}, "abcdefgh", None)),
+    ("loihi", key("place_names", value=["a"] * 7), "stretch 1"),
+    *(
+        ("loihi", key("place_names", value=[v, *"bcdefgh"]), "of place 0")
+        for v in ("a\0b", "\ud800", 5, None, "x" * 1025, DEEP)
+    ),
+    *(("loihi", key("training", value=v), "training") for v in (5, {}, {"spikes_per_image": 1}, DEEP)),
+    *(("loihi", key("training", "neurons_used", value=v), "neurons_used") for v in ("1", -1, True, 1e999, None)),
+    *(
+        ("loihi", key("stretches", value=v), "stretch")
+        for v in (
+            5,
+            [],
+            [[0, 99999, -5, 12]],
+            [[0, 8, 0, 8.0]],
+            [[0, 8, 0]],
+            [[0, 8, 0, 0]],
+            [[0, 8, 0, True]],
+            STRETCHES[:1],
+            STRETCHES[::-1],
+            [*STRETCHES, [8, 1, 8, 1]],
+            [[0, 4, 0, 4], [4, 4, 3, 5]],
+            DEEP,
+        )
+    ),
+    ("paper", key("stretches", value=[[0, 4, 0, 6], [4, 4, 6, 6]]), "which learns in one"),
+    # settings
+    *(("loihi", key("config", value=v), "the settings must be a table") for v in (5, [1], None, "loihi")),
+    *(("loihi", key("config", "preset", value=v), "preset") for v in (5, [], "x" * 10**6)),
+    *(("loihi", key("config", "seed", value=v), "seed") for v in (10**400, -1, 1.0, True, DEEP)),
+    *(("loihi", key("config", name, value=5), "must be a table") for name in NO_SETTINGS),
+    *(("loihi", key("config", "network", "steps", value=v), "steps") for v in (10**9, 10**400, 0, "9", True, 9.5)),
+    *(("loihi", key("config", "network", "threshold", value=v), "threshold") for v in (10**400, 1e999, DEEP, None)),
+    *(("loihi", key("config", "network", "input_mode", value=v), "input_mode") for v in (5, [], {}, "x" * 10**6)),
+    *(("loihi", key("config", "encoder", "kind", value=v), "kind") for v in (5, [], {})),
+    ("loihi", key("config", "network", "\x1b" * 10**6, value=1), "is not a setting"),
+    ("loihi", key("config", "network", "weight_bits", value=4), "bits 3 where the settings say 4"),
+    ("loihi", key("config", "network", "input_mode", value="bias"), "regular 0 where the settings say 1"),
+    ("references", key("config", "network", "steps", value=61), "steps 60 where the settings say 61"),
+    # the integer network
+    *(("loihi", key("fixed", value=v), "fixed") for v in (5, {}, [], {"bits": 3}, DEEP)),
+    *(("loihi", key("fixed", "inhibition", value=v), "inhibition") for v in (0.5, "5", True, None, 256, -1, 10**400)),
+    *(("loihi", key("fixed", "steps", value=v), "steps") for v in (10**9, 59, 0, 60.0)),
+    ("loihi", key("fixed", "regular", value=2), "regular 2"),
+    ("loihi", key("fixed", "more", value=2), "fixed"),
+    ("loihi", first("network.weights", 8), "weights need 3 bits"),
+    ("loihi", of_type("network.weights", "int64"), "network.weights of type int64"),
+    # the conductance network
+    *(("paper", first("network.weights", v), "network.weights with values") for v in (np.nan, np.inf, -1e-9, 1e3)),
+    *(("paper", first("network.theta_mv", v), "network.theta_mv with values") for v in (np.nan, -1.0, 1e300)),
+    ("paper", of_type("network.delays", "int16"), "network.delays of type int16"),
+    ("paper", first("network.delays", 101), "network.delays with values"),
+    ("paper", instead("network.delays", np.zeros((784, 11), np.uint16)), "network.delays of shape (784, 11)"),
+    ("paper", instead("network.theta_mv", np.zeros(11)), "network.theta_mv of shape (11,)"),
+    ("paper", instead("learned", np.zeros((784, 12), np.float32)), "learned of shape"),
+    ("paper", first("activity", 255.5), "activity with values"),
+    # the other arrays
+    *(("loihi", first("activity", v), "activity with values") for v in (np.nan, np.inf, -1)),
+    *(("loihi", first("learned", v), "learned with values") for v in (np.nan, np.inf, -1)),
+    *(("loihi", first("responses", v), "responses with values") for v in (-1, 64)),
+    ("loihi", instead("place_indices", np.zeros(8, np.int64)), "place_indices of which two are equal"),
+    ("loihi", first("place_indices", -1), "place_indices with values"),
+    ("loihi", instead("labels", np.zeros(8, np.int64)), "labels that are not the places"),
+    ("loihi", instead("labels", np.arange(8)[::-1].copy()), "labels that are not the places"),
+    ("loihi", instead("labels", np.zeros((0,), np.int64)), "labels of shape (0,)"),
+    ("loihi", instead("labels", np.array(3)), "labels of shape ()"),
+    ("loihi", without("labels"), "'labels'"),
+    ("loihi", instead("patches", np.zeros((8, 28, 27), np.uint8)), "patches of shape"),
+    ("loihi", instead("thumbnails", np.zeros((7, 48, 64, 3), np.uint8)), "thumbnails of shape"),
+    ("references", instead("learned", np.zeros((1568, 8), np.float32)), "learned of shape"),
+    ("references", instead("responses", np.zeros((7, 8), np.int32)), "responses of shape"),
+    *(("loihi", of_type(name, "float64"), f"{name} of type") for name in ("learned", "responses", "labels")),
+    *(("loihi", of_type(name, "int8"), f"{name} of type") for name in ("activity", "place_indices", "patches")),
+]
+
+
+@pytest.mark.parametrize(
+    ("kind", "forge", "cause"), FORGED, ids=[f"{number}-{row[2][:40]}" for number, row in enumerate(FORGED)]
+)
+def test_what_no_training_writes_is_refused(kind: str, forge: Forge, cause: str) -> None:
+    with pytest.raises(ModelFileError) as caught:
+        assembled(kind, forge)
+    message = str(caught.value)
+    assert message.startswith(("a.lvpr: the model lacks or garbles ", "a.lvpr: the model cannot be used ("))
+    assert cause in message
+    remedy = "deploy the model again" if kind == "references" else "train it again or fetch an intact copy"
+    assert message.endswith(remedy)
+    assert message.isprintable()
+    assert len(message) < 700
+
+
+@pytest.mark.parametrize("kind", ["loihi", "paper", "references"])
+def test_what_training_writes_is_taken(kind: str) -> None:
+    assert assembled(kind, lambda header, arrays: None).places == 8
+
+
+def test_models_from_before_bias_inputs_are_taken() -> None:
+    def forge(header: Header, arrays: Arrays) -> None:
+        del header["fixed"]["regular"], header["config"]["network"]["input_mode"]
+
+    assert assembled("loihi", forge).config == small_model().config
+
+
+def test_what_a_query_costs_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, amount in (("presentation_operations", 63 * 8 * 21), ("presentation_bytes", 4 * 60 * 20 + 40 * 1576)):
+        monkeypatch.setenv(variable(name), str(amount))
+        assert assembled("loihi", lambda header, arrays: None).places == 8
+        monkeypatch.setenv(variable(name), str(amount - 1))
+        with pytest.raises(ModelFileError, match=f"a query takes {amount:,} .*set {variable(name)}, or lower network"):
+            assembled("loihi", lambda header, arrays: None)
+        monkeypatch.delenv(variable(name))
+
+
+COMMANDS = {
+    "steps": key("fixed", "steps", value=10**9),
+    "indices": lambda header, arrays: arrays["place_indices"].fill(3),
+    "NaN": first("activity", np.nan),
+    "stretches": key("stretches", value=[[0, 99999, -5, 12]]),
+    "names": key("place_names", value=5),
+    "config": key("config", value=[1]),
+}
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize("change", COMMANDS)
+def test_commands_refuse_it_in_one_line(change: str, here: Path) -> None:
+    header, arrays = container.load(Path("m.lvpr"), "model")
+    COMMANDS[change](header, arrays)
+    container.save(Path("forged.lvpr"), "model", header, arrays)
+    result = CliRunner().invoke(main, ["query", "forged.lvpr", "query", "-o", "q.csv"])
+    assert result.exit_code == 1, result.output
+    assert result.stderr.startswith("lava-vpr: error: forged.lvpr: the model ")
+    assert result.stderr.count("\n") == 1
+    assert not Path("q.csv").exists()
