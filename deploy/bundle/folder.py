@@ -12,6 +12,7 @@ import io
 import json
 import os
 import shutil
+import stat
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -26,6 +27,7 @@ from lava_vpr.deploy.bundle.arrays import Shape, array_of
 from lava_vpr.errors import BundleError
 from lava_vpr.storage.limits import excess
 from lava_vpr.storage.reading import parse_json
+from lava_vpr.storage.writing import temporary_prefix
 
 FORMAT, VERSION = "lava-vpr bundle", 1
 MANIFEST = "manifest.json"
@@ -141,7 +143,8 @@ def check_replaceable(path: Path) -> None:
     """Refuse to replace what is no bundle, before any work is done.
 
     Raises:
-        BundleError: a file, or a folder that holds something else; or the folder above is missing or closed to us.
+        BundleError: a file, or a folder that holds something else; it, or something in it, is read-only; or the folder
+            above is missing or closed to us.
     """
     above = path.absolute().parent
     if not above.is_dir():
@@ -167,10 +170,15 @@ def check_replaceable(path: Path) -> None:
         raise BundleError(
             f"{path}: holds {min(foreign)}, which is no part of the bundle; move it or name another folder"
         )
+    closed = next((entry for entry in (path, *sorted(path.rglob("*"))) if not entry.lstat().st_mode & 0o222), None)
+    if closed is not None:
+        raise BundleError(f"{closed}: is read-only and would be replaced; make it writable or name another folder")
 
 
 def write(path: Path, manifest: Mapping[str, Any], files: Mapping[str, bytes]) -> Bundle:
     """Write a bundle; it appears complete or not at all, and replaces an older one in one step.
+
+    Of what it replaces it keeps the permissions: those of the folder, and those of each file that was there.
 
     Args:
         path: The folder.
@@ -182,7 +190,7 @@ def write(path: Path, manifest: Mapping[str, Any], files: Mapping[str, bytes]) -
     check_replaceable(path)
     whole = sealed(manifest, files)
     try:
-        temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.absolute().parent))
+        temporary = Path(tempfile.mkdtemp(prefix=temporary_prefix(path), suffix=".tmp", dir=path.absolute().parent))
         try:
             for name, data in (*sorted(files.items()), (MANIFEST, json_bytes(whole))):
                 target = temporary / name
@@ -190,10 +198,12 @@ def write(path: Path, manifest: Mapping[str, Any], files: Mapping[str, bytes]) -
                 with target.open("wb") as file:
                     file.write(data)
                     file.flush()
+                    if (before := path / name).is_file():
+                        os.fchmod(file.fileno(), stat.S_IMODE(before.stat().st_mode))
                     os.fsync(file.fileno())
             umask = os.umask(0)
             os.umask(umask)
-            temporary.chmod(0o777 & ~umask)
+            temporary.chmod(stat.S_IMODE(path.stat().st_mode) if path.exists() else 0o777 & ~umask)
             _put(temporary, path)
         finally:
             shutil.rmtree(temporary, ignore_errors=True)  # after an exchange it is the old bundle

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import ConfigError, InputError
+from lava_vpr.storage.writing import temporary_prefix
 from lava_vpr.synthetic.drawing import Camera, Painter, draw_backdrop, draw_land
 from lava_vpr.synthetic.looks import LOOKS
 from lava_vpr.synthetic.scene import OCCLUDER, SKY, SURVEY, VIEW, WEATHER, ahead, generator, route
@@ -179,11 +180,24 @@ def _foreign(folder: Path, keep: Collection[str]) -> Path | None:
     return None
 
 
+def _read_only(folder: Path) -> Path | None:
+    """What of ``folder`` and the entries that `write_traverses` replaces in it is closed to writing, if anything is."""
+    entries = [folder / name for name in _ENTRIES if (folder / name).exists()]
+    whole = [folder, *entries, *(image for entry in entries if entry.is_dir() for image in sorted(entry.iterdir()))]
+    return next((path for path in whole if not path.stat().st_mode & 0o222), None)
+
+
 def _install(new: Path, folder: Path, spare: Path) -> None:
-    """Move what is in ``new`` to ``folder``; what it replaces goes to ``spare``, and back on failure."""
+    """Move what is in ``new`` to ``folder``; what it replaces hands on its permissions and goes to ``spare``.
+
+    On failure it goes back.
+    """
     if not folder.exists():
         os.rename(new, folder)
         return
+    for path in new.rglob("*"):
+        if (before := folder / path.relative_to(new)).exists():
+            shutil.copymode(before, path)
     spare.mkdir()
     try:
         for name in _ENTRIES:
@@ -210,7 +224,7 @@ def write_traverses(
 
     ``folder`` receives ``reference/`` and ``query/`` with ``place_00000.png`` ..., and ``reference_positions.csv`` and
     ``query_positions.csv`` (columns name, x, y; metres). The folders appear when all are complete, or not at
-    all. An earlier result of this function is replaced.
+    all. An earlier result of this function is replaced; its permissions stay.
 
     Args:
         folder: The folder to write to; created with its parents.
@@ -219,7 +233,8 @@ def write_traverses(
         keep: Names of other entries that ``folder`` may hold; they stay as they are.
     Raises:
         ConfigError: ``places`` or ``seed`` out of range.
-        InputError: an unknown condition, a folder that holds something else, or a folder that cannot be written.
+        InputError: an unknown condition, a folder that holds something else or what is read-only, or a folder that
+            cannot be written.
     """
     world = World(seed=seed, places=places)
     if len(conditions) != 2:
@@ -233,8 +248,11 @@ def write_traverses(
             raise InputError(f"{folder}: exists and is not a folder; choose another name")
         if target.is_dir() and (stranger := _foreign(target, keep)) is not None:
             raise InputError(f"{folder}: holds something else ({stranger.name}); choose a new or an empty folder")
+        if target.is_dir() and (closed := _read_only(target)) is not None:
+            name = folder / closed.relative_to(target)
+            raise InputError(f"{name}: is read-only and would be replaced; make it writable or choose another folder")
         target.parent.mkdir(parents=True, exist_ok=True)
-        workshop = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
+        workshop = Path(tempfile.mkdtemp(prefix=temporary_prefix(target), dir=target.parent))
         (workshop / "new").mkdir()
         for kind, condition in zip(_FOLDERS, conditions, strict=True):
             _write_journey(workshop / "new", kind, world, condition)

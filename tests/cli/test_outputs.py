@@ -13,6 +13,7 @@ from support.common.commands import run
 from support.common.imagefiles import write_images
 
 from lava_vpr.cli import main
+from lava_vpr.synthetic.world import write_traverses
 
 LONG = "n" * 250
 
@@ -96,6 +97,24 @@ def lock_is_a_pipe() -> None:
     os.mkfifo(".n.lvpr.lock")
 
 
+def read_only_bundle() -> None:
+    Path("b").chmod(0o555)
+
+
+def read_only_in_bundle() -> None:
+    Path("b/mapping.json").chmod(0o444)
+
+
+def read_only_image() -> None:
+    write_traverses(Path("s"), 2, 0)
+    Path("s/query/place_00001.png").chmod(0o444)
+
+
+def read_only_folder() -> None:
+    write_traverses(Path("s"), 2, 0)
+    Path("s/reference").chmod(0o555)
+
+
 def own_model() -> None:
     Path("d").mkdir()
     shutil.copy("m.lvpr", "d/model.lvpr")
@@ -109,6 +128,7 @@ INPUT = "is also an input, which would be replaced; name another file"
 TWICE = "is named for two outputs; name another for one of them"
 IMAGE = "would be one more image in query, which is read; name it otherwise"
 CLOSED = "cannot be written (the file there is read-only); make it writable or name another"
+PROTECTED = "is read-only and would be replaced; make it writable"
 REFUSED = [
     (nothing, "query b query -o b/manifest.json", f"b/manifest.json: {IN_BUNDLE}"),
     (nothing, "query b query -o b/matches.csv", f"b/matches.csv: {IN_BUNDLE}"),
@@ -164,6 +184,10 @@ REFUSED = [
     (in_the_way, "eval m.lvpr query --report file/deep/er", "file: is a file; name a folder"),
     (in_the_way, "demo --out d", "d/report/report.html: is a folder; name a file"),
     (in_the_way, "query m.lvpr query -o pipe", "pipe: cannot be written (is a folder, device or pipe, not a file)"),
+    (read_only_bundle, "deploy m.lvpr --target loihi2 -o b", f"b: {PROTECTED} or name another folder"),
+    (read_only_in_bundle, "deploy m.lvpr --target loihi2 -o b", f"b/mapping.json: {PROTECTED} or name another folder"),
+    (read_only_image, "synth s --places 2", f"s/query/place_00001.png: {PROTECTED} or choose another folder"),
+    (read_only_folder, "synth s --places 3", f"s/reference: {PROTECTED} or choose another folder"),
     (own_model, "demo --out d", "d: holds something else (model.lvpr); choose a new or an empty folder"),
     (nothing, f"query m.lvpr query -o {LONG}{LONG}", f"{LONG}: cannot be written (File name too long); name another"),
     (nothing, f"{TRAIN} -o {LONG}", f"{LONG}.checkpoint: cannot be written (File name too long); name another"),
@@ -218,6 +242,26 @@ def test_results_keep_the_modes_of_those_before_them(place: Path) -> None:
     modes = {name: Path(name).stat().st_mode & 0o777 for name in ("m.lvpr", "q.csv", "f.json", "report.html")}
     assert modes == dict.fromkeys(modes, 0o600)
     assert all(Path(name).stat().st_size for name in modes)
+
+
+def test_folders_of_results_keep_the_modes_of_those_before_them(place: Path) -> None:
+    words = {"b": ("deploy", "m.lvpr", "--target", "loihi2", "-o", "b"), "s": ("synth", "s", "--places", "2")}
+    run(*words["s"])
+    closed = {"b": 0o700, "b/manifest.json": 0o600, "s": 0o750, "s/query": 0o700, "s/query/place_00001.png": 0o640}
+    numbers = {name: Path(name).stat().st_ino for name in ("b", "s/query")}
+    for name, bits in closed.items():
+        Path(name).chmod(bits)
+    for command in words.values():
+        run(*command)
+    assert {name: Path(name).stat().st_mode & 0o777 for name in closed} == closed
+    assert all(Path(name).stat().st_ino != number for name, number in numbers.items())
+
+
+def test_folders_of_results_may_have_long_names(place: Path) -> None:
+    run("deploy", "m.lvpr", "--target", "loihi2", "-o", LONG)
+    run("synth", f"s/{LONG}", "--places", "2")
+    assert Path(LONG, "manifest.json").exists()
+    assert Path("s", LONG, "query_positions.csv").exists()
 
 
 def test_a_lock_that_a_killed_training_left_locks_nobody_out(place: Path) -> None:
