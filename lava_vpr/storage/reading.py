@@ -45,7 +45,10 @@ def read_bytes(path: Path, limit_name: str) -> bytes:
     with open_regular(path) as file:
         length = os.fstat(file.fileno()).st_size
         most = limit(limit_name)
-        data = b"" if length > most else file.read(most + 1)
+        # Python takes the memory that may be read before it reads: what the file is told to hold, and one byte.
+        data = b"" if length > most else file.read(length + 1)
+        if len(data) > length:  # it has grown, or tells no length
+            data += file.read(most + 1 - len(data))
         beyond = excess(limit_name, max(length, len(data)))
         if beyond is not None:
             raise OSError(errno.EFBIG, f"has {beyond}", str(path))

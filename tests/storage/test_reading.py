@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tracemalloc
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,26 @@ from lava_vpr.storage.text import harmless, shown
 def test_a_file_is_read(tmp_path: Path) -> None:
     (tmp_path / "a").write_bytes(b"text")
     assert read_bytes(tmp_path / "a", "text_bytes") == b"text"
+
+
+def test_reading_takes_what_the_file_holds_not_what_the_limit_allows(tmp_path: Path) -> None:
+    """As long as they are read, bytes stand in memory twice at most; the limit on models is a gibibyte."""
+    (tmp_path / "a").write_bytes(bytes(10_000))
+    tracemalloc.start()
+    try:
+        assert len(read_bytes(tmp_path / "a", "text_bytes")) == 10_000
+        assert tracemalloc.get_traced_memory()[1] < 200_000
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_file_that_tells_no_length_is_read_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Linux says 0 for its own tables."""
+    assert Path("/proc/self/mountinfo").stat().st_size == 0
+    assert read_bytes(Path("/proc/self/mountinfo"), "text_bytes").count(b"\n") > 1
+    monkeypatch.setenv("LAVA_VPR_MAX_TEXT_BYTES", "10")
+    with pytest.raises(OSError, match="has 11 bytes, more than the 10 allowed"):
+        read_bytes(Path("/proc/self/mountinfo"), "text_bytes")
 
 
 @pytest.mark.timeout(20)
