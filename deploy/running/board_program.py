@@ -24,7 +24,7 @@ from lava_vpr.deploy.bundle.folder import MANIFEST, Bundle, json_bytes, sealed
 from lava_vpr.deploy.bundle.programs import FOLDER, program_files
 from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.errors import BackendUnavailableError
-from lava_vpr.isolated.child import end
+from lava_vpr.isolated.child import started
 from lava_vpr.storage.reading import parse_json, read_bytes
 from lava_vpr.storage.text import harmless
 
@@ -109,25 +109,18 @@ def run_program(
     np.save(queries / "keys.npy", np.ascontiguousarray(keys, np.uint64), allow_pickle=False)
     chosen = interpreter(bundle, python)
     command = [chosen, lay_out(bundle, folder / "bundle"), "--queries", queries, "--out", out, *words]
-    with log.open("wb") as log_file, errors.open("wb") as error_file:
-        try:
-            child = subprocess.Popen(
-                [str(word) for word in command],
-                cwd=folder,
-                env={**os.environ, "TMPDIR": str(folder)},  # whatever it leaves is removed
-                stdin=subprocess.DEVNULL,
-                stdout=log_file,
-                stderr=error_file,
-                start_new_session=True,
-            )
-        except OSError as error:
-            variable = TARGETS[bundle.target].interpreter
-            remedy = f"set {variable} to a Python that has nxsdk" if variable else "install Python again"
-            raise BackendUnavailableError(f"{chosen}: cannot be started ({error.strerror}); {remedy}") from None
+    environment = {**os.environ, "TMPDIR": str(folder)}  # whatever it leaves is removed
     try:
-        hung = _follow(child, out, len(keys), patience, advance)
-    finally:
-        end(child, GRACE)
+        with (
+            log.open("wb") as log_file,
+            errors.open("wb") as error_file,
+            started(command, GRACE, cwd=folder, env=environment, stdout=log_file, stderr=error_file) as child,
+        ):
+            hung = _follow(child, out, len(keys), patience, advance)
+    except OSError as error:
+        variable = TARGETS[bundle.target].interpreter
+        remedy = f"set {variable} to a Python that has nxsdk" if variable else "install Python again"
+        raise BackendUnavailableError(f"{chosen}: cannot be started ({error.strerror}); {remedy}") from None
     return ended(folder, bundle, child.returncode, hung=hung)
 
 

@@ -11,7 +11,6 @@ import logging
 import os
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -26,6 +25,7 @@ from lava_vpr.deploy.running.board_program import Ended, run_program
 from lava_vpr.errors import BackendUnavailableError, BundleError, LavaRunError, LavaVprError, NetworkLimitError
 from lava_vpr.isolated.child import run_child
 from lava_vpr.storage.reading import read_bytes
+from lava_vpr.storage.temporary import temporary_folder
 
 NOTES = logging.getLogger("lava_vpr")
 PYTHON = "NXSDK_PYTHON"
@@ -144,8 +144,7 @@ def _present(
     advance: Callable[[int], None] | None,
 ) -> Outcome:
     """Run the host program once."""
-    with tempfile.TemporaryDirectory(prefix="lava-vpr-") as name:
-        folder = Path(name)
+    with temporary_folder() as folder:
         words = ("--timeout", str(timeout))
         ended = run_program(
             bundle, folder, rates, keys, words, python=python, patience=timeout + PATIENCE, advance=advance

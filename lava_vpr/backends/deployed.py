@@ -5,11 +5,9 @@ A model that is no bundle is deployed to a temporary one first.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +24,7 @@ from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.model import Model, checked_network
+from lava_vpr.storage.temporary import temporary_folder
 
 BATCH = 16
 """Queries between two reports of progress."""
@@ -41,8 +40,8 @@ def bundle_of(model: Model, board: Board = KAPOHO_BAY) -> Iterator[Bundle]:
     if model.bundle is not None:
         yield bundle_folder.load(model.bundle)
         return
-    with tempfile.TemporaryDirectory(prefix="lava-vpr-") as folder:
-        yield deploy(model, board, Path(folder) / "bundle", picture=False).bundle
+    with temporary_folder() as folder:
+        yield deploy(model, board, folder / "bundle", picture=False).bundle
 
 
 @dataclass(frozen=True)

@@ -7,43 +7,140 @@ import importlib
 import logging
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import click
 
+from lava_vpr import interrupts
 from lava_vpr.errors import LavaVprError
+from lava_vpr.storage.text import harmless
+
+_SPACE = "free some space"
+_REMEDIES = {
+    errno.ENOSPC: _SPACE,
+    errno.EDQUOT: _SPACE,
+    errno.EFBIG: "raise the limit on the size of files (ulimit -f)",
+    errno.EMFILE: "raise the limit on open files (ulimit -n)",
+    errno.ENFILE: "end other programs, which hold too many files open",
+    errno.EAGAIN: "end other programs, or raise the limit on processes (ulimit -u)",
+    errno.ENOMEM: "free some memory, or raise the limit on it (ulimit -v)",
+}
+"""What helps against an error of the system; the path and its permissions are looked at for all others."""
+
+_NO_THREAD = "can't start new thread"  # all that `threading` says, as a RuntimeError
+_NO_MEMORY = ("failed to map segment", "cannot allocate memory", "Could not find/load shared object")
 
 
 class OneLineGroup(click.Group):
-    """Turns every error that a user can cause into one line on stderr and exit code 1."""
+    """Turns every error that a user can cause into one line on stderr and exit code 1.
+
+    Whatever else is raised is a defect of ours, and is shown as it is.
+    """
+
+    def main(self, *args: Any, **options: Any) -> Any:
+        """Run the program; what fails before a command begins, as ``--version`` to a full disk, is one line, too."""
+        try:
+            with _told_in_one_line():
+                return super().main(*args, **options)
+        except _Failure as failure:
+            failure.show()
+            sys.exit(failure.exit_code)
 
     def invoke(self, ctx: click.Context) -> Any:
         notes, logger = _Notes(), logging.getLogger("lava_vpr")
         logger.addHandler(notes)
         try:
-            return super().invoke(ctx)
-        except LavaVprError as error:
-            raise _Failure(str(error)) from None
-        except BrokenPipeError:
-            # The reader of our output went away (`lava-vpr eval ... | head`): not an error of ours or theirs.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            raise SystemExit(0) from None
-        except OSError as error:
-            where = f"{error.filename}: " if error.filename else ""
-            remedy = "free some space" if error.errno == errno.ENOSPC else "check the path and its permissions"
-            raise _Failure(f"{where}{error.strerror or error}; {remedy}") from None
-        except MemoryError:
-            raise _Failure("not enough memory; use fewer images at a time (--places A:B)") from None
+            with _told_in_one_line():
+                return super().invoke(ctx)
         finally:
             logger.removeHandler(notes)
 
 
+@contextmanager
+def _told_in_one_line() -> Iterator[None]:
+    """Turn what the user or the machine is to blame for into a `_Failure`."""
+    try:
+        yield
+    except LavaVprError as error:
+        raise _Failure(str(error)) from None
+    except BrokenPipeError:
+        # The reader of our output went away (`lava-vpr eval ... | head`): not an error of ours or theirs.
+        _discard_output()
+        raise SystemExit(0) from None
+    except OSError as error:
+        raise _Failure(_told(error)) from None
+    except MemoryError as error:
+        raise _Failure(_out_of_memory(str(error))) from None
+    except ImportError as error:
+        if (error.name or "").partition(".")[0] == __name__.partition(".")[0]:
+            raise
+        if any(words in str(error) for words in _NO_MEMORY):
+            raise _Failure(_out_of_memory(str(error))) from None
+        raise _Failure(
+            f"a part that lava-vpr needs cannot be loaded ({error}); install it again: "
+            "pip install --force-reinstall lava-vpr"
+        ) from None
+    except RuntimeError as error:
+        if str(error) != _NO_THREAD:
+            raise
+        remedy = "end other programs, or raise the limit on processes (ulimit -u) or memory (ulimit -v)"
+        raise _Failure(f"no further thread can be started; {remedy}") from None
+
+
+def _told(error: OSError) -> str:
+    """An error of the system: what it is about, what is wrong, what helps."""
+    where = f"{os.fsdecode(error.filename)}: " if isinstance(error.filename, (str, bytes)) else _stream_at_fault()
+    if any(words in str(error) for words in _NO_MEMORY):
+        return _out_of_memory(str(error))
+    if error.errno == errno.ENOENT and not where and _homeless():
+        return "the working directory does not exist any more; change to another"
+    remedy = _REMEDIES.get(error.errno or 0, "check the path and its permissions")
+    return f"{where}{error.strerror or error}; {remedy}"
+
+
+def _stream_at_fault() -> str:
+    """The output, if what was printed cannot be written, which no error of the system names; else nothing."""
+    try:
+        sys.stdout.flush()  # what could not be written is still there
+    except OSError:
+        _discard_output()
+        return "stdout: "
+    return ""
+
+
+def _discard_output() -> None:
+    """Let what is printed go nowhere."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())
+    os.close(nowhere)
+
+
+def _homeless() -> bool:
+    """Whether the folder that we work in has been removed."""
+    try:
+        os.getcwd()
+    except OSError:
+        return True
+    return False
+
+
+def _out_of_memory(said: str) -> str:
+    """The message when memory ran out: what could not be had, if that is known, and all that may help."""
+    what = f" ({said})" if said else ""
+    return (
+        f"not enough memory{what}; end other programs, raise the limit on it (ulimit -v), or give fewer or smaller "
+        "images at a time"
+    )
+
+
 class _Notes(logging.Handler):
-    """Prints each warning of the library as a note on stderr."""
+    """Prints each warning of the library as a note on stderr, on one line."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        click.echo(f"note: {record.getMessage()}", err=True)
+        with suppress(OSError):  # where notes cannot be written, work goes on
+            click.echo(f"note: {_one_line(record.getMessage())}", err=True)
 
 
 class _Failure(click.ClickException):
@@ -52,8 +149,13 @@ class _Failure(click.ClickException):
     exit_code = 1
 
     def show(self, file: Any = None) -> None:
-        text = " ".join(self.format_message().split())
-        click.echo(f"lava-vpr: error: {text}", err=True)
+        with suppress(OSError):  # the exit code is left to tell
+            click.echo(f"lava-vpr: error: {_one_line(self.format_message())}", err=True)
+
+
+def _one_line(text: str) -> str:
+    """``text`` on one line, without anything that a terminal would obey."""
+    return harmless(" ".join(text.split()))
 
 
 class LazyGroup(OneLineGroup):
@@ -77,6 +179,7 @@ class LazyGroup(OneLineGroup):
         command = getattr(importlib.import_module(module), attribute)
         if not isinstance(command, click.Command):
             raise TypeError(f"{module}.{attribute} is no command")
+        interrupts.begin()  # all that a command needs is loaded, most of it
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

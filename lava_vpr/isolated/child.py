@@ -6,9 +6,11 @@ import contextlib
 import os
 import signal
 import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+from lava_vpr.interrupts import held
 
 
 class Ended(NamedTuple):
@@ -48,22 +50,34 @@ def run_child(
         OSError: the program cannot be started.
         subprocess.TimeoutExpired: the program took too long and was stopped.
     """
-    with subprocess.Popen(
-        [str(word) for word in words],
-        cwd=folder,
-        env=environment,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        errors="replace",
-        start_new_session=True,
-    ) as child:
-        try:
-            out, err = child.communicate(timeout=seconds)
-        finally:
-            end(child)
+    pipe = subprocess.PIPE
+    with started(words, cwd=folder, env=environment, stdout=pipe, stderr=pipe, text=True, errors="replace") as child:
+        out, err = child.communicate(timeout=seconds)
     return Ended(child.returncode, out, err)
+
+
+@contextlib.contextmanager
+def started(words: Sequence[str | Path], grace: float = 0.0, **options: Any) -> Iterator[subprocess.Popen[Any]]:
+    """A program in a session of its own, without input; at the end of the block it has ended, with all it started.
+
+    Args:
+        words: The program and its arguments.
+        grace: Seconds that it has at the end of the block, see `end`.
+        options: Further ones of `subprocess.Popen`.
+    Raises:
+        OSError: the program cannot be started.
+    """
+    child: subprocess.Popen[Any] | None = None
+    try:
+        with held():  # what is started is known
+            child = subprocess.Popen(
+                [str(word) for word in words], stdin=subprocess.DEVNULL, start_new_session=True, **options
+            )
+        yield child
+    finally:
+        if child is not None:
+            with child:
+                end(child, grace)
 
 
 def end(child: subprocess.Popen[bytes] | subprocess.Popen[str], grace: float = 0.0) -> None:
@@ -73,13 +87,14 @@ def end(child: subprocess.Popen[bytes] | subprocess.Popen[str], grace: float = 0
         child: The program, started with ``start_new_session``.
         grace: Seconds that it has to end in good order, once asked to; 0: it is not asked.
     """
-    if grace > 0 and child.poll() is None:
-        child.terminate()
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            child.wait(grace)
-    with contextlib.suppress(ProcessLookupError, PermissionError):
-        os.killpg(child.pid, signal.SIGKILL)
-    child.wait()
+    with held():
+        if grace > 0 and child.poll() is None:
+            child.terminate()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                child.wait(grace)
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(child.pid, signal.SIGKILL)
+        child.wait()
 
 
 def environment_without_python() -> dict[str, str]:

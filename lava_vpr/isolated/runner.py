@@ -6,22 +6,20 @@ import contextlib
 import json
 import os
 import re
-import shutil
-import signal
 import subprocess
 import sys
-import tempfile
-import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from numpy.typing import NDArray
 
 from lava_vpr.errors import LavaRunError
+from lava_vpr.interrupts import held
 from lava_vpr.isolated import first_failure, job_folder, lifetime
 from lava_vpr.isolated.worker import STACKS
+from lava_vpr.storage.temporary import temporary_folder
 
 LOOK = 0.03  # seconds between two looks at the worker
 GRACE = 6.0  # seconds for the worker to end what it started
@@ -62,40 +60,32 @@ def run_isolated(
         raise ValueError(f"a timeout of {timeout} s leaves no time: give more than 0")
     end = time.monotonic() + timeout
     text = json.dumps(dict(options or {}))
-    folder = _folder()
-    worker: subprocess.Popen[bytes] | None = None
-    try:
-        reader = job_folder.ProgressReader(folder)
-        with _uninterrupted():  # a worker that is started is known
-            worker = _start(folder)
-        _write_job(folder, target, arrays, text)  # now, so that the worker removes it should we be killed meanwhile
-        _wait(worker, folder, target, timeout, end, reader, progress)
-        return job_folder.load_arrays(folder / "results")
-    finally:
-        with _uninterrupted():
-            if worker is not None:
-                _end(worker, folder)
-            shutil.rmtree(folder, ignore_errors=True)
+    with temporary_folder() as folder:
+        _check_length(folder)
+        worker: subprocess.Popen[bytes] | None = None
+        try:
+            reader = job_folder.ProgressReader(folder)
+            with held():  # a worker that is started is known
+                worker = _start(folder)
+            _write_job(folder, target, arrays, text)  # now, so that the worker removes it should we be killed meanwhile
+            _wait(worker, folder, target, timeout, end, reader, progress)
+            return job_folder.load_arrays(folder / "results")
+        finally:
+            with held():
+                if worker is not None:
+                    _end(worker, folder)
 
 
-def _folder() -> Path:
-    """Make the folder of a run.
+def _check_length(folder: Path) -> None:
+    """Refuse a folder whose path is too long for Lava's sockets.
 
     Raises:
-        LavaRunError: no folder can be made, or its path is too long for Lava's sockets.
+        LavaRunError: it is.
     """
-    try:
-        folder = Path(tempfile.mkdtemp(prefix="lava-vpr-"))
-    except OSError as error:
-        raise LavaRunError(
-            f"no temporary folder can be made ({error}); set TMPDIR to one that can be written"
-        ) from error
     if len(os.fsencode(folder)) > LONGEST_FOLDER:
-        folder.rmdir()
         raise LavaRunError(
             f"{folder.parent}: too long a path for the sockets that Lava makes there; set TMPDIR to a shorter one"
         )
-    return folder
 
 
 def _write_job(folder: Path, target: str, arrays: Mapping[str, NDArray[Any]], options: str) -> None:
@@ -190,20 +180,3 @@ def _end(worker: subprocess.Popen[bytes], folder: Path) -> None:
     if worker.returncode < 0:  # killed: it could not see to it itself
         lifetime.end_group(_group(folder))
     lifetime.remove_shared_memory(folder.name)
-
-
-@contextlib.contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Hold Ctrl-C back until the end of the block."""
-    handler = signal.getsignal(signal.SIGINT)
-    if threading.current_thread() is not threading.main_thread() or handler is None:
-        yield
-        return
-    held: list[int] = []
-    signal.signal(signal.SIGINT, lambda number, frame: held.append(number))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, handler)
-        if held:
-            signal.raise_signal(signal.SIGINT)

@@ -7,8 +7,6 @@ negative power.
 from __future__ import annotations
 
 import math
-import tempfile
-from pathlib import Path
 
 from lava_vpr.backends.deployed import bundle_of
 from lava_vpr.backends.interface import Presentations
@@ -21,6 +19,7 @@ from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.errors import LavaRunError
 from lava_vpr.model import Model, checked_network
 from lava_vpr.storage.reading import parse_json, read_bytes
+from lava_vpr.storage.temporary import temporary_folder
 
 STEPS = 100_000
 """Least steps of a run; queries are repeated with other noise. Source: public measurements of idle power of Loihi and
@@ -65,8 +64,7 @@ def measure(model: Model, shown: Presentations, backend: str) -> Measured:
 
 def _run(bundle: Bundle, shown: Presentations, backend: str) -> dict[str, float]:
     """The figures that the board's program measures, by name (`FIGURES`)."""
-    with tempfile.TemporaryDirectory(prefix="lava-vpr-") as name:
-        folder = Path(name)
+    with temporary_folder() as folder:
         power = folder / "power.json"
         words = ("--power", power)
         ended = run_program(bundle, folder, shown.rates, shown.keys, words, patience=TIMEOUT)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import tempfile
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -34,6 +33,7 @@ from lava_vpr.engine.threads import cores
 from lava_vpr.errors import BackendUnavailableError, LavaVprError
 from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.model import Model
+from lava_vpr.storage.temporary import temporary_folder
 from lava_vpr.traverse import Traverse
 
 SINGLES, SINGLE_SECONDS = 1000, 8.0
@@ -118,8 +118,8 @@ def _on_disk(model: Model, backend: str) -> Iterator[Path]:
         with deployed.bundle_of(model) as bundle:
             yield bundle.path
         return
-    with tempfile.TemporaryDirectory(prefix="lava-vpr-") as folder:
-        path = Path(folder) / "model.lvpr"
+    with temporary_folder() as folder:
+        path = folder / "model.lvpr"
         model_file.save(model, path)
         yield path
 

@@ -1,0 +1,113 @@
+"""What happens when the program is told to stop: by Ctrl-C, SIGTERM, or SIGHUP when its terminal is closed.
+
+`install` is for the program alone. It lets all three unwind the program as Ctrl-C does, so that everything that stands
+in a ``finally`` is done. `held` serves the library, too: within it nothing is interrupted.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""The signals that ask a program to end."""
+
+
+class StoppedError(KeyboardInterrupt):
+    """Raised in the main thread when a signal asks the program to end; whatever minds Ctrl-C minds it."""
+
+
+class _State:
+    """What a signal does just now."""
+
+    def __init__(self) -> None:
+        self.depth = 0  # blocks of `held` that we are in
+        self.working = True  # False: nothing has been begun that would have to be ended in good order
+        self.waiting: list[int] = []  # signals that are held back
+        self.stopped: list[int] = []  # signals that stopped the program
+
+
+_now = _State()
+
+
+def _stop(number: int, frame: FrameType | None) -> None:
+    """Unwind the program; or end it at once if it has not begun anything; or take note if it is not to be disturbed."""
+    if _now.depth:
+        _now.waiting.append(number)
+    elif _now.working:
+        _now.stopped.append(number)
+        raise StoppedError
+    elif number == signal.SIGINT:
+        with suppress(OSError):
+            os.write(2, b"\nAborted!\n")
+        os._exit(1)
+    else:
+        _die_of(number)
+
+
+def _die_of(number: int) -> None:
+    """End by a signal, so that whoever started the program sees what it died of."""
+    signal.signal(number, signal.SIG_DFL)
+    os.kill(os.getpid(), number)
+
+
+def install() -> None:
+    """Mind the signals, from the main thread; one that is ignored, as by ``nohup``, stays ignored.
+
+    Until `begin` a signal ends the program at once: an exception out of the import of a compiled module can turn into
+    any other.
+    """
+    _now.working = False
+    for number in SIGNALS:
+        if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):
+            signal.signal(number, _stop)
+
+
+def begin() -> None:
+    """From now on a signal raises `StoppedError`."""
+    _now.working = True
+
+
+def begun() -> bool:
+    """Whether `begin` was called, or `install` was not."""
+    return _now.working
+
+
+def finish() -> None:
+    """Work is over: a signal that stopped it, other than Ctrl-C, ends the process now; a new one does so at once."""
+    for number in SIGNALS:
+        if signal.getsignal(number) is _stop:
+            signal.signal(number, signal.SIG_DFL)
+    for number in _now.stopped:
+        if number != signal.SIGINT:
+            _die_of(number)
+
+
+@contextmanager
+def held() -> Iterator[None]:
+    """Hold signals back until the end of the block: what it makes is known by then, what it removes is gone.
+
+    Where `install` was not called, that is Ctrl-C alone; and nothing in other threads, which signals do not interrupt.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    _now.depth += 1
+    handler = signal.getsignal(signal.SIGINT)
+    foreign = callable(handler) and handler is not _stop
+    try:
+        if foreign:
+            signal.signal(signal.SIGINT, _stop)
+        yield
+    finally:
+        _now.depth -= 1
+        if foreign:
+            signal.signal(signal.SIGINT, handler)
+        if _now.waiting and not _now.depth:
+            number = _now.waiting[0]
+            _now.waiting.clear()
+            signal.raise_signal(number)
