@@ -1,28 +1,40 @@
-"""Where compiled kernels are kept, settled before numba is imported.
+"""Where compiled kernels are kept, settled before numba is imported; and a cache that can only save time.
 
-numba looks only at the file that a function stands in, so a kernel with another file's function inlined would go stale;
-and it refuses to be imported where nothing can be written.
+numba looks only at the file that a function stands in, so a kernel with another file's function inlined would go stale.
+Where it cannot write, its disk is full or an entry is cut short it raises; here a kernel is compiled anew then.
 """
 
 from __future__ import annotations
 
 import contextlib
+import functools
+import logging
 import os
 import stat
 import tempfile
 from pathlib import Path
+from typing import Any
+
+from lava_vpr.interrupts import held
 
 PACKAGE = Path(__file__).parent
 SOURCES = ("engine/**/*.py", "inputs/*.py")
+NOTES = logging.getLogger("lava_vpr")
+
+_noted = False
 
 
 def drop_stale() -> None:
-    """Delete compiled kernels in the package's own folders that are older than any of their sources."""
+    """Delete compiled kernels in the package's own folders that are older than any of their sources.
+
+    What numba was writing when it was killed goes with them.
+    """
     newest = max(path.stat().st_mtime for pattern in SOURCES for path in PACKAGE.glob(pattern))
-    for path in PACKAGE.rglob("__pycache__/*.nb[ci]"):
-        with contextlib.suppress(OSError):
-            if path.stat().st_mtime < newest:
-                path.unlink()
+    for pattern in ("__pycache__/*.nb[ci]", "__pycache__/*.nb[ci].tmp.*"):
+        for path in PACKAGE.rglob(pattern):
+            with contextlib.suppress(OSError):
+                if path.stat().st_mtime < newest:
+                    path.unlink()
 
 
 def _writable(folder: Path) -> bool:
@@ -32,22 +44,105 @@ def _writable(folder: Path) -> bool:
     return folder.is_dir() and os.access(folder, os.W_OK)
 
 
-def own_folder() -> Path:
-    """A folder of ours alone among the temporary files: compiled code is loaded from it."""
-    folder = Path(tempfile.gettempdir()) / f"lava-vpr-kernels-{os.getuid()}"
+def own_folder() -> Path | None:
+    """A folder of ours alone among the temporary files: compiled code is loaded from it. None: there is none."""
     with contextlib.suppress(OSError):
+        folder = Path(tempfile.gettempdir()) / f"lava-vpr-kernels-{os.getuid()}"
         folder.mkdir(mode=0o700, exist_ok=True)
         status = folder.lstat()
         if stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid() and not status.st_mode & 0o077:
             return folder
-    return Path(tempfile.mkdtemp(prefix="lava-vpr-kernels-"))
+    return None
+
+
+def _users(variable: str, name: str) -> Path | None:
+    """The folder ``name`` at the user's home, or what ``variable`` says; None if it is closed or there is none."""
+    try:
+        home = Path.home()
+    except RuntimeError:  # neither HOME nor an entry in the list of users
+        home = Path(os.devnull)
+    folder = Path(os.environ.get(variable) or home / name)
+    at_home = variable not in os.environ
+    return folder if _writable(folder) and not (at_home and not home.is_dir()) else None
 
 
 def prepare() -> None:
-    """Drop stale kernels; where neither the package nor the user's cache can be written, use `own_folder`."""
+    """Drop stale kernels; give numba and matplotlib `own_folder` where they can write neither here nor at home.
+
+    Neither must take a home that is not there for a folder of the name ~ right here, nor speak of it.
+    """
     drop_stale()
-    if os.environ.get("NUMBA_CACHE_DIR"):
+    cache, config = _users("XDG_CACHE_HOME", ".cache"), _users("XDG_CONFIG_HOME", ".config")
+    if cache is not None and config is not None:
         return
-    user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    if not (_writable(PACKAGE / "engine" / "__pycache__") or _writable(user)):
-        os.environ["NUMBA_CACHE_DIR"] = str(own_folder())
+    own = own_folder()
+    if not os.environ.get("MPLCONFIGDIR") and own is not None:
+        os.environ["MPLCONFIGDIR"] = str(own)
+    if cache is None:
+        os.environ["XDG_CACHE_HOME"] = str(own or os.devnull)
+        if not (os.environ.get("NUMBA_CACHE_DIR") or _writable(PACKAGE / "engine" / "__pycache__") or own is None):
+            os.environ["NUMBA_CACHE_DIR"] = str(own)
+
+
+def compiled(*signatures: Any, **options: Any) -> Any:
+    """`numba.njit` with a cache that can fail without harm: a decorator of kernels.
+
+    Args:
+        signatures: At most one: the only types that the kernel takes.
+        options: As for `numba.njit`, without ``cache``.
+    """
+    import numba
+
+    def decorate(function: Any) -> Any:
+        kernel = numba.njit(**options)(function)
+        if kernel is function:  # NUMBA_DISABLE_JIT
+            return function
+        try:
+            kernel._cache = _cache_class()(function)
+        except RuntimeError:  # numba found no folder that can be written
+            _note("lava-vpr's own folder and your home", "no permission to write")
+        for signature in signatures:
+            kernel.compile(signature)
+            kernel.disable_compile()
+        return kernel
+
+    return decorate
+
+
+@functools.cache
+def _cache_class() -> Any:
+    """numba's cache of a kernel, but one that forgets what it cannot read and goes on where it cannot write."""
+    from numba.core.caching import FunctionCache
+
+    class Cache(FunctionCache):  # type: ignore[misc]
+        """The cache of one kernel."""
+
+        def load_overload(self, *what: Any) -> Any:
+            try:
+                return super().load_overload(*what)
+            except Exception:  # a damaged pickle may raise anything
+                with contextlib.suppress(OSError), held():
+                    self.flush()
+                return None
+
+        def save_overload(self, *what: Any) -> None:
+            try:
+                with held():  # else half a file would be left
+                    super().save_overload(*what)
+            except Exception as error:  # an index that is damaged and cannot be replaced, too
+                _note(self.cache_path, getattr(error, "strerror", None) or str(error))
+
+    return Cache
+
+
+def _note(place: str, reason: str) -> None:
+    """Say once that compiled kernels are not kept."""
+    global _noted
+    if not _noted:
+        _noted = True
+        NOTES.warning(
+            "compiled kernels cannot be kept in %s (%s), so each command compiles them anew; free space there, or set "
+            "NUMBA_CACHE_DIR to a folder that can be written",
+            place,
+            reason,
+        )

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
+
+from lava_vpr.kernelcache import compiled
 
 Counts = NDArray[np.int64]
 
@@ -59,7 +60,7 @@ class Routes(NamedTuple):
     entry: Counts
 
 
-@nb.njit(cache=True, inline="always")
+@compiled(inline="always")
 def _reached(routes: Routes, i: int, arrived: NDArray[np.int64], relayed: NDArray[np.uint8], pulled: bool) -> bool:
     """Whether a stored synapse delivered to neuron ``i``: of inputs that ``arrived``, relays elsewhere, or its own."""
     if pulled:
@@ -73,7 +74,7 @@ def _reached(routes: Routes, i: int, arrived: NDArray[np.int64], relayed: NDArra
     return False
 
 
-@nb.njit(cache=True, inline="always")
+@compiled(inline="always")
 def _updates(
     routes: Routes,
     membranes_before: NDArray[np.int32],
@@ -109,7 +110,7 @@ def _updates(
             events[k, _TOUCHED] += 1
 
 
-@nb.njit(cache=True, inline="always")
+@compiled(inline="always")
 def _send(events: Counts, home: int, target: int, operations: Counts, ways: Counts) -> None:
     """Count a message from core to core, and what it meets there."""
     events[home, _OUT] += 1
@@ -120,7 +121,7 @@ def _send(events: Counts, home: int, target: int, operations: Counts, ways: Coun
     events[target, _OPERATIONS + 1] += operations[1]
 
 
-@nb.njit(cache=True, inline="always")
+@compiled(inline="always")
 def _neurons_spikes(
     routes: Routes, now_fired: NDArray[np.uint8], last_fired: NDArray[np.uint8], relay_row: Counts, now: Counts
 ) -> int:
@@ -143,7 +144,7 @@ def _neurons_spikes(
     return relays
 
 
-@nb.njit(cache=True, inline="always")
+@compiled(inline="always")
 def _input_spike(routes: Routes, j: int, now: Counts) -> None:
     """Count the messages of a spike of input ``j``."""
     home = routes.input_core[j]
@@ -165,7 +166,7 @@ def _input_spike(routes: Routes, j: int, now: Counts) -> None:
                 now[k, _INPUT_HOPS + i] += routes.entry[k, i]
 
 
-@nb.njit(cache=True, inline="always")
+@compiled(inline="always")
 def _input_updates(routes: Routes, mapped: Counts, stopped: NDArray[np.uint8], now: Counts) -> None:
     """Count updates of input compartments: of all but those without a bias that ``stopped`` at 0."""
     for kind in (_UPDATES, _TOUCHED, _INPUT_UPDATES):
@@ -176,7 +177,7 @@ def _input_updates(routes: Routes, mapped: Counts, stopped: NDArray[np.uint8], n
                 now[routes.input_core[j], kind] -= 1
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def count_presentation(
     routes: Routes,
     inhibited: bool,

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.deploy.registers.core_images import READ_OUT
+from lava_vpr.kernelcache import compiled
 from lava_vpr.loihi import DECAY_BITS, INPUT_SHIFT, LOIHI_1_INPUT_LIMIT, STATE_LIMIT
 
 EVENTS = (
@@ -71,13 +71,13 @@ class State(NamedTuple):
     bias: NDArray[np.int64]
 
 
-@nb.njit(cache=True, inline="always")
+@compiled(inline="always")
 def _decayed(x: int, keep: int) -> int:
     """sign(x) (|x| keep >> 12)."""
     return (x * keep >> DECAY_BITS) if x >= 0 else -(-x * keep >> DECAY_BITS)
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def update(
     wiring: Wiring,
     state: State,
@@ -119,7 +119,7 @@ def update(
     return n, -1
 
 
-@nb.njit(cache=True, inline="always")
+@compiled(inline="always")
 def _deliver(wiring: Wiring, sums: NDArray[np.int64], core: int, axon: int, events: NDArray[np.int64]) -> None:
     """Add the row of the input axon that a spike meets to the accumulators."""
     row = wiring.row_of[axon]
@@ -130,7 +130,7 @@ def _deliver(wiring: Wiring, sums: NDArray[np.int64], core: int, axon: int, even
     events[core, _OPERATIONS + wiring.row_sparse[row]] += end - begin
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def present(
     wiring: Wiring,
     state: State,

@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.deploy.registers.synapses import COUNT_BITS, ID_BITS, Format, Rows, row_words
 from lava_vpr.errors import ModelFileError
+from lava_vpr.kernelcache import compiled
 from lava_vpr.loihi import BLOCK_HEADER_BITS, BLOCK_SYNAPSES, CORE_FORMATS, WORD_BITS
 
 
@@ -26,7 +26,7 @@ def _widths(formats: Sequence[Format | None]) -> NDArray[np.int64]:
     return widths
 
 
-@nb.njit(cache=True, inline="always")
+@compiled(inline="always")
 def _put(words: NDArray[np.uint64], at: int, value: int, bits: int) -> int:
     """Set ``value`` in the bits ``at`` and following, which are 0; returns the position behind it."""
     word, offset = at >> 6, at & 63
@@ -36,7 +36,7 @@ def _put(words: NDArray[np.uint64], at: int, value: int, bits: int) -> int:
     return at + bits
 
 
-@nb.njit(cache=True, inline="always")
+@compiled(inline="always")
 def _get(words: NDArray[np.uint64], at: int, bits: int) -> Any:
     """The value of the bits ``at`` and following."""
     word, offset = at >> 6, at & 63
@@ -46,7 +46,7 @@ def _get(words: NDArray[np.uint64], at: int, bits: int) -> Any:
     return np.int64(value & ((np.uint64(1) << np.uint64(bits)) - np.uint64(1)))
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _pack(
     starts: NDArray[np.int64],
     compartments: NDArray[np.int32],
@@ -107,7 +107,7 @@ _PROBLEMS = (
 _RUNS_OUT, _NO_FORMAT, _MIXED, _TOO_MANY, _NO_COMPARTMENT, _TOO_FEW_WORDS, _TRAILING = range(1, 8)
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _unpack_row(
     words: NDArray[np.uint64],
     entry: NDArray[np.int32],
@@ -147,7 +147,7 @@ def _unpack_row(
     return (form, 0) if at == end else ((at >> 6) - entry[0], _TOO_FEW_WORDS)
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _unpack(
     words: NDArray[np.uint64],
     entries: NDArray[np.int32],

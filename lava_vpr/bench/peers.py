@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator, Sequence, Sized
 from dataclasses import dataclass
 from typing import Any
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,6 +24,7 @@ from lava_vpr.encoding import query_rates
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.threads import cores, share
 from lava_vpr.errors import InputError
+from lava_vpr.kernelcache import compiled
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.model import Model
 from lava_vpr.recognition import BASELINES, Comparison, Recognition, recognise
@@ -62,7 +62,7 @@ def repeats(queries: Sized) -> int:
     return max(1, -(-BATCH // len(queries)))
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _sad(references: NDArray[np.uint8], queries: NDArray[np.uint8], out: NDArray[np.int32]) -> None:
     """Sums of absolute differences: ``out`` (queries, references) of uint8 rows."""
     for q in range(queries.shape[0]):

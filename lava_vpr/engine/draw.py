@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import sys
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.engine.random import GOLDEN, mix
 from lava_vpr.errors import BackendUnavailableError
+from lava_vpr.kernelcache import compiled
 
 LANES = 4
 _ZERO, _ONE, _S2, _S3, _S32, _S56 = (np.uint64(x) for x in (0, 1, 2, 3, 32, 56))
@@ -19,7 +19,7 @@ if sys.byteorder != "little":  # the kernel reads the four 16-bit draws of a has
     raise BackendUnavailableError("the host engine needs a little-endian processor; run it on x86-64 or ARM")
 
 
-@nb.njit(cache=True)
+@compiled()
 def scratch(
     inputs: int,
 ) -> tuple[
@@ -45,7 +45,7 @@ def scratch(
     )
 
 
-@nb.njit(cache=True, inline="always")
+@compiled(inline="always")
 def prepare_draws(
     rates: NDArray[np.uint16],
     key: np.uint64,
@@ -74,7 +74,7 @@ def prepare_draws(
     return n
 
 
-@nb.njit(cache=True, inline="always")
+@compiled(inline="always")
 def draw_block(
     block: int,
     n: int,

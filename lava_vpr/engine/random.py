@@ -14,6 +14,8 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.kernelcache import compiled
+
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
 _MIX_2 = np.uint64(0x94D049BB133111EB)
@@ -23,7 +25,7 @@ _MASK = (1 << 64) - 1
 ROLES = ("train", "response", "query", "start", "delay")
 
 
-@nb.njit(nb.uint64(nb.uint64), inline="always", cache=True)
+@compiled(nb.uint64(nb.uint64), inline="always")
 def mix(x: np.uint64) -> np.uint64:
     """SplitMix64's finaliser, a bijection of 64-bit words."""
     x = (x ^ (x >> _S30)) * _MIX_1

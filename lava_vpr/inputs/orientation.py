@@ -8,11 +8,11 @@ from __future__ import annotations
 import math
 
 import cv2
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.inputs.patches import grey
+from lava_vpr.kernelcache import compiled
 
 
 def edge_energy(
@@ -34,7 +34,7 @@ def edge_energy(
     return energy, gx, gy
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _pool(
     energy: NDArray[np.float32], gx: NDArray[np.float32], gy: NDArray[np.float32], cell: int, out: NDArray[np.float32]
 ) -> None:

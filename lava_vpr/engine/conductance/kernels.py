@@ -13,11 +13,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.engine.random import GOLDEN, mix
+from lava_vpr.kernelcache import compiled
 
 FROZEN, TRIPLET, PAPER = 0, 1, 2
 E_REST, E_RESET, E_EXC, E_INH = -65.0, -65.0, 0.0, -100.0
@@ -59,7 +59,7 @@ class Network(NamedTuple):
     sources: NDArray[np.int32]
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def draw_spikes(rates: NDArray[np.uint32], key: np.uint64, steps: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """All input spikes of one presentation: their steps, ascending, and their inputs, ascending within a step.
 
@@ -113,7 +113,7 @@ def draw_spikes(rates: NDArray[np.uint32], key: np.uint64, steps: int) -> tuple[
     return spikes[0, :end], spikes[1, :end]
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def normalise(weights: NDArray[np.float64], target: float) -> None:
     """Scale the weights (neurons, inputs) of each neuron to the sum ``target``, in place; all zeros stay."""
     for i in range(weights.shape[0]):
@@ -127,7 +127,7 @@ def normalise(weights: NDArray[np.float64], target: float) -> None:
                 row[j] *= factor
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def first_spike(when: NDArray[np.int32], step: int) -> int:
     """Index of the first spike at ``step`` or later, by bisection."""
     low, high = 0, when.size
@@ -140,7 +140,7 @@ def first_spike(when: NDArray[np.int32], step: int) -> int:
     return low
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def input_drive(net: Network, begin: int, carry: NDArray[np.float64], drive: NDArray[np.float64]) -> None:
     """Sum the weights that arrive at every neuron in the steps from ``begin``, as many as ``drive`` has rows.
 
@@ -173,7 +173,7 @@ def input_drive(net: Network, begin: int, carry: NDArray[np.float64], drive: NDA
                 drive[t, i0 + k] = sums[k, t]
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def update_exc(
     v: NDArray[np.float64],
     ge: NDArray[np.float64],
@@ -202,7 +202,7 @@ def update_exc(
     return above
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def calm(
     v: NDArray[np.float64],
     ge: NDArray[np.float64],

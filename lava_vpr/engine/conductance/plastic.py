@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.engine.conductance.kernels import NEVER, TRIPLET, Constants, Network
+from lava_vpr.kernelcache import compiled
 
 
 class Plastic(NamedTuple):
@@ -29,7 +29,7 @@ class Plastic(NamedTuple):
     inputs: NDArray[np.int32]
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def new_plastic(slots: int, inputs: int, spikes: int) -> Plastic:
     """Make room for ``slots`` neurons."""
     return Plastic(
@@ -41,7 +41,7 @@ def new_plastic(slots: int, inputs: int, spikes: int) -> Plastic:
     )
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def with_room(old: Plastic, n: int) -> Plastic:
     """``old``, or a larger copy, with a free slot after its first ``n``."""
     if n < old.neuron.size:
@@ -56,7 +56,7 @@ def with_room(old: Plastic, n: int) -> Plastic:
     return new
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def recruit(plastic: Plastic, slot: int, i: int, step: int, net: Network, total: int) -> None:
     """Neuron ``i`` becomes plastic at ``step``: when each input last arrived, and what arrives later, in order.
 
@@ -85,7 +85,7 @@ def recruit(plastic: Plastic, slot: int, i: int, step: int, net: Network, total:
             ends[arrival] += 1
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def arrive(plastic: Plastic, slot: int, step: int, weights: NDArray[np.float64], change: float, w_max: float) -> float:
     """What reaches the slot's neuron at ``step``; each weight is read, then grows by ``change`` within [0, w_max].
 
@@ -105,7 +105,7 @@ def arrive(plastic: Plastic, slot: int, step: int, weights: NDArray[np.float64],
     return drive
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def learn(
     weight: NDArray[np.float64],
     arrived: NDArray[np.int64],

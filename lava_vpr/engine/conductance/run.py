@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,6 +28,7 @@ from lava_vpr.engine.conductance.kernels import (
     update_exc,
 )
 from lava_vpr.engine.conductance.plastic import Plastic, arrive, learn, new_plastic, recruit, with_room
+from lava_vpr.kernelcache import compiled
 
 _CHUNK_STEPS = 256  # input is summed up so many steps ahead: its sums for 400 neurons then fit the second-level cache
 _CALM_CHECK_STEPS = 32
@@ -71,7 +71,7 @@ class Inh(NamedTuple):
     woken: NDArray[np.uint8]
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _release(exc: Exc, tally: NDArray[np.int64], step: int, timer: int) -> None:
     """Let neurons fire again whose timer has run out."""
     kept = 0
@@ -85,7 +85,7 @@ def _release(exc: Exc, tally: NDArray[np.int64], step: int, timer: int) -> None:
     tally[_RECENT] = kept
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _update_inh(inh: Inh, gi: NDArray[np.float64], tally: NDArray[np.int64], step: int, c: Constants) -> None:
     """Take one Euler step of the awake inhibitory neurons; each spike raises ``gi`` of all other neurons."""
     for r in range(tally[_AWAKE]):
@@ -104,7 +104,7 @@ def _update_inh(inh: Inh, gi: NDArray[np.float64], tally: NDArray[np.int64], ste
         inh.v[i] = v
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _fire(exc: Exc, inh: Inh, i: int, step: int, tally: NDArray[np.int64], theta_plus: float) -> None:
     """Neuron ``i`` spikes: reset, refractory timer, theta, and its inhibitory neuron."""
     exc.v[i] = E_RESET
@@ -121,7 +121,7 @@ def _fire(exc: Exc, inh: Inh, i: int, step: int, tally: NDArray[np.int64], theta
         tally[_AWAKE] += 1
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _recruit(
     plastic: Plastic, exc: Exc, i: int, step: int, net: Network, tally: NDArray[np.int64], total: int
 ) -> Plastic:
@@ -134,7 +134,7 @@ def _recruit(
     return plastic
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _recruit_clipped(plastic: Plastic, exc: Exc, net: Network, tally: NDArray[np.int64], c: Constants) -> Plastic:
     """Neurons with a weight outside [0, w_max] are plastic from the start: under the triplet rule arrivals clip it."""
     before = NEVER
@@ -147,7 +147,7 @@ def _recruit_clipped(plastic: Plastic, exc: Exc, net: Network, tally: NDArray[np
     return plastic
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _undelivered(net: Network, longest: int, total: int) -> int:
     """Input spikes times synapses that the presentation ends before."""
     lost = 0
@@ -157,7 +157,7 @@ def _undelivered(net: Network, longest: int, total: int) -> int:
     return lost
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _arrivals(
     plastic: Plastic,
     exc: Exc,
@@ -178,7 +178,7 @@ def _arrivals(
         row[i] = arrive(plastic, s, step, weights, change, c.w_max)
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _calm(exc: Exc, inh: Inh, c: Constants) -> bool:
     """Whether nothing will spike any more before the next input."""
     none = np.zeros(inh.v.size)
@@ -187,7 +187,7 @@ def _calm(exc: Exc, inh: Inh, c: Constants) -> bool:
     )
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _decay_theta(theta: NDArray[np.float64], steps: int, decay: float) -> None:
     """What the steps that nobody need compute leave behind: of all states, theta alone outlasts a presentation."""
     for _ in range(steps if decay > 0.0 else 0):
@@ -195,7 +195,7 @@ def _decay_theta(theta: NDArray[np.float64], steps: int, decay: float) -> None:
             theta[i] -= decay * theta[i]
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _at_rest(n: int, theta: NDArray[np.float64]) -> tuple[Exc, Inh]:
     """Bring both populations to rest, ready to fire."""
     exc = Exc(
@@ -205,7 +205,7 @@ def _at_rest(n: int, theta: NDArray[np.float64]) -> tuple[Exc, Inh]:
     return exc, Inh(np.full(n, I_REST), np.zeros(n), np.full(n, NEVER), np.empty(n, np.int64), np.zeros(n, np.uint8))
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def present(
     net: Network,
     theta: NDArray[np.float64],

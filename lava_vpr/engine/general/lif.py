@@ -16,11 +16,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import NetworkLimitError
+from lava_vpr.kernelcache import compiled
 from lava_vpr.loihi import (
     BIAS_BITS,
     DECAY_BITS,
@@ -156,7 +156,7 @@ def stored_weights(
     return -((-whole >> drop) << drop) if sign == "inhibitory" else (whole >> drop) << drop
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def lif_step(
     u: NDArray[np.int32],
     v: NDArray[np.int32],
@@ -211,7 +211,7 @@ def lif_step(
     return n
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def dense_step(
     rows: NDArray[np.int32],
     spikes: NDArray[np.bool_],

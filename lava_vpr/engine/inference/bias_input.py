@@ -13,11 +13,11 @@ from __future__ import annotations
 
 import zlib
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.engine.random import GOLDEN, derived_key, hashes, mix
+from lava_vpr.kernelcache import compiled
 from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT, INPUT_SHIFT
 
 THRESHOLD = 8000
@@ -75,7 +75,7 @@ def bias_input_spikes(rates: NDArray[np.uint16], key: int, steps: int) -> NDArra
     return spikes
 
 
-@nb.njit(cache=True)
+@compiled()
 def schedule(bias: NDArray[np.int32], key: np.uint64, steps: int) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
     """`bias_input_spikes` as lists: those of step t are ``members[starts[t]:starts[t + 1]]``, ascending.
 

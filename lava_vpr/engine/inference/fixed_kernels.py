@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
 from lava_vpr.engine.inference.bias_input import schedule
+from lava_vpr.kernelcache import compiled
 from lava_vpr.loihi import DECAY_BITS, DECAY_UNITY, INPUT_SHIFT, STATE_LIMIT
 
 
@@ -31,7 +31,7 @@ class KernelNumbers(NamedTuple):
     bias_input: bool
 
 
-@nb.njit(cache=True, inline="always")
+@compiled(inline="always")
 def integrate(v: NDArray[np.int32], drive: NDArray[np.int32], shift: np.int32, keep: np.int32) -> np.int32:
     """Take one membrane step of all neurons from ``drive`` >> ``shift``; returns the highest membrane.
 
@@ -60,7 +60,7 @@ def integrate(v: NDArray[np.int32], drive: NDArray[np.int32], shift: np.int32, k
     return highest
 
 
-@nb.njit(cache=True, inline="always")
+@compiled(inline="always")
 def _add_rows(
     weights: NDArray[np.uint8],
     row_sizes: NDArray[np.int64],
@@ -88,7 +88,7 @@ def _add_rows(
     return operations
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def present(
     weights: NDArray[np.uint8],
     row_sizes: NDArray[np.int64],

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.fixed_kernels import integrate
+from lava_vpr.kernelcache import compiled
 from lava_vpr.loihi import DECAY_BITS, INPUT_SHIFT
 
 
@@ -29,7 +29,7 @@ class Membranes(NamedTuple):
     fired: NDArray[np.uint8]
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _replay(
     weights: NDArray[np.uint8],
     shift: np.int32,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +11,7 @@ from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
 from lava_vpr.engine.general.lif import LifConstants, lif_step
 from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.random import GOLDEN, mix
+from lava_vpr.kernelcache import compiled
 from lava_vpr.loihi import TRACE_LIMIT, WEIGHT_LIMIT
 
 _S32 = np.uint64(32)
@@ -42,7 +42,7 @@ class KernelPhase(NamedTuple):
     fraction: NDArray[np.uint64]
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def normalise_columns(weights: NDArray[np.uint8], total: int, key: np.uint64) -> None:
     """Bring each column's sum in place to ``total``, rounding stochastically: w total / sum.
 
@@ -70,7 +70,7 @@ def normalise_columns(weights: NDArray[np.uint8], total: int, key: np.uint64) ->
             weights[j, i] = np.uint8(np.int32(min(whole, np.float64(WEIGHT_LIMIT))))
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def decay_traces(x: NDArray[np.uint8], whole: NDArray[np.uint8], fraction: NDArray[np.uint64], draw: np.uint64) -> None:
     """Let all traces ``x`` (inputs,) decay by one step, in place; tables from `Rule.decay`, ``draw`` of 53 bits."""
     after = np.empty(whole.size, np.uint8)
@@ -80,7 +80,7 @@ def decay_traces(x: NDArray[np.uint8], whole: NDArray[np.uint8], fraction: NDArr
         x[j] = after[x[j]]
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def learn_column(
     weights: NDArray[np.uint8],
     column: int,
@@ -122,7 +122,7 @@ def learn_column(
         weights[j, column] = np.uint8(total[j])
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _decay_epochs(
     value: NDArray[np.uint8], newest: int, whole: NDArray[np.uint8], fraction: NDArray[np.uint64], draw: np.uint64
 ) -> None:
@@ -134,7 +134,7 @@ def _decay_epochs(
         value[s] = whole[k] + np.uint8(draw < fraction[k])
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _learn_at(
     weights: NDArray[np.uint8], x: NDArray[np.uint8], fired: NDArray[np.bool_], phase: KernelPhase, draw: np.uint64
 ) -> None:
@@ -144,7 +144,7 @@ def _learn_at(
             learn_column(weights, i, x, phase.products, phase.target, phase.mu, draw)
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def train(
     weights: NDArray[np.uint8],
     theta: NDArray[np.int32],

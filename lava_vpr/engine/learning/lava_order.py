@@ -24,7 +24,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
@@ -44,6 +43,7 @@ from lava_vpr.engine.learning.integer import (
 from lava_vpr.engine.learning.integer_kernels import StepDraws
 from lava_vpr.engine.random import GOLDEN, derived_key, mix, presentation_key
 from lava_vpr.errors import ConfigError
+from lava_vpr.kernelcache import compiled
 from lava_vpr.loihi import INPUT_LIMIT, THRESHOLD_LIMIT, WEIGHT_LIMIT
 
 FACTOR_BITS = 8
@@ -174,7 +174,7 @@ def unfold(weights: NDArray[np.uint8], before: NDArray[np.uint8], after: NDArray
     weights[...] = np.clip(weights.astype(np.int16) + after - before.astype(np.int16), 0, WEIGHT_LIMIT)
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _fold(weights: NDArray[np.uint8], thresholds: NDArray[np.int32], common: int, key: np.uint64) -> NDArray[np.uint8]:
     """`fold`; quotients in float64 are exact, as in `normalise_columns`."""
     inputs, neurons = weights.shape

@@ -15,13 +15,13 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.config import StdpLearning
 from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
 from lava_vpr.engine.random import presentation_key, uniform
+from lava_vpr.kernelcache import compiled
 
 
 @dataclass
@@ -77,7 +77,7 @@ class KernelPhase(NamedTuple):
     trace: NDArray[np.float32]
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _normalise(weights: NDArray[np.float32], mean: np.float32) -> None:
     inputs, neurons = weights.shape
     total = np.zeros(neurons, np.float32)
@@ -91,7 +91,7 @@ def _normalise(weights: NDArray[np.float32], mean: np.float32) -> None:
             weights[j, i] *= total[i]
 
 
-@nb.njit(cache=True, inline="always")
+@compiled(inline="always")
 def _learn(
     column: int,
     weights: NDArray[np.float32],
@@ -111,7 +111,7 @@ def _learn(
         weights[j, column] = min(max(w, np.float32(0)), w_max)
 
 
-@nb.njit(cache=True, inline="always")
+@compiled(inline="always")
 def _integrate(
     v: NDArray[np.float32],
     drive: NDArray[np.float32],
@@ -132,7 +132,7 @@ def _integrate(
     return above
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _train(
     weights: NDArray[np.float32],
     theta: NDArray[np.float32],
