@@ -82,9 +82,9 @@ def finish() -> None:
     for number in SIGNALS:
         if signal.getsignal(number) is _stop:
             signal.signal(number, signal.SIG_DFL)
-    for number in _now.stopped:
-        if number != signal.SIGINT:
-            _die_of(number)
+    for fatal in _now.stopped:
+        if fatal != signal.SIGINT:
+            _die_of(fatal)
 
 
 @contextmanager

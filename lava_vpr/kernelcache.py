@@ -114,7 +114,7 @@ def _cache_class() -> Any:
     """numba's cache of a kernel, but one that forgets what it cannot read and goes on where it cannot write."""
     from numba.core.caching import FunctionCache
 
-    class Cache(FunctionCache):  # type: ignore[misc]
+    class Cache(FunctionCache):
         """The cache of one kernel."""
 
         def load_overload(self, *what: Any) -> Any:
