@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr import model as model_file
-from lava_vpr.cli.common import PATH, stderr
+from lava_vpr.cli.common import PATH, Number, stderr
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.model import Model
 from lava_vpr.traverse import Traverse, open_traverse
@@ -151,7 +151,7 @@ def truth_options(command: F) -> F:
         ),
         click.option(
             "--radius",
-            type=click.FloatRange(min=0),
+            type=Number(min=0),
             default=None,
             metavar="M",
             help="Metres within which a place is correct.",

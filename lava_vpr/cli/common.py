@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -39,6 +40,17 @@ class Places(click.ParamType):
         if int(first) >= int(end):
             self.fail(f"{value!r} holds no place; A must be below B", param, ctx)
         return int(first), int(end)
+
+
+class Number(click.FloatRange):
+    """A number in a range. What is no number, or is infinite, is refused, too: it would pass every comparison."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        number = float(super().convert(value, param, ctx))
+        if not math.isfinite(number):
+            name = param.opts[0] if param is not None else "the value"
+            self.fail(f"{name} is {'not a number' if math.isnan(number) else 'infinite'}", param, ctx)
+        return number
 
 
 class RegisteredName(click.Choice):

@@ -14,6 +14,7 @@ from rich.table import Table
 from lava_vpr.cli.choose import open_model, open_queries
 from lava_vpr.cli.common import (
     PATH,
+    Number,
     RegisteredName,
     console,
     encode,
@@ -51,7 +52,7 @@ from lava_vpr.truth.alignment import aligned_truth
 )
 @click.option(
     "--prune",
-    type=click.FloatRange(0, 1, max_open=True),
+    type=Number(0, 1, max_open=True),
     default=None,
     metavar="P",
     help="Share of each neuron's weights to set to 0, smallest first (default: none).",
@@ -59,7 +60,7 @@ from lava_vpr.truth.alignment import aligned_truth
 @click.option("--calibrate", type=str, default=None, metavar="QUERY", help="Images to compare recall before and after.")
 @click.option(
     "--max-loss",
-    type=click.FloatRange(0, 1),
+    type=Number(0, 1),
     default=None,
     metavar="X",
     help="Find the cheapest weights that lose at most this much R@1, a fraction, on the --calibrate images.",
@@ -99,9 +100,6 @@ def deploy(
     """
     board = BOARDS[target]
     _check_usage(board, calibrate, max_loss, places, learning)
-    for name, value in (("--prune", prune), ("--max-loss", max_loss)):
-        if value is not None and np.isnan(value):
-            raise click.UsageError(f"{name} is not a number")
     check_replaceable(output)
     images = () if calibrate is None else (calibrate,)
     outputs = Outputs((json_path,), folders=(output,), model=model_path, images=images)

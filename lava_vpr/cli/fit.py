@@ -12,6 +12,7 @@ from rich.table import Table
 from lava_vpr.cli.choose import open_model
 from lava_vpr.cli.common import (
     PATH,
+    Number,
     RegisteredName,
     console,
     print_whole,
@@ -45,7 +46,7 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--neurons-per-place",
-    type=click.FloatRange(min=0, min_open=True, max=100),
+    type=Number(min=0, min_open=True, max=100),
     default=None,
     help="Without MODEL: excitatory neurons for each place (default: 1).",
 )

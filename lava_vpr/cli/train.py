@@ -94,7 +94,7 @@ def train(
         whole = open_traverses(references, every=every)
         outputs.spare(path for traverse in whole for path in traverse.paths)
         chosen = [traverse.between(*places) if places else traverse for traverse in whole]
-        check_references([len(traverse) for traverse in chosen])
+        check_references([len(traverse) for traverse in chosen], references)
         check_size(len(chosen[0]), config)
         encoded = [
             # A model keeps the thumbnails of its first traverse.

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from lava_vpr.errors import InputError
+from lava_vpr.storage.text import shown
 
 Scores = NDArray[np.float64]
 BLOCK_BYTES = 16_000_000  # of one float64 block: queries, references or their distances
@@ -159,24 +160,26 @@ def load_descriptors(path: Path | str, n_images: int | None = None) -> NDArray[A
             file.seek(0, os.SEEK_SET)
             array = None if foreign else np.load(file, allow_pickle=False)
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error}); give an existing .npy file") from None
+        raise InputError(
+            f"{shown(path)}: cannot be read ({error.strerror or error}); give an existing .npy file"
+        ) from None
     except Exception as error:  # a damaged header gets numpy to raise tokenize, syntax, type, memory errors and more
         why = "pickled objects" if "allow_pickle" in str(error) else "damaged contents"
-        raise InputError(f"{path}: holds {why}; {remedy}") from None
+        raise InputError(f"{shown(path)}: holds {why}; {remedy}") from None
     if array is None:
-        raise InputError(f"{path}: not a .npy file; {remedy}")
+        raise InputError(f"{shown(path)}: not a .npy file; {remedy}")
     if array.dtype.kind not in "fiu":
-        raise InputError(f"{path}: holds {array.dtype}, not real numbers; {remedy}")
+        raise InputError(f"{shown(path)}: holds {array.dtype}, not real numbers; {remedy}")
     if array.ndim != 2 or array.shape[1] < 1:
-        raise InputError(f"{path}: has shape {array.shape}, not (images, dimensions); {remedy}")
+        raise InputError(f"{shown(path)}: has shape {array.shape}, not (images, dimensions); {remedy}")
     if n_images is not None and len(array) != n_images:
         raise InputError(
-            f"{path}: has {len(array)} rows for {n_images} images; give one row for each image, in their order"
+            f"{shown(path)}: has {len(array)} rows for {n_images} images; give one row for each image, in their order"
         )
     for rows in _row_blocks(len(array), array.shape[1]):
         bad = np.flatnonzero(~np.isfinite(array[rows]).all(axis=1))
         if len(bad):
-            raise InputError(f"{path}: row {rows.start + bad[0]} holds NaN or infinite values; compute it again")
+            raise InputError(f"{shown(path)}: row {rows.start + bad[0]} holds NaN or infinite values; compute it again")
     return np.asarray(array)
 
 
@@ -203,7 +206,7 @@ def descriptor_similarities(
     references, queries = load_descriptors(ref_npy, n_references), load_descriptors(query_npy, n_queries)
     if references.shape[1] != queries.shape[1]:
         raise InputError(
-            f"{query_npy}: descriptors of {queries.shape[1]} dimensions, but {ref_npy} has {references.shape[1]}; "
-            "compute both with the same network"
+            f"{shown(query_npy)}: descriptors of {queries.shape[1]} dimensions, but {shown(ref_npy)} has "
+            f"{references.shape[1]}; compute both with the same network"
         )
     return cosine_similarities(references, queries, labels)

@@ -105,8 +105,8 @@ def truth_from_positions(ref_xy: NDArray[Any], query_xy: NDArray[Any], radius: f
     Raises:
         InputError: positions that are no finite numbers, of different dimensions, or a radius that is none.
     """
-    if not radius >= 0:
-        raise InputError(f"radius is {radius}, must be at least 0 m")
+    if not 0 <= radius < math.inf:
+        raise InputError(f"radius is {radius}, must be at least 0 m; correct it (--radius)")
     arrays = []
     for name, xy in (("reference", ref_xy), ("query", query_xy)):
         array = np.asarray(xy, dtype=np.float64)

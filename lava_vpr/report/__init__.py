@@ -11,6 +11,7 @@ from pathlib import Path
 from lava_vpr.errors import InputError
 from lava_vpr.report.data import Figures, Raster, ReportData
 from lava_vpr.report.html import page
+from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import write_atomically
 
 
@@ -40,7 +41,7 @@ def write_page(text: str, target: Path) -> Path:
         write_atomically(target, lambda file: file.write(content))
     except OSError as error:
         raise InputError(
-            f"{target}: the report cannot be written ({error.strerror or error}); "
+            f"{shown(target)}: the report cannot be written ({error.strerror or error}); "
             "give a folder that can be written and has space left"
         ) from None
     return target

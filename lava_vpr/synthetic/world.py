@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import ConfigError, InputError
+from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import temporary_prefix
 from lava_vpr.synthetic.drawing import Camera, Painter, draw_backdrop, draw_land
 from lava_vpr.synthetic.looks import LOOKS
@@ -245,12 +246,16 @@ def write_traverses(
     workshop: Path | None = None
     try:
         if os.path.lexists(target) and not target.is_dir():
-            raise InputError(f"{folder}: exists and is not a folder; choose another name")
+            raise InputError(f"{shown(folder)}: exists and is not a folder; choose another name")
         if target.is_dir() and (stranger := _foreign(target, keep)) is not None:
-            raise InputError(f"{folder}: holds something else ({stranger.name}); choose a new or an empty folder")
+            raise InputError(
+                f"{shown(folder)}: holds something else ({shown(stranger.name)}); choose a new or an empty folder"
+            )
         if target.is_dir() and (closed := _read_only(target)) is not None:
             name = folder / closed.relative_to(target)
-            raise InputError(f"{name}: is read-only and would be replaced; make it writable or choose another folder")
+            raise InputError(
+                f"{shown(name)}: is read-only and would be replaced; make it writable or choose another folder"
+            )
         target.parent.mkdir(parents=True, exist_ok=True)
         workshop = Path(tempfile.mkdtemp(prefix=temporary_prefix(target), dir=target.parent))
         (workshop / "new").mkdir()
@@ -260,7 +265,8 @@ def write_traverses(
     except OSError as error:
         reason = error.strerror or type(error).__name__
         raise InputError(
-            f"{folder}: cannot be written ({reason}); choose a folder on a disk with free space where you may write"
+            f"{shown(folder)}: cannot be written ({reason}); choose a folder on a disk with free space where you may "
+            "write"
         ) from None
     finally:
         if workshop is not None:

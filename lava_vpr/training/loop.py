@@ -22,6 +22,7 @@ from lava_vpr.engine.random import presentation_key
 from lava_vpr.errors import ConfigError, InputError, NetworkLimitError
 from lava_vpr.gate import as_integer_config, integer_config
 from lava_vpr.model import Model, Stretch
+from lava_vpr.storage.text import shown
 from lava_vpr.training.checkpoint import Checkpoint, fingerprint
 from lava_vpr.training.references import coverage, reference_responses
 from lava_vpr.training.trainers import ConductanceTrainer, StretchTrainer, restore, trainer_of
@@ -80,18 +81,26 @@ def check_size(places: int, config: Config) -> tuple[Stretch, ...]:
     return stretches
 
 
-def check_references(sizes: Sequence[int]) -> None:
-    """Refuse reference traverses (their numbers of images) that do not show the same number of places.
+def check_references(sizes: Sequence[int], sources: Sequence[str] | None = None) -> None:
+    """Refuse reference traverses that do not show the same number of places.
 
+    Args:
+        sizes: The number of images of each.
+        sources: The folder or file that each was read from, for the message; None if that is not known.
     Raises:
         InputError: none, too few places, or unequal numbers.
     """
+    files = [f"{shown(source)}: " for source in sources] if sources else [""] * len(sizes)
     if not sizes or sizes[0] < 2:
-        raise InputError("a route needs at least 2 places; give more reference images")
+        found = "1 image" if sizes and sizes[0] else "no image"
+        raise InputError(
+            f"{''.join(files[:1])}a route needs at least 2 places, but there is {found}; give a folder, list or video "
+            "of more, or a wider --places A:B"
+        )
     for number, size in enumerate(sizes[1:], start=2):
         if size != sizes[0]:
             raise InputError(
-                f"reference traverse {number} has {size} images, the first has {sizes[0]}: place i "
+                f"{files[number - 1]}reference traverse {number} has {size} images, the first has {sizes[0]}: place i "
                 "must be image i of each; choose with --places A:B or give lists of matching images"
             )
 

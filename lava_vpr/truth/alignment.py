@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from lava_vpr.errors import InputError
 from lava_vpr.matching.evaluation import truth_from_indices, truth_from_positions
 from lava_vpr.model import Model
+from lava_vpr.storage.text import shown
 from lava_vpr.traverse import Traverse
 from lava_vpr.truth.groundtruth import read_positions_pair
 
@@ -35,12 +36,13 @@ def choose_queries(model: Model, whole: Traverse, places: tuple[int, int] | None
         known = np.isin(chosen.indices, model.place_indices)
         if aligned and known.any() and not known.all() and len(whole) == model.route_images:
             raise InputError(
-                f"{whole.source}: --places {places[0]}:{places[1]} are partly places of the model and partly not; stay "
-                f"within {model.place_indices[0]}:{model.place_indices[-1] + 1}, or give --gt or --positions"
+                f"{shown(whole.source)}: --places {places[0]}:{places[1]} are partly places of the model and "
+                f"partly not; stay within {model.place_indices[0]}:{model.place_indices[-1] + 1}, or give --gt or "
+                "--positions"
             )
         if aligned and len(chosen) != model.places and not known.all():
             raise InputError(
-                f"{whole.source}: --places {places[0]}:{places[1]} are {len(chosen)} queries for {model.places} "
+                f"{shown(whole.source)}: --places {places[0]}:{places[1]} are {len(chosen)} queries for {model.places} "
                 "other places; take as many, or say with --gt or --positions which place each query shows"
             )
         return chosen
@@ -48,7 +50,7 @@ def choose_queries(model: Model, whole: Traverse, places: tuple[int, int] | None
         return whole
     if len(whole) != model.route_images:
         raise InputError(
-            f"{whole.source}: has {len(whole)} queries, the references {model.route_images}: nothing says which "
+            f"{shown(whole.source)}: has {len(whole)} queries, the references {model.route_images}: nothing says which "
             "place a query shows; give --gt FILE, --positions, or --places A:B"
         )
     return whole.between(int(model.place_indices[0]), int(model.place_indices[-1]) + 1)
@@ -81,5 +83,7 @@ def positions_truth(model: Model, queries: Traverse, files: tuple[Path, Path], r
     reference, query = read_positions_pair(*files)
     for path, rows, indices in zip(files, (reference, query), (model.place_indices, queries.indices), strict=True):
         if len(rows) <= int(indices.max()):
-            raise InputError(f"{path}: has {len(rows)} positions, image {int(indices.max())} has none; give one a line")
+            raise InputError(
+                f"{shown(path)}: has {len(rows)} positions, image {int(indices.max())} has none; give one a line"
+            )
     return truth_from_positions(reference[model.place_indices], query[queries.indices], radius)

@@ -204,8 +204,9 @@ DATA = [
     (nothing, TRAIN.format("ref") + " --places 0:50", "ref: has 6 images; places 0:50 go beyond, use at most 0:6"),
     (nothing, TRAIN.format("ref") + " --every 0", "--every is 0"),
     (nothing, TRAIN.format("ref") + " --every nan", "--every is nan"),
-    (one_image, TRAIN.format("one"), "a route needs at least 2 places"),
-    (shorter_second, TRAIN.format("ref ref2"), "reference traverse 2 has 5 images, the first has 6"),
+    (one_image, TRAIN.format("one"), "one: a route needs at least 2 places, but there is 1 image; give a folder"),
+    (nothing, TRAIN.format("ref") + " --places 2:3", "ref: a route needs at least 2 places, but there is 1 image"),
+    (shorter_second, TRAIN.format("ref ref2"), "ref2: reference traverse 2 has 5 images, the first has 6"),
     (nothing, "train ref -o no/such/n.lvpr", "no/such/n.lvpr: the folder no/such does not exist; create it first"),
     (nothing, "train ref -o query", "query: is a folder; name a file"),
     (bad_toml, "train ref -o n.lvpr --config bad.toml", "bad.toml: not a TOML file"),
@@ -299,6 +300,10 @@ USAGE = [
     ("eval m.lvpr query --positions a.csv b.csv", "--positions needs --radius M"),
     ("eval m.lvpr query --radius 5", "--radius needs --positions"),
     ("eval m.lvpr query --radius -5 --positions a b", "-5.0 is not in the range x>=0"),
+    ("eval m.lvpr query --radius nan --positions a b", "--radius is not a number"),
+    ("eval m.lvpr query --radius inf --positions a b", "--radius is infinite"),
+    ("fit --target loihi2 --neurons-per-place nan", "--neurons-per-place is not a number"),
+    ("train ref -o n.lvpr --places 0:" + "9" * 5000, "is not of the form A:B"),
     ("eval m.lvpr query --gt a.txt --tolerance 2", "--tolerance counts places along the route"),
     ("eval m.lvpr query --sequence 0", "0 is not in the range x>=1"),
     ("eval m.lvpr query --backend gpu", "'gpu' is not one of 'host'"),
@@ -312,7 +317,7 @@ USAGE = [
 ]
 
 
-@pytest.mark.parametrize(("command", "message"), USAGE, ids=[c for c, _ in USAGE])
+@pytest.mark.parametrize(("command", "message"), USAGE, ids=[c[:80] for c, _ in USAGE])
 def test_wrong_usage_exits_with_2(command: str, message: str, here: Path) -> None:
     result = run(*command.split())
     assert result.exit_code == 2, result.output
