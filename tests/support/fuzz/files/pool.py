@@ -15,6 +15,7 @@ import time
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from support.fuzz.files import cases
 from support.fuzz.files.corpus import Corpus
@@ -24,8 +25,8 @@ from lava_vpr.storage.limits import LIMITS, variable
 
 CPU_SECONDS = 5
 """Processor time of one case, whatever else the machine does."""
-STILL_SECONDS = 60.0
-"""Time after which a case that does nothing waits for something that never comes."""
+STILL_SECONDS = 10.0
+"""Time after which a case waits for something that never comes, if all its threads sleep."""
 MEMORY = 1 << 30
 """What a case may take beside what the worker has at its start."""
 LOWERED = 1 << 26
@@ -66,7 +67,7 @@ def run(corpus: Corpus, seed: int, numbers: Sequence[int], workers: int = 2) -> 
                     yield from _heard(worker, data)
                     if data:
                         continue
-                elif worker.at is None or time.monotonic() - worker.since < STILL_SECONDS:
+                elif time.monotonic() - worker.since < STILL_SECONDS or not _asleep(worker.pid):
                     continue
                 else:
                     os.kill(worker.pid, signal.SIGKILL)
@@ -82,6 +83,12 @@ def run(corpus: Corpus, seed: int, numbers: Sequence[int], workers: int = 2) -> 
         for worker in running:
             os.kill(worker.pid, signal.SIGKILL)
             os.waitpid(worker.pid, 0)
+
+
+def _asleep(pid: int) -> bool:
+    """Whether all threads of a process wait, but for the disk; one that waits for a processor does not."""
+    states = [path.read_text(encoding="ascii", errors="replace") for path in Path(f"/proc/{pid}/task").glob("*/stat")]
+    return all(state.rpartition(")")[2].split()[0] == "S" for state in states)
 
 
 def _heard(worker: _Worker, data: bytes) -> Iterator[tuple[int, Outcome]]:
@@ -110,7 +117,7 @@ def _ended(worker: _Worker) -> Outcome | None:
     if os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGXCPU:
         return Outcome(HANG, f"more than {CPU_SECONDS} s of processor time")
     if os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGKILL:
-        return Outcome(HANG, f"nothing done for {STILL_SECONDS:.0f} s, or killed")
+        return Outcome(HANG, "waits for something that does not come, or was killed")
     return Outcome(CRASH, f"the process ended with status {status}")
 
 

@@ -155,7 +155,15 @@ def _command(case: Case, path: Path) -> list[str] | None:
         return commands[choice]
     if case.format == "checkpoint":
         references = ["../reference"] if honest == "paper" else ["../reference", "../second"]
-        return ["train", *references, "-o", "n.lvpr", "--config", f"../{honest}.toml", "--resume"]
+        return [
+            "train",
+            *references,
+            "-o",
+            file.removesuffix(".checkpoint"),
+            "--config",
+            f"../{honest}.toml",
+            "--resume",
+        ]
     if case.format == "settings":
         return ["train", "../reference", "-o", "x.lvpr", "--config", file]
     if honest in IMAGE_LISTS:

@@ -121,6 +121,8 @@ def _add(rng: random.Random, value: Any, others: list[Place]) -> str:
 
 def _rename(rng: random.Random, value: Any, others: list[Place]) -> str:
     keyed = [(holder, key) for holder, key in others if isinstance(holder, dict)]
+    if not keyed:
+        return _replace(rng, value, others)
     holder, key = rng.choice(keyed)
     name = rng.choice([key.upper(), key + "_", "", key[:-1] + "\0", "0"])
     holder[name] = holder.pop(key)
@@ -129,6 +131,8 @@ def _rename(rng: random.Random, value: Any, others: list[Place]) -> str:
 
 def _double(rng: random.Random, value: Any, others: list[Place]) -> str:
     keyed = [(holder, key) for holder, key in others if isinstance(holder, dict)]
+    if not keyed:
+        return _replace(rng, value, others)
     holder, key = rng.choice(keyed)
     again = rng.choice([*ODD_VALUES[:22], near(rng, holder[key])])
     pair = f"{json.dumps(key)}: {_text(again)}"

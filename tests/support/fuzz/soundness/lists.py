@@ -37,7 +37,7 @@ def check_list(path: Path, taken: list[str], findings: Findings) -> Findings:
         lines = [line.strip(" \t") for line in _lines(text)]
         entries = [line for line in lines if line and not line.startswith("#")]
     findings.need(not any("\0" in entry or not entry for entry in entries), "L1", "a name that is none")
-    findings.need(taken == [os.path.join(path.parent, entry) for entry in entries], "L1", "other files")
+    findings.need(taken == [str(path.parent / entry) for entry in entries], "L1", "other files")
     findings.need(taken and all(os.path.isfile(file) for file in taken), "L1", "names that are no files")
     return findings
 
