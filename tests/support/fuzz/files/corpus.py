@@ -5,7 +5,6 @@ Used by storage and support.
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -89,8 +88,6 @@ def make(folder: Path) -> Corpus:
         sources = ("reference",) if name == "paper" else ("reference", "second")
         made.references[name] = [encode_traverse(open_traverse(folder / s), config.encoder, Keep.ALL) for s in sources]
         model = train(made.references[name], config, jobs=1)
-        if name == "pixels":
-            model = _without_order(model)
         save(model, folder / f"{name}.lvpr")
         made.models[name] = (folder / f"{name}.lvpr").read_bytes()
         made.texts[name] = to_toml(config).encode()
@@ -111,13 +108,6 @@ def _draw(folder: Path, seed: int) -> None:
         small = np.random.default_rng(place).integers(0, 200, (6, 8, 3)) + noise.integers(0, 55, (6, 8, 1))
         picture = np.kron(small, np.ones((8, 8, 1)))
         cv2.imwrite(str(folder / f"img{place}.png"), picture.astype(np.uint8))
-
-
-def _without_order(model: Model) -> Model:
-    """The model with its reference images in another order, as its file may hold them."""
-    order = np.random.default_rng(0).permutation(len(model.labels))
-    values = {name: getattr(model, name)[order] for name in ("labels", "patches", "activity")}
-    return dataclasses.replace(model, **values)
 
 
 def _interrupted(path: Path, references: list[EncodedTraverse], config: Config) -> bytes:

@@ -1,10 +1,11 @@
 """Forked workers that try cases under guards of time and memory; one that dies takes no more than its case with it.
 
-Used by support.
+Used by storage and support.
 """
 
 from __future__ import annotations
 
+import faulthandler
 import json
 import math
 import os
@@ -140,6 +141,7 @@ def _start(corpus: Corpus, seed: int, numbers: list[int], name: int) -> _Worker:
 def _work(corpus: Corpus, seed: int, numbers: list[int], into: int, name: str) -> None:
     """What a worker does."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    faulthandler.disable()  # a death is told by the parent
     warnings.simplefilter("error")
     warnings.simplefilter("ignore", DeprecationWarning)
     with open("/proc/self/statm", encoding="ascii") as file:

@@ -1,6 +1,6 @@
 """The program's readers, each with the checker that judges what it took.
 
-Used by support.
+Used by storage and support.
 """
 
 from __future__ import annotations

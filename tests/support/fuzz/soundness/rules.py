@@ -2,7 +2,7 @@
 
 Nothing in this folder imports the package: a file is read here by other means than the program's.
 
-Used by support.
+Used by storage and support.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ INVARIANTS = {
     "M1": "The settings satisfy T1 to T4.",
     "M2": "Weights are uint8 (inputs, neurons), below 2^bits; there are as many inputs as the settings make.",
     "M3": (
-        "The network's numbers are whole and within the widths of the chip's registers; a presentation has 1 to "
-        "100,000 steps."
+        "The network's numbers are whole and within the bits of the chip's registers; steps (1 to 100,000), bits and"
+        " input mode are those of the settings."
     ),
     "M4": (
         "No sum of weights and no lateral inhibition of all others reaches 2^17, so that the 24 bits of u cannot wrap."
     ),
     "M5": "Stretches follow each other without gap or overlap over all places and all neurons; none is empty.",
-    "M6": "Place indices are int64, distinct, at least 0 and below the number of images of the route.",
-    "M7": "Labels are int64, and every place has equally many images, at least one.",
+    "M6": "Place indices are int64, distinct, 0 to 2^53; the route has at least as many images as places.",
+    "M7": "Labels are int64: 0 to places - 1 in order, once for every traverse.",
     "M8": "Activity is float32 (images, inputs), finite and at least 0; pixels are at most 255.",
     "M9": "Responses are int32 (neurons, places), at least 0, and at most one spike a step of what was presented.",
     "M10": "Patches are uint8 (images, 28, 28), thumbnails uint8 (places, 48, 64, 3).",
     "M11": "Learned weights are float32 of the network's shape, finite and at least 0, or there are none (0, 0).",
-    "M12": "There is one name a place, Unicode text without NUL; figures of the training are finite numbers.",
+    "M12": "There is one name a place, two at least: at most 1,024 characters, no NUL, Unicode. Figures are finite.",
     "M13": (
         "A conductance network is float64 weights and thresholds, finite and within their settings, and uint16 delays"
         " not above the longest."
