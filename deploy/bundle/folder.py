@@ -25,6 +25,7 @@ from numpy.typing import DTypeLike, NDArray
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.bundle.arrays import Shape, array_of
 from lava_vpr.errors import BundleError
+from lava_vpr.interrupts import held
 from lava_vpr.storage.limits import excess
 from lava_vpr.storage.reading import parse_json
 from lava_vpr.storage.writing import temporary_prefix
@@ -190,8 +191,11 @@ def write(path: Path, manifest: Mapping[str, Any], files: Mapping[str, bytes]) -
     check_replaceable(path)
     whole = sealed(manifest, files)
     try:
-        temporary = Path(tempfile.mkdtemp(prefix=temporary_prefix(path), suffix=".tmp", dir=path.absolute().parent))
+        temporary: Path | None = None
         try:
+            with held():
+                above = path.absolute().parent
+                temporary = Path(tempfile.mkdtemp(prefix=temporary_prefix(path), suffix=".tmp", dir=above))
             for name, data in (*sorted(files.items()), (MANIFEST, json_bytes(whole))):
                 target = temporary / name
                 target.parent.mkdir(parents=True, exist_ok=True)
@@ -204,9 +208,12 @@ def write(path: Path, manifest: Mapping[str, Any], files: Mapping[str, bytes]) -
             umask = os.umask(0)
             os.umask(umask)
             temporary.chmod(stat.S_IMODE(path.stat().st_mode) if path.exists() else 0o777 & ~umask)
-            _put(temporary, path)
+            with held():
+                _put(temporary, path)
         finally:
-            shutil.rmtree(temporary, ignore_errors=True)  # after an exchange it is the old bundle
+            if temporary is not None:
+                with held():
+                    shutil.rmtree(temporary, ignore_errors=True)  # after an exchange it is the old bundle
     except OSError as error:
         raise BundleError(
             f"{path}: the bundle cannot be written ({error.strerror}); free space or choose another place"

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from lava_vpr.errors import ModelFileError
+from lava_vpr.interrupts import held
 from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import temporary_prefix
 
@@ -32,16 +33,18 @@ def only_one(path: Path) -> Iterator[None]:
     except BlockingIOError:
         raise ModelFileError(f"{shown(path)}: another training is writing it; wait, or choose another name") from None
     except OSError as error:
+        remedy = "remove that" if isinstance(error, FileExistsError) else "free space"
         raise ModelFileError(
-            f"{shown(path)}: cannot be locked ({shown(lock.name)} beside it: {error.strerror}); remove that or choose "
+            f"{shown(path)}: cannot be locked ({shown(lock.name)} beside it: {error.strerror}); {remedy} or choose "
             "another place"
         ) from None
     try:
         yield
     finally:
-        if _names(lock, handle):
-            lock.unlink(missing_ok=True)
-        os.close(handle)
+        with held():
+            if _names(lock, handle):
+                lock.unlink(missing_ok=True)
+            os.close(handle)
 
 
 def _held(lock: Path) -> int:
@@ -71,7 +74,7 @@ def _opened(lock: Path) -> int:
         handle = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, 0o666)
     except OSError as error:
         if error.errno == errno.ELOOP:
-            raise OSError(errno.ELOOP, "a symbolic link, not a lock") from None
+            raise OSError(errno.EEXIST, "a symbolic link, not a lock") from None
         raise
     status = os.fstat(handle)
     if stat.S_ISREG(status.st_mode) and not status.st_size:

@@ -12,6 +12,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
 
+from lava_vpr.interrupts import held
+
 
 def replaceable(path: Path) -> os.stat_result | None:
     """What stands at ``path``, a link followed, if a new file may replace it; None if nothing stands there.
@@ -61,9 +63,11 @@ def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
     """
     path = Path(os.path.realpath(path))  # a link stays, the file that it names is replaced
     before = replaceable(path)
-    handle, name = tempfile.mkstemp(prefix=temporary_prefix(path), suffix=".tmp", dir=path.parent)
-    temporary = Path(name)
+    temporary: Path | None = None
     try:
+        with held():
+            handle, name = tempfile.mkstemp(prefix=temporary_prefix(path), suffix=".tmp", dir=path.parent)
+            temporary = Path(name)
         with os.fdopen(handle, "wb") as file:
             write(file)
             file.flush()
@@ -76,7 +80,8 @@ def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
             os.fsync(file.fileno())
         temporary.replace(path)
     except BaseException:
-        temporary.unlink(missing_ok=True)
+        if temporary is not None:
+            temporary.unlink(missing_ok=True)
         raise
 
 

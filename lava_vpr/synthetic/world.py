@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import ConfigError, InputError
+from lava_vpr.interrupts import held
 from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import temporary_prefix
 from lava_vpr.synthetic.drawing import Camera, Painter, draw_backdrop, draw_land
@@ -257,11 +258,13 @@ def write_traverses(
                 f"{shown(name)}: is read-only and would be replaced; make it writable or choose another folder"
             )
         target.parent.mkdir(parents=True, exist_ok=True)
-        workshop = Path(tempfile.mkdtemp(prefix=temporary_prefix(target), dir=target.parent))
+        with held():
+            workshop = Path(tempfile.mkdtemp(prefix=temporary_prefix(target), dir=target.parent))
         (workshop / "new").mkdir()
         for kind, condition in zip(_FOLDERS, conditions, strict=True):
             _write_journey(workshop / "new", kind, world, condition)
-        _install(workshop / "new", target, workshop / "old")
+        with held():  # half of it done would leave neither result
+            _install(workshop / "new", target, workshop / "old")
     except OSError as error:
         reason = error.strerror or type(error).__name__
         raise InputError(
@@ -270,7 +273,8 @@ def write_traverses(
         ) from None
     finally:
         if workshop is not None:
-            shutil.rmtree(workshop, ignore_errors=True)
+            with held():
+                shutil.rmtree(workshop, ignore_errors=True)
 
 
 __all__ = ["CONDITIONS", "MAX_PLACES", "World", "positions", "render", "write_traverses"]

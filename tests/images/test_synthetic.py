@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import hashlib
 import os
+import signal
 import subprocess
 import sys
 from dataclasses import replace
@@ -255,6 +256,29 @@ def test_a_failed_replacement_brings_the_earlier_result_back(
     with pytest.raises(InputError, match=r"w: cannot be written \(Permission denied\)"):
         write_traverses(tmp_path / "w", 1, 9)
     assert content(tmp_path) == before
+    assert [p.name for p in tmp_path.iterdir()] == ["w"]
+
+
+@pytest.mark.parametrize("stopped", range(1, 9))
+def test_a_replacement_that_is_interrupted_loses_neither_result(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stopped: int
+) -> None:
+    write_traverses(tmp_path / "w", 1, 9)
+    new = content(tmp_path)
+    write_traverses(tmp_path / "w", 1, 0)
+    rename, calls = os.rename, 0
+
+    def slow(source: Path, target: Path) -> None:
+        nonlocal calls
+        calls += 1
+        rename(source, target)
+        if calls == stopped:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(synthetic.os, "rename", slow)
+    with pytest.raises(KeyboardInterrupt):
+        write_traverses(tmp_path / "w", 1, 9)
+    assert content(tmp_path) == new
     assert [p.name for p in tmp_path.iterdir()] == ["w"]
 
 

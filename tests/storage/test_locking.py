@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 from pathlib import Path
@@ -53,3 +54,15 @@ def test_a_lock_that_was_removed_and_made_by_others_is_not_ours_to_remove(tmp_pa
         (tmp_path / ".m.lock").unlink()
         (tmp_path / ".m.lock").write_bytes(b"")
     assert (tmp_path / ".m.lock").exists()
+
+
+def test_a_full_disk_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*arguments: object) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "open", full)
+    message = (
+        r"^\S+/m: cannot be locked \(.m.lock beside it: No space left on device\); free space or choose another place$"
+    )
+    with pytest.raises(ModelFileError, match=message), only_one(tmp_path / "m"):
+        pass

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import signal
 import stat
+import tempfile
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import pytest
 
@@ -95,3 +97,17 @@ def test_what_killed_writes_leave_is_found(tmp_path: Path) -> None:
         left[0].unlink()
     (tmp_path / ".a.other").touch()
     assert leftovers(tmp_path / "a") == []
+
+
+def test_an_interrupt_leaves_no_temporary_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = tempfile.mkstemp
+
+    def interrupted(**options: Any) -> tuple[int, str]:
+        result = made(**options)
+        signal.raise_signal(signal.SIGINT)
+        return result
+
+    monkeypatch.setattr(tempfile, "mkstemp", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_atomically(tmp_path / "a", lambda file: file.write(b"new"))
+    assert list(tmp_path.iterdir()) == []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -148,6 +149,27 @@ def test_a_bundle_is_replaced_in_one_step(intact: Path) -> None:
 def test_a_bundle_is_replaced_where_folders_cannot_be_exchanged(intact: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bundle.ctypes, "CDLL", lambda *a, **k: object())  # an old C library
     write(intact, TOLD, {"only": b"new"})
+    assert sorted(tree(intact)) == [MANIFEST, "only"]
+    assert [entry.name for entry in intact.parent.iterdir()] == ["bundle"]
+
+
+@pytest.mark.parametrize("stopped", [1, 2, 3])
+def test_a_replacement_that_is_interrupted_loses_neither_bundle(
+    intact: Path, monkeypatch: pytest.MonkeyPatch, stopped: int
+) -> None:
+    monkeypatch.setattr(bundle.ctypes, "CDLL", lambda *a, **k: object())
+    rename, calls = Path.rename, []
+
+    def slow(self: Path, target: Path) -> Path:
+        result = rename(self, target)
+        calls.append(target)
+        if len(calls) == stopped:
+            signal.raise_signal(signal.SIGINT)
+        return result
+
+    monkeypatch.setattr(Path, "rename", slow)
+    with pytest.raises(KeyboardInterrupt):
+        write(intact, TOLD, {"only": b"new"})
     assert sorted(tree(intact)) == [MANIFEST, "only"]
     assert [entry.name for entry in intact.parent.iterdir()] == ["bundle"]
 
