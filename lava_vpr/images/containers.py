@@ -15,7 +15,7 @@ from __future__ import annotations
 import struct
 
 from lava_vpr.errors import InputError
-from lava_vpr.images.formats import DamagedError
+from lava_vpr.images.damage import DamagedError
 from lava_vpr.images.matroska import walk_matroska
 from lava_vpr.images.mp4 import BOXES_FIRST, walk_mp4
 from lava_vpr.images.windows import Film, Window

@@ -1,6 +1,8 @@
-"""The structure of image files: a walk that sees whether a whole image is there, and finds its EXIF orientation.
+"""The structure of image files: a walk that sees whether a whole image is there, how large it is and how it was turned.
 
-Some OpenCV versions return half a picture for a file that was cut short, and OpenCV ignores the orientation of WebP.
+Some OpenCV versions return half a picture for a file that was cut short, OpenCV ignores the orientation of WebP, and it
+takes the memory of any size that a file claims. What a walk cannot see: samples of a BMP or TIFF that were overwritten,
+if they are stored without compression or by PackBits, and zeros over less than the last 128 bytes of a WebP.
 """
 
 from __future__ import annotations
@@ -8,17 +10,40 @@ from __future__ import annotations
 import re
 import struct
 import zlib
+from dataclasses import dataclass
 
 from lava_vpr.errors import InputError
+from lava_vpr.images.damage import DamagedError, within
+from lava_vpr.images.tiff import walk_tiff
+from lava_vpr.storage.limits import excess
+
+_NEEDED = {b"VP8 ": 6, b"VP8L": 4}
+# Without so many last bytes no honest WebP can be decoded: what libwebp writes has 3 (VP8L: 2) that are not needed.
+_PNG_TEXTS = (b"zTXt", b"iTXt", b"tEXt", b"iCCP")  # no pixels, but seconds to unpack
 
 
-class DamagedError(Exception):
-    """The file's structure is incomplete; the text says how."""
+@dataclass(frozen=True)
+class Header:
+    """What the walk over an image file finds.
+
+    Attributes:
+        width, height: Largest size in pixels that the file gives for its picture.
+        data: The bytes to decode: the file, less what costs time and holds no pixels.
+        exif: Its EXIF block (TIFF structure), or empty.
+        shortened: If the file ends in zeros: bytes that can be decoded only if these zeros were not needed, that is,
+            stand where a picture was; else empty.
+    """
+
+    width: int
+    height: int
+    data: bytes
+    exif: bytes = b""
+    shortened: bytes = b""
 
 
-def _walk_jpeg(data: bytes) -> bytes:
-    """The EXIF block of a JPEG (TIFF structure, or empty); the walk must meet a scan and the end-of-image marker."""
-    exif, position, scans = b"", 2, 0
+def _walk_jpeg(data: bytes) -> Header:
+    """A JPEG; the walk must meet a frame header, a scan and the end-of-image marker."""
+    exif, position, scans, width, height = b"", 2, 0, 0, 0
     marker = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
     while True:
         match = marker.search(data, position)
@@ -28,7 +53,7 @@ def _walk_jpeg(data: bytes) -> bytes:
         if code == 0xD9:
             if not scans:
                 raise DamagedError("it holds no picture data")
-            return exif
+            return Header(width, height, data, exif)
         if code == 0x01:
             continue
         if position + 2 > len(data):
@@ -36,14 +61,19 @@ def _walk_jpeg(data: bytes) -> bytes:
         length = struct.unpack_from(">H", data, position)[0]
         if code == 0xE1 and not exif and data[position + 2 : position + 8] == b"Exif\0\0":
             exif = data[position + 8 : position + length]
+        if 0xC0 <= code <= 0xCF and code not in (0xC4, 0xC8, 0xCC):
+            high, wide = struct.unpack_from(">HH", data, position + 3)
+            width, height = max(width, wide), max(height, high)
         if code == 0xDA:
             scans += 1
+            within("jpeg_scans", scans)
         position += length
 
 
-def _walk_png(data: bytes) -> bytes:
-    """The eXIf chunk of a PNG (or empty); all chunks up to IEND must be there, and the critical ones intact."""
-    exif, position = b"", 8
+def _walk_png(data: bytes) -> Header:
+    """A PNG; all chunks up to IEND must be there, and the critical ones intact."""
+    exif, position, parts, texts = b"", 8, 0, [(0, 0)]
+    width, height = struct.unpack_from(">II", data, 16)
     while True:
         if position + 12 > len(data):
             raise DamagedError("it ends before its IEND chunk")
@@ -51,61 +81,110 @@ def _walk_png(data: bytes) -> bytes:
         end = position + 12 + length
         if end > len(data):
             raise DamagedError("it ends within a chunk")
+        if (kind == b"IHDR") != (position == 8):
+            raise DamagedError("its IHDR chunk is not the first")
         critical = not kind[0] & 0x20
         if critical and zlib.crc32(data[position + 4 : end - 4]) != struct.unpack_from(">I", data, end - 4)[0]:
             raise DamagedError(f"the checksum of its {kind.decode('latin-1')!r} chunk is wrong")
         if kind == b"eXIf":
             exif = data[position + 8 : end - 4]
+        if kind in _PNG_TEXTS:
+            texts.append((position, end))
         if kind == b"IEND":
-            return exif
+            starts = [*(start for start, _ in texts[1:]), len(data)]
+            pieces = [data[last:start] for (_, last), start in zip(texts, starts, strict=True)]
+            return Header(width, height, b"".join(pieces) if len(pieces) > 1 else data, exif)
+        parts += 1
+        within("image_parts", parts)
         position = end
 
 
-def _walk_webp(data: bytes) -> bytes:
-    """The EXIF chunk of a WebP (or empty); the file must be as long as its RIFF header says."""
+def _walk_webp(data: bytes) -> Header:
+    """A WebP; the chunks must fill the length that its RIFF header says."""
     end = 8 + struct.unpack_from("<I", data, 4)[0]
     if end > len(data):
         raise DamagedError(f"it has {len(data)} of {end} bytes")
-    exif, position = b"", 12
+    exif, position, width, height, shortened, parts = b"", 12, 0, 0, b"", 0
     while position + 8 <= end:
         kind, length = struct.unpack_from("<4sI", data, position)
+        start = position + 8
+        if start + length > end:
+            raise DamagedError("a part reaches beyond the file")
+        if not all(0x20 <= c < 0x7F for c in kind):
+            raise DamagedError(f"no part begins at byte {position:,}, where one should")
         if kind == b"EXIF":
-            exif = data[position + 8 : position + 8 + length].removeprefix(b"Exif\0\0")
-        position += 8 + length + length % 2
-    return exif
+            exif = data[start : start + length].removeprefix(b"Exif\0\0")
+        elif kind in (b"VP8 ", b"VP8L", b"VP8X"):
+            wide, high = _webp_size(kind, data, start)
+            width, height = max(width, wide), max(height, high)
+            zeros = _NEEDED.get(kind, length + 1)
+            if data[start : start + length].endswith(bytes(zeros)):
+                rest = data[start : start + length - zeros]
+                parted = kind + struct.pack("<I", len(rest)) + rest + bytes(len(rest) % 2)
+                shortened = b"RIFF" + struct.pack("<I", 4 + len(parted)) + b"WEBP" + parted
+        parts += 1
+        within("image_parts", parts)
+        position = start + length + length % 2
+    return Header(width, height, data, exif, shortened)
 
 
-def _walk_bmp(data: bytes) -> bytes:
-    """The EXIF block of a BMP, which has none, so empty; an uncompressed BMP must have all its rows."""
+def _webp_size(kind: bytes, data: bytes, start: int) -> tuple[int, int]:
+    """Width and height that a part of a WebP gives. Source: RFC 9649 and RFC 6386, section 9.1."""
+    if kind == b"VP8X":
+        sides = (data[start + 4 : start + 7], data[start + 7 : start + 10])
+        return 1 + int.from_bytes(sides[0], "little"), 1 + int.from_bytes(sides[1], "little")
+    if kind == b"VP8L":
+        bits = struct.unpack_from("<I", data, start + 1)[0]
+        return 1 + (bits & 0x3FFF), 1 + (bits >> 14 & 0x3FFF)
+    width, height = struct.unpack_from("<HH", data, start + 6)
+    return width & 0x3FFF, height & 0x3FFF
+
+
+def _walk_bmp(data: bytes) -> Header:
+    """A BMP; an uncompressed one must have all its rows, a run-length coded one its end."""
     if len(data) < 34:
         raise DamagedError("it ends within its header")
     offset, header = struct.unpack_from("<II", data, 10)
-    if header >= 40:
-        width, height, _, depth, compression = struct.unpack_from("<iiHHI", data, 18)
-        needed = offset + (abs(width) * depth + 31) // 32 * 4 * abs(height)
-        if compression in (0, 3) and needed > len(data):
-            raise DamagedError(f"it has {len(data)} of {needed} bytes")
-    return b""
+    if header < 40:
+        width, height, _, depth = struct.unpack_from("<HHHH", data, 18)
+        compression, length = 0, 0
+    else:
+        width, height, _, depth, compression, length = struct.unpack_from("<iiHHII", data, 18)
+    needed = offset + (abs(width) * depth + 31) // 32 * 4 * abs(height)
+    if compression in (0, 3) and needed > len(data):
+        raise DamagedError(f"it has {len(data)} of {needed} bytes")
+    if compression in (1, 2):
+        if offset + length > len(data):
+            raise DamagedError(f"it has {len(data)} of {offset + length} bytes")
+        end = data[offset : offset + length if length else None].rstrip(b"\0")
+        if not end.endswith(b"\0\1"):
+            raise DamagedError("it lacks the end of its runs")
+    return Header(abs(width), abs(height), data)
 
 
-def walk(data: bytes) -> bytes:
-    """The EXIF block of an image file, empty if it has none; its format's own structure shows that it is whole.
+def walk(data: bytes) -> Header:
+    """What an image file says of its picture; its format's own structure shows that it is whole.
 
     Raises:
         DamagedError, struct.error: part of the file is missing or damaged.
-        InputError: no known format.
+        InputError: no known format, or it costs more than allowed.
     """
     if data[:3] == b"\xff\xd8\xff":
-        return _walk_jpeg(data)
-    if data[:8] == b"\x89PNG\r\n\x1a\n":
-        return _walk_png(data)
-    if data[:4] == b"RIFF" and data[8:12] == b"WEBP":
-        return _walk_webp(data)
-    if data[:2] == b"BM":
-        return _walk_bmp(data)
-    if data[:4] in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"):
-        return b""  # its decoder turns the picture itself and misses no strip
-    raise InputError("is not a JPEG, PNG, BMP, TIFF or WebP image, whatever its name says; replace or remove it")
+        found = _walk_jpeg(data)
+    elif data[:8] == b"\x89PNG\r\n\x1a\n":
+        found = _walk_png(data)
+    elif data[:4] == b"RIFF" and data[8:12] == b"WEBP":
+        found = _walk_webp(data)
+    elif data[:2] == b"BM":
+        found = _walk_bmp(data)
+    elif data[:4] in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"):
+        found = Header(*walk_tiff(data), data)  # its decoder turns the picture itself
+    else:
+        raise InputError("is not a JPEG, PNG, BMP, TIFF or WebP image, whatever its name says; replace or remove it")
+    beyond = excess("image_pixels", found.width * found.height)
+    if beyond is not None:
+        raise InputError(f"has {found.width} x {found.height} = {beyond}")
+    return found
 
 
 def orientation_of(exif: bytes) -> int:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import re
 import struct
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -19,7 +20,8 @@ from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
 from lava_vpr.images.codecs import quiet
-from lava_vpr.images.formats import DamagedError, orientation_of, walk
+from lava_vpr.images.damage import DamagedError
+from lava_vpr.images.formats import orientation_of, walk
 from lava_vpr.storage.reading import read_bytes
 from lava_vpr.storage.text import shown
 
@@ -34,31 +36,30 @@ def decode_image(data: bytes) -> NDArray[np.uint8]:
     """The bytes of an image file as uint8, (h, w, 3) BGR, or (h, w) for a grey file; see the module for the rules.
 
     Raises:
-        InputError: what is wrong with them, without the file's name (`read_image` puts that in front).
+        InputError: what is wrong with them, or what they cost beyond a limit; without the file's name, which
+            `read_image` puts in front.
     """
     if not data:
         raise InputError("is empty (0 bytes); copy it again or remove it")
     try:
-        exif = walk(data)
-        with quiet() as messages:
-            try:
-                image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), _AS_STORED)
-            except cv2.error:
-                image = None
+        header = walk(data)
+        image, messages = _decoded(header.data)
         if image is None:
             raise DamagedError("its picture data cannot be decoded")
         if any(_CODEC_DAMAGE.search(line) for line in messages):
             raise DamagedError("part of its picture data is missing")
+        if header.shortened and _decoded(header.shortened)[0] is not None:
+            raise DamagedError("zeros stand where a picture was")
     except (DamagedError, struct.error) as error:
         why = str(error) if isinstance(error, DamagedError) else "it ends within its header"
         raise InputError(f"is damaged or cut short ({why}); copy it again or remove it") from None
     if min(image.shape[:2]) < MIN_SIDE:
         raise InputError(f"has {image.shape[1]} x {image.shape[0]} pixels, needs at least {MIN_SIDE} x {MIN_SIDE}")
     if image.dtype == np.uint16:
-        image = ((image.astype(np.uint32) + 128) // 257).astype(np.uint8)
+        image = _narrowed(image)
     if image.dtype != np.uint8 or not (image.ndim == 2 or image.shape[2] == 3):
         raise InputError(f"holds {image.dtype} samples, whose range is unknown; save it with 8 or 16 bits, unsigned")
-    return _turned(image, orientation_of(exif))
+    return _turned(image, orientation_of(header.exif))
 
 
 def read_image(path: Path) -> NDArray[np.uint8]:
@@ -75,6 +76,24 @@ def read_image(path: Path) -> NDArray[np.uint8]:
         return decode_image(data)
     except InputError as error:
         raise InputError(f"{shown(path)}: {error}") from None
+
+
+def _decoded(data: bytes) -> tuple[NDArray[Any] | None, list[bytes]]:
+    """The picture in a file's bytes as OpenCV has it, None if it has none, and what the codecs printed."""
+    with quiet() as messages:
+        try:
+            image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), _AS_STORED)
+        except cv2.error:
+            image = None
+    return image, messages
+
+
+def _narrowed(image: NDArray[np.uint16]) -> NDArray[np.uint8]:
+    """``round(x / 257)`` of 16-bit samples, row by row: all at once would take twice the picture's memory beside it."""
+    narrow = np.empty(image.shape, np.uint8)
+    for row, wide in zip(narrow, image, strict=True):
+        row[...] = (wide.astype(np.uint32) + 128) // 257
+    return narrow
 
 
 def _turned(image: NDArray[np.uint8], orientation: int) -> NDArray[np.uint8]:

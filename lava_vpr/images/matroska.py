@@ -6,7 +6,7 @@ import struct
 from collections.abc import Iterator
 
 from lava_vpr.errors import InputError
-from lava_vpr.images.formats import DamagedError
+from lava_vpr.images.damage import DamagedError
 from lava_vpr.images.windows import Film, Window
 
 _DOCTYPE, _SEGMENT, _INFO, _TRACKS, _CLUSTER = 0x4282, 0x18538067, 0x1549A966, 0x1654AE6B, 0x1F43B675

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
-from lava_vpr.images.formats import DamagedError
+from lava_vpr.images.damage import DamagedError, within
 from lava_vpr.images.windows import Film, Window
-from lava_vpr.storage.limits import excess
 
 BOXES_FIRST = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot")
 """Types of the box with which a file may begin."""
@@ -70,9 +69,7 @@ class _Track:
         columns = layout.split(",")
         width = np.dtype(columns[0]).itemsize * len(columns)
         start += skip + 4
-        many = excess("video_parts", rows)
-        if many is not None:
-            raise DamagedError(f"it has {many}")
+        within("video_parts", rows)
         if start + rows * width > end:
             raise DamagedError(f"its table {kind.decode('latin-1')!r} is not whole")
         data = np.frombuffer(self.file.at(start, rows * width), columns[0])
@@ -83,9 +80,7 @@ class _Track:
         if b"stsz" not in self.boxes:
             return np.zeros(0, np.int64)
         same, count = self.file.numbers(">II", self.boxes[b"stsz"][0] + 4)
-        many = excess("video_parts", count)
-        if many is not None:
-            raise DamagedError(f"it has {many}")
+        within("video_parts", count)
         return np.full(count, same, np.int64) if same else self.table(b"stsz", ">u4", skip=8)[:, 0]
 
     def check_samples(self, media: list[tuple[int, int]]) -> None:

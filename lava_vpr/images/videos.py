@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from lava_vpr.errors import InputError
 from lava_vpr.images.codecs import quiet
 from lava_vpr.images.containers import examine
-from lava_vpr.images.formats import DamagedError
+from lava_vpr.images.damage import DamagedError
 from lava_vpr.images.windows import Film
 from lava_vpr.storage.limits import excess
 from lava_vpr.storage.reading import open_regular

@@ -7,8 +7,7 @@ import struct
 from dataclasses import dataclass
 from typing import Any
 
-from lava_vpr.images.formats import DamagedError
-from lava_vpr.storage.limits import excess
+from lava_vpr.images.damage import DamagedError, within
 
 
 @dataclass(frozen=True)
@@ -62,14 +61,13 @@ class Window:
             end: Where the part says that it ends.
             beyond: Where the part around it ends; None: the file.
         Raises:
-            DamagedError: it ends beyond that, or the file has more parts than allowed.
+            DamagedError: it ends beyond that.
+            InputError: the file has more parts than allowed; the text lacks the file's name.
         """
         if end > self.size:
             raise DamagedError(f"it has {self.size:,} of {end:,} bytes")
         if beyond is not None and end > beyond:
             raise DamagedError("a part reaches beyond the part around it")
         self.parts += 1
-        many = excess("video_parts", self.parts)
-        if many is not None:
-            raise DamagedError(f"it has {many}")
+        within("video_parts", self.parts)
         return end

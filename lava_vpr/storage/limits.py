@@ -52,6 +52,12 @@ LIMITS: dict[str, Limit] = {
     "bundle_json_bytes": Limit(
         4 * MIB, "bytes", "10,000 files take 2 MB of manifest; once read, it takes 30 times more"
     ),
+    "image_parts": Limit(
+        200_000, "parts", "1 GiB in chunks of 8 kB, the size in which libpng writes them, has 131,072"
+    ),
+    "jpeg_scans": Limit(
+        100, "scans", "a progressive JPEG has about ten; each takes the time of a picture, however short"
+    ),
     "video_parts": Limit(10_000_000, "parts", "46 hours of 60 frames a second; a walk over them takes half a minute"),
     "presentation_operations": Limit(
         4_000_000_000,

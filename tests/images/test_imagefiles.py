@@ -6,6 +6,7 @@ import os
 import re
 import struct
 import threading
+import zlib
 from pathlib import Path
 
 import cv2
@@ -15,13 +16,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.common.imagefiles import (
     QUICK,
+    bmp_of_runs,
     exif,
     image_bytes,
+    lzw,
     png,
     png_chunk,
     refused,
     smooth_picture,
     tiff,
+    tiff_of_strip,
     upright,
     webp_with_exif,
     written,
@@ -29,7 +33,8 @@ from support.common.imagefiles import (
 
 from lava_vpr.errors import InputError
 from lava_vpr.images.codecs import quiet
-from lava_vpr.images.formats import DamagedError, orientation_of, walk
+from lava_vpr.images.damage import DamagedError
+from lava_vpr.images.formats import orientation_of, walk
 from lava_vpr.images.imagefiles import decode_image, read_image
 from lava_vpr.traverse import open_traverse
 from lava_vpr.truth.groundtruth import read_positions
@@ -169,6 +174,85 @@ def test_our_own_walk_finds_every_cut(kind: str) -> None:
     for length in range(60, len(data), len(data) // 40):
         with pytest.raises((DamagedError, struct.error)):
             walk(data[:length])
+
+
+_TAILED = {
+    **{kind: data for kind, data in _WHOLE.items() if kind not in ("bmp", "raw.tif", "lzw.tif")},
+    "alpha.webp": image_bytes(".webp", np.dstack([_BIG, _BIG[:, :, 0]]), cv2.IMWRITE_WEBP_QUALITY, 80),
+    "16.png": image_bytes(".png", _BIG.astype(np.uint16) * 257),
+    "first.lzw.tif": tiff_of_strip(lzw(_BIG[:, :, ::-1].tobytes()), (90, 120), 5),
+    "first.deflate.tif": tiff_of_strip(zlib.compress(_BIG[:, :, ::-1].tobytes()), (90, 120), 8),
+    "runs.bmp": bmp_of_runs(40, 30),
+}
+
+
+@pytest.mark.parametrize("kind", _TAILED)
+def test_a_tail_of_zeros_is_refused_or_changes_nothing(kind: str) -> None:
+    data = _TAILED[kind]
+    whole = decode_image(data)
+    for length in [*range(40, len(data) - 128, len(data) // 40), len(data) - 128]:
+        try:
+            got = decode_image(data[:length].ljust(len(data), b"\0"))
+        except InputError as error:
+            assert re.search("damaged or cut short|needs at least", str(error))  # noqa: PT017
+        else:
+            np.testing.assert_array_equal(got, whole)
+
+
+@pytest.mark.parametrize("level", [0, 77, 255])
+@pytest.mark.parametrize("quality", [1, 75, 101])
+def test_an_honest_webp_that_ends_in_zeros_is_taken(level: int, quality: int) -> None:
+    flat = np.full((400, 700, 3), level, np.uint8)
+    flat[:100] = cv2.resize(_BIG, (700, 100))
+    for image in (flat, flat[100:]):
+        data = image_bytes(".webp", image, cv2.IMWRITE_WEBP_QUALITY, quality)
+        assert decode_image(data).shape == image.shape
+    assert quality == 101 or walk(data).shortened  # it does end in zeros
+
+
+# ---------------------------------------------------------------- cost
+
+
+@pytest.mark.parametrize("kind", [*_WHOLE, *_TAILED])
+def test_a_picture_beyond_the_limit_is_not_decoded(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    data = {**_WHOLE, **_TAILED}[kind]
+    height, width = decode_image(data).shape[:2]
+    monkeypatch.setattr(cv2, "imdecode", None)
+    monkeypatch.setenv("LAVA_VPR_MAX_IMAGE_PIXELS", str(width * height - 1))
+    refused(lambda: decode_image(data), f"has {width} x {height} = {width * height:,} pixels, more than the ")
+
+
+def test_what_a_small_file_claims_is_refused_before_it_is_paid(tmp_path: Path) -> None:
+    wide = png(30_000, 30_000, 8, 2, b"\0" * 90_001)
+    refused(
+        lambda: read_image(written(tmp_path / "a.png", wide)), "a.png: has 30000 x 30000 = 900,000,000 pixels, more"
+    )
+    samples = bytearray(image_bytes(".tif", smooth_picture(8).astype(np.float64)))
+    refused(lambda: decode_image(bytes(samples)), "holds float64 samples")
+    scans = _WHOLE["progressive.jpg"]
+    scan = scans.rindex(b"\xff\xda")
+    refused(lambda: decode_image(scans[:scan] + scans[scan:-2] * 120 + b"\xff\xd9"), "has 101 scans, more than the 100")
+    texts = [png_chunk(kind, b"k\0\0" + zlib.compress(bytes(7_000_000), 9)) for kind in (b"zTXt", b"iCCP")]
+    data = png(2, 2, 8, 0, b"\0\1\2\0\3\4", *texts * 50)
+    assert len(walk(data).data) < 100  # each would take 80 ms to unpack
+    np.testing.assert_array_equal(decode_image(data), [[1, 2], [3, 4]])
+
+
+def test_many_parts_of_an_image_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LAVA_VPR_MAX_IMAGE_PARTS", "3")
+    chunk = png_chunk(b"ruNk", b"")
+    refused(
+        lambda: decode_image(png(2, 2, 8, 0, bytes(6), chunk, chunk, chunk)), "has 4 parts, more than the 3 allowed"
+    )
+    whole, one = tiff_of_strip(bytes(12), (2, 2)), struct.pack("<HHII", 279, 4, 1, 12)
+    assert decode_image(whole).shape == (2, 2, 3)
+    refused(lambda: decode_image(whole.replace(one, struct.pack("<HHII", 279, 4, 4, 12))), "has 4 parts, more than")
+
+
+@pytest.mark.timeout(20)
+def test_a_pipe_in_place_of_an_image_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "p.png")
+    refused(lambda: read_image(tmp_path / "p.png"), "p.png: cannot be read (is a named pipe, not a file)")
 
 
 def test_trailing_bytes_do_no_harm(tmp_path: Path) -> None:
