@@ -1,6 +1,6 @@
 """Zip archives written by hand, so that they can lie: names twice, wrong sizes, bombs, bytes turned.
 
-Used by support.
+Used by storage and support.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Mutations of arrays in NumPy's file format: other types, shapes and values, and headers that lie.
 
-Used by support.
+Used by storage and support.
 """
 
 from __future__ import annotations

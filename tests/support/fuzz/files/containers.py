@@ -1,6 +1,6 @@
 """Mutations of `.lvpr` files whose checksum is right again: header, arrays, the zip archive, the raw bytes.
 
-Used by support.
+Used by storage and support.
 """
 
 from __future__ import annotations

@@ -67,24 +67,24 @@ def read_bundle(case: Case, corpus: Corpus, path: Path) -> Findings:
     return bundles.check_bundle(path, view(model))
 
 
+def training(corpus: Corpus, name: str) -> dict[str, Any]:
+    """What the checker is told of the training that goes on from the checkpoint ``name``."""
+    config = SETTINGS[name]
+    trainers = [trainer_of(config, stretch, number) for number, stretch in enumerate(split(PLACES, config))]
+    return {
+        "fingerprint": corpus.fingerprint(name),
+        "config": to_dict(config),
+        "shapes": [{key: (array.dtype.str, array.shape) for key, array in t.state().items()} for t in trainers],
+        "images": len(corpus.references[name]),
+    }
+
+
 def read_checkpoint(case: Case, corpus: Corpus, path: Path) -> Findings:
     """A checkpoint, from which a training goes on; what it comes to is a sound model."""
     config, references = SETTINGS[case.honest], corpus.references[case.honest]
     data = path.read_bytes() if path.is_file() else b""
     trained = train(references, config, jobs=1, checkpoint=path, resume=True)
-    told = {
-        "fingerprint": corpus.fingerprint(case.honest),
-        "config": to_dict(config),
-        "shapes": [
-            {
-                name: (array.dtype.str, array.shape)
-                for name, array in trainer_of(config, stretch, number).state().items()
-            }
-            for number, stretch in enumerate(split(PLACES, config))
-        ],
-        "images": len(references),
-    }
-    findings = checkpoints.check_checkpoint(data, told)
+    findings = checkpoints.check_checkpoint(data, training(corpus, case.honest))
     if not findings:
         save(trained, path.with_name("after.lvpr"))
         findings += models.check_model(path.with_name("after.lvpr").read_bytes(), view(trained))

@@ -1,6 +1,6 @@
 """Bundles: the manifest, the files that it lists, the references, and what a board gets.
 
-Used by support.
+Used by storage and support.
 """
 
 from __future__ import annotations

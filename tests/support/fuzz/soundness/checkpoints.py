@@ -1,6 +1,6 @@
 """Checkpoints: what a training goes on from.
 
-Used by support.
+Used by storage and support.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Lists of images, ground truths and positions: read a second time, by the plain words of the manual.
 
-Used by support.
+Used by storage and support.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Model files: every part by itself, and whether the parts fit each other.
 
-Used by support.
+Used by storage and support.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def check_model(data: bytes, view: Mapping[str, Any]) -> Findings:
             if numbers(header.get("fixed"), findings):
                 sums(weights, {"regular": 0, **header["fixed"]}, findings)
                 findings.need(view["numbers"] == {"regular": 0, **header["fixed"]}, "M14", f"{view['numbers']}")
-                as_set(view["numbers"], config, findings)
+                as_set({"regular": 0, **header["fixed"]}, config, findings)
             findings.need(weights.shape[:1] == (inputs,), "M2", f"weights {weights.shape} of {inputs} inputs")
             shape: tuple[int, ...] = weights.shape
             references(header, arrays, config, shape, findings)

@@ -2,7 +2,7 @@
 
 Nothing in this folder imports the package: a file is read here by other means than the program's.
 
-Used by storage and support.
+Used by project, storage and support.
 """
 
 from __future__ import annotations
@@ -89,6 +89,8 @@ class Findings(list[str]):
 
     def need(self, holds: object, rule: str, told: str) -> bool:
         """Note that ``rule`` is broken unless it ``holds``; whether it does."""
+        if rule not in INVARIANTS:
+            raise KeyError(f"{rule} is no rule")
         sound = bool(holds)
         if not sound:
             self.append(f"{rule}: {told}")

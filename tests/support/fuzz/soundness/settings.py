@@ -1,6 +1,6 @@
 """Settings as dictionaries: names, types, ranges and what belongs together, written out a second time.
 
-Used by support.
+Used by storage and support.
 """
 
 from __future__ import annotations
