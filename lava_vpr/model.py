@@ -218,7 +218,7 @@ def assemble(
     Raises:
         ModelFileError: parts are missing, out of range, or do not fit each other (`lava_vpr.modelfile`).
     """
-    remedy = "train it again or fetch an intact copy" if network is None else "deploy the model again"
+    remedy = container.REMEDIES["model" if network is None else "references"]
     try:
         found = checked(header, arrays, network)
     except LavaVprError as error:

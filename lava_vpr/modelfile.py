@@ -114,14 +114,14 @@ def checked(
         0,
     ):  # a bundle's model saved has none either
         rules["learned"] = rules["learned"]._replace(shape=(0, 0))
-    _check_arrays(kept, rules)
+    check_arrays(kept, rules)
     _check_places(kept, sizes)
     return Contents(
         config=config,
         network=whole_network,
         stretches=stretches,
         place_names=names,
-        route_images=_count(header["route_images"], "route_images", sizes.places),
+        route_images=count(header["route_images"], "route_images", sizes.places),
         training=_figures(header["training"]),
         arrays=kept,
     )
@@ -161,8 +161,12 @@ def _config(header: Mapping[str, Any], network: FixedNetwork | None) -> Config:
     return config
 
 
-def _count(value: object, name: str, least: int, most: int = _MOST_COUNT) -> int:
-    """``value`` if it is a whole number in ``least`` .. ``most``."""
+def count(value: object, name: str, least: int, most: int = _MOST_COUNT) -> int:
+    """``value`` of a file if it is a whole number in ``least`` .. ``most``.
+
+    Raises:
+        UnfitError: it is not.
+    """
     if not isinstance(value, int) or not whole(value) or not least <= value <= most:
         raise UnfitError(f"{name} {brief(value)}, which must be a whole number in {least}..{most}")
     return value
@@ -197,8 +201,8 @@ def _stretches(value: object, places: int, config: Config) -> tuple[tuple[int, i
         if not isinstance(row, list) or len(row) != 4:
             raise UnfitError(f"stretch {brief(row)}")
         name = f"stretch {len(rows)} {brief(row)} with"
-        first_place, length = _count(row[0], name, place, place), _count(row[1], name, 1, places - place)
-        first_neuron, neurons = _count(row[2], name, neuron, neuron), _count(row[3], name, 1)
+        first_place, length = count(row[0], name, place, place), count(row[1], name, 1, places - place)
+        first_neuron, neurons = count(row[2], name, neuron, neuron), count(row[3], name, 1)
         rows.append((first_place, length, first_neuron, neurons))
         place, neuron = place + length, neuron + neurons
     if place != places:
@@ -235,7 +239,7 @@ def _network(
     rules = _network_rules(config, sizes)
     own = {name: array for name, array in arrays.items() if name in rules}
     rest = {name: array for name, array in arrays.items() if name not in rules}
-    _check_arrays(own, rules)
+    check_arrays(own, rules)
     if isinstance(config.network, ConductanceNetwork):
         return rest, ConductanceState(**{name.removeprefix("network."): array for name, array in own.items()})
     fixed = header["fixed"]
@@ -243,7 +247,7 @@ def _network(
         raise UnfitError(f"fixed {brief(fixed)}, which must be {', '.join(SCALARS)}")
     scalars = {"regular": 0, **fixed}  # models from before there were bias inputs
     for name, value in scalars.items():
-        _count(value, name, -_MOST_COUNT)
+        count(value, name, -_MOST_COUNT)
     network = FixedNetwork.of_scalars(own["network.weights"], scalars)
     network.check()
     _agree(network, config)
@@ -299,23 +303,23 @@ def _rules(config: Config, sizes: Sizes) -> dict[str, Rule]:
     }
 
 
-def _check_arrays(arrays: Mapping[str, NDArray[Any]], rules: Mapping[str, Rule]) -> None:
-    """Refuse ``arrays`` that are not what ``rules`` say, or not all of them, or more."""
+def check_arrays(arrays: Mapping[str, NDArray[Any]], rules: Mapping[str, Rule]) -> None:
+    """Refuse ``arrays`` that are not what ``rules`` say, or not all of them, or more.
+
+    Raises:
+        UnfitError: naming the first, and what is wrong with it.
+    """
     for name in arrays:
         if name not in rules:
-            raise UnfitError(f"an array {brief(name)}, which no model has")
+            raise UnfitError(f"an array {brief(name)}, which does not belong there")
     for name, rule in rules.items():
         if name not in arrays:
             raise UnfitError(brief(name))
-        check_array(arrays[name], name, rule)
+        _check_array(arrays[name], name, rule)
 
 
-def check_array(array: NDArray[Any], name: str, rule: Rule) -> None:
-    """Refuse an ``array`` that is not what ``rule`` says.
-
-    Raises:
-        UnfitError: naming what is wrong with it.
-    """
+def _check_array(array: NDArray[Any], name: str, rule: Rule) -> None:
+    """Refuse an ``array`` that is not what ``rule`` says."""
     if array.dtype != rule.dtype:
         raise UnfitError(f"{name} of type {array.dtype} instead of {rule.dtype}")
     if array.shape != rule.shape:

@@ -85,7 +85,7 @@ def unpack(data: bytes, path: Path, kind: str) -> tuple[dict[str, Any], dict[str
     end = len(magic) + 2 * hashlib.sha256().digest_size
     digest = hashlib.sha256(memoryview(data)[end + 1 :]).hexdigest().encode() + b"\n"
     if data[len(magic) : end + 1] != digest:
-        raise ModelFileError(f"{shown(path)}: the {kind} is damaged (checksum differs); {_REMEDY[kind]}")
+        raise ModelFileError(f"{shown(path)}: the {kind} is damaged (checksum differs); {REMEDIES[kind]}")
     try:
         return _unpacked(data)
     except _Beyond as error:
@@ -97,15 +97,16 @@ def unpack(data: bytes, path: Path, kind: str) -> tuple[dict[str, Any], dict[str
         ) from None
     except _UNFIT as error:
         raise ModelFileError(
-            f"{shown(path)}: the {kind} does not hold what it should ({_cause(error)}); {_REMEDY[kind]}"
+            f"{shown(path)}: the {kind} does not hold what it should ({_cause(error)}); {REMEDIES[kind]}"
         ) from None
 
 
-_REMEDY = {
+REMEDIES = {
     "model": "train it again or fetch an intact copy",
     "references": "deploy the model again",
     "checkpoint": "delete it and train from the start, without --resume",
 }
+"""What to do about a file of each kind that cannot be used."""
 
 _UNFIT = (
     ValueError,
@@ -222,7 +223,7 @@ def _magic(kind: str) -> bytes:
 
 def _foreign(path: Path, kind: str, data: bytes) -> str:
     if not data:
-        return f"{shown(path)}: the file is empty, not a lava-vpr {kind}; {_REMEDY[kind]}"
+        return f"{shown(path)}: the file is empty, not a lava-vpr {kind}; {REMEDIES[kind]}"
     first = data[:40].split(b"\n", 1)[0]
     if first.startswith(b"lava-vpr "):
         return (

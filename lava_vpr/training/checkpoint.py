@@ -16,9 +16,12 @@ from numpy.typing import NDArray
 from lava_vpr.config import Config
 from lava_vpr.configfile import to_dict
 from lava_vpr.encoding import EncodedTraverse
-from lava_vpr.errors import ModelFileError
+from lava_vpr.errors import ModelFileError, brief
+from lava_vpr.modelfile import UnfitError, count
 from lava_vpr.storage import container
+from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import leftovers
+from lava_vpr.training.trainers import StretchTrainer, restore
 
 
 def check_resume(path: Path, resume: bool) -> None:
@@ -54,6 +57,40 @@ def fingerprint(references: Sequence[EncodedTraverse], config: Config) -> str:
     return digest.hexdigest()
 
 
+def _epochs_done(header: dict[str, Any], stretches: int, most: int) -> dict[int, int]:
+    """The whole epochs that each stretch has done, of ``most``.
+
+    Raises:
+        UnfitError: the header of a checkpoint says something else.
+    """
+    if set(header) != {"fingerprint", "epochs"}:
+        raise UnfitError(f"the header with keys {brief(sorted(header))}")
+    epochs = header["epochs"]
+    if not isinstance(epochs, dict) or not epochs:
+        raise UnfitError(f"epochs {brief(epochs)}")
+    numbers = {str(number): number for number in range(stretches)}
+    for name in epochs:
+        if name not in numbers:
+            raise UnfitError(f"a stretch {brief(name)} of {stretches}")
+    return {numbers[name]: count(value, f"epochs of stretch {name}", 1, most) for name, value in epochs.items()}
+
+
+def _by_stretch(arrays: dict[str, NDArray[Any]], done: dict[int, int]) -> dict[int, dict[str, NDArray[Any]]]:
+    """The arrays of each stretch by their own names.
+
+    Raises:
+        UnfitError: an array belongs to no stretch that has done an epoch.
+    """
+    states: dict[int, dict[str, NDArray[Any]]] = {number: {} for number in done}
+    numbers = {str(number): number for number in done}
+    for name, array in arrays.items():
+        number, _, own = name.partition(".")
+        if number not in numbers:
+            raise UnfitError(f"an array {brief(name)}, which does not belong there")
+        states[numbers[number]][own] = array
+    return states
+
+
 @dataclass
 class Checkpoint:
     """Where training stands, on disk: each stretch's state after its last whole epoch.
@@ -69,11 +106,15 @@ class Checkpoint:
     _lock: threading.Lock = field(default_factory=threading.Lock)
     _written: float = field(default_factory=time.monotonic)
 
-    def load(self) -> None:
-        """Take up the state on disk.
+    def load(self, trainers: Sequence[StretchTrainer], epochs: int, traverses: int) -> None:
+        """Take up the state on disk: the epochs done, and what each of them left in the trainer of its stretch.
 
+        Args:
+            trainers: The trainers of all stretches, new ones.
+            epochs: Epochs that a whole training has.
+            traverses: Reference traverses.
         Raises:
-            ModelFileError: no checkpoint, a damaged one, or one of other settings or images.
+            ModelFileError: no checkpoint, a damaged or garbled one, or one of other settings or images.
         """
         if self.path is None:
             raise ModelFileError("there is nowhere to resume from; name the checkpoint")
@@ -82,16 +123,19 @@ class Checkpoint:
         header, arrays = container.load(self.path, "checkpoint")
         if header.get("fingerprint") != self.fingerprint:
             raise ModelFileError(
-                f"{self.path}: was made with other options or images; repeat the original command with --resume, "
-                "or delete it and train without --resume"
+                f"{shown(self.path)}: was made with other options or images; repeat the original command with "
+                "--resume, or delete it and train without --resume"
             )
-        self.epochs = {int(k): int(v) for k, v in header["epochs"].items()}
-        self.arrays = arrays
-
-    def of(self, number: int) -> dict[str, NDArray[Any]]:
-        """Saved arrays of stretch ``number``."""
-        prefix = f"{number}."
-        return {name[len(prefix) :]: value for name, value in self.arrays.items() if name.startswith(prefix)}
+        try:
+            done = _epochs_done(header, len(trainers), epochs)
+            states = _by_stretch(arrays, done)
+            for number, epoch in done.items():
+                restore(trainers[number], states[number], epoch, traverses)
+        except UnfitError as error:
+            raise ModelFileError(
+                f"{shown(self.path)}: the checkpoint lacks or garbles {error}; {container.REMEDIES['checkpoint']}"
+            ) from None
+        self.epochs, self.arrays = done, arrays
 
     def update(self, number: int, epoch: int, state: dict[str, NDArray[Any]]) -> None:
         """Note that stretch ``number`` has finished ``epoch`` epochs, and write if it is time."""

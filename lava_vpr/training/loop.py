@@ -25,7 +25,7 @@ from lava_vpr.model import Model, Stretch
 from lava_vpr.storage.text import shown
 from lava_vpr.training.checkpoint import Checkpoint, fingerprint
 from lava_vpr.training.references import coverage, reference_responses
-from lava_vpr.training.trainers import ConductanceTrainer, StretchTrainer, restore, trainer_of
+from lava_vpr.training.trainers import ConductanceTrainer, StretchTrainer, trainer_of
 
 
 @dataclass(frozen=True)
@@ -140,10 +140,7 @@ def train(
     trainers = [trainer_of(config, stretch, number) for number, stretch in enumerate(stretches)]
     store = Checkpoint(checkpoint, fingerprint(references, config), interval)
     if resume:
-        store.load()
-        for number, trainer in enumerate(trainers):
-            if number in store.epochs:
-                restore(trainer, store.of(number))
+        store.load(trainers, config.learning.epochs, len(references))
         if resumed is not None:
             resumed(dict(store.epochs))
     rates = [training_rates(reference.activity, config) for reference in references]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Protocol
 
 import numpy as np
@@ -12,11 +13,17 @@ from lava_vpr.engine.conductance import model as conductance
 from lava_vpr.engine.learning import integer, stdp
 from lava_vpr.errors import ConfigError
 from lava_vpr.gate import as_integer_config, integer_config
+from lava_vpr.loihi import WEIGHT_LIMIT
 from lava_vpr.model import Stretch
+from lava_vpr.modelfile import Rule, UnfitError, check_arrays
 
 
 class StretchTrainer(Protocol):
-    """What learns one stretch: shown an image, it learns and tells its spike counts. Its state is named live arrays."""
+    """What learns one stretch: shown an image, it learns and tells its spike counts. Its state is named live arrays.
+
+    `most` says how large learning can have made the values of each array, after so many epochs of so many traverses; an
+    array that it leaves out is never changed.
+    """
 
     def begin_epoch(self, epoch: int) -> None: ...
 
@@ -24,11 +31,33 @@ class StretchTrainer(Protocol):
 
     def state(self) -> dict[str, NDArray[Any]]: ...
 
+    def most(self, epochs: int, traverses: int) -> dict[str, float]: ...
 
-def restore(trainer: StretchTrainer, arrays: dict[str, NDArray[Any]]) -> None:
-    """Put saved ``arrays`` (of `StretchTrainer.state`) in place."""
-    for name, value in trainer.state().items():
-        value[...] = arrays[name]
+
+def restore(trainer: StretchTrainer, arrays: dict[str, NDArray[Any]], epochs: int, traverses: int) -> None:
+    """Put saved ``arrays`` (of `StretchTrainer.state`) in place.
+
+    Args:
+        trainer: A new one.
+        arrays: The arrays from the file.
+        epochs: Whole epochs that the trainer that saved them had done.
+        traverses: Reference traverses.
+    Raises:
+        UnfitError: they are not what this trainer can have saved; nothing is changed.
+    """
+    state, most = trainer.state(), trainer.most(epochs, traverses)
+    check_arrays(
+        arrays, {name: Rule(str(own.dtype), own.shape, most=most.get(name, math.inf)) for name, own in state.items()}
+    )
+    for name, own in state.items():
+        if name not in most and not np.array_equal(own, arrays[name]):
+            raise UnfitError(f"{name} that differ from those that the seed gives")
+    for name, own in state.items():
+        own[...] = arrays[name]
+
+
+ROUNDING = 1.001
+"""Room for what sums in float32 round up."""
 
 
 class LifTrainer:
@@ -36,6 +65,7 @@ class LifTrainer:
 
     def __init__(self, config: Config, stretch: Stretch, number: int) -> None:
         settings = integer_config(config, "LifTrainer")
+        self._learning, self._places = settings.learning, stretch.places
         start = stdp.initial_state(config.encoder.inputs, stretch.neurons, settings.learning, config.seed, number)
         self._trainer = stdp.Trainer(start, settings.learning, config.encoder.train_spikes, settings.network.drive)
 
@@ -47,6 +77,13 @@ class LifTrainer:
 
     def state(self) -> dict[str, NDArray[Any]]:
         return {"weights": self._trainer.state.weights, "theta": self._trainer.state.theta}
+
+    def most(self, epochs: int, traverses: int) -> dict[str, float]:
+        learning, inputs = self._learning, len(self._trainer.state.weights)
+        spikes = epochs * self._places * learning.steps  # of the first traverse: thresholds rise in the first phase
+        theta = (learning.threshold + learning.theta_plus * spikes) * max(1.0, learning.consolidation_threshold)
+        heaviest = max(learning.w_max, learning.mean_weight * inputs)  # all of a neuron's weights can be one input's
+        return {"weights": heaviest * ROUNDING, "theta": theta * ROUNDING}
 
 
 class IntegerLifTrainer:
@@ -67,6 +104,9 @@ class IntegerLifTrainer:
 
     def state(self) -> dict[str, NDArray[Any]]:
         return {"weights": self._trainer.state.weights, "theta": self._trainer.state.theta}
+
+    def most(self, epochs: int, traverses: int) -> dict[str, float]:
+        return {"weights": WEIGHT_LIMIT, "theta": np.iinfo(np.int32).max}
 
 
 class ConductanceTrainer:
@@ -94,6 +134,16 @@ class ConductanceTrainer:
             "theta_mv": self.network.theta_mv,
             "delays": self.network.delays,
             "responses": self.responses,
+        }
+
+    def most(self, epochs: int, traverses: int) -> dict[str, float]:
+        learning, steps = self._learning, self._config.network.steps
+        presentations = epochs * traverses * self.responses.shape[1]
+        counted = max(0, epochs - max(0, learning.epochs - learning.label_epochs))
+        return {
+            "weights": max(learning.w_max, learning.weight_sum) * ROUNDING,
+            "theta_mv": (learning.theta_start_mv + learning.theta_plus_mv * steps * presentations) * ROUNDING,
+            "responses": steps * traverses * counted,
         }
 
 
