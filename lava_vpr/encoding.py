@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import Flag, auto
 from itertools import islice
+from typing import Any
 
 import cv2
 import numpy as np
@@ -83,6 +84,44 @@ def _seen(kept: NDArray[np.uint8] | None, what: str, keep: Keep, purpose: str) -
     if kept is None:
         raise InputError(f"{purpose}: needs the images' {what}, which were not kept; encode them with {keep}")
     return kept
+
+
+def check_encoded(encoded: EncodedTraverse, encoder: EncoderConfig, what: str) -> None:
+    """Refuse images that were not encoded with ``encoder``, or whose parts are not what `EncodedTraverse` says.
+
+    Compiled code goes through these arrays without looking at their ends.
+
+    Args:
+        encoded: Images from wherever.
+        encoder: The settings of the model.
+        what: The images in a word, which the message begins with.
+    Raises:
+        InputError: naming the first part that does not fit.
+    """
+    n, inputs = len(encoded), encoder.inputs
+    activity = encoded.activity
+    if activity.ndim == 2 and activity.shape[1] != inputs:
+        raise InputError(
+            f"{what} have {activity.shape[1]} inputs, the model {inputs}; encode them with the model's own settings"
+        )
+    parts: list[tuple[str, NDArray[Any] | None, type, tuple[int, ...]]] = [
+        ("activity", activity, np.float32, (n, inputs)),
+        ("indices", encoded.indices, np.int64, (n,)),
+        ("patches", encoded.patches, np.uint8, (n, PATCH_SIDE, PATCH_SIDE)),
+        ("thumbnails", encoded.thumbnails, np.uint8, (n, THUMBNAIL[1], THUMBNAIL[0], 3)),
+    ]
+    for name, array, dtype, shape in parts:
+        if array is not None and (array.dtype != dtype or array.shape != shape):
+            raise InputError(
+                f"{what} have {name} of type {array.dtype} and shape {array.shape}, not {np.dtype(dtype)} {shape}; "
+                "encode them anew"
+            )
+    most = 255 if INPUTS[encoder.kind].grey_levels else np.finfo(np.float32).max
+    with np.errstate(invalid="ignore"):  # NaN fits no range
+        fits = activity.size == 0 or (activity.min() >= 0 and activity.max() <= most)
+    if not fits or encoded.indices.min(initial=0) < 0:
+        wrong = "indices below 0" if fits else f"activity that is not in 0..{most:g}"
+        raise InputError(f"{what} have {wrong}; encode them anew")
 
 
 def activity_of(

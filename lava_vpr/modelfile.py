@@ -14,8 +14,9 @@ traverses, I inputs (of the settings), N neurons:
                    ``bits`` and ``regular`` are those of the settings. Not with preset ``paper``, not in a bundle
 
 and no other key. The arrays are those of `_arrays`, and no other: each of its type and shape, its least and most value
-within its range, none of them NaN. Beyond that, place_indices differ from each other, and labels are 0..P-1, T times
-over. What a query to it costs is within the limits ``presentation_operations`` and ``presentation_bytes``.
+within its range, none of them NaN. Beyond that, place_indices differ from each other and are below route_images, and
+labels are 0..P-1, T times over. What a query to it costs is within the limits ``presentation_operations`` and
+``presentation_bytes``.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from lava_vpr.configfile import from_dict
 from lava_vpr.engine import effort
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference.fixed import SCALARS, SILENT_STEPS, FixedNetwork
-from lava_vpr.errors import brief
+from lava_vpr.errors import ConfigError, brief
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.ranges import real, whole
 from lava_vpr.storage.limits import excess
@@ -44,6 +45,8 @@ LEARNED = ("learned", "responses", "place_indices", "labels", "patches", "activi
 """The arrays of a model beside those of its network."""
 
 _MOST_NAME, _MOST_VERSION, _MOST_COUNT = 1024, 40, 2**53
+_HEADERS = 1 << 16
+"""Bytes that are set aside for the settings, and for what each array says of itself."""
 _MOST_FLOAT = float(np.finfo(np.float32).max)
 _HEADER = ("version", "config", "stretches", "place_names", "route_images", "training")
 
@@ -95,7 +98,7 @@ def checked(
         LavaVprError: settings or network are out of range, or too costly.
     """
     config = _config(header, network)
-    names = _place_names(header["place_names"])
+    names = check_names(header["place_names"])
     stretches = _stretches(header["stretches"], len(names), config)
     sizes = Sizes(len(names), _images(arrays, len(names)), config.encoder.inputs, sum(stretches[-1][2:]))
     effort.check_query(config, sizes.neurons)
@@ -115,31 +118,31 @@ def checked(
     ):  # a bundle's model saved has none either
         rules["learned"] = rules["learned"]._replace(shape=(0, 0))
     check_arrays(kept, rules)
-    _check_places(kept, sizes)
+    route_images = count(header["route_images"], "route_images", sizes.places)
+    _check_places(kept, sizes, route_images)
     return Contents(
         config=config,
         network=whole_network,
         stretches=stretches,
         place_names=names,
-        route_images=count(header["route_images"], "route_images", sizes.places),
+        route_images=route_images,
         training=_figures(header["training"]),
         arrays=kept,
     )
 
 
-def check_size(config: Config, places: int, traverses: int, neurons: int) -> None:
-    """Refuse, before it is learned, a model whose file nobody could open.
+def check_model(config: Config, places: int, traverses: int, neurons: int) -> None:
+    """Refuse, before it is learned, a model whose file would be too large to be read.
 
     Raises:
-        UnfitError: naming its size and the limit.
+        ConfigError: naming its size and the limit.
     """
     sizes = Sizes(places, places * traverses, config.encoder.inputs, neurons)
     rules = {**_rules(config, sizes), **_network_rules(config, sizes)}
-    beyond = excess(
-        "model_bytes", sum(math.prod(rule.shape) * np.dtype(rule.dtype).itemsize for rule in rules.values())
-    )
+    content = sum(math.prod(rule.shape) * np.dtype(rule.dtype).itemsize for rule in rules.values())
+    beyond = excess("model_bytes", content + _HEADERS + 300 * places)  # and their names
     if beyond is not None:
-        raise UnfitError(f"a model of {places:,} places and {neurons:,} neurons has {beyond}, or learn fewer places")
+        raise ConfigError(f"a model of {places:,} places and {neurons:,} neurons takes {beyond}, or learn fewer places")
 
 
 def _config(header: Mapping[str, Any], network: FixedNetwork | None) -> Config:
@@ -172,8 +175,12 @@ def count(value: object, name: str, least: int, most: int = _MOST_COUNT) -> int:
     return value
 
 
-def _place_names(value: object) -> tuple[str, ...]:
-    """The names of the places."""
+def check_names(value: object) -> tuple[str, ...]:
+    """The names of the places.
+
+    Raises:
+        UnfitError: they are none.
+    """
     if not isinstance(value, list) or len(value) < 2:
         raise UnfitError(f"place_names {brief(value)}, which must be the names of two places or more")
     for number, name in enumerate(value):
@@ -332,9 +339,12 @@ def _check_array(array: NDArray[Any], name: str, rule: Rule) -> None:
         raise UnfitError(f"{name} with values from {least:g} to {most:g}, which must be in {rule.least}..{rule.most:g}")
 
 
-def _check_places(arrays: Mapping[str, NDArray[Any]], sizes: Sizes) -> None:
-    """Refuse places that share an index, and labels that are not the places, traverse after traverse."""
-    if len(np.unique(arrays["place_indices"])) != sizes.places:
+def _check_places(arrays: Mapping[str, NDArray[Any]], sizes: Sizes, route_images: int) -> None:
+    """Refuse places that share an index or lie beyond the route, and labels that are not traverse after traverse."""
+    indices = arrays["place_indices"]
+    if len(np.unique(indices)) != sizes.places:
         raise UnfitError("place_indices of which two are equal")
+    if indices.max() >= route_images:
+        raise UnfitError(f"place_indices up to {indices.max()} in a route of {route_images} images")
     if not np.array_equal(arrays["labels"], np.tile(np.arange(sizes.places), sizes.images // sizes.places)):
         raise UnfitError("labels that are not the places, traverse after traverse")

@@ -186,7 +186,7 @@ def side_by_side() -> tuple[str, tuple[Peer, ...]]:
     """Every matcher on the same places and queries, and what images those were."""
     name, references, queries = section()
     config = preset("loihi")
-    model = train([references], config, route_images=len(references), jobs=cores())
+    model = train([references], config, jobs=cores())
     return name, all_peers(model, queries, np.eye(len(queries), dtype=bool))
 
 

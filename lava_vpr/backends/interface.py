@@ -9,10 +9,9 @@ from typing import Any, Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.encoding import EncodedTraverse, query_rates
+from lava_vpr.encoding import EncodedTraverse, check_encoded, query_rates
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.engine.trains import Trains
-from lava_vpr.errors import InputError
 from lava_vpr.model import Model
 
 Advance = Callable[[int], None]
@@ -58,13 +57,9 @@ def query_presentations(model: Model, queries: EncodedTraverse, seed: int | None
     """The presentations of ``queries`` to ``model``; ``seed`` defaults to the model's.
 
     Raises:
-        InputError: the queries were encoded with other settings.
+        InputError: the queries were encoded with other settings, or are no images that were encoded.
     """
-    if queries.activity.shape[1] != model.config.encoder.inputs:
-        raise InputError(
-            f"queries have {queries.activity.shape[1]} inputs, the model {model.config.encoder.inputs}; encode them "
-            "with the model's own settings"
-        )
+    check_encoded(queries, model.config.encoder, "queries")
     rates = query_rates(queries.activity, model.config)
     return Presentations(rates, queries.indices, model.config.seed if seed is None else seed)
 

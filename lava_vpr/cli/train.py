@@ -31,7 +31,8 @@ from lava_vpr.model import Model
 from lava_vpr.storage.locking import only_one
 from lava_vpr.storage.text import shown
 from lava_vpr.training.checkpoint import check_resume, remove_checkpoint
-from lava_vpr.training.loop import Progress, check_references, check_size, presentations, split
+from lava_vpr.training.door import check_references
+from lava_vpr.training.loop import Progress, check_size, presentations, split
 from lava_vpr.training.loop import train as train_model
 from lava_vpr.traverse import open_traverses
 
@@ -95,7 +96,7 @@ def train(
         outputs.spare(path for traverse in whole for path in traverse.paths)
         chosen = [traverse.between(*places) if places else traverse for traverse in whole]
         check_references([len(traverse) for traverse in chosen], references)
-        check_size(len(chosen[0]), config)
+        check_size(len(chosen[0]), config, len(chosen))
         encoded = [
             # A model keeps the thumbnails of its first traverse.
             encode(traverse, config.encoder, Keep.PATCHES if number else Keep.ALL)

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.errors import ConfigError
 from lava_vpr.inputs.patches import grey
 from lava_vpr.kernelcache import compiled
 
@@ -69,7 +70,12 @@ def orientation_channels(
     Each pixel's edge energy is shared linearly between the two nearest of ``orientations`` gradient directions modulo
     180 degrees (channel k: k 180 / orientations degrees), then each channel takes its maximum over ``cell`` x ``cell``
     pixels.
+
+    Raises:
+        ConfigError: ``side`` is no multiple of ``cell``.
     """
+    if cell < 1 or side % cell:
+        raise ConfigError(f"the side of {side} pixels is no multiple of the cell of {cell}; choose another")
     energy, gx, gy = edge_energy(image, side, window, pool_floor, blur)
     channels = np.zeros((orientations, side // cell, side // cell), dtype=np.float32)
     _pool(energy, gx, gy, cell, channels)

@@ -41,8 +41,8 @@ LIMITS: dict[str, Limit] = {
     "model_bytes": Limit(
         2 * GIB,
         "bytes",
-        "a model of 20,000 places with a neuron each (2.1e9 bytes, of which 1.6e9 are reference responses); all 27,592 "
-        "places of Nordland take 3.7e9 and want the limit raised, for `train` too",
+        "a model of 20,000 places with a neuron each, of which 1.6e9 bytes are reference responses; one inhibition "
+        "serves 16,384 at the default settings",
     ),
     "header_bytes": Limit(
         8 * MIB, "bytes", "names of 255 characters for 20,000 places, with room; its objects take 250 MB"
@@ -62,7 +62,7 @@ LIMITS: dict[str, Limit] = {
     "presentation_operations": Limit(
         4_000_000_000,
         "operations",
-        "twenty times a query of 350 steps to all 27,592 places of Nordland; some seconds on one core",
+        "twenty-five times a query of 350 steps to 20,000 places; some seconds on one core",
     ),
     "presentation_bytes": Limit(GIB, "bytes", "ten times VPRSNN's network when every neuron learns at once"),
     "training_operations": Limit(

@@ -15,15 +15,17 @@ from numpy.typing import NDArray
 
 from lava_vpr.config import ConductanceLearning, Config
 from lava_vpr.encoding import EncodedTraverse, training_rates
+from lava_vpr.engine import effort
 from lava_vpr.engine.conductance import model as conductance
 from lava_vpr.engine.inference import fixed, quantise
 from lava_vpr.engine.learning import integer, stdp
 from lava_vpr.engine.random import presentation_key
-from lava_vpr.errors import ConfigError, InputError, NetworkLimitError
+from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.gate import as_integer_config, integer_config
 from lava_vpr.model import Model, Stretch
-from lava_vpr.storage.text import shown
+from lava_vpr.modelfile import check_model
 from lava_vpr.training.checkpoint import Checkpoint, fingerprint
+from lava_vpr.training.door import check_encoded_references
 from lava_vpr.training.references import coverage, reference_responses
 from lava_vpr.training.trainers import ConductanceTrainer, StretchTrainer, trainer_of
 
@@ -52,14 +54,20 @@ def split(places: int, config: Config) -> tuple[Stretch, ...]:
     return tuple(stretches)
 
 
-def check_size(places: int, config: Config) -> tuple[Stretch, ...]:
-    """The stretches of a route of ``places``, or a refusal before anything is learned.
+def check_size(places: int, config: Config, traverses: int = 1) -> tuple[Stretch, ...]:
+    """The stretches of a route of ``places``, shown in so many traverses, or a refusal before anything is learned.
 
     Raises:
-        ConfigError: stretches for a model that cannot be joined.
+        ConfigError: stretches for a model that cannot be joined; a model, a query or a training that would cost more
+            than the limits allow.
         NetworkLimitError: more neurons than one inhibition can serve, or integer learning that could overflow.
     """
     stretches = split(places, config)
+    neurons = sum(stretch.neurons for stretch in stretches)
+    check_model(config, places, traverses, neurons)
+    effort.check_query(config, neurons)
+    shown = presentations(config, places, traverses, config.learning.epochs)
+    effort.check_training(config, max(stretch.neurons for stretch in stretches), shown)
     settings = as_integer_config(config)
     if settings is None:
         if len(stretches) > 1:
@@ -68,7 +76,6 @@ def check_size(places: int, config: Config) -> tuple[Stretch, ...]:
     network, learning = settings.network, settings.learning
     joined = len(stretches) > 1
     inhibition = network.joined_inhibition if joined else network.inhibition
-    neurons = sum(stretch.neurons for stretch in stretches)
     most = quantise.most_neurons(network.threshold, inhibition)
     if neurons > most:
         raise NetworkLimitError(
@@ -79,30 +86,6 @@ def check_size(places: int, config: Config) -> tuple[Stretch, ...]:
         inputs, spikes = config.encoder.inputs, config.encoder.train_spikes
         integer.phases(learning, inputs, max(stretch.neurons for stretch in stretches), spikes, network.drive)
     return stretches
-
-
-def check_references(sizes: Sequence[int], sources: Sequence[str] | None = None) -> None:
-    """Refuse reference traverses that do not show the same number of places.
-
-    Args:
-        sizes: The number of images of each.
-        sources: The folder or file that each was read from, for the message; None if that is not known.
-    Raises:
-        InputError: none, too few places, or unequal numbers.
-    """
-    files = [f"{shown(source)}: " for source in sources] if sources else [""] * len(sizes)
-    if not sizes or sizes[0] < 2:
-        found = "1 image" if sizes and sizes[0] else "no image"
-        raise InputError(
-            f"{''.join(files[:1])}a route needs at least 2 places, but there is {found}; give a folder, list or video "
-            "of more, or a wider --places A:B"
-        )
-    for number, size in enumerate(sizes[1:], start=2):
-        if size != sizes[0]:
-            raise InputError(
-                f"{files[number - 1]}reference traverse {number} has {size} images, the first has {sizes[0]}: place i "
-                "must be image i of each; choose with --places A:B or give lists of matching images"
-            )
 
 
 def train(
@@ -122,7 +105,7 @@ def train(
     Args:
         references: One or more traverses of the same places.
         config: Settings; equal settings and images give the bit-identical model whatever ``jobs``.
-        route_images: Images in the whole first traverse (default: as many as given).
+        route_images: Images in the whole first traverse (default: up to the last place).
         jobs: Threads; each learns one stretch at a time.
         checkpoint: Where to keep checkpoints; None keeps none.
         interval: Least seconds between two checkpoints.
@@ -130,13 +113,14 @@ def train(
         progress: Called after every presentation, from any thread.
         resumed: Function that is told the epochs done per stretch when training resumes.
     Raises:
-        InputError: references do not match.
+        ConfigError: the settings cannot be learned, or model or training would cost more than the limits allow.
+        InputError: references do not match each other or the settings.
         ModelFileError: the checkpoint cannot be used or written.
         NetworkLimitError: the trained network could overflow.
     """
-    check_references([len(reference) for reference in references])
+    route_images = check_encoded_references(references, config, route_images)
     _kept(references)  # seen now, before hours of work
-    stretches = check_size(len(references[0]), config)
+    stretches = check_size(len(references[0]), config, len(references))
     trainers = [trainer_of(config, stretch, number) for number, stretch in enumerate(stretches)]
     store = Checkpoint(checkpoint, fingerprint(references, config), interval)
     if resume:
@@ -155,7 +139,7 @@ def train(
 
     _run(learn, len(stretches), jobs, stop, store)
     try:
-        return _finish(references, config, stretches, trainers, route_images or len(references[0]), jobs)
+        return _finish(references, config, stretches, trainers, route_images, jobs)
     except NetworkLimitError:
         # Only other settings help, and those cannot go on from here.
         if checkpoint is not None:

@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from lava_vpr.config import ConductanceLearning, ConductanceNetwork, Config
 from lava_vpr.engine.conductance.kernels import FROZEN, PAPER, TRIPLET, Constants, Network, draw_spikes, normalise
 from lava_vpr.engine.conductance.run import present
+from lava_vpr.engine.entry import check_presentations, check_rates
 from lava_vpr.engine.random import presentation_key, uniform
 from lava_vpr.engine.threads import share
 from lava_vpr.errors import ConfigError, InputError
@@ -152,6 +153,8 @@ def _check(state: ConductanceState, inputs: int) -> None:
         raise InputError(
             f"rates have {inputs} inputs, but the network has {shape[0]}; encode with the model's settings"
         )
+    if state.delays.dtype != np.uint16:
+        raise InputError(f"delays of type {state.delays.dtype}, not uint16; use those of a model")
 
 
 def _own(array: NDArray[np.generic], dtype: type, order: Literal["C", "F"] = "C") -> NDArray[Any]:
@@ -195,6 +198,7 @@ def train_presentation(
     """
     network, learning = _settings(config)
     _check(state, len(rates))
+    check_rates(rates, np.uint32, (len(rates),))
     c = constants(config, learn=True)
     state.weights = _own(state.weights, np.float64, "F")
     state.theta_mv = _own(state.theta_mv, np.float64)
@@ -231,7 +235,8 @@ def count_spikes(
         ConfigError, InputError: settings or arrays of another network.
     """
     network, _ = _settings(config)
-    _check(state, rates.shape[1])
+    _check(state, rates.shape[-1])
+    check_presentations(rates, keys, np.uint32, rates.shape[-1])
     n, neurons = len(rates), state.weights.shape[1]
     c = constants(config, learn=False)
     weights, delays = _own(state.weights, np.float64, "F").T, _own(state.delays, np.uint16, "F").T

@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.engine.entry import check_presentations
 from lava_vpr.engine.inference.bias_input import biases
 from lava_vpr.engine.inference.fixed_kernels import KernelNumbers, present
 from lava_vpr.engine.threads import share
@@ -251,12 +252,15 @@ def count_spikes(
         raster: Also record every excitatory spike.
     Returns:
         Spike counts int32 (n, neurons); events by name, summed; raster uint8 (n, steps + 3, neurons) or empty.
+    Raises:
+        InputError: rates or keys of another type or shape.
     """
+    check_presentations(rates, keys, np.uint16, network.inputs)
     n = len(rates)
     counts = np.zeros((n, network.neurons), np.int32)
     film = np.zeros((n, network.steps + SILENT_STEPS, network.neurons) if raster else (0, 0, 0), np.uint8)
     prepared, narrow = network.prepared, network.narrow
-    rates = np.ascontiguousarray(rates, dtype=np.uint16)
+    rates = np.ascontiguousarray(rates)
     bias = np.left_shift(*biases(rates)) if network.bias_input else np.zeros((n, 0), np.int32)
 
     def run(part: slice) -> NDArray[np.int64]:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.engine.entry import check_array
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.fixed_kernels import integrate
 from lava_vpr.kernelcache import compiled
@@ -71,8 +72,12 @@ def membranes(network: FixedNetwork, inputs: NDArray[np.uint8], inh: NDArray[np.
         network: The network, checked.
         inputs: Spikes of the inputs, uint8 (steps + 3, inputs).
         inh: Spikes of the relays, uint8 (steps + 3, neurons).
+    Raises:
+        InputError: spikes of another shape.
     """
     steps = len(inputs)
+    for name, spikes, width in (("input spikes", inputs, network.inputs), ("relay spikes", inh, network.neurons)):
+        check_array(spikes.view(np.uint8), name, np.uint8, (steps, width), "record them with this network")
     result = Membranes(
         np.zeros((steps, network.neurons), np.int32),
         np.zeros((steps, network.neurons), np.uint8),

@@ -24,13 +24,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.config import StdpLearning
+from lava_vpr.engine.entry import check_array, check_rates
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.inference.quantise import mantissa_of
 from lava_vpr.engine.learning.integer_kernels import KernelPhase, StepDraws, normalise_columns, train
 from lava_vpr.engine.learning.stdp import mean_trace
 from lava_vpr.engine.random import derived_key, presentation_key, uniform
-from lava_vpr.errors import ConfigError, NetworkLimitError
+from lava_vpr.errors import ConfigError, InputError, NetworkLimitError
 from lava_vpr.loihi import (
     DECAY_UNITY,
     INPUT_LIMIT,
@@ -41,6 +42,8 @@ from lava_vpr.loihi import (
     WEIGHT_EXPONENT_LIMIT,
     WEIGHT_LIMIT,
 )
+
+AGAIN = "use the arrays of one network"
 
 
 @dataclass(frozen=True)
@@ -278,9 +281,21 @@ def present(
     Returns:
         Spike counts int32 (neurons,); numbers of input and excitatory spikes, int64 (2,); raster uint8
         (steps + 3, neurons) or empty.
+    Raises:
+        InputError: an array of another type or shape, or traces beyond 7 bits.
     """
     inputs, neurons = state.weights.shape
     total = learning.steps + SILENT_STEPS
+    check_rates(rates, np.uint16, (inputs,))
+    check_array(state.theta, "thresholds", np.int32, (neurons,), AGAIN)
+    if traces is not None:
+        check_array(traces, "traces", np.uint8, (inputs,), AGAIN)
+        if traces.max(initial=0) > TRACE_LIMIT:
+            raise InputError(f"traces of up to {traces.max()}, but 7 bits hold {TRACE_LIMIT}; {AGAIN}")
+    if inhibition is not None:
+        check_array(inhibition, "inhibition", np.int64, (neurons,), AGAIN)
+    for name, numbers in () if draws is None else zip(StepDraws._fields, draws, strict=True):
+        check_array(numbers, f"draws of {name}", np.uint64, (total,), AGAIN)
     if learning.weight_sum:
         normalise(state.weights, learning.weight_sum, key)
     counts, events = np.zeros(neurons, np.int32), np.zeros(2, np.int64)

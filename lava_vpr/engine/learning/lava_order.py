@@ -28,10 +28,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.config import StdpLearning
+from lava_vpr.engine.entry import check_array
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.inference.quantise import mantissa_of
 from lava_vpr.engine.learning.integer import (
+    AGAIN,
     IntegerLearning,
     IntegerState,
     initial_state,
@@ -42,7 +44,7 @@ from lava_vpr.engine.learning.integer import (
 )
 from lava_vpr.engine.learning.integer_kernels import StepDraws
 from lava_vpr.engine.random import GOLDEN, derived_key, mix, presentation_key
-from lava_vpr.errors import ConfigError
+from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.kernelcache import compiled
 from lava_vpr.loihi import INPUT_LIMIT, THRESHOLD_LIMIT, WEIGHT_LIMIT
 
@@ -165,7 +167,13 @@ def fold(weights: NDArray[np.uint8], thresholds: NDArray[np.int32], common: int,
         thresholds: Thresholds of the neurons, int32 (neurons,), at least 1.
         common: The chip's one threshold.
         key: Key of the presentation.
+    Raises:
+        InputError: an array of another type or shape, or a threshold below 1.
     """
+    check_array(weights, "weights", np.uint8, (len(weights), len(thresholds)), AGAIN)
+    check_array(thresholds, "thresholds", np.int32, (len(thresholds),), AGAIN)
+    if thresholds.min(initial=1) < 1:
+        raise InputError(f"thresholds down to {thresholds.min()}, but they are at least 1; {AGAIN}")
     return _fold(weights, thresholds, np.int64(common), np.uint64(derived_key(key, "fold")))
 
 

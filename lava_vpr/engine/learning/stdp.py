@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.config import StdpLearning
 from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
+from lava_vpr.engine.entry import check_rates
 from lava_vpr.engine.random import presentation_key, uniform
 from lava_vpr.kernelcache import compiled
 
@@ -245,8 +246,11 @@ class Trainer:
             key: The presentation's key (`lava_vpr.engine.random.presentation_key`).
         Returns:
             Spike counts int32 (neurons,); numbers of input and excitatory spikes, int64 (2,).
+        Raises:
+            InputError: rates of another type or shape.
         """
         state = self.state
+        check_rates(rates, np.uint16, state.weights.shape[:1])
         counts = np.zeros(len(state.theta), np.int32)
         events = np.zeros(2, np.int64)
         normalise(state.weights, self.learning.mean_weight)

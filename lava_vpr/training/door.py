@@ -1,0 +1,67 @@
+"""What a training is given, looked at before anything is learned."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lava_vpr.config import Config
+from lava_vpr.encoding import EncodedTraverse, check_encoded
+from lava_vpr.errors import InputError
+from lava_vpr.modelfile import UnfitError, check_names
+from lava_vpr.storage.text import shown
+
+
+def check_references(sizes: Sequence[int], sources: Sequence[str] | None = None) -> None:
+    """Refuse reference traverses that do not show the same number of places.
+
+    Args:
+        sizes: The number of images of each.
+        sources: The folder or file that each was read from, for the message; None if that is not known.
+    Raises:
+        InputError: none, too few places, or unequal numbers.
+    """
+    files = [f"{shown(source)}: " for source in sources] if sources else [""] * len(sizes)
+    if not sizes or sizes[0] < 2:
+        found = "1 image" if sizes and sizes[0] else "no image"
+        raise InputError(
+            f"{''.join(files[:1])}a route needs at least 2 places, but there is {found}; give a folder, list or video "
+            "of more, or a wider --places A:B"
+        )
+    for number, size in enumerate(sizes[1:], start=2):
+        if size != sizes[0]:
+            raise InputError(
+                f"{files[number - 1]}reference traverse {number} has {size} images, the first has {sizes[0]}: place i "
+                "must be image i of each; choose with --places A:B or give lists of matching images"
+            )
+
+
+def check_encoded_references(references: Sequence[EncodedTraverse], config: Config, route_images: int | None) -> int:
+    """Refuse references of which no model could be made that can be read again.
+
+    Args:
+        references: The traverses.
+        config: Settings that they were encoded with.
+        route_images: Images in the whole first traverse; None: nobody says.
+    Returns:
+        Images in the whole first traverse, as far as is known.
+    Raises:
+        InputError: they are not of these settings, or of different numbers of places, or two are the same place.
+    """
+    check_references([len(reference) for reference in references])
+    for number, reference in enumerate(references, start=1):
+        check_encoded(reference, config.encoder, f"references of traverse {number}")
+    first = references[0]
+    try:
+        check_names(list(first.names))
+    except UnfitError as error:
+        raise InputError(f"the references have {error}; rename the file") from None
+    if len(np.unique(first.indices)) != len(first):
+        raise InputError("two references have the same index; give each place once")
+    seen = int(first.indices.max()) + 1
+    if route_images is not None and route_images < seen:
+        raise InputError(
+            f"route_images is {route_images}, but there is a place {seen - 1}; give the images of the whole traverse"
+        )
+    return seen if route_images is None else route_images
