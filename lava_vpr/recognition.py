@@ -23,8 +23,8 @@ from lava_vpr.model import Model, decode, prepare
 from lava_vpr.traverse import Traverse
 
 BASELINES = ("sad", "cosine")
-BATCH = 64
-"""Queries of a stream that are encoded together, and decoded together."""
+BATCH = 256
+"""Queries of a stream that are encoded together, and decoded together: enough for the threads of a large machine."""
 
 
 @dataclass(frozen=True)

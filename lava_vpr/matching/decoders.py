@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from lava_vpr.errors import ConfigError
 from lava_vpr.matching import certainty, equations
 from lava_vpr.matching.certainty import Matcher
-from lava_vpr.matching.equations import VARIANTS, Counts, Scores, Variant, check_variant
+from lava_vpr.matching.equations import VARIANTS, Counts, Scores, ScoresOf, Variant, check_variant
 from lava_vpr.registry import Registry
 
 
@@ -37,11 +37,8 @@ class Reading:
     assignments: NDArray[np.int64] | None = field(default=None, repr=False)
 
 
-ScoreFunction = Callable[[Counts, Counts, Reading], Scores]
-"""A function from responses (n_exc, n_places), spikes (n_queries, n_exc) and the reading to scores (n_queries,
-n_places)."""
-PreparedScores = Callable[[Counts], Scores]
-"""A function from spikes (n_queries, n_exc) to scores (n_queries, n_places)."""
+ScoreFunction = Callable[[Counts, Reading], ScoresOf]
+"""A function from responses (n_exc, n_places) and the reading to the function that scores queries."""
 
 
 @dataclass(frozen=True)
@@ -51,12 +48,9 @@ class Decoder(Matcher):
     Attributes:
         scores: The score function of every variant. Each row of scores, at least 0, depends on that query alone, bit
             for bit; responses or spikes that are no counts or do not fit each other are an `InputError`.
-        prepared: From responses to scores of query after query, what the responses say worked out once; equal to the
-            score function of every variant, bit for bit. None if nothing can be worked out before.
     """
 
     scores: Mapping[str, ScoreFunction]
-    prepared: Callable[[Counts], PreparedScores] | None = None
 
     def __post_init__(self) -> None:
         missing = [variant for variant in VARIANTS if not callable(self.scores.get(variant))]
@@ -73,34 +67,34 @@ def in_every_variant(scores: ScoreFunction) -> Mapping[str, ScoreFunction]:
     return dict.fromkeys(VARIANTS, scores)
 
 
-def _contrast(responses: Counts, spikes: Counts, reading: Reading) -> Scores:
-    return equations.contrast(responses, spikes)
+def _contrast(responses: Counts, reading: Reading) -> ScoresOf:
+    return equations.contrast(responses)
 
 
-def _standard(responses: Counts, spikes: Counts, reading: Reading) -> Scores:
-    return equations.standard(responses, spikes, variant=reading.variant, assignments=reading.assignments)
+def _standard(responses: Counts, reading: Reading) -> ScoresOf:
+    return equations.standard(responses, variant=reading.variant, assignments=reading.assignments)
 
 
-def _weighted(responses: Counts, spikes: Counts, reading: Reading) -> Scores:
-    return equations.weighted(
-        responses, spikes, gamma=reading.gamma, variant=reading.variant, assignments=reading.assignments
-    )
+def _weighted(responses: Counts, reading: Reading) -> ScoresOf:
+    return equations.weighted(responses, gamma=reading.gamma, variant=reading.variant, assignments=reading.assignments)
 
 
-def _paper_probability(responses: Counts, spikes: Counts, reading: Reading) -> Scores:
-    return equations.standard_probability(responses, spikes, reading.assignments)
+def _paper_probability(responses: Counts, reading: Reading) -> ScoresOf:
+    return equations.standard_probability(responses, reading.assignments)
 
 
-def _released_probability(responses: Counts, spikes: Counts, reading: Reading) -> Scores:
-    return equations.probability(_standard(responses, spikes, reading))
+def _released_probability(responses: Counts, reading: Reading) -> ScoresOf:
+    scores_of = _standard(responses, reading)
+    return lambda spikes: equations.probability(scores_of(spikes))
 
 
-def _paper_weighted_probability(responses: Counts, spikes: Counts, reading: Reading) -> Scores:
-    return equations.weighted_probability(responses, spikes, reading.gamma)
+def _paper_weighted_probability(responses: Counts, reading: Reading) -> ScoresOf:
+    return equations.weighted_probability(responses, reading.gamma)
 
 
-def _released_weighted_probability(responses: Counts, spikes: Counts, reading: Reading) -> Scores:
-    return equations.probability(_weighted(responses, spikes, reading))
+def _released_weighted_probability(responses: Counts, reading: Reading) -> ScoresOf:
+    scores_of = _weighted(responses, reading)
+    return lambda spikes: equations.probability(scores_of(spikes))
 
 
 DECODERS.register(
@@ -109,7 +103,6 @@ DECODERS.register(
         title="contrast",
         confidence=certainty.contrast,
         scores=in_every_variant(_contrast),
-        prepared=equations.prepared_contrast,
     )
 )
 DECODERS.register(
@@ -158,17 +151,21 @@ def decode(
         ConfigError: unknown name or variant.
         InputError: arrays that are no counts or do not fit each other.
     """
-    check_variant(variant)
-    return DECODERS[name].scores[variant](responses, spikes, Reading(variant, gamma, assignments))
+    return prepare(name, responses, variant=variant, gamma=gamma, assignments=assignments)(spikes)
 
 
-def prepare(name: str, responses: Counts, *, variant: Variant = "paper", gamma: float = 0.02) -> PreparedScores:
-    """`decode` for query after query: what ``responses`` say is worked out once, where the decoder can.
+def prepare(
+    name: str,
+    responses: Counts,
+    *,
+    variant: Variant = "paper",
+    gamma: float = 0.02,
+    assignments: NDArray[np.int64] | None = None,
+) -> ScoresOf:
+    """`decode` for query after query: what ``responses`` say is worked out once.
 
     Raises:
-        ConfigError, InputError: as `decode`.
+        ConfigError, InputError: as `decode`, and what is returned, too.
     """
-    prepared = DECODERS[name].prepared
-    if prepared is not None:
-        return prepared(responses)
-    return lambda spikes: decode(name, responses, spikes, variant=variant, gamma=gamma)
+    check_variant(variant)
+    return DECODERS[name].scores[variant](responses, Reading(variant, gamma, assignments))

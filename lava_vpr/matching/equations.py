@@ -1,7 +1,8 @@
 """From spike counts to place scores: neuronal assignments and the equations of the decoders.
 
 The functions see the responses S^R (int, (n_exc, n_places): spikes of each neuron on the reference images of each
-place) and the spikes s of a query (int, (n_exc,)) and nothing else. Source of the paper's four: Hussaini, Milford,
+place) and the spikes s of a query (int, (n_exc,)) and nothing else. A decoder's function works out once what the
+responses say, and returns the function of queries' spikes. Source of the paper's four: Hussaini, Milford,
 Fischer, RA-L 2022 (doi 10.1109/LRA.2022.3149030), equations (4) to (9), and its released code (variants
 ``vprsnn2022``, the release of the paper, and ``vprsnn``, its later head). How the paper's notation is read here
 (variant ``paper``):
@@ -35,6 +36,8 @@ from lava_vpr.errors import ConfigError, InputError
 
 Counts = NDArray[np.integer[Any]]
 Scores = NDArray[np.float64]
+ScoresOf = Callable[[Counts], Scores]
+"""A function from spikes (n_queries, n_exc) to scores (n_queries, n_places)."""
 Variant = Literal["paper", "vprsnn2022", "vprsnn"]
 VARIANTS: tuple[str, ...] = typing.get_args(Variant)
 
@@ -44,30 +47,47 @@ MAX_QUERY_SPIKES = 1 << 23
 QUERY_BLOCK = 1024  # queries at a time: bounds what is needed beside the scores themselves
 
 
-def _check(responses: Counts, spikes: Counts, variant: str = "paper") -> None:
-    """Refuse arrays that are no spike counts, do not fit each other, or could not be added up exactly."""
-    for name, array in (("responses", responses), ("spikes", spikes)):
-        if array.ndim != 2 or array.dtype.kind not in "iu":
-            raise InputError(f"{name}: {array.dtype} of shape {array.shape}, must be whole numbers in two dimensions")
-        if array.size and int(array.min()) < 0:
-            raise InputError(f"{name}: holds a negative count, must be spike counts of at least 0")
+def _check_counts(name: str, array: Counts) -> None:
+    """Refuse an array that holds no spike counts."""
+    if array.ndim != 2 or array.dtype.kind not in "iu":
+        raise InputError(f"{name}: {array.dtype} of shape {array.shape}, must be whole numbers in two dimensions")
+    if array.size and int(array.min()) < 0:
+        raise InputError(f"{name}: holds a negative count, must be spike counts of at least 0")
+
+
+def _check_responses(responses: Counts) -> None:
+    """Refuse responses that are no spike counts, or none at all."""
+    _check_counts("responses", responses)
     if responses.size == 0:
         raise InputError(f"responses: shape {responses.shape}; train on at least one image with at least one neuron")
-    if spikes.shape[1] != responses.shape[0]:
-        neurons = f"{spikes.shape[1]} neurons, but responses hold {responses.shape[0]}"
+
+
+def _check_spikes(spikes: Counts, n_exc: int) -> None:
+    """Refuse queries that are no spike counts of ``n_exc`` neurons, or could not be added up exactly."""
+    _check_counts("spikes", spikes)
+    if spikes.shape[1] != n_exc:
+        neurons = f"{spikes.shape[1]} neurons, but responses hold {n_exc}"
         raise InputError(f"spikes: counts of {neurons}; use one model for both")
     most = int(spikes.sum(axis=1, dtype=np.int64).max(initial=0))
     if most > MAX_QUERY_SPIKES:
         raise InputError(
             f"spikes: a query has {most:,} spikes, at most {MAX_QUERY_SPIKES:,}; use fewer steps or neurons"
         )
-    check_variant(variant)
 
 
 def check_variant(variant: str) -> None:
     """Refuse a variant that is none of `VARIANTS`."""
     if variant not in VARIANTS:
         raise ConfigError(f"decoder variant {variant!r} is unknown; choose from {', '.join(VARIANTS)}")
+
+
+def _products(spikes: Counts, table: Scores) -> Scores:
+    """``spikes @ table``, shape (n_queries, n_places), for counts of the neurons that ``table`` has rows for."""
+    _check_spikes(spikes, len(table))
+    scores = np.empty((len(spikes), table.shape[1]))
+    for block in _blocks(len(spikes)):
+        np.matmul(spikes[block].astype(np.float64), table, out=scores[block])
+    return scores
 
 
 def _blocks(n: int) -> Iterator[slice]:
@@ -136,24 +156,22 @@ def _members(responses: Counts, assignments: NDArray[np.int64] | None) -> Scores
 
 
 def standard(
-    responses: Counts, spikes: Counts, *, variant: Variant = "paper", assignments: NDArray[np.int64] | None = None
-) -> Scores:
+    responses: Counts, *, variant: Variant = "paper", assignments: NDArray[np.int64] | None = None
+) -> ScoresOf:
     """Standard assignments, equation (5): spikes of the neurons assigned to a place.
 
     Args:
         responses: S^R, int (n_exc, n_places).
-        spikes: Query spikes, int (n_queries, n_exc).
         variant: ``paper`` sums over M_l, the released code takes the mean (0 where M_l is empty).
         assignments: Labels to use instead of `assign` (responses), e.g. of `assign_from_presentations`.
-    Returns:
-        Scores (n_queries, n_places).
     """
-    _check(responses, spikes, variant)
+    _check_responses(responses)
+    check_variant(variant)
     members = _members(responses, assignments)
-    scores = np.empty((len(spikes), responses.shape[1]))
-    for block in _blocks(len(spikes)):
-        np.matmul(spikes[block].astype(np.float64), members, out=scores[block])
-    return scores if variant == "paper" else scores / np.maximum(members.sum(axis=0), 1.0)
+    if variant == "paper":
+        return lambda spikes: _products(spikes, members)
+    sizes = np.maximum(members.sum(axis=0), 1.0)
+    return lambda spikes: _products(spikes, members) / sizes
 
 
 def _weighted_table(
@@ -174,7 +192,6 @@ def _weighted_table(
 
 def weighted(
     responses: Counts,
-    spikes: Counts,
     *,
     gamma: float = 0.02,
     involvement: bool = True,
@@ -182,12 +199,11 @@ def weighted(
     penalty: bool = True,
     variant: Variant = "paper",
     assignments: NDArray[np.int64] | None = None,
-) -> Scores:
-    """Weighted assignments, equations (6) to (8), summed over the neurons.
+) -> ScoresOf:
+    """Weighted assignments, equations (6) to (8), summed over the neurons; scores are at least 0.
 
     Args:
         responses: S^R, int (n_exc, n_places).
-        spikes: Query spikes, int (n_queries, n_exc).
         gamma: Share of the places above which a neuron counts as involved in many.
         involvement: Equation (6): spikes divided by omega_i if omega_i > gamma n_places (``vprsnn``: >=).
         strength: Equation (7): times the share of the neuron's spikes that place l got.
@@ -195,59 +211,54 @@ def weighted(
         variant: ``paper``; the released code counts, at l, neurons with more than 0.1 of their spikes there, and
             scores only places that are some neuron's label.
         assignments: Labels to use instead of `assign` (responses); they matter to the released code only.
-    Returns:
-        Scores (n_queries, n_places), at least 0.
     """
-    _check(responses, spikes, variant)
+    _check_responses(responses)
+    check_variant(variant)
     table, learned = _weighted_table(responses, gamma, involvement, strength, variant)
-    scores = np.empty((len(spikes), responses.shape[1]))
-    for block in _blocks(len(spikes)):
-        np.matmul(spikes[block].astype(np.float64), table, out=scores[block])
-        scores[block] *= SHARE_UNIT
-        if penalty:
-            scores[block] *= _penalties(responses, learned, spikes[block])
-    if variant != "paper":
-        scores[:, ~_members(responses, assignments).any(axis=0)] = 0.0
-    return scores
+    scores_of = _weighted_by(table, _penalties(responses, learned) if penalty else None)
+    if variant == "paper":
+        return scores_of
+    scored = _members(responses, assignments).any(axis=0)
+    return lambda spikes: np.where(scored, scores_of(spikes), 0.0)
 
 
-def _penalties(responses: Counts, learned: NDArray[np.bool_], spikes: Counts) -> Scores:
-    """The factor of equation (8), shape (n_queries, n_places); 0 for a place that no neuron learned."""
-    known = np.where(learned, responses, 0).astype(np.float64)
-    totals = known.sum(axis=0)
-    heard = (spikes > 0).astype(np.float64) @ known
-    return np.divide(heard, totals, out=np.zeros_like(heard), where=totals > 0)
-
-
-def contrast(responses: Counts, spikes: Counts) -> Scores:
-    """The default decoder: each spike is shared among the places as its neuron's reference spikes were.
-
-    ``score[l] = sum_i s_i S^R[i, l] / sum_m S^R[i, m]``, equation (7) alone; a neuron silent on all references counts
-    nothing. Its confidence (`certainty.contrast`) is the contrast of best and second.
-
-    Args:
-        responses: S^R, int (n_exc, n_places).
-        spikes: Query spikes, int (n_queries, n_exc).
-    Returns:
-        Scores (n_queries, n_places), at least 0, in spikes.
-    """
-    return prepared_contrast(responses)(spikes)
-
-
-def prepared_contrast(responses: Counts) -> Callable[[Counts], Scores]:
-    """`contrast` for query after query: what ``responses`` say is worked out once."""
-    _check(responses, np.zeros((0, len(responses)), np.int64))
-    table = _in_units(_shares(responses))
+def _weighted_by(table: Scores, penalties: ScoresOf | None) -> ScoresOf:
+    """Scores of spikes that are worth what ``table`` says in `SHARE_UNIT`, times ``penalties``, if there are any."""
 
     def scores_of(spikes: Counts) -> Scores:
-        _check(responses, spikes)
-        scores = np.empty((len(spikes), responses.shape[1]))
-        for block in _blocks(len(spikes)):
-            np.matmul(spikes[block].astype(np.float64), table, out=scores[block])
+        scores = _products(spikes, table)
         scores *= SHARE_UNIT
+        if penalties is not None:
+            for block in _blocks(len(spikes)):
+                scores[block] *= penalties(spikes[block])
         return scores
 
     return scores_of
+
+
+def _penalties(responses: Counts, learned: NDArray[np.bool_]) -> ScoresOf:
+    """The factor of equation (8), shape (n_queries, n_places); 0 for a place that no neuron learned."""
+    known = np.where(learned, responses, 0).astype(np.float64)
+    totals = known.sum(axis=0)
+
+    def penalties_of(spikes: Counts) -> Scores:
+        heard = (spikes > 0).astype(np.float64) @ known
+        return np.divide(heard, totals, out=np.zeros_like(heard), where=totals > 0)
+
+    return penalties_of
+
+
+def contrast(responses: Counts) -> ScoresOf:
+    """The default decoder: each spike is shared among the places as its neuron's reference spikes were.
+
+    ``score[l] = sum_i s_i S^R[i, l] / sum_m S^R[i, m]``, equation (7) alone; a neuron silent on all references counts
+    nothing. Its confidence (`certainty.contrast`) is the contrast of best and second. Scores are at least 0, in spikes.
+
+    Args:
+        responses: S^R, int (n_exc, n_places).
+    """
+    _check_responses(responses)
+    return _weighted_by(_in_units(_shares(responses)), None)
 
 
 def probability(scores: Scores) -> Scores:
@@ -272,27 +283,38 @@ def _scaled(scores: Scores, size: NDArray[Any] | int, low: Scores, high: Scores,
     return np.divide(above, spread, out=np.zeros_like(scores), where=spread > 0)
 
 
-def standard_probability(responses: Counts, spikes: Counts, assignments: NDArray[np.int64] | None = None) -> Scores:
+def standard_probability(responses: Counts, assignments: NDArray[np.int64] | None = None) -> ScoresOf:
     """Equation (9) after (5): neurons scaled by the least, the most and all spikes of any neuron at the query."""
-    scores = standard(responses, spikes, assignments=assignments)
+    unscaled = standard(responses, assignments=assignments)
     size = _members(responses, assignments).sum(axis=0)
-    low, high, total = (of(axis=1).astype(np.float64) for of in (spikes.min, spikes.max, spikes.sum))
-    return _scaled(scores, size, low, high, total)
+
+    def scores_of(spikes: Counts) -> Scores:
+        scores = unscaled(spikes)
+        low, high, total = (of(axis=1).astype(np.float64) for of in (spikes.min, spikes.max, spikes.sum))
+        return _scaled(scores, size, low, high, total)
+
+    return scores_of
 
 
-def weighted_probability(responses: Counts, spikes: Counts, gamma: float = 0.02) -> Scores:
+def weighted_probability(responses: Counts, gamma: float = 0.02) -> ScoresOf:
     """Equation (9) after (8): neuron-label pairs scaled by the least, the most and the sum of the query's pairs."""
-    scores = weighted(responses, spikes, gamma=gamma)
+    _check_responses(responses)
     table, learned = _weighted_table(responses, gamma, True, True, "paper")
-    low, high = np.zeros(len(spikes)), np.zeros(len(spikes))
-    for block in _blocks(len(spikes)):
-        penalties = _penalties(responses, learned, spikes[block]) * SHARE_UNIT
-        for q, penalty in enumerate(penalties, start=block.start):
-            active = np.flatnonzero(spikes[q])
-            if len(active) == 0:
-                continue
-            pairs = table[active] * spikes[q, active, None]
-            high[q] = (pairs.max(axis=0) * penalty).max()
-            if len(active) == spikes.shape[1]:  # else a silent neuron makes the least 0
-                low[q] = (pairs.min(axis=0) * penalty).min()
-    return _scaled(scores, len(responses), low, high, scores.sum(axis=1))
+    penalties = _penalties(responses, learned)
+    unscaled = _weighted_by(table, penalties)
+
+    def scores_of(spikes: Counts) -> Scores:
+        scores = unscaled(spikes)
+        low, high = np.zeros(len(spikes)), np.zeros(len(spikes))
+        for block in _blocks(len(spikes)):
+            for q, penalty in enumerate(penalties(spikes[block]) * SHARE_UNIT, start=block.start):
+                active = np.flatnonzero(spikes[q])
+                if len(active) == 0:
+                    continue
+                pairs = table[active] * spikes[q, active, None]
+                high[q] = (pairs.max(axis=0) * penalty).max()
+                if len(active) == spikes.shape[1]:  # else a silent neuron makes the least 0
+                    low[q] = (pairs.min(axis=0) * penalty).min()
+        return _scaled(scores, len(responses), low, high, scores.sum(axis=1))
+
+    return scores_of

@@ -23,6 +23,7 @@ from lava_vpr.errors import ConfigError, ModelFileError
 from lava_vpr.inputs.encoder import INPUTS, EncoderConfig, Input, Layout
 from lava_vpr.matching import certainty
 from lava_vpr.matching.decoders import DECODERS, Decoder, Reading, in_every_variant
+from lava_vpr.matching.equations import ScoresOf
 from lava_vpr.recognition import count_query_spikes
 from lava_vpr.synthetic.world import write_traverses
 from lava_vpr.traverse import open_traverse
@@ -31,9 +32,9 @@ PLACES = 5
 SETTINGS = "[network]\nsteps = 120\n[learning]\nsteps = 120\nepochs = 4\n[decoder]\ndefault = 'dummy'\n"
 
 
-def overlap(responses: NDArray[Any], spikes: NDArray[Any], reading: Reading) -> NDArray[np.float64]:
+def overlap(responses: NDArray[Any], reading: Reading) -> ScoresOf:
     """The number of pairs of a query's spike and a reference's spike of the same neuron."""
-    return (spikes.astype(np.int64) @ responses.astype(np.int64)).astype(np.float64)
+    return lambda spikes: (spikes.astype(np.int64) @ responses.astype(np.int64)).astype(np.float64)
 
 
 DUMMY_DECODER = Decoder(
@@ -80,7 +81,7 @@ def test_rows_are_all_that_the_commands_need(tmp_path: Path, monkeypatch: pytest
     queries = encode_traverse(open_traverse("query"), model.config.encoder)
     assert queries.activity.shape == (PLACES, 196)
     counts, _ = count_query_spikes(model, queries)
-    scores = overlap(model.responses, counts, Reading())
+    scores = overlap(model.responses, Reading())(counts)
     assert scores.any()
     ranks = (scores > scores[np.arange(PLACES), np.arange(PLACES)][:, None]).sum(axis=1)
     assert figures["decoders"]["dummy"]["recall_at_n"]["5"] == np.mean(ranks < 5)

@@ -135,7 +135,7 @@ def test_each_step_of_the_weighted_decoder_can_be_switched(
 ) -> None:
     responses, spikes = data
     on = dict(zip(("involvement", "strength", "penalty"), steps, strict=True))
-    scores = equations.weighted(responses, spikes, gamma=0.3, variant=variant, **on)
+    scores = equations.weighted(responses, gamma=0.3, variant=variant, **on)(spikes)
     for q, s in enumerate(spikes.tolist()):
         pairs = literal_pairs(responses.tolist(), s, 0.3, steps, variant)
         expected = [float(sum(column)) for column in zip(*pairs, strict=True)]
@@ -171,10 +171,21 @@ def test_narrow_counts_do_not_wrap(name: str, dtype: Any) -> None:
     np.testing.assert_array_equal(narrow, decoders.decode(name, responses, spikes, gamma=0.5))
 
 
+@pytest.mark.parametrize("variant", equations.VARIANTS)
+@pytest.mark.parametrize("name", DECODERS)
+def test_query_after_query_is_all_at_once(name: str, variant: Any) -> None:
+    """What responses say is worked out once; no query changes what is said of the next."""
+    responses, spikes = random_counts(4, 90, 31, 12)
+    scores_of = decoders.prepare(name, responses, variant=variant, gamma=0.3)
+    whole = decoders.decode(name, responses, spikes, variant=variant, gamma=0.3)
+    for _ in range(2):
+        np.testing.assert_array_equal(np.concatenate([scores_of(spikes[:5]), scores_of(spikes[5:])]), whole)
+
+
 def test_contrast_shares_out_every_spike() -> None:
     responses, spikes = random_counts(5, 120, 30, 12)
     heard = spikes[:, responses.any(axis=1)].sum(axis=1)
-    np.testing.assert_allclose(equations.contrast(responses, spikes).sum(axis=1), heard, atol=1e-4)
+    np.testing.assert_allclose(equations.contrast(responses)(spikes).sum(axis=1), heard, atol=1e-4)
 
 
 def test_assignments_take_the_most_spikes_and_the_lowest_of_equals() -> None:
@@ -233,7 +244,7 @@ def test_scores_that_tell_no_places_apart_have_no_probability() -> None:
 
 def test_ties_go_to_the_lowest_place_and_show_in_the_confidence() -> None:
     responses = np.array([[0, 2, 0, 2], [1, 0, 0, 0]])
-    scores = equations.contrast(responses, np.array([[6, 0], [2, 1]]))
+    scores = equations.contrast(responses)(np.array([[6, 0], [2, 1]]))
     assert scores.tolist() == [[0, 3, 0, 3], [1, 1, 0, 1]]
     assert best(scores).tolist() == [1, 0]
     assert confidence("contrast", scores).tolist() == [0, 0]
@@ -307,7 +318,7 @@ def test_labels_that_do_not_fit_are_refused() -> None:
     with pytest.raises(InputError, match="labels: -1 is negative"):
         equations.assign_from_presentations(np.ones((1, 1), int), np.array([-1]))
     with pytest.raises(InputError, match=r"assignments: shape \(1,\), must be one place for each of 2 neurons"):
-        equations.standard(np.ones((2, 1), int), np.ones((1, 2), int), assignments=np.zeros(1, np.int64))
+        equations.standard(np.ones((2, 1), int), assignments=np.zeros(1, np.int64))
 
 
 # Released responses of the VPRSNN network on 100 Nordland places: 3 epochs of (100 spring, 100 fall).
