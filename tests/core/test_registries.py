@@ -107,7 +107,7 @@ def test_removed_rows_are_unknown_again() -> None:
     [
         ({"confidence": None}, "confidence is None, but must be a function"),
         ({"title": ""}, "title is '', but must be a text that is not empty"),
-        ({"prepared": "contrast"}, "prepared is 'contrast', but must be a function or None"),
+        ({"confidence": "contrast"}, "confidence is 'contrast', but must be a function"),
         ({"scores": {}}, "no score function for the variant paper, vprsnn2022, vprsnn"),
         ({"scores": {"paper": overlap}}, "no score function for the variant vprsnn2022, vprsnn"),
     ],
