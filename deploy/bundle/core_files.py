@@ -2,24 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import NamedTuple
+import re
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.boards.plan import Plan
+from lava_vpr.deploy.bundle.arrays import Shape
 from lava_vpr.deploy.bundle.folder import AGAIN, MANIFEST, Bundle, array_bytes, json_bytes
 from lava_vpr.deploy.registers import core_images as registers
 from lava_vpr.deploy.registers.core_images import CoreImage, HostTables
 from lava_vpr.deploy.registers.simulator import Chips
-from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork
-from lava_vpr.errors import BundleError
+from lava_vpr.engine.inference.fixed import SCALARS, SILENT_STEPS, FixedNetwork
+from lava_vpr.errors import BundleError, ModelFileError, brief
+from lava_vpr.loihi import WEIGHT_BITS
+from lava_vpr.ranges import whole
+from lava_vpr.storage.limits import excess
 
 CORES = "cores"
-CORE_ARRAYS = ("compartments", "synapses", "axons_in", "axons_out")
-HOST_TABLES = ("injection", "inputs", "exc", "inh")
+CORE_ARRAYS: dict[str, tuple[type, Shape]] = {
+    "compartments": (np.int32, ("compartments", 4)),
+    "synapses": (np.uint64, ("words",)),
+    "axons_in": (np.int32, ("axons", 3)),
+    "axons_out": (np.int32, ("axons", 4)),
+}
+"""The arrays of a core: type and shape of each."""
+
+HOST_TABLES = {"injection": 4, "inputs": 3, "exc": 3, "inh": 3}
+"""The host's tables, and how many columns each has."""
+
+HOST_TABLE = "host/{}.npy"
+_CORE = re.compile(rf"{CORES}/chip(\d)-core(\d{{3}})")
+_CORE_FILES = {"registers.json", *(f"{name}.npy" for name in CORE_ARRAYS)}
+_MOST = (1 << 31) - 1
+_RANGES = {"inputs": (1, _MOST), "neurons": (1, _MOST), "bits": (1, WEIGHT_BITS), "regular": (0, 1)}
+_RANGES |= {"steps": (1, 100_000), "silent_steps": (SILENT_STEPS, SILENT_STEPS)}
+"""Least and most of the numbers of a network; of others 0 and `_MOST`. Steps are as the settings allow them."""
 
 
 class Spikes(NamedTuple):
@@ -43,42 +64,139 @@ def network_files(plan: Plan) -> dict[str, bytes]:
         for name in CORE_ARRAYS:
             files[f"{folder}/{name}.npy"] = array_bytes(getattr(image, name))
     tables = registers.host_tables(plan)
-    return files | {f"host/{name}.npy": array_bytes(getattr(tables, name)) for name in HOST_TABLES}
+    return files | {HOST_TABLE.format(name): array_bytes(getattr(tables, name)) for name in HOST_TABLES}
 
 
 def core_images(bundle: Bundle) -> tuple[CoreImage, ...]:
-    """Every core of a bundle, by chip and core.
+    """Every core of a bundle, by chip and core; axons lead from and to what is there.
 
     Raises:
-        BundleError: a file is missing or of the wrong kind.
+        BundleError: a file is missing, too much, of the wrong kind, or holds more than a core does.
     """
-    images = []
-    for folder in bundle.folders(CORES):
-        chip, core = (int("".join(c for c in word if c.isdigit())) for word in folder.split("/")[-1].split("-"))
-        arrays = {name: bundle.array(f"{folder}/{name}.npy") for name in CORE_ARRAYS}
-        images.append(CoreImage(chip=chip, core=core, registers=bundle.json(f"{folder}/registers.json"), **arrays))
+    board, neurons = BOARDS[bundle.target], scalars(bundle)["neurons"]
+    images, names = [], {}
+    for folder, files in sorted(_core_folders(bundle).items()):
+        known = _CORE.fullmatch(folder)
+        chip, core = (int(known[1]), int(known[2])) if known is not None else (-1, -1)
+        if not (0 <= chip < board.chips and 0 <= core < board.cores) or files != _CORE_FILES:
+            raise BundleError(f"{bundle.at(folder)}: is no core of {board.title}, or lacks files; {AGAIN}")
+        arrays = {name: bundle.array(f"{folder}/{name}.npy", *CORE_ARRAYS[name]) for name in CORE_ARRAYS}
+        image = CoreImage(chip=chip, core=core, registers=bundle.json(f"{folder}/registers.json"), **arrays)
+        for name, have, most in (
+            ("compartments", len(image.compartments), board.compartments),
+            ("synapses", len(image.synapses), board.synapse_words),
+            ("axons_in", len(image.axons_in), board.axons_in),
+            ("axons_out", len(image.axons_out), board.axons_out),
+        ):
+            if most is not None and have > most:
+                at = bundle.at(f"{folder}/{name}.npy")
+                raise BundleError(f"{at}: has {have:,} rows, but a core holds {most:,}; {AGAIN}")
+        names[chip, core] = folder
+        images.append(image)
+    if not images:
+        raise BundleError(f"{bundle.at(CORES)}: holds no core; {AGAIN}")
+    axons = _sizes(images, "axons_in")
+    for image in images:
+        out, file = image.axons_out, f"{names[image.chip, image.core]}/axons_out.npy"
+        counted = out[:, 2] == registers.READ_OUT
+        within(bundle, file, "source", out[:, 0], len(image.compartments))
+        within(bundle, file, "chip of a counter", out[counted, 1], image.chip + 1, image.chip)
+        within(bundle, file, "counter", out[counted, 3], neurons)
+        _lead(bundle, file, out[~counted, 1:], axons)
     return tuple(images)
 
 
-def host_tables(bundle: Bundle) -> HostTables:
-    """Where spikes go in and out of a bundle's cores.
+def _core_folders(bundle: Bundle) -> dict[str, set[str]]:
+    """The folders of cores, and the names of the files in each."""
+    found: dict[str, set[str]] = {}
+    for name in bundle.files:
+        folder, _, file = name.rpartition("/")
+        if name.startswith(f"{CORES}/"):
+            found.setdefault(folder, set()).add(file)
+    return found
+
+
+def _sizes(images: Sequence[CoreImage], name: str) -> dict[tuple[int, int], int]:
+    """How many rows the array ``name`` of each core has, by chip and core."""
+    return {(image.chip, image.core): len(getattr(image, name)) for image in images}
+
+
+def within(bundle: Bundle, file: str, name: str, values: NDArray[Any], end: int, first: int = 0) -> None:
+    """Refuse ``values`` of a bundle's file that are not all in ``first`` .. ``end`` - 1.
 
     Raises:
-        BundleError: a file is missing or of the wrong kind.
+        BundleError: naming one that is not.
     """
-    return HostTables(**{name: bundle.array(f"host/{name}.npy") for name in HOST_TABLES})
+    wrong = (values < first) | (values >= end)
+    if wrong.any():
+        raise BundleError(f"{bundle.at(file)}: names {name} {values[wrong][0]}, of {first}..{end - 1}; {AGAIN}")
+
+
+def _lead(bundle: Bundle, file: str, places: NDArray[np.int32], sizes: Mapping[tuple[int, int], int]) -> None:
+    """Refuse ``places``, chip, core and number (n, 3), that are not on a core of ``sizes``.
+
+    Raises:
+        BundleError: naming one that is not.
+    """
+    pairs, inverse = np.unique(places[:, :2], axis=0, return_inverse=True)
+    ends = np.array([sizes.get((int(chip), int(core)), 0) for chip, core in pairs], np.int64)[inverse.reshape(-1)]
+    wrong = (places[:, 2] < 0) | (places[:, 2] >= ends)
+    if wrong.any():
+        chip, core, number = places[wrong][0]
+        raise BundleError(f"{bundle.at(file)}: names {number} of chip {chip} core {core}, which is not there; {AGAIN}")
+
+
+def host_tables(bundle: Bundle, images: Sequence[CoreImage]) -> HostTables:
+    """Where spikes go in and out of a bundle's cores: every neuron and input has a compartment of its own.
+
+    Args:
+        bundle: The bundle.
+        images: Its cores.
+    Raises:
+        BundleError: a file is missing or of the wrong kind, or names what is not there.
+    """
+    numbers = scalars(bundle)
+    inputs = numbers["inputs"] if numbers["regular"] else 0
+    counts: dict[str, int | str] = {
+        "injection": "axons",
+        "inputs": inputs,
+        "exc": numbers["neurons"],
+        "inh": numbers["neurons"],
+    }
+    tables = {
+        name: bundle.array(HOST_TABLE.format(name), np.int32, (counts[name], columns))
+        for name, columns in HOST_TABLES.items()
+    }
+    compartments = _sizes(images, "compartments")
+    for name in ("inputs", "exc", "inh"):
+        _lead(bundle, HOST_TABLE.format(name), tables[name], compartments)
+    taken = np.concatenate([tables[name] for name in ("inputs", "exc", "inh")])
+    if len(np.unique(taken, axis=0)) < len(taken):
+        raise BundleError(f"{bundle.at(HOST_TABLE.format('exc'))}: shares a compartment with another table; {AGAIN}")
+    injection, file = tables["injection"], HOST_TABLE.format("injection")
+    within(bundle, file, "input", injection[:, 0], 0 if numbers["regular"] else numbers["inputs"])
+    _lead(bundle, file, injection[:, 1:], _sizes(images, "axons_in"))
+    return HostTables(**tables)
 
 
 def scalars(bundle: Bundle) -> Mapping[str, int]:
-    """The numbers of the network that the manifest tells.
+    """The numbers of the network that the manifest tells, and how large it is.
 
     Raises:
-        BundleError: one is missing or no whole number.
+        BundleError: one is missing, no whole number or out of range, or the network is beyond a limit.
     """
-    described = bundle.manifest.get("network")
+    described, at = bundle.manifest.get("network"), bundle.at(MANIFEST)
     names = ("inputs", "neurons", "silent_steps", *SCALARS)
-    if not isinstance(described, dict) or any(type(described.get(name)) is not int for name in names):
-        raise BundleError(f"{bundle.path / MANIFEST}: does not describe the network; {AGAIN}")
+    if not isinstance(described, dict):
+        raise BundleError(f"{at}: does not describe the network; {AGAIN}")
+    for name in names:
+        least, most = _RANGES.get(name, (0, _MOST))
+        if not whole(described.get(name)) or not least <= described[name] <= most:
+            said = brief(described.get(name))
+            raise BundleError(f"{at}: does not describe the network ({name} {said}, of {least}..{most}); {AGAIN}")
+    beyond = excess("model_bytes", described["inputs"] * described["neurons"])
+    if beyond is not None:
+        raise BundleError(f"{at}: describes a network whose weights take {beyond}")
     return {name: described[name] for name in names}
 
 
@@ -86,18 +204,27 @@ def network(bundle: Bundle) -> FixedNetwork:
     """The network of a bundle, rebuilt from the registers and memory of its cores.
 
     Raises:
-        BundleError: a file is missing or of the wrong kind.
-        ModelFileError: the files do not fit together.
+        BundleError: a file is missing or of the wrong kind, or files do not fit together.
     """
-    return registers.network_of(core_images(bundle), host_tables(bundle), scalars(bundle), BOARDS[bundle.target])
+    images = core_images(bundle)
+    try:
+        return registers.network_of(images, host_tables(bundle, images), scalars(bundle), BOARDS[bundle.target])
+    except BundleError:
+        raise
+    except ModelFileError as error:
+        raise BundleError(f"{bundle.at(CORES)}: {error}") from None
 
 
 def player(bundle: Bundle) -> Player:
-    """A simulation of the registers and memory of a bundle's cores; they are read once."""
-    numbers = scalars(bundle)
+    """A simulation of the registers and memory of a bundle's cores; they are read once.
+
+    Raises:
+        BundleError: see `network`.
+    """
+    numbers, images = scalars(bundle), core_images(bundle)
     chips = Chips.of(
-        core_images(bundle),
-        host_tables(bundle),
+        images,
+        host_tables(bundle, images),
         steps=numbers["steps"],
         silent_steps=numbers["silent_steps"],
         bias_input=bool(numbers["regular"]),

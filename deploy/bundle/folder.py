@@ -24,10 +24,13 @@ from numpy.typing import DTypeLike, NDArray
 
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.bundle.arrays import Shape, array_of
-from lava_vpr.errors import BundleError
+from lava_vpr.deploy.bundle.listing import BeyondError, Facts, listed_files, strict_json
+from lava_vpr.errors import BundleError, brief
 from lava_vpr.interrupts import held
+from lava_vpr.ranges import whole
 from lava_vpr.storage.limits import excess
-from lava_vpr.storage.reading import parse_json
+from lava_vpr.storage.reading import open_regular, read_bytes
+from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import temporary_prefix
 
 FORMAT, VERSION = "lava-vpr bundle", 1
@@ -54,6 +57,10 @@ class Bundle:
         """The name of the bundle's board, a key of `lava_vpr.deploy.boards.board.BOARDS`."""
         return str(self.manifest["target"])
 
+    def at(self, name: str) -> str:
+        """Where the bundle's file ``name`` stands, for a message."""
+        return shown(self.path / name)
+
     def data(self, name: str) -> bytes:
         """The content of the bundle's file ``name``, in bytes.
 
@@ -61,7 +68,7 @@ class Bundle:
             BundleError: the bundle has none of that name.
         """
         if name not in self.files:
-            raise BundleError(f"{self.path / name}: the bundle lacks this file; {AGAIN}")
+            raise BundleError(f"{self.at(name)}: the bundle lacks this file; {AGAIN}")
         return self.files[name]
 
     def array(self, name: str, kind: DTypeLike = None, shape: Shape | None = None) -> NDArray[Any]:
@@ -76,7 +83,7 @@ class Bundle:
         try:
             return array_of(self.data(name), kind, shape)
         except ValueError as error:
-            raise BundleError(f"{self.path / name}: {error}; {AGAIN}") from None
+            raise BundleError(f"{self.at(name)}: {error}; {AGAIN}") from None
 
     def json(self, name: str) -> Any:
         """The value in a ``.json`` file.
@@ -87,28 +94,16 @@ class Bundle:
         data = self.data(name)
         beyond = excess("bundle_json_bytes", len(data))
         if beyond is not None:
-            raise BundleError(f"{self.path / name}: has {beyond}")
+            raise BundleError(f"{self.at(name)}: has {beyond}")
         try:
-            return parse_json(data, object_pairs_hook=_without_repeats)
+            return strict_json(data)
         except ValueError as error:
-            raise BundleError(f"{self.path / name}: is no JSON ({error}); {AGAIN}") from None
+            raise BundleError(f"{self.at(name)}: is no JSON ({error}); {AGAIN}") from None
 
     def folders(self, under: str) -> tuple[str, ...]:
         """Folders below ``under`` that hold files, sorted."""
         names = (PurePosixPath(name) for name in self.files)
         return tuple(sorted({str(name.parent) for name in names if name.parent.parent == PurePosixPath(under)}))
-
-
-def _without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """A JSON object; two readers could disagree on what a repeated key says.
-
-    Raises:
-        ValueError: a key is repeated.
-    """
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        raise ValueError("an object says a key twice")
-    return found
 
 
 def array_bytes(array: NDArray[Any]) -> bytes:
@@ -122,6 +117,11 @@ def array_bytes(array: NDArray[Any]) -> bytes:
 def json_bytes(value: Any) -> bytes:
     """``value`` as JSON for people and programs; equal values give equal bytes."""
     return (json.dumps(value, indent=1, allow_nan=False) + "\n").encode()
+
+
+def same_json(one: Any, other: Any) -> bool:
+    """Whether two values are equal as JSON has them: true and 1.0 are not 1."""
+    return json.dumps(one, sort_keys=True) == json.dumps(other, sort_keys=True)
 
 
 def self_digest(manifest: Mapping[str, Any]) -> str:
@@ -159,7 +159,7 @@ def check_replaceable(path: Path) -> None:
     if not any(path.iterdir()):
         return
     try:
-        manifest = json.loads((path / MANIFEST).read_bytes())
+        manifest = strict_json(read_bytes(path / MANIFEST, "bundle_json_bytes"))
         known = {*manifest["files"], MANIFEST} if manifest["format"] == FORMAT else set()
     except (OSError, ValueError, KeyError, TypeError):
         known = set()
@@ -243,21 +243,21 @@ def _put(new: Path, path: Path) -> None:
         aside.rename(new)
 
 
-def _manifest(path: Path) -> dict[str, Any]:
-    """The manifest of a bundle, itself intact.
+def _manifest(path: Path) -> tuple[dict[str, Any], dict[str, Facts]]:
+    """The manifest of a bundle, itself intact, and the files that it lists.
 
     Raises:
         BundleError: see `load`.
     """
-    file = path / MANIFEST
+    file = shown(path / MANIFEST)
     if not path.is_dir():
         what = "is not a bundle, which is a folder" if path.exists() else "does not exist"
-        raise BundleError(f"{path}: {what}; give a folder written by `lava-vpr deploy`")
+        raise BundleError(f"{shown(path)}: {what}; give a folder written by `lava-vpr deploy`")
     try:
-        manifest = json.loads(file.read_bytes())
+        manifest = strict_json(read_bytes(path / MANIFEST, "bundle_json_bytes"))
     except FileNotFoundError:
         raise BundleError(
-            f"{path}: holds no {MANIFEST}, so it is no bundle; give a model file or a folder written by "
+            f"{shown(path)}: holds no {MANIFEST}, so it is no bundle; give a model file or a folder written by "
             "`lava-vpr deploy`"
         ) from None
     except OSError as error:
@@ -266,38 +266,52 @@ def _manifest(path: Path) -> dict[str, Any]:
         raise BundleError(f"{file}: is no JSON ({error}); {AGAIN}") from None
     if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
         raise BundleError(f"{file}: is not a bundle's manifest; give a folder written by `lava-vpr deploy`")
-    if manifest.get("version") != VERSION:
+    version, target = manifest.get("version"), manifest.get("target")
+    if not whole(version) or version != VERSION:
         raise BundleError(
-            f"{file}: is of version {manifest.get('version')!r}, this program reads {VERSION}; deploy the model again"
+            f"{file}: is of version {brief(version)}, this program reads {VERSION}; deploy the model again"
         )
-    if manifest.get("sha256") != self_digest(manifest):
+    try:
+        own = self_digest(manifest)
+    except (ValueError, RecursionError):  # a number beyond all floats; deeper than can be written
+        own = ""
+    if not own or manifest.get("sha256") != own:
         raise BundleError(f"{file}: was altered (checksum differs); {AGAIN}")
-    if manifest.get("target") not in BOARDS or not isinstance(manifest.get("files"), dict):
-        raise BundleError(f"{file}: is for the unknown board {manifest.get('target')!r}; {AGAIN}")
-    return manifest
+    if not isinstance(target, str) or target not in BOARDS:
+        raise BundleError(f"{file}: is for the unknown board {brief(target)}; {AGAIN}")
+    try:
+        return manifest, listed_files(manifest.get("files"), MANIFEST)
+    except BeyondError as error:
+        raise BundleError(f"{file}: {error}") from None
+    except ValueError as error:
+        raise BundleError(f"{file}: {error}; {AGAIN}") from None
 
 
 def load(path: Path) -> Bundle:
-    """The bundle in the folder ``path``.
+    """The bundle in the folder ``path``, of which every listed file is whole; what they hold is for others to check.
+
+    Files that are not listed are not read.
 
     Raises:
-        BundleError: missing, foreign, of another version, altered, truncated, or with files missing.
+        BundleError: missing, foreign, of another version, altered, truncated, beyond the limits, or with files missing.
     """
-    manifest = _manifest(path)
-    files = {}
-    for name, facts in manifest["files"].items():
-        pure, file = PurePosixPath(name), path / name
-        if pure.is_absolute() or ".." in pure.parts:
-            raise BundleError(f"{path / MANIFEST}: names {name!r}, which is not in the bundle; {AGAIN}")
+    manifest, listed = _manifest(path)
+    files, inside = {}, os.path.realpath(path) + os.sep
+    for name, facts in listed.items():
+        at = shown(path / name)
         try:
-            data = file.read_bytes()
+            if not os.path.realpath(path / name).startswith(inside):
+                raise BundleError(f"{at}: is a link that leads out of the bundle; put the file itself there")
+            with open_regular(path / name) as file:
+                length = os.fstat(file.fileno()).st_size
+                data = file.read(length) if length == facts.length else b""
         except FileNotFoundError:
-            raise BundleError(f"{file}: is missing from the bundle; {AGAIN}") from None
+            raise BundleError(f"{at}: is missing from the bundle; {AGAIN}") from None
         except OSError as error:
-            raise BundleError(f"{file}: cannot be read ({error.strerror}); check its permissions") from None
-        if len(data) != facts["bytes"]:
-            raise BundleError(f"{file}: has {len(data):,} bytes instead of {facts['bytes']:,}; {AGAIN}")
-        if hashlib.sha256(data).hexdigest() != facts["sha256"]:
-            raise BundleError(f"{file}: was altered (checksum differs); {AGAIN}")
+            raise BundleError(f"{at}: cannot be read ({error.strerror}); check its permissions") from None
+        if length != facts.length or len(data) != length:
+            raise BundleError(f"{at}: has {length:,} bytes instead of {facts.length:,}; {AGAIN}")
+        if hashlib.sha256(data).hexdigest() != facts.digest:
+            raise BundleError(f"{at}: was altered (checksum differs); {AGAIN}")
         files[name] = data
     return Bundle(path, manifest, files)

@@ -9,14 +9,14 @@ presentation in order its epoch, image and key.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.deploy.bundle.folder import AGAIN, Bundle, array_bytes, json_bytes
+from lava_vpr.deploy.bundle.core_files import within
+from lava_vpr.deploy.bundle.folder import AGAIN, Bundle, array_bytes, json_bytes, same_json
 from lava_vpr.deploy.compression.compression import requantised
 from lava_vpr.encoding import rates16
 from lava_vpr.engine.general.lif import LifParameters
@@ -33,15 +33,21 @@ from lava_vpr.engine.learning.lava_order import (
     start_state,
 )
 from lava_vpr.engine.random import presentation_key
-from lava_vpr.errors import BundleError
+from lava_vpr.errors import BundleError, NetworkLimitError, brief
 from lava_vpr.gate import integer_config
-from lava_vpr.loihi import TRACE_LIMIT
+from lava_vpr.loihi import INPUT_LIMIT, THRESHOLD_LIMIT, TRACE_LIMIT, WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
 from lava_vpr.model import Model, Stretch
+from lava_vpr.ranges import real, whole
+from lava_vpr.storage.limits import excess
+from lava_vpr.storage.text import shown
 from lava_vpr.training.loop import traverses_shown
 
 SETTINGS, RATES = "learning/learning.json", "learning/rates.npy"
 PURPOSE = "learning on the chip"
 ARRAYS = ("weights", "thresholds", "epochs", "images", "keys")
+_MOST_STEPS, _MOST_EPOCHS, _LONGEST_TAU, _MOST_FACTOR = 100_000, 10_000, 10_000, 10
+"""The ranges of the settings (`lava_vpr.config`) that these come from."""
+_MOST_PHASES, _MOST_PRODUCTS = 16, 64
 
 
 @dataclass(frozen=True)
@@ -150,21 +156,70 @@ def _phase_json(phase: FoldedPhase) -> dict[str, Any]:
     }
 
 
-def _phase(described: Mapping[str, Any]) -> FoldedPhase:
-    """The phase that `_phase_json` wrote."""
-    rule, host = described["learning_rule"], described["host"]
-    products = tuple((int(mantissa), int(exponent)) for mantissa, exponent in rule["products"])
-    chip = IntegerLearning(
-        rule=Rule(products, int(rule["target"]), int(rule["mu"]), float(rule["x1_tau"])),
-        shift=-int(described["plastic"]["weight_exp"]),
-        inhibition=int(described["inhibit"]["mantissa"]) << int(described["inhibit"]["weight_exp"]),
-        neurons=LifParameters(du=int(described["exc"]["du"]), dv=int(described["exc"]["dv"])),
-        weight_sum=0,
-        steps=int(described["steps"]),
+def _phase(described: Any, neurons: int, inputs: int) -> FoldedPhase:
+    """The phase that `_phase_json` wrote, for a network of so many neurons and inputs.
+
+    Raises:
+        KeyError, TypeError, ValueError: it wrote none such.
+        NetworkLimitError: the chip cannot hold it.
+    """
+    rule, host, inhibit = (described[name] for name in ("learning_rule", "host", "inhibit"))
+    pairs = rule["products"]
+    if not isinstance(pairs, list) or len(pairs) > _MOST_PRODUCTS:
+        raise ValueError(f"products {brief(pairs)}")
+    tau = rule["x1_tau"]
+    if not real(tau) or not 1 <= tau <= _LONGEST_TAU:
+        raise ValueError(f"x1_tau {brief(tau)}")
+    exponent = _whole(inhibit, "weight_exp", INPUT_LIMIT.bit_length())
+    inhibition = _whole(inhibit, "mantissa", WEIGHT_LIMIT) << exponent
+    phase = FoldedPhase(
+        IntegerLearning(
+            rule=Rule(tuple(_product(pair) for pair in pairs), _whole(rule, "target"), _whole(rule, "mu"), float(tau)),
+            shift=-_whole(described["plastic"], "weight_exp", 0, -WEIGHT_EXPONENT_LIMIT),
+            inhibition=inhibition,
+            neurons=LifParameters(du=_whole(described["exc"], "du"), dv=_whole(described["exc"], "dv")),
+            weight_sum=0,
+            steps=_whole(described, "steps", _MOST_STEPS, 1),
+        ),
+        weight_sum=_whole(host, "weight_sum", WEIGHT_LIMIT * inputs),
+        theta_plus=_whole(host, "theta_plus"),
+        threshold_factor=_whole(host, "threshold_factor", _MOST_FACTOR << FACTOR_BITS),
+        epochs=_whole(described, "epochs", _MOST_EPOCHS),
     )
-    return FoldedPhase(
-        chip, int(host["weight_sum"]), int(host["theta_plus"]), int(host["threshold_factor"]), int(described["epochs"])
-    )
+    phase.chip.check(neurons)
+    if inhibition >= INPUT_LIMIT:
+        raise ValueError(f"inhibition {inhibition}")
+    if phase.chip.rule.microcode() != rule["dw"]:
+        raise ValueError(f"dw {brief(rule['dw'])} that is not the sum of its products")
+    again = _phase_json(phase)
+    for name in sorted({*again, *described}):
+        if name not in again or not same_json(again[name], described.get(name)):
+            raise ValueError(f"{brief(name)} {brief(described.get(name))} of a phase")
+    return phase
+
+
+def _product(pair: Any) -> tuple[int, int]:
+    """A mantissa and an exponent."""
+    if not isinstance(pair, list) or len(pair) != 2:
+        raise ValueError(f"product {brief(pair)}")
+    return _whole(pair, 0, 7, -8), _whole(pair, 1, 8, -7)
+
+
+def _whole(values: Any, name: str | int, most: int = (1 << 31) - 1, least: int = 0) -> int:
+    """The whole number called ``name`` in ``values``.
+
+    Raises:
+        KeyError, TypeError, ValueError: it lacks, or is outside ``least`` .. ``most``.
+    """
+    value = values[name]
+    if not whole(value) or not least <= value <= most:
+        raise ValueError(f"{name} {brief(value)}, of {least}..{most}")
+    return int(value)
+
+
+def _folder(number: int) -> str:
+    """Where the arrays of a stretch stand."""
+    return f"learning/stretch{number:03d}"
 
 
 def learning_files(model: Model) -> dict[str, bytes]:
@@ -177,7 +232,7 @@ def learning_files(model: Model) -> dict[str, bytes]:
     parts = chip_learning(model)
     stretches, files = [], {RATES: array_bytes(parts[0].rates)}
     for number, (part, stretch) in enumerate(zip(parts, model.stretches, strict=True)):
-        folder = f"learning/stretch{number:03d}"
+        folder = _folder(number)
         values: tuple[NDArray[Any], ...] = (part.start.weights, part.start.theta, part.epochs, part.images, part.keys)
         files |= {f"{folder}/{name}.npy": array_bytes(value) for name, value in zip(ARRAYS, values, strict=True)}
         phases = [_phase_json(phase) for phase in part.phases]
@@ -190,33 +245,87 @@ def read_learning(bundle: Bundle) -> tuple[ChipLearning, ...]:
     """The learning networks in a bundle, from its files alone.
 
     Raises:
-        BundleError: it holds none, or parts do not fit each other.
+        BundleError: it holds none, parts do not fit each other, or training costs more than the limits allow.
     """
     if SETTINGS not in bundle.files:
-        raise BundleError(f"{bundle.path}: holds no network that learns; deploy the model with --learning")
-    rates, parts = bundle.array(RATES), []
+        raise BundleError(f"{shown(bundle.path)}: holds no network that learns; deploy the model with --learning")
+    rates, told = bundle.array(RATES, np.uint16, ("images", "inputs")), bundle.json(SETTINGS)
     try:
-        for described in bundle.json(SETTINGS)["stretches"]:
-            values = {name: bundle.array(f"{described['folder']}/{name}.npy") for name in ARRAYS}
-            phases = tuple(_phase(phase) for phase in described["phases"])
-            for phase, stored in zip(phases, described["phases"], strict=True):
-                if phase.chip.rule.microcode() != stored["learning_rule"]["dw"]:
-                    raise ValueError(f"dw {stored['learning_rule']['dw']!r} that is not the sum of its products")
-                phase.chip.check(values["weights"].shape[1])
-            parts.append(
-                ChipLearning(
-                    phases,
-                    IntegerState(values["weights"], values["thresholds"]),
-                    tuple(int(seed) for seed in described["rng_seeds"]),
-                    values["epochs"],
-                    values["images"],
-                    values["keys"],
-                    rates,
-                )
-            )
-    except (KeyError, TypeError, ValueError, IndexError) as error:
-        raise BundleError(f"{bundle.path / SETTINGS}: lacks or garbles {error}; {AGAIN}") from None
-    return tuple(parts)
+        stretches = told["stretches"]
+        if not isinstance(stretches, list) or not stretches:
+            raise ValueError(f"stretches {brief(stretches)}")
+        parts = tuple(_part(bundle, number, described, rates) for number, described in enumerate(stretches))
+    except (KeyError, TypeError, ValueError, IndexError, NetworkLimitError) as error:
+        raise BundleError(f"{bundle.at(SETTINGS)}: lacks or garbles {error}; {AGAIN}") from None
+    operations = sum(
+        len(part.keys) * (max(phase.chip.steps for phase in part.phases) + SILENT_STEPS) * part.start.weights.size
+        for part in parts
+    )
+    beyond = excess("training_operations", operations)
+    if beyond is not None:
+        raise BundleError(f"{bundle.at(SETTINGS)}: asks for training of {beyond}")
+    return parts
+
+
+def _part(bundle: Bundle, number: int, described: Any, rates: NDArray[np.uint16]) -> ChipLearning:
+    """The learning network of one stretch.
+
+    Raises:
+        BundleError: an array is missing, of the wrong kind or out of range.
+        KeyError, TypeError, ValueError: its description lacks something.
+        NetworkLimitError: the chip cannot hold it.
+    """
+    folder = _folder(number)
+    if described["folder"] != folder:
+        raise ValueError(f"folder {brief(described['folder'])} instead of {folder}")
+    files = {name: f"{folder}/{name}.npy" for name in ARRAYS}
+    weights = bundle.array(files["weights"], np.uint8, (rates.shape[1], "neurons"))
+    neurons = weights.shape[1]
+    if neurons == 0:
+        raise ValueError(f"stretch {number} without a neuron")
+    thresholds = bundle.array(files["thresholds"], np.int32, (neurons,))
+    within(bundle, files["thresholds"], "threshold", thresholds, THRESHOLD_LIMIT, 1)
+    seeds, phases = described["rng_seeds"], described["phases"]
+    for name, values, most in (("rng_seeds", seeds, _MOST_EPOCHS), ("phases", phases, _MOST_PHASES)):
+        if not isinstance(values, list) or not 0 < len(values) <= most:
+            raise ValueError(f"{name} {brief(values)}")
+    read = tuple(_phase(phase, neurons, rates.shape[1]) for phase in phases)
+    if sum(phase.epochs for phase in read) != len(seeds):
+        raise ValueError(f"phases of {sum(phase.epochs for phase in read)} epochs with {len(seeds)} seeds")
+    epochs = bundle.array(files["epochs"], np.int32, ("presentations",))
+    within(bundle, files["epochs"], "epoch", epochs, len(seeds))
+    if (np.diff(epochs) < 0).any():
+        raise ValueError(f"epochs of stretch {number}, which go back")
+    images = bundle.array(files["images"], np.int32, epochs.shape)
+    within(bundle, files["images"], "image", images, len(rates))
+    return ChipLearning(
+        read,
+        IntegerState(weights, thresholds),
+        tuple(_whole(seeds, number) for number in range(len(seeds))),
+        epochs,
+        images,
+        bundle.array(files["keys"], np.uint64, epochs.shape),
+        rates,
+    )
+
+
+def check_learning(bundle: Bundle, model: Model) -> None:
+    """Refuse learning networks that cannot be read, or are not those of the stretches and images of ``model``.
+
+    Raises:
+        BundleError: naming what does not fit.
+    """
+    parts, described = read_learning(bundle), bundle.json(SETTINGS)["stretches"]
+    if parts[0].rates.shape != model.activity.shape:
+        raise BundleError(f"{bundle.at(RATES)}: is {parts[0].rates.shape} for {model.activity.shape} images; {AGAIN}")
+    own = [
+        {name: told.get(name) for name in asdict(stretch)}
+        for told, stretch in zip(described, model.stretches, strict=False)
+    ]
+    sizes = [part.start.weights.shape[1] for part in parts]
+    same = same_json(own, [asdict(stretch) for stretch in model.stretches]) and len(parts) == len(model.stretches)
+    if not same or sizes != [stretch.neurons for stretch in model.stretches]:
+        raise BundleError(f"{bundle.at(SETTINGS)}: has other stretches than the model; {AGAIN}")
 
 
 def learned_weights(parts: tuple[ChipLearning, ...], mean_weight: float) -> NDArray[np.float32]:

@@ -15,15 +15,16 @@ from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.plan import RELAY_THRESHOLD, RELAY_WEIGHT
 from lava_vpr.deploy.bundle.core_files import Player, Spikes
-from lava_vpr.deploy.bundle.folder import AGAIN, Bundle, array_bytes, json_bytes
+from lava_vpr.deploy.bundle.folder import AGAIN, Bundle, array_bytes, json_bytes, same_json
 from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.general.simulation import INPUTS, GeneralNetwork, Population, Synapses
 from lava_vpr.engine.general.simulation import simulate as run_general
 from lava_vpr.engine.inference.bias_input import THRESHOLD
 from lava_vpr.engine.inference.fixed import SCALARS, SILENT_STEPS, FixedNetwork
-from lava_vpr.errors import BundleError, NetworkLimitError
+from lava_vpr.errors import BundleError, NetworkLimitError, brief
 from lava_vpr.loihi import NO_MEMORY_DECAY, WEIGHT_BITS
+from lava_vpr.ranges import whole
 
 WEIGHTS, PARAMETERS = "network/weights.npy", "network/parameters.json"
 
@@ -77,45 +78,39 @@ def network_files(network: FixedNetwork) -> dict[str, bytes]:
     return {WEIGHTS: array_bytes(network.stored[0].astype(np.uint8)), PARAMETERS: json_bytes(parameters)}
 
 
-def _read(files: Mapping[str, bytes]) -> tuple[NDArray[np.uint8], dict[str, Any]]:
-    """Weights and parameters, of the right kind.
-
-    Raises:
-        BundleError: one is missing or of another kind.
-    """
-    bundle = Bundle(Path(), {}, dict(files))
-    weights, parameters = bundle.array(WEIGHTS), bundle.json(PARAMETERS)
-    if weights.dtype != np.uint8 or weights.ndim != 2 or 0 in weights.shape:
-        raise BundleError(
-            f"{WEIGHTS}: is {weights.dtype} {weights.shape}, but must be uint8 (neurons, inputs); {AGAIN}"
-        )
-    return weights, parameters
-
-
-def network_of(files: Mapping[str, bytes]) -> FixedNetwork:
+def network_of(files: Mapping[str, bytes], path: Path = Path()) -> FixedNetwork:
     """The network that the files of a bundle describe: the inverse of `network_files`.
 
     Args:
         files: Content by name; others than `WEIGHTS` and `PARAMETERS` are not looked at.
+        path: The bundle's folder, for messages.
     Raises:
         BundleError: they are missing, of another kind, or contradict each other.
     """
-    weights, parameters = _read(files)
+    bundle = Bundle(path, {}, dict(files))
+    weights, parameters = bundle.array(WEIGHTS, np.uint8, ("neurons", "inputs")), bundle.json(PARAMETERS)
+    if 0 in weights.shape:
+        raise BundleError(f"{bundle.at(WEIGHTS)}: is empty, {weights.shape}; {AGAIN}")
     try:
         numbers = {name: parameters["network"][name] for name in SCALARS}
-        spare = WEIGHT_BITS - parameters["excite"]["num_weight_bits"]
-        if any(type(number) is not int for number in (spare, *numbers.values())) or not 0 <= spare < WEIGHT_BITS:
+        bits = parameters["excite"]["num_weight_bits"]
+        if not all(whole(number) and 0 <= number < 1 << 31 for number in (bits, *numbers.values())):
+            raise ValueError
+        spare = WEIGHT_BITS - bits
+        if not 0 <= spare < WEIGHT_BITS:
             raise ValueError
         network = FixedNetwork.of_scalars(np.ascontiguousarray((weights >> spare).T), numbers)
         expected = parameters_of(network)
     except (KeyError, TypeError, ValueError, NetworkLimitError) as error:
         reason = f" ({error})" if isinstance(error, NetworkLimitError) else ""
-        raise BundleError(f"{PARAMETERS}: describes no network that Loihi 2 can run{reason}; {AGAIN}") from None
+        raise BundleError(
+            f"{bundle.at(PARAMETERS)}: describes no network that Loihi 2 can run{reason}; {AGAIN}"
+        ) from None
     for name in sorted({*expected, *parameters}):
-        if parameters.get(name) != expected.get(name):
-            raise BundleError(f"{PARAMETERS}: {name!r} contradicts the rest of the bundle; {AGAIN}")
+        if name not in expected or not same_json(parameters.get(name), expected[name]):
+            raise BundleError(f"{bundle.at(PARAMETERS)}: {brief(name)} contradicts the rest of the bundle; {AGAIN}")
     if not np.array_equal(network.stored[0], weights):
-        raise BundleError(f"{WEIGHTS}: holds more than the {WEIGHT_BITS - spare} bits of a weight; {AGAIN}")
+        raise BundleError(f"{bundle.at(WEIGHTS)}: holds more than the {WEIGHT_BITS - spare} bits of a weight; {AGAIN}")
     return network
 
 
@@ -184,5 +179,5 @@ def simulate(network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.
 
 def player(bundle: Bundle) -> Player:
     """A simulation of the Processes of a bundle; its files are read once."""
-    network = network_of(bundle.files)
+    network = network_of(bundle.files, bundle.path)
     return lambda rates, keys: simulate(network, rates, keys)

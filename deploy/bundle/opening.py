@@ -1,29 +1,70 @@
-"""From a bundle back to the model that it holds."""
+"""From a bundle back to the model that it holds: the one place where all that a bundle says is checked.
+
+Whoever made the bundle made its checksums right, too. So every file that is used is held against its type, shape and
+range (`lava_vpr.deploy.bundle.core_files`, `loihi2`, `learning`), against the references, and in the end against what
+this version writes for the network that was read: registers, memory, axons and tables must be those, one by one.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
+from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.bundle import folder as bundle_folder
 from lava_vpr.deploy.bundle.core_files import scalars
-from lava_vpr.deploy.bundle.folder import AGAIN, MANIFEST
-from lava_vpr.deploy.bundle.references import read_model
+from lava_vpr.deploy.bundle.folder import AGAIN, MANIFEST, Bundle
+from lava_vpr.deploy.bundle.learning import SETTINGS, check_learning
+from lava_vpr.deploy.bundle.references import References
 from lava_vpr.deploy.bundle.targets import TARGETS
-from lava_vpr.errors import BundleError
+from lava_vpr.errors import BundleError, brief
 from lava_vpr.model import Model
+from lava_vpr.ranges import whole
+
+
+class Opened(NamedTuple):
+    """A bundle whose contents were checked, and the model in it."""
+
+    bundle: Bundle
+    model: Model
+
+
+def open_whole(path: Path) -> Opened:
+    """The bundle at ``path`` and the model in it, its network rebuilt from what the board would get.
+
+    Raises:
+        BundleError: it is not intact, holds what no bundle does, or is beyond the limits.
+        ModelFileError: its references are no model's.
+    """
+    whole_bundle = bundle_folder.load(path)
+    at, stated, target = whole_bundle.at(MANIFEST), scalars(whole_bundle), TARGETS[whole_bundle.target]
+    _check_host_spikes(whole_bundle)
+    references = References.of(whole_bundle, stated)
+    rebuilt = target.network(whole_bundle)
+    for name, number in {"inputs": rebuilt.inputs, "neurons": rebuilt.neurons, **rebuilt.scalars}.items():
+        if number != stated[name]:
+            raise BundleError(f"{at}: says {name} {stated[name]}, but its other files say {number}; {AGAIN}")
+    model = references.model(rebuilt)
+    if SETTINGS in whole_bundle.files:
+        if not target.learns:
+            raise BundleError(f"{whole_bundle.at(SETTINGS)}: is for a board that does not learn; {AGAIN}")
+        check_learning(whole_bundle, model)
+    return Opened(whole_bundle, replace(model, bundle=path))
 
 
 def open_bundle(path: Path) -> Model:
-    """The model in the bundle at ``path``, its network rebuilt from what the board would get.
+    """The model in the bundle at ``path``; see `open_whole`."""
+    return open_whole(path).model
+
+
+def _check_host_spikes(bundle: Bundle) -> None:
+    """Refuse a bundle that lets the host send more spikes than its board takes.
 
     Raises:
-        BundleError: it is not intact.
+        BundleError: it does.
     """
-    whole = bundle_folder.load(path)
-    rebuilt = TARGETS[whole.target].network(whole)
-    stated = scalars(whole)
-    for name, number in {"inputs": rebuilt.inputs, "neurons": rebuilt.neurons, **rebuilt.scalars}.items():
-        if number != stated[name]:
-            raise BundleError(f"{path / MANIFEST}: says {name} {stated[name]}, the registers say {number}; {AGAIN}")
-    return replace(read_model(whole, rebuilt), bundle=path)
+    most, limits = BOARDS[bundle.target].host_spikes, bundle.manifest.get("limits")
+    told = limits.get("host_spikes") if isinstance(limits, dict) else None
+    if most is not None and not (isinstance(told, int) and whole(told) and 0 <= told <= most):
+        raise BundleError(f"{bundle.at(MANIFEST)}: has host_spikes {brief(told)}, of 0..{most}; {AGAIN}")

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
 
-from lava_vpr.deploy.bundle.folder import Bundle, array_bytes
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.configfile import from_dict
+from lava_vpr.deploy.bundle.folder import AGAIN, MANIFEST, Bundle, array_bytes
 from lava_vpr.encoding import query_rates
+from lava_vpr.engine.effort import check_query
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.errors import BundleError
+from lava_vpr.errors import BundleError, LavaVprError, brief
 from lava_vpr.model import Model, assemble, content
+from lava_vpr.ranges import whole
 from lava_vpr.storage import container
 from lava_vpr.training.references import response_keys
 
@@ -27,18 +35,62 @@ def reference_files(model: Model) -> dict[str, bytes]:
     }
 
 
-def read_model(bundle: Bundle, network: FixedNetwork) -> Model:
-    """The model in a bundle.
+@dataclass(frozen=True)
+class References:
+    """The references in a bundle, as far as they can be checked without its network.
 
-    Args:
-        bundle: An intact one.
-        network: Rebuilt from its registers.
-    Raises:
-        BundleError: the parts do not fit each other.
+    Attributes:
+        bundle: The bundle that they are in.
+        header, arrays: What `lava_vpr.model.content` kept.
     """
-    path = bundle.path / REFERENCES
-    header, arrays = container.unpack(bundle.data(REFERENCES), path, "references")
-    model = assemble(path, header, arrays, network)
-    if not np.array_equal(bundle.array(RESPONSES), model.responses):
-        raise BundleError(f"{bundle.path / RESPONSES}: differs from what {REFERENCES} says; deploy the model again")
-    return model
+
+    bundle: Bundle
+    header: dict[str, Any]
+    arrays: dict[str, NDArray[Any]]
+
+    @classmethod
+    def of(cls, bundle: Bundle, stated: Mapping[str, int]) -> References:
+        """The references in ``bundle``, seen to be for a network of the size that it states.
+
+        Raises:
+            ModelFileError: they cannot be read, or a query is beyond the limits.
+            BundleError: they are for another network.
+        """
+        path = bundle.path / REFERENCES
+        header, arrays = container.unpack(bundle.data(REFERENCES), path, "references")
+        at = bundle.at(REFERENCES)
+        try:
+            config = from_dict(header.get("config"))
+            check_query(config, stated["neurons"])
+        except LavaVprError as error:
+            raise BundleError(f"{at}: the settings cannot be used ({error}); {AGAIN}") from None
+        if config.encoder.inputs != stated["inputs"]:
+            said = f"says inputs {stated['inputs']}, but the settings in {REFERENCES} make {config.encoder.inputs}"
+            raise BundleError(f"{bundle.at(MANIFEST)}: {said}; {AGAIN}")
+        return cls(bundle, header, arrays)
+
+    def model(self, network: FixedNetwork) -> Model:
+        """The model that they make with the bundle's ``network``; the host's arrays are those that belong to it.
+
+        Raises:
+            ModelFileError: they are no model's.
+            BundleError: the parts do not fit each other.
+        """
+        bundle = self.bundle
+        model = assemble(bundle.path / REFERENCES, self.header, self.arrays, network)
+        images, said = len(model.labels), bundle.manifest["network"].get("places", model.places)
+        if not whole(said) or said != model.places:
+            raise BundleError(f"{bundle.at(MANIFEST)}: says places {brief(said)}, but holds {model.places}; {AGAIN}")
+        rates = bundle.array(RATES, np.uint16, (images, network.inputs))
+        keys = bundle.array(KEYS, np.uint64, (images,))
+        own: dict[str, NDArray[Any]] = {RESPONSES: model.responses, LABELS: model.labels}
+        for name, array in own.items():
+            if not np.array_equal(bundle.array(name, array.dtype, array.shape), array):
+                raise BundleError(f"{bundle.at(name)}: differs from what {REFERENCES} says; {AGAIN}")
+        if not np.array_equal(keys, response_keys(model)):
+            raise BundleError(f"{bundle.at(KEYS)}: are not the keys of the references; {AGAIN}")
+        # Machines may add the responses of an image in another order: a rate can differ by one unit.
+        expected = query_rates(model.activity, model.config).astype(np.int32)
+        if (abs(rates - expected) > 1).any():
+            raise BundleError(f"{bundle.at(RATES)}: are not the rates of the references; {AGAIN}")
+        return model

@@ -65,7 +65,7 @@ TARGETS.register(
     Target(
         LOIHI_2.name,
         network_files=lambda plan: loihi2.network_files(plan.network),
-        network=lambda bundle: loihi2.network_of(bundle.files),
+        network=lambda bundle: loihi2.network_of(bundle.files, bundle.path),
         player=loihi2.player,
         program="loihi2",
         interpreter=None,

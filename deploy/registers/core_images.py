@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, get_args
@@ -320,7 +321,7 @@ def _differences(
     """What of the images and tables differs from those made again, by name."""
     differences = []
     for image, other in zip(images, again, strict=True):
-        if image.registers != other.registers:
+        if json.dumps(image.registers, sort_keys=True) != json.dumps(other.registers, sort_keys=True):
             differences.append(f"registers of {image.name}")
         for name in ("compartments", "synapses", "axons_in", "axons_out"):
             if not np.array_equal(getattr(image, name), getattr(other, name)):
@@ -350,7 +351,7 @@ def network_of(
         different = _differences(images, tables, again, tables_again)
     except ModelFileError:
         raise
-    except (LookupError, ValueError, TypeError, LavaVprError) as error:
+    except (LookupError, ValueError, TypeError, OverflowError, LavaVprError) as error:
         raise ModelFileError(f"cores and tables hold no network of ours ({error}); deploy the model again") from None
     if different:
         raise ModelFileError(

@@ -107,7 +107,7 @@ class Format:
                 signs[registers["fanoutType"]],
             )
             sound = form.registers == dict(registers) and form.weight_bits > 0
-        except (KeyError, IndexError, TypeError, ValueError):
+        except (KeyError, IndexError, TypeError, ValueError, OverflowError):
             sound = False
         if not sound or abs(form.exponent) > WEIGHT_EXPONENT_LIMIT:
             raise ModelFileError(f"{where}: its registers describe no synapse format of ours; deploy the model again")

@@ -14,17 +14,19 @@ from numpy.typing import NDArray
 
 from lava_vpr.backends.interface import Advance, Events, Presentations
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
-from lava_vpr.deploy.bundle import folder as bundle_folder
 from lava_vpr.deploy.bundle.core_files import Spikes
 from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.deploy.bundle.folder import Bundle
+from lava_vpr.deploy.bundle.opening import open_whole
 from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.deploy.running import host_program
 from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.trains import Trains
-from lava_vpr.errors import BackendUnavailableError
+from lava_vpr.errors import BackendUnavailableError, BundleError
 from lava_vpr.model import Model, checked_network
 from lava_vpr.storage.temporary import temporary_folder
+from lava_vpr.storage.text import shown
 
 BATCH = 16
 """Queries between two reports of progress."""
@@ -35,13 +37,25 @@ def bundle_of(model: Model, board: Board = KAPOHO_BAY) -> Iterator[Bundle]:
     """The bundle that ``model`` was read from, or else a temporary one for ``board``.
 
     Raises:
+        BundleError: it is not the bundle any more that ``model`` was read from.
         NetworkLimitError: the model does not fit the board.
     """
     if model.bundle is not None:
-        yield bundle_folder.load(model.bundle)
+        opened = open_whole(model.bundle)
+        if not _same(opened.model, model):
+            raise BundleError(f"{shown(model.bundle)}: was replaced while it was in use; run the command again")
+        yield opened.bundle
         return
     with temporary_folder() as folder:
         yield deploy(model, board, folder / "bundle", picture=False).bundle
+
+
+def _same(one: Model, other: Model) -> bool:
+    """Whether two models have the same integer network."""
+    own, their = one.network, other.network
+    if not isinstance(own, FixedNetwork) or not isinstance(their, FixedNetwork):
+        return False
+    return own.scalars == their.scalars and np.array_equal(own.weights, their.weights)
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,17 @@ import numpy as np
 import pytest
 
 from lava_vpr.deploy.bundle import folder as bundle
-from lava_vpr.deploy.bundle.folder import MANIFEST, array_bytes, json_bytes, load, self_digest, write
-from lava_vpr.errors import BundleError
+from lava_vpr.deploy.bundle.folder import (
+    MANIFEST,
+    Bundle,
+    array_bytes,
+    check_replaceable,
+    json_bytes,
+    load,
+    self_digest,
+    write,
+)
+from lava_vpr.errors import BundleError, brief
 
 FILES = {
     "README.md": b"read me\n",
@@ -120,6 +129,143 @@ def test_every_damage_has_its_own_message(tmp_path: Path) -> None:
             load(path)
         seen.add(str(caught.value).removeprefix(str(path)))
     assert len(seen) == len(DAMAGE) >= 12
+
+
+FORGED: dict[str, tuple[dict[str, Any], str]] = {
+    "no list": ({"files": ["README.md"]}, "lists ['README.md'] instead of its files"),
+    "no facts": ({"files": {"README.md": 7}}, "says 7 of README.md, not its bytes and sha256"),
+    "more facts": ({"files": {"a": {"bytes": 1, "sha256": "0" * 64, "x": 1}}}, "of a, not its bytes and sha256"),
+    "bytes in words": ({"files": {"a": {"bytes": "1", "sha256": "0" * 64}}}, "says that a has '1' bytes"),
+    "true bytes": ({"files": {"a": {"bytes": True, "sha256": "0" * 64}}}, "says that a has True bytes"),
+    "negative bytes": ({"files": {"a": {"bytes": -1, "sha256": "0" * 64}}}, "says that a has -1 bytes"),
+    "a number for a checksum": ({"files": {"a": {"bytes": 1, "sha256": 0}}}, "says the SHA-256 0 of a"),
+    "a board that is a list": ({"target": [[]]}, "is for the unknown board [[]]"),
+    "a version that is true": ({"version": True}, "is of version True, this program reads 1"),
+    "a checksum that is none": ({"sha256": [1]}, "was altered (checksum differs)"),
+    "a number beyond all floats": ({"lava_vpr": float("inf")}, "was altered (checksum differs)"),
+    "more than memory": ({"files": {"a": {"bytes": 1 << 62, "sha256": "0" * 64}}}, "set LAVA_VPR_MAX_BUNDLE_BYTES"),
+    "many files": (
+        {"files": {f"f{k}": {"bytes": 1, "sha256": "0" * 64} for k in range(10_001)}},
+        "lists 10,001 files, more than the 10,000 allowed; if the file is sound, set LAVA_VPR_MAX_BUNDLE_FILES",
+    ),
+}
+NAMES = ("", ".", "..", "/etc/passwd", "a\0b", "a\\b", "a/../b", "a//b", "./a", "a/", "\ud800", "\x1b[2J", "x" * 201)
+NAMES += ("readme.MD", MANIFEST, "\u212a", ".hidden", "a b")
+FORGED |= {
+    f"a file {name!r:.20}": (
+        {"files": {"README.md": {"bytes": 1, "sha256": "0" * 64}, name: {"bytes": 1, "sha256": "0" * 64}}},
+        f"names {brief(name)}, which is not in the bundle",
+    )
+    for name in NAMES
+}
+
+
+@pytest.mark.parametrize("kind", FORGED)
+def test_a_forged_manifest_is_refused(intact: Path, kind: str) -> None:
+    changes, said = FORGED[kind]
+    manifest = json.loads((intact / MANIFEST).read_bytes()) | changes
+    if "sha256" not in changes and kind != "a number beyond all floats":
+        manifest["sha256"] = self_digest(manifest)
+    (intact / MANIFEST).write_text(json.dumps(manifest).replace("Infinity", "1e999"))
+    with pytest.raises(BundleError) as caught:
+        load(intact)
+    text = str(caught.value)
+    assert text.startswith(f"{intact / MANIFEST}: ")
+    assert said in text
+    assert "; " in text
+    assert text.isprintable()
+    assert len(text) < 500
+
+
+TEXTS = {
+    "deep": b"[" * 100_000,
+    "deep objects": b'{"a":' * 100_000,
+    "a long number": b'{"format": ' + b"9" * 10_000 + b"}",
+    "no number": b'{"format": NaN}',
+    "no text": b"\xff\xfe",
+    "a key twice": b'{"format": 1, "format": 2}',
+}
+
+
+@pytest.mark.parametrize("kind", TEXTS)
+def test_a_manifest_that_breaks_readers(intact: Path, kind: str) -> None:
+    (intact / MANIFEST).write_bytes(TEXTS[kind])
+    with pytest.raises(BundleError, match=rf"{MANIFEST}: is no JSON \(.*\); deploy the model again"):
+        load(intact)
+    with pytest.raises(BundleError, match="holds something else than a bundle; name another folder"):
+        check_replaceable(intact)
+
+
+def test_pipes_are_not_waited_for(intact: Path) -> None:
+    for name in ("README.md", MANIFEST):
+        (intact / name).unlink()
+        os.mkfifo(intact / name)
+        with pytest.raises(BundleError, match=rf"{name}: cannot be read \(is a named pipe, not a file\); check"):
+            load(intact)
+    with pytest.raises(BundleError, match="holds something else than a bundle"):
+        check_replaceable(intact)
+
+
+def test_a_link_may_not_lead_out(intact: Path, tmp_path: Path) -> None:
+    (intact / "README.md").rename(tmp_path / "elsewhere")
+    (intact / "README.md").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(BundleError, match=r"README.md: is a link that leads out of the bundle; put the file itself"):
+        load(intact)
+    (tmp_path / "link").symlink_to(intact)
+    (intact / "README.md").unlink()
+    (tmp_path / "elsewhere").rename(intact / "README.md")
+    assert load(tmp_path / "link").files == FILES, "the folder itself may be a link"
+
+
+def test_lengths_are_seen_before_anything_is_read(intact: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    os.truncate(intact / "README.md", 1 << 40)
+    with pytest.raises(BundleError, match=r"README.md: has 1,099,511,627,776 bytes instead of 8"):
+        load(intact)
+    flip(intact / SYNAPSES)
+    monkeypatch.setenv("LAVA_VPR_MAX_BUNDLE_BYTES", "300")
+    with pytest.raises(
+        BundleError, match=r"lists \d+ bytes, more than the 300 allowed; if the file is sound, set LAVA"
+    ):
+        load(intact)
+
+
+ARRAYS = {
+    "a huge header": ("<i4", "(99999999999, 4), ", "says int32 (99999999999, 4), but 64 bytes follow"),
+    "a product beyond 64 bits": ("<i4", "(99999999999, 99999999999, 0), ", "but 64 bytes follow"),
+    "objects": ("|O", "(8,), ", "its header is none that lava-vpr writes"),
+    "Python": ("<i4", "(" * 400 + ")" * 400, "its header is none that lava-vpr writes"),
+    "negative": ("<i4", "(-16,), ", "its header is none that lava-vpr writes"),
+    "big endian": (">i4", "(16,), ", "its header is none that lava-vpr writes"),
+    "text": ("<U4", "(4,), ", "its header is none that lava-vpr writes"),
+}
+
+
+@pytest.mark.parametrize("kind", ARRAYS)
+def test_the_header_of_an_array_is_not_believed(kind: str) -> None:
+    descr, shape, said = ARRAYS[kind]
+    text = f"{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}}}\n".encode()
+    data = b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text + b"\0" * 64
+    with pytest.raises(BundleError) as caught:
+        Bundle(Path("b"), {}, {"a.npy": data}).array("a.npy")
+    assert str(caught.value).startswith("b/a.npy: is no array (")
+    assert said in str(caught.value)
+
+
+def test_an_array_is_of_its_type_and_shape() -> None:
+    held = Bundle(Path("b"), {}, {"a.npy": array_bytes(np.arange(6, dtype=np.int32).reshape(2, 3))})
+    assert held.array("a.npy", np.int32, ("rows", 3)).tolist() == [[0, 1, 2], [3, 4, 5]]
+    with pytest.raises(BundleError, match=r"^b/a.npy: is int32 \(2, 3\), but must be int64 \(rows, 3\); deploy the"):
+        held.array("a.npy", np.int64, ("rows", 3))
+    for shape in (("rows",), ("rows", 4), (1, 3), ("rows", 3, 1)):
+        with pytest.raises(BundleError, match=r"is int32 \(2, 3\), but must be"):
+            held.array("a.npy", np.int32, shape)
+
+
+def test_json_is_not_read_beyond_its_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    held = Bundle(Path("b"), {}, {"a.json": b"[" + b"1, " * 200 + b"1]"})
+    monkeypatch.setenv("LAVA_VPR_MAX_BUNDLE_JSON_BYTES", "100")
+    with pytest.raises(BundleError, match=r"^b/a.json: has 603 bytes, more than the 100 allowed; if the file is sound"):
+        held.json("a.json")
 
 
 def test_what_is_no_bundle(tmp_path: Path) -> None:

@@ -1,0 +1,300 @@
+"""Bundles by an enemy who makes the checksums right: one line that names file, cause and remedy."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from numpy.typing import NDArray
+from support.common.small_models import small_model
+
+from lava_vpr.backends.deployed import bundle_of
+from lava_vpr.cli import main
+from lava_vpr.deploy.boards.board import BOARDS
+from lava_vpr.deploy.bundle import loihi2
+from lava_vpr.deploy.bundle.deployment import contents, deploy
+from lava_vpr.deploy.bundle.folder import MANIFEST, Bundle, array_bytes, json_bytes, sealed
+from lava_vpr.deploy.bundle.opening import open_bundle
+from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.errors import BundleError
+
+Told, Files = dict[str, Any], dict[str, bytes]
+
+
+@pytest.fixture(scope="module")
+def sound() -> dict[str, tuple[Told, Files]]:
+    """Manifest and files of a bundle for each board, that for Loihi 2 with learning; programs are left out."""
+    found = {}
+    for board in BOARDS.values():
+        told, files, _ = contents(small_model(), board, learning=board.name == "loihi2", picture=False)
+        found[board.name] = told, {name: data for name, data in files.items() if not name.startswith("program/")}
+    return found
+
+
+def put(path: Path, told: Mapping[str, Any], files: Files) -> Path:
+    """A bundle whose checksums are right."""
+    for name, data in (*files.items(), (MANIFEST, json_bytes(sealed(told, files)))):
+        (path / name).parent.mkdir(parents=True, exist_ok=True)
+        (path / name).write_bytes(data)
+    return path
+
+
+CORE = "cores/chip0-core000"
+
+
+def number(name: str, value: Any) -> Callable[[Told, Files], None]:
+    """Another number of the network in the manifest."""
+
+    def change(told: Told, files: Files) -> None:
+        told["network"][name] = value
+
+    return change
+
+
+def array(name: str, change: Callable[[NDArray[Any]], Any]) -> Callable[[Told, Files], None]:
+    """Another array: ``change`` returns it, or alters the one that it is given."""
+
+    def changed(told: Told, files: Files) -> None:
+        before = Bundle(Path(), {}, files).array(name)
+        after = change(before)
+        files[name] = array_bytes(before if after is None else after)
+
+    return changed
+
+
+def at(*where: Any) -> Callable[[NDArray[Any]], None]:
+    """Put the last of ``where`` at the index before."""
+
+    def change(found: NDArray[Any]) -> None:
+        found[tuple(where[:-1])] = where[-1]
+
+    return change
+
+
+def values(name: str, *where: Any) -> Callable[[Told, Files], None]:
+    """Another value in a JSON file: the last of ``where``, at the keys before."""
+
+    def change(told: Told, files: Files) -> None:
+        whole = json.loads(files[name])
+        inner = whole
+        for key in where[:-2]:
+            inner = inner[key]
+        inner[where[-2]] = where[-1]
+        files[name] = json.dumps(whole).encode()
+
+    return change
+
+
+def text(name: str, data: bytes) -> Callable[[Told, Files], None]:
+    """Another content of a file."""
+    return lambda told, files: files.__setitem__(name, data)
+
+
+REGISTERS, PARAMETERS, LEARNING = f"{CORE}/registers.json", loihi2.PARAMETERS, "learning/learning.json"
+PHASE = ("stretches", 0, "phases", 0)
+KAPOHO: dict[str, tuple[Callable[[Told, Files], Any], str, str]] = {
+    "steps of 10^9": (number("steps", 10**9), MANIFEST, "steps 1000000000, of 1..100000"),
+    "a long number": (number("bits", 10**4000), MANIFEST, "bits a number of 13288 bits, of 1..8"),
+    "true steps": (number("steps", True), MANIFEST, "steps True, of"),
+    "silent steps": (number("silent_steps", 4), MANIFEST, "silent_steps 4, of 3..3"),
+    "inputs beyond memory": (number("inputs", 2**31 - 1), MANIFEST, "weights take 17,179,869,176 bytes, more than"),
+    "other inputs": (
+        number("inputs", 7),
+        MANIFEST,
+        "says inputs 7, but the settings in host/references.lvpr make 1568",
+    ),
+    "other neurons": (number("neurons", 9), "host/exc.npy", "is int32 (8, 3), but must be int32 (9, 3)"),
+    "other places": (number("places", 3), MANIFEST, "says places 3, but holds 8"),
+    "no network": (lambda told, files: told.update(network=[]), MANIFEST, "does not describe the network"),
+    "host spikes": (lambda told, files: told["limits"].update(host_spikes=99), MANIFEST, "host_spikes 99, of 0..50"),
+    "no limits": (lambda told, files: told.pop("limits"), MANIFEST, "has host_spikes None, of 0..50"),
+    "a core of no chip": (
+        lambda told, files: [
+            files.__setitem__(name.replace(CORE, "cores/chip7-core000"), files.pop(name))
+            for name in [name for name in files if name.startswith(CORE)]
+        ],
+        "cores/chip7-core000",
+        "is no core of Kapoho Bay",
+    ),
+    "a core twice": (text("cores/chip0-core0/registers.json", b"{}"), "cores/chip0-core0", "is no core of Kapoho Bay"),
+    "a file beside a core's": (text(f"{CORE}/more.npy", b""), CORE, "is no core of Kapoho Bay"),
+    "floats": (array(f"{CORE}/compartments.npy", lambda a: a.astype(float)), f"{CORE}/compartments.npy", "is float64"),
+    "one axis": (
+        array(f"{CORE}/axons_in.npy", lambda a: a.ravel()),
+        f"{CORE}/axons_in.npy",
+        "but must be int32 (axons, 3)",
+    ),
+    "many compartments": (
+        array(f"{CORE}/compartments.npy", lambda a: np.zeros((1025, 4), np.int32)),
+        f"{CORE}/compartments.npy",
+        "has 1,025 rows, but a core holds 1,024",
+    ),
+    "a source of nobody": (
+        array(f"{CORE}/axons_out.npy", at(0, 0, -1)),
+        f"{CORE}/axons_out.npy",
+        "names source -1, of 0..",
+    ),
+    "a core of nobody": (
+        array(f"{CORE}/axons_out.npy", at(0, 2, 99)),
+        f"{CORE}/axons_out.npy",
+        "of chip 0 core 99, which",
+    ),
+    "an axon of nobody": (
+        array(f"{CORE}/axons_out.npy", at(0, 3, 2**31 - 1)),
+        f"{CORE}/axons_out.npy",
+        "names 2147483647",
+    ),
+    "memory of nobody": (array(f"{CORE}/axons_in.npy", at(0, 0, -5)), "cores", "do not tile its memory"),
+    "a row without end": (array(f"{CORE}/axons_in.npy", at(0, 2, 2**31 - 1)), "cores", "deploy the model again"),
+    "a compartment below": (array("host/exc.npy", at(0, 2, -1)), "host/exc.npy", "names -1 of chip 0 core"),
+    "a compartment above": (array("host/inh.npy", at(0, 2, 4000)), "host/inh.npy", "names 4000 of chip 0 core"),
+    "two in one place": (
+        array("host/exc.npy", lambda a: a[[1, 1, *range(2, len(a))]]),
+        "host/exc.npy",
+        "shares a compartment",
+    ),
+    "an input of nobody": (
+        array("host/injection.npy", at(0, 0, 1568)),
+        "host/injection.npy",
+        "names input 1568, of 0..1567",
+    ),
+    "injected nowhere": (array("host/injection.npy", at(0, 3, -1)), "host/injection.npy", "names -1 of chip 0"),
+    "registers of truths": (
+        values(REGISTERS, "cxProfileCfg", 0, "enableNoise", False),
+        "cores",
+        "registers of chip 0 core 0",
+    ),
+    "registers of lists": (values(REGISTERS, "synapseFmt", 1, "fanoutType", []), "cores", "no synapse format of ours"),
+    "an endless exponent": (
+        text(REGISTERS, b'{"synapseFmt": [{"wgtBits": 1, "idxBits": 0, "wgtExp": 1e999}]}'),
+        "cores",
+        "",
+    ),
+    "deep registers": (text(REGISTERS, b"[" * 100_000), REGISTERS, "is no JSON (it is nested too deeply)"),
+    "registers that are none": (text(REGISTERS, b"7"), "cores", "hold no network of ours"),
+    "other keys": (array("host/keys.npy", at(0, 5)), "host/keys.npy", "are not the keys of the references"),
+    "fewer keys": (array("host/keys.npy", lambda a: a[1:]), "host/keys.npy", "is uint64 (7,), but must be uint64 (8,)"),
+    "other rates": (array("host/rates.npy", at(0, 0, 60_000)), "host/rates.npy", "are not the rates of the references"),
+    "other labels": (
+        array("host/labels.npy", at(0, 5)),
+        "host/labels.npy",
+        "differs from what host/references.lvpr says",
+    ),
+    "no labels": (lambda told, files: files.pop("host/labels.npy"), "host/labels.npy", "the bundle lacks this file"),
+    "responses below 0": (
+        array("host/responses.npy", at(0, 0, -1)),
+        "host/responses.npy",
+        "differs from what host/ref",
+    ),
+    "learning": (text(LEARNING, b"{}"), LEARNING, "is for a board that does not learn"),
+}
+LOIHI_2: dict[str, tuple[Callable[[Told, Files], Any], str, str]] = {
+    "true for 1": (
+        values(PARAMETERS, "exc", "reset_offset", True),
+        PARAMETERS,
+        "'exc' contradicts the rest of the bundle",
+    ),
+    "1.0 for 1": (values(PARAMETERS, "relay", "weight_exp", 0.0), PARAMETERS, "'relay' contradicts"),
+    "parameters that are none": (text(PARAMETERS, b"[]"), PARAMETERS, "describes no network that Loihi 2 can run"),
+    "a long threshold": (values(PARAMETERS, "network", "threshold", 10**4000), PARAMETERS, "describes no network that"),
+    "no weights": (array(loihi2.WEIGHTS, lambda a: a[:0]), loihi2.WEIGHTS, "is empty, (0, 1568)"),
+    "a folder elsewhere": (
+        values(LEARNING, "stretches", 0, "folder", "../x"),
+        LEARNING,
+        "folder '../x' instead of learning/",
+    ),
+    "no stretch": (values(LEARNING, "stretches", []), LEARNING, "lacks or garbles stretches []"),
+    "another stretch": (values(LEARNING, "stretches", 0, "first_place", 4), LEARNING, "other stretches than the model"),
+    "epochs of 10^9": (values(LEARNING, *PHASE, "epochs", 10**9), LEARNING, "epochs 1000000000, of 0..10000"),
+    "steps of 10^9 while learning": (
+        values(LEARNING, *PHASE, "steps", 10**9),
+        LEARNING,
+        "steps 1000000000, of 1..100000",
+    ),
+    "a long shift": (values(LEARNING, *PHASE, "inhibit", "weight_exp", 10**9), LEARNING, "weight_exp 1000000000, of"),
+    "tau": (values(LEARNING, *PHASE, "learning_rule", "x1_tau", 10**400), LEARNING, "x1_tau a number of 1329 bits"),
+    "impulse": (values(LEARNING, *PHASE, "learning_rule", "x1_impulse", 0), LEARNING, "of a phase"),
+    "no seed": (values(LEARNING, "stretches", 0, "rng_seeds", []), LEARNING, "rng_seeds []"),
+    "a seed": (values(LEARNING, "stretches", 0, "rng_seeds", 0, 1e308), LEARNING, "0 1e+308, of"),
+    "other weights": (
+        array("learning/stretch000/weights.npy", lambda a: a[1:]),
+        "learning/stretch000/weights.npy",
+        "must be uint8 (1568, neurons)",
+    ),
+    "thresholds of 0": (
+        array("learning/stretch000/thresholds.npy", at(0, 0)),
+        "learning/stretch000/thresholds.npy",
+        "names threshold 0, of 1..131071",
+    ),
+    "an image of nobody": (
+        array("learning/stretch000/images.npy", at(0, -(2**31))),
+        "learning/stretch000/images.npy",
+        "names image -2147483648, of 0..7",
+    ),
+    "an epoch of nobody": (
+        array("learning/stretch000/epochs.npy", at(-1, 99)),
+        "learning/stretch000/epochs.npy",
+        "names epoch 99, of 0..",
+    ),
+    "epochs that go back": (
+        array("learning/stretch000/epochs.npy", lambda a: a[::-1].copy()),
+        LEARNING,
+        "which go back",
+    ),
+}
+CASES = {("kapoho-bay", kind): case for kind, case in KAPOHO.items()}
+CASES |= {("loihi2", kind): case for kind, case in LOIHI_2.items()}
+
+
+@pytest.mark.parametrize(("board", "kind"), CASES)
+def test_every_part_is_checked(sound: Any, tmp_path: Path, board: str, kind: str) -> None:
+    change, file, said = CASES[board, kind]
+    told, files = json.loads(json.dumps(sound[board][0])), dict(sound[board][1])
+    change(told, files)
+    assert (told, files) != sound[board]
+    path = put(tmp_path / "b", told, files)
+    with pytest.raises(BundleError) as caught:
+        open_bundle(path)
+    line = str(caught.value)
+    assert line.startswith(f"{path / file}: ")
+    assert said in line
+    assert "; " in line
+    assert line.isprintable()
+    assert len(line) < 600
+
+
+def test_what_was_not_changed_is_taken(sound: Any, tmp_path: Path) -> None:
+    for board, (told, files) in sound.items():
+        assert open_bundle(put(tmp_path / board, told, files)).places == 8
+
+
+def test_a_bundle_that_is_replaced_meanwhile_is_not_mixed_with_the_first(tmp_path: Path) -> None:
+    before = small_model()
+    deploy(before, BOARDS["kapoho-bay"], tmp_path / "b", picture=False)
+    model = open_bundle(tmp_path / "b")
+    assert isinstance(before.network, FixedNetwork)
+    other = replace(before, network=replace(before.network, threshold=before.network.threshold + 1))
+    deploy(other, BOARDS["kapoho-bay"], tmp_path / "b", picture=False)
+    with (
+        pytest.raises(BundleError, match="b: was replaced while it was in use; run the command again"),
+        bundle_of(model),
+    ):
+        raise AssertionError
+
+
+@pytest.mark.parametrize("command", ["eval", "query", "verify"])
+def test_a_command_says_one_line(here: Path, sound: Any, command: str) -> None:
+    told, files = sound["kapoho-bay"]
+    put(Path("b"), {**told, "network": {**told["network"], "steps": 10**9}}, files)
+    result = CliRunner().invoke(main, [command, "b", "query", *(("-o", "q.csv") if command == "query" else ())])
+    assert result.exit_code == 1
+    assert result.stderr == (
+        "lava-vpr: error: b/manifest.json: does not describe the network (steps 1000000000, of 1..100000); deploy the "
+        "model again or fetch an intact copy\n"
+    )
