@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
+import os
+import re
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lava_vpr import config as c
 from lava_vpr import configfile as f
+from lava_vpr.cli import main
 from lava_vpr.errors import ConfigError
-from lava_vpr.inputs.encoder import INPUTS
+from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
 
 
 @pytest.mark.parametrize("name", list(c.PRESETS))
@@ -79,6 +83,64 @@ def test_errors_name_file_setting_and_range(text: str, message: str, tmp_path: P
         f.read_toml(path)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+HOSTILE: dict[str, tuple[bytes, str]] = {
+    "deep array": (b"a = " + b"[" * 50_000, "line of 50,004 characters"),
+    "deep over lines": (b"a = " + b"[\n" * 20_000, "nested too deeply|not a TOML file"),
+    "deep table": (b"a = " + b"{a=" * 300, "not a TOML file"),
+    "digits": (b"seed = " + b"9" * 900, "seed is a number of 2990 bits"),
+    "hexadecimal": (b"seed = 0x" + b"f" * 900, "seed is a number of 3600 bits"),
+    "many digits": (b"seed = " + b"9" * 10_000, "line of 10,007 characters"),
+    "dots": (b"a" + b".a" * 20_000 + b" = 1", "line of 40,005 characters"),
+    "long key": (b"x" * 900 + b" = 1", "'xxxxx.*' is not a setting"),
+    "escape in a key": (b'[network]\n"\\u001b[31m" = 1', r"network\.'.x1b\[31m' is not a setting"),
+    "NUL": (b"seed = 1\0", "not a TOML file"),
+    "NUL in a name": (b'preset = "a\\u0000b"', r"no preset 'a.x00b'"),
+    "not UTF-8": (b'preset = "\xff"', "not a TOML file"),
+    "NaN": (b"[network]\nthreshold = nan", r"network\.threshold is nan, but must be a number in"),
+    "infinite": (b"[learning]\neta = inf", r"learning\.eta is inf, but must be a number in"),
+    "large": (b"[learning]\neta = " + b"9" * 400, r"learning\.eta is a number of 1329 bits, but must be of type float"),
+    "date": (b"seed = 2020-01-01", r"seed is datetime\.date\(2020, 1, 1\), but must be of type int"),
+    "array": (b"[network]\nsteps = [1]", r"network\.steps is \[1\], but must be of type int"),
+    "table": (b"[network.model]\na = 1", r"network\.model is \{'a': 1\}, but must be lif"),
+    "array of tables": (b"[[network]]\nsteps = 1", r"\[network\] must be a table of settings, not \[\{'steps': 1\}\]"),
+    "10^9 steps": (b"[network]\nsteps = 1000000000", r"network\.steps is 1000000000, but must be in \[1, 100000\]"),
+    "10^9 epochs": (b"[learning]\nepochs = 1000000000", r"learning\.epochs is 1000000000, but must be in"),
+    "no end of refractoriness": (b"preset = 'paper'\n[network]\ntimer_rate = 1e-300", r"in \[0\.001, 1\]"),
+    "huge": (b"#" * 70_000, r"has 70,000 bytes, more than the 65,536 allowed; .* set LAVA_VPR_MAX_CONFIG_BYTES"),
+}
+
+
+@pytest.mark.timeout(30)
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_hostile_file_gets_one_line(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    data, message = HOSTILE[name]
+    monkeypatch.chdir(tmp_path)
+    Path("bad.toml").write_bytes(data)
+    result = CliRunner().invoke(main, ["train", "no", "-o", "m.lvpr", "--config", "bad.toml"])
+    assert result.exit_code == 1, result.output
+    assert result.stderr.startswith("lava-vpr: error: bad.toml: ")
+    assert result.stderr.count("\n") == 1
+    assert re.search(message, result.stderr), result.stderr
+    assert len(result.stderr) < 500
+
+
+@pytest.mark.timeout(20)
+def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "a.toml")
+    with pytest.raises(ConfigError, match=r"a\.toml: cannot be read \(is a named pipe, not a file\); give an existing"):
+        f.read_toml(tmp_path / "a.toml")
+
+
+@pytest.mark.parametrize("value", [True, "5", None, 5.5, float("nan"), [5], 10**400])
+def test_settings_made_in_python_are_of_their_types(value: object) -> None:
+    """Whole numbers and numbers are what they are called, and no truth values, whoever makes the settings."""
+    for make in (c.LifNetwork, c.StdpLearning, c.ConductanceNetwork, c.Config, EncoderConfig, c.DecoderConfig):
+        for field in dataclasses.fields(make):
+            if field.type in ("int", "float") and not (field.type == "float" and value == 5.5):
+                with pytest.raises(ConfigError, match=field.name):
+                    make(**{field.name: value})
 
 
 def test_missing_and_binary_files(tmp_path: Path) -> None:
