@@ -170,8 +170,10 @@ def count(value: object, name: str, least: int, most: int = _MOST_COUNT) -> int:
     Raises:
         UnfitError: it is not.
     """
-    if not isinstance(value, int) or not whole(value) or not least <= value <= most:
-        raise UnfitError(f"{name} {brief(value)}, which must be a whole number in {least}..{most}")
+    if not isinstance(value, int) or not whole(value):
+        raise UnfitError(f"{name} {brief(value)}, which must be a whole number")
+    if not least <= value <= most:
+        raise UnfitError(f"{name} {brief(value)}, which must be in {least}..{most}")
     return value
 
 
@@ -335,6 +337,8 @@ def _check_array(array: NDArray[Any], name: str, rule: Rule) -> None:
         return
     with np.errstate(invalid="ignore"):  # NaN is least and most of what it is among, and fits no range
         least, most = array.min(), array.max()
+    if not np.isfinite((least, most)).all():
+        raise UnfitError(f"{name} with values that are not finite")
     if not (least >= rule.least and most <= rule.most):
         raise UnfitError(f"{name} with values from {least:g} to {most:g}, which must be in {rule.least}..{rule.most:g}")
 

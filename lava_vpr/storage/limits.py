@@ -66,7 +66,10 @@ LIMITS: dict[str, Limit] = {
     ),
     "presentation_bytes": Limit(GIB, "bytes", "ten times VPRSNN's network when every neuron learns at once"),
     "training_operations": Limit(
-        10**14, "operations", "a day; eighteen times VPRSNN's 60 epochs over two traverses of 3,300 places"
+        10**13,
+        "operations",
+        "some hours; sixty times the default settings on 20,000 places, twice VPRSNN's 60 epochs over two traverses of "
+        "3,300 places",
     ),
 }
 """Every limit by its name."""

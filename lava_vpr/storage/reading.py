@@ -33,6 +33,10 @@ def open_regular(path: Path) -> BinaryIO:
     raise OSError(errno.EINVAL, f"is {what}, not a file", str(path))
 
 
+_MOST_DIGITS = 400
+"""Digits of a whole number in JSON: those of the largest float, with room."""
+
+
 def read_bytes(path: Path, limit_name: str) -> bytes:
     """The content of the regular file ``path``.
 
@@ -62,9 +66,15 @@ def parse_json(data: bytes | str, **options: Any) -> Any:
         ValueError: no JSON, not UTF-8, nested too deeply, a number of thousands of digits, NaN or Infinity.
     """
     try:
-        return json.loads(data, parse_constant=_refuse_constant, **options)
+        return json.loads(data, parse_constant=_refuse_constant, parse_int=_whole_number, **options)
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
+
+
+def _whole_number(digits: str) -> int:
+    if len(digits) > _MOST_DIGITS:
+        raise ValueError(f"a number of {len(digits):,} digits is too long")
+    return int(digits)
 
 
 def _refuse_constant(word: str) -> NoReturn:
