@@ -44,7 +44,6 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 COMMANDS = [
     "train {}/ref -o {}/n.lvpr --config {}/quick.toml",
     "query {}/m.lvpr {}/query -o {}/q.csv",
-    "eval {}/m.lvpr {}/query --report {}/r",
     "fit {}/m.lvpr --target loihi2 --picture {}/p.svg",
     "synth {}/s --places 2",
 ]
@@ -108,13 +107,14 @@ def test_tables_show_names_as_text(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_page_shows_names_as_text(place: Path, tmp_path: Path) -> None:
     """No file can be named ``</script>``, but these words need no slash."""
-    write_images(tmp_path / "ref", 4)
-    for k, file in enumerate(sorted((tmp_path / "ref").iterdir())):
+    queries, folder = tmp_path / "query", tmp_path / NASTY
+    shutil.copytree(place / "query", queries)
+    for k, file in enumerate(sorted(queries.iterdir())):
         file.rename(file.with_name(f"{k}\"'><img src=x onerror=alert(1)><script>alert(2)<!--&.png"))
-    config = ["--config", place / "quick.toml"]
-    run("train", tmp_path / "ref", "-o", tmp_path / "m.lvpr", *config)
-    run("eval", tmp_path / "m.lvpr", tmp_path / "ref", "--report", tmp_path)
-    page = (tmp_path / "report.html").read_text()
+    result = run("eval", place / "m.lvpr", queries, "--report", folder)
+    assert ESCAPED in result.stdout
+    assert is_plain(result.output)
+    page = (folder / "report.html").read_text()
     assert "onerror=alert(1)&gt;" in page
     assert "<img src=x" not in page
     assert len(re.findall("<script", page)) == 2
