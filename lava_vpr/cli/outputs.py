@@ -140,9 +140,10 @@ def _check_file(path: Path, *, folder_is_made: bool) -> None:
         folder = _standing(target.parent) if folder_is_made else target.parent
         if folder_is_made and not folder.is_dir():
             raise InputError(f"{shown(folder)}: is a file; name a folder")
+        replaceable(path)
         if not folder.is_dir():
-            raise InputError(f"{shown(path)}: the folder {shown(path.parent)} does not exist; create it first")
-        replaceable(target)
+            above = target.parent if path.is_symlink() else path.parent
+            raise InputError(f"{shown(path)}: the folder {shown(above)} does not exist; create it first")
         if not os.access(folder, os.W_OK | os.X_OK):
             raise InputError(f"{shown(path)}: no permission to write in {shown(folder)}; choose another place")
     except PermissionError as error:

@@ -33,7 +33,7 @@ def only_one(path: Path) -> Iterator[None]:
     except BlockingIOError:
         raise ModelFileError(f"{shown(path)}: another training is writing it; wait, or choose another name") from None
     except OSError as error:
-        remedy = "remove that" if isinstance(error, FileExistsError) else "free space"
+        remedy = "free space" if error.errno == errno.ENOSPC else "remove that"
         raise ModelFileError(
             f"{shown(path)}: cannot be locked ({shown(lock.name)} beside it: {error.strerror}); {remedy} or choose "
             "another place"

@@ -61,8 +61,8 @@ def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
         OSError: the folder is missing or closed to us, the disk is full, or what stands there may not be replaced;
             ``path`` is as it was.
     """
-    path = Path(os.path.realpath(path))  # a link stays, the file that it names is replaced
     before = replaceable(path)
+    path = Path(os.path.realpath(path))  # a link stays, the file that it names is replaced
     temporary: Path | None = None
     try:
         with held():

@@ -78,6 +78,8 @@ def in_the_way() -> None:
     Path("file").write_text("a file")
     Path("d/report/report.html").mkdir(parents=True)
     os.mkfifo("pipe")
+    os.symlink("no/such", "dangling")
+    os.symlink("loop", "loop")
 
 
 def lock_is_a_link() -> None:
@@ -95,6 +97,10 @@ def lock_holds_data() -> None:
 
 def lock_is_a_pipe() -> None:
     os.mkfifo(".n.lvpr.lock")
+
+
+def lock_is_a_folder() -> None:
+    Path(".n.lvpr.lock").mkdir()
 
 
 def read_only_bundle() -> None:
@@ -188,6 +194,9 @@ REFUSED = [
     (read_only_in_bundle, "deploy m.lvpr --target loihi2 -o b", f"b/mapping.json: {PROTECTED} or name another folder"),
     (read_only_image, "synth s --places 2", f"s/query/place_00001.png: {PROTECTED} or choose another folder"),
     (read_only_folder, "synth s --places 3", f"s/reference: {PROTECTED} or choose another folder"),
+    (in_the_way, "query m.lvpr query -o dangling", "/no does not exist; create it first"),
+    (in_the_way, "query m.lvpr query -o loop", "loop: cannot be written (Too many levels of symbolic links); name"),
+    (lock_is_a_folder, f"{TRAIN} -o n.lvpr", "(.n.lvpr.lock beside it: Is a directory); remove that or choose"),
     (own_model, "demo --out d", "d: holds something else (model.lvpr); choose a new or an empty folder"),
     (nothing, f"query m.lvpr query -o {LONG}{LONG}", f"{LONG}: cannot be written (File name too long); name another"),
     (nothing, f"{TRAIN} -o {LONG}", f"{LONG}.checkpoint: cannot be written (File name too long); name another"),
@@ -267,3 +276,14 @@ def test_a_lock_that_a_killed_training_left_locks_nobody_out(place: Path) -> Non
     Path(".n.lvpr.lock").touch()
     run("train", "ref", "-o", "n.lvpr", "--config", "quick.toml")
     assert not Path(".n.lvpr.lock").exists()
+
+
+def test_a_pipe_that_has_no_name_is_no_file(place: Path) -> None:
+    """As ``-o /dev/stdout`` in a pipe; the link there leads nowhere."""
+    reader, writer = os.pipe()
+    try:
+        result = CliRunner().invoke(main, ["query", "m.lvpr", "none", "-o", f"/proc/self/fd/{writer}"])
+    finally:
+        os.close(reader)
+        os.close(writer)
+    assert "cannot be written (is a folder, device or pipe, not a file); name another" in result.stderr
