@@ -2,13 +2,44 @@
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 from contextlib import suppress
+from typing import Any
 
 from lava_vpr import interrupts
 
-STREAMS = (("stdin", "r"), ("stdout", "w"), ("stderr", "w"))
+
+class Output(io.TextIOWrapper):
+    """An output stream that takes any text, and is named by its errors.
+
+    What its encoding lacks is printed as its escape, and so are the bytes of file names that are no text.
+    """
+
+    def __init__(self, name: str, number: int, like: Any) -> None:
+        if like is None:  # it is closed
+            super().__init__(open(number, "wb", closefd=False), "utf-8", "backslashreplace")
+        else:
+            how = (like.encoding, "backslashreplace", None, like.line_buffering, like.write_through)
+            super().__init__(like.detach(), *how)
+        self.called = name
+
+    def write(self, text: str) -> int:
+        """See `io.TextIOWrapper.write`."""
+        try:
+            return super().write(text)
+        except OSError as error:
+            error.filename = self.called
+            raise
+
+    def flush(self) -> None:
+        """See `io.TextIOWrapper.flush`."""
+        try:
+            super().flush()
+        except OSError as error:
+            error.filename = self.called
+            raise
 
 
 def run() -> None:
@@ -25,8 +56,10 @@ def run() -> None:
     except KeyboardInterrupt:  # a second one, while the first was being told
         pass
     finally:
-        with suppress(OSError, ValueError):
+        try:
             sys.stdout.flush()
+        except (OSError, ValueError):  # it was told; Python would tell it again
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         interrupts.finish()
     if isinstance(code, int) and not interrupts.begun():
         os._exit(code)  # a library that was loaded by half, for want of memory, may wait for ever in its own ending
@@ -34,22 +67,20 @@ def run() -> None:
 
 
 def mend_streams() -> None:
-    """Open streams that are closed on nothing, so that no file of ours takes their place; let any text be printed.
-
-    What the encoding of a stream lacks is printed as its escape, and so are the bytes of file names that are no text.
-    """
-    for number, (name, mode) in enumerate(STREAMS):
-        try:
+    """Open streams that are closed on nothing, so that no file of ours takes their place; let any text be printed."""
+    for number in range(3):
+        with suppress(OSError):
             os.fstat(number)
-        except OSError:
-            os.open(os.devnull, os.O_RDWR)  # the lowest number that is free, which is this one
-        if getattr(sys, name) is None:
-            stream = open(number, mode, encoding="utf-8", closefd=False)
-            setattr(sys, name, stream)
-            setattr(sys, f"__{name}__", stream)
-    for output in (sys.stdout, sys.stderr):
-        with suppress(AttributeError, OSError, ValueError):
-            output.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
+            continue
+        os.open(os.devnull, os.O_RDWR)  # the lowest number that is free, which is this one
+    streams = {
+        "stdin": sys.stdin or open(0, closefd=False, encoding="utf-8"),
+        "stdout": Output("stdout", 1, sys.stdout),
+        "stderr": Output("stderr", 2, sys.stderr),
+    }
+    for name, stream in streams.items():
+        setattr(sys, name, stream)
+        setattr(sys, f"__{name}__", stream)
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -15,6 +16,9 @@ from types import FrameType
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """The signals that ask a program to end."""
+
+
+SOON = 0.05  # seconds until a signal that was lost comes again
 
 
 class StoppedError(KeyboardInterrupt):
@@ -65,6 +69,17 @@ def install() -> None:
     for number in SIGNALS:
         if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):
             signal.signal(number, _stop)
+    sys.unraisablehook = _unraisable
+
+
+def _unraisable(what: sys.UnraisableHookArgs) -> None:
+    """Be silent about what an interrupt breaks where nothing can be raised; one that was lost there comes again."""
+    if _now.stopped and isinstance(what.exc_value, StoppedError):
+        again = threading.Timer(SOON, os.kill, (os.getpid(), _now.stopped.pop()))
+        again.daemon = True
+        again.start()
+    elif not _now.stopped:  # else it was made by half
+        sys.__unraisablehook__(what)
 
 
 def begin() -> None:

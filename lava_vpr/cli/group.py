@@ -67,7 +67,7 @@ def _told_in_one_line() -> Iterator[None]:
         raise _Failure(str(error)) from None
     except BrokenPipeError:
         # The reader of our output went away (`lava-vpr eval ... | head`): not an error of ours or theirs.
-        _discard_output()
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise SystemExit(0) from None
     except OSError as error:
         raise _Failure(_told(error)) from None
@@ -91,30 +91,13 @@ def _told_in_one_line() -> Iterator[None]:
 
 def _told(error: OSError) -> str:
     """An error of the system: what it is about, what is wrong, what helps."""
-    where = f"{os.fsdecode(error.filename)}: " if isinstance(error.filename, (str, bytes)) else _stream_at_fault()
+    where = f"{os.fsdecode(error.filename)}: " if isinstance(error.filename, (str, bytes)) else ""
     if any(words in str(error) for words in _NO_MEMORY):
         return _out_of_memory(str(error))
     if error.errno == errno.ENOENT and not where and _homeless():
         return "the working directory does not exist any more; change to another"
     remedy = _REMEDIES.get(error.errno or 0, "check the path and its permissions")
     return f"{where}{error.strerror or error}; {remedy}"
-
-
-def _stream_at_fault() -> str:
-    """The output, if what was printed cannot be written, which no error of the system names; else nothing."""
-    try:
-        sys.stdout.flush()  # what could not be written is still there
-    except OSError:
-        _discard_output()
-        return "stdout: "
-    return ""
-
-
-def _discard_output() -> None:
-    """Let what is printed go nowhere."""
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, sys.stdout.fileno())
-    os.close(nowhere)
 
 
 def _homeless() -> bool:

@@ -1,0 +1,252 @@
+"""The real command in surroundings that nobody wished for: closed streams, strange users, full caches, signals.
+
+Whatever the process finds, it does its work or says in one line why not, leaves nothing behind, and shows no traceback.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+
+import pytest
+from support.common import surroundings
+from support.common.surroundings import Ended, no_stranger, stranger
+
+FULL = Path("/dev/full")
+QUERY = ("query", "m.lvpr", "query", "-o")
+LOST = [name for name in os.environ if name.startswith(("HOME", "XDG", "NUMBA", "MPL", "USER", "LOGNAME"))]
+KERNELS = "compiled kernels cannot be kept in "
+
+# The command line, but a signal (argv[1]) comes when the module argv[2] is first looked for.
+AT_IMPORT = """
+import os, sys
+number, name = int(sys.argv.pop(1)), sys.argv.pop(1)
+class Finder:
+    def find_spec(self, wanted, *rest):
+        if wanted == name:
+            sys.meta_path.remove(self)
+            os.kill(os.getpid(), number)
+sys.meta_path.insert(0, Finder())
+from lava_vpr.__main__ import run
+run()
+"""
+
+# The same, but the signal comes in the middle of a kernel's compilation, twice, where nothing can be raised.
+AT_COMPILATION = """
+import os, sys
+number = int(sys.argv.pop(1))
+from numba.core import dispatcher
+whole = dispatcher.Dispatcher.compile
+class Lost:
+    def __del__(self):
+        os.kill(os.getpid(), number)
+        print(end="")
+def compile(self, *what):
+    Lost()
+    return whole(self, *what)
+dispatcher.Dispatcher.compile = compile
+from lava_vpr.__main__ import run
+run()
+"""
+
+
+# The program argv[2:], told to stop by SIGHUP after argv[1] seconds, and again by all three signals, close together.
+TWICE = """
+import signal, subprocess, sys, time
+child = subprocess.Popen(sys.argv[2:])
+time.sleep(float(sys.argv[1]))
+for number in (signal.SIGHUP, signal.SIGHUP, signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+    child.send_signal(number)
+    time.sleep(0.02)
+sys.exit(child.wait() not in (0, 1, -signal.SIGHUP, -signal.SIGTERM))
+"""
+
+START = 0.3  # seconds; Python itself shows tracebacks while it starts
+
+
+def one_line(ended: Ended, *words: str) -> None:
+    """It failed with one line on stderr that holds all of ``words``."""
+    assert ended.code == 1, ended
+    assert len(ended.lines) == 1, ended.err
+    assert ended.lines[0].startswith("lava-vpr: error: ")
+    assert all(word in ended.lines[0] for word in words), ended.err
+    assert not ended.left
+
+
+def done(ended: Ended, *made: str) -> None:
+    """It did its work without a word on stderr but notes, and made just these files."""
+    assert ended.code == 0, ended
+    assert all(line.startswith("note: ") for line in ended.lines), ended.err
+    assert not ended.left
+    assert ended.made == sorted(made)
+
+
+def test_closed_streams(here: Path) -> None:
+    """Nothing that is opened takes the place of a closed stream: what is printed would be written into it."""
+    done(surroundings.run(here, *QUERY, "q.csv", closed=(0, 1, 2)), "q.csv")
+    assert Path("q.csv").read_text().startswith("query,query_name,place")
+    failed = surroundings.run(here, "query", "none.lvpr", "query", "-o", "n.csv", closed=(2,))
+    assert (failed.code, failed.err, failed.made) == (1, "", [])
+
+
+@pytest.mark.parametrize("words", [("--version",), ("fit", "m.lvpr", "--target", "kapoho-bay")])
+def test_full_output(here: Path, words: tuple[str, ...]) -> None:
+    one_line(surroundings.run(here, *words, out=FULL), "stdout: No space left on device; free some space")
+
+
+def test_letters_that_the_terminal_lacks(here: Path) -> None:
+    """ASCII has no check mark; a file name that is no text is shown by its bytes."""
+    name = os.fsdecode(b"q\xe2\x9c\x93\xff.csv")
+    ended = surroundings.run(here, *QUERY, name, set_to={"PYTHONIOENCODING": "ascii"})
+    done(ended, name)
+    assert r"q\u2713\udcff.csv" in ended.out
+
+
+def test_neither_home_nor_name(here: Path) -> None:
+    """A user whom no list knows, as in a container with a number for a user, and who has no cache yet."""
+    why = no_stranger()
+    if why:
+        pytest.skip(why)
+    ended = surroundings.run(here, "fit", "m.lvpr", "--target", "kapoho-bay", without=LOST, prefix=stranger)
+    assert (ended.code, ended.err, ended.made) == (0, "", [])
+    assert ended.left == [f"lava-vpr-kernels-{surroundings.STRANGER}"]  # a cache, closed to others, for the next time
+
+
+def test_the_working_directory_is_gone(here: Path) -> None:
+    program = ["-c", "import os; os.mkdir('gone'); os.chdir('gone'); os.rmdir('../gone')\n" + AT_IMPORT, "0", ""]
+    words = ["query", here / "m.lvpr", here / "query", "-o", "q.csv"]
+    ended = surroundings.run(here, *words, program=[sys.executable, *program])
+    one_line(ended, "the working directory does not exist any more; change to another")
+
+
+@pytest.mark.parametrize(
+    ("number", "module"),
+    [(signal.SIGINT, "click"), (signal.SIGINT, "numba"), (signal.SIGTERM, "numba"), (signal.SIGHUP, "cv2")],
+)
+def test_told_to_stop_while_it_loads(here: Path, number: int, module: str) -> None:
+    """Nothing is begun: it ends at once."""
+    program = [sys.executable, "-c", AT_IMPORT, str(int(number)), module]
+    ended = surroundings.run(here, *QUERY, "q.csv", program=program)
+    assert (ended.code, ended.err) == ((1, "\nAborted!\n") if number == signal.SIGINT else (-number, ""))
+    assert not ended.made
+    assert not ended.left
+
+
+def test_nohup(here: Path) -> None:
+    """A signal that was ignored when the program began stays ignored."""
+    program = [sys.executable, "-c", AT_IMPORT, str(int(signal.SIGHUP)), "click"]
+    done(surroundings.run(here, "--version", program=program, ignored=[signal.SIGHUP]))
+
+
+def test_told_to_stop_where_nothing_can_be_raised(here: Path) -> None:
+    """An exception is lost in a destructor, which numba has many of; the signal is not."""
+    program = [sys.executable, "-c", AT_COMPILATION, str(int(signal.SIGINT))]
+    ended = surroundings.run(here, *QUERY, "q.csv", program=program)
+    assert (ended.code, ended.err, ended.left) == (1, "\nAborted!\n", [])
+
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+STOPPED = (
+    (*QUERY, "q.csv"),
+    ("eval", "m.lvpr", "query", "--report", "r"),
+    ("train", "reference", "-o", "n.lvpr", "--config", "quick.toml", "--epochs", "200"),
+    ("synth", "route"),
+    ("deploy", "m.lvpr", "--target", "loihi2", "-o", "bundle"),
+    ("bench", "m.lvpr", "query", "--json", "b.json"),
+    ("verify", "m.lvpr", "query", "--places", "0:2"),
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", STOPPED, ids=[words[0] for words in STOPPED])
+def test_told_to_stop_whenever(here: Path, words: tuple[str, ...]) -> None:
+    """Each signal, early and late: no traceback, nothing left, and the exit code says what it was."""
+    began = time.monotonic()
+    whole = surroundings.run(here, *words)
+    seconds = time.monotonic() - began
+    assert whole.code == 0, whole.err
+    assert not whole.left
+    for name in whole.made:
+        entry = here / name
+        shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
+    counts: Counter[tuple[str, int]] = Counter()
+    for k in range(24):
+        number = SIGNALS[k % 3]
+        ended = surroundings.run(here, *words, stop=(number, START + (seconds - START) * k / 24))
+        counts[signal.Signals(number).name, ended.code] += 1
+        assert ended.code in (0, 1 if number == signal.SIGINT else -number), ended
+        assert "Traceback" not in ended.err, ended.err
+        assert "ignored" not in ended.err, ended.err
+        assert not ended.left
+        if ended.code:
+            assert set(ended.made) <= {"n.lvpr.checkpoint"}, ended
+            assert len(ended.lines) <= 1 + len(ended.made), ended.err  # where the progress is kept
+        for name in ended.made:
+            entry = here / name
+            shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
+    print(words[0], f"{seconds:.1f} s", *(f"{name} {code}: {n}" for (name, code), n in sorted(counts.items())))
+    assert len(counts) > 3 or set(code for _, code in counts) != {0}
+
+
+@pytest.mark.slow
+def test_told_twice(here: Path) -> None:
+    """A second signal while the first is being minded: as when a terminal is closed."""
+    for seconds in (4.0, 6.0, 8.0):
+        words = [sys.executable, "-m", "lava_vpr", "bench", "m.lvpr", "query"]
+        ended = surroundings.run(here, program=[sys.executable, "-c", TWICE, str(seconds), *words])
+        assert ended.code == 0, ended
+        assert "Traceback" not in ended.err
+        assert not ended.left
+
+
+CROWDED = {
+    "files": ({resource.RLIMIT_NOFILE: 8}, {}, 0),
+    "size of files": ({resource.RLIMIT_FSIZE: 1024}, {"NUMBA_CACHE_DIR": "cache"}, 0),
+    "no size": ({resource.RLIMIT_FSIZE: 0}, {}, 1),
+    "memory for cv2": ({resource.RLIMIT_AS: 100 << 20}, {}, 1),
+    "memory for numba": ({resource.RLIMIT_AS: 300 << 20}, {}, 1),
+    "memory for threads": ({resource.RLIMIT_AS: 600 << 20}, {}, 1),
+    "home": ({}, {"HOME": "/dev/null/home", "TMPDIR": "/dev/null", "NUMBA_CACHE_DIR": "/proc/cache"}, 0),
+    "terminal": ({}, {"COLUMNS": "garbage", "LINES": "-5", "TERM": "no-such", "LC_ALL": "xx_YY"}, 0),
+    "narrow": ({}, {"COLUMNS": "1"}, 0),
+    "much": ({}, {f"V{k}": "x" * 100_000 for k in range(12)}, 0),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CROWDED)
+def test_little_of_everything(here: Path, case: str) -> None:
+    """Each limit of the system, and an environment that makes no sense: work or one line."""
+    limits, variables, code = CROWDED[case]
+    ended = surroundings.run(here, *QUERY, "q.csv", limits=limits, set_to=variables)
+    if code:
+        one_line(ended, "memory" if "memory" in case else "q.csv: cannot be written (File too large)")
+        assert not ended.made
+    else:
+        assert [line for line in ended.lines if not line.startswith("note: " + KERNELS)] == []
+        assert ended.code == 0
+        assert not ended.left
+        assert set(ended.made) <= {"q.csv", "cache"}
+
+
+@pytest.mark.slow
+def test_a_full_disk_for_kernels(here: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Kernels are compiled and cannot be kept; a note says so once."""
+    disk = tmp_path_factory.mktemp("disk")
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "none", disk], check=False).returncode:
+        pytest.skip("no file system can be mounted here")
+    try:
+        ended = surroundings.run(here, *QUERY, "q.csv", set_to={"NUMBA_CACHE_DIR": str(disk)})
+    finally:
+        subprocess.run(["umount", disk], check=True)
+    done(ended, "q.csv")
+    assert len(ended.lines) == 1
+    assert ended.lines[0].startswith("note: " + KERNELS + str(disk))
+    assert "No space left on device" in ended.lines[0]

@@ -1,0 +1,131 @@
+"""The real command in a process of its own, in surroundings of the test's choice: streams, limits, user, signals.
+
+Used by cli.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+DEADLINE = 240.0  # seconds; reached only when something hangs
+SHARED = Path("/dev/shm")
+STRANGER = 54321  # a user whom no list of users names
+READ_ALL = "-all,+dac_read_search"
+PROGRAM = (sys.executable, "-m", "lava_vpr")
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a command ended.
+
+    Attributes:
+        code: Its exit code; negative: the signal that ended it.
+        out, err: What it wrote, without what is no UTF-8.
+        left: What it left among the temporary files, and in shared memory of what stood there when it was stopped.
+        made: Entries that are new in the working directory.
+    """
+
+    code: int
+    out: str
+    err: str
+    left: list[str]
+    made: list[str] = field(default_factory=list)
+
+    @property
+    def lines(self) -> list[str]:
+        """The lines on stderr that say something."""
+        return [line for line in self.err.splitlines() if line.strip()]
+
+
+def stranger(words: Sequence[str]) -> list[str]:
+    """The words of a command for a user without name or home, who may read everything but write nothing of ours."""
+    ids = ["--reuid", str(STRANGER), "--regid", str(STRANGER), "--clear-groups"]
+    return ["setpriv", *ids, "--inh-caps", READ_ALL, "--ambient-caps", READ_ALL, "--bounding-set", READ_ALL, *words]
+
+
+def no_stranger() -> str:
+    """Why commands cannot be run as another user; empty if they can."""
+    if os.getuid() != 0:
+        return "only root can become another user"
+    if shutil.which("setpriv") is None:
+        return "setpriv is missing"
+    alive = subprocess.run(stranger(["true"]), capture_output=True, check=False)
+    return "" if alive.returncode == 0 else "another user's rights cannot be set here"
+
+
+def run(
+    folder: Path,
+    *words: object,
+    program: Sequence[str] = PROGRAM,
+    set_to: Mapping[str, str] | None = None,
+    without: Sequence[str] = (),
+    closed: Sequence[int] = (),
+    out: Path | None = None,
+    limits: Mapping[int, int] | None = None,
+    prefix: Callable[[Sequence[str]], list[str]] | None = None,
+    stop: tuple[int, float] | None = None,
+    ignored: Sequence[int] = (),
+) -> Ended:
+    """Run a command in ``folder`` to its end; its temporary files go to a new folder beside it.
+
+    Args:
+        folder: The working directory.
+        words: The command's arguments.
+        program: What is run.
+        set_to: Environment variables that are added.
+        without: Environment variables that are taken away.
+        closed: Numbers of streams that are closed.
+        out: What stdout is connected to.
+        limits: Limits of the process by their numbers in `resource`.
+        prefix: Makes other words of the program's, as `stranger`.
+        stop: A signal, and the seconds after which it is sent.
+        ignored: Signals that are ignored when the program starts.
+    """
+    temporary = folder.parent / f"{folder.name}.tmp"
+    temporary.mkdir(exist_ok=True)
+    temporary.chmod(0o777)
+    command = [*program, *(str(word) for word in words)]
+    environment = {key: value for key, value in os.environ.items() if key not in without}
+    environment |= {"TMPDIR": str(temporary), **(set_to or {})}
+
+    def prepare() -> None:
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, signal.SIG_IGN if number in ignored else signal.SIG_DFL)
+        for number, most in (limits or {}).items():
+            resource.setrlimit(number, (most, most))
+        for stream in closed:
+            os.close(stream)
+
+    before, runs = set(os.listdir(folder)), []
+    with open(out if out is not None else os.devnull, "wb") as sink:
+        child = subprocess.Popen(
+            prefix(command) if prefix is not None else command,
+            cwd=folder,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=sink if out is not None else subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            preexec_fn=prepare,
+        )
+        with child:
+            try:
+                if stop is not None:
+                    time.sleep(stop[1])
+                    runs = os.listdir(temporary)
+                    child.send_signal(stop[0])
+                printed, said = child.communicate(timeout=DEADLINE)
+            finally:
+                child.kill()
+    left = [*os.listdir(temporary), *(name for name in os.listdir(SHARED) if any(run in name for run in runs))]
+    made = sorted(set(os.listdir(folder)) - before)
+    texts = [(text or b"").decode(errors="replace") for text in (printed, said)]
+    return Ended(child.returncode, texts[0], texts[1], left, made)
