@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.plan import RELAY_THRESHOLD, RELAY_WEIGHT
+from lava_vpr.deploy.bundle import effort
 from lava_vpr.deploy.bundle.core_files import Player, Spikes
 from lava_vpr.deploy.bundle.folder import AGAIN, Bundle, array_bytes, json_bytes, same_json
 from lava_vpr.encoding import draw_trains
@@ -159,6 +160,8 @@ def simulate(network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.
     Raises:
         NetworkLimitError: the network overflows Loihi's registers, or the rates have another number of inputs.
     """
+    # Lateral weights, dense as in Lava's Dense, four times: all, one to one, and as synapses read them.
+    effort.check("simulation_bytes", 16 * network.neurons**2, f"the lateral weights of {network.neurons:,} neurons")
     weights, parameters = network.stored[0].astype(np.uint8), parameters_of(network)
     general = general_network(weights, parameters)
     n, steps = len(rates), parameters["steps"]

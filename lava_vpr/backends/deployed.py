@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.backends.interface import Advance, Events, Presentations
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
+from lava_vpr.deploy.bundle import effort
 from lava_vpr.deploy.bundle.core_files import Spikes
 from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.deploy.bundle.folder import Bundle
@@ -29,7 +30,7 @@ from lava_vpr.storage.temporary import temporary_folder
 from lava_vpr.storage.text import shown
 
 BATCH = 16
-"""Queries between two reports of progress."""
+"""Queries between two reports of progress, at most."""
 
 
 @contextmanager
@@ -81,17 +82,18 @@ class BundleBackend:
 
     def trains(self, model: Model, shown: Presentations) -> Trains:
         """See `lava_vpr.backends.interface.Backend.trains`."""
+        effort.check_recorded(checked_network(model, "bundle"), len(shown.rates))
         pieces = [spikes for _, spikes in self._play(model, shown)]
         exc, inh, inputs = (np.concatenate(arrays) for arrays in zip(*pieces, strict=True))
         return Trains(exc, inputs, inh)
 
     def _play(self, model: Model, shown: Presentations) -> Iterator[tuple[slice, Spikes]]:
         """Simulate the presentations some at a time; yields which they are, and their spikes."""
-        keys = shown.keys
+        keys, size = shown.keys, effort.together(checked_network(model, "bundle"), BATCH)
         with bundle_of(model) as bundle:
             play = TARGETS[bundle.target].player(bundle)
-            for start in range(0, len(keys), BATCH):
-                part = slice(start, min(start + BATCH, len(keys)))
+            for start in range(0, len(keys), size):
+                part = slice(start, min(start + size, len(keys)))
                 yield part, play(shown.rates[part], keys[part])
                 if self.advance is not None:
                     self.advance(part.stop - part.start)

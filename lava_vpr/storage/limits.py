@@ -58,6 +58,12 @@ LIMITS: dict[str, Limit] = {
     "jpeg_scans": Limit(
         100, "scans", "a progressive JPEG has about ten; each takes the time of a picture, however short"
     ),
+    "simulation_bytes": Limit(
+        4 * GIB, "bytes", "16,000 neurons on Loihi 2, whose lateral weights are dense; spikes of 100 queries take less"
+    ),
+    "simulation_operations": Limit(
+        10**12, "operations", "a query of 350 steps to 27,592 places in which every neuron spikes in every step: hours"
+    ),
     "video_parts": Limit(10_000_000, "parts", "46 hours of 60 frames a second; a walk over them takes half a minute"),
     "presentation_operations": Limit(
         4_000_000_000,

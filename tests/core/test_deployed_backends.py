@@ -98,6 +98,34 @@ def test_the_bundle_counts_what_the_host_counts(model: Model, source: str, tmp_p
     assert sum(seen) == 3
 
 
+@pytest.mark.parametrize("board", BOARDS)
+def test_memory_and_time_of_a_simulation_are_bounded(
+    model: Model, board: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    deploy(model, BOARDS[board], tmp_path / "b", picture=False)
+    used, shown, one = open_bundle(tmp_path / "b"), three(model, 3), (60 + 3) * (2 * 8 + 1568)
+    expected, _ = HostBackend().count_spikes(model, shown)
+    seen: list[int] = []
+    monkeypatch.setenv("LAVA_VPR_MAX_SIMULATION_BYTES", str(2 * one))
+    counts, _ = backends.get("bundle", advance=seen.append).count_spikes(used, shown)
+    assert seen == [1, 1, 1], "more at once than memory is allowed for"
+    assert np.array_equal(counts, expected)
+    with pytest.raises(
+        NetworkLimitError, match=r"^to simulate every spike of 3 queries takes .* set LAVA_VPR_MAX_SIMUL"
+    ):
+        backends.get("bundle").trains(used, shown)
+    monkeypatch.setenv("LAVA_VPR_MAX_SIMULATION_BYTES", str(2 * one - 1))
+    said = (
+        r"^to simulate a query of 60 steps to 8 neurons takes .*; if the file is sound, set .*, or run it on --backend"
+    )
+    with pytest.raises(NetworkLimitError, match=said):
+        backends.get("bundle").count_spikes(used, shown)
+    monkeypatch.delenv("LAVA_VPR_MAX_SIMULATION_BYTES")
+    monkeypatch.setenv("LAVA_VPR_MAX_SIMULATION_OPERATIONS", str(63 * 8 * 1576 - 1))
+    with pytest.raises(NetworkLimitError, match=said):
+        backends.get("bundle").count_spikes(used, shown)
+
+
 def board_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
     """As if NxSDK were installed and a Kapoho Bay announced to it."""
     monkeypatch.setattr(host_program, "kapoho_bay_available", lambda: None)

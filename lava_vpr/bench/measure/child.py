@@ -14,8 +14,8 @@ from lava_vpr import model as model_file
 from lava_vpr.backends import deployed
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Presentations
-from lava_vpr.deploy.bundle import folder as bundle_folder
-from lava_vpr.deploy.bundle.opening import open_bundle
+from lava_vpr.deploy.bundle import effort
+from lava_vpr.deploy.bundle.opening import open_whole
 from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.random import presentation_keys
@@ -47,12 +47,13 @@ def host_answer(model: Model, seed: int) -> Answer:
 
 def bundle_answer(folder: Path, seed: int) -> Answer:
     """A function that answers queries by simulating a bundle's registers and memory, which are read once."""
-    bundle = bundle_folder.load(folder)
-    match, play = decoder_of(open_bundle(folder)), TARGETS[bundle.target].player(bundle)
+    bundle, model = open_whole(folder)
+    match, play = decoder_of(model), TARGETS[bundle.target].player(bundle)
+    size = effort.together(checked_network(model, "bundle"), deployed.BATCH)
 
     def answer(rates: NDArray[Any], ids: NDArray[np.int64]) -> NDArray[np.int64]:
         keys = presentation_keys(seed, "query", ids)
-        parts = [slice(k, k + deployed.BATCH) for k in range(0, len(ids), deployed.BATCH)]
+        parts = [slice(k, k + size) for k in range(0, len(ids), size)]
         counts = [play(rates[part], keys[part]).exc.sum(axis=1, dtype=np.int32) for part in parts]
         return match(np.concatenate(counts))
 

@@ -1,0 +1,47 @@
+"""What simulating a bundle costs, in memory and operations, bounded before it is paid."""
+
+from __future__ import annotations
+
+from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork
+from lava_vpr.errors import NetworkLimitError
+from lava_vpr.storage.limits import excess, limit
+
+REMEDY = ", or run it on --backend host"
+
+
+def spike_bytes(network: FixedNetwork) -> int:
+    """Bytes of every spike of one presentation: one for each neuron, relay and input in every step."""
+    return (network.steps + SILENT_STEPS) * (2 * network.neurons + network.inputs)
+
+
+def together(network: FixedNetwork, most: int) -> int:
+    """How many presentations, ``most`` or fewer, are simulated at once, so that memory suffices.
+
+    Raises:
+        NetworkLimitError: one presentation is beyond a limit.
+    """
+    each = 2 * spike_bytes(network)  # as they are recorded, and as they are returned
+    operations = (network.steps + SILENT_STEPS) * network.neurons * (network.neurons + network.inputs)
+    for name, amount in (("simulation_bytes", each), ("simulation_operations", operations)):
+        check(name, amount, f"a query of {network.steps:,} steps to {network.neurons:,} neurons")
+    return max(1, min(most, limit("simulation_bytes") // each))
+
+
+def check_recorded(network: FixedNetwork, presentations: int) -> None:
+    """Refuse to keep every spike of so many presentations where that takes more memory than is allowed.
+
+    Raises:
+        NetworkLimitError: it does.
+    """
+    check("simulation_bytes", presentations * spike_bytes(network), f"every spike of {presentations:,} queries")
+
+
+def check(name: str, amount: int, what: str) -> None:
+    """Refuse to simulate what takes an ``amount`` beyond the limit ``name``.
+
+    Raises:
+        NetworkLimitError: naming ``what``, the amount and the limit.
+    """
+    beyond = excess(name, amount)
+    if beyond is not None:
+        raise NetworkLimitError(f"to simulate {what} takes {beyond}{REMEDY}")
