@@ -149,31 +149,35 @@ def check_replaceable(path: Path) -> None:
     """
     above = path.absolute().parent
     if not above.is_dir():
-        raise BundleError(f"{path}: the folder {above} does not exist; create it first")
+        raise BundleError(f"{shown(path)}: the folder {shown(above)} does not exist; create it first")
     if not os.access(above, os.W_OK):
-        raise BundleError(f"{path}: no permission to write in {above}; choose another place")
+        raise BundleError(f"{shown(path)}: no permission to write in {shown(above)}; choose another place")
     if not path.exists() and not path.is_symlink():
         return
     if not path.is_dir() or path.is_symlink():
-        raise BundleError(f"{path}: is no folder, and a bundle is one; name another")
+        raise BundleError(f"{shown(path)}: is no folder, and a bundle is one; name another")
     if not any(path.iterdir()):
         return
     try:
         manifest = strict_json(read_bytes(path / MANIFEST, "bundle_json_bytes"))
-        known = {*manifest["files"], MANIFEST} if manifest["format"] == FORMAT else set()
+        ours = manifest["format"] == FORMAT and isinstance(manifest["files"], dict)
+        known = {*manifest["files"], MANIFEST} if ours else set()
     except (OSError, ValueError, KeyError, TypeError):
         known = set()
     if not known:
-        raise BundleError(f"{path}: holds something else than a bundle; name another folder")
+        raise BundleError(f"{shown(path)}: holds something else than a bundle; name another folder")
     files = (file.relative_to(path) for file in path.rglob("*") if not file.is_dir())
     foreign = [name for name in files if name.as_posix() not in known and "__pycache__" not in name.parts]
     if foreign:
+        name = shown(min(foreign))
         raise BundleError(
-            f"{path}: holds {min(foreign)}, which is no part of the bundle; move it or name another folder"
+            f"{shown(path)}: holds {name}, which is no part of the bundle; move it or name another folder"
         )
     closed = next((entry for entry in (path, *sorted(path.rglob("*"))) if not entry.lstat().st_mode & 0o222), None)
     if closed is not None:
-        raise BundleError(f"{closed}: is read-only and would be replaced; make it writable or name another folder")
+        raise BundleError(
+            f"{shown(closed)}: is read-only and would be replaced; make it writable or name another folder"
+        )
 
 
 def write(path: Path, manifest: Mapping[str, Any], files: Mapping[str, bytes]) -> Bundle:
@@ -216,7 +220,7 @@ def write(path: Path, manifest: Mapping[str, Any], files: Mapping[str, bytes]) -
                     shutil.rmtree(temporary, ignore_errors=True)  # after an exchange it is the old bundle
     except OSError as error:
         raise BundleError(
-            f"{path}: the bundle cannot be written ({error.strerror}); free space or choose another place"
+            f"{shown(path)}: the bundle cannot be written ({error.strerror}); free space or choose another place"
         ) from None
     return Bundle(path, whole, dict(files))
 

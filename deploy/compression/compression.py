@@ -19,6 +19,7 @@ from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.quantise import pruned
 from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.model import IntegerModel, Model, integer_model
+from lava_vpr.storage.text import shown
 from lava_vpr.training.references import coverage, measured_responses
 
 PURPOSE = "a board"
@@ -142,8 +143,10 @@ def with_settings(model: Model, changes: Changes) -> Model:
     """
     integer_model(model, PURPOSE)
     if model.learned.size == 0:
+        at = "" if model.bundle is None else f"{shown(model.bundle)}: "
         raise ConfigError(
-            "there are no float weights to quantise anew (a bundle keeps none); use the model file that was deployed"
+            f"{at}there are no float weights to quantise anew (a bundle keeps none); use the model file that was "
+            "deployed"
         )
     settings = {"weight_bits": changes.weight_bits, "input_mode": changes.input_mode}
     chosen = {name: value for name, value in settings.items() if value is not None}

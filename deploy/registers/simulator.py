@@ -123,7 +123,7 @@ def _read(image: CoreImage) -> _Core:
         ("negVmLimit", np.array([floor]), FLOOR_EXPONENT_LIMIT),
         ("posVmLimit", np.array([ceiling]), CEILING_EXPONENT_LIMIT),
     ):
-        if size and not 0 <= column.min() <= column.max() <= most:
+        if column.size and not 0 <= column.min() <= column.max() <= most:
             wrong = column.min() if column.min() < 0 else column.max()
             raise _fault(where, f"a {name} of {wrong} is outside 0..{most}")
     if len(forms) > CORE_FORMATS:

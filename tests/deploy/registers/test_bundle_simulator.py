@@ -335,3 +335,7 @@ def test_registers_that_no_core_has() -> None:
     refused("holds 16385 synapse words, but a core has 16384", words)
     axons = replace(one, axons_in=np.zeros((4097, 3), np.int32))
     refused("holds 4097 axons, but a core has 4096", axons)
+    empty = with_registers(one, "dendriteSharedCfg", None, negVmLimit=10**30)  # nothing is shifted by so many bits
+    arrays = {"synapses": np.zeros(0, np.uint64), "compartments": np.zeros((0, 4), np.int32)}
+    arrays |= {"axons_in": np.zeros((0, 3), np.int32), "axons_out": np.zeros((0, 4), np.int32)}
+    refused("negVmLimit of 10+ is outside", replace(empty, **arrays))
