@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from support.common.small_models import encoded, small_config, small_model
 
+from lava_vpr import traverse as traverses
 from lava_vpr.config import EncoderConfig
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse, encoded_batches
 from lava_vpr.errors import InputError
+from lava_vpr.images.videos import video_frames
 from lava_vpr.inputs.patches import patch_normalised
 from lava_vpr.recognition import Comparison, recognise
 from lava_vpr.report.build import report_data
@@ -57,6 +59,21 @@ def test_batches_are_the_whole(traverse: Traverse, size: int) -> None:
     assert sum((batch.names for batch in batches), ()) == whole.names
     np.testing.assert_array_equal(np.concatenate([batch.indices for batch in batches]), np.arange(3, IMAGES + 3))
     np.testing.assert_array_equal(np.concatenate([batch.activity for batch in batches]), whole.activity)
+
+
+def test_batches_of_a_video_are_decoded_in_one_pass(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    writer = cv2.VideoWriter(str(tmp_path / "drive.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (64, 48))
+    for picture in np.random.default_rng(0).integers(0, 256, (11, 6, 8, 3)).astype(np.uint8):
+        writer.write(cv2.resize(picture, (64, 48)))
+    writer.release()
+    video = open_traverse(tmp_path / "drive.avi", every=0.1).between(2, 11)
+    whole, passes = encode_traverse(video, EncoderConfig()), []
+    monkeypatch.setattr(traverses, "video_frames", lambda *given: passes.append(given) or video_frames(*given))
+    batches = list(encoded_batches(video, EncoderConfig(), 4))
+    assert [batch.names for batch in batches] == [whole.names[:4], whole.names[4:8], whole.names[8:]]
+    np.testing.assert_array_equal(np.concatenate([batch.activity for batch in batches]), whole.activity)
+    assert len(np.unique(whole.activity, axis=0)) == 9
+    assert len(passes) == 1
 
 
 def test_a_batch_is_encoded_when_it_is_asked_for(traverse: Traverse) -> None:
