@@ -31,7 +31,7 @@ from lava_vpr.ranges import whole
 from lava_vpr.storage.limits import excess
 from lava_vpr.storage.reading import open_regular, read_bytes
 from lava_vpr.storage.text import shown
-from lava_vpr.storage.writing import temporary_prefix
+from lava_vpr.storage.writing import read_only, temporary_prefix
 
 FORMAT, VERSION = "lava-vpr bundle", 1
 MANIFEST = "manifest.json"
@@ -173,7 +173,7 @@ def check_replaceable(path: Path) -> None:
         raise BundleError(
             f"{shown(path)}: holds {name}, which is no part of the bundle; move it or name another folder"
         )
-    closed = next((entry for entry in (path, *sorted(path.rglob("*"))) if not entry.lstat().st_mode & 0o222), None)
+    closed = next((entry for entry in (path, *sorted(path.rglob("*"))) if entry.exists() and read_only(entry)), None)
     if closed is not None:
         raise BundleError(
             f"{shown(closed)}: is read-only and would be replaced; make it writable or name another folder"

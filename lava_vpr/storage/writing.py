@@ -15,12 +15,19 @@ from typing import BinaryIO
 from lava_vpr.interrupts import held
 
 
+def read_only(path: Path) -> bool:
+    """Whether the file or folder ``path`` is closed to writing: to us, or by its mode to everybody, the superuser too.
+
+    Whoever took the permission away meant it, though a rename would not ask.
+    """
+    return not os.stat(path).st_mode & 0o222 or not os.access(path, os.W_OK)
+
+
 def replaceable(path: Path) -> os.stat_result | None:
     """What stands at ``path``, a link followed, if a new file may replace it; None if nothing stands there.
 
     Raises:
-        OSError: it is no regular file, or it is closed to writing: whoever took the permission away meant it, though a
-            rename would not ask.
+        OSError: it is no regular file, or it is `read_only`.
     """
     try:
         status = os.stat(path)
@@ -28,7 +35,7 @@ def replaceable(path: Path) -> os.stat_result | None:
         return None
     if not stat.S_ISREG(status.st_mode):
         raise OSError(errno.EINVAL, "is a folder, device or pipe, not a file", str(path))
-    if not status.st_mode & 0o222 or not os.access(path, os.W_OK):
+    if read_only(path):
         raise PermissionError(errno.EACCES, "the file there is read-only", str(path))
     return status
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.interrupts import held
 from lava_vpr.storage.text import shown
-from lava_vpr.storage.writing import temporary_prefix
+from lava_vpr.storage.writing import read_only, temporary_prefix
 from lava_vpr.synthetic.drawing import Camera, Painter, draw_backdrop, draw_land
 from lava_vpr.synthetic.looks import LOOKS
 from lava_vpr.synthetic.scene import OCCLUDER, SKY, SURVEY, VIEW, WEATHER, ahead, generator, route
@@ -186,7 +186,7 @@ def _read_only(folder: Path) -> Path | None:
     """What of ``folder`` and the entries that `write_traverses` replaces in it is closed to writing, if anything is."""
     entries = [folder / name for name in _ENTRIES if (folder / name).exists()]
     whole = [folder, *entries, *(image for entry in entries if entry.is_dir() for image in sorted(entry.iterdir()))]
-    return next((path for path in whole if not path.stat().st_mode & 0o222), None)
+    return next((path for path in whole if read_only(path)), None)
 
 
 def _install(new: Path, folder: Path, spare: Path) -> None:

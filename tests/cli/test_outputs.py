@@ -287,3 +287,20 @@ def test_a_pipe_that_has_no_name_is_no_file(place: Path) -> None:
         os.close(reader)
         os.close(writer)
     assert "cannot be written (is a folder, device or pipe, not a file); name another" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("command", "closed"), [("deploy m.lvpr --target loihi2 -o b", "b/host"), ("synth s --places 2", "s/query")]
+)
+def test_folders_of_others_are_not_replaced(
+    command: str, closed: str, place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What was in them could not be removed afterwards."""
+    write_traverses(Path("s"), 2, 0)
+    before = content(place)
+    access = os.access
+    monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != (place / closed) and access(path, mode))
+    monkeypatch.chdir(place)
+    result = CliRunner().invoke(main, command.replace(" b", f" {place}/b").replace(" s ", f" {place}/s ").split())
+    assert f"{closed}: is read-only and would be replaced; make it writable or" in result.stderr
+    assert content(place) == before
