@@ -21,7 +21,7 @@ from lava_vpr.engine.inference import quantise
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.gate import integer_config
-from lava_vpr.training.loop import check_size
+from lava_vpr.training.loop import check_network
 
 TOP = 0.91
 """99.9th percentile of equalised weights (mean 0.1) that the default preset learns: 0.92 of 100 real places, 0.91 of
@@ -54,7 +54,7 @@ def typical(config: Config, board: Board, places: int) -> FixedNetwork:
         NetworkLimitError: training, quantising or the board's accumulator would refuse it.
     """
     network = integer_config(config, board.title).network
-    stretches = check_size(places, config)
+    stretches = check_network(places, config)
     neurons = sum(stretch.neurons for stretch in stretches)
     quantised = quantise.quantise(
         np.repeat([[TOP], [quantise.MEAN_WEIGHT]], neurons, axis=1),

@@ -68,6 +68,18 @@ def check_size(places: int, config: Config, traverses: int = 1) -> tuple[Stretch
     effort.check_query(config, neurons)
     shown = presentations(config, places, traverses, config.learning.epochs)
     effort.check_training(config, max(stretch.neurons for stretch in stretches), shown)
+    return check_network(places, config)
+
+
+def check_network(places: int, config: Config) -> tuple[Stretch, ...]:
+    """The stretches of a route of ``places``, or a refusal of what no arithmetic holds; what it costs is not asked.
+
+    Raises:
+        ConfigError: stretches for a model that cannot be joined.
+        NetworkLimitError: more neurons than one inhibition can serve, or integer learning that could overflow.
+    """
+    stretches = split(places, config)
+    neurons = sum(stretch.neurons for stretch in stretches)
     settings = as_integer_config(config)
     if settings is None:
         if len(stretches) > 1:

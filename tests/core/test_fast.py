@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -104,7 +106,7 @@ def test_models_from_before_these_settings_load() -> None:
         ("network", "prune"),
     ):
         del header["config"][section][name]
-    loaded = assemble(__file__, header, held)  # type: ignore[arg-type]
+    loaded = assemble(Path("before.lvpr"), json.loads(json.dumps(header)), dict(held))
     assert loaded.config == model.config
     assert np.array_equal(query_rates(model.activity, loaded.config), query_rates(model.activity, model.config))
 
