@@ -13,9 +13,16 @@ import tomli_w
 
 from lava_vpr.config import Config, preset
 from lava_vpr.errors import ConfigError, brief
+from lava_vpr.ranges import CHANGE_IT
 from lava_vpr.storage.reading import read_bytes
 from lava_vpr.storage.text import harmless, shown
 
+_TYPES: dict[str, tuple[type, str]] = {
+    "int": (int, "a whole number"),
+    "float": (float, "a number"),
+    "str": (str, "text"),
+}
+"""What a setting's annotation asks of a value, and how a message says so."""
 _LONGEST_LINE, _LONGEST_NAME = 1000, 60
 
 
@@ -29,11 +36,11 @@ def _checked(value: object, annotation: Any, name: str) -> object:
     origin = typing.get_origin(annotation)
     if origin is Literal:
         return value  # __post_init__ says which words are allowed
-    expected = {"int": int, "float": float, "str": str}[getattr(annotation, "__name__", "str")]
+    expected, words = _TYPES[getattr(annotation, "__name__", "str")]
     if expected is float and isinstance(value, int) and not isinstance(value, bool) and abs(value) < 2**53:
         return float(value)
     if not isinstance(value, expected) or isinstance(value, bool):
-        raise ConfigError(f"{name} is {brief(value)}, but must be of type {expected.__name__}")
+        raise ConfigError(f"{name} is {brief(value)}, but must be {words}; {CHANGE_IT}")
     return value
 
 
@@ -87,7 +94,7 @@ def from_dict(values: Any) -> Config:
         raise ConfigError(f"the settings must be a table, not {brief(values)}")
     name = values.get("preset", "loihi")
     if not isinstance(name, str):
-        raise ConfigError(f"preset is {brief(name)}, but must be a name")
+        raise ConfigError(f"preset is {brief(name)}, but must be a name; {CHANGE_IT}")
     return update(preset(name), values)
 
 

@@ -5,8 +5,9 @@ traverses, I inputs (of the settings), N neurons:
 
     version        text of 1 to 40 printable characters
     config         settings, each of its type and within its range (`lava_vpr.config`)
-    stretches      rows of four whole numbers: first place, places, first neuron, neurons; each has one at least of
-                   both, and together they tile P and N in order; one row with preset ``paper``
+    stretches      rows of four whole numbers: first place, places, first neuron, neurons; each has one place at
+                   least and the neurons that the settings make for so many, and together they tile P and N in order;
+                   one row with preset ``paper``
     place_names    P texts, at least 2, of at most 1,024 characters, without NUL, that UTF-8 can write
     route_images   whole number, at least P
     training       the figures in `FIGURES`, finite, at least 0
@@ -204,6 +205,8 @@ def _stretches(value: object, places: int, config: Config) -> tuple[tuple[int, i
     """The stretches, in order and without gaps."""
     if not isinstance(value, list) or not value:
         raise UnfitError(f"stretches {brief(value)}")
+    if isinstance(config.network, ConductanceNetwork) and len(value) > 1:
+        raise UnfitError(f"{len(value)} stretches of a conductance model, which learns in one")
     rows: list[tuple[int, int, int, int]] = []
     place = neuron = 0
     for row in value:
@@ -211,13 +214,12 @@ def _stretches(value: object, places: int, config: Config) -> tuple[tuple[int, i
             raise UnfitError(f"stretch {brief(row)}")
         name = f"stretch {len(rows)} {brief(row)} with"
         first_place, length = count(row[0], name, place, place), count(row[1], name, 1, places - place)
-        first_neuron, neurons = count(row[2], name, neuron, neuron), count(row[3], name, 1)
+        wanted = config.neurons_for(length)
+        first_neuron, neurons = count(row[2], name, neuron, neuron), count(row[3], name, wanted, wanted)
         rows.append((first_place, length, first_neuron, neurons))
         place, neuron = place + length, neuron + neurons
     if place != places:
         raise UnfitError(f"stretches of {place} places for {places} names")
-    if isinstance(config.network, ConductanceNetwork) and len(rows) > 1:
-        raise UnfitError(f"{len(rows)} stretches of a conductance model, which learns in one")
     return tuple(rows)
 
 

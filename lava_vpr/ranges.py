@@ -9,6 +9,9 @@ from typing import Any
 
 from lava_vpr.errors import ConfigError, brief
 
+CHANGE_IT = "change it in the options or the --config file"
+"""The remedy for a setting that cannot be."""
+
 
 def need(condition: bool, name: str, value: object, limit: str) -> None:
     """Refuse a setting outside its range, naming it, its value and its range (NaN fails every comparison).
@@ -17,9 +20,7 @@ def need(condition: bool, name: str, value: object, limit: str) -> None:
         ConfigError: the condition does not hold.
     """
     if not condition:
-        raise ConfigError(
-            f"{name} is {brief(value)}, but must be {limit}; change it in the options or the --config file"
-        )
+        raise ConfigError(f"{name} is {brief(value)}, but must be {limit}; {CHANGE_IT}")
 
 
 def whole(value: object) -> bool:

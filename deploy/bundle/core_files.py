@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.boards.plan import Plan
-from lava_vpr.deploy.bundle.arrays import Shape
 from lava_vpr.deploy.bundle.folder import AGAIN, MANIFEST, Bundle, array_bytes, json_bytes
 from lava_vpr.deploy.registers import core_images as registers
 from lava_vpr.deploy.registers.core_images import CoreImage, HostTables
@@ -21,6 +20,7 @@ from lava_vpr.errors import BundleError, ModelFileError, brief
 from lava_vpr.loihi import WEIGHT_BITS
 from lava_vpr.ranges import whole
 from lava_vpr.storage.limits import excess
+from lava_vpr.storage.npy import Shape
 
 CORES = "cores"
 CORE_ARRAYS: dict[str, tuple[type, Shape]] = {

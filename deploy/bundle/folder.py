@@ -23,12 +23,12 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from lava_vpr.deploy.boards.board import BOARDS
-from lava_vpr.deploy.bundle.arrays import Shape, array_of
 from lava_vpr.deploy.bundle.listing import BeyondError, Facts, listed_files, strict_json
 from lava_vpr.errors import BundleError, brief
 from lava_vpr.interrupts import held
 from lava_vpr.ranges import whole
 from lava_vpr.storage.limits import excess
+from lava_vpr.storage.npy import Shape, array_of
 from lava_vpr.storage.reading import open_regular, read_bytes
 from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import read_only, temporary_prefix
@@ -76,12 +76,12 @@ class Bundle:
 
         Args:
             name: The file.
-            kind, shape: The type and shape that it must have, as `lava_vpr.deploy.bundle.arrays.array_of` takes them.
+            kind, shape: The type and shape that it must have, as `lava_vpr.storage.npy.array_of` takes them.
         Raises:
             BundleError: missing, no array, or another than this.
         """
         try:
-            return array_of(self.data(name), kind, shape)
+            return array_of(self.data(name), kind, shape).copy()
         except ValueError as error:
             raise BundleError(f"{self.at(name)}: {error}; {AGAIN}") from None
 

@@ -108,7 +108,8 @@ def network_of(files: Mapping[str, bytes], path: Path = Path()) -> FixedNetwork:
             f"{bundle.at(PARAMETERS)}: describes no network that Loihi 2 can run{reason}; {AGAIN}"
         ) from None
     for name in sorted({*expected, *parameters}):
-        if name not in expected or not same_json(parameters.get(name), expected[name]):
+        held = name in expected and name in parameters
+        if not held or not same_json(parameters[name], expected[name]):
             raise BundleError(f"{bundle.at(PARAMETERS)}: {brief(name)} contradicts the rest of the bundle; {AGAIN}")
     if not np.array_equal(network.stored[0], weights):
         raise BundleError(f"{bundle.at(WEIGHTS)}: holds more than the {WEIGHT_BITS - spare} bits of a weight; {AGAIN}")

@@ -18,12 +18,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.deploy.bundle.arrays import array_of
 from lava_vpr.deploy.bundle.core_files import scalars
 from lava_vpr.deploy.bundle.folder import Bundle
 from lava_vpr.deploy.running.board_program import Ended, run_program
 from lava_vpr.errors import BackendUnavailableError, BundleError, LavaRunError, LavaVprError, NetworkLimitError
 from lava_vpr.isolated.child import run_child
+from lava_vpr.storage.npy import array_of
 from lava_vpr.storage.reading import read_bytes
 from lava_vpr.storage.temporary import temporary_folder
 

@@ -5,13 +5,15 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from lava_vpr.errors import InputError
+from lava_vpr.errors import InputError, brief
 from lava_vpr.images.files import refuse_file
 from lava_vpr.storage.tables import csv_rows, text_lines
 from lava_vpr.storage.text import shown
 
 LIST_SUFFIXES = (".txt", ".lst", ".csv")
 PATH_COLUMNS = ("image", "file", "filename", "path", "name")
+_LONGEST_NAME = 255
+"""Bytes of a file's name (NAME_MAX in linux/limits.h)."""
 _BLANK = " \t"  # str.strip takes other characters, too, with which a file name may begin or end
 
 
@@ -30,6 +32,8 @@ def listed_images(path: Path) -> list[str]:
         where = f"{shown(path)} line {number}: "
         if not entry or "\0" in entry:
             raise InputError(f"{where}names no file; complete or remove the line")
+        if max(len(os.fsencode(name)) for name in entry.split("/")) > _LONGEST_NAME:
+            raise InputError(f"{where}{brief(entry)} has a name longer than {_LONGEST_NAME} bytes; correct the line")
         file = path.parent / entry
         if not os.path.isfile(file):
             refuse_file(file, where, hint if number == entries[0][0] else "")

@@ -11,7 +11,6 @@ result less than 100 MB are needed.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from lava_vpr.errors import InputError
+from lava_vpr.storage.npy import read_array
 from lava_vpr.storage.text import shown
 
 Scores = NDArray[np.float64]
@@ -153,21 +153,7 @@ def load_descriptors(path: Path | str, n_images: int | None = None) -> NDArray[A
             the wrong shape.
     """
     remedy = "write it with numpy.save, one row of floats for each image"
-    try:
-        with open(path, "rb") as file:
-            # Looked at first: numpy.load would take an archive too, and call anything foreign "pickled data".
-            foreign = file.read(6) != b"\x93NUMPY"
-            file.seek(0, os.SEEK_SET)
-            array = None if foreign else np.load(file, allow_pickle=False)
-    except OSError as error:
-        raise InputError(
-            f"{shown(path)}: cannot be read ({error.strerror or error}); give an existing .npy file"
-        ) from None
-    except Exception as error:  # a damaged header gets numpy to raise tokenize, syntax, type, memory errors and more
-        why = "pickled objects" if "allow_pickle" in str(error) else "damaged contents"
-        raise InputError(f"{shown(path)}: holds {why}; {remedy}") from None
-    if array is None:
-        raise InputError(f"{shown(path)}: not a .npy file; {remedy}")
+    array = read_array(Path(path), remedy)
     if array.dtype.kind not in "fiu":
         raise InputError(f"{shown(path)}: holds {array.dtype}, not real numbers; {remedy}")
     if array.ndim != 2 or array.shape[1] < 1:

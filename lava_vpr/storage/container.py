@@ -14,20 +14,20 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import math
 import re
 import struct
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import ModelFileError
 from lava_vpr.storage.limits import excess
+from lava_vpr.storage.npy import array_of
 from lava_vpr.storage.reading import parse_json, read_bytes
 from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import write_atomically
@@ -87,7 +87,7 @@ def unpack(data: bytes, path: Path, kind: str) -> tuple[dict[str, Any], dict[str
     if data[len(magic) : end + 1] != digest:
         raise ModelFileError(f"{shown(path)}: the {kind} is damaged (checksum differs); {REMEDIES[kind]}")
     try:
-        return _unpacked(data)
+        return _unpacked(data, end + 1)
     except _Beyond as error:
         raise ModelFileError(f"{shown(path)}: the {kind} {error}") from None
     except MemoryError:
@@ -124,13 +124,11 @@ _UNFIT = (
 _MOST_ENTRIES = 65_535
 """Entries that an archive without ZIP64's own directory can have; a checkpoint has two for each stretch."""
 
+_LOCAL_HEADER, _DIRECTORY_ENTRY, _DIRECTORY_END, _DIRECTORY_END_64 = 30, 46, 22, 76
+"""Bytes of an archive's parts without names and extra fields (APPNOTE.TXT 4.3.7, 4.3.12, 4.3.16; 4.3.14 and 4.3.15)."""
+_LOCAL_LENGTHS = struct.Struct("<HH")
+"""The end of a local header: bytes of the name and of the extra field."""
 _ENTRY = re.compile(r"(header|a\.[a-z0-9_.]{1,60})\.npy")
-_PREFIX = struct.Struct("<6sBBH")
-"""What an .npy file begins with: the magic string, two numbers of its version, the length of its header."""
-_NPY_HEADER = re.compile(
-    r"\{'descr': '([<|])([uif][1248])', 'fortran_order': (True|False), 'shape': \(([0-9, ]{0,80})\), \} *\n"
-)
-_MOST_NPY_HEADER = 512
 _PIECE = 1 << 20
 
 
@@ -138,17 +136,15 @@ class _Beyond(Exception):
     """A container costs more than a limit allows; the message says what, and how the limit is raised."""
 
 
-def _unpacked(data: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Header and arrays of the archive at the end of ``data``; the errors are `_Beyond` and those in `_UNFIT`."""
+def _unpacked(data: bytes, start: int) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Header and arrays of the archive in ``data``, from ``start`` on; errors are `_Beyond` and those in `_UNFIT`."""
     if data.count(b"PK\x01\x02") > _MOST_ENTRIES:  # before the directory is read, whose entries cost memory
         raise ValueError(f"it has more than {_MOST_ENTRIES:,} entries")
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        entries = archive.infolist()
+        entries = sorted(archive.infolist(), key=lambda entry: entry.header_offset)
         _check_entries(entries)
-        arrays: dict[str, NDArray[Any]] = {}
-        for entry in entries:
-            with archive.open(entry) as file:
-                arrays[entry.filename[: -len(".npy")]] = _array(file, entry)
+        packed = _packed(archive, data, start)
+    arrays = {entry.filename[: -len(".npy")]: _array(packed[entry.filename], entry) for entry in entries}
     text = arrays.pop("header", None)
     if text is None:
         raise ValueError("it has no header")
@@ -178,38 +174,73 @@ def _check_entries(entries: list[zipfile.ZipInfo]) -> None:
         raise _Beyond(f"unpacks to {beyond}")
 
 
-def _array(file: IO[bytes], entry: zipfile.ZipInfo) -> NDArray[Any]:
-    """The array in an open entry, which holds an .npy file of version 1 and nothing after it.
+def _packed(archive: zipfile.ZipFile, data: bytes, start: int) -> dict[str, memoryview]:
+    """The packed bytes of each entry, if the parts of the archive are all that is in ``data`` from ``start`` on.
+
+    zipfile would skip bytes before, between and behind them, and take a name from the directory alone; other programs
+    might read such a file otherwise than we do.
 
     Raises:
-        ValueError: it does not.
-        OSError, EOFError, zipfile.BadZipFile, zlib.error: the entry is damaged.
+        ValueError, struct.error: they are not, or an entry has another name than the directory says.
     """
-    name = entry.filename
-    start = file.read(_PREFIX.size)
-    magic, *version, length = _PREFIX.unpack(start) if len(start) == _PREFIX.size else (b"", 0, 0, 0)
-    if magic != b"\x93NUMPY" or version != [1, 0] or length > _MOST_NPY_HEADER:
-        raise ValueError(f"entry {name} is no array of numbers")
-    described = _NPY_HEADER.fullmatch(file.read(length).decode("latin-1"))
-    if described is None:
-        raise ValueError(f"entry {name} is no array of numbers")
-    order, code, fortran, sizes = described.groups()
-    if (order == "|") != (code[1] == "1"):
-        raise ValueError(f"entry {name} is no array of numbers")
-    dtype = np.dtype(order + code)
-    shape = tuple(int(size) for size in sizes.split(",") if size.strip())
-    size = math.prod(shape) * dtype.itemsize
-    if _PREFIX.size + length + size != entry.file_size:
-        raise ValueError(f"entry {name} has {entry.file_size:,} bytes, which its shape {shape} does not need")
-    content = np.empty(size, np.uint8)
-    for begin in range(0, size, _PIECE):
-        piece = file.read(min(_PIECE, size - begin))
-        content[begin : begin + len(piece)] = np.frombuffer(piece, np.uint8)
-        if len(piece) < min(_PIECE, size - begin):
-            raise EOFError(f"entry {name} ends early")
-    if file.read(1):
-        raise ValueError(f"entry {name} goes on after its array")
-    return content.view(dtype).reshape(shape, order="F" if fortran == "True" else "C")
+    whole, packed, place = memoryview(data), {}, start
+    for entry in sorted(archive.infolist(), key=lambda entry: entry.header_offset):
+        names = place + _LOCAL_HEADER
+        name, extra = _LOCAL_LENGTHS.unpack_from(data, names - _LOCAL_LENGTHS.size)
+        if entry.header_offset != place or data[place : place + 4] != b"PK\x03\x04":
+            raise ValueError(f"bytes before entry {entry.filename}")
+        if data[names : names + name] != entry.orig_filename.encode():
+            raise ValueError(f"entry {entry.filename} goes by another name, too")
+        place = names + name + extra + entry.compress_size
+        packed[entry.filename] = whole[place - entry.compress_size : place]
+    if place != archive.start_dir:
+        raise ValueError("bytes before its directory")
+    for entry in archive.infolist():
+        place += _DIRECTORY_ENTRY + len(entry.orig_filename) + len(entry.extra) + len(entry.comment)
+    place += _DIRECTORY_END + (_DIRECTORY_END_64 if archive.start_dir > zipfile.ZIP64_LIMIT else 0)
+    if place != len(data):
+        raise ValueError("bytes behind its directory")
+    return packed
+
+
+def _array(packed: memoryview, entry: zipfile.ZipInfo) -> NDArray[Any]:
+    """The array in an entry, which holds an .npy file and nothing after it; ``packed`` is as it stands in the archive.
+
+    Raises:
+        ValueError, zlib.error: it does not, or is damaged.
+    """
+    content, begin, checksum = np.empty(entry.file_size, np.uint8), 0, 0
+    for piece in _unpacked_pieces(packed, entry):
+        end = begin + len(piece)
+        if end > entry.file_size:
+            raise ValueError(f"entry {entry.filename} is longer than the {entry.file_size:,} bytes that it tells")
+        content[begin:end] = np.frombuffer(piece, np.uint8)
+        checksum, begin = zlib.crc32(piece, checksum), end
+    if begin != entry.file_size or checksum != entry.CRC:
+        raise ValueError(f"entry {entry.filename} ends early or is damaged")
+    try:
+        return array_of(content.data)
+    except ValueError as error:
+        raise ValueError(f"entry {entry.filename} {error}") from None
+
+
+def _unpacked_pieces(packed: memoryview, entry: zipfile.ZipInfo) -> Iterator[bytes | memoryview]:
+    """What an entry unpacks to, in pieces of at most `_PIECE` bytes.
+
+    Raises:
+        ValueError, zlib.error: the packed bytes are damaged, end early, or go on behind their end.
+    """
+    inflate = None if entry.compress_type == zipfile.ZIP_STORED else zlib.decompressobj(-zlib.MAX_WBITS)
+    for begin in range(0, len(packed), _PIECE):
+        rest: bytes | memoryview = packed[begin : begin + _PIECE]
+        if inflate is None:
+            yield rest
+            continue
+        while piece := inflate.decompress(rest, _PIECE):
+            yield piece
+            rest = inflate.unconsumed_tail
+    if inflate is not None and (not inflate.eof or inflate.unused_data):
+        raise ValueError(f"entry {entry.filename} does not end where its packed bytes do")
 
 
 def _cause(error: Exception) -> str:

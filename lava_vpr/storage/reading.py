@@ -60,13 +60,15 @@ def read_bytes(path: Path, limit_name: str) -> bytes:
 
 
 def parse_json(data: bytes | str, **options: Any) -> Any:
-    """The value of JSON text; ``options`` go to `json.loads`.
+    """The value of JSON text, in UTF-8 if it is ``data``; ``options`` go to `json.loads`.
 
     Raises:
-        ValueError: no JSON, not UTF-8, nested too deeply, a number of thousands of digits, NaN or Infinity.
+        ValueError: no JSON, another encoding, a byte order mark, nested too deeply, a number of
+            thousands of digits, NaN or Infinity.
     """
     try:
-        return json.loads(data, parse_constant=_refuse_constant, parse_int=_whole_number, **options)
+        text = data if isinstance(data, str) else data.decode()  # json.loads would guess UTF-16 and UTF-32
+        return json.loads(text, parse_constant=_refuse_constant, parse_int=_whole_number, **options)
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
 

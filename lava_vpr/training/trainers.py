@@ -13,7 +13,7 @@ from lava_vpr.engine.conductance import model as conductance
 from lava_vpr.engine.learning import integer, stdp
 from lava_vpr.errors import ConfigError
 from lava_vpr.gate import as_integer_config, integer_config
-from lava_vpr.loihi import WEIGHT_LIMIT
+from lava_vpr.loihi import THRESHOLD_LIMIT, WEIGHT_LIMIT
 from lava_vpr.model import Stretch
 from lava_vpr.modelfile import Rule, UnfitError, check_arrays
 
@@ -21,8 +21,8 @@ from lava_vpr.modelfile import Rule, UnfitError, check_arrays
 class StretchTrainer(Protocol):
     """What learns one stretch: shown an image, it learns and tells its spike counts. Its state is named live arrays.
 
-    `most` says how large learning can have made the values of each array, after so many epochs of so many traverses; an
-    array that it leaves out is never changed.
+    `reach` says between which least and most value learning can have brought the values of each array, after so many
+    epochs of so many traverses; an array that it leaves out is never changed.
     """
 
     def begin_epoch(self, epoch: int) -> None: ...
@@ -31,7 +31,7 @@ class StretchTrainer(Protocol):
 
     def state(self) -> dict[str, NDArray[Any]]: ...
 
-    def most(self, epochs: int, traverses: int) -> dict[str, float]: ...
+    def reach(self, epochs: int, traverses: int) -> dict[str, tuple[float, float]]: ...
 
 
 def restore(trainer: StretchTrainer, arrays: dict[str, NDArray[Any]], epochs: int, traverses: int) -> None:
@@ -45,12 +45,11 @@ def restore(trainer: StretchTrainer, arrays: dict[str, NDArray[Any]], epochs: in
     Raises:
         UnfitError: they are not what this trainer can have saved; nothing is changed.
     """
-    state, most = trainer.state(), trainer.most(epochs, traverses)
-    check_arrays(
-        arrays, {name: Rule(str(own.dtype), own.shape, most=most.get(name, math.inf)) for name, own in state.items()}
-    )
+    state, reach = trainer.state(), trainer.reach(epochs, traverses)
+    rules = {name: Rule(str(own.dtype), own.shape, *reach.get(name, (0, math.inf))) for name, own in state.items()}
+    check_arrays(arrays, rules)
     for name, own in state.items():
-        if name not in most and not np.array_equal(own, arrays[name]):
+        if name not in reach and not np.array_equal(own, arrays[name]):
             raise UnfitError(f"{name} that differ from those that the seed gives")
     for name, own in state.items():
         own[...] = arrays[name]
@@ -78,12 +77,12 @@ class LifTrainer:
     def state(self) -> dict[str, NDArray[Any]]:
         return {"weights": self._trainer.state.weights, "theta": self._trainer.state.theta}
 
-    def most(self, epochs: int, traverses: int) -> dict[str, float]:
+    def reach(self, epochs: int, traverses: int) -> dict[str, tuple[float, float]]:
         learning, inputs = self._learning, len(self._trainer.state.weights)
         spikes = epochs * self._places * learning.steps  # of the first traverse: thresholds rise in the first phase
         theta = (learning.threshold + learning.theta_plus * spikes) * max(1.0, learning.consolidation_threshold)
         heaviest = max(learning.w_max, learning.mean_weight * inputs)  # all of a neuron's weights can be one input's
-        return {"weights": heaviest * ROUNDING, "theta": theta * ROUNDING}
+        return {"weights": (0, heaviest * ROUNDING), "theta": (0, theta * ROUNDING)}
 
 
 class IntegerLifTrainer:
@@ -105,8 +104,8 @@ class IntegerLifTrainer:
     def state(self) -> dict[str, NDArray[Any]]:
         return {"weights": self._trainer.state.weights, "theta": self._trainer.state.theta}
 
-    def most(self, epochs: int, traverses: int) -> dict[str, float]:
-        return {"weights": WEIGHT_LIMIT, "theta": np.iinfo(np.int32).max}
+    def reach(self, epochs: int, traverses: int) -> dict[str, tuple[float, float]]:
+        return {"weights": (0, WEIGHT_LIMIT), "theta": (1, THRESHOLD_LIMIT - 1)}
 
 
 class ConductanceTrainer:
@@ -136,14 +135,14 @@ class ConductanceTrainer:
             "responses": self.responses,
         }
 
-    def most(self, epochs: int, traverses: int) -> dict[str, float]:
+    def reach(self, epochs: int, traverses: int) -> dict[str, tuple[float, float]]:
         learning, steps = self._learning, self._config.network.steps
         presentations = epochs * traverses * self.responses.shape[1]
         counted = max(0, epochs - max(0, learning.epochs - learning.label_epochs))
         return {
-            "weights": max(learning.w_max, learning.weight_sum) * ROUNDING,
-            "theta_mv": (learning.theta_start_mv + learning.theta_plus_mv * steps * presentations) * ROUNDING,
-            "responses": steps * traverses * counted,
+            "weights": (0, max(learning.w_max, learning.weight_sum) * ROUNDING),
+            "theta_mv": (0, (learning.theta_start_mv + learning.theta_plus_mv * steps * presentations) * ROUNDING),
+            "responses": (0, steps * traverses * counted),
         }
 
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.errors import InputError
+from lava_vpr.errors import InputError, brief
+from lava_vpr.storage.npy import read_array
+from lava_vpr.storage.reading import parse_json
 from lava_vpr.storage.tables import csv_rows, file_text, text_lines
 from lava_vpr.storage.text import shown
 
@@ -28,7 +29,7 @@ def _coordinates(path: Path) -> tuple[NDArray[np.float64], bool]:
         line, header = rows[0][0], [cell.lower() for cell in rows[0][1]]
         pairs = [pair for pair in _XY + _LAT_LON if set(pair) <= set(header)]
         if not pairs:
-            names = ", ".join(map(shown, header))
+            names = ", ".join(map(brief, header[:8])) + (", ..." if len(header) > 8 else "")
             raise InputError(f"{shown(path)} line {line}: no columns x,y or lat,lon among {names}; name them")
         columns, geographic = (header.index(pairs[0][0]), header.index(pairs[0][1])), pairs[0] in _LAT_LON
         rows = rows[1:]
@@ -44,7 +45,9 @@ def _coordinates(path: Path) -> tuple[NDArray[np.float64], bool]:
             limit = math.inf if not geographic else (90.0, 360.0)[axis]
             if not (math.isfinite(value) and abs(value) <= limit):
                 what = ("latitude", "longitude") if geographic else ("x", "y")
-                raise InputError(f"{shown(path)} line {line}: {what[axis]} is {cell!r}; give a number in its range")
+                raise InputError(
+                    f"{shown(path)} line {line}: {what[axis]} is {brief(cell)}; give a number in its range"
+                )
             out[k, axis] = value
     return out, geographic
 
@@ -156,7 +159,7 @@ def _text_truth(path: Path) -> dict[int, set[int]]:
         words = line.replace(",", " ").replace(";", " ").replace(":", " ").split()
         wrong = [word for word in words if not _is_index(word)]
         if wrong or not words:
-            what = repr(wrong[0] if wrong else line)
+            what = brief(wrong[0] if wrong else line)
             raise InputError(f"{shown(path)} line {number}: {what} is no index; write lines such as 7: 6 7 8")
         places_of.setdefault(int(words[0]), set()).update(map(int, words[1:]))
     if not places_of:
@@ -172,8 +175,8 @@ def _json_truth(path: Path, query_indices: NDArray[np.int64]) -> dict[int, set[i
     """Correct places by query, from a JSON file."""
     try:
         # Pairs, since a repeated key would silently replace the one before it.
-        content = json.loads(file_text(path), object_pairs_hook=lambda pairs: {"pairs": pairs})
-    except (ValueError, RecursionError) as error:
+        content = parse_json(file_text(path), object_pairs_hook=lambda pairs: {"pairs": pairs})
+    except ValueError as error:
         at = (f" line {error.lineno}", error.msg) if isinstance(error, json.JSONDecodeError) else ("", str(error))
         raise InputError(f"{shown(path)}{at[0]}: is not JSON ({at[1]}); correct it") from None
     if isinstance(content, dict):
@@ -186,9 +189,11 @@ def _json_truth(path: Path, query_indices: NDArray[np.int64]) -> dict[int, set[i
     for key, value in entries:
         places = value if isinstance(value, list) else [value]
         if not _is_index(key):
-            raise InputError(f"{shown(path)}: key {key!r} is no index of a query; use whole numbers from 0")
+            raise InputError(f"{shown(path)}: key {brief(key)} is no index of a query; use whole numbers from 0")
         if not all(type(place) is int and place >= 0 for place in places):
-            raise InputError(f"{shown(path)}: query {key} has a place that is no index; use whole numbers from 0")
+            raise InputError(
+                f"{shown(path)}: query {brief(int(key))} has a place that is no index; use whole numbers from 0"
+            )
         places_of.setdefault(int(key), set()).update(places)
     return places_of
 
@@ -209,17 +214,8 @@ def _truth_of_array(
     path: Path, query_indices: NDArray[np.int64], place_indices: NDArray[np.int64]
 ) -> NDArray[np.bool_]:
     """The matrix of a NumPy file of any of the three shapes."""
-    try:
-        with path.open("rb") as file:
-            array: NDArray[Any] = np.lib.format.read_array(file, allow_pickle=False)
-        usable = array.dtype.kind in "biuf" and array.ndim in (1, 2)
-    except OSError as error:
-        raise InputError(f"{shown(path)}: cannot be read ({error.strerror or error}); check the file") from None
-    except Exception:  # a damaged header makes NumPy raise almost anything
-        usable = False
     wants = "integers (n,), rows of query and place (n, 2), or booleans (queries, places)"
-    if not usable:
-        raise InputError(f"{shown(path)}: is no NumPy file of numbers; save {wants}")
+    array = read_array(path, f"save {wants}")
     whole = array.dtype.kind in "iu"
     if array.ndim == 1 and whole:
         rows = _row_queries(path, len(array), query_indices)

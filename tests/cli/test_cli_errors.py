@@ -253,7 +253,11 @@ DATA = [
     (nothing, "eval m.lvpr query --descriptors a.npy b.npy", "a.npy: cannot be read"),
     (nan_descriptors, "eval m.lvpr query --descriptors r.npy q.npy", "q.npy: row 0 holds NaN"),
     (few_descriptors, "eval m.lvpr query --descriptors r.npy q.npy", "r.npy: has 5 rows for 6 images"),
-    (pickled_descriptors, "eval m.lvpr query --descriptors r.npy q.npy", "r.npy: holds pickled objects"),
+    (
+        pickled_descriptors,
+        "eval m.lvpr query --descriptors r.npy q.npy",
+        "r.npy: is no array of numbers (but of pickled objects)",
+    ),
     (nothing, "eval m.lvpr query --sequence 9", "sequence length 9 exceeds the 6 queries"),
     (nothing, "eval m.lvpr query --json no/such.json", "no/such.json: the folder no does not exist"),
     (file_in_the_way, "eval m.lvpr query --report out", "out: is a file; name a folder"),

@@ -71,7 +71,7 @@ def test_directions_of_the_projection(tmp_path: Path) -> None:
     [
         ("", ["p.csv: holds no positions; write one row an image"]),
         ("x,y\n", ["p.csv: holds no positions"]),
-        ("a,b\n1,2\n", ["p.csv line 1: no columns x,y or lat,lon among a, b; name them"]),
+        ("a,b\n1,2\n", ["p.csv line 1: no columns x,y or lat,lon among 'a', 'b'; name them"]),
         ("1,2,3\n", ["p.csv line 1: has 3 columns and no header; add one: x,y"]),
         ("x,y\n1,2\n3\n", ["p.csv line 3: has 1 cells, but line 1 has 2; write"]),
         ("x,y\n1,2\n,\n3,4\n", ["p.csv line 3: x is ''"]),
@@ -190,7 +190,7 @@ def test_all_formats_say_the_same(tmp_path_factory: pytest.TempPathFactory, sets
         ("t.json", '{"10": {"20": 1}}', ["t.json: query 10 has a place"]),
         ("t.json", "[[20], [21]]", ["t.json: has 2 entries for 3 queries (10..12); give one for each of this run"]),
         ("t.json", "[" * 100_000, ["t.json: is not JSON"]),
-        ("t.npy", "not numpy", ["t.npy: is no NumPy file of numbers; save integers (n,)"]),
+        ("t.npy", "not numpy", ["t.npy: is no array of numbers", "; save integers (n,)"]),
         ("t.mat", "", ["t.mat: is no known type of ground truth; give a .txt, .csv, .json or .npy file"]),
     ],
 )
@@ -202,9 +202,9 @@ def test_ground_truth_that_cannot_be_used(tmp_path: Path, name: str, text: str, 
 @pytest.mark.parametrize(
     ("array", "part"),
     [
-        (np.array([{"a": 1}], dtype=object), "is no NumPy file of numbers"),
-        (np.array(["a"]), "is no NumPy file of numbers"),
-        (np.zeros((2, 2, 2)), "is no NumPy file of numbers"),
+        (np.array([{"a": 1}], dtype=object), "is no array of numbers"),
+        (np.array(["a"]), "is no array of numbers"),
+        (np.zeros((2, 2, 2)), "holds float64 (2, 2, 2)"),
         (np.arange(3.0), "holds float64 (3,)"),
         (np.full((3, 4), 2), "holds int64 (3, 4)"),
         (np.zeros((4, 3), dtype=bool), "has 4 entries for 3 queries"),
@@ -223,7 +223,7 @@ def test_a_damaged_array_header_is_refused(tmp_path: Path, spoilt: str) -> None:
     data = (tmp_path / "t.npy").read_bytes()
     assert spoilt.encode() in data
     path = written(tmp_path / "t.npy", data.replace(spoilt.encode(), b" " * len(spoilt), 1))
-    refused(lambda: read_ground_truth(path, QUERIES, PLACES), "t.npy: is no NumPy file of numbers; save integers")
+    refused(lambda: read_ground_truth(path, QUERIES, PLACES), "t.npy: is no array of numbers")
 
 
 def test_queries_without_any_place_are_allowed(tmp_path: Path) -> None:

@@ -176,14 +176,14 @@ def npz() -> bytes:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "not a .npy file"),
-        (b"name,x,y\n", "not a .npy file"),
-        (npz(), "not a .npy file"),
-        (npy(np.ones((4, 300)))[:-5], "damaged contents"),
-        (npy(np.ones((4, 3)))[:30], "damaged contents"),
-        (npy(np.ones((2, 3))).replace(b"(2, 3)", b"(2,9**)"), "damaged contents"),
-        (npy(np.ones((2, 3)) + 1j), "holds complex128, not real numbers"),
-        (npy(np.array([["a", "b"]])), "holds <U1, not real numbers"),
+        (b"", "is no array of numbers (it does not begin as numpy.save would write it); write it with"),
+        (b"name,x,y\n", "is no array of numbers (it does not begin as numpy.save would write it); write it with"),
+        (npz(), "is no array of numbers (it does not begin as numpy.save would write it); write it with"),
+        (npy(np.ones((4, 300)))[:-5], "its header says float64 (4, 300), but 9,595 bytes follow"),
+        (npy(np.ones((4, 3)))[:30], "is no array of numbers (it does not begin"),
+        (npy(np.ones((2, 3))).replace(b"(2, 3)", b"(2,9**)"), "is no array of numbers (it does not begin"),
+        (npy(np.ones((2, 3)) + 1j), "is no array of numbers (but of '<c16'"),
+        (npy(np.array([["a", "b"]])), "is no array of numbers (but of '<U1'"),
         (npy(np.ones(5)), "has shape (5,), not (images, dimensions)"),
         (npy(np.ones((2, 3, 4))), "has shape (2, 3, 4), not (images, dimensions)"),
         (npy(np.ones((2, 0))), "has shape (2, 0), not (images, dimensions)"),
@@ -204,12 +204,14 @@ def test_files_without_descriptors_are_refused(tmp_path: Path, content: bytes, m
 
 def test_pickled_objects_are_never_loaded(tmp_path: Path) -> None:
     np.save(tmp_path / "objects.npy", np.array([{"a": 1}, None], dtype=object), allow_pickle=True)
-    with pytest.raises(InputError, match=r"objects\.npy: holds pickled objects; write it with numpy\.save"):
+    with pytest.raises(
+        InputError, match=r"objects\.npy: is no array of numbers \(but of pickled objects\); write it with numpy\.save"
+    ):
         load_descriptors(tmp_path / "objects.npy")
 
 
 def test_missing_files_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"none\.npy: cannot be read \(No such file or directory\); give an existing"):
+    with pytest.raises(InputError, match=r"none\.npy: cannot be read \(No such file or directory\); write it with"):
         load_descriptors(tmp_path / "none.npy")
     with pytest.raises(InputError, match="cannot be read"):
         load_descriptors(tmp_path)

@@ -10,6 +10,7 @@ import struct
 import tracemalloc
 import warnings
 import zipfile
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -91,6 +92,28 @@ def deflated_wrongly(data: bytearray) -> None:
     data[place : place + 8] = b"\xff" * 8
 
 
+def more_than_told(data: bytearray) -> None:
+    """The packed bytes hold more than the directory tells, with the checksum of what it tells."""
+    text = npy(np.zeros(1 << 20, np.uint8))
+    data[:] = archive([("header.npy", header()), ("a.x.npy", text + bytes(1 << 20))]).split(b"\n", 2)[2]
+    place = data.rindex(b"PK\x01\x02")
+    data[place + 16 : place + 20] = struct.pack("<I", zlib.crc32(text))
+    data[place + 24 : place + 28] = struct.pack("<I", len(text))
+
+
+def spread(data: bytearray) -> None:
+    """Bytes stand between the last entry and the directory, which the end of the archive knows."""
+    place = data.index(b"PK\x01\x02")
+    data[place:place] = b"between"
+    end = data.rindex(b"PK\x05\x06") + 16
+    data[end : end + 4] = struct.pack("<I", place + len(b"between"))
+
+
+def behind(data: bytearray) -> None:
+    """Bytes behind the archive, as its comment."""
+    data[-2:] = struct.pack("<H", 6) + b"behind"
+
+
 @pytest.mark.parametrize("method", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED])
 def test_what_is_sound_is_read(method: int) -> None:
     kinds = {
@@ -123,8 +146,13 @@ FORGED = {
     "bzip2": (archive([("header.npy", header())], zipfile.ZIP_BZIP2), "compressed in an unknown way"),
     "lzma": (archive([("header.npy", header())], zipfile.ZIP_LZMA), "compressed in an unknown way"),
     "encrypted": (patched(encrypted), "is encrypted"),
-    "longer than said": (patched(longer), "bytes, which its shape"),
-    "two names": (patched(renamed), "File name in directory"),
+    "longer than said": (patched(longer), "ends early or is damaged"),
+    "two names": (patched(renamed), "goes by another name"),
+    "more than told": (patched(more_than_told), "is longer than the 1,048,704 bytes that it tells"),
+    "bytes before": (patched(lambda data: data.__setitem__(slice(0, 0), b"before")), "bytes before entry header.npy"),
+    "bytes between": (patched(spread), "bytes before its directory"),
+    "bytes behind": (patched(behind), "bytes behind its directory"),
+    "UTF-16": (archive([("header.npy", npy(np.frombuffer('{"k": 1}'.encode("utf-16"), np.uint8)))]), "utf-8"),
     "no deflate": (patched(deflated_wrongly), "decompress"),
     "pickle": (with_array(npy(np.array([{}], object))), "is no array of numbers"),
     "structure": (with_array(npy(np.zeros(2, "i4,f4"))), "is no array of numbers"),
@@ -134,9 +162,9 @@ FORGED = {
     "version 2": (with_array(described(SHAPE % ("<f4", "(1,)"), bytes(4), b"\x02\x00")), "is no array of numbers"),
     "no array": (with_array(b"\x93NUMP"), "is no array of numbers"),
     "code": (with_array(described("__import__('os')\n")), "is no array of numbers"),
-    "short": (with_array(npy(ARRAY)[:-1]), "which its shape"),
-    "long": (with_array(npy(ARRAY) + b"\0"), "which its shape"),
-    "huge": (with_array(described(SHAPE % ("<f4", "(99999999999, 99999999999)"))), "which its shape"),
+    "short": (with_array(npy(ARRAY)[:-1]), "its header says"),
+    "long": (with_array(npy(ARRAY) + b"\0"), "its header says"),
+    "huge": (with_array(described(SHAPE % ("<f4", "(99999999999, 99999999999)"))), "its header says"),
     "huge and empty": (with_array(described(SHAPE % ("<f4", "(0, 99999999999999999999)"))), "does not hold"),
     "many dimensions": (with_array(described(SHAPE % ("<f4", "(" + "1," * 38 + ")"), bytes(4))), "does not hold"),
     "negative": (with_array(described(SHAPE % ("<f4", "(-1, -1)"), bytes(4))), "is no array of numbers"),

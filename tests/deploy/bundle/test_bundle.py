@@ -232,11 +232,11 @@ def test_lengths_are_seen_before_anything_is_read(intact: Path, monkeypatch: pyt
 ARRAYS = {
     "a huge header": ("<i4", "(99999999999, 4), ", "says int32 (99999999999, 4), but 64 bytes follow"),
     "a product beyond 64 bits": ("<i4", "(99999999999, 99999999999, 0), ", "but 64 bytes follow"),
-    "objects": ("|O", "(8,), ", "its header is none that lava-vpr writes"),
-    "Python": ("<i4", "(" * 400 + ")" * 400, "its header is none that lava-vpr writes"),
-    "negative": ("<i4", "(-16,), ", "its header is none that lava-vpr writes"),
-    "big endian": (">i4", "(16,), ", "its header is none that lava-vpr writes"),
-    "text": ("<U4", "(4,), ", "its header is none that lava-vpr writes"),
+    "objects": ("|O", "(8,), ", "pickled objects"),
+    "Python": ("<i4", "(" * 400 + ")" * 400, "it does not begin as numpy.save would write it"),
+    "negative": ("<i4", "(-16,), ", "it does not begin as numpy.save would write it"),
+    "big endian": (">i4", "(16,), ", "but of '>i4'"),
+    "text": ("<U4", "(4,), ", "but of '<U4'"),
 }
 
 
@@ -247,7 +247,7 @@ def test_the_header_of_an_array_is_not_believed(kind: str) -> None:
     data = b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text + b"\0" * 64
     with pytest.raises(BundleError) as caught:
         Bundle(Path("b"), {}, {"a.npy": data}).array("a.npy")
-    assert str(caught.value).startswith("b/a.npy: is no array (")
+    assert str(caught.value).startswith("b/a.npy: is no array of numbers (")
     assert said in str(caught.value)
 
 

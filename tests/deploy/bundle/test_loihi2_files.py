@@ -107,7 +107,7 @@ def altered(change: Callable[[dict[str, Any]], object]) -> dict[str, bytes]:
             loihi2.network_files(network()) | {loihi2.WEIGHTS: array_bytes(np.zeros(3, np.int8))},
             "network/weights.npy: is int8 (3,), but must be uint8 (neurons, inputs)",
         ),
-        (loihi2.network_files(network()) | {loihi2.WEIGHTS: b"no"}, "network/weights.npy: is no array ("),
+        (loihi2.network_files(network()) | {loihi2.WEIGHTS: b"no"}, "network/weights.npy: is no array of numbers ("),
         (loihi2.network_files(network()) | {loihi2.PARAMETERS: b"no"}, "network/parameters.json: is no JSON ("),
     ],
 )

@@ -46,7 +46,8 @@ def _type(rng: random.Random, array: NDArray[Any]) -> tuple[NDArray[Any], str]:
         return array.view(name), f"bytes read as {name}"
     kept = array if name not in ("M8[s]", "V4") else array.astype("u4")
     try:
-        return kept.astype(name, casting="unsafe"), f"becomes {name}"
+        with np.errstate(all="ignore"):
+            return kept.astype(name, casting="unsafe"), f"becomes {name}"
     except (TypeError, ValueError):
         return np.zeros(array.shape, name), f"becomes {name} of zeros"
 

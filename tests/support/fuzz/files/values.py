@@ -5,6 +5,7 @@ Used by support.
 
 from __future__ import annotations
 
+import copy
 import json
 import random
 from collections.abc import Callable, Iterator
@@ -99,7 +100,7 @@ def _shift(rng: random.Random, value: Any, others: list[Place]) -> str:
 
 def _swap(rng: random.Random, value: Any, others: list[Place]) -> str:
     (a, k), (b, m) = rng.choice(others), rng.choice(others)
-    a[k], b[m] = json.loads(_text(b[m])), json.loads(_text(a[k]))
+    a[k], b[m] = copy.deepcopy(b[m]), copy.deepcopy(a[k])
     return f"{k!r} and {m!r} exchanged"
 
 

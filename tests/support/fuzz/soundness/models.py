@@ -154,7 +154,7 @@ def references(
             finite = type(value) in (int, float) and math.isfinite(value)
             findings.need(finite, "M12", f"figure {name!r:.20} is {value!r:.40}")
     places, neurons = len(names), shape[1] if len(shape) == 2 else -1
-    _stretches(header.get("stretches"), places, neurons, findings)
+    _stretches(header.get("stretches"), places, neurons, config["network"], findings)
     route = header.get("route_images")
     findings.need(whole(route, places, 1 << 53), "M6", f"route_images is {route!r:.40}")
     indices = arrays.get("place_indices")
@@ -188,7 +188,7 @@ def _most_spikes(header: Mapping[str, Any], config: Any, traverses: int) -> int:
     return int(traverses * repeats * (steps or config["network"]["steps"] + SILENT))
 
 
-def _stretches(parts: Any, places: int, neurons: int, findings: Findings) -> None:
+def _stretches(parts: Any, places: int, neurons: int, network: dict[str, Any], findings: Findings) -> None:
     good = isinstance(parts, list) and len(parts) >= 1 and all(isinstance(p, list) and len(p) == 4 for p in parts)
     if not findings.need(good, "M5", f"stretches {parts!r:.40}"):
         return
@@ -198,6 +198,8 @@ def _stretches(parts: Any, places: int, neurons: int, findings: Findings) -> Non
         sound = sound and whole(first_neuron, neuron, neuron) and whole(count, 1, neurons)
         if not findings.need(sound, "M5", f"stretch {first!r:.20}, {size!r:.20}, {first_neuron!r:.20}, {count!r:.20}"):
             return
+        wanted = network["neurons"] or max(1, round(network["neurons_per_place"] * size))
+        findings.need(count == wanted, "M5", f"{count} neurons of {size} places, not {wanted}")
         place, neuron = place + size, neuron + count
     findings.need((place, neuron) == (places, neurons), "M5", f"stretches of {place} places, {neuron} neurons")
 

@@ -29,7 +29,8 @@ INVARIANTS = {
     "M4": (
         "No sum of weights and no lateral inhibition of all others reaches 2^17, so that the 24 bits of u cannot wrap."
     ),
-    "M5": "Stretches follow each other without gap or overlap over all places and all neurons; none is empty.",
+    "M5": "Stretches follow each other without gap or overlap over all places and all neurons; none is empty, "
+    "and each has as many neurons as the settings make for its places.",
     "M6": "Place indices are int64, distinct, 0 to 2^53; the route has at least as many images as places.",
     "M7": "Labels are int64: 0 to places - 1 in order, once for every traverse.",
     "M8": "Activity is float32 (images, inputs), finite and at least 0; pixels are at most 255.",
