@@ -101,8 +101,9 @@ def _shares(responses: Counts) -> Scores:
 
 
 def _in_units(table: Scores) -> Scores:
-    """``table``, values in [0, 1], as whole numbers of `SHARE_UNIT`."""
-    return np.rint(table * (1.0 / SHARE_UNIT))
+    """``table``, values in [0, 1], turned into whole numbers of `SHARE_UNIT` where it stands."""
+    table *= 1.0 / SHARE_UNIT
+    return np.rint(table, out=table)
 
 
 def assign(responses: Counts) -> NDArray[np.int64]:

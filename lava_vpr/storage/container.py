@@ -128,6 +128,8 @@ _LOCAL_HEADER, _DIRECTORY_ENTRY, _DIRECTORY_END, _DIRECTORY_END_64 = 30, 46, 22,
 """Bytes of an archive's parts without names and extra fields (APPNOTE.TXT 4.3.7, 4.3.12, 4.3.16; 4.3.14 and 4.3.15)."""
 _LOCAL_LENGTHS = struct.Struct("<HH")
 """The end of a local header: bytes of the name and of the extra field."""
+_UNSUSPICIOUS = 64 << 20
+"""Bytes that a file may unpack to however small it is."""
 _ENTRY = re.compile(r"(header|a\.[a-z0-9_.]{1,60})\.npy")
 _PIECE = 1 << 20
 
@@ -142,7 +144,7 @@ def _unpacked(data: bytes, start: int) -> tuple[dict[str, Any], dict[str, NDArra
         raise ValueError(f"it has more than {_MOST_ENTRIES:,} entries")
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         entries = sorted(archive.infolist(), key=lambda entry: entry.header_offset)
-        _check_entries(entries)
+        _check_entries(entries, len(data))
         packed = _packed(archive, data, start)
     arrays = {entry.filename[: -len(".npy")]: _array(packed[entry.filename], entry) for entry in entries}
     text = arrays.pop("header", None)
@@ -156,8 +158,13 @@ def _unpacked(data: bytes, start: int) -> tuple[dict[str, Any], dict[str, NDArra
     return header, {name[len("a.") :]: array for name, array in arrays.items()}
 
 
-def _check_entries(entries: list[zipfile.ZipInfo]) -> None:
-    """Refuse a directory that `pack` does not write, or whose entries unpack to more than the limits allow."""
+def _check_entries(entries: list[zipfile.ZipInfo], packed: int) -> None:
+    """Refuse a directory that `pack` does not write, or whose entries unpack to more than the limits allow.
+
+    Args:
+        entries: The directory.
+        packed: Bytes of the whole file.
+    """
     seen = set()
     for entry in entries:
         name = entry.orig_filename
@@ -169,7 +176,10 @@ def _check_entries(entries: list[zipfile.ZipInfo]) -> None:
         beyond = excess("header_bytes", entry.file_size) if name == "header.npy" else None
         if beyond is not None:
             raise _Beyond(f"has a header of {beyond}")
-    beyond = excess("model_bytes", sum(entry.file_size for entry in entries))
+    unpacked = sum(entry.file_size for entry in entries)
+    beyond = excess("model_bytes", unpacked)
+    if beyond is None and unpacked > _UNSUSPICIOUS:
+        beyond = excess("unpacked_times", unpacked // packed)
     if beyond is not None:
         raise _Beyond(f"unpacks to {beyond}")
 

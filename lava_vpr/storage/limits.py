@@ -47,6 +47,12 @@ LIMITS: dict[str, Limit] = {
         "a model of 20,000 places with a neuron each, of which 1.6e9 bytes are reference responses; one inhibition "
         "serves 16,384 at the default settings",
     ),
+    "unpacked_times": Limit(
+        100,
+        "times its size",
+        "500 real places unpack to twice their size, 20,000, whose responses are nearly all 0, to some ten "
+        "times; what unpacks to less than 64 MiB is not held to it",
+    ),
     "header_bytes": Limit(
         8 * MIB, "bytes", "names of 255 characters for 20,000 places, with room; its objects take 250 MB"
     ),

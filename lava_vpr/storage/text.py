@@ -4,10 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
+_LONGEST = 400
+
 
 def shown(path: str | Path) -> str:
-    """``path`` for a one-line message: characters that would break the line or the terminal are escaped."""
+    """``path`` for a one-line message: characters that would break the line or the terminal are escaped.
+
+    Of a path of more than `_LONGEST` characters the middle is left out.
+    """
     text = str(path)
+    if len(text) > _LONGEST:
+        text = f"{text[: _LONGEST // 3]}...{text[-_LONGEST // 2 :]}"
     return text if text.isprintable() else repr(text)
 
 

@@ -229,3 +229,14 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "a.lvpr")
     with pytest.raises(ModelFileError, match=r"cannot be read \(is a named pipe, not a file\); check the path"):
         container.load(tmp_path / "a.lvpr", "model")
+
+
+def test_what_a_file_unpacks_to_is_bounded_by_its_size(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As little as 64 kB would otherwise unpack to 65 MiB, and 2 MB to the two gigabytes that a model may have."""
+    data = container.pack("model", {}, {"x": np.zeros(65 << 20, np.uint8)})
+    with pytest.raises(
+        ModelFileError, match=r"a.lvpr: the model unpacks to [\d,]{3,5} times its size, more than the 100 al"
+    ):
+        container.unpack(data, PATH, "model")
+    monkeypatch.setenv("LAVA_VPR_MAX_UNPACKED_TIMES", "2000")
+    assert container.unpack(data, PATH, "model")[1]["x"].nbytes == 65 << 20

@@ -1,0 +1,176 @@
+"""What the costliest files that lava-vpr accepts cost it: memory and seconds of a process that reads one.
+
+    python -m benchmarks.file_costs [--only NAME]
+
+Each file is made as large as its limits allow (docs/security.md), of what packs best, so that it is as small
+on the disk as they allow.
+Memory is the most that the process held at any time (ru_maxrss), seconds are those of the whole process; what a
+command takes that reads next to nothing stands in the first row. Making the files takes up to 12 GB and some minutes.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+import subprocess
+import sys
+import tempfile
+import zlib
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import click
+import cv2
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.query_memory import measured
+from lava_vpr import model as model_file
+from lava_vpr.config import Config, preset
+from lava_vpr.configfile import update
+from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2
+from lava_vpr.deploy.mapping.largest_map import largest, typical
+from lava_vpr.model import Model
+from lava_vpr.storage.limits import limit
+from lava_vpr.training.loop import split
+
+PROGRAM = [sys.executable, "-m", "lava_vpr"]
+IMAGE = "image.png"
+
+
+class Case(NamedTuple):
+    """A file at its limits: what it is, what makes it, and the command that reads it."""
+
+    what: str
+    make: Callable[[Path], object]
+    words: list[str]
+
+
+def blank(config: Config, places: int) -> Model:
+    """A model of so many places that has learned nothing, with the network that the planner takes for typical."""
+    network = typical(config, LOIHI_2, places)
+    neurons, inputs = network.neurons, config.encoder.inputs
+    thumbnails = np.zeros((places, 48, 64, 3), np.uint8)
+    noisy = thumbnails[: -(-places // 8)]  # no smaller file may unpack to so much
+    noisy[:] = np.random.default_rng(0).integers(0, 256, noisy.shape, np.uint8)
+    return Model(
+        config=config,
+        network=replace(network, weights=np.ascontiguousarray(network.weights)),
+        learned=np.zeros((inputs, neurons), np.float32),
+        responses=np.zeros((neurons, places), np.int32),
+        stretches=split(places, config),
+        place_indices=np.arange(places),
+        place_names=tuple(f"{place}.png" for place in range(places)),
+        route_images=places,
+        labels=np.arange(places),
+        patches=np.zeros((places, 28, 28), np.uint8),
+        activity=np.zeros((places, inputs), np.float32),
+        thumbnails=thumbnails,
+        training={"spikes_per_image": 0, "neurons_used": 0, "places_covered": 0},
+    )
+
+
+def save_blank(config: Config, places: int) -> Callable[[Path], object]:
+    """Writes `blank` as ``model.lvpr``."""
+    return lambda place: model_file.save(blank(config, places), place / "model.lvpr")
+
+
+def deploy_blank(config: Config, places: int, board: str) -> Callable[[Path], object]:
+    """Writes a bundle of `blank` for ``board``."""
+
+    def make(place: Path) -> None:
+        save_blank(config, places)(place)
+        words = [*PROGRAM, "deploy", "model.lvpr", "--target", board, "-o", "bundle"]
+        subprocess.run(words, cwd=place, check=True, stdout=subprocess.DEVNULL)
+
+    return make
+
+
+def picture(place: Path) -> None:
+    """A PNG of as many black pixels as are accepted, written row by row."""
+    side = int(limit("image_pixels") ** 0.5)
+    pack, rows = zlib.compressobj(9), []
+    for _ in range(side):
+        rows.append(pack.compress(bytes(1 + 3 * side)))
+    chunks = {b"IHDR": struct.pack(">IIBBBBB", side, side, 8, 2, 0, 0, 0), b"IDAT": b"".join([*rows, pack.flush()])}
+    with (place / "large.png").open("wb") as file:
+        file.write(b"\x89PNG\r\n\x1a\n")
+        for name, data in (*chunks.items(), (b"IEND", b"")):
+            file.write(struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data)))
+
+
+def listing(place: Path) -> None:
+    """A list of as many images as are accepted: the same one again and again."""
+    (place / "long.txt").write_text(f"{IMAGE}\n" * (limit("rows") - 1))
+
+
+def positions(place: Path) -> None:
+    """As many positions as are accepted, as text as long as is accepted."""
+    rows = limit("rows") - 2
+    line = "0." + "0" * (limit("text_bytes") // rows - 6) + ",0\n"
+    (place / "positions.csv").write_text("x,y\n" + line * rows)
+
+
+def cases() -> dict[str, Case]:
+    """Every case by its name."""
+    loihi = preset("loihi")
+    weak = update(preset("fast"), {"network": {"joined_inhibition": 0.1}})  # else inhibition bounds the neurons first
+    long = update(loihi, {"network": {"steps": 100_000}})
+    kapoho = largest(loihi, KAPOHO_BAY).places
+    query = [*PROGRAM, "query", "model.lvpr", IMAGE, "-o", "answer.csv"]
+    bundle = [*PROGRAM, "query", "bundle", IMAGE, "-o", "answer.csv"]
+    few = save_blank(loihi, 2)
+    reading = "from pathlib import Path; from lava_vpr.{} import {} as read; print(len(read(Path({!r}))))"
+
+    def and_few(make: Callable[[Path], object]) -> Callable[[Path], object]:
+        return lambda place: (few(place), make(place))
+
+    def read(module: str, function: str, path: str) -> list[str]:
+        return [sys.executable, "-c", reading.format(module, function, path)]
+
+    return {
+        "nothing": Case("model of 2 places, one small image", few, query),
+        "model": Case("model of 20,000 places", save_blank(weak, 20_000), query),
+        "steps": Case("model of 1,900 places and 100,000 steps", save_blank(long, 1_900), query),
+        "loihi2": Case("bundle of 16,000 places for Loihi 2", deploy_blank(weak, 16_000, "loihi2"), bundle),
+        "kapoho": Case(
+            f"bundle of {kapoho} places for Kapoho Bay, simulated",
+            deploy_blank(loihi, kapoho, "kapoho-bay"),
+            [*bundle, "--backend", "bundle"],
+        ),
+        "picture": Case("PNG of 178,956,970 pixels", and_few(picture), [*query[:-3], "large.png", *query[-2:]]),
+        "list": Case("list of 2,000,000 images, read", listing, read("images.lists", "listed_images", "long.txt")),
+        "positions": Case(
+            "2,000,000 positions, read", positions, read("truth.groundtruth", "read_positions", "positions.csv")
+        ),
+    }
+
+
+@click.command()
+@click.option("--only", multiple=True, help="Names of cases.")
+def main(only: tuple[str, ...]) -> None:
+    """Print what the costliest files cost."""
+    table = Table(title="The costliest files that are accepted", title_justify="left")
+    for column in ("name", "file", "MB on the disk", "MB at most", "seconds", "processor s"):
+        table.add_column(column, justify="left" if column in ("name", "file") else "right")
+    for name, case in cases().items():
+        if only and name not in only:
+            continue
+        with tempfile.TemporaryDirectory(prefix="lava-vpr-") as folder:
+            place = Path(folder)
+            cv2.imwrite(str(place / IMAGE), np.random.default_rng(0).integers(0, 256, (64, 96), np.uint8))
+            case.make(place)
+            size = sum(file.stat().st_size for file in place.rglob("*") if file.is_file())
+            run = measured(case.words, place)
+        figures = (f"{size / 1e6:,.1f}", f"{run.held / 1e6:,.0f}", f"{run.seconds:,.1f}", f"{run.used:,.1f}")
+        table.add_row(name, case.what, *figures)
+        print(f"{name}: {figures}", file=sys.stderr, flush=True)
+    Console(highlight=False, width=120).print(table)
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("MPLBACKEND", "Agg")
+    main()
