@@ -87,7 +87,7 @@ def test_text_for_the_terminal_holds_no_control_characters() -> None:
     assert harmless("a\x1b[31mb\x07\u202e\x9bc\nd\te é") == "a\\x1b[31mb\\x07\\u202e\\x9bc\nd\te é"
     assert harmless("plain é ✓") == "plain é ✓"
     assert shown("a\nb") == "'a\\nb'"
-    middle = shown(f"begin/{"x" * 9000}/end")
+    middle = shown("begin/" + "x" * 9000 + "/end")
     assert middle.startswith("begin/xxx")
     assert middle.endswith("xxx/end")
     assert len(middle) < 400
