@@ -11,7 +11,7 @@ import random
 from collections.abc import Callable
 
 import numpy as np
-from support.fuzz.files import arrays, values
+from support.fuzz.files import arrays, texts, values
 
 PLACES = 6
 PATHS = tuple(f"../query/img{k}.png" for k in range(PLACES))
@@ -109,23 +109,7 @@ ODD_LINES = (
 
 
 def _lines(rng: random.Random, text: str) -> tuple[str, str]:
-    """Lines dropped, doubled, moved, added."""
-    lines = text.split("\n")
-    at, kind = rng.randrange(len(lines)), rng.randrange(5)
-    if kind == 0:
-        gone = lines.pop(at)
-        return "\n".join(lines), f"without {gone[:30]!r}"
-    if kind == 1:
-        lines.insert(rng.randrange(len(lines) + 1), lines[at])
-        return "\n".join(lines), f"{lines[at][:30]!r} twice"
-    if kind == 2:
-        lines.insert(rng.randrange(len(lines)), lines.pop(at))
-        return "\n".join(lines), f"line {at} moved"
-    if kind == 3:
-        return "\n".join(lines[:1]), "the first line alone"
-    new = rng.choice(ODD_LINES)
-    lines.insert(rng.choice([0, at]), new)
-    return "\n".join(lines), f"{new[:30]!r} added"
+    return texts.lines_changed(rng, text, ODD_LINES)
 
 
 def _cell(rng: random.Random, text: str) -> tuple[str, str]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import random
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 ODD_LITERALS = (
     "nan",
@@ -114,9 +114,13 @@ def _near(rng: random.Random, value: str) -> str:
 
 
 def _line(rng: random.Random, text: str) -> tuple[str, str]:
-    """Lines dropped, doubled, moved, added."""
+    return lines_changed(rng, text, ODD_LINES)
+
+
+def lines_changed(rng: random.Random, text: str, odd: Sequence[str]) -> tuple[str, str]:
+    """Lines dropped, doubled, moved, the first alone, or one of the ``odd`` ones added; and what was done."""
     lines = text.split("\n")
-    at, kind = rng.randrange(len(lines)), rng.randrange(4)
+    at, kind = rng.randrange(len(lines)), rng.randrange(5)
     if kind == 0:
         gone = lines.pop(at)
         return "\n".join(lines), f"without {gone[:30]!r}"
@@ -126,8 +130,10 @@ def _line(rng: random.Random, text: str) -> tuple[str, str]:
     if kind == 2:
         lines.insert(rng.randrange(len(lines)), lines.pop(at))
         return "\n".join(lines), f"line {at} moved"
-    new = rng.choice(ODD_LINES)
-    lines.insert(at, new)
+    if kind == 3:
+        return "\n".join(lines[:1]), "the first line alone"
+    new = rng.choice(odd)
+    lines.insert(rng.choice([0, at]), new)
     return "\n".join(lines), f"{new[:30]!r} added"
 
 
