@@ -28,8 +28,23 @@ def only_one(path: Path) -> Iterator[None]:
     """
     target = Path(os.path.realpath(path))
     lock = target.with_name(temporary_prefix(target) + "lock")
+    handle: int | None = None
     try:
-        handle = _held(lock)
+        with held():  # what was made is known
+            handle = _locked(path, lock)
+        yield
+    finally:
+        if handle is not None:
+            with held():
+                if _names(lock, handle):
+                    lock.unlink(missing_ok=True)
+                os.close(handle)
+
+
+def _locked(path: Path, lock: Path) -> int:
+    """`_held`, with errors that speak of ``path``."""
+    try:
+        return _held(lock)
     except BlockingIOError:
         raise ModelFileError(f"{shown(path)}: another training is writing it; wait, or choose another name") from None
     except OSError as error:
@@ -38,13 +53,6 @@ def only_one(path: Path) -> Iterator[None]:
             f"{shown(path)}: cannot be locked ({shown(lock.name)} beside it: {error.strerror}); {remedy} or choose "
             "another place"
         ) from None
-    try:
-        yield
-    finally:
-        with held():
-            if _names(lock, handle):
-                lock.unlink(missing_ok=True)
-            os.close(handle)
 
 
 def _held(lock: Path) -> int:

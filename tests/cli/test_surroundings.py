@@ -56,6 +56,21 @@ from lava_vpr.__main__ import run
 run()
 """
 
+# The same, but the signal comes when the function argv[3] of the module argv[2] has done its work for the first time.
+AT_RETURN = """
+import importlib, os, sys
+number, module, name = int(sys.argv.pop(1)), importlib.import_module(sys.argv.pop(1)), sys.argv.pop(1)
+whole = getattr(module, name)
+def told(*words, **options):
+    setattr(module, name, whole)
+    result = whole(*words, **options)
+    os.kill(os.getpid(), number)
+    return result
+setattr(module, name, told)
+from lava_vpr.__main__ import run
+run()
+"""
+
 
 # The program argv[2:], told to stop by SIGHUP after argv[1] seconds, and again by all three signals, close together.
 TWICE = """
@@ -128,10 +143,15 @@ def test_the_working_directory_is_gone(here: Path) -> None:
 
 @pytest.mark.parametrize(
     ("number", "module"),
-    [(signal.SIGINT, "click"), (signal.SIGINT, "numba"), (signal.SIGTERM, "numba"), (signal.SIGHUP, "cv2")],
+    [
+        (signal.SIGINT, "click"),
+        (signal.SIGINT, "numba._devicearray"),
+        (signal.SIGTERM, "numba"),
+        (signal.SIGHUP, "cv2"),
+    ],
 )
 def test_told_to_stop_while_it_loads(here: Path, number: int, module: str) -> None:
-    """Nothing is begun: it ends at once."""
+    """Nothing is begun: it ends at once. Machine code looks for numba's array type, and makes any exception another."""
     program = [sys.executable, "-c", AT_IMPORT, str(int(number)), module]
     ended = surroundings.run(here, *QUERY, "q.csv", program=program)
     assert (ended.code, ended.err) == ((1, "\nAborted!\n") if number == signal.SIGINT else (-number, ""))
@@ -150,6 +170,24 @@ def test_told_to_stop_where_nothing_can_be_raised(here: Path) -> None:
     program = [sys.executable, "-c", AT_COMPILATION, str(int(signal.SIGINT))]
     ended = surroundings.run(here, *QUERY, "q.csv", program=program)
     assert (ended.code, ended.err, ended.left) == (1, "\nAborted!\n", [])
+
+
+MAKING = (
+    (signal.SIGTERM, "tempfile.mkdtemp", ("synth", "route", "--places", "2")),
+    (signal.SIGHUP, "tempfile.mkdtemp", (*QUERY, "q.csv", "--backend", "bundle")),
+    (signal.SIGTERM, "tempfile.mkdtemp", ("deploy", "m.lvpr", "--target", "loihi2", "-o", "bundle")),
+    (signal.SIGTERM, "fcntl.flock", ("train", "reference", "-o", "n.lvpr", "--config", "quick.toml")),
+)
+
+
+@pytest.mark.parametrize(("number", "function", "words"), MAKING, ids=[f"{n.name}-{w[0]}" for n, _, w in MAKING])
+def test_told_to_stop_when_something_was_made(
+    here: Path, number: signal.Signals, function: str, words: tuple[str, ...]
+) -> None:
+    """A temporary folder or a lock is there, and hardly known: it is removed."""
+    program = [sys.executable, "-c", AT_RETURN, str(int(number)), *function.split(".")]
+    ended = surroundings.run(here, *words, program=program)
+    assert (ended.code, ended.err, ended.left, ended.made) == (-number, "\nAborted!\n", [], [])
 
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
