@@ -1,11 +1,15 @@
-"""Compiled kernels: never stale, and kept somewhere even where nothing of ours can be written."""
+"""Compiled kernels: never stale, kept somewhere even where nothing of ours can be written, and no worse than none."""
 
 from __future__ import annotations
 
+import errno
 import os
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
+from numba.core import caching, config
 
 from lava_vpr import kernelcache
 
@@ -67,3 +71,39 @@ def test_the_users_choice_is_kept(package: Path, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setenv("NUMBA_CACHE_DIR", "/some/where")
     kernelcache.prepare()
     assert os.environ["NUMBA_CACHE_DIR"] == "/some/where"
+
+
+@pytest.fixture
+def kernel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
+    """A kernel in a file of its own, with its cache beside it."""
+    monkeypatch.setattr(kernelcache, "_noted", False)
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setattr(config, "CACHE_DIR", "")
+    file, known = tmp_path / "kernels.py", {}
+    file.write_text("def plus(a, b):\n    return a + b\n")
+    exec(compile(file.read_text(), file, "exec"), known)
+    return kernelcache.compiled()(known["plus"])
+
+
+def test_a_kernel_that_cannot_be_kept_runs_and_a_note_says_so_once(
+    kernel: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def full(*what: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(caching.IndexDataCacheFile, "save", full)
+    assert (kernel(1, 2), kernel(1.5, 2.0)) == (3, 3.5)
+    (note,) = caplog.messages
+    assert note.startswith(f"compiled kernels cannot be kept in {tmp_path}")
+    assert "(No space left on device)" in note
+
+
+def test_kept_kernels_that_are_damaged_are_compiled_anew(kernel: Callable[..., Any], tmp_path: Path) -> None:
+    assert kernel(1, 2) == 3
+    kept = sorted((tmp_path / "__pycache__").glob("kernels.plus*"))
+    assert {path.suffix for path in kept} == {".nbi", ".nbc"}
+    for path in kept:
+        path.write_bytes(path.read_bytes()[:-9])
+    again = kernelcache.compiled()(kernel.py_func)
+    assert again(1, 2) == 3
+    assert again.stats.cache_hits == {}
