@@ -118,6 +118,7 @@ FORGED: list[tuple[str, Forge, str]] = [
         )
     ),
     ("paper", key("stretches", value=[[0, 4, 0, 6], [4, 4, 6, 6]]), "which learns in one"),
+    ("loihi", key("stretches", value=[[0, 4, 0, 3], [4, 4, 3, 5]]), "with 3, which must be in 4..4"),
     # settings
     *(("loihi", key("config", value=v), "the settings must be a table") for v in (5, [1], None, "loihi")),
     *(("loihi", key("config", "preset", value=v), "preset") for v in (5, [], "x" * 10**6)),

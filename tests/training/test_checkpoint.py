@@ -78,7 +78,7 @@ FORGED: list[tuple[str, Forge, str]] = [
     ("loihi", changed("0.weights", lambda a: a[:1]), "weights of shape (1, 4)"),
     ("loihi", changed("0.weights", lambda a: a.T), "weights of shape (4, 1568)"),
     ("loihi", changed("0.theta", lambda a: a[0]), "theta of shape ()"),
-    ("integer", first("0.theta", -1), "theta with values"),
+    *(("integer", first("0.theta", v), f"theta with values from {v} to") for v in (-1, 0)),
     ("integer", changed("0.weights", lambda a: a.astype(np.float32)), "weights of type float32"),
     *(("paper", first("0.weights", v), "weights with values") for v in (np.nan, -1e-6, 500)),
     *(("paper", first("0.theta_mv", v), "theta_mv with values") for v in (np.nan, -1, 1e9)),

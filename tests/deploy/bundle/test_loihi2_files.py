@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -12,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.boards.loihi2_bundles import AGAIN, INTERVAL, network, queries
 
+from lava_vpr.config import LifNetwork
 from lava_vpr.deploy.bundle import loihi2
 from lava_vpr.deploy.bundle.folder import array_bytes, json_bytes
 from lava_vpr.encoding import draw_trains
@@ -92,6 +95,7 @@ def altered(change: Callable[[dict[str, Any]], object]) -> dict[str, bytes]:
         ),
         (altered(lambda p: p.update(more=1)), "network/parameters.json: 'more' contradicts the rest of the bundle"),
         (altered(lambda p: p.pop("relay")), "network/parameters.json: 'relay' contradicts the rest of the bundle"),
+        (altered(lambda p: p.pop("inputs")), "network/parameters.json: 'inputs' contradicts the rest of the bundle"),
         (altered(lambda p: p["network"].update(neurons=9)), "network/parameters.json: 'network' contradicts"),
         (altered(lambda p: p.pop("network")), "network/parameters.json: describes no network that Loihi 2 can run;"),
         (altered(lambda p: p["network"].update(steps=1.5)), "network/parameters.json: describes no network"),
@@ -119,7 +123,8 @@ def test_contradictory_files_are_refused(files: dict[str, bytes], said: str) -> 
 
 
 def test_what_loihi_cannot_hold_is_refused() -> None:
-    with pytest.raises(NetworkLimitError, match=r"^decay 4096 does not fit Loihi 2's 0\.\.4095; train with "):
+    with pytest.raises(NetworkLimitError, match=r"^decay 4096 does not fit Loihi 2's 0\.\.4095; train with ") as caught:
         loihi2.network_files(network(decay=4096))
+    assert set(re.findall(r"network\.(\w+)", str(caught.value))) <= {field.name for field in fields(LifNetwork)}
     with pytest.raises(NetworkLimitError, match=r"^rates are \(5, 3\), but the bundle's network has 24 inputs"):
         loihi2.simulate(network(), queries(3)[0], queries(3)[1])
