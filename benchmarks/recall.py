@@ -131,11 +131,12 @@ def print_bits(config: Config, seeds: Sequence[int]) -> None:
 
 
 def print_learning(config: Config, seeds: Sequence[int]) -> None:
-    """Print recall of float learning beside learning in integers, and every width of the weights after the latter."""
+    """Print recall of learning in float, of none and of learning in integers, and of this every width of weights."""
     table = _table(f"arithmetic of learning, five sections, seeds {', '.join(map(str, seeds))}")
     integer = {"arithmetic": "integer"}
     variants: dict[str, dict[str, Any]] = {
         "float": {},
+        "none: the references' rates as weights": {"learning": {"rule": "template", "epochs": 1}},
         "integer: 8-bit weights, 7-bit traces": {"learning": integer},
         "the same, thresholds rise between presentations": {"learning": integer | {"theta_update": "presentation"}},
     }

@@ -88,6 +88,8 @@ class StdpLearning:
     averages the noise of single presentations out of what each neuron has made its own.
 
     Attributes:
+        rule: ``stdp``; or ``template``, which learns nothing: the rates of a place's references are its neuron's
+            weights, what learning is held against.
         arithmetic: ``float``, or ``integer``: Loihi's own (`engine.learning.integer`). Either result is quantised.
         theta_update: Thresholds rise with each ``spike``, or all after a ``presentation``.
         epochs: Times that every reference image is shown.
@@ -105,7 +107,7 @@ class StdpLearning:
         start_weight: Start weights are ``start_weight * (U[0, 1) + 0.01)``.
     """
 
-    rule: Literal["stdp"] = "stdp"
+    rule: Literal["stdp", "template"] = "stdp"
     arithmetic: Literal["float", "integer"] = "float"
     theta_update: Literal["spike", "presentation"] = "spike"
     epochs: int = 8
@@ -130,7 +132,7 @@ class StdpLearning:
     start_weight: float = 0.3
 
     def __post_init__(self) -> None:
-        need(self.rule == "stdp", "learning.rule", self.rule, "stdp with the lif network")
+        need(self.rule in ("stdp", "template"), "learning.rule", self.rule, "stdp or template with the lif network")
         need(self.arithmetic in ("float", "integer"), "learning.arithmetic", self.arithmetic, "float or integer")
         updates = ("spike", "presentation")
         need(self.theta_update in updates, "learning.theta_update", self.theta_update, "spike or presentation")
@@ -161,8 +163,8 @@ class StdpLearning:
 
     @property
     def competing(self) -> int:
-        """Epochs of the first phase."""
-        return min(self.competition_epochs, max(1, self.epochs // 2))
+        """Epochs of the first phase; templates have none."""
+        return 0 if self.rule == "template" else min(self.competition_epochs, max(1, self.epochs // 2))
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ from lava_vpr.engine.learning.lava_order import (
     start_state,
 )
 from lava_vpr.engine.random import presentation_key
-from lava_vpr.errors import BundleError, NetworkLimitError, brief
+from lava_vpr.errors import BundleError, ConfigError, NetworkLimitError, brief
 from lava_vpr.gate import integer_config
 from lava_vpr.loihi import INPUT_LIMIT, THRESHOLD_LIMIT, TRACE_LIMIT, WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
 from lava_vpr.model import Model, Stretch
@@ -98,6 +98,8 @@ def stretch_learning(model: Model, stretch: Stretch, number: int) -> ChipLearnin
     """The learning network of one stretch of ``model``, as training shows it the references."""
     config = integer_config(model.config, PURPOSE)
     learning = config.learning
+    if learning.rule != "stdp":
+        raise ConfigError(f"{PURPOSE} needs weights that were learned, not templates; train with --learning integer")
     size = (config.encoder.inputs, stretch.neurons)
     drive = (config.encoder.train_spikes, config.network.drive)
     traverses = len(model.labels) // model.places

@@ -63,9 +63,10 @@ from lava_vpr.traverse import open_traverses
 @click.option("--weight-bits", type=click.IntRange(1, 8), default=None, help="Bits of one weight.")
 @click.option(
     "--learning",
-    type=click.Choice(["float", "integer"]),
+    type=click.Choice(["float", "integer", "template"]),
     default=None,
-    help="Arithmetic of learning (default: float); integer: Loihi's 8-bit weights and 7-bit traces.",
+    help="How weights are learned (default: float); integer: in Loihi's 8-bit weights and 7-bit traces; template: not "
+    "at all, the references' own rates are the weights, to hold learning against.",
 )
 @click.option("--jobs", type=click.IntRange(1, 1024), default=None, help="Threads (default: all processors).")
 @click.option("--seed", type=seed_type, default=None, help="Seed of start weights and spikes.  [default: 0]")
@@ -132,12 +133,20 @@ def settings(preset_name: str | None, config_file: Path | None, options: dict[st
         ("epochs", "learning", "epochs"),
         ("neurons", "network", "neurons"),
         ("weight_bits", "network", "weight_bits"),
-        ("learning", "learning", "arithmetic"),
     ):
         if options.get(name) is not None:
             changes.setdefault(section, {})[key] = options[name]
+    if options.get("learning") is not None:
+        changes["learning"] = _learning(options["learning"], config) | changes.get("learning", {})
     changes.update({name: options[name] for name in ("seed", "stretch") if options.get(name) is not None})
     return update(config, changes)
+
+
+def _learning(word: str, config: Config) -> dict[str, Any]:
+    """The settings of ``learning`` that the ``word`` after ``--learning`` changes in ``config``."""
+    if word == "template":
+        return {"rule": "template", "epochs": 1}
+    return {"arithmetic": word} | ({"rule": "stdp"} if config.learning.rule == "template" else {})
 
 
 def _with_progress(

@@ -94,7 +94,14 @@ def check_network(places: int, config: Config) -> tuple[Stretch, ...]:
             f"{neurons:,} neurons are more than the {most:,} that one inhibition of {inhibition:g} can serve without "
             f"overflow; lower network.{'joined_inhibition' if joined else 'inhibition'}, or learn fewer places"
         )
-    if learning.arithmetic == "integer":
+    if learning.rule == "template":
+        uneven = next((part for part in stretches if part.neurons != part.places), None)
+        if uneven is not None:
+            raise ConfigError(
+                f"learning.rule template takes one neuron for each place, but {uneven.places} places have "
+                f"{uneven.neurons} neurons; set network.neurons to 0 and network.neurons_per_place to 1"
+            )
+    elif learning.arithmetic == "integer":
         inputs, spikes = config.encoder.inputs, config.encoder.train_spikes
         integer.phases(learning, inputs, max(stretch.neurons for stretch in stretches), spikes, network.drive)
     return stretches

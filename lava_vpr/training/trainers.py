@@ -108,6 +108,26 @@ class IntegerLifTrainer:
         return {"weights": (0, WEIGHT_LIMIT), "theta": (1, THRESHOLD_LIMIT - 1)}
 
 
+class TemplateTrainer:
+    """What learning is held against: the neuron of a place has the rates of the place's references as its weights."""
+
+    def __init__(self, config: Config, stretch: Stretch, number: int) -> None:
+        self._weights = np.zeros((config.encoder.inputs, stretch.neurons), np.float32)
+
+    def begin_epoch(self, epoch: int) -> None:
+        pass
+
+    def present(self, rates: NDArray[Any], key: int, place: int, epoch: int) -> NDArray[np.int32]:
+        self._weights[:, place] += rates.astype(np.float32) / 65536
+        return np.zeros(self._weights.shape[1], np.int32)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        return {"weights": self._weights}
+
+    def reach(self, epochs: int, traverses: int) -> dict[str, tuple[float, float]]:
+        return {"weights": (0, epochs * traverses)}
+
+
 class ConductanceTrainer:
     """The ``paper`` preset's network; S^R is counted during the last epochs, while it still learns."""
 
@@ -151,5 +171,7 @@ def trainer_of(config: Config, stretch: Stretch, number: int) -> StretchTrainer:
     chosen = as_integer_config(config)
     if chosen is None:
         return ConductanceTrainer(config, stretch, number)
+    if chosen.learning.rule == "template":
+        return TemplateTrainer(config, stretch, number)
     kind = IntegerLifTrainer if chosen.learning.arithmetic == "integer" else LifTrainer
     return kind(config, stretch, number)

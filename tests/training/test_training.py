@@ -48,6 +48,7 @@ def cases() -> list[tuple[str, Config, list[EncodedTraverse]]]:
         ("one traverse", small_config(), [encoded()]),
         ("two traverses", small_config(), two),
         ("integers", small_config(learning={"arithmetic": "integer"}), [encoded()]),
+        ("templates", small_config(learning={"rule": "template"}), two),
         ("paper", tiny_paper(), [encoded(inputs=784)]),
     ]
 

@@ -44,7 +44,7 @@ LIF: dict[str, Range | tuple[str, ...]] = {
     "input_mode": ("injected", "bias"),
 }
 STDP: dict[str, Range | tuple[str, ...]] = {
-    "rule": ("stdp",),
+    "rule": ("stdp", "template"),
     "arithmetic": ("float", "integer"),
     "theta_update": ("spike", "presentation"),
     "epochs": ("i", 1, 10_000),
