@@ -92,6 +92,20 @@ def begun() -> bool:
     return _now.working
 
 
+@contextmanager
+def minded() -> Iterator[None]:
+    """Let what a signal was turned into be that signal again.
+
+    A class that is being made, and the import of a compiled module, raise an exception of their own in place of ours.
+    """
+    try:
+        yield
+    except Exception:
+        if _now.stopped:
+            raise StoppedError from None
+        raise
+
+
 def finish() -> None:
     """Work is over: a signal that stopped it, other than Ctrl-C, ends the process now; a new one does so at once."""
     for number in SIGNALS:

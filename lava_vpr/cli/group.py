@@ -52,7 +52,7 @@ class OneLineGroup(click.Group):
         notes, logger = _Notes(), logging.getLogger("lava_vpr")
         logger.addHandler(notes)
         try:
-            with _told_in_one_line():
+            with _told_in_one_line(), interrupts.minded():
                 return super().invoke(ctx)
         finally:
             logger.removeHandler(notes)
