@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import io
 import os
 import sys
@@ -43,10 +44,16 @@ class Output(io.TextIOWrapper):
 
 
 def run() -> None:
-    """Run the command that the arguments name, and exit."""
+    """Run the command that the arguments name, and exit.
+
+    Once all that stands in a ``finally`` or in `atexit` is done, the process ends without taking the interpreter apart:
+    that takes half as long as a short command, and a signal in it would call work failed that is done.
+    """
     interrupts.install()
     mend_streams()
     code: object = 1
+    whole: list[int] = []  # the exit code, when nothing more is to be told
+    atexit.register(_end, whole)  # the first to be registered is the last to be called
     try:
         from lava_vpr.cli import main
 
@@ -63,7 +70,19 @@ def run() -> None:
         interrupts.finish()
     if isinstance(code, int) and not interrupts.begun():
         os._exit(code)  # a library that was loaded by half, for want of memory, may wait for ever in its own ending
+    if isinstance(code, int):
+        whole.append(code)
     sys.exit(code)  # type: ignore[arg-type]
+
+
+def _end(whole: list[int]) -> None:
+    """End the process with the exit code in ``whole``, if there is one."""
+    with suppress(OSError, ValueError):
+        sys.stdout.flush()
+    with suppress(OSError, ValueError):
+        sys.stderr.flush()
+    if whole:
+        os._exit(whole[0])
 
 
 def mend_streams() -> None:

@@ -83,6 +83,34 @@ for number in (signal.SIGHUP, signal.SIGHUP, signal.SIGTERM, signal.SIGINT, sign
 sys.exit(child.wait() not in (0, 1, -signal.SIGHUP, -signal.SIGTERM))
 """
 
+# The command line, but a signal comes while a class is made, in the midst of the work.
+IN_A_CLASS = """
+import os, sys
+number = int(sys.argv.pop(1))
+class Named:
+    def __set_name__(self, *owner):
+        os.kill(os.getpid(), number)
+class Finder:
+    def find_spec(self, wanted, *rest):
+        if wanted == "lava_vpr.report.html":
+            sys.meta_path.remove(self)
+            type("Owner", (), {"name": Named()})
+sys.meta_path.insert(0, Finder())
+from lava_vpr.__main__ import run
+run()
+"""
+
+# The command line, but a signal comes while the interpreter is taken apart.
+AT_THE_END = """
+import os, sys
+class Last:
+    def __del__(self, kill=os.kill, process=os.getpid(), number=int(sys.argv.pop(1))):
+        kill(process, number)
+last = Last()
+from lava_vpr.__main__ import run
+run()
+"""
+
 START = 0.3  # seconds; Python itself shows tracebacks while it starts
 
 
@@ -191,6 +219,25 @@ def test_told_to_stop_when_something_was_made(
 
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+def test_told_to_stop_where_another_exception_is_raised_instead(here: Path, number: int) -> None:
+    """Python says of a class that could not be made why, as a RuntimeError; the signal was why."""
+    program = [sys.executable, "-c", IN_A_CLASS, str(int(number))]
+    ended = surroundings.run(here, "eval", "m.lvpr", "query", "--report", "r", program=program)
+    assert (ended.code, ended.err) == (1 if number == signal.SIGINT else -number, "\nAborted!\n")
+    assert not ended.made
+    assert not ended.left
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+def test_told_to_stop_when_all_is_done(here: Path, number: int) -> None:
+    """What is done is called done: the process ends before it takes anything apart."""
+    program = [sys.executable, "-c", AT_THE_END, str(int(number))]
+    done(surroundings.run(here, *QUERY, "q.csv", program=program), "q.csv")
+
+
 STOPPED = (
     (*QUERY, "q.csv"),
     ("eval", "m.lvpr", "query", "--report", "r"),
@@ -202,18 +249,30 @@ STOPPED = (
 )
 
 
+def taken_away(folder: Path, names: list[str]) -> dict[str, set[str]]:
+    """Removes the entries ``names`` of ``folder``; returns for each the names of the files that it is or holds."""
+    found = {}
+    for name in names:
+        entry = folder / name
+        within = [file for file in entry.rglob("*") if file.is_file()]
+        found[name] = {str(file.relative_to(folder)) for file in within} or {name}
+        shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
+    return found
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("words", STOPPED, ids=[words[0] for words in STOPPED])
 def test_told_to_stop_whenever(here: Path, words: tuple[str, ...]) -> None:
-    """Each signal, early and late: no traceback, nothing left, and the exit code says what it was."""
+    """Each signal, early and late: no traceback, nothing left, and the exit code says what it was.
+
+    An output that stands there already, when only figures were still to be printed, is all there.
+    """
     began = time.monotonic()
     whole = surroundings.run(here, *words)
     seconds = time.monotonic() - began
     assert whole.code == 0, whole.err
     assert not whole.left
-    for name in whole.made:
-        entry = here / name
-        shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
+    files = taken_away(here, whole.made)
     counts: Counter[tuple[str, int]] = Counter()
     for k in range(24):
         number = SIGNALS[k % 3]
@@ -224,11 +283,10 @@ def test_told_to_stop_whenever(here: Path, words: tuple[str, ...]) -> None:
         assert "ignored" not in ended.err, ended.err
         assert not ended.left
         if ended.code:
-            assert set(ended.made) <= {"n.lvpr.checkpoint"}, ended
+            assert set(ended.made) <= {*whole.made, "n.lvpr.checkpoint"}, ended
             assert len(ended.lines) <= 1 + len(ended.made), ended.err  # where the progress is kept
-        for name in ended.made:
-            entry = here / name
-            shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
+        for name, found in taken_away(here, ended.made).items():
+            assert found == files.get(name, {name}), ended
     print(words[0], f"{seconds:.1f} s", *(f"{name} {code}: {n}" for (name, code), n in sorted(counts.items())))
     assert len(counts) > 3 or set(code for _, code in counts) != {0}
 
