@@ -55,14 +55,16 @@ def run() -> None:
     whole: list[int] = []  # the exit code, when nothing more is to be told
     atexit.register(_end, whole)  # the first to be registered is the last to be called
     try:
-        from lava_vpr.cli import main
+        try:
+            from lava_vpr.cli import main
 
-        main(prog_name="lava-vpr")
-    except SystemExit as ending:
-        code = ending.code
-    except KeyboardInterrupt:  # a second one, while the first was being told
+            main(prog_name="lava-vpr")
+        except SystemExit as ending:
+            code = ending.code
+    except KeyboardInterrupt:  # a second one, while the first was being told; or when all was done
         pass
     finally:
+        interrupts.over()
         try:
             sys.stdout.flush()
         except (OSError, ValueError):  # it was told; Python would tell it again

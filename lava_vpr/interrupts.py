@@ -30,7 +30,8 @@ class _State:
 
     def __init__(self) -> None:
         self.depth = 0  # blocks of `held` that we are in
-        self.working = True  # False: nothing has been begun that would have to be ended in good order
+        self.begun = True  # False: most of what a command needs is still to be loaded
+        self.working = True  # False: there is nothing that would have to be ended in good order
         self.waiting: list[int] = []  # signals that are held back
         self.stopped: list[int] = []  # signals that stopped the program
 
@@ -39,7 +40,7 @@ _now = _State()
 
 
 def _stop(number: int, frame: FrameType | None) -> None:
-    """Unwind the program; or end it at once if it has not begun anything; or take note if it is not to be disturbed."""
+    """Unwind the program; or end it at once if it is doing nothing; or take note if it is not to be disturbed."""
     if _now.depth:
         _now.waiting.append(number)
     elif _now.working:
@@ -65,7 +66,7 @@ def install() -> None:
     Until `begin` a signal ends the program at once: an exception out of the import of a compiled module can turn into
     any other.
     """
-    _now.working = False
+    _now.begun = _now.working = False
     for number in SIGNALS:
         if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):
             signal.signal(number, _stop)
@@ -84,12 +85,17 @@ def _unraisable(what: sys.UnraisableHookArgs) -> None:
 
 def begin() -> None:
     """From now on a signal raises `StoppedError`."""
-    _now.working = True
+    _now.begun = _now.working = True
 
 
 def begun() -> bool:
     """Whether `begin` was called, or `install` was not."""
-    return _now.working
+    return _now.begun
+
+
+def over() -> None:
+    """Work is over: from now on a signal ends the program at once."""
+    _now.working = False
 
 
 @contextmanager
@@ -107,10 +113,7 @@ def minded() -> Iterator[None]:
 
 
 def finish() -> None:
-    """Work is over: a signal that stopped it, other than Ctrl-C, ends the process now; a new one does so at once."""
-    for number in SIGNALS:
-        if signal.getsignal(number) is _stop:
-            signal.signal(number, signal.SIG_DFL)
+    """End the process by the signal that stopped its work, if one did, and it was not Ctrl-C."""
     for fatal in _now.stopped:
         if fatal != signal.SIGINT:
             _die_of(fatal)

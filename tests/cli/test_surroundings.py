@@ -100,6 +100,19 @@ from lava_vpr.__main__ import run
 run()
 """
 
+# The command line, but a signal comes when its work is over, and it minds those that came before.
+AT_FINISH = """
+import os, sys
+from lava_vpr import interrupts
+number, finish = int(sys.argv.pop(1)), interrupts.finish
+def late():
+    os.kill(os.getpid(), number)
+    finish()
+interrupts.finish = late
+from lava_vpr.__main__ import run
+run()
+"""
+
 # The command line, but a signal comes while the interpreter is taken apart.
 AT_THE_END = """
 import os, sys
@@ -228,6 +241,15 @@ def test_told_to_stop_where_another_exception_is_raised_instead(here: Path, numb
     ended = surroundings.run(here, "eval", "m.lvpr", "query", "--report", "r", program=program)
     assert (ended.code, ended.err) == (1 if number == signal.SIGINT else -number, "\nAborted!\n")
     assert not ended.made
+    assert not ended.left
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+def test_told_to_stop_when_its_work_is_over(here: Path, number: int) -> None:
+    program = [sys.executable, "-c", AT_FINISH, str(int(number))]
+    ended = surroundings.run(here, *QUERY, "q.csv", program=program)
+    assert (ended.code, ended.err) == ((1, "\nAborted!\n") if number == signal.SIGINT else (-number, ""))
+    assert ended.made == ["q.csv"]
     assert not ended.left
 
 
