@@ -124,8 +124,6 @@ from lava_vpr.__main__ import run
 run()
 """
 
-START = 0.3  # seconds; Python itself shows tracebacks while it starts
-
 
 def one_line(ended: Ended, *words: str) -> None:
     """It failed with one line on stderr that holds all of ``words``."""
@@ -298,7 +296,7 @@ def test_told_to_stop_whenever(here: Path, words: tuple[str, ...]) -> None:
     counts: Counter[tuple[str, int]] = Counter()
     for k in range(24):
         number = SIGNALS[k % 3]
-        ended = surroundings.run(here, *words, stop=(number, START + (seconds - START) * k / 24))
+        ended = surroundings.run(here, *words, stop=(number, seconds * k / 24))
         counts[signal.Signals(number).name, ended.code] += 1
         assert ended.code in (0, 1 if number == signal.SIGINT else -number), ended
         assert "Traceback" not in ended.err, ended.err

@@ -62,6 +62,16 @@ def no_stranger() -> str:
     return "" if alive.returncode == 0 else "another user's rights cannot be set here"
 
 
+def _wait_until_it_minds(child: subprocess.Popen[bytes]) -> None:
+    """Wait until the program catches SIGHUP, which Python does not, or has ended."""
+    status = Path(f"/proc/{child.pid}/status")
+    while child.poll() is None:
+        caught = next(line for line in status.read_text().splitlines() if line.startswith("SigCgt:"))
+        if int(caught.split()[1], 16) >> (signal.SIGHUP - 1) & 1:
+            return
+        time.sleep(0.002)
+
+
 def run(
     folder: Path,
     *words: object,
@@ -87,7 +97,8 @@ def run(
         out: What stdout is connected to.
         limits: Limits of the process by their numbers in `resource`.
         prefix: Makes other words of the program's, as `stranger`.
-        stop: A signal, and the seconds after which it is sent.
+        stop: A signal, and the seconds after which it is sent, once the program minds signals: Python itself shows
+            tracebacks while it starts.
         ignored: Signals that are ignored when the program starts.
     """
     temporary = folder.parent / f"{folder.name}.tmp"
@@ -119,6 +130,7 @@ def run(
         with child:
             try:
                 if stop is not None:
+                    _wait_until_it_minds(child)
                     time.sleep(stop[1])
                     runs = os.listdir(temporary)
                     child.send_signal(stop[0])
