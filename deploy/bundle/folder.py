@@ -265,7 +265,7 @@ def _manifest(path: Path) -> tuple[dict[str, Any], dict[str, Facts]]:
             "`lava-vpr deploy`"
         ) from None
     except OSError as error:
-        raise BundleError(f"{file}: cannot be read ({error.strerror}); check its permissions") from None
+        raise BundleError(f"{file}: cannot be read ({error.strerror}); check it and its permissions") from None
     except ValueError as error:
         raise BundleError(f"{file}: is no JSON ({error}); {AGAIN}") from None
     if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
@@ -312,7 +312,7 @@ def load(path: Path) -> Bundle:
         except FileNotFoundError:
             raise BundleError(f"{at}: is missing from the bundle; {AGAIN}") from None
         except OSError as error:
-            raise BundleError(f"{at}: cannot be read ({error.strerror}); check its permissions") from None
+            raise BundleError(f"{at}: cannot be read ({error.strerror}); check it and its permissions") from None
         if length != facts.length or len(data) != length:
             raise BundleError(f"{at}: has {length:,} bytes instead of {facts.length:,}; {AGAIN}")
         if hashlib.sha256(data).hexdigest() != facts.digest:
