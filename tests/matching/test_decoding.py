@@ -382,3 +382,16 @@ def test_released_decoders_on_the_released_responses(
     assert figures["weighted"] == (1.0, 1.0)
     assert sums["standard"] == pytest.approx(standard_sum, abs=5e-7)
     assert sums["weighted"] == pytest.approx(weighted_sums[variant == "vprsnn"], abs=5e-7)
+
+
+@pytest.mark.parametrize("most", [1 << 22, 1 << 24, 1 << 30])
+def test_the_penalty_is_exact_whatever_the_counts(most: int) -> None:
+    """Sums of counts beyond what a float of 32 bits holds are those of whole numbers, too."""
+    rng = np.random.default_rng(most)
+    responses = rng.integers(0, most, (6, 4)).astype(np.int32)
+    spikes = rng.integers(0, 3, (5, 6)).astype(np.int32)
+    with_penalty, without = (equations.weighted(responses, penalty=on)(spikes) for on in (True, False))
+    for query, (penalised, plain) in enumerate(zip(with_penalty, without, strict=True)):
+        for place in range(4):
+            heard = sum(int(responses[i, place]) for i in range(6) if spikes[query, i])
+            assert penalised[place] == plain[place] * (heard / int(responses[:, place].sum(dtype=np.int64)))
