@@ -241,11 +241,11 @@ def _penalties(responses: Counts, learned: NDArray[np.bool_]) -> ScoresOf:
     """The factor of equation (8), shape (n_queries, n_places); 0 for a place that no neuron learned."""
     totals = np.where(learned, responses, 0).sum(axis=0, dtype=np.int64)
     # Whole numbers add up exactly below 2^24 in the half as long type, in any order.
-    kind = np.float32 if totals.max() < 1 << 24 else np.float64
-    known = np.where(learned, responses, 0).astype(kind)
+    kind: type[np.floating[Any]] = np.float32 if totals.max() < 1 << 24 else np.float64
+    known: NDArray[np.floating[Any]] = np.where(learned, responses, 0).astype(kind)
 
     def penalties_of(spikes: Counts) -> Scores:
-        heard = (spikes > 0).astype(kind) @ known
+        heard: NDArray[Any] = (spikes > 0).astype(kind) @ known
         return np.divide(heard, totals, out=np.zeros(heard.shape), where=totals > 0)
 
     return penalties_of

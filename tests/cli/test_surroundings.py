@@ -328,7 +328,6 @@ CROWDED = {
     "no size": ({resource.RLIMIT_FSIZE: 0}, {}, 1),
     "memory for cv2": ({resource.RLIMIT_AS: 100 << 20}, {}, 1),
     "memory for numba": ({resource.RLIMIT_AS: 300 << 20}, {}, 1),
-    "memory for threads": ({resource.RLIMIT_AS: 600 << 20}, {}, 1),
     "home": ({}, {"HOME": "/dev/null/home", "TMPDIR": "/dev/null", "NUMBA_CACHE_DIR": "/proc/cache"}, 0),
     "terminal": ({}, {"COLUMNS": "garbage", "LINES": "-5", "TERM": "no-such", "LC_ALL": "xx_YY"}, 0),
     "narrow": ({}, {"COLUMNS": "1"}, 0),
