@@ -198,7 +198,7 @@ REFUSED = [
     (in_the_way, "query m.lvpr query -o loop", "loop: cannot be written (Too many levels of symbolic links); name"),
     (lock_is_a_folder, f"{TRAIN} -o n.lvpr", "(.n.lvpr.lock beside it: Is a directory); remove that or choose"),
     (own_model, "demo --out d", "d: holds something else (model.lvpr); choose a new or an empty folder"),
-    (nothing, f"query m.lvpr query -o {LONG}{LONG}", f"{LONG}: cannot be written (File name too long); name another"),
+    (nothing, f"query m.lvpr query -o {LONG}{LONG}", f"{LONG[:200]}: cannot be written (File name too long); name"),
     (nothing, f"{TRAIN} -o {LONG}", f"{LONG}.checkpoint: cannot be written (File name too long); name another"),
     (lock_is_a_link, f"{TRAIN} -o n.lvpr", "n.lvpr: cannot be locked (.n.lvpr.lock beside it: a symbolic link, not a"),
     (lock_dangles, f"{TRAIN} -o n.lvpr", "n.lvpr: cannot be locked (.n.lvpr.lock beside it: a symbolic link, not a"),
