@@ -11,6 +11,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -101,8 +102,8 @@ def run(
             tracebacks while it starts.
         ignored: Signals that are ignored when the program starts.
     """
-    temporary = folder.parent / f"{folder.name}.tmp"
-    temporary.mkdir(exist_ok=True)
+    # In a folder of a short name: the sockets that Lava makes there take no long paths.
+    temporary = Path(tempfile.mkdtemp(prefix="t", dir=folder.parent))
     temporary.chmod(0o777)
     command = [*program, *(str(word) for word in words)]
     environment = {key: value for key, value in os.environ.items() if key not in without}
