@@ -7,7 +7,6 @@ no link and no later change of the bundle, reaches the interpreter.
 
 from __future__ import annotations
 
-import contextlib
 import os
 import stat
 import subprocess
@@ -24,7 +23,7 @@ from lava_vpr.deploy.bundle.folder import MANIFEST, Bundle, json_bytes, sealed
 from lava_vpr.deploy.bundle.programs import FOLDER, program_files
 from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.errors import BackendUnavailableError
-from lava_vpr.isolated.child import started
+from lava_vpr.isolated.child import started, waited
 from lava_vpr.storage.reading import parse_json, read_bytes
 from lava_vpr.storage.text import harmless
 
@@ -153,9 +152,7 @@ def _follow(
     """Wait for the program's end and tell its progress; return whether there was none for too long."""
     known, since = 0, time.monotonic()
     while True:
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            child.wait(LOOK)
-        over = child.returncode is not None  # before the file is looked at: nothing is missed
+        over = waited(child, LOOK) is not None  # before the file is looked at: nothing is missed
         count = _status(out).get("done")
         if type(count) is int and known < count <= n:
             if advance is not None:

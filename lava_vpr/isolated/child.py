@@ -6,11 +6,14 @@ import contextlib
 import os
 import signal
 import subprocess
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from lava_vpr.interrupts import held
+
+LOOK = 0.05  # seconds between two looks at a program
 
 
 class Ended(NamedTuple):
@@ -52,7 +55,7 @@ def run_child(
     """
     pipe = subprocess.PIPE
     with started(words, cwd=folder, env=environment, stdout=pipe, stderr=pipe, text=True, errors="replace") as child:
-        out, err = child.communicate(timeout=seconds)
+        out, err = _said(child, seconds)
     return Ended(child.returncode, out, err)
 
 
@@ -78,6 +81,33 @@ def started(words: Sequence[str | Path], grace: float = 0.0, **options: Any) -> 
         if child is not None:
             with child:
                 end(child, grace)
+
+
+def waited(child: subprocess.Popen[Any], seconds: float) -> int | None:
+    """The exit code of ``child`` if it ends within so many ``seconds``, a fraction of one; None if it does not.
+
+    Signals are held back meanwhile. One that stops `subprocess` between taking its lock and minding it leaves the lock
+    taken, and whoever ends the child then waits for ever.
+    """
+    with held(), contextlib.suppress(subprocess.TimeoutExpired):
+        child.wait(seconds)
+    return child.returncode
+
+
+def _said(child: subprocess.Popen[Any], seconds: float) -> tuple[Any, Any]:
+    """What ``child`` writes to its streams until its end.
+
+    Raises:
+        subprocess.TimeoutExpired: it takes longer than so many ``seconds``.
+    """
+    over = time.monotonic() + seconds
+    while True:
+        try:
+            with held():  # as in `waited`
+                return child.communicate(timeout=LOOK)
+        except subprocess.TimeoutExpired:
+            if time.monotonic() > over:
+                raise
 
 
 def end(child: subprocess.Popen[bytes] | subprocess.Popen[str], grace: float = 0.0) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import re
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 from lava_vpr.errors import LavaRunError
 from lava_vpr.interrupts import held
 from lava_vpr.isolated import first_failure, job_folder, lifetime
+from lava_vpr.isolated.child import waited
 from lava_vpr.isolated.worker import STACKS
 from lava_vpr.storage.temporary import temporary_folder
 
@@ -134,9 +134,7 @@ def _wait(
         LavaVprError: there will be none.
     """
     while True:
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            worker.wait(LOOK)
-        code = worker.poll()  # before the files are looked at: none is missed
+        code = waited(worker, LOOK)  # before the files are looked at: none is missed
         done = reader.new()
         if done and progress is not None:
             progress(done)

@@ -274,7 +274,8 @@ def check(found: measure.Measured, queries: int, singles: int) -> None:
     assert found.milliseconds == tuple(sorted(found.milliseconds))
     assert all(x > 0 for x in found.milliseconds)
     assert found.queries_per_second is not None
-    assert found.queries_per_second > 0.2 * 1e3 / np.median(found.milliseconds)
+    # Both are measured one after the other, and the machine may be busy meanwhile: units are checked, not speeds.
+    assert 1e-2 < found.queries_per_second * np.median(found.milliseconds) * 1e-3 < 1e2
     assert found.peak_bytes is not None
     assert 2e7 < found.peak_bytes < 1e9
     assert bool(found.no_energy) != (found.joules_per_query is not None)

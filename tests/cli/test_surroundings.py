@@ -72,6 +72,21 @@ run()
 """
 
 
+# The signal comes while subprocess has the lock of a program that it waits for, and has not yet minded that it has.
+IN_THE_LOCK = """
+import os, subprocess, sys
+number, wait = int(sys.argv.pop(1)), subprocess.Popen._wait
+def told(child, timeout):
+    subprocess.Popen._wait = wait
+    child._waitpid_lock.acquire()
+    os.kill(os.getpid(), number)
+    child._waitpid_lock.release()
+    return wait(child, timeout)
+subprocess.Popen._wait = told
+from lava_vpr.__main__ import run
+run()
+"""
+
 # The program argv[2:], told to stop by SIGHUP after argv[1] seconds, and again by all three signals, close together.
 TWICE = """
 import signal, subprocess, sys, time
@@ -227,6 +242,13 @@ def test_told_to_stop_when_something_was_made(
     program = [sys.executable, "-c", AT_RETURN, str(int(number)), *function.split(".")]
     ended = surroundings.run(here, *words, program=program)
     assert (ended.code, ended.err, ended.left, ended.made) == (-number, "\nAborted!\n", [], [])
+
+
+def test_told_to_stop_while_it_waits_for_another_program(here: Path) -> None:
+    """An exception at the wrong moment would leave the lock taken for ever, and whoever ends that program waiting."""
+    program = [sys.executable, "-c", IN_THE_LOCK, str(int(signal.SIGTERM))]
+    ended = surroundings.run(here, "bench", "m.lvpr", "query", "--backend", "host", "--limit", "2", program=program)
+    assert (ended.code, ended.err, ended.left, ended.made) == (-signal.SIGTERM, "\nAborted!\n", [], [])
 
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
