@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import errno
+import importlib.util
 import os
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -79,10 +81,15 @@ def kernel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any
     monkeypatch.setattr(kernelcache, "_noted", False)
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setattr(config, "CACHE_DIR", "")
-    file, known = tmp_path / "kernels.py", {}
+    file = tmp_path / "kernels.py"
     file.write_text("def plus(a, b):\n    return a + b\n")
-    exec(compile(file.read_text(), file, "exec"), known)
-    return kernelcache.compiled()(known["plus"])
+    spec = importlib.util.spec_from_file_location("kernels", file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    monkeypatch.setitem(sys.modules, "kernels", module)  # what is kept of a function names its module
+    spec.loader.exec_module(module)
+    return kernelcache.compiled()(module.plus)
 
 
 def test_a_kernel_that_cannot_be_kept_runs_and_a_note_says_so_once(
