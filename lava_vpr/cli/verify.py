@@ -25,7 +25,7 @@ from lava_vpr.cli.common import (
 )
 from lava_vpr.cli.outputs import Outputs, write_json
 from lava_vpr.engine.threads import cores
-from lava_vpr.errors import InputError
+from lava_vpr.errors import BackendUnavailableError, InputError
 from lava_vpr.truth.alignment import aligned_truth
 from lava_vpr.verification import Verdict
 from lava_vpr.verification import verify as verify_spikes
@@ -60,7 +60,8 @@ def verify(
 ) -> None:
     """Run the first images of QUERY through MODEL on every backend and compare every spike with the host's.
 
-    Exits with 1 if a single spike differs. A float backend has spikes of its own; its recall is printed.
+    Exits with 1 if a single spike differs, or a backend that was named cannot run. A float backend has spikes of its
+    own; its recall is printed.
     """
     outputs = Outputs((json_path,), model=model_path, images=(query,))
     model = open_model(model_path)
@@ -82,9 +83,9 @@ def verify(
     if json_path is not None:
         write_json(json_path, {"backends": {verdict.name: verdict.as_json() for verdict in verdicts}})
     print_whole(_table(verdicts))
-    for verdict in verdicts:
-        if verdict.reason is not None:
-            console.print(f"{verdict.name}: {verdict.reason}")
+    unable = [verdict for verdict in verdicts if verdict.reason is not None]
+    for verdict in unable:
+        console.print(f"{verdict.name}: {verdict.reason}")
     different = [verdict for verdict in verdicts if verdict.equal is False]
     if different:
         first = different[0]
@@ -92,6 +93,8 @@ def verify(
             f"{first.name} differs from the host in {first.differing:,} places, first at {first.mismatch}; report it "
             "with the model and the query"
         )
+    if names and unable:  # asked for by name, it began, and could not
+        raise BackendUnavailableError(f"{unable[0].name}: was not compared; see above, or choose another --backend")
 
 
 def _table(verdicts: list[Verdict]) -> Table:

@@ -215,3 +215,17 @@ def test_a_blank_image_matches_no_place(here: Path) -> None:
     values = figures("blank", "--gt", "gt.txt")
     assert recall(values) == 0
     assert values["decoders"]["contrast"]["recall_at_n"] == {"5": 0.0, "10": 0.0}
+
+
+def test_a_backend_that_was_named_and_could_not_run_is_a_failure(here: Path) -> None:
+    """It is found out only when the network is shown to it; those that nobody named are merely told of."""
+    quick = ["--epochs", "1", "--weight-bits", "7", "-o", "seven.lvpr"]
+    run("train", "reference", *quick)
+    words = ["verify", "seven.lvpr", "query", "--limit", "2", "--backend", "bundle", "--json", "v.json"]
+    done = CliRunner().invoke(main, words)
+    assert done.exit_code == 1
+    assert "weights of 7 bits need their sum shifted right" in " ".join(done.stdout.split())
+    assert done.stderr.splitlines()[-1] == (
+        "lava-vpr: error: bundle: was not compared; see above, or choose another --backend"
+    )
+    assert json.loads(Path("v.json").read_text())["backends"]["bundle"]["available"] is False
