@@ -145,7 +145,7 @@ def _unpacked(data: bytes, start: int) -> tuple[dict[str, Any], dict[str, NDArra
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         entries = sorted(archive.infolist(), key=lambda entry: entry.header_offset)
         _check_entries(entries, len(data))
-        packed = _packed(archive, data, start)
+        packed = _packed(entries, archive.start_dir, data, start)
     arrays = {entry.filename[: -len(".npy")]: _array(packed[entry.filename], entry) for entry in entries}
     text = arrays.pop("header", None)
     if text is None:
@@ -184,17 +184,22 @@ def _check_entries(entries: list[zipfile.ZipInfo], packed: int) -> None:
         raise _Beyond(f"unpacks to {beyond}")
 
 
-def _packed(archive: zipfile.ZipFile, data: bytes, start: int) -> dict[str, memoryview]:
+def _packed(entries: list[zipfile.ZipInfo], directory: int, data: bytes, start: int) -> dict[str, memoryview]:
     """The packed bytes of each entry, if the parts of the archive are all that is in ``data`` from ``start`` on.
 
     zipfile would skip bytes before, between and behind them, and take a name from the directory alone; other programs
     might read such a file otherwise than we do.
 
+    Args:
+        entries: The entries, in the order in which they stand.
+        directory: Where the directory begins.
+        data: The whole file.
+        start: Where the archive begins.
     Raises:
         ValueError, struct.error: they are not, or an entry has another name than the directory says.
     """
     whole, packed, place = memoryview(data), {}, start
-    for entry in sorted(archive.infolist(), key=lambda entry: entry.header_offset):
+    for entry in entries:
         names = place + _LOCAL_HEADER
         name, extra = _LOCAL_LENGTHS.unpack_from(data, names - _LOCAL_LENGTHS.size)
         if entry.header_offset != place or data[place : place + 4] != b"PK\x03\x04":
@@ -203,11 +208,11 @@ def _packed(archive: zipfile.ZipFile, data: bytes, start: int) -> dict[str, memo
             raise ValueError(f"entry {entry.filename} goes by another name, too")
         place = names + name + extra + entry.compress_size
         packed[entry.filename] = whole[place - entry.compress_size : place]
-    if place != archive.start_dir:
+    if place != directory:
         raise ValueError("bytes before its directory")
-    for entry in archive.infolist():
+    for entry in entries:
         place += _DIRECTORY_ENTRY + len(entry.orig_filename) + len(entry.extra) + len(entry.comment)
-    place += _DIRECTORY_END + (_DIRECTORY_END_64 if archive.start_dir > zipfile.ZIP64_LIMIT else 0)
+    place += _DIRECTORY_END + (_DIRECTORY_END_64 if directory > zipfile.ZIP64_LIMIT else 0)
     if place != len(data):
         raise ValueError("bytes behind its directory")
     return packed

@@ -25,7 +25,7 @@ _HEADER = re.compile(
     rb"\{ ?'descr': ?'([^']{1,8})', ?'fortran_order': ?(True|False), ?'shape': ?\(([0-9, ]{0,120})\),? ?\} *\n?"
 )
 _TYPE = re.compile(r"[<|][biufcmMSUV]\d{1,4}")
-_MOST_AXES = 32
+_MOST_AXES, _LONGEST_AXIS = 32, 10**12
 
 Shape = tuple[int | str, ...]
 """The length of each axis, or what it counts if any will do."""
@@ -45,11 +45,13 @@ def array_of(data: bytes | memoryview, kind: DTypeLike = None, shape: Shape | No
     header = _HEADER.fullmatch(data[_BEGIN:end])
     if bytes(data[: len(_MAGIC)]) != _MAGIC or header is None:
         raise ValueError("is no array of numbers (it does not begin as numpy.save would write it)")
-    found, sizes = (
-        _type(header[1].decode("latin-1")),
-        tuple(int(size) for size in header[3].split(b",") if size.strip()),
-    )
-    if len(sizes) > _MOST_AXES or len(data) - end != math.prod(sizes) * found.itemsize:
+    found = _type(header[1].decode("latin-1"))
+    sizes = tuple(int(size) for size in header[3].split(b",") if size.strip())
+    if (
+        len(sizes) > _MOST_AXES
+        or max(sizes, default=0) > _LONGEST_AXIS
+        or len(data) - end != math.prod(sizes) * found.itemsize
+    ):
         raise ValueError(
             f"is no array of numbers (its header says {found} {sizes}, but {len(data) - end:,} bytes follow)"
         )

@@ -274,8 +274,7 @@ def check(found: measure.Measured, queries: int, singles: int) -> None:
     assert found.milliseconds == tuple(sorted(found.milliseconds))
     assert all(x > 0 for x in found.milliseconds)
     assert found.queries_per_second is not None
-    # Both are measured one after the other, and the machine may be busy meanwhile: units are checked, not speeds.
-    assert 1e-2 < found.queries_per_second * np.median(found.milliseconds) * 1e-3 < 1e2
+    assert found.queries_per_second > 0.2 * 1e3 / np.median(found.milliseconds)
     assert found.peak_bytes is not None
     assert 2e7 < found.peak_bytes < 1e9
     assert bool(found.no_energy) != (found.joules_per_query is not None)
@@ -308,7 +307,7 @@ def test_the_host_measured_in_a_process_of_its_own(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.usefixtures("brief")
 def test_a_bundle_is_measured() -> None:
-    found = measure.measure(asked(noise=0.4), "bundle", limit=3, rounds=1, rapl_root=Path("/none"))
+    found = measure.measure(asked(noise=0.4), "bundle", limit=3, rounds=5, rapl_root=Path("/none"))
     check(found, 3, 20)
     assert found.no_energy == "/none is missing: this machine (or virtual machine) shows no RAPL counters"
 
