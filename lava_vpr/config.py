@@ -18,65 +18,69 @@ from lava_vpr.ranges import need, real, whole, within
 
 InputMode = Literal["injected", "bias"]
 INPUT_MODES: tuple[str, ...] = typing.get_args(InputMode)
+SpikeTrains = Literal["poisson", "regular"]
+TRAINS: tuple[str, ...] = typing.get_args(SpikeTrains)
 
 
 @dataclass(frozen=True)
 class LifNetwork:
-    """The integer network that Loihi runs: current-based LIF, one threshold, relayed lateral inhibition.
+    """The integer network that Loihi runs: current-based LIF, one threshold, one inhibitory neuron.
 
-    Thresholds and inhibition are given in the float units of training, where the drive of a mean weight is 0.69 per
-    step whatever the number of input spikes; `lava_vpr.engine.inference.quantise` turns them into the chip's integers.
+    Threshold and inhibition are in units of the drive per step that a neuron's own place brings it, whatever the number
+    of input spikes, bits or neurons; `lava_vpr.engine.inference.quantise` turns them into the chip's integers.
 
     Attributes:
         neurons: Excitatory neurons of one stretch; 0 means `neurons_per_place` for each place.
         neurons_per_place: Used when ``neurons`` is 0.
-        steps: Steps of 1 ms with input in one presentation.
-        weight_bits: Bits of one unsigned weight, 1..8.
-        common: So many times an input's mean weight over all neurons is taken off its weights (not below 0) before they
-            are quantised: what all places share costs operations and tells none apart.
-        prune: Share of each neuron's weights, the smallest, that are then set to 0.
+        steps: Steps of 1 ms of one presentation, the silent ones at its end included
+            (`lava_vpr.engine.inference.fixed.silent_steps`): a power of two, the only intervals at which a Loihi 2 chip
+            resets its states.
+        signed: Weights are what a neuron has learned less what all neurons share, with a sign, and its mean drive over
+            the references is taken off as a bias.
+        weight_bits: Bits of one weight's magnitude: 1..8, signed 1..7.
+        prune: Share of each neuron's weights, those of the smallest magnitude, that is set to 0.
         threshold: Firing threshold of every excitatory neuron.
-        inhibition: What one spike takes from every other neuron, one stretch.
-        joined_inhibition: What one spike takes when several stretches are joined into one network.
+        inhibition: What the inhibitory neuron takes from every excitatory one after any of them has spiked.
         tau_membrane: Membrane time constant, in steps.
-        drive: Drive per step of a neuron whose weights are all at the mean.
-        input_mode: How queries reach the network: spikes ``injected`` into the chip (Poisson trains), or input
-            compartments that integrate a ``bias`` written once a query (regular trains, `engine.inference.bias_input`).
-            Learning always injects.
+        trains: How inputs spike in queries: ``regular`` trains of random phases (`engine.inference.bias_input`), or
+            ``poisson``. Learning takes Poisson trains.
+        input_mode: Where regular trains are made: by the host, which ``injected`` spikes into the chip, or by input
+            compartments that integrate a ``bias`` written once a query. Learning always injects.
     """
 
     model: Literal["lif"] = "lif"
     neurons: int = 0
     neurons_per_place: float = 1.0
-    steps: int = 350
+    steps: int = 64
+    signed: bool = True
     weight_bits: int = 3
-    common: float = 0.0
     prune: float = 0.0
-    threshold: float = 10.0
-    inhibition: float = 10.0
-    joined_inhibition: float = 5.0
-    tau_membrane: float = 30.0
-    drive: float = 0.69
+    threshold: float = 1.0
+    inhibition: float = 0.67
+    tau_membrane: float = 12.0
+    trains: SpikeTrains = "regular"
     input_mode: InputMode = "injected"
 
     def __post_init__(self) -> None:
         need(self.input_mode in INPUT_MODES, "network.input_mode", self.input_mode, "one of " + ", ".join(INPUT_MODES))
+        need(self.trains in TRAINS, "network.trains", self.trains, "one of " + ", ".join(TRAINS))
+        fits = self.trains == "regular" or self.input_mode == "injected"
+        need(fits, "network.trains", self.trains, "regular where input_mode is bias")
         need(self.model == "lif", "network.model", self.model, "lif")
+        need(isinstance(self.signed, bool), "network.signed", self.signed, "true or false")
         within(
             self,
             "network",
             neurons="[0, 100000]",
             neurons_per_place="(0, 100]",
-            steps="[1, 100000]",
-            weight_bits="[1, 8]",
-            common="[0, 100]",
+            steps="[4, 65536]",
+            weight_bits="[1, 7]" if self.signed else "[1, 8]",
             prune="[0, 1)",
             threshold="(0, 10000]",
             inhibition="[0, 10000]",
-            joined_inhibition="[0, 10000]",
             tau_membrane="(1, 4096]",
-            drive="(0, 100]",
         )
+        need(self.steps & (self.steps - 1) == 0, "network.steps", self.steps, "a power of two")
 
 
 @dataclass(frozen=True)
@@ -101,7 +105,10 @@ class StdpLearning:
         consolidation_eta, consolidation_tau_trace, consolidation_x_target: The same in the second phase.
         threshold, theta_plus: Threshold at the start, and what each spike of the first phase adds to it for good.
         consolidation_threshold: Factor on the thresholds when the second phase begins.
-        inhibition, tau_membrane, floor: As in `LifNetwork`, while training; ``floor`` bounds the membrane from below.
+        inhibition: What the inhibitory neuron takes, in the units of the threshold, from all but those whose spikes made
+            it fire: while they learn, winners are spared.
+        tau_membrane, floor: Membrane time constant in steps; ``floor`` bounds the membrane from below.
+        drive: Drive per step, in the units of the threshold, of a neuron whose weights are all at the mean.
         hold_steps: Steps after a spike in which the membrane stays at 0.
         mean_weight: What each neuron's weights are normalised to before every presentation.
         start_weight: Start weights are ``start_weight * (U[0, 1) + 0.01)``.
@@ -127,6 +134,7 @@ class StdpLearning:
     inhibition: float = 30.0
     tau_membrane: float = 20.0
     floor: float = -60.0
+    drive: float = 0.69
     hold_steps: int = 1
     mean_weight: float = 0.1
     start_weight: float = 0.3
@@ -155,6 +163,7 @@ class StdpLearning:
             inhibition="[0, 10000]",
             tau_membrane="(1, 4096]",
             floor="[-1000000, 0]",
+            drive="(0, 100]",
             hold_steps="[0, 1000]",
         )
         mean, start = self.mean_weight, self.start_weight
@@ -296,13 +305,11 @@ def _loihi() -> Config:
 
 
 def _fast() -> Config:
-    """The default's learning, and queries at less than a tenth of its modelled energy; see ``benchmarks/fast.py``."""
+    """The default's learning, and queries in half the steps with fewer inputs."""
     return Config(
         preset="fast",
-        encoder=EncoderConfig(query_spikes=21.0, query_inputs=250),
-        network=LifNetwork(
-            steps=30, common=1.5, threshold=9.0, inhibition=4.0, joined_inhibition=3.0, tau_membrane=12.0
-        ),
+        encoder=EncoderConfig(query_spikes=20.0, query_inputs=330),
+        network=LifNetwork(steps=32, threshold=1.0, inhibition=0.33),
     )
 
 

@@ -21,6 +21,7 @@ _TYPES: dict[str, tuple[type, str]] = {
     "int": (int, "a whole number"),
     "float": (float, "a number"),
     "str": (str, "text"),
+    "bool": (bool, "true or false"),
 }
 """What a setting's annotation asks of a value, and how a message says so."""
 _LONGEST_LINE, _LONGEST_NAME = 1000, 60
@@ -39,7 +40,7 @@ def _checked(value: object, annotation: Any, name: str) -> object:
     expected, words = _TYPES[getattr(annotation, "__name__", "str")]
     if expected is float and isinstance(value, int) and not isinstance(value, bool) and abs(value) < 2**53:
         return float(value)
-    if not isinstance(value, expected) or isinstance(value, bool):
+    if not isinstance(value, expected) or (isinstance(value, bool) and expected is not bool):
         raise ConfigError(f"{name} is {brief(value)}, but must be {words}; {CHANGE_IT}")
     return value
 

@@ -276,7 +276,7 @@ def draw_spikes(rates: NDArray[np.uint16] | NDArray[np.uint32], key: int, steps:
 
 
 def draw_trains(
-    rates: NDArray[np.uint16], keys: NDArray[np.uint64], steps: int, total: int, *, bias_input: bool = False
+    rates: NDArray[np.uint16], keys: NDArray[np.uint64], steps: int, total: int, *, regular: bool = False
 ) -> NDArray[np.uint8]:
     """The input spikes of many presentations, uint8 (n, total, inputs); silent after ``steps`` steps.
 
@@ -285,9 +285,9 @@ def draw_trains(
         keys: uint64 (n,).
         steps: Steps with input.
         total: Steps of a presentation.
-        bias_input: `lava_vpr.engine.inference.bias_input.bias_input_spikes` instead of `draw_spikes`.
+        regular: `lava_vpr.engine.inference.bias_input.bias_input_spikes` instead of `draw_spikes`.
     """
-    spikes_of = bias_input_spikes if bias_input else draw_spikes
+    spikes_of = bias_input_spikes if regular else draw_spikes
     trains = np.zeros((len(rates), total, rates.shape[1]), np.uint8)
     for train, image_rates, key in zip(trains, rates, keys, strict=True):
         train[:steps] = spikes_of(image_rates, int(key), steps)

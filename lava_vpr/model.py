@@ -82,11 +82,6 @@ class Model:
         return int(self.responses.shape[0])
 
     @property
-    def joined(self) -> bool:
-        """Whether several stretches share one inhibition, which is the setting ``joined_inhibition`` then."""
-        return len(self.stretches) > 1
-
-    @property
     def weight_bits(self) -> int | None:
         """Bits of a weight; None for the float model."""
         return self.network.bits if isinstance(self.network, FixedNetwork) else None
@@ -181,6 +176,7 @@ def content(model: Model, network: bool = True) -> tuple[dict[str, Any], dict[st
     elif isinstance(model.network, FixedNetwork):
         header["fixed"] = model.network.scalars
         arrays["network.weights"] = model.network.weights
+        arrays["network.bias"] = model.network.bias
     else:
         for field in dataclasses.fields(model.network):
             arrays[f"network.{field.name}"] = getattr(model.network, field.name)

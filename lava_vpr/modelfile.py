@@ -11,8 +11,8 @@ traverses, I inputs (of the settings), N neurons:
     place_names    P texts, at least 2, of at most 1,024 characters, without NUL, that UTF-8 can write
     route_images   whole number, at least P
     training       the figures in `FIGURES`, finite, at least 0
-    fixed          `FixedNetwork.scalars`, whole numbers as its ``check`` allows (``regular`` may lack: 0); ``steps``,
-                   ``bits`` and ``regular`` are those of the settings. Not with preset ``paper``, not in a bundle
+    fixed          `FixedNetwork.scalars`, whole numbers as its ``check`` allows; interval, ``bits``, ``signed``,
+                   ``regular`` and ``bias_input`` are those of the settings. Not with preset ``paper``, not in a bundle
 
 and no other key. The arrays are those of `_arrays`, and no other: each of its type and shape, its least and most value
 within its range, none of them NaN. Beyond that, place_indices differ from each other and are below route_images, and
@@ -33,9 +33,10 @@ from lava_vpr.config import ConductanceLearning, ConductanceNetwork, Config
 from lava_vpr.configfile import from_dict
 from lava_vpr.engine import effort
 from lava_vpr.engine.conductance.model import ConductanceState
-from lava_vpr.engine.inference.fixed import SCALARS, SILENT_STEPS, FixedNetwork
+from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork
 from lava_vpr.errors import ConfigError, brief
 from lava_vpr.inputs.encoder import INPUTS
+from lava_vpr.loihi import WEIGHT_LIMIT
 from lava_vpr.ranges import real, whole
 from lava_vpr.storage.limits import excess
 
@@ -254,12 +255,11 @@ def _network(
     if isinstance(config.network, ConductanceNetwork):
         return rest, ConductanceState(**{name.removeprefix("network."): array for name, array in own.items()})
     fixed = header["fixed"]
-    if not isinstance(fixed, dict) or not set(SCALARS) - {"regular"} <= set(fixed) <= set(SCALARS):
+    if not isinstance(fixed, dict) or set(fixed) != set(SCALARS):
         raise UnfitError(f"fixed {brief(fixed)}, which must be {', '.join(SCALARS)}")
-    scalars = {"regular": 0, **fixed}  # models from before there were bias inputs
-    for name, value in scalars.items():
+    for name, value in fixed.items():
         count(value, name, -_MOST_COUNT)
-    network = FixedNetwork.of_scalars(own["network.weights"], scalars)
+    network = FixedNetwork.of_scalars(own["network.weights"], own["network.bias"], fixed)
     network.check()
     _agree(network, config)
     return rest, network
@@ -271,9 +271,11 @@ def _agree(network: FixedNetwork, config: Config) -> None:
     if isinstance(settings, ConductanceNetwork):
         raise UnfitError("an integer network with the settings of the conductance model")
     for name, own, set_to in (
-        ("steps", network.steps, settings.steps),
+        ("presentations of steps", network.interval, settings.steps),
         ("bits", network.bits, settings.weight_bits),
-        ("regular", int(network.bias_input), int(settings.input_mode == "bias")),
+        ("signed", int(network.signed), int(settings.signed)),
+        ("regular", int(network.regular), int(settings.trains == "regular")),
+        ("bias_input", int(network.bias_input), int(settings.input_mode == "bias")),
     ):
         if own != set_to:
             raise UnfitError(f"{name} {own} where the settings say {set_to}")
@@ -283,7 +285,10 @@ def _network_rules(config: Config, sizes: Sizes) -> dict[str, Rule]:
     """What the arrays of the network must be."""
     shape, network, learning = (sizes.inputs, sizes.neurons), config.network, config.learning
     if not isinstance(network, ConductanceNetwork) or not isinstance(learning, ConductanceLearning):
-        return {"network.weights": Rule("uint8", shape, most=255)}
+        return {
+            "network.weights": Rule("int16", shape, least=-WEIGHT_LIMIT, most=WEIGHT_LIMIT),
+            "network.bias": Rule("int32", shape[1:], least=-_MOST_COUNT, most=_MOST_COUNT),
+        }
     largest = max(learning.w_max, learning.weight_sum) * (1 + 1e-9)  # one weight can be all that is normalised
     longest = math.floor(network.delay_max_ms / network.dt_ms + 0.5)
     return {
@@ -301,7 +306,7 @@ def _rules(config: Config, sizes: Sizes) -> dict[str, Rule]:
     repeats = min(learning.label_epochs, learning.epochs) if isinstance(learning, ConductanceLearning) else 1
     return {
         "learned": Rule("float32", learned, most=_MOST_FLOAT),
-        "responses": Rule("int32", (neurons, places), most=images // places * repeats * (network.steps + SILENT_STEPS)),
+        "responses": Rule("int32", (neurons, places), most=images // places * repeats * network.steps),
         "place_indices": Rule("int64", (places,), most=_MOST_COUNT),
         "labels": Rule("int64", (images,), most=places - 1),
         "patches": Rule("uint8", (images, 28, 28), most=255),

@@ -1,8 +1,4 @@
-"""A model in fewer bits and fewer synapses, quantised anew from the float weights that it learned.
-
-Loihi 1 shifts every weight where Lava shifts their sum, so what goes there has a right shift of 0: the finer the
-weights, the larger threshold and inhibition become, until inhibition fills the accumulator.
-"""
+"""A model in fewer bits and fewer synapses, quantised anew from the float weights that it learned."""
 
 from __future__ import annotations
 
@@ -20,7 +16,7 @@ from lava_vpr.engine.inference.quantise import pruned
 from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.model import IntegerModel, Model, integer_model
 from lava_vpr.storage.text import shown
-from lava_vpr.training.references import coverage, measured_responses
+from lava_vpr.training.references import coverage, measured_responses, shown_references
 
 PURPOSE = "a board"
 
@@ -99,7 +95,7 @@ class Changes(NamedTuple):
     """What of a model is to be changed; None leaves it to the model, to the board or to a search.
 
     Attributes:
-        weight_bits: Bits of a weight, 1..8.
+        weight_bits: Bits of a weight's magnitude, 1..8, signed 1..7.
         prune: Share of each neuron's learned weights that is set to 0 before all else (`quantise.pruned`).
         input_mode: ``injected`` or ``bias``.
     """
@@ -117,13 +113,12 @@ class Changes(NamedTuple):
 UNCHANGED = Changes()
 
 
-def requantised(model: Model, changes: Changes = UNCHANGED, *, shift: int | None = None, threads: int = 1) -> Model:
+def requantised(model: Model, changes: Changes = UNCHANGED, *, threads: int = 1) -> Model:
     """``model`` quantised anew from its float weights, its responses measured; with nothing changed, the equal model.
 
     Args:
         model: With float weights (`Model.learned`).
         changes: What to change.
-        shift: Right shift of the input sum (default: what `quantise` finds best).
         threads: For the references' responses; does not change the result.
     Raises:
         ConfigError: no float weights, or a value outside its range.
@@ -131,7 +126,7 @@ def requantised(model: Model, changes: Changes = UNCHANGED, *, shift: int | None
     """
     source = with_settings(model, changes)
     learned = pruned(source.learned, changes.share)
-    network = _quantised(source, distinctive(source, learned), shift)
+    network = _quantised(source, distinctive(source, learned))
     return measured(replace(source, learned=learned, network=network), threads)
 
 
@@ -158,10 +153,10 @@ def distinctive(model: Model, learned: NDArray[np.float32]) -> NDArray[np.float6
     return quantise.distinctive(learned, integer_model(model, PURPOSE).config.network)
 
 
-def _quantised(model: Model, weights: NDArray[np.float64], shift: int | None) -> FixedNetwork:
-    """The integer network of equalised ``weights`` under the settings of ``model``."""
+def _quantised(model: Model, weights: NDArray[np.float64]) -> FixedNetwork:
+    """The integer network of ``weights`` of norm 1 under the settings of ``model``."""
     network = integer_model(model, PURPOSE).config.network
-    return quantise.quantise(weights, network, model.config.encoder.query_spikes, joined=model.joined, shift=shift)
+    return quantise.quantise(weights, network, shown_references(model.stretches, model.activity, model.config))
 
 
 def measured(model: Model, threads: int) -> Model:
@@ -177,15 +172,14 @@ def measured(model: Model, threads: int) -> Model:
 
 
 def fitting(model: Model, board: Board, bits: int, weights: NDArray[np.float64]) -> FixedNetwork:
-    """The network of equalised ``weights`` with ``bits`` bits, as ``board`` can run it.
+    """The network of ``weights`` of norm 1 with ``bits`` bits, as ``board`` can run it.
 
     Raises:
         NetworkLimitError: it cannot; the first part of the message says why.
     """
-    if bits not in board.weight_bits:
-        sizes = ", ".join(str(size) for size in board.weight_bits)
-        raise NetworkLimitError(f"it stores weights of {sizes} bits; choose one of them")
-    network = _quantised(with_settings(model, Changes(bits)), weights, board.sum_shift)
+    network = _quantised(with_settings(model, Changes(bits)), weights)
+    if network.stored_bits > max(board.weight_bits):
+        raise NetworkLimitError(f"it stores weights of at most {max(board.weight_bits)} bits; choose fewer")
     network.check(board.input_limit, "its accumulator of one step")
     return network
 
@@ -198,7 +192,7 @@ class Finest(NamedTuple):
 
 
 def _finest(model: Model, board: Board, weights: NDArray[np.float64], most: int) -> Finest:
-    """The network of equalised ``weights`` with the most bits up to ``most`` that ``board`` can run.
+    """The network of ``weights`` of norm 1 with the most bits up to ``most`` that ``board`` can run.
 
     Raises:
         NetworkLimitError: not even one.
@@ -212,8 +206,7 @@ def _finest(model: Model, board: Board, weights: NDArray[np.float64], most: int)
         else:
             return Finest(network, next(iter(reasons), ""))
     raise NetworkLimitError(
-        f"{board.title}: not even weights of 1 bit fit: {reasons[-1]}; learn fewer places, or lower "
-        f"network.{'joined_inhibition' if model.joined else 'inhibition'}"
+        f"{board.title}: not even weights of 1 bit fit: {reasons[-1]}; use fewer inputs, or lower network.inhibition"
     )
 
 
@@ -255,11 +248,6 @@ def adapted(model: Model, board: Board, changes: Changes = UNCHANGED) -> Compres
     notes = []
     if network.bits != most:
         notes.append(f"{network.bits} bits a weight instead of {most}, the most that {board.title} can take: {reason}")
-    unpruned = network.bits == integer.network.bits and changes.share == 0
-    if board.sum_shift == 0 and unpruned and integer.network.shift > 0:
-        notes.append(
-            f"{board.title} does not shift sums: its units are finer, and single spikes differ from the model's"
-        )
     result = replace(with_settings(source, Changes(network.bits)), learned=learned, network=network)
     return Compressed(result, model, changes.share, tuple(notes))
 
@@ -267,7 +255,7 @@ def adapted(model: Model, board: Board, changes: Changes = UNCHANGED) -> Compres
 def _runs(model: IntegerModel, board: Board) -> bool:
     """Whether ``board`` can run the model's network as it is."""
     network = model.network
-    if network.bits not in board.weight_bits or (network.shift > 0 and not board.shifts_sum):
+    if network.stored_bits > max(board.weight_bits):
         return False
     try:
         network.check(board.input_limit)

@@ -12,7 +12,6 @@ from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.conductance import model as conductance
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference import fixed
-from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.trains import Trains
 from lava_vpr.model import Model, checked_network
 
@@ -34,12 +33,9 @@ class HostBackend:
     def trains(self, model: Model, shown: Presentations) -> Trains:
         """See `lava_vpr.backends.interface.Backend.trains`.
 
-        A relay fires one step after its neuron, so its train is that one, shifted.
+        The inhibitory neurons' trains follow from those of exc (`fixed.inhibitory_spikes`).
         """
         network = checked_network(model, "host")
         _, _, exc = fixed.count_spikes(network, shown.rates, shown.keys, threads=self.threads, raster=True)
-        total = network.steps + SILENT_STEPS
-        inputs = draw_trains(shown.rates, shown.keys, network.steps, total, bias_input=network.bias_input)
-        inh = np.zeros_like(exc)
-        inh[:, 1:] = exc[:, :-1]
-        return Trains(exc, inputs, inh)
+        inputs = draw_trains(shown.rates, shown.keys, network.steps, network.interval, regular=network.regular)
+        return Trains(exc, inputs, fixed.inhibitory_spikes(network, exc))

@@ -15,7 +15,6 @@ from lava_vpr.configfile import to_dict
 from lava_vpr.engine.conductance import model as conductance
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference import fixed
-from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.isolated.runner import run_isolated
@@ -87,8 +86,13 @@ class LavaBackend:
         how: dict[str, Any] = {"tag": self.tag, "record": record, "board": self.board, "timed": timed}
         options = network.scalars | how
         rates = shown.rates.astype(np.uint16)
-        arrays: dict[str, NDArray[Any]] = {"weights": network.weights, "rates": rates, "keys": shown.keys}
-        steps = len(shown.rates) * (network.steps + SILENT_STEPS)
+        arrays: dict[str, NDArray[Any]] = {
+            "weights": network.weights,
+            "bias": network.bias,
+            "rates": rates,
+            "keys": shown.keys,
+        }
+        steps = len(shown.rates) * network.interval
         job = f"lava_vpr.processes.jobs.inference:{self.job}"
         return run_isolated(job, arrays, options, timeout=120 + steps / SLOWEST, progress=self.advance)
 

@@ -28,7 +28,6 @@ from lava_vpr.deploy.cost.closed_form import step_nanoseconds
 from lava_vpr.deploy.cost.costs import modelled
 from lava_vpr.deploy.cost.events import EventCounts, count_events
 from lava_vpr.encoding import EncodedTraverse
-from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.threads import cores
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import ConfigError, LavaVprError, NetworkLimitError
@@ -212,7 +211,7 @@ def _unavailable(model: Model, board: Board, reason: str) -> Modelled:
     integer = as_integer(model)
     steps, mode = model.config.network.steps, "injected"
     if integer is not None:
-        steps, mode = integer.network.steps + SILENT_STEPS, "bias" if integer.network.bias_input else "injected"
+        steps, mode = integer.network.interval, "bias" if integer.network.bias_input else "injected"
     return Modelled(
         target=board.name,
         chips=board.chips,

@@ -10,7 +10,6 @@ import math
 from typing import NamedTuple
 
 from lava_vpr.config import ConductanceNetwork, Config, LifNetwork, StdpLearning
-from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.errors import ConfigError
 from lava_vpr.storage.limits import excess
 
@@ -28,7 +27,7 @@ def query_effort(config: Config, neurons: int) -> Effort:
     if not isinstance(network, LifNetwork):
         return _conductance(network, neurons, _arrivals(config, network))
     spikes = min(inputs, config.encoder.query_spikes)
-    operations = (network.steps + SILENT_STEPS) * neurons * (1 + spikes)
+    operations = network.steps * neurons * (1 + spikes)
     return Effort(math.ceil(operations), math.ceil(4 * network.steps * spikes) + 40 * (inputs + neurons))
 
 

@@ -41,15 +41,15 @@ class EncoderConfig:
     """
 
     kind: str = "orientation"
-    image_size: int = 56
+    image_size: int = 64
     cell: int = 4
     orientations: int = 8
-    window: int = 15
+    window: int = 17
     pool_floor: float = 0.1
     blur: float = 0.7
     train_spikes: float = 12.0
     query_spikes: float = 20.0
-    query_inputs: int = 0
+    query_inputs: int = 520
     max_rate_hz: float = 63.75
 
     def __post_init__(self) -> None:

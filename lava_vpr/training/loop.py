@@ -26,7 +26,7 @@ from lava_vpr.model import Model, Stretch
 from lava_vpr.modelfile import check_model
 from lava_vpr.training.checkpoint import Checkpoint, fingerprint
 from lava_vpr.training.door import check_encoded_references
-from lava_vpr.training.references import coverage, reference_responses
+from lava_vpr.training.references import coverage, reference_responses, shown_references
 from lava_vpr.training.trainers import ConductanceTrainer, StretchTrainer, trainer_of
 
 
@@ -58,9 +58,9 @@ def check_size(places: int, config: Config, traverses: int = 1) -> tuple[Stretch
     """The stretches of a route of ``places``, shown in so many traverses, or a refusal before anything is learned.
 
     Raises:
-        ConfigError: stretches for a model that cannot be joined; a model, a query or a training that would cost more
-            than the limits allow.
-        NetworkLimitError: more neurons than one inhibition can serve, or integer learning that could overflow.
+        ConfigError: stretches for a model that cannot be joined; presentations too short for so many neurons; a model,
+            a query or a training that would cost more than the limits allow.
+        NetworkLimitError: integer learning that could overflow.
     """
     stretches = split(places, config)
     neurons = sum(stretch.neurons for stretch in stretches)
@@ -75,8 +75,8 @@ def check_network(places: int, config: Config) -> tuple[Stretch, ...]:
     """The stretches of a route of ``places``, or a refusal of what no arithmetic holds; what it costs is not asked.
 
     Raises:
-        ConfigError: stretches for a model that cannot be joined.
-        NetworkLimitError: more neurons than one inhibition can serve, or integer learning that could overflow.
+        ConfigError: stretches for a model that cannot be joined; presentations too short for so many neurons.
+        NetworkLimitError: integer learning that could overflow.
     """
     stretches = split(places, config)
     neurons = sum(stretch.neurons for stretch in stretches)
@@ -85,15 +85,8 @@ def check_network(places: int, config: Config) -> tuple[Stretch, ...]:
         if len(stretches) > 1:
             raise ConfigError("the conductance model learns a route in one network; use --stretch 0")
         return stretches
-    network, learning = settings.network, settings.learning
-    joined = len(stretches) > 1
-    inhibition = network.joined_inhibition if joined else network.inhibition
-    most = quantise.most_neurons(network.threshold, inhibition)
-    if neurons > most:
-        raise NetworkLimitError(
-            f"{neurons:,} neurons are more than the {most:,} that one inhibition of {inhibition:g} can serve without "
-            f"overflow; lower network.{'joined_inhibition' if joined else 'inhibition'}, or learn fewer places"
-        )
+    learning = settings.learning
+    quantise.check_steps(settings.network, neurons)
     if learning.rule == "template":
         uneven = next((part for part in stretches if part.neurons != part.places), None)
         if uneven is not None:
@@ -102,8 +95,7 @@ def check_network(places: int, config: Config) -> tuple[Stretch, ...]:
                 f"{uneven.neurons} neurons; set network.neurons to 0 and network.neurons_per_place to 1"
             )
     elif learning.arithmetic == "integer":
-        inputs, spikes = config.encoder.inputs, config.encoder.train_spikes
-        integer.phases(learning, inputs, max(stretch.neurons for stretch in stretches), spikes, network.drive)
+        integer.phases(learning, config.encoder.inputs, config.encoder.train_spikes)
     return stretches
 
 
@@ -261,7 +253,7 @@ def _finish(
         for part in parts:
             stdp.normalise(part, settings.learning.mean_weight)
         learned = np.concatenate(parts, axis=1)
-        network = integer_network(learned, config, joined=len(stretches) > 1)
+        network = integer_network(learned, config, stretches, activity)
         responses = reference_responses(network, references, config, jobs)
     else:
         if not isinstance(trainers[0], ConductanceTrainer):
@@ -308,13 +300,20 @@ def _response_presentations(config: Config, references: Sequence[EncodedTraverse
     return repeats * len(references)
 
 
-def integer_network(learned: NDArray[np.float32], config: Config, *, joined: bool) -> fixed.FixedNetwork:
+def integer_network(
+    learned: NDArray[np.float32], config: Config, stretches: Sequence[Stretch], activity: NDArray[np.float32]
+) -> fixed.FixedNetwork:
     """The integer network of ``learned`` float weights (inputs, neurons).
 
+    Args:
+        learned: What the neurons of all stretches learned.
+        config: Settings.
+        stretches: The parts of the route.
+        activity: Input responses to the references, traverse after traverse, float32 (images, inputs).
     Raises:
-        ConfigError: the settings are those of the float conductance model.
+        ConfigError: the settings are those of the float conductance model, or nothing was learned.
         NetworkLimitError: it could overflow Loihi's registers.
     """
     network = integer_config(config, "quantising").network
     weights = quantise.distinctive(learned, network)
-    return quantise.quantise(weights, network, config.encoder.query_spikes, joined=joined)
+    return quantise.quantise(weights, network, shown_references(stretches, activity, config))

@@ -13,7 +13,8 @@ from lava_vpr.encoding import EncodedTraverse, query_rates, query_rates16
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.random import presentation_keys
-from lava_vpr.model import Model
+from lava_vpr.engine.inference.quantise import Shown
+from lava_vpr.model import Model, Stretch
 
 
 def expected_rates(model: Model) -> NDArray[np.float64]:
@@ -27,6 +28,26 @@ def response_keys(model: Model) -> NDArray[np.uint64]:
     traverses = len(model.labels) // model.places
     keys = [presentation_keys(model.config.seed, "response", model.place_indices, t) for t in range(traverses)]
     return np.concatenate(keys)
+
+
+def shown_references(stretches: Sequence[Stretch], activity: NDArray[np.float32], config: Config) -> tuple[Shown, ...]:
+    """The references' rates as queries, stretch after stretch, with the neurons that learned them.
+
+    Args:
+        stretches: The parts of the route.
+        activity: Input responses to the references, traverse after traverse, float32 (images, inputs).
+        config: Settings of an integer network.
+    """
+    rates = query_rates16(activity, config.encoder).reshape(
+        -1, sum(part.places for part in stretches), config.encoder.inputs
+    )
+    return tuple(
+        Shown(
+            rates[:, part.first_place : part.first_place + part.places].reshape(-1, config.encoder.inputs),
+            slice(part.first_neuron, part.first_neuron + part.neurons),
+        )
+        for part in stretches
+    )
 
 
 def measured_responses(model: Model, network: FixedNetwork, threads: int) -> NDArray[np.int32]:

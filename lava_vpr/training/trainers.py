@@ -66,7 +66,7 @@ class LifTrainer:
         settings = integer_config(config, "LifTrainer")
         self._learning, self._places = settings.learning, stretch.places
         start = stdp.initial_state(config.encoder.inputs, stretch.neurons, settings.learning, config.seed, number)
-        self._trainer = stdp.Trainer(start, settings.learning, config.encoder.train_spikes, settings.network.drive)
+        self._trainer = stdp.Trainer(start, settings.learning, config.encoder.train_spikes)
 
     def begin_epoch(self, epoch: int) -> None:
         self._trainer.begin_epoch(epoch)
@@ -90,9 +90,13 @@ class IntegerLifTrainer:
 
     def __init__(self, config: Config, stretch: Stretch, number: int) -> None:
         settings = integer_config(config, "IntegerLifTrainer")
-        inputs, spikes, drive = config.encoder.inputs, config.encoder.train_spikes, settings.network.drive
         self._trainer = integer.IntegerTrainer(
-            inputs, stretch.neurons, settings.learning, spikes, drive, config.seed, number
+            config.encoder.inputs,
+            stretch.neurons,
+            settings.learning,
+            config.encoder.train_spikes,
+            config.seed,
+            number,
         )
 
     def begin_epoch(self, epoch: int) -> None:

@@ -15,7 +15,6 @@ from lava_vpr.bench.results import Measured
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.bundle.folder import Bundle
 from lava_vpr.deploy.running.board_program import run_program
-from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.errors import LavaRunError
 from lava_vpr.model import Model, checked_network
 from lava_vpr.storage.reading import parse_json, read_bytes
@@ -41,7 +40,7 @@ def measure(model: Model, shown: Presentations, backend: str) -> Measured:
         NetworkLimitError: the model does not fit the board.
     """
     network = checked_network(model, backend)
-    interval = network.steps + SILENT_STEPS
+    interval = network.interval
     n = len(shown.image_ids)
     rates, ids = repeated(shown.rates, shown.image_ids, max(1, -(-STEPS // (interval * n))))
     with bundle_of(model, BOARDS[backend]) as bundle:

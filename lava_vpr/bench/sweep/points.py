@@ -34,10 +34,9 @@ Settings = dict[str, float]
 
 PURPOSE = "the search of settings"
 ENCODER = ("query_spikes", "query_inputs")
-NETWORK = ("steps", "weight_bits", "common", "prune", "threshold", "tau_membrane")
+NETWORK = ("steps", "weight_bits", "prune", "threshold", "inhibition", "tau_membrane")
 WHOLE = ("steps", "weight_bits", "query_inputs")
-"""Settings by section of `lava_vpr.config`, and whole numbers; beside them ``inhibition``, which is
-``joined_inhibition`` where stretches are joined, and ``neurons_per_place``."""
+"""Settings by section of `lava_vpr.config`, and whole numbers; beside them ``neurons_per_place``."""
 
 
 @dataclass(frozen=True)
@@ -101,8 +100,7 @@ def current(model: Model) -> Settings:
     network, encoder = integer_model(model, PURPOSE).config.network, model.config.encoder
     settings = {name: float(getattr(encoder, name)) for name in ENCODER}
     settings |= {name: float(getattr(network, name)) for name in NETWORK}
-    lateral = network.joined_inhibition if model.joined else network.inhibition
-    return settings | {"inhibition": lateral, "neurons_per_place": model.neurons / model.places}
+    return settings | {"neurons_per_place": model.neurons / model.places}
 
 
 def fast_settings(model: Model) -> Settings:
@@ -111,15 +109,13 @@ def fast_settings(model: Model) -> Settings:
     network = config.network
     settings = {name: float(getattr(config.encoder, name)) for name in ENCODER}
     settings |= {name: float(getattr(network, name)) for name in NETWORK}
-    lateral = network.joined_inhibition if model.joined else network.inhibition
-    return {**current(model), **settings, "inhibition": lateral}
+    return {**current(model), **settings}
 
 
 def configured(config: Config, settings: Settings) -> Config:
     """``config`` with ``settings`` in their sections."""
     plain: dict[str, float] = {name: int(value) if name in WHOLE else value for name, value in settings.items()}
     network = {name: plain[name] for name in NETWORK}
-    network |= {"inhibition": plain["inhibition"], "joined_inhibition": plain["inhibition"]}
     return update(config, {"encoder": {name: plain[name] for name in ENCODER}, "network": network})
 
 
@@ -152,7 +148,7 @@ def _run(case: Case, settings: Settings, board: Board, threads: int) -> Run:
     """The queries of ``case`` through its network under ``settings``."""
     source = _source(case, settings, threads)
     source = replace(source, config=configured(source.config, settings))
-    model = requantised(source, shift=board.sum_shift, threads=threads)
+    model = requantised(source, threads=threads)
     plan = plan_of(model, board)
     trains = HostBackend(threads).trains(model, query_presentations(model, case.queries, case.seed))
     return Run(model, plan, trains, case.truth)

@@ -1,33 +1,40 @@
 """The inference network in Loihi's integer arithmetic, as Lava's bit-accurate models compute it.
 
-Per step, in the units and with the truncations of lava-nc 0.10 (``proc/lif/models.py``, ``proc/dense/models.py``)::
+Per step t, in the units and with the truncations of lava-nc 0.10 (``proc/lif/models.py``, ``proc/dense/models.py``)::
 
-    a  = (sum of weights of the inputs that spiked one step ago) >> shift
-         - inhibition (number of *other* neurons that spiked two steps ago)
+    a  = sum of weights of the inputs that spiked at t - input_delay
+         - inhibition, if any excitatory neuron spiked at t - inhibition_delay
     u  = a << 6, wrapped into 24 bits         (du = 4095: currents have no memory)
-    v  = clip(sign(v) (|v| (4096 - dv) >> 12) + u, +-(2^23 - 1))
+    v  = clip(sign(v) (|v| (4096 - dv) >> 12) + u + bias, +-(2^23 - 1))
     spike if v > vth << 6, then v = 0
 
-An excitatory spike makes its inhibitory relay fire one step later, which reaches every other neuron after one more. A
-presentation is ``steps`` steps with input and `SILENT_STEPS` without, after which nothing is in flight.
+One inhibitory neuron listens to all excitatory ones, fires one step after any of them, and takes as much from every
+one, winners included, one step later. It cannot listen to more than `FAN_IN` neurons: beyond, each so many have a leaf
+of their own, and the root listens to the leaves, which takes one step more. Injected spikes reach many cores through
+relays on the chip, a step later. Both follow from the number of neurons alone (`FixedNetwork.depth`, `input_delay`).
+
+A presentation is ``steps`` steps with input and `FixedNetwork.silent_steps` without, after which nothing is in flight.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.engine.entry import check_presentations
+from lava_vpr.engine.entry import check_array, check_presentations
 from lava_vpr.engine.inference.bias_input import biases
 from lava_vpr.engine.inference.fixed_kernels import KernelNumbers, present
 from lava_vpr.engine.threads import share
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import (
+    BIAS_BITS,
+    BIAS_EXPONENT_LIMIT,
+    CORE_AXONS,
     DECAY_BITS,
     DECAY_UNITY,
     INPUT_LIMIT,
@@ -41,15 +48,18 @@ from lava_vpr.loihi import (
 _PADDING = 32
 SCALARS = {
     "bits": "bits",
-    "shift": "shift",
+    "signed": "signed",
     "threshold": "threshold",
     "inhibition": "inhibition",
     "inhibition_exponent": "inhibition_exponent",
     "decay": "decay",
     "steps": "steps",
-    "regular": "bias_input",
+    "regular": "regular",
+    "bias_input": "bias_input",
 }
-"""The numbers of a `FixedNetwork` besides its weights: their keys in files, and their attributes."""
+"""The numbers of a `FixedNetwork` besides its weights and biases: their keys in files, and their attributes."""
+
+_TRUTH_VALUES = ("signed", "regular", "bias_input")
 
 EVENTS = (
     "synaptic_operations",
@@ -63,14 +73,32 @@ EVENTS = (
 )
 """The events that a run counts; see `named_events`."""
 
-SILENT_STEPS = 3
-"""Steps after the last input: its spikes reach exc (1), exc's its relay (2), the relay's the others (3)."""
+FAN_IN = CORE_AXONS
+"""Neurons that one inhibitory neuron can listen to: each takes an input axon of its core."""
+
+DIRECT = 1024
+"""Neurons that injected spikes reach directly; of more, spread over many cores, relays on the chip pass them on."""
+
+
+def inhibitory_depth(neurons: int) -> int:
+    """Inhibitory neurons one after the other between a spike of one of ``neurons`` neurons and what it takes: 1 or 2."""
+    return 1 if neurons <= FAN_IN else 2
+
+
+def input_delay(neurons: int, bias_input: bool) -> int:
+    """Steps from an input's spike to ``neurons`` neurons: 2 through relays, which inputs on the chip do not need."""
+    return 1 if bias_input or neurons <= DIRECT else 2
+
+
+def silent_steps(neurons: int, bias_input: bool) -> int:
+    """Steps after the last input until all that it can cause is over: to exc, to each inhibitory neuron, and back."""
+    return input_delay(neurons, bias_input) + inhibitory_depth(neurons) + 1
 
 
 class Prepared(NamedTuple):
     """A `FixedNetwork` as the kernel reads it: see `FixedNetwork.prepared`."""
 
-    weights: NDArray[np.uint8]
+    weights: NDArray[Any]
     row_sizes: NDArray[np.int64]
     numbers: KernelNumbers
 
@@ -80,44 +108,52 @@ class FixedNetwork:
     """Everything about the inference network, in integers; every fixed-point backend runs exactly this.
 
     Attributes:
-        weights: Unsigned weights k < 2^bits, uint8 (inputs, neurons).
-        bits: Bits of a weight, 1..8. Lava stores k << (8 - bits).
-        shift: Right shift of the input sum; Lava's weight_exp is ``bits - 8 - shift``.
+        weights: Weights k with |k| < 2^bits, int16 (inputs, neurons); none below 0 unless ``signed``.
+        bias: What each membrane gains in every step, in units of v, int32 (neurons,); no neuron spikes by it alone.
+        bits: Bits of a weight's magnitude, 1..8, with a sign 1..7. Lava stores k << (8 - bits).
+        signed: Whether weights have a sign, which takes a bit more.
         threshold: vth, compared with v >> 6.
-        inhibition: What a spike takes from every other neuron, mantissa of the lateral synapses (<= 255 x 2^exponent).
-        inhibition_exponent: Exponent of the lateral synapses; what a spike takes is inhibition 2^exponent.
+        inhibition: What the inhibitory neuron's spike takes, mantissa of its synapses (<= 255 x 2^exponent).
+        inhibition_exponent: Exponent of those synapses.
         decay: dv in units of 2^-12.
         steps: Steps with input in one presentation.
-        bias_input: Whether input compartments integrate a bias (`engine.inference.bias_input`); else Poisson spikes are
-            injected. In files this is ``regular``, 1 or 0.
+        regular: Whether inputs spike regularly (`engine.inference.bias_input`) instead of by Poisson draws.
+        bias_input: Whether regular inputs are compartments of the chip, which integrate a bias; else all input spikes
+            are injected.
     """
 
-    weights: NDArray[np.uint8]
+    weights: NDArray[np.int16]
+    bias: NDArray[np.int32] = field(repr=False)
     bits: int
-    shift: int
+    signed: bool
     threshold: int
     inhibition: int
     inhibition_exponent: int
     decay: int
     steps: int
+    regular: bool = False
     bias_input: bool = False
 
     @classmethod
-    def of_scalars(cls, weights: NDArray[np.uint8], scalars: Mapping[str, int]) -> FixedNetwork:
-        """The network of ``weights`` and the numbers that `scalars` gives.
+    def of_scalars(
+        cls, weights: NDArray[np.int16], bias: NDArray[np.int32], scalars: Mapping[str, int]
+    ) -> FixedNetwork:
+        """The network of ``weights``, ``bias`` and the numbers that `scalars` gives.
 
         Raises:
             KeyError: a number is missing.
-            NetworkLimitError: ``regular`` is no truth value.
+            NetworkLimitError: a truth value is none.
         """
         numbers: dict[str, Any] = {attribute: int(scalars[key]) for key, attribute in SCALARS.items()}
-        if numbers["bias_input"] not in (0, 1):
-            raise NetworkLimitError(f"regular {numbers['bias_input']} is neither 0 nor 1; train the model again")
-        return cls(weights, **numbers | {"bias_input": bool(numbers["bias_input"])})
+        for name in _TRUTH_VALUES:
+            if numbers[name] not in (0, 1):
+                raise NetworkLimitError(f"{name} {numbers[name]} is neither 0 nor 1; train the model again")
+            numbers[name] = bool(numbers[name])
+        return cls(weights, bias, **numbers)
 
     @property
     def scalars(self) -> dict[str, int]:
-        """The numbers besides the weights, by their keys in files (`SCALARS`)."""
+        """The numbers besides weights and biases, by their keys in files (`SCALARS`)."""
         return {key: int(getattr(self, attribute)) for key, attribute in SCALARS.items()}
 
     @property
@@ -131,64 +167,136 @@ class FixedNetwork:
         return int(self.weights.shape[1])
 
     @property
+    def leaves(self) -> int:
+        """Inhibitory neurons that listen to excitatory ones, `FAN_IN` each but the last; 0: the root does itself."""
+        return 0 if self.depth == 1 else -(-self.neurons // FAN_IN)
+
+    @property
+    def inhibitory(self) -> int:
+        """The number of inhibitory neurons: the leaves, then the root, the last of them."""
+        return self.leaves + 1
+
+    @property
+    def depth(self) -> int:
+        """See `inhibitory_depth`."""
+        return inhibitory_depth(self.neurons)
+
+    @property
+    def input_delay(self) -> int:
+        """Steps from an input's spike to the neurons; see `input_delay`."""
+        return input_delay(self.neurons, self.bias_input)
+
+    @property
+    def inhibition_delay(self) -> int:
+        """Steps from an excitatory spike to what it takes from all neurons."""
+        return self.depth + 1
+
+    @property
+    def silent_steps(self) -> int:
+        """Steps without input at the end of a presentation; see `silent_steps`."""
+        return silent_steps(self.neurons, self.bias_input)
+
+    @property
+    def interval(self) -> int:
+        """Steps of a presentation, the silent ones included."""
+        return self.steps + self.silent_steps
+
+    @property
     def input_compartments(self) -> int:
-        """Number of compartments that the inputs take: none where their spikes are injected."""
+        """Number of compartments that make the inputs' spikes: none where these are injected."""
         return self.inputs if self.bias_input else 0
 
     @property
+    def relays(self) -> int:
+        """Number of compartments that pass injected spikes on to many cores: one an input, or none."""
+        return self.inputs if self.input_delay == 2 else 0
+
+    @property
     def lateral(self) -> int:
-        """Inhibition of one spike in units of the input sum."""
+        """What the inhibitory neuron's spike takes, in units of the input sum."""
         return self.inhibition << self.inhibition_exponent
+
+    @property
+    def stored_bits(self) -> int:
+        """Bits of a stored weight: its magnitude's, and one for a sign."""
+        return self.bits + self.signed
 
     @property
     def stored(self) -> tuple[NDArray[np.int32], int, int]:
         """The weights as synapse memory holds them, (neurons, inputs), with Lava's num_weight_bits and weight_exp.
 
-        A b-bit weight k is stored as k 2^(8 - b), which the exponent takes back. Where that exponent would leave its
-        range, k moves down and takes more bits: the sums are the same.
+        A weight k of b bits is stored as k 2^(8 - b), which the exponent takes back. With a sign a synapse of n bits
+        has n - 1 of magnitude: Lava drops the lowest of the 9 bits of -256..255 (``utils/weightutils.py``).
         """
         spare = WEIGHT_BITS - self.bits
-        spare -= min(spare, max(0, spare + self.shift - WEIGHT_EXPONENT_LIMIT))
-        return self.weights.T.astype(np.int32) << spare, WEIGHT_BITS - spare, -spare - self.shift
+        return self.weights.T.astype(np.int32) << spare, self.stored_bits, -spare
+
+    @property
+    def bias_registers(self) -> tuple[NDArray[np.int32], int]:
+        """Mantissas int32 (neurons,) and the one exponent of the biases, the least that holds them."""
+        return bias_registers(self.bias)
+
+    @property
+    def highest_bias(self) -> int:
+        """The largest bias with which no membrane rises above the threshold without input."""
+        return ((self.threshold << INPUT_SHIFT) * self.decay) >> DECAY_BITS
 
     @cached_property
     def prepared(self) -> Prepared:
         """The network as the kernel reads it, made once.
 
-        The weights (inputs, width) are padded with silent neurons to whole vector registers; the row sizes (inputs,)
-        are the numbers of each input's weights that are not 0.
+        The weights (inputs, width) are of the narrowest type, padded with silent neurons to whole vector registers; the
+        row sizes (inputs,) are the numbers of each input's weights that are not 0.
         """
-        weights = np.zeros((self.inputs, -(-self.neurons // _PADDING) * _PADDING), np.uint8)
+        most = max(1, int(np.abs(self.weights).max(initial=0)))
+        narrowest = np.int8 if most <= np.iinfo(np.int8).max else np.int16
+        weights = np.zeros((self.inputs, -(-self.neurons // _PADDING) * _PADDING), narrowest)
         weights[:, : self.neurons] = self.weights
         numbers = KernelNumbers(
-            shift=np.int32(self.shift),
             threshold=np.int32(self.threshold << INPUT_SHIFT),
             lateral=np.int32(self.lateral),
             keep=np.int32(DECAY_UNITY - self.decay),
             steps=self.steps,
-            total=self.steps + SILENT_STEPS,
-            chunk=np.iinfo(np.uint8).max // max(1, int(weights.max(initial=0))),
-            bias_input=self.bias_input,
+            total=self.interval,
+            input_delay=self.input_delay,
+            inhibition_delay=self.inhibition_delay,
+            leaf=FAN_IN if self.leaves else 0,
+            chunk=np.iinfo(narrowest).max // most,
+            regular=self.regular,
         )
         return Prepared(weights, np.count_nonzero(weights, axis=1).astype(np.int64), numbers)
 
     @cached_property
+    def sums(self) -> tuple[int, int]:
+        """The largest sum of one neuron's positive weights, and of the magnitudes of its negative ones."""
+        up = np.maximum(self.weights, 0).sum(axis=0, dtype=np.int64).max(initial=0)
+        down = np.minimum(self.weights, 0).sum(axis=0, dtype=np.int64).min(initial=0)
+        return int(up), int(-down)
+
+    @cached_property
     def narrow(self) -> bool:
         """Whether no input sum can leave 16 bits."""
-        return int(self.weights.sum(axis=0, dtype=np.int64).max(initial=0)) <= np.iinfo(np.int16).max
+        return max(self.sums) <= np.iinfo(np.int16).max
 
     def check(self, limit: int = INPUT_LIMIT, target: str = "Loihi's 24-bit current") -> None:
-        """Refuse a network whose input sum of one step could overflow ``limit``.
+        """Refuse a network whose input sum of one step could overflow ``limit``, or that registers cannot hold.
 
         Raises:
             NetworkLimitError: naming need, limit and remedy.
         """
-        if not 1 <= self.bits <= 8 or (self.weights.size and int(self.weights.max()) >= 1 << self.bits):
-            raise NetworkLimitError(f"weights need {self.bits} bits to hold {int(self.weights.max())}; use 1 to 8 bits")
-        exponent = WEIGHT_EXPONENT_LIMIT
-        for name, most in (("shift", exponent), ("decay", 1 << DECAY_BITS), ("inhibition_exponent", exponent)):
-            if not 0 <= getattr(self, name) <= most:
-                raise NetworkLimitError(f"{name} {getattr(self, name)} does not fit 0..{most}; train the model again")
+        most = WEIGHT_BITS - self.signed
+        if not 1 <= self.bits <= most or int(np.abs(self.weights).max(initial=0)) >= 1 << self.bits:
+            need = int(np.abs(self.weights).max(initial=0))
+            raise NetworkLimitError(f"weights need {self.bits} bits to hold {need}; use 1 to {most} bits")
+        if not self.signed and int(self.weights.min(initial=0)) < 0:
+            raise NetworkLimitError(f"a weight of {int(self.weights.min())} has a sign; set network.signed")
+        if self.bias_input and not self.regular:
+            raise NetworkLimitError("inputs that integrate a bias spike regularly; set network.trains to regular")
+        for name, limit_of_name in (("decay", 1 << DECAY_BITS), ("inhibition_exponent", WEIGHT_EXPONENT_LIMIT)):
+            if not 0 <= getattr(self, name) <= limit_of_name:
+                raise NetworkLimitError(
+                    f"{name} {getattr(self, name)} does not fit 0..{limit_of_name}; train the model again"
+                )
         if self.steps < 1:
             raise NetworkLimitError(f"a presentation of {self.steps} steps holds no input; use at least 1")
         if not 0 < self.threshold < THRESHOLD_LIMIT:
@@ -199,38 +307,80 @@ class FixedNetwork:
             raise NetworkLimitError(
                 f"inhibition mantissa {self.inhibition} does not fit 0..{WEIGHT_LIMIT}; raise its exponent"
             )
-        need = (self.neurons - 1) * self.lateral
-        if need >= limit:
-            most = (limit - 1) // max(1, self.lateral) + 1
-            raise NetworkLimitError(
-                f"lateral inhibition of {self.neurons} neurons can reach {need:,}, but {target} holds less than "
-                f"{limit:,}; lower network.inhibition (or joined_inhibition) or use at most {most} neurons"
-            )
-        excitation = int(self.weights.sum(axis=0, dtype=np.int64).max(initial=0)) >> self.shift
-        if excitation >= limit:
-            raise NetworkLimitError(
-                f"the weights of one neuron sum to {excitation:,}, but {target} holds less than {limit:,}; "
-                "use fewer weight bits or fewer inputs"
-            )
+        check_bias(self.bias, self.highest_bias)
+        for name, need in zip(("weights above 0", "weights below 0 and inhibition"), self.extremes, strict=True):
+            if need >= limit:
+                raise NetworkLimitError(
+                    f"the {name} of one neuron sum to {need:,}, but {target} holds less than {limit:,}; "
+                    "use fewer weight bits or fewer inputs"
+                )
+
+    @property
+    def extremes(self) -> tuple[int, int]:
+        """The most that one step can bring to a neuron, and the most that it can take."""
+        up, down = self.sums
+        return up, down + self.lateral
 
 
-def named_events(network: FixedNetwork, operations: int, input_spikes: int, exc_spikes: int, n: int) -> dict[str, int]:
-    """Named events of ``n`` presentations: ``operations`` are those of the input synapses with a weight.
+def bias_registers(bias: NDArray[Any]) -> tuple[NDArray[np.int32], int]:
+    """Mantissas int32 and the least exponent that hold ``bias``, any shape, in units of v; low bits may be lost."""
+    exponent = max(0, int(np.abs(bias).max(initial=0)).bit_length() - BIAS_BITS)
+    values = np.asarray(bias, np.int64)
+    return (np.sign(values) * (np.abs(values) >> exponent)).astype(np.int32), exponent
 
-    A neuron counts as updated when it has a reason to: excitatory ones in every step from the first that input can
-    reach, inhibitory ones when hit. Every spike of the inputs and of both populations is one message (to one core).
+
+def check_bias(bias: NDArray[np.int32], highest: int) -> None:
+    """Refuse biases (..., neurons) that registers cannot hold, or by which a neuron would spike without input.
+
+    Raises:
+        NetworkLimitError: naming the first.
     """
-    exc = exc_spikes
-    lateral = exc * (network.neurons - 1)
+    mantissas, exponent = bias_registers(bias)
+    if exponent > BIAS_EXPONENT_LIMIT or not np.array_equal(mantissas.astype(np.int64) << exponent, bias):
+        raise NetworkLimitError(
+            f"biases up to {int(np.abs(bias).max())} fit no {BIAS_BITS} bits and an exponent; train the model again"
+        )
+    if int(bias.max(initial=0)) > highest:
+        raise NetworkLimitError(
+            f"a bias of {int(bias.max())} makes its neuron spike without input, above {highest}; train the model again"
+        )
+
+
+def inhibitory_spikes(network: FixedNetwork, exc: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Spikes of the inhibitory neurons, leaves and then the root, that follow from those of exc.
+
+    Args:
+        network: The network.
+        exc: uint8 (n, interval, neurons).
+    Returns:
+        uint8 (n, interval, inhibitory).
+    """
+    spikes = np.zeros((*exc.shape[:2], network.inhibitory), np.uint8)
+    spikes[:, network.depth :, -1] = exc[:, : -network.depth].any(axis=2)
+    for leaf in range(network.leaves):
+        spikes[:, 1:, leaf] = exc[:, :-1, leaf * FAN_IN : (leaf + 1) * FAN_IN].any(axis=2)
+    return spikes
+
+
+def named_events(network: FixedNetwork, raw: NDArray[np.int64], n: int) -> dict[str, int]:
+    """Named events of ``n`` presentations, from what the kernel counts (`fixed_kernels.present`).
+
+    Every excitatory neuron is updated in every step but the first, an inhibitory one when a spike arrives, a relay when
+    its input spikes. Every spike of inputs, relays, exc and inh is one message (to one core).
+    """
+    operations, inputs, exc, leaf_spikes, root_spikes = (int(value) for value in raw)
+    inh, relayed = leaf_spikes + root_spikes, inputs if network.relays else 0
+    inhibited = root_spikes * network.neurons
+    listened = exc + leaf_spikes  # by leaves and root, or by the root alone
     return {
-        "synaptic_operations": operations + exc + lateral,
-        "synaptic_operations_dense": input_spikes * network.neurons + exc + exc * network.neurons,
-        "neuron_updates": n * network.neurons * (network.steps + SILENT_STEPS - 1) + exc,
-        "input_spikes": input_spikes,
+        "synaptic_operations": operations + relayed + listened + inhibited,
+        "synaptic_operations_dense": inputs * network.neurons + relayed + listened + inhibited,
+        "neuron_updates": n * network.neurons * (network.interval - 1) + relayed + inh,
+        "input_spikes": inputs,
         "exc_spikes": exc,
-        "inh_spikes": exc,
-        "messages": input_spikes + 2 * exc,
-        "steps": n * (network.steps + SILENT_STEPS),
+        "inh_spikes": inh,
+        "messages": inputs + relayed + exc + inh,
+        "steps": n * network.interval,
     }
 
 
@@ -239,6 +389,7 @@ def count_spikes(
     rates: NDArray[np.uint16],
     keys: NDArray[np.uint64],
     *,
+    bias: NDArray[np.int32] | None = None,
     threads: int = 1,
     raster: bool = False,
 ) -> tuple[NDArray[np.int32], dict[str, int], NDArray[np.uint8]]:
@@ -248,27 +399,34 @@ def count_spikes(
         network: The network, checked (`FixedNetwork.check`).
         rates: Spike probabilities in units of 2^-16, uint16 (n, inputs).
         keys: One key per presentation (`lava_vpr.engine.random.presentation_keys`), uint64 (n,).
+        bias: Biases of each presentation, int32 (n, neurons), as `check_bias` allows; None: the network's.
         threads: Threads that share the images; the result does not depend on it.
         raster: Also record every excitatory spike.
     Returns:
-        Spike counts int32 (n, neurons); events by name, summed; raster uint8 (n, steps + 3, neurons) or empty.
+        Spike counts int32 (n, neurons); events by name, summed; raster uint8 (n, interval, neurons) or empty.
     Raises:
-        InputError: rates or keys of another type or shape.
+        InputError: rates, keys or biases of another type or shape.
+        NetworkLimitError: a bias out of its range.
     """
     check_presentations(rates, keys, np.uint16, network.inputs)
     n = len(rates)
+    if bias is not None:
+        check_array(bias, "biases", np.int32, (n, network.neurons), "give one row for each image")
+        check_bias(bias, network.highest_bias)
     counts = np.zeros((n, network.neurons), np.int32)
-    film = np.zeros((n, network.steps + SILENT_STEPS, network.neurons) if raster else (0, 0, 0), np.uint8)
+    film = np.zeros((n, network.interval, network.neurons) if raster else (0, 0, 0), np.uint8)
     prepared, narrow = network.prepared, network.narrow
     rates = np.ascontiguousarray(rates)
-    bias = np.left_shift(*biases(rates)) if network.bias_input else np.zeros((n, 0), np.int32)
+    slopes = np.left_shift(*biases(rates)) if network.regular else np.zeros((n, 0), np.int32)
+    own = network.bias[None] if bias is None else np.ascontiguousarray(bias)
 
     def run(part: slice) -> NDArray[np.int64]:
-        events = np.zeros(3, np.int64)
+        events = np.zeros(5, np.int64)
         acc = np.zeros(prepared.weights.shape[1], np.int16 if narrow else np.int32)
-        present(*prepared, rates[part], bias[part], keys[part], acc, counts[part], events, film[part])
+        part_of_bias = own if bias is None else own[part]
+        present(*prepared, rates[part], slopes[part], keys[part], part_of_bias, acc, counts[part], events, film[part])
         return events
 
     totals = share(run, n, threads)
-    raw = np.sum(totals, axis=0, dtype=np.int64) if totals else np.zeros(3, np.int64)
-    return counts, named_events(network, int(raw[0]), int(raw[1]), int(raw[2]), n), film
+    raw = np.sum(totals, axis=0, dtype=np.int64) if totals else np.zeros(5, np.int64)
+    return counts, named_events(network, raw, n), film

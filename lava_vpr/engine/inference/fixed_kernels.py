@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,24 +16,29 @@ from lava_vpr.loihi import DECAY_BITS, DECAY_UNITY, INPUT_SHIFT, STATE_LIMIT
 class KernelNumbers(NamedTuple):
     """The numbers of a `FixedNetwork` as the kernel reads them.
 
-    ``threshold`` is in units of v, ``lateral`` in units of the shifted input sum, ``keep`` what a membrane keeps in
-    units of 2^-12. ``steps`` are those with input, ``total`` also those without. ``chunk`` is how many rows of weights
-    fit an 8-bit partial sum.
+    ``threshold`` is in units of v, ``lateral`` in units of the input sum, ``keep`` what a membrane keeps in units of
+    2^-12. ``steps`` are those with input, ``total`` also those without; ``input_delay`` and ``inhibition_delay`` are in
+    steps. A leaf listens to ``leaf`` neurons (0: there are none). ``chunk`` is how many rows of weights fit a partial
+    sum of their own type. Inputs spike regularly or by Poisson draws.
     """
 
-    shift: np.int32
     threshold: np.int32
     lateral: np.int32
     keep: np.int32
     steps: int
     total: int
+    input_delay: int
+    inhibition_delay: int
+    leaf: int
     chunk: int
-    bias_input: bool
+    regular: bool
 
 
 @compiled(inline="always")
-def integrate(v: NDArray[np.int32], drive: NDArray[np.int32], shift: np.int32, keep: np.int32) -> np.int32:
-    """Take one membrane step of all neurons from ``drive`` >> ``shift``; returns the highest membrane.
+def integrate(
+    v: NDArray[np.int32], drive: NDArray[np.int32], bias: NDArray[np.int32], pull: np.int32, keep: np.int32
+) -> np.int32:
+    """Take one membrane step of all neurons from ``drive`` - ``pull`` and ``bias``; returns the highest membrane.
 
     sign(v) (|v| keep >> 12) stays within 32 bits because |v| = 4096 h + l: h keep + (l keep >> 12).
     """
@@ -42,7 +47,7 @@ def integrate(v: NDArray[np.int32], drive: NDArray[np.int32], shift: np.int32, k
     ceiling, bottom = np.int32(STATE_LIMIT - 1), np.int32(1 - STATE_LIMIT)
     highest = bottom
     for i in range(v.size):
-        u = np.int32(np.int32(np.int32(drive[i]) >> shift) << input_shift)
+        u = np.int32(np.int32(np.int32(drive[i]) - pull) << input_shift)
         u = np.int32(u - span) if u > top else u
         u = np.int32(u + span) if u <= -top else u
         x = v[i]
@@ -52,7 +57,7 @@ def integrate(v: NDArray[np.int32], drive: NDArray[np.int32], shift: np.int32, k
             np.int32(np.int32(size >> decay_bits) * keep)
             + np.int32(np.int32(np.int32(size & low) * keep) >> decay_bits)
         )
-        x = np.int32(np.int32(np.int32(size ^ sign) - sign) + u)
+        x = np.int32(np.int32(np.int32(np.int32(size ^ sign) - sign) + u) + bias[i])
         x = ceiling if x > ceiling else x
         x = bottom if x < bottom else x
         v[i] = x
@@ -62,17 +67,17 @@ def integrate(v: NDArray[np.int32], drive: NDArray[np.int32], shift: np.int32, k
 
 @compiled(inline="always")
 def _add_rows(
-    weights: NDArray[np.uint8],
+    weights: NDArray[Any],
     row_sizes: NDArray[np.int64],
     chunk: int,
     inputs: NDArray[np.int32],
     n: int,
-    partial: NDArray[np.uint8],
+    partial: NDArray[Any],
     acc: NDArray[np.int32],
 ) -> int:
     """Sum the weights of the ``n`` first ``inputs`` in ``acc``; returns how many of them are not 0.
 
-    Rows are added up in 8 bits (``partial``, scratch) for as long as no sum can overflow, then in ``acc``.
+    Rows are added up in their own type (``partial``, scratch) for as long as no sum can overflow, then in ``acc``.
     """
     operations = 0
     acc[:] = 0
@@ -88,14 +93,42 @@ def _add_rows(
     return operations
 
 
+@compiled(inline="always")
+def _fire(
+    v: NDArray[np.int32], threshold: np.int32, leaf: int, counts: NDArray[np.int32], row: NDArray[np.uint8]
+) -> tuple[int, int]:
+    """Let all neurons above ``threshold`` spike; returns how many, and how many leaves hear any of them.
+
+    Args:
+        v: Membranes, padded; those that spike go to 0.
+        threshold: In units of v.
+        leaf: Neurons that a leaf listens to, or 0.
+        counts: Spikes of each neuron, raised, int32 (neurons,).
+        row: The raster's row of this step, filled, uint8 (neurons,) or empty.
+    """
+    fired, leaves, last = 0, 0, -1
+    for i in range(counts.size):
+        if v[i] > threshold:
+            v[i] = 0
+            counts[i] += 1
+            fired += 1
+            if row.size > 0:
+                row[i] = 1
+            if leaf > 0 and i // leaf != last:
+                last = i // leaf
+                leaves += 1
+    return fired, leaves
+
+
 @compiled(nogil=True)
 def present(
-    weights: NDArray[np.uint8],
+    weights: NDArray[Any],
     row_sizes: NDArray[np.int64],
     numbers: KernelNumbers,
     rates: NDArray[np.uint16],
-    bias: NDArray[np.int32],
+    slopes: NDArray[np.int32],
     keys: NDArray[np.uint64],
+    bias: NDArray[np.int32],
     acc: NDArray[np.int32],
     counts: NDArray[np.int32],
     events: NDArray[np.int64],
@@ -106,68 +139,56 @@ def present(
     Args:
         weights, row_sizes, numbers: The network, `lava_vpr.engine.inference.fixed.FixedNetwork.prepared`.
         rates: Spike probabilities in units of 2^-16, uint16 (n, inputs).
-        bias: Stands for ``rates`` if inputs integrate a bias, int32 (n, inputs).
+        slopes: Stand for ``rates`` where inputs spike regularly: their biases, int32 (n, inputs).
         keys: One key per presentation, uint64 (n,).
+        bias: Biases of the neurons in units of v, int32 (n, neurons), or (1, neurons) for all presentations.
         acc: Scratch (width,), int16 where no input sum can leave it, else int32.
         counts: Filled, int32 (n, neurons).
-        events: Filled: synaptic operations, input spikes, excitatory spikes.
+        events: Filled: synaptic operations of the inputs, spikes of inputs, exc, leaves and root.
         raster: Filled if not empty, uint8 (n, total, neurons).
     """
-    shift, threshold, lateral, keep = numbers.shift, numbers.threshold, numbers.lateral, numbers.keep
-    steps, chunk, bias_input = numbers.steps, numbers.chunk, numbers.bias_input
-    nothing, no_members = np.zeros(0, np.int64), np.zeros(0, np.int32)
+    threshold, lateral, keep, steps = numbers.threshold, numbers.lateral, numbers.keep, numbers.steps
+    nothing, no_members, no_row = np.zeros(0, np.int64), np.zeros(0, np.int32), np.zeros(0, np.uint8)
     (inputs, width), neurons = weights.shape, counts.shape[1]
-    partial = np.zeros(width, np.uint8)
+    partial = np.zeros(width, weights.dtype)
     active, offsets, rates4, words, mask, occupied, spikes, spike_counts = scratch(inputs)
-    drive = np.zeros(width, np.int32)
-    v = np.zeros(width, np.int32)
-    fired = np.zeros((3, neurons), np.int32)
-    n_fired = np.zeros(3, np.int64)
-    operations, input_spikes, exc_spikes = 0, 0, 0
+    v, own = np.zeros(width, np.int32), np.zeros(width, np.int32)
+    volleys = np.zeros(numbers.total + numbers.inhibition_delay, np.bool_)  # the steps in which volleys take
+    operations, input_spikes, exc_spikes, leaf_spikes, root_spikes = 0, 0, 0, 0, 0
     for q in range(rates.shape[0]):
-        if bias_input:
-            starts, members = schedule(bias[q], keys[q], steps)
+        if numbers.regular:
+            starts, members = schedule(slopes[q], keys[q], steps)
             n = 0
         else:
             starts, members = nothing, no_members
             n = prepare_draws(rates[q], keys[q], active, offsets, rates4)
-        v[:] = 0
-        n_fired[:] = 0
-        # Input drawn at step t reaches the neurons at their step t + 1.
+        if q == 0 or bias.shape[0] > 1:
+            own[:neurons] = bias[q]
+        v[:] = own  # step 0: nothing but the bias has arrived
+        volleys[:] = False
         for step in range(1, numbers.total):
-            # 1. The input spikes of the step before: from the schedule, or drawn for four steps at a time.
-            lane = (step - 1) & 3
-            if step > steps:
+            # 1. The input spikes that arrive: from the schedule, or drawn for four steps at a time.
+            drawn = step - numbers.input_delay
+            lane = drawn & 3
+            if drawn < 0 or drawn >= steps:
                 spike_counts[lane] = 0
-            elif bias_input:
-                begin, spike_counts[lane] = starts[step - 1], starts[step] - starts[step - 1]
+            elif numbers.regular:
+                begin, spike_counts[lane] = starts[drawn], starts[drawn + 1] - starts[drawn]
                 for s in range(spike_counts[lane]):
                     spikes[lane, s] = members[begin + s]
             elif lane == 0:
-                draw_block((step - 1) >> 2, n, active, offsets, rates4, words, mask, occupied, spikes, spike_counts)
+                draw_block(drawn >> 2, n, active, offsets, rates4, words, mask, occupied, spikes, spike_counts)
             # 2. What they bring: sums of weights.
-            operations += _add_rows(weights, row_sizes, chunk, spikes[lane], spike_counts[lane], partial, acc)
+            operations += _add_rows(weights, row_sizes, numbers.chunk, spikes[lane], spike_counts[lane], partial, acc)
             input_spikes += spike_counts[lane]
-            # 3. All membranes, less what the spikes of two steps ago take from the others; then this step's spikes.
-            now, before = step % 3, (step + 1) % 3  # (step - 2) mod 3
-            if n_fired[before] == 0:
-                highest = integrate(v, acc, shift, keep)
-            else:
-                pull = np.int32(lateral * np.int32(n_fired[before]))
-                for i in range(width):
-                    drive[i] = np.int32(np.int32(np.int32(acc[i]) >> shift) - pull)
-                for s in range(n_fired[before]):
-                    drive[fired[before, s]] += lateral
-                highest = integrate(v, drive, np.int32(0), keep)
-            n_fired[now] = 0
-            if highest > threshold:
-                for i in range(neurons):
-                    if v[i] > threshold:
-                        v[i] = 0
-                        fired[now, n_fired[now]] = i
-                        n_fired[now] += 1
-                        counts[q, i] += 1
-                        if raster.size > 0:
-                            raster[q, step, i] = 1
-                exc_spikes += n_fired[now]
+            # 3. All membranes, less what the inhibitory neuron takes; then this step's spikes.
+            pull = lateral if volleys[step] else np.int32(0)
+            if integrate(v, acc, own, pull, keep) > threshold:
+                row = raster[q, step] if raster.size > 0 else no_row
+                fired, leaves = _fire(v, threshold, numbers.leaf, counts[q], row)
+                volleys[step + numbers.inhibition_delay] = fired > 0
+                exc_spikes += fired
+                leaf_spikes += leaves
+                root_spikes += fired > 0
     events[0], events[1], events[2] = operations, input_spikes, exc_spikes
+    events[3], events[4] = leaf_spikes, root_spikes

@@ -32,32 +32,29 @@ class Membranes(NamedTuple):
 
 @compiled(nogil=True)
 def _replay(
-    weights: NDArray[np.uint8],
-    shift: np.int32,
+    weights: NDArray[np.int16],
+    bias: NDArray[np.int32],
     threshold: np.int32,
     lateral: np.int32,
     keep: np.int32,
+    delay: int,
     inputs: NDArray[np.uint8],
-    inh: NDArray[np.uint8],
+    root: NDArray[np.uint8],
     after: NDArray[np.int32],
     fired: NDArray[np.uint8],
 ) -> None:
-    """Fill ``after`` and ``fired`` from the second step on; in the first nothing has arrived."""
+    """Fill ``after`` and ``fired``; input spikes arrive ``delay`` steps later, the root's one step later."""
     (steps, width), neurons = inputs.shape, after.shape[1]
     v, drive = np.zeros(neurons, np.int32), np.zeros(neurons, np.int32)
-    for step in range(1, steps):
+    for step in range(steps):
         drive[:] = 0
-        for j in range(width):
-            if inputs[step - 1, j]:
-                for i in range(neurons):
-                    drive[i] += np.int32(weights[j, i])
-        relays = np.int32(0)
-        for i in range(neurons):
-            relays += np.int32(inh[step - 1, i])
-        for i in range(neurons):
-            others = np.int32(relays - np.int32(inh[step - 1, i]))
-            drive[i] = np.int32(np.int32(drive[i] >> shift) - np.int32(lateral * others))
-        if integrate(v, drive, np.int32(0), keep) > threshold:
+        if step >= delay:
+            for j in range(width):
+                if inputs[step - delay, j]:
+                    for i in range(neurons):
+                        drive[i] += np.int32(weights[j, i])
+        pull = lateral if step > 0 and root[step - 1] else np.int32(0)
+        if integrate(v, drive, bias, pull, keep) > threshold:
             for i in range(neurons):
                 if v[i] > threshold:
                     v[i] = 0
@@ -70,13 +67,16 @@ def membranes(network: FixedNetwork, inputs: NDArray[np.uint8], inh: NDArray[np.
 
     Args:
         network: The network, checked.
-        inputs: Spikes of the inputs, uint8 (steps + 3, inputs).
-        inh: Spikes of the relays, uint8 (steps + 3, neurons).
+        inputs: Spikes of the inputs, uint8 (interval, inputs).
+        inh: Spikes of the inhibitory neurons, the root the last, uint8 (interval, inhibitory).
     Raises:
         InputError: spikes of another shape.
     """
     steps = len(inputs)
-    for name, spikes, width in (("input spikes", inputs, network.inputs), ("relay spikes", inh, network.neurons)):
+    for name, spikes, width in (
+        ("input spikes", inputs, network.inputs),
+        ("spikes of inhibitory neurons", inh, network.inhibitory),
+    ):
         check_array(spikes.view(np.uint8), name, np.uint8, (steps, width), "record them with this network")
     result = Membranes(
         np.zeros((steps, network.neurons), np.int32),
@@ -84,12 +84,13 @@ def membranes(network: FixedNetwork, inputs: NDArray[np.uint8], inh: NDArray[np.
     )
     _replay(
         network.weights,
-        np.int32(network.shift),
+        network.bias,
         np.int32(network.threshold << INPUT_SHIFT),
         np.int32(network.lateral),
         np.int32((1 << DECAY_BITS) - network.decay),
+        network.input_delay,
         np.ascontiguousarray(inputs).view(np.uint8),
-        np.ascontiguousarray(inh).view(np.uint8),
+        np.ascontiguousarray(inh[:, -1]).view(np.uint8),
         *result,
     )
     return result

@@ -1,55 +1,60 @@
-"""From learned float weights to the integers that Loihi runs."""
+"""From learned float weights to the integers that Loihi runs.
+
+Thresholds and inhibition are set in units of the drive that a neuron's own place brings it (`own_drive`), so that they
+mean the same whatever the number of input spikes, bits or neurons. All sums of integers are exact: equal weights and
+references give equal networks on every machine.
+"""
 
 from __future__ import annotations
 
-import math
-from typing import TypeVar
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.config import LifNetwork
-from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.inference.fixed import FixedNetwork, bias_registers, silent_steps
 from lava_vpr.errors import ConfigError
-from lava_vpr.loihi import DECAY_BITS, INPUT_LIMIT, LOIHI_1_INPUT_LIMIT, WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
+from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT, DECAY_BITS, INPUT_SHIFT, WEIGHT_LIMIT
 
 Weight = TypeVar("Weight", np.float32, np.float64)
 
-MEAN_WEIGHT = 0.1
-"""Mean that float weights are brought to before they are quantised; `LifNetwork.drive` refers to it."""
+TOP_PERCENTILE = 99.9
+"""Percentile of the magnitudes of all weights, zeros included, that becomes the largest integer weight."""
+
+RATE_UNIT = 1 << 16
+"""Rates are in units of 1 / RATE_UNIT spikes a step."""
 
 
-FINEST, FINE, COARSE = 256, 32, 16
-"""Thresholds in units of the input sum: the largest that is of use, the smallest that fitting Loihi 1 is worth, and the
-smallest of all."""
+class Shown(NamedTuple):
+    """References by whose rates neurons are scaled: those of one stretch.
+
+    Attributes:
+        rates: Their rates as queries, uint16 (images, inputs).
+        neurons: The neurons that learned them.
+    """
+
+    rates: NDArray[np.uint16]
+    neurons: slice
 
 
-ROUNDING = 0.97
-"""Share of the accumulator that unrounded weights may fill."""
-
-
-def equalise(weights: NDArray[Weight]) -> NDArray[np.float64]:
-    """Give every neuron (column) the same Euclidean norm, and all weights together the mean `MEAN_WEIGHT`.
+def unit_norm(weights: NDArray[Weight]) -> NDArray[np.float64]:
+    """Give every neuron (column) the Euclidean norm 1; one without any weight stays without.
 
     Equal norms make neurons comparable under one threshold; this is what recall at high precision hangs on.
-
-    Raises:
-        ConfigError: no weight is above 0: nothing was learned.
     """
     scaled = weights.astype(np.float64)
     norms = np.sqrt(np.sum(scaled * scaled, axis=0))
-    scaled = np.divide(scaled, norms, out=np.zeros_like(scaled), where=norms > 0)
-    mean = scaled.mean()
-    if not mean > 0:
-        raise ConfigError("all weights are 0: nothing was learned; check learning.eta and the reference images")
-    return scaled * (MEAN_WEIGHT / mean)
+    return np.divide(scaled, norms, out=np.zeros_like(scaled), where=norms > 0)
 
 
 def pruned(weights: NDArray[Weight], share: float) -> NDArray[Weight]:
-    """Set the smallest ``share`` of each neuron's weights to 0.
+    """Set the smallest ``share`` of each neuron's weights to 0, by magnitude.
 
     Args:
-        weights: (inputs, neurons), not below 0; a neuron's scale does not matter.
+        weights: (inputs, neurons); a neuron's scale does not matter.
         share: In [0, 1), of all inputs. Of equal weights those of the first inputs go first.
     Raises:
         ConfigError: a share outside that range.
@@ -60,32 +65,31 @@ def pruned(weights: NDArray[Weight], share: float) -> NDArray[Weight]:
     if count == 0:
         return weights
     kept = weights.copy()
-    np.put_along_axis(kept, np.argsort(weights, axis=0, kind="stable")[:count], 0.0, axis=0)
+    np.put_along_axis(kept, np.argsort(np.abs(weights), axis=0, kind="stable")[:count], 0.0, axis=0)
     return kept
 
 
 def distinctive(learned: NDArray[np.float32], network: LifNetwork) -> NDArray[np.float64]:
-    """Equalised weights of ``learned`` ones (inputs, neurons), without what ``network.common`` and ``prune`` take off.
+    """Weights of norm 1 from ``learned`` ones (inputs, neurons), as ``network.signed`` and ``prune`` ask.
+
+    Signed weights are what a neuron learned less what all neurons share, the mean over them of weights of norm 1.
 
     Raises:
-        ConfigError: no weight is above 0.
+        ConfigError: nothing was learned, or all neurons have learned the same.
     """
-    weights = equalise(learned)
-    if network.common == 0 and network.prune == 0:
-        return weights
-    if network.common > 0:
-        weights = np.maximum(weights - network.common * weights.mean(axis=1, keepdims=True), 0.0)
+    weights = unit_norm(learned)
+    if not weights.any():
+        raise ConfigError("all weights are 0: nothing was learned; check learning.eta and the reference images")
+    if network.signed:
+        learning = weights.any(axis=0)
+        weights[:, learning] -= weights[:, learning].mean(axis=1, keepdims=True)
+        weights[np.abs(weights) < 1e-12] = 0.0  # what rounding left of equal weights
         if not weights.any():
             raise ConfigError(
-                f"network.common {network.common:g} takes every weight off: all neurons have learned the same; lower it"
+                "all neurons have learned the same, and signed weights hold differences; show other places"
             )
-    return equalise(pruned(weights, network.prune))
-
-
-def weight_scale(weights: NDArray[np.float64], bits: int) -> float:
-    """Integer units per float weight: the 99.9th percentile of all weights, zeros included, becomes the largest."""
-    top = float(np.percentile(weights, 99.9))
-    return ((1 << bits) - 1) / (top if top > 0 else float(weights.max()))
+        weights = unit_norm(weights)
+    return unit_norm(pruned(weights, network.prune))
 
 
 def mantissa_of(value: float) -> tuple[int, int]:
@@ -96,110 +100,84 @@ def mantissa_of(value: float) -> tuple[int, int]:
     return round(value / (1 << exponent)), exponent
 
 
-def _first_shift(scale_per_drive: float, threshold: float) -> int:
-    """Right shift of the input sum under which the threshold is not finer than is of use."""
-    sizes = (threshold * scale_per_drive / (1 << shift) for shift in range(WEIGHT_EXPONENT_LIMIT + 1))
-    return next((shift for shift, size in enumerate(sizes) if size <= FINEST), WEIGHT_EXPONENT_LIMIT)
+def integer_weights(weights: NDArray[np.float64], bits: int) -> NDArray[np.int16]:
+    """``weights`` (inputs, neurons) in units of which the `TOP_PERCENTILE` of all are 2^bits - 1, larger ones cut."""
+    top, sizes = (1 << bits) - 1, np.abs(weights)
+    largest = float(np.percentile(sizes, TOP_PERCENTILE)) or float(sizes.max())
+    return np.clip(np.round(weights * (top / largest)), -top, top).astype(np.int16)
 
 
-def _shift(scale_per_drive: float, threshold: float, inhibition: float, neurons: int) -> int:
-    """Right shift of the input sum: the smallest under which lateral inhibition fits Loihi 1's accumulator.
-
-    Where the threshold would become too coarse for that, the smallest that fits Loihi 2's current; where none fits, the
-    largest (`FixedNetwork.check` then refuses the network).
-    """
-    sizes = [threshold * scale_per_drive / (1 << k) for k in range(WEIGHT_EXPONENT_LIMIT + 1)]
-    first = last = _first_shift(scale_per_drive, threshold)
-    for limit, least in ((LOIHI_1_INPUT_LIMIT, FINE), (INPUT_LIMIT, COARSE)):
-        for shift in range(first, len(sizes)):
-            if sizes[shift] < least:
-                break
-            last = max(last, shift)
-            mantissa, exponent = mantissa_of(inhibition * scale_per_drive / (1 << shift))
-            if (neurons - 1) * (mantissa << exponent) < limit:
-                return shift
-    return last
+def mean_drives(weights: NDArray[np.int16], shown: Sequence[Shown]) -> NDArray[np.float64]:
+    """Each neuron's mean drive over all references, in weight units a step, float64 (neurons,)."""
+    total = np.sum([part.rates.sum(axis=0, dtype=np.int64) for part in shown], axis=0, dtype=np.int64)
+    images = sum(len(part.rates) for part in shown)
+    # Whole numbers far below 2^53: their float products and sums are exact, in any order.
+    return np.asarray((total.astype(np.float64) @ weights.astype(np.float64)) / (images * RATE_UNIT))
 
 
-def _largest_unit(inhibition: float, neurons: int) -> float:
-    """Units of the input sum per float unit for which all lateral inhibition just fits Loihi 1's accumulator."""
-    most = (LOIHI_1_INPUT_LIMIT - 1) // max(1, neurons - 1)
-    exponent = max(0, most.bit_length() - WEIGHT_LIMIT.bit_length())
-    return (most >> exponent << exponent) / inhibition if inhibition else math.inf
+def own_drives(weights: NDArray[np.int16], shown: Sequence[Shown]) -> NDArray[np.float64]:
+    """What the reference of its stretch that suits each neuron best brings it, as `mean_drives`."""
+    best = np.zeros(weights.shape[1])
+    for part in shown:
+        drives = part.rates.astype(np.float64) @ weights[:, part.neurons].astype(np.float64)
+        best[part.neurons] = drives.max(axis=0, initial=-np.inf)
+    return best / RATE_UNIT
 
 
-def _scale_and_shift(
-    weights: NDArray[np.float64], scale: float, gain: float, threshold: float, inhibition: float, shift: int | None
-) -> tuple[float, int]:
-    """Integer units per float weight, and the right shift of the input sum.
-
-    Loihi 1 shifts no sums, so without a shift there is one network for both chips: none is taken if inhibition, and all
-    inputs at once, fit its accumulator as they are. Where a shift that makes the threshold no finer than is of use does
-    not suffice for that, a scale that just fits is better than one more shift, as long as it loses less than the bit
-    that the shift would cost.
-
-    Args:
-        weights: From `equalise`.
-        scale: From `weight_scale`.
-        gain: Float drive per input sum.
-        threshold, inhibition: In float units.
-        shift: None: what is best; else this one.
-    """
-    neurons, most = weights.shape[1], (LOIHI_1_INPUT_LIMIT - 1) / float(weights.sum(axis=0).max())
-    whole = min(_largest_unit(inhibition, neurons) * gain, ROUNDING * most)
-    if shift is None and whole >= scale:
-        return scale, 0
-    right_shift = _first_shift(scale / gain, threshold) if shift is None else shift
-    fitting = min(scale, whole * (1 << right_shift))
-    if 2 * fitting > scale:
-        return fitting, right_shift
-    return scale, _shift(scale / gain, threshold, inhibition, neurons) if shift is None else shift
+def biases_of(drives: NDArray[np.float64], highest: int) -> NDArray[np.int32]:
+    """Biases in units of v that take ``drives`` (..., neurons) off, as registers hold them, none above ``highest``."""
+    most = ((1 << BIAS_BITS) - 1) << BIAS_EXPONENT_LIMIT
+    wanted = np.clip(np.round(-drives * (1 << INPUT_SHIFT)), -most, min(most, highest))
+    mantissas, exponent = bias_registers(wanted.astype(np.int64))
+    return mantissas << exponent
 
 
-def most_neurons(threshold: float, inhibition: float) -> int:
-    """Neurons that one inhibition can serve at the coarsest unit, for a check before anything is learned."""
-    lateral = max(1, math.floor(inhibition / threshold * COARSE))
-    return (INPUT_LIMIT - 1) // lateral + 1
+def check_steps(network: LifNetwork, neurons: int) -> int:
+    """The silent steps of a presentation to so many neurons.
 
-
-def quantise(
-    weights: NDArray[np.float64],
-    network: LifNetwork,
-    spikes_per_step: float,
-    *,
-    joined: bool = False,
-    shift: int | None = None,
-) -> FixedNetwork:
-    """The integer network of equalised ``weights`` (inputs, neurons).
-
-    The unit of the input sum is set by a right shift of its own: bits and unit are two things.
-
-    Args:
-        weights: From `equalise`.
-        network: Settings in float units.
-        spikes_per_step: Expected input spikes per step while answering queries.
-        joined: Several stretches under one inhibition: use ``joined_inhibition``.
-        shift: Right shift of the input sum (default: what is best); a chip that shifts no sums needs 0.
     Raises:
+        ConfigError: it has no other steps.
+    """
+    silent = silent_steps(neurons, network.input_mode == "bias")
+    if network.steps <= silent:
+        raise ConfigError(
+            f"network.steps is {network.steps}, but {neurons:,} neurons need {silent} silent ones; raise it"
+        )
+    return silent
+
+
+def quantise(weights: NDArray[np.float64], network: LifNetwork, shown: Sequence[Shown]) -> FixedNetwork:
+    """The integer network of ``weights`` (inputs, neurons) from `distinctive`.
+
+    Args:
+        weights: Of norm 1.
+        network: Settings.
+        shown: The references, stretch after stretch; together they hold all neurons.
+    Raises:
+        ConfigError: no reference drives its neuron more than the others do, or a presentation would be all silence.
         NetworkLimitError: the network could overflow (`FixedNetwork.check`).
     """
-    bits = network.weight_bits
-    scale = weight_scale(weights, bits)
-    gain = network.drive / (MEAN_WEIGHT * spikes_per_step)
-    inhibition = network.joined_inhibition if joined else network.inhibition
-    scale, shift = _scale_and_shift(weights, scale, gain, network.threshold, inhibition, shift)
-    unit = scale / gain / (1 << shift)
-    mantissa, exponent = mantissa_of(inhibition * unit)
+    integers, neurons = integer_weights(weights, network.weight_bits), weights.shape[1]
+    drives = mean_drives(integers, shown) if network.signed else np.zeros(neurons)
+    learned = integers.any(axis=0)
+    unit = float((own_drives(integers, shown) - drives)[learned].mean()) if learned.any() else 0.0
+    if not unit > 0:
+        raise ConfigError("no neuron is driven by its own place; check learning.eta and the reference images")
+    silent = check_steps(network, neurons)
+    mantissa, exponent = mantissa_of(network.inhibition * unit)
     fixed = FixedNetwork(
-        weights=np.clip(np.round(weights * scale), 0, (1 << bits) - 1).astype(np.uint8),
-        bits=bits,
-        shift=shift,
+        weights=integers,
+        bias=np.zeros(neurons, np.int32),
+        bits=network.weight_bits,
+        signed=network.signed,
         threshold=max(1, round(network.threshold * unit)),
         inhibition=mantissa,
         inhibition_exponent=exponent,
         decay=min((1 << DECAY_BITS) - 1, round((1 << DECAY_BITS) / network.tau_membrane)),
-        steps=network.steps,
+        steps=network.steps - silent,
+        regular=network.trains == "regular",
         bias_input=network.input_mode == "bias",
     )
+    fixed = replace(fixed, bias=biases_of(drives, fixed.highest_bias))
     fixed.check()
     return fixed

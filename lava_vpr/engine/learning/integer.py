@@ -3,8 +3,8 @@
 One presentation, step by step, with the delays and the arithmetic of Lava (lava-nc 0.10; its ``proc/lif``, and for the
 plasticity ``magma/core/model/py/connection.py`` and ``magma/core/learning``)::
 
-    a      = (sum of weights of the inputs that spiked one step ago) >> shift
-             - inhibition (number of other neurons that spiked two steps ago)
+    a      = sum of weights of the inputs that spiked one step ago
+             - inhibition, if any neuron spiked two steps ago, but not from those that did
     v      = clip(D(v, 4096 - dv) + (a << 6)), not below the floor, 0 while held after a spike
     spike    if v > threshold << 6, then v = 0, threshold += theta_plus
     x      = floor(x e^(-1/tau)), plus 1 with the probability of the fraction (stochastic rounding);
@@ -26,9 +26,8 @@ from numpy.typing import NDArray
 from lava_vpr.config import StdpLearning
 from lava_vpr.engine.entry import check_array, check_rates
 from lava_vpr.engine.general.lif import LifParameters
-from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.inference.quantise import mantissa_of
-from lava_vpr.engine.learning.integer_kernels import KernelPhase, StepDraws, normalise_columns, train
+from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS, KernelPhase, StepDraws, normalise_columns, train
 from lava_vpr.engine.learning.stdp import mean_trace
 from lava_vpr.engine.random import derived_key, presentation_key, uniform
 from lava_vpr.errors import ConfigError, InputError, NetworkLimitError
@@ -39,7 +38,6 @@ from lava_vpr.loihi import (
     PRODUCT_MANTISSAS,
     THRESHOLD_LIMIT,
     TRACE_LIMIT,
-    WEIGHT_EXPONENT_LIMIT,
     WEIGHT_LIMIT,
 )
 
@@ -119,8 +117,8 @@ class IntegerLearning:
 
     Attributes:
         rule: Weight change and trace.
-        shift: Right shift of the input sum.
-        inhibition: What a spike takes from every other neuron, in units of the shifted sum.
+        inhibition: What the inhibitory neuron takes from every neuron but those whose spikes made it fire, in units of
+            the input sum.
         neurons: As in `LifParameters`: membrane decay, floor, hold, and what a spike adds to its neuron's threshold.
         weight_sum: What the host normalises each neuron's weights to, before a presentation; 0: it does not.
         steps: Steps with input in one presentation; `SILENT_STEPS` follow.
@@ -128,26 +126,24 @@ class IntegerLearning:
     """
 
     rule: Rule
-    shift: int
     inhibition: int
     neurons: LifParameters
     weight_sum: int
     steps: int
     late_theta: bool = False
 
-    def check(self, neurons: int) -> None:
-        """Refuse a phase that the chip cannot hold for so many neurons.
+    def check(self) -> None:
+        """Refuse a phase that the chip cannot hold.
 
         Raises:
             NetworkLimitError: naming need, limit and remedy.
         """
         self.rule.check()
         self.neurons.check()
-        if (neurons - 1) * self.inhibition >= INPUT_LIMIT:
+        if self.inhibition >= INPUT_LIMIT:
             raise NetworkLimitError(
-                f"lateral inhibition of {neurons} neurons can reach {(neurons - 1) * self.inhibition:,} while "
-                f"learning, but Loihi's 24-bit current holds less than {INPUT_LIMIT:,}; lower learning.inhibition or "
-                "use shorter stretches (--stretch)"
+                f"inhibition is {self.inhibition:,} while learning, but Loihi's 24-bit current holds less than "
+                f"{INPUT_LIMIT:,}; lower learning.inhibition"
             )
 
 
@@ -159,14 +155,9 @@ class IntegerState:
     theta: NDArray[np.int32]
 
 
-def unit(learning: StdpLearning, inputs: int, spikes_per_step: float, drive: float, neurons: int) -> tuple[float, int]:
-    """Units of the shifted input sum per float unit of the membrane, and the shift: the smallest without overflow."""
-    mean = learning.mean_weight / learning.w_max * WEIGHT_LIMIT
-    for shift in range(WEIGHT_EXPONENT_LIMIT + 1):
-        per_unit = mean * spikes_per_step / drive / (1 << shift)
-        if (neurons - 1) * _lateral(learning, per_unit) < INPUT_LIMIT:
-            break
-    return per_unit, shift
+def unit(learning: StdpLearning, spikes_per_step: float) -> float:
+    """Units of the input sum per float unit of the membrane."""
+    return learning.mean_weight / learning.w_max * WEIGHT_LIMIT * spikes_per_step / learning.drive
 
 
 def _lateral(learning: StdpLearning, per_unit: float) -> int:
@@ -175,9 +166,7 @@ def _lateral(learning: StdpLearning, per_unit: float) -> int:
     return mantissa << exponent
 
 
-def phases(
-    learning: StdpLearning, inputs: int, neurons: int, spikes_per_step: float, drive: float
-) -> tuple[IntegerLearning, IntegerLearning]:
+def phases(learning: StdpLearning, inputs: int, spikes_per_step: float) -> tuple[IntegerLearning, IntegerLearning]:
     """Competition and consolidation of float settings, in integers.
 
     Raises:
@@ -186,7 +175,7 @@ def phases(
     """
     if learning.mu not in (0, 1, 2):
         raise ConfigError(f"learning.mu is {learning.mu!r}, but must be 0, 1 or 2 with --learning integer")
-    per_unit, shift = unit(learning, inputs, spikes_per_step, drive, neurons)
+    per_unit = unit(learning, spikes_per_step)
     scale = WEIGHT_LIMIT / learning.w_max
     mu = int(learning.mu)
 
@@ -197,7 +186,6 @@ def phases(
         x_target = target * mean_trace(inputs, spikes_per_step, tau)
         return IntegerLearning(
             rule=Rule(products(rate), round(x_target * TRACE_LIMIT), mu, tau),
-            shift=shift,
             inhibition=_lateral(learning, per_unit),
             neurons=LifParameters(
                 dv=min(DECAY_UNITY - 1, round(DECAY_UNITY / learning.tau_membrane)),
@@ -213,7 +201,7 @@ def phases(
     first = phase(learning.eta, learning.tau_trace, learning.x_target, learning.theta_plus)
     second = phase(learning.consolidation_eta, learning.consolidation_tau_trace, learning.consolidation_x_target, 0.0)
     for part in (first, second):
-        part.check(neurons)
+        part.check()
     return first, second
 
 
@@ -275,8 +263,8 @@ def present(
         key: The presentation's key (`lava_vpr.engine.random.presentation_key`).
         draws: Random numbers of its steps (default: `step_draws` of the key).
         traces: Traces at the start, changed in place (default: all 0).
-        inhibition: What a spike takes from each other neuron, int64 (neurons,), in units of the shifted sum (default:
-            ``learning.inhibition`` from all).
+        inhibition: What the inhibitory neuron takes from each neuron, int64 (neurons,), in units of the input sum
+            (default: ``learning.inhibition`` from all).
         raster: Also record every spike.
     Returns:
         Spike counts int32 (neurons,); numbers of input and excitatory spikes, int64 (2,); raster uint8
@@ -330,14 +318,12 @@ class IntegerTrainer:
         neurons: int,
         learning: StdpLearning,
         spikes_per_step: float,
-        drive: float,
         seed: int,
         stretch: int,
     ) -> None:
-        per_unit, _ = unit(learning, inputs, spikes_per_step, drive, neurons)
         self.learning = learning
-        self.competition, self.consolidation = phases(learning, inputs, neurons, spikes_per_step, drive)
-        self.state = initial_state(inputs, neurons, learning, per_unit, seed, stretch)
+        self.competition, self.consolidation = phases(learning, inputs, spikes_per_step)
+        self.state = initial_state(inputs, neurons, learning, unit(learning, spikes_per_step), seed, stretch)
         self.phase = self.competition
 
     def begin_epoch(self, epoch: int) -> None:

@@ -9,10 +9,13 @@ from numpy.typing import NDArray
 
 from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
 from lava_vpr.engine.general.lif import LifConstants, lif_step
-from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.random import GOLDEN, mix
 from lava_vpr.kernelcache import compiled
 from lava_vpr.loihi import TRACE_LIMIT, WEIGHT_LIMIT
+
+SILENT_STEPS = 3
+"""Steps after the last input of a training presentation: its spikes reach exc, exc's the inhibitory neuron, whose the
+others."""
 
 _S32 = np.uint64(32)
 _ACCUMULATOR = (1 << 15) - 1
@@ -28,11 +31,9 @@ class StepDraws(NamedTuple):
 class KernelPhase(NamedTuple):
     """One phase of learning as the kernel reads it.
 
-    ``shift`` and ``steps`` are those of `lava_vpr.engine.learning.integer.IntegerLearning`, ``lif`` its neurons; the
-    rest is its rule: ``target``, ``mu``, ``products`` (`Rule.table`), and ``whole`` and ``fraction`` (`Rule.decay`).
+    ``steps`` are those of `lava_vpr.engine.learning.integer.IntegerLearning`, ``lif`` its neurons; the rest is its rule: ``target``, ``mu``, ``products`` (`Rule.table`), and ``whole`` and ``fraction`` (`Rule.decay`).
     """
 
-    shift: int
     steps: int
     lif: LifConstants
     target: int
@@ -163,7 +164,7 @@ def train(
     Every spike sets its trace to the same value, and all traces of a step share one random number: traces last set in
     the same step stay equal, and only one value a step is followed.
     """
-    shift, steps, whole, fraction = phase.shift, phase.steps, phase.whole, phase.fraction
+    steps, whole, fraction = phase.steps, phase.whole, phase.fraction
     inputs, neurons = weights.shape
     active, offsets, rates4, words, mask, occupied, spikes, spike_counts = scratch(inputs)
     n = prepare_draws(rates, key, active, offsets, rates4)
@@ -179,9 +180,9 @@ def train(
     for step in range(steps + SILENT_STEPS):
         now, before = step % 3, (step + 1) % 3  # (step - 2) mod 3
         for i in range(neurons):
-            drive[i] = buffer[i] >> shift
-            if n_fired[before] > 0:
-                drive[i] -= inhibition[i] * (n_fired[before] - np.int64(fired[before, i]))
+            drive[i] = buffer[i]
+            if n_fired[before] > 0 and not fired[before, i]:
+                drive[i] -= inhibition[i]
         n_fired[now] = lif_step(u, v, theta, held, drive, bias, phase.lif, fired[now])
         # What the inputs of this step will bring, by the weights before this step's learning.
         lane = step & 3

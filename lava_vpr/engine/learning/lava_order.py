@@ -6,7 +6,7 @@ the host, which normalises each neuron's weights anyway (no learning engine adds
 
     W      = normalised(W)                   to ``weight_sum``, as `lava_vpr.engine.learning.integer.normalise`
     w      = min(255, W common / T)          what the chip gets, rounded stochastically
-    L      = min(top, (2 M common + T) // 2T) 2^E     its lateral weight, M 2^E the inhibition at T = common
+    L      = min(255, (2 M common + T) // 2T) 2^E     its lateral weight, M 2^E the inhibition at T = common
     ...      one presentation on the chip, from cleared states: w becomes w', neuron i spikes n_i times
     W      = clip(W + w' - w, 0, 255)        what was learned, in full
     T      = T + theta_plus n                at most 17 bits
@@ -30,7 +30,6 @@ from numpy.typing import NDArray
 from lava_vpr.config import StdpLearning
 from lava_vpr.engine.entry import check_array
 from lava_vpr.engine.general.lif import LifParameters
-from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.inference.quantise import mantissa_of
 from lava_vpr.engine.learning.integer import (
     AGAIN,
@@ -42,11 +41,11 @@ from lava_vpr.engine.learning.integer import (
     present,
     unit,
 )
-from lava_vpr.engine.learning.integer_kernels import StepDraws
+from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS, StepDraws
 from lava_vpr.engine.random import GOLDEN, derived_key, mix, presentation_key
 from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.kernelcache import compiled
-from lava_vpr.loihi import INPUT_LIMIT, THRESHOLD_LIMIT, WEIGHT_LIMIT
+from lava_vpr.loihi import THRESHOLD_LIMIT, WEIGHT_LIMIT
 
 FACTOR_BITS = 8
 """`FoldedPhase.threshold_factor` is in units of 2^-8."""
@@ -91,9 +90,7 @@ presentation, a neuron spikes more often in it; at the full rate it then learns 
 (`benchmarks.chip_learning`)."""
 
 
-def folded_phases(
-    learning: StdpLearning, inputs: int, neurons: int, spikes_per_step: float, drive: float
-) -> tuple[FoldedPhase, FoldedPhase]:
+def folded_phases(learning: StdpLearning, inputs: int, spikes_per_step: float) -> tuple[FoldedPhase, FoldedPhase]:
     """The two phases of folded learning under the settings of float learning.
 
     Raises:
@@ -114,7 +111,7 @@ def folded_phases(
             epochs=epochs,
         )
         for part, factor, epochs in zip(
-            phases(folded, inputs, neurons, spikes_per_step, drive),
+            phases(folded, inputs, spikes_per_step),
             (1 << FACTOR_BITS, round(folded.consolidation_threshold * (1 << FACTOR_BITS))),
             (folded.competing, folded.epochs - folded.competing),
             strict=True,
@@ -124,11 +121,10 @@ def folded_phases(
 
 
 def start_state(
-    learning: StdpLearning, inputs: int, neurons: int, spikes_per_step: float, drive: float, seed: int, stretch: int
+    learning: StdpLearning, inputs: int, neurons: int, spikes_per_step: float, seed: int, stretch: int
 ) -> IntegerState:
     """Start weights and thresholds, those of integer learning."""
-    per_unit, _ = unit(learning, inputs, spikes_per_step, drive, neurons)
-    return initial_state(inputs, neurons, learning, per_unit, seed, stretch)
+    return initial_state(inputs, neurons, learning, unit(learning, spikes_per_step), seed, stretch)
 
 
 def library_seed(seed: int, stretch: int, epoch: int) -> int:
@@ -204,15 +200,10 @@ def _fold(weights: NDArray[np.uint8], thresholds: NDArray[np.int32], common: int
 
 
 def laterals(inhibition: int, thresholds: NDArray[np.int32], common: int) -> tuple[NDArray[np.int64], int]:
-    """Each neuron's lateral weight, as mantissas int64 (neurons,) of 8 bits and one exponent.
-
-    The weight is cut off where all other neurons at once would overflow Loihi's current: no neuron far below ``common``
-    has won.
-    """
+    """Each neuron's lateral weight, as mantissas int64 (neurons,) of 8 bits and one exponent."""
     mantissa, exponent = mantissa_of(inhibition)
-    top = min(WEIGHT_LIMIT, (INPUT_LIMIT - 1) // max(1, len(thresholds) - 1) >> exponent)
     divisors = thresholds.astype(np.int64)
-    return np.minimum((2 * mantissa * common + divisors) // (2 * divisors), top), exponent
+    return np.minimum((2 * mantissa * common + divisors) // (2 * divisors), WEIGHT_LIMIT), exponent
 
 
 @dataclass(frozen=True)

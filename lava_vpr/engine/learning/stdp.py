@@ -6,7 +6,8 @@ input spike and decays by exp(-1 / tau_trace) a step. Homeostasis raises a neuro
 spike, for good; before a presentation every neuron's weights are normalised to the same mean.
 
 All arithmetic is elementwise or summed in a fixed order, without fused or reordered operations, so that every machine
-and every vector width computes the same bits.
+and every vector width computes the same bits. One inhibitory neuron fires when any excitatory one has; what it takes is
+given back to those, so that winners are spared.
 """
 
 from __future__ import annotations
@@ -169,9 +170,8 @@ def _train(
         for i in range(neurons):
             drive[i] *= gain
         if n_fired[before] > 0:
-            pull = np.float32(inhibition * np.float32(n_fired[before]))
             for i in range(neurons):
-                drive[i] -= pull
+                drive[i] -= inhibition
             for s in range(n_fired[before]):
                 drive[fired[before, s]] += inhibition
         n_fired[now] = 0
@@ -201,13 +201,12 @@ class Trainer:
         state: Start weights and thresholds, changed in place.
         learning: Settings of the rule.
         spikes_per_step: Expected input spikes per step ("tot") of the rates that will be shown.
-        drive: Drive per step of a neuron whose weights are all at the mean (`LifNetwork.drive`).
     """
 
-    def __init__(self, state: PlasticState, learning: StdpLearning, spikes_per_step: float, drive: float) -> None:
+    def __init__(self, state: PlasticState, learning: StdpLearning, spikes_per_step: float) -> None:
         self.state, self.learning = state, learning
         inputs = len(state.weights)
-        gain = drive / (learning.mean_weight * spikes_per_step)
+        gain = learning.drive / (learning.mean_weight * spikes_per_step)
         keep = 1.0 - 1.0 / learning.tau_membrane
 
         def phase(eta: float, tau: float, target: float, theta_plus: float) -> KernelPhase:
