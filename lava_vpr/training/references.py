@@ -12,8 +12,8 @@ from lava_vpr.config import Config
 from lava_vpr.encoding import EncodedTraverse, query_rates, query_rates16
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.engine.random import presentation_keys
 from lava_vpr.engine.inference.quantise import Shown
+from lava_vpr.engine.random import presentation_keys
 from lava_vpr.model import Model, Stretch
 
 

@@ -202,14 +202,14 @@ class FixedNetwork:
         return self.steps + self.silent_steps
 
     @property
-    def input_compartments(self) -> int:
-        """Number of compartments that make the inputs' spikes: none where these are injected."""
-        return self.inputs if self.bias_input else 0
+    def relayed(self) -> bool:
+        """Whether relays on the chip, one an input, pass injected spikes on to the cores."""
+        return self.input_delay == 2
 
     @property
-    def relays(self) -> int:
-        """Number of compartments that pass injected spikes on to many cores: one an input, or none."""
-        return self.inputs if self.input_delay == 2 else 0
+    def input_compartments(self) -> int:
+        """Number of compartments that stand for inputs: they integrate a bias, or relay what is injected; else none."""
+        return self.inputs if self.bias_input or self.relayed else 0
 
     @property
     def lateral(self) -> int:
@@ -369,7 +369,7 @@ def named_events(network: FixedNetwork, raw: NDArray[np.int64], n: int) -> dict[
     its input spikes. Every spike of inputs, relays, exc and inh is one message (to one core).
     """
     operations, inputs, exc, leaf_spikes, root_spikes = (int(value) for value in raw)
-    inh, relayed = leaf_spikes + root_spikes, inputs if network.relays else 0
+    inh, relayed = leaf_spikes + root_spikes, inputs if network.relayed else 0
     inhibited = root_spikes * network.neurons
     listened = exc + leaf_spikes  # by leaves and root, or by the root alone
     return {
