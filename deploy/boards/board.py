@@ -22,7 +22,6 @@ class Board:
         cores: Neuron cores of a chip.
         tile_cores, columns, rows: Cores of a tile, and the mesh of tiles of a chip; None: not public.
         input_limit: What one neuron can receive in one step stays below, in weight units.
-        shifts_sum: A negative weight exponent shifts the sum of the weights (Lava); else each weight (Loihi 1).
         compartments, axons_in, axons_out, synapse_words: Limits.
         profiles, thresholds, formats: Distinct ones that a core can hold.
         weight_bits, index_bits: Widths that a stored synapse can have.
@@ -40,7 +39,6 @@ class Board:
     columns: int | None
     rows: int | None
     input_limit: int
-    shifts_sum: bool
     compartments: int
     axons_in: int | None
     axons_out: int | None
@@ -58,11 +56,6 @@ class Board:
     def timed(self) -> bool:
         """Whether the times of the board's operations are public."""
         return self.constants is not None
-
-    @property
-    def sum_shift(self) -> int | None:
-        """The right shift of the input sum that its networks must have; None: the one that quantising finds best."""
-        return None if self.shifts_sum else 0
 
     def as_json(self) -> dict[str, Any]:
         """Limits and mesh by name, as a bundle's manifest has them; None: not public."""
@@ -84,7 +77,6 @@ KAPOHO_BAY = BOARDS.register(
         columns=loihi.MESH_COLUMNS,
         rows=loihi.MESH_ROWS,
         input_limit=loihi.LOIHI_1_INPUT_LIMIT,
-        shifts_sum=False,
         compartments=loihi.CORE_COMPARTMENTS,
         axons_in=loihi.CORE_AXONS,
         axons_out=loihi.CORE_AXONS,
@@ -110,7 +102,6 @@ LOIHI_2 = BOARDS.register(
         columns=None,
         rows=None,
         input_limit=loihi.INPUT_LIMIT,
-        shifts_sum=True,
         compartments=loihi.LOIHI_2_COMPARTMENTS,
         axons_in=None,
         axons_out=None,

@@ -14,7 +14,8 @@ from lava_vpr.engine.inference.fixed import FixedNetwork
 PopulationName = Literal["exc", "inh", "inputs"]
 
 RELAY_WEIGHT, RELAY_THRESHOLD = 2, 1
-"""An excitatory spike brings its relay 2 << 6, which is above 1 << 6; the chip takes no threshold of 0."""
+"""A spike brings an inhibitory neuron, or an input's relay, 2 << 6, which is above 1 << 6; the chip takes no threshold
+of 0."""
 
 
 @dataclass(frozen=True)
@@ -67,11 +68,10 @@ class CorePlan:
 
     Attributes:
         chip, core: Number of the chip and of its core, from 0.
-        parts: What stands on it, in the order of its compartments: exc, inh, inputs.
+        parts: What stands on it, in the order of its compartments: exc, inh (leaves, then the root), and inputs, which
+            integrate a bias or relay injected spikes.
         dense_inputs: bool (inputs,): the row of this input is stored dense (every compartment of exc here, without
             indices); else sparse: the weights that are not 0. A row without any weight is not stored.
-        dense_lateral: Rows of its own relays (zero for one neuron each) are stored dense. The row of relays elsewhere,
-            the same for all of them, is stored once, and dense.
         needs: What the content takes of the core's limits.
         load: What the core is expected to do in a step.
     """
@@ -80,7 +80,6 @@ class CorePlan:
     core: int
     parts: tuple[Part, ...]
     dense_inputs: NDArray[np.bool_] = field(repr=False)
-    dense_lateral: bool
     needs: Needs
     load: Load
 
@@ -97,7 +96,7 @@ class Plan:
         network: The network.
         board: The board.
         cores: The cores in use, by chip and core.
-        weight_bits, lateral_bits: Bits of a stored weight of the inputs' and of the relays' synapses.
+        weight_bits, inhibition_bits: Bits of a stored weight of the inputs' and of the inhibitory root's synapses.
         hops: Expected tiles that messages between cores cross in one step; None: the mesh is not public.
         host_spikes: Spikes that the host sends to each chip in one step, mean plus six standard deviations; 0 if inputs
             integrate a bias.
@@ -107,6 +106,6 @@ class Plan:
     board: Board = field(repr=False)
     cores: tuple[CorePlan, ...]
     weight_bits: int
-    lateral_bits: int
+    inhibition_bits: int
     hops: float | None
     host_spikes: float

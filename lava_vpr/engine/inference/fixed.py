@@ -81,7 +81,7 @@ DIRECT = 1024
 
 
 def inhibitory_depth(neurons: int) -> int:
-    """Inhibitory neurons one after the other between a spike of one of ``neurons`` neurons and what it takes: 1 or 2."""
+    """Inhibitory neurons in a row between a spike of one of ``neurons`` neurons and what it takes: 1 or 2."""
     return 1 if neurons <= FAN_IN else 2
 
 

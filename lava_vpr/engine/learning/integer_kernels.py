@@ -31,7 +31,8 @@ class StepDraws(NamedTuple):
 class KernelPhase(NamedTuple):
     """One phase of learning as the kernel reads it.
 
-    ``steps`` are those of `lava_vpr.engine.learning.integer.IntegerLearning`, ``lif`` its neurons; the rest is its rule: ``target``, ``mu``, ``products`` (`Rule.table`), and ``whole`` and ``fraction`` (`Rule.decay`).
+    ``steps`` are those of `lava_vpr.engine.learning.integer.IntegerLearning`, ``lif`` its neurons; the rest is its
+    rule: ``target``, ``mu``, ``products`` (`Rule.table`), and ``whole`` and ``fraction`` (`Rule.decay`).
     """
 
     steps: int
