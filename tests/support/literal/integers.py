@@ -12,9 +12,10 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.engine.general.lif import LifParameters
+from lava_vpr.engine.general.lif import LifParameters, SignMode
 from lava_vpr.engine.general.simulation import INPUTS, GeneralNetwork, Population, Synapses
-from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork
+from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.learning.integer import IntegerLearning, Rule
 from lava_vpr.engine.random import GOLDEN, derived_key, uniform
 
@@ -107,24 +108,47 @@ def literal_run(
 
 
 def as_populations(network: FixedNetwork) -> GeneralNetwork:
-    """The same network as populations and synapses: inputs to exc, exc to inh one to one, inh to all other exc."""
-    n, interval = network.neurons, network.steps + SILENT_STEPS
-    exc = Population(np.full(n, network.threshold), parameters=LifParameters(dv=network.decay), reset_interval=interval)
-    inh = Population(np.zeros(n, np.int64), parameters=LifParameters(dv=4095), reset_interval=interval)
-    own = np.eye(n, dtype=np.int64)
-    synapses = (
-        Synapses(INPUTS, 0, network.weights.astype(np.int64), 8, -network.shift),
-        Synapses(0, 1, own),
-        Synapses(1, 0, network.inhibition * (own - 1), 8, network.inhibition_exponent, "inhibitory"),
+    """The same network as populations and synapses: 0 is exc, 1 inh (leaves, then the root), 2 relays if there are any.
+
+    Inputs go to exc, or to the relays and on; exc to the root, or to their leaf and on to the root, which takes from
+    every exc.
+    """
+    n, interval = network.neurons, network.interval
+    mantissas, exponent = network.bias_registers
+    exc = Population(
+        np.full(n, network.threshold), mantissas, exponent, LifParameters(dv=network.decay), reset_interval=interval
     )
-    return GeneralNetwork(network.inputs, (exc, inh), synapses)
+    leaves = -(-n // fixed.FAN_IN) if n > fixed.FAN_IN else 0
+    inh, relays = (
+        Population(np.zeros(size, np.int64), parameters=LifParameters(dv=4095), reset_interval=interval)
+        for size in (leaves + 1, network.inputs)
+    )
+    listen, gather = np.zeros((n, leaves + 1), np.int64), np.zeros((leaves + 1, leaves + 1), np.int64)
+    take = np.zeros((leaves + 1, n), np.int64)
+    for i in range(n):
+        listen[i, i // fixed.FAN_IN if leaves else 0] = 2
+    gather[:leaves, leaves] = 2
+    take[leaves] = -network.inhibition
+    relayed = n > fixed.DIRECT and not network.bias_input
+    sign: SignMode = "mixed" if network.signed else "excitatory"
+    stored = network.weights.astype(np.int64) * 2 ** (8 - network.bits)
+    synapses = [
+        Synapses(2 if relayed else INPUTS, 0, stored, network.bits + network.signed, network.bits - 8, sign),
+        Synapses(0, 1, listen),
+        Synapses(1, 0, take, 8, network.inhibition_exponent, "inhibitory"),
+    ]
+    if leaves:
+        synapses.append(Synapses(1, 1, gather))
+    if relayed:
+        synapses.append(Synapses(INPUTS, 2, 2 * np.eye(network.inputs, dtype=np.int64)))
+    return GeneralNetwork(network.inputs, (exc, inh, relays) if relayed else (exc, inh), tuple(synapses))
 
 
-def present_fixed(network: FixedNetwork, spikes: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The raster (steps + 3, neurons) of one presentation of input spikes (steps, inputs)."""
-    silence = np.zeros((SILENT_STEPS, network.inputs), bool)
+def present_fixed(network: FixedNetwork, spikes: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """The rasters of exc and inh, (interval, ..), of one presentation of input spikes (steps, inputs)."""
+    silence = np.zeros((network.interval - len(spikes), network.inputs), bool)
     films, _, _ = literal_run(as_populations(network), np.concatenate([spikes, silence]))
-    return films[0]
+    return films[0], films[1]
 
 
 def mixed(x: int) -> int:
@@ -183,9 +207,9 @@ def present(
     raster = np.zeros((total, n), np.int64)
     for t in range(total):
         for i, neuron in enumerate(neurons):
-            a = sums[i] >> learning.shift
-            if t >= 2:
-                a -= learning.inhibition * int(raster[t - 2].sum() - raster[t - 2, i])
+            a = sums[i]
+            if t >= 2 and raster[t - 2].any() and not raster[t - 2, i]:
+                a -= learning.inhibition
             raster[t, i] = neuron.step(t, a)
         on = np.flatnonzero(spikes[t]).tolist() if t < learning.steps else []
         sums = [sum(w[j][i] for j in on) for i in range(n)]
