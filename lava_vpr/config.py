@@ -105,8 +105,8 @@ class StdpLearning:
         consolidation_eta, consolidation_tau_trace, consolidation_x_target: The same in the second phase.
         threshold, theta_plus: Threshold at the start, and what each spike of the first phase adds to it for good.
         consolidation_threshold: Factor on the thresholds when the second phase begins.
-        inhibition: What the inhibitory neuron takes, in the units of the threshold, from all but the neurons whose spikes
-            made it fire: while they learn, winners are spared.
+        inhibition: What the inhibitory neuron takes, in the units of the threshold, from all but the neurons whose
+            spikes made it fire: while they learn, winners are spared.
         tau_membrane, floor: Membrane time constant in steps; ``floor`` bounds the membrane from below.
         drive: Drive per step, in the units of the threshold, of a neuron whose weights are all at the mean.
         hold_steps: Steps after a spike in which the membrane stays at 0.
