@@ -17,7 +17,7 @@ from lava_vpr.deploy.boards.plan import CorePlan, Load, Needs, Part, Plan
 from lava_vpr.deploy.registers.core_images import HostTables, core_images, host_tables
 from lava_vpr.deploy.registers.simulator import Chips
 from lava_vpr.encoding import draw_trains
-from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork, count_spikes
+from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes, inhibitory_spikes
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.engine.trains import Trains
 from lava_vpr.loihi import LOIHI_1_WEIGHT_BITS
@@ -27,28 +27,26 @@ RATES = tuple[NDArray[np.uint16], NDArray[np.uint64]]
 NEEDS, LOAD = Needs(0, 0, 0, 0, 0, 0, 0), Load(0, 0, 0, 0, 0, 0, 0)
 
 
-def fewest(value: int) -> int:
-    """Bits of a stored weight that hold ``value``."""
-    return next(bits for bits in LOIHI_1_WEIGHT_BITS if value >> bits == 0)
+def fewest(bits: int) -> int:
+    """Bits of a stored weight that hold so many."""
+    return next(stored for stored in LOIHI_1_WEIGHT_BITS if stored >= bits)
 
 
 def simple_plan(network: FixedNetwork, cores: int, seed: int = 0, chips: int = 2) -> Plan:
-    """Equal parts of exc, first relays away from their neurons, inputs on two cores, formats by chance."""
+    """Equal parts of exc, inhibitory neurons away from theirs, input compartments on two cores, formats by chance."""
     rng = np.random.default_rng(seed)
     edges = np.linspace(0, network.neurons, cores + 1).astype(int)
+    inh_edges = np.linspace(0, network.inhibitory, cores + 1).astype(int)
     positions = [(k % chips, 3 * (k // chips) + 1) for k in range(2 * cores)]
     found = []
     for k, (first, last) in enumerate(pairwise(edges)):
         parts = [Part("exc", int(first), int(last - first), 0)]
-        if not (cores > 2 and k < 2):  # the relays of the first two cores stand on the third
-            begin = 0 if cores > 2 and k == 2 else int(first)
-            parts.append(Part("inh", begin, int(last) - begin, parts[0].size))
+        begin, end = inh_edges[(k + 1) % cores :][:2]
+        parts.append(Part("inh", int(begin), int(end - begin), parts[0].size))
         dense = rng.random(network.inputs) < rng.choice([0.0, 0.5, 1.0])
         chip, core = positions[k]
-        found.append(
-            CorePlan(chip, core, tuple(p for p in parts if p.size), dense, bool(rng.random() < 0.5), NEEDS, LOAD)
-        )
-    if network.bias_input:
+        found.append(CorePlan(chip, core, tuple(p for p in parts if p.size), dense, NEEDS, LOAD))
+    if network.input_compartments:
         half = network.inputs // 2
         last_core = found.pop()
         at = sum(part.size for part in last_core.parts)
@@ -57,47 +55,62 @@ def simple_plan(network: FixedNetwork, cores: int, seed: int = 0, chips: int = 2
             chip, core = positions[cores]
             empty = np.zeros(network.inputs, bool)
             parts_ = (Part("inputs", network.inputs - half, half, 0),)
-            found.append(CorePlan(chip, core, parts_, empty, False, NEEDS, LOAD))
+            found.append(CorePlan(chip, core, parts_, empty, NEEDS, LOAD))
     found = sorted((core for core in found if core.parts), key=lambda core: (core.chip, core.core))
-    lateral = fewest(network.inhibition) if network.inhibition else 1
-    return Plan(network, KAPOHO_BAY, tuple(found), fewest((1 << network.bits) - 1), lateral, None, 0.0)
+    inhibition = fewest(max(1, network.inhibition.bit_length()))
+    return Plan(network, KAPOHO_BAY, tuple(found), fewest(network.stored_bits), inhibition, None, 0.0)
 
 
 def random_network(seed: int, **changes: Any) -> FixedNetwork:
-    """A small network that Loihi 1 can run, with what `changes` says."""
+    """A small network that Loihi 1 can run, with what `changes` says; every other one is signed, and has biases."""
     rng = np.random.default_rng(seed)
-    bits = int(changes.pop("bits", rng.integers(1, 9)))
+    signed = bool(changes.pop("signed", rng.integers(0, 2)))
+    bits = int(changes.pop("bits", rng.integers(1, 9 - signed)))
     inputs, neurons = changes.pop("size", (int(rng.integers(1, 40)), int(rng.integers(1, 24))))
     weights = rng.integers(0, 1 << bits, (inputs, neurons)) * (rng.random((inputs, neurons)) < rng.random())
     mean = max(1.0, float(weights.sum(axis=0).mean()) * rng.uniform(0.1, 0.6))
+    if signed:
+        weights *= rng.choice([-1, 1, 1, 1], weights.shape)
+    bias_input = bool(rng.integers(0, 2))
     made = FixedNetwork(
-        weights=weights.astype(np.uint8),
+        weights=weights.astype(np.int16),
+        bias=np.zeros(neurons, np.int32),
         bits=bits,
-        shift=0,
+        signed=signed,
         threshold=int(np.clip(mean, 1, 100000)),
         inhibition=int(rng.choice([0, 1, 10, 60, 100, 255])),
         inhibition_exponent=int(rng.integers(0, 3)),
         decay=int(rng.choice([0, 130, 2000, 4095])),
         steps=int(rng.integers(1, 40)),
-        bias_input=bool(rng.integers(0, 2)),
+        regular=bool(rng.integers(0, 2)) or bool(changes.get("bias_input", bias_input)),
+        bias_input=bias_input,
     )
-    return replace(made, **changes)
+    made = replace(made, **changes)
+    return replace(made, bias=random_biases(made, rng)) if signed and "bias" not in changes else made
+
+
+def random_biases(network: FixedNetwork, rng: np.random.Generator) -> NDArray[np.int32]:
+    """Biases of either sign, some of them 0, with which no neuron spikes by itself."""
+    exponent = int(rng.integers(0, 3))
+    highest = min(4095, network.highest_bias >> exponent)
+    mantissas = rng.integers(-min(4095, highest + 50), highest + 1, network.neurons)
+    return (mantissas * (rng.random(network.neurons) < 0.7) << exponent).astype(np.int32)
 
 
 def small_plan(**changes: Any) -> Plan:
-    """Three neurons, two inputs: neurons 0 and 1 with all relays on one core, neuron 2 on another chip."""
-    weights = np.array([[5, 6, 0], [0, 7, 0]], np.uint8)
-    network = replace(FixedNetwork(weights, 3, 0, 9, 10, 1, 130, 20), **changes)
+    """Three neurons, two inputs: neurons 0 and 1 with the inhibitory one on one core, neuron 2 on another chip."""
+    weights = np.array([[5, 6, 0], [0, 7, 0]], np.int16)
+    network = replace(FixedNetwork(weights, np.zeros(3, np.int32), 3, False, 9, 10, 1, 130, 20), **changes)
     dense = np.array([True, False])
-    parts = [Part("exc", 0, 2, 0), Part("inh", 0, 3, 2)]
+    parts = [Part("exc", 0, 2, 0), Part("inh", 0, 1, 2)]
     if network.bias_input:
-        parts.append(Part("inputs", 0, 2, 5))
+        parts.append(Part("inputs", 0, 2, 3))
     return Plan(
         network,
         KAPOHO_BAY,
         (
-            CorePlan(0, 4, tuple(parts), dense, False, NEEDS, LOAD),
-            CorePlan(1, 0, (Part("exc", 2, 1, 0),), dense, False, NEEDS, LOAD),
+            CorePlan(0, 4, tuple(parts), dense, NEEDS, LOAD),
+            CorePlan(1, 0, (Part("exc", 2, 1, 0),), dense, NEEDS, LOAD),
         ),
         3,
         4,
@@ -109,7 +122,11 @@ def small_plan(**changes: Any) -> Plan:
 def chips_of(plan: Plan, images: Any = None, tables: HostTables | None = None, **changes: Any) -> Chips:
     """Chips that hold ``plan``, or other images or tables instead."""
     network = plan.network
-    settings = {"steps": network.steps, "silent_steps": SILENT_STEPS, "bias_input": network.bias_input} | changes
+    settings = {
+        "steps": network.steps,
+        "silent_steps": network.silent_steps,
+        "bias_input": network.bias_input,
+    } | changes
     return Chips.of(images or core_images(plan), tables or host_tables(plan), **settings)
 
 
@@ -120,13 +137,13 @@ def pictures(network: FixedNetwork, n: int, seed: int) -> RATES:
 
 def busy_plan(**changes: Any) -> Plan:
     """Five bits, 30 inputs, 20 neurons, 4 cores with exc on two chips, much activity."""
-    network = random_network(3, **({"size": (30, 20), "bits": 5, "inhibition": 20, "steps": 30} | changes))
-    return simple_plan(network, 4, 5)
+    wanted = {"size": (30, 20), "bits": 5, "signed": False, "inhibition": 20, "steps": 30, "decay": 130} | changes
+    return simple_plan(random_network(3, **wanted), 4, 5)
 
 
 def trains_of(network: FixedNetwork, n: int, seed: int) -> Trains:
     """Every spike of ``n`` presentations, by the host's engine."""
     rates, keys = pictures(network, n, seed)
     _, _, film = count_spikes(network, rates, keys, raster=True)
-    bias_input = network.bias_input
-    return Trains(film, draw_trains(rates, keys, network.steps, film.shape[1], bias_input=bias_input))
+    inputs = draw_trains(rates, keys, network.steps, network.interval, regular=network.regular)
+    return Trains(film, inputs, inhibitory_spikes(network, film))
