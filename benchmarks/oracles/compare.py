@@ -16,33 +16,22 @@ import tempfile
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
 import click
-import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.nordland import encoded, learn, part
-from benchmarks.oracles.networks import edge_networks, is_common, random_networks, reaches_limits
-from benchmarks.oracles.problems import Problem, Result, engine_result, inference_problem, read_result, write_problem
+from benchmarks.oracles.inference import real_inference, small_inference
+from benchmarks.oracles.networks import DIALECTS, edge_networks, is_common, random_networks, reaches_limits
+from benchmarks.oracles.problems import Problem, Result, read_result, write_problem
 from benchmarks.oracles.rules import RULES, explain, literal
-from lava_vpr.config import preset
-from lava_vpr.configfile import update
-from lava_vpr.encoding import rates16
-from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
-from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import InputError, LavaVprError
 from lava_vpr.isolated.child import environment_without_python, run_child
-from lava_vpr.model import integer_model
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPTS = {name: Path(__file__).with_name(f"in_{name.replace('-', '_')}.py") for name in RULES}
 TIMEOUT_S = 1200
-SMALL = ((1, 0, 12), (2, 0, 30), (3, 0, 60), (3, 1, 30), (8, 5, 60))
-"""bits, shift and threshold of small inference networks; the last two shift their sums by bits that weights use."""
 RULE_COLUMNS = ("networks", "spikes", "membranes", "needed in")
 LEGEND = """\
 common: no rule of this simulator changes anything in our own arithmetic, so everything has to be equal
@@ -121,59 +110,10 @@ def random_cases(simulator: str, count: int) -> list[Case]:
     ]
 
 
-def inference(
-    group: str, network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.uint64]
-) -> tuple[Problem, Result]:
-    """The inference network; both of our engines have to agree on it first.
-
-    Raises:
-        InputError: they do not.
-    """
-    network.check()
-    problem = inference_problem(group, network, rates, keys)
-    expected = engine_result(problem)
-    _, _, film = count_spikes(network, rates, keys, raster=True)
-    if not np.array_equal(film, expected.spikes[:, :, : network.neurons]):
-        raise InputError(f"{group}: the inference engine and the step kernels differ; mend them first")
-    return problem, expected
-
-
-def small_inference() -> list[tuple[Problem, Result]]:
-    """Inference networks of 60 inputs and 12 neurons."""
-    made = []
-    for bits, shift, threshold in SMALL:
-        rng = np.random.default_rng([bits, shift])
-        weights = (rng.integers(0, 1 << bits, (60, 12)) * (rng.random((60, 12)) < 0.6)).astype(np.uint8)
-        network = FixedNetwork(weights, bits, shift, threshold, min(255, threshold), 0, 137, 60)
-        rates = rng.integers(0, 12_000, (3, 60)).astype(np.uint16)
-        keys = presentation_keys(0, "query", np.arange(3))
-        made.append(inference("inference, made up", network, rates, keys))
-    return made
-
-
-@cache
-def real_inference(queries: int) -> list[tuple[Problem, Result]]:
-    """The network trained on real images and real queries, one a case; with 3 bits, then with 8.
-
-    Raises:
-        InputError: LAVA_VPR_DATA does not name the images.
-    """
-    made = []
-    for bits, count in ((3, queries), (8, max(1, queries // 4))):
-        config = update(preset("loihi"), {"network": {"weight_bits": bits}})
-        network = integer_model(learn((0, 100), config), "the comparison").network
-        images = part(encoded("winter", config.encoder), slice(0, count))
-        rates = rates16(images.activity, config.encoder.query_spikes)
-        keys = presentation_keys(config.seed, "query", images.indices)
-        group = f"inference, real queries, {bits} bits"
-        for i in range(len(images)):
-            made.append(inference(group, network, rates[i : i + 1], keys[i : i + 1]))
-    return made
-
-
 def inference_cases(simulator: str, queries: int) -> list[Case]:
-    """Made-up inference networks, and the real one on ``queries`` images."""
-    made = small_inference() + (real_inference(queries) if queries else [])
+    """Made-up inference networks, and the real ones on ``queries`` images; without biases where there are none."""
+    bias = DIALECTS[simulator].bias
+    made = small_inference(bias) + (real_inference(queries, bias) if queries else [])
     return [
         Case(f"{problem.name}{'' if common else ', beyond it'}", problem, expected, common)
         for problem, expected in made

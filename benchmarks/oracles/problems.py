@@ -22,9 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.general.lif import NO_FLOOR, LifParameters, SignMode, dense_step, lif_step, stored_weights
-from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork
 from lava_vpr.errors import InputError
 from lava_vpr.loihi import INPUT_SHIFT, THRESHOLD_LIMIT
 
@@ -119,30 +117,6 @@ def engine_result(problem: Problem) -> Result:
             film[step], film_v[step] = fired, v
             before = spikes_in[step]
     return result
-
-
-def inference_problem(name: str, network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.uint64]) -> Problem:
-    """The inference network as Lava's library wires it: inputs to exc, exc to its inh relay, inh to all other exc.
-
-    Args:
-        network: The network.
-        rates: Spike probabilities, uint16 (n, inputs).
-        keys: Key of each presentation, uint64 (n,).
-    """
-    spikes = np.zeros((len(rates), network.steps + SILENT_STEPS, network.inputs), bool)
-    for image, (image_rates, key) in enumerate(zip(rates, keys, strict=True)):
-        spikes[image, : network.steps] = draw_spikes(image_rates, int(key), network.steps)
-    n, zeros = network.neurons, np.zeros(network.neurons, np.int64)
-    exc = Population(4095, network.decay, np.full(n, network.threshold, np.int64), zeros)
-    inh = Population(4095, 4095, zeros, zeros)
-    diagonal = np.eye(n, dtype=np.int64)
-    weights = network.weights.astype(np.int64) << (8 - network.bits)
-    connections = (
-        Connection(INPUTS, 0, weights, network.bits, network.bits - 8 - network.shift),
-        Connection(0, 1, 2 * diagonal),
-        Connection(1, 0, -network.inhibition * (1 - diagonal), 8, network.inhibition_exponent, INHIBITORY),
-    )
-    return Problem(name, spikes, (exc, inh), connections)
 
 
 def write_problem(path: Path, problem: Problem) -> None:

@@ -16,7 +16,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.oracles import compare as oracles
-from benchmarks.oracles.compare import Case, ask, environment, failures, judge, small_inference
+from benchmarks.oracles.compare import Case, ask, environment, failures, judge
+from benchmarks.oracles.inference import SMALL, inference_problem, made_up, small_inference
 from benchmarks.oracles.networks import DIALECTS, edge_networks, is_common, random_networks, reaches_limits
 from benchmarks.oracles.problems import SIGNS, Connection, Problem, Result, engine_result, read_result, write_problem
 from benchmarks.oracles.rules import RULES, complement, explain, literal, synapse_weights, truncated
@@ -153,10 +154,36 @@ def test_weights_without_rules_are_the_engines(bits: int, sign: int) -> None:
     assert np.array_equal(weights, stored_weights(every, bits, SIGNS[sign]))
 
 
-def test_only_sums_that_lose_bits_are_beyond_common_arithmetic() -> None:
-    for simulator in SIMULATORS:
-        common = [is_common(problem, expected, simulator) for problem, expected in small_inference()]
-        assert common == [True, True, True, False, False]
+@pytest.mark.parametrize("simulator", SIMULATORS)
+def test_every_inference_network_is_common_and_all_its_neurons_have_a_part(simulator: str) -> None:
+    bias = DIALECTS[simulator].bias
+    made = small_inference(bias)
+    for problem, expected in made:
+        assert is_common(problem, expected, simulator)
+        ends = np.cumsum([population.size for population in problem.populations])
+        assert all(film.any() for film in np.split(expected.spikes, ends[:-1], axis=2))
+        assert problem.populations[0].bias.any() == bias
+    sizes = [[population.size for population in problem.populations] for problem, _ in made]
+    assert sizes[0] == [12, 1]  # exc and the root
+    assert sizes[-2:] == [[1100, 1, 40], [4200, 2, 1, 24]]  # relays of the inputs; two leaves
+    signed = {problem.connections[0].sign for problem, _ in made}
+    assert [SIGNS[sign] for sign in sorted(signed)] == ["mixed", "excitatory"]
+
+
+def test_a_weight_of_seven_bits_stands_in_eight() -> None:
+    made = next(made for made in SMALL if made.bits == 6)
+    network = made_up(made, True)
+    rates, keys = np.full((1, network.inputs), 9000, np.uint16), np.ones(1, np.uint64)
+    weights = inference_problem("", network, rates, keys).connections[0]
+    assert (network.stored_bits, weights.bits) == (7, 8)
+    added, exponent = synapse_weights(weights, frozenset())
+    assert np.array_equal(added >> -exponent, network.weights)
+
+
+def test_an_input_that_integrates_a_bias_is_no_problem_of_injected_spikes() -> None:
+    network = replace(made_up(next(made for made in SMALL if made.regular), True), bias_input=True)
+    with pytest.raises(InputError, match=r"^x: its inputs integrate a bias, .*; set network\.input_mode$"):
+        inference_problem("x", network, np.zeros((1, network.inputs), np.uint16), np.ones(1, np.uint64))
 
 
 def stand_in(folder: Path, body: str, monkeypatch: pytest.MonkeyPatch) -> None:
