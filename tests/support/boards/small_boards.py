@@ -26,13 +26,28 @@ def network(
     bits: int = 3,
     share: float = 0.42,
     inhibition: int = 44,
+    signed: bool = False,
     bias_input: bool = False,
     seed: int = 0,
 ) -> FixedNetwork:
-    """Random weights, ``share`` of them not 0."""
+    """Random weights, ``share`` of them not 0, half of them below 0 if ``signed``."""
     rng = np.random.default_rng(seed)
     weights = rng.integers(1, 1 << bits, (inputs, neurons)) * (rng.random((inputs, neurons)) < share)
-    return FixedNetwork(weights.astype(np.uint8), bits, 0, 87, inhibition, 0, 137, 350, bias_input)
+    if signed:
+        weights *= rng.choice([-1, 1], weights.shape)
+    return FixedNetwork(
+        weights=weights.astype(np.int16),
+        bias=np.zeros(neurons, np.int32),
+        bits=bits,
+        signed=signed,
+        threshold=87,
+        inhibition=inhibition,
+        inhibition_exponent=0,
+        decay=137,
+        steps=61,
+        regular=bias_input,
+        bias_input=bias_input,
+    )
 
 
 def even(made: FixedNetwork, spikes: float = 20.0) -> np.ndarray:
@@ -57,7 +72,7 @@ def words(synapses: int, bits: int) -> int:
 def check_plan(plan: Plan) -> None:
     """Every neuron stands once, every need is what the core's image holds, and every limit holds."""
     made, board = plan.network, plan.board
-    sizes = {"exc": made.neurons, "inh": made.neurons, "inputs": made.input_compartments}
+    sizes = {"exc": made.neurons, "inh": made.inhibitory, "inputs": made.input_compartments}
     for name, size in sizes.items():
         parts = [part for core in plan.cores for part in core.parts if part.population == name]
         assert sorted(i for part in parts for i in range(part.first, part.first + part.size)) == list(range(size))
