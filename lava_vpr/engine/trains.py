@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Trains:
-    """Spikes of each population, uint8 (n, steps + 3, width); None where a backend has no such spikes."""
+    """Spikes of each population, uint8 (n, interval, width); None where a backend has no such spikes."""
 
     exc: NDArray[np.uint8] = field(repr=False)
     inputs: NDArray[np.uint8] | None = field(default=None, repr=False)

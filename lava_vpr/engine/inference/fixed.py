@@ -29,13 +29,11 @@ from numpy.typing import NDArray
 from lava_vpr.engine.entry import check_array, check_presentations
 from lava_vpr.engine.inference.bias_input import biases
 from lava_vpr.engine.inference.fixed_kernels import KernelNumbers, present
+from lava_vpr.engine.inference.neuron_bias import bias_registers, check_bias, highest_bias
 from lava_vpr.engine.threads import share
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import (
-    BIAS_BITS,
-    BIAS_EXPONENT_LIMIT,
     CORE_AXONS,
-    DECAY_BITS,
     DECAY_UNITY,
     INPUT_LIMIT,
     INPUT_SHIFT,
@@ -58,8 +56,6 @@ SCALARS = {
     "bias_input": "bias_input",
 }
 """The numbers of a `FixedNetwork` besides its weights and biases: their keys in files, and their attributes."""
-
-_TRUTH_VALUES = ("signed", "regular", "bias_input")
 
 EVENTS = (
     "synaptic_operations",
@@ -145,7 +141,7 @@ class FixedNetwork:
             NetworkLimitError: a truth value is none.
         """
         numbers: dict[str, Any] = {attribute: int(scalars[key]) for key, attribute in SCALARS.items()}
-        for name in _TRUTH_VALUES:
+        for name in ("signed", "regular", "bias_input"):
             if numbers[name] not in (0, 1):
                 raise NetworkLimitError(f"{name} {numbers[name]} is neither 0 nor 1; train the model again")
             numbers[name] = bool(numbers[name])
@@ -239,7 +235,7 @@ class FixedNetwork:
     @property
     def highest_bias(self) -> int:
         """The largest bias with which no membrane rises above the threshold without input."""
-        return ((self.threshold << INPUT_SHIFT) * self.decay) >> DECAY_BITS
+        return highest_bias(self.threshold, self.decay)
 
     @cached_property
     def prepared(self) -> Prepared:
@@ -273,6 +269,12 @@ class FixedNetwork:
         down = np.minimum(self.weights, 0).sum(axis=0, dtype=np.int64).min(initial=0)
         return int(up), int(-down)
 
+    @property
+    def extremes(self) -> tuple[int, int]:
+        """The most that one step can bring to a neuron, and the most that it can take."""
+        up, down = self.sums
+        return up, down + self.lateral
+
     @cached_property
     def narrow(self) -> bool:
         """Whether no input sum can leave 16 bits."""
@@ -284,29 +286,24 @@ class FixedNetwork:
         Raises:
             NetworkLimitError: naming need, limit and remedy.
         """
-        most = WEIGHT_BITS - self.signed
-        if not 1 <= self.bits <= most or int(np.abs(self.weights).max(initial=0)) >= 1 << self.bits:
-            need = int(np.abs(self.weights).max(initial=0))
+        most, least = WEIGHT_BITS - self.signed, int(self.weights.min(initial=0))
+        need = max(int(self.weights.max(initial=0)), -least)
+        if not 1 <= self.bits <= most or need >= 1 << self.bits:
             raise NetworkLimitError(f"weights need {self.bits} bits to hold {need}; use 1 to {most} bits")
-        if not self.signed and int(self.weights.min(initial=0)) < 0:
-            raise NetworkLimitError(f"a weight of {int(self.weights.min())} has a sign; set network.signed")
+        if not self.signed and least < 0:
+            raise NetworkLimitError(f"a weight of {least} has a sign; set network.signed")
         if self.bias_input and not self.regular:
             raise NetworkLimitError("inputs that integrate a bias spike regularly; set network.trains to regular")
-        for name, limit_of_name in (("decay", 1 << DECAY_BITS), ("inhibition_exponent", WEIGHT_EXPONENT_LIMIT)):
-            if not 0 <= getattr(self, name) <= limit_of_name:
-                raise NetworkLimitError(
-                    f"{name} {getattr(self, name)} does not fit 0..{limit_of_name}; train the model again"
-                )
         if self.steps < 1:
             raise NetworkLimitError(f"a presentation of {self.steps} steps holds no input; use at least 1")
-        if not 0 < self.threshold < THRESHOLD_LIMIT:
-            raise NetworkLimitError(
-                f"threshold {self.threshold} does not fit 1..{THRESHOLD_LIMIT - 1}; lower network.threshold"
-            )
-        if not 0 <= self.inhibition <= WEIGHT_LIMIT:
-            raise NetworkLimitError(
-                f"inhibition mantissa {self.inhibition} does not fit 0..{WEIGHT_LIMIT}; raise its exponent"
-            )
+        for name, lowest, highest, remedy in (
+            ("decay", 0, DECAY_UNITY, "train the model again"),
+            ("threshold", 1, THRESHOLD_LIMIT - 1, "lower network.threshold"),
+            ("inhibition", 0, WEIGHT_LIMIT, "raise its exponent"),
+            ("inhibition_exponent", 0, WEIGHT_EXPONENT_LIMIT, "lower network.inhibition"),
+        ):
+            if not lowest <= (value := getattr(self, name)) <= highest:
+                raise NetworkLimitError(f"{name} {value} does not fit {lowest}..{highest}; {remedy}")
         check_bias(self.bias, self.highest_bias)
         for name, need in zip(("weights above 0", "weights below 0 and inhibition"), self.extremes, strict=True):
             if need >= limit:
@@ -314,36 +311,6 @@ class FixedNetwork:
                     f"the {name} of one neuron sum to {need:,}, but {target} holds less than {limit:,}; "
                     "use fewer weight bits or fewer inputs"
                 )
-
-    @property
-    def extremes(self) -> tuple[int, int]:
-        """The most that one step can bring to a neuron, and the most that it can take."""
-        up, down = self.sums
-        return up, down + self.lateral
-
-
-def bias_registers(bias: NDArray[Any]) -> tuple[NDArray[np.int32], int]:
-    """Mantissas int32 and the least exponent that hold ``bias``, any shape, in units of v; low bits may be lost."""
-    exponent = max(0, int(np.abs(bias).max(initial=0)).bit_length() - BIAS_BITS)
-    values = np.asarray(bias, np.int64)
-    return (np.sign(values) * (np.abs(values) >> exponent)).astype(np.int32), exponent
-
-
-def check_bias(bias: NDArray[np.int32], highest: int) -> None:
-    """Refuse biases (..., neurons) that registers cannot hold, or by which a neuron would spike without input.
-
-    Raises:
-        NetworkLimitError: naming the first.
-    """
-    mantissas, exponent = bias_registers(bias)
-    if exponent > BIAS_EXPONENT_LIMIT or not np.array_equal(mantissas.astype(np.int64) << exponent, bias):
-        raise NetworkLimitError(
-            f"biases up to {int(np.abs(bias).max())} fit no {BIAS_BITS} bits and an exponent; train the model again"
-        )
-    if int(bias.max(initial=0)) > highest:
-        raise NetworkLimitError(
-            f"a bias of {int(bias.max())} makes its neuron spike without input, above {highest}; train the model again"
-        )
 
 
 def inhibitory_spikes(network: FixedNetwork, exc: NDArray[np.uint8]) -> NDArray[np.uint8]:

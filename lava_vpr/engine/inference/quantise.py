@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.config import LifNetwork
-from lava_vpr.engine.inference.fixed import FixedNetwork, bias_registers, silent_steps
+from lava_vpr.engine.inference.fixed import FixedNetwork, silent_steps
+from lava_vpr.engine.inference.neuron_bias import bias_registers
 from lava_vpr.errors import ConfigError
 from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT, DECAY_BITS, INPUT_SHIFT, WEIGHT_LIMIT
 
@@ -75,7 +76,7 @@ def distinctive(learned: NDArray[np.float32], network: LifNetwork) -> NDArray[np
     Signed weights are what a neuron learned less what all neurons share, the mean over them of weights of norm 1.
 
     Raises:
-        ConfigError: nothing was learned, or all neurons have learned the same.
+        ConfigError: nothing was learned, all neurons have learned the same, or pruning leaves nothing of it.
     """
     weights = unit_norm(learned)
     if not weights.any():
@@ -89,7 +90,10 @@ def distinctive(learned: NDArray[np.float32], network: LifNetwork) -> NDArray[np
                 "all neurons have learned the same, and signed weights hold differences; show other places"
             )
         weights = unit_norm(weights)
-    return unit_norm(pruned(weights, network.prune))
+    kept = unit_norm(pruned(weights, network.prune))
+    if not kept.any():
+        raise ConfigError(f"pruning {network.prune} of every neuron's weights leaves none; lower network.prune")
+    return kept
 
 
 def mantissa_of(value: float) -> tuple[int, int]:

@@ -232,7 +232,6 @@ def _kernel_phase(learning: IntegerLearning) -> KernelPhase:
     rule, (whole, fraction) = learning.rule, learning.rule.decay()
     lif = replace(learning.neurons, theta_plus=0) if learning.late_theta else learning.neurons
     return KernelPhase(
-        shift=learning.shift,
         steps=learning.steps,
         lif=lif.constants,
         target=rule.target,
