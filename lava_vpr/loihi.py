@@ -67,6 +67,10 @@ WORD_BITS = 64
 CORE_SYNAPSE_WORDS = 16_384
 """Words of synapse memory of a Loihi 1 core: 1,048,576 bits. Source: as `WORD_BITS`."""
 
+SYNAPSE_SLACK = 0.05
+"""Share of a core's synapse memory that a plan leaves free. Unproven: no public source says that any is needed
+(nengo-loihi 1.1.0, ``builder/validate.py:52``, allows all words); nobody has published a core filled to the last."""
+
 BLOCK_SYNAPSES = 64
 """An axon's synapses are stored in blocks of at most so many, each rounded up to whole words. Source:
 nengo-loihi 1.1.0, ``block.py:527``."""
@@ -105,10 +109,12 @@ FANOUT_EXCITATORY, FANOUT_INHIBITORY = 2, 3
 ``builder/discretize.py``."""
 
 COMPRESSION_SPARSE, COMPRESSION_DENSE = 0, 3
-"""Values of its register compression. Source: as `FANOUT_EXCITATORY`."""
+"""Values of its register compression. Source: as `FANOUT_EXCITATORY`. That synapses of compression 3 have no index is
+unproven: nengo-loihi 1.1.0 counts none (``block.py:530``), but does so for sparse matrices, too (``block.py:766``)."""
 
 HOST_SPIKES = 50
-"""Spikes that the host sends to one chip in one step. Source: nengo-loihi 1.1.0, ``hardware/interface.py:71``."""
+"""Spikes that the host sends to one chip in one step. Source: nengo-loihi 1.1.0, ``hardware/interface.py:71``, where
+it is a setting, by which packets are sized; more are dropped there."""
 
 KAPOHO_BAY_CHIPS, LOIHI_1_CORES = 2, 128
 """Kapoho Bay: two chips of 128 cores. Source: Davies et al., IEEE Micro 2018 (cores), and Intel's description."""

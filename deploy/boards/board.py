@@ -57,6 +57,11 @@ class Board:
         """Whether the times of the board's operations are public."""
         return self.constants is not None
 
+    @property
+    def usable_words(self) -> int | None:
+        """Words of a core's synapse memory that a plan fills (`loihi.SYNAPSE_SLACK`); None: not public."""
+        return None if self.synapse_words is None else int(self.synapse_words * (1 - loihi.SYNAPSE_SLACK))
+
     def as_json(self) -> dict[str, Any]:
         """Limits and mesh by name, as a bundle's manifest has them; None: not public."""
         left_out = ("clearing", "constants")

@@ -6,17 +6,38 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.deploy.mapping.sizing import Sizing, limit_of
-from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.inference.fixed import DIRECT, FixedNetwork
 from lava_vpr.errors import NetworkLimitError
 
 DEVIATIONS = 6
-"""Standard deviations by which input spikes of a step may exceed their mean."""
+"""Standard deviations by which input spikes of a step may exceed their mean: with 20 spikes of 500 inputs, one query of
+64 steps in a million has a step with more."""
 
 
 def host_spikes(network: FixedNetwork, rates: NDArray[np.float64]) -> float:
-    """Spikes that the host sends to a chip in one step, mean plus `DEVIATIONS` standard deviations."""
-    total = 0.0 if network.bias_input else float(rates.sum())
-    return total + DEVIATIONS * total**0.5
+    """Spikes that the host sends to a chip in one step, mean plus `DEVIATIONS` standard deviations; 0 if it sends none.
+
+    Whatever the trains, an input with rate r spikes in a given step with probability r, independently of the others:
+    by a draw of its own, or by a regular train whose phase is drawn, uniform over the interval. So the variance of one
+    step is the sum of r (1 - r). That a train is regular makes its sum over many steps nearly constant, not one step's
+    sum over many inputs.
+    """
+    return 0.0 if network.bias_input else _most_spikes(rates, 1.0)
+
+
+def _most_spikes(rates: NDArray[np.float64], scale: float) -> float:
+    """Mean plus `DEVIATIONS` standard deviations of the spikes of inputs with ``scale`` times ``rates``."""
+    scaled = np.minimum(rates * scale, 1.0)
+    return float(scaled.sum() + DEVIATIONS * (scaled * (1 - scaled)).sum() ** 0.5)
+
+
+def _allowed_spikes(rates: NDArray[np.float64], limit: int) -> float:
+    """The largest sum of rates in proportion to ``rates`` that stays within ``limit``, rounded down to tenths."""
+    low, high = 0.0, 1.0
+    for _ in range(40):
+        middle = (low + high) / 2
+        low, high = (middle, high) if _most_spikes(rates, middle) <= limit else (low, middle)
+    return int(10 * low * float(rates.sum())) / 10
 
 
 def check(sizing: Sizing) -> None:
@@ -26,30 +47,24 @@ def check(sizing: Sizing) -> None:
         NetworkLimitError: naming resource, need, limit and remedy.
     """
     network, board = sizing.network, sizing.board
-    if network.shift > 0 and not board.shifts_sum:
-        bits = network.bits - network.shift
-        fewer = f" or use --weight-bits {bits}" if bits > 0 else ""
-        raise NetworkLimitError(
-            f"weights of {network.bits} bits need their sum shifted right by {network.shift}, but {board.title} shifts "
-            f"each weight; quantise the model anew with `lava-vpr deploy`{fewer}"
-        )
     network.check(board.input_limit, board.title)
-    _ = sizing.weight_bits, sizing.lateral_bits  # refuse what they cannot hold
+    _ = sizing.weight_bits, sizing.inhibition_bits  # refuse what they cannot hold
     if sizing.indexable == 0:
-        raise NetworkLimitError(f"synapses to relays need index bits, but {board.title} has none; use another --target")
+        raise NetworkLimitError(
+            f"synapses to inhibitory neurons need index bits, but {board.title} has none; use another --target"
+        )
     spikes = host_spikes(network, sizing.rates)
     if spikes > limit_of(board.host_spikes):
-        # Rounded down: the mean m with m + 6 sqrt(m) at the limit.
-        most = int(10 * ((DEVIATIONS**2 / 4 + limit_of(board.host_spikes)) ** 0.5 - DEVIATIONS / 2) ** 2) / 10
+        most = _allowed_spikes(sizing.rates, limit_of(board.host_spikes))
         raise NetworkLimitError(
             f"the host would have to send up to {spikes:.1f} input spikes a step, but {board.title} takes "
             f"{board.host_spikes} a chip; lower encoder.query_spikes to {most:g}, or use --input-mode bias"
         )
-    populations = 3 if network.bias_input else 2
-    kinds = 3 if sizing.inhibits else 2
+    populations = 3 if network.input_compartments else 2
+    kinds = 2 + sizing.inhibits + network.relayed
     for name, need in (("profiles", populations), ("thresholds", populations), ("formats", kinds)):
         limit = limit_of(getattr(board, name))
         if need > limit:
-            injected_helps = network.bias_input and name != "formats" and limit >= 2
+            injected_helps = network.bias_input and network.neurons <= DIRECT and name != "formats" and limit >= 2
             remedy = "--input-mode injected" if injected_helps else "another --target"
             raise NetworkLimitError(f"a core needs {need} {name}, but {board.title} has {limit}; use {remedy}")

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.board import Board
-from lava_vpr.deploy.mapping.boundaries import Integers
+from lava_vpr.deploy.mapping.sizing import Integers
 
 _UNITS = 1 << 20
 """Steps from no message to the most messages between two cores, when exchanges are compared."""

@@ -23,6 +23,9 @@ _TITLES = {
 }
 """The limits of a core that more cores relieve, as messages call them."""
 
+_STARTS = 1 << 10
+"""Ranges that are sized at once."""
+
 _SHARES = (0.5, 0.6, 0.7, 0.8, 0.9)
 """Shares of the weights that are tried to be pruned."""
 
@@ -36,14 +39,21 @@ def cause(sizing: Sizing, solve: Solve) -> str:
     """The resource that a network lacks, its need and its limit."""
     network, board = sizing.network, sizing.board
     cores = board.chips * board.cores
-    total = 2 * network.neurons + network.input_compartments
+    total = network.neurons + network.inhibitory + network.input_compartments
     if total > cores * board.compartments:
-        what = "neurons, relays and inputs" if network.bias_input else "neurons and relays"
+        what = "neurons and inputs" if network.input_compartments else "neurons"
         have = cores * board.compartments
         return f"{what} need {total:,} compartments, but the {cores:,} cores of {board.title} have {have:,}"
+    listened = int(sizing.listened.max())
+    for name, limit in (("axons_in", limit_of(board.axons_in)), ("synapse_words", sizing.words)):
+        if listened > limit:
+            return (
+                f"an inhibitory neuron that listens to {listened:,} others needs {listened:,} {_TITLES[name]}, but a "
+                f"core of {board.title} has {limit:,}"
+            )
     share = -(-network.neurons // cores)
     for name, need in _least_needs(sizing, share).items():
-        limit = limit_of(getattr(board, name))
+        limit = sizing.words if name == "synapse_words" else limit_of(getattr(board, name))
         if need > limit:
             return (
                 f"a core with {share:,} of {network.neurons:,} neurons needs {need:,} {_TITLES[name]}, but a core of "
@@ -53,7 +63,10 @@ def cause(sizing: Sizing, solve: Solve) -> str:
     lacking = [name for name in _TITLES if solve(replace(sizing, board=_without(board, name)))]
     many = solve(replace(sizing, board=replace(board, cores=8 * board.cores)))
     needed = f"{many:,}" if many else f"more than {8 * cores:,}"
-    of_each = f" of {getattr(board, lacking[0]):,} {_TITLES[lacking[0]]}" if lacking else ""
+    of_each = ""
+    if lacking:
+        limit = sizing.words if lacking[0] == "synapse_words" else getattr(board, lacking[0])
+        of_each = f" of {limit:,} {_TITLES[lacking[0]]}"
     return f"{network.neurons:,} neurons need {needed} cores{of_each}, but {board.title} has {cores:,}"
 
 
@@ -63,14 +76,19 @@ def _without(board: Board, name: str) -> Board:
 
 
 def _least_needs(sizing: Sizing, neurons: int) -> dict[str, int]:
-    """What a core with so many neurons takes at least, whichever they are, without relays on it."""
-    starts = range(sizing.network.neurons - neurons + 1)
-    ranges = [sizing.range_of(first, first + neurons) for first in starts]
-    return {
-        "axons_in": min(int(neurons_range.active[0]) for neurons_range in ranges) + sizing.relay_axons_of(neurons),
-        "axons_out": 2 * neurons,
-        "synapse_words": min(int(neurons_range.words_least[0]) for neurons_range in ranges),
-    }
+    """What a core with so many neurons takes at least, whichever they are, without anything beside them."""
+    least = {"axons_in": UNLIMITED, "axons_out": 2 * neurons, "synapse_words": UNLIMITED}
+    mask, count = sizing.pattern.mask, sizing.network.neurons
+    if neurons > sizing.largest:
+        return {"axons_out": 2 * neurons}
+    for begin in range(0, count - neurons + 1, _STARTS):
+        part = np.cumsum(mask[:, begin : begin + _STARTS + neurons - 1], axis=1, dtype=np.int32)
+        part = np.concatenate([np.zeros((len(mask), 1), np.int32), part], axis=1)
+        counts = part[:, neurons:] - part[:, :-neurons]
+        active, words = sizing.taken(np.full(counts.shape[1], neurons), counts)
+        least["axons_in"] = min(least["axons_in"], int(active.min()) + sizing.inhibits)
+        least["synapse_words"] = min(least["synapse_words"], int(words.min()))
+    return least
 
 
 def _remedy(sizing: Sizing, solve: Solve) -> str:
@@ -81,11 +99,12 @@ def _remedy(sizing: Sizing, solve: Solve) -> str:
         remedies.append("--input-mode injected")
     for bits in range(network.bits - 1, 0, -1):
         less = network.bits - bits
-        weights, inhibition = (network.weights >> less).astype(np.uint8), network.inhibition >> less
+        weights = (np.sign(network.weights) * (np.abs(network.weights) >> less)).astype(np.int16)
+        inhibition = network.inhibition >> less
         if _says_something(weights) and solve(_with(sizing, bits=bits, weights=weights, inhibition=inhibition)):
             remedies.append(f"--weight-bits {bits}")
             break
-    order = np.argsort(network.weights, axis=0, kind="stable")
+    order = np.argsort(np.abs(network.weights), axis=0, kind="stable")
     for share in _SHARES:
         weights = np.array(network.weights)
         np.put_along_axis(weights, order[: round(share * network.inputs)], 0, axis=0)
@@ -97,14 +116,15 @@ def _remedy(sizing: Sizing, solve: Solve) -> str:
     low, high = 0, network.neurons
     while high - low > 1:
         middle = (low + high) // 2
-        fits = solve(_with(sizing, weights=np.ascontiguousarray(network.weights[:, :middle])))
+        weights, bias = np.ascontiguousarray(network.weights[:, :middle]), network.bias[:middle]
+        fits = solve(_with(sizing, weights=weights, bias=bias))
         low, high = (middle, high) if fits else (low, middle)
     return (
         f"use at most {low:,} neurons, so fewer places or network.neurons_per_place" if low else "use another --target"
     )
 
 
-def _says_something(weights: NDArray[np.uint8]) -> bool:
+def _says_something(weights: NDArray[np.int16]) -> bool:
     """Whether every neuron keeps a weight."""
     return bool(weights.any(axis=0).all())
 

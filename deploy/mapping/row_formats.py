@@ -12,18 +12,16 @@ from lava_vpr.deploy.mapping.sizing import GRAIN, Floats, Sizing
 
 @dataclass(frozen=True)
 class StoredRows:
-    """How a core stores the rows of its excitatory neurons.
+    """How a core stores the rows to its excitatory neurons.
 
     Attributes:
         dense_inputs: Rows of the inputs that are dense, bool (inputs,).
-        dense_lateral: Whether the rows of the neurons' own relays are dense.
-        words: Words of all rows but those to relays.
-        added: Synaptic operations in a step that a dense row costs more than a sparse one, summed.
-        dense, sparse: Synaptic operations in a step of all rows but those to relays.
+        words: Words of these rows and of the root's.
+        added: Synaptic operations in a step that dense rows cost more than sparse ones, summed.
+        dense, sparse: Synaptic operations of the inputs in a step.
     """
 
     dense_inputs: NDArray[np.bool_] = field(repr=False)
-    dense_lateral: bool
     words: int
     added: float
     dense: float
@@ -31,51 +29,37 @@ class StoredRows:
 
 
 def choose_formats(sizing: Sizing, first: int, end: int, words: int) -> StoredRows | None:
-    """How a core stores the rows of neurons ``first`` .. ``end - 1`` in at most ``words``; None: it cannot.
+    """How a core stores the rows to neurons ``first`` .. ``end - 1`` in at most ``words``; None: it cannot.
 
     All rows are sparse but those without a zero. Where that is too much, rows turn dense in the order of words saved
     per operation added; what that saves beyond need is given back, the last to turn first.
     """
     size, counts = end - first, sizing.counts(first, end)
-    dense_lateral = sizing.sparse_bits(size) is None
-    dense = (counts > 0) & ((counts == size) | dense_lateral)
+    all_dense = sizing.dense_rows and sizing.sparse_bits(size) is None
+    dense = (counts > 0) & ((counts == size) & sizing.dense_rows | all_dense)
     used = 0
     if sizing.board.synapse_words is not None:
-        fewest_operations, _ = sizing.row_tables
-        row, dense_row = fewest_operations[size, counts], fewest_operations[size, size]
-        lateral_sparse, lateral_dense = (int(table[size]) for table in sizing.lateral_words)
-        used = int(row.sum()) + (lateral_dense if dense_lateral else lateral_sparse)
-    if used > words:
-        # The rows of the neurons' own relays turn together; they stand behind those of the inputs.
-        saved = np.append(np.where(dense | (counts == 0), 0.0, row - dense_row), lateral_sparse - lateral_dense)
-        if dense_lateral:
-            saved[-1] = 0
-        added = np.append(sizing.grains * (size - counts), size * sizing.spiking)
-        turned = _cheapest_choice(saved, np.maximum(added, 0.5 / GRAIN), used - words)
-        if turned is None:
-            return None
-        used -= int(saved[turned].sum())
-        chosen = np.append(dense, dense_lateral)
-        chosen[turned] = True
-        dense, dense_lateral = chosen[:-1], bool(chosen[-1])
-    more_dense, more_sparse = sizing.lateral_operations(np.array(size), np.array(dense_lateral))
+        operations, least = (table[size, counts] for table in sizing.row_tables)
+        used = int(operations.sum() + sizing.root_row[size])
+        if used > words:
+            added = np.maximum(sizing.grains * (size - counts), 0.5 / GRAIN)
+            saved = operations - least
+            turned = _cheapest_choice(saved, added, used - words)
+            if turned is None:
+                return None
+            used -= int(saved[turned].sum())
+            dense[turned] = True
     dense_spikes = sizing.grains * dense
-    more = 0.0
-    if not sizing.all_dense:
-        more = float(dense_spikes @ (size - counts))
-        if dense_lateral and sizing.inhibits and size > 1:
-            more += size * sizing.spiking
     return StoredRows(
         dense,
-        dense_lateral,
         used,
-        more,
-        float(dense_spikes.sum()) * size + float(more_dense),
-        float((sizing.grains - dense_spikes) @ counts) + float(more_sparse),
+        0.0 if all_dense else float(dense_spikes @ (size - counts)),
+        float(dense_spikes.sum()) * size,
+        float((sizing.grains - dense_spikes) @ counts),
     )
 
 
-def _cheapest_choice(saved: Floats, added: Floats, need: int) -> list[int] | None:
+def _cheapest_choice(saved: NDArray[np.int64], added: Floats, need: int) -> list[int] | None:
     """What to choose so that ``saved`` sums to ``need``, by most saved per ``added``; None: there is not so much."""
     candidates = np.flatnonzero(saved > 0)
     order = candidates[np.argsort(-saved[candidates] / added[candidates], kind="stable")]
@@ -83,11 +67,11 @@ def _cheapest_choice(saved: Floats, added: Floats, need: int) -> list[int] | Non
     last = int(np.searchsorted(sums, need))
     if last == order.size:
         return None
-    chosen, spare = order[: last + 1].tolist(), sums[last] - need
+    chosen, spare = order[: last + 1].tolist(), int(sums[last]) - need
     for number in range(last, -1, -1):
         if spare <= 0:
             break
         if saved[chosen[number]] <= spare:
-            spare -= saved[chosen[number]]
+            spare -= int(saved[chosen[number]])
             del chosen[number]
     return chosen

@@ -1,6 +1,6 @@
-"""What neurons take of a core's limits, and how long a step keeps it busy.
+"""What neurons take of a core's limits.
 
-`Sizing` answers for ranges of excitatory neurons, many at once. The counts are those of the core's content as
+`Sizing` answers for ranges of excitatory neurons. The counts are those of the core's content as
 `deploy.registers.core_images` writes it.
 """
 
@@ -13,33 +13,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.board import Board
-from lava_vpr.deploy.boards.constants import LOIHI_1
-from lava_vpr.deploy.boards.plan import Load
-from lava_vpr.deploy.boards.step_time import arrival_nanoseconds, neuron_nanoseconds
-from lava_vpr.deploy.mapping.boundaries import Integers
 from lava_vpr.deploy.registers.synapses import lateral_synapse, row_words
+from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import NetworkLimitError
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 EXC_SPIKES = 0.2
-"""Spikes of all excitatory neurons together in one step with input, about: with the default preset 0.13 on 100 real
-queries among 100 places, 0.29 among 500, and 0.2 on the references themselves."""
+"""Spikes of all excitatory neurons together in one step with input, about."""
 
 UNLIMITED = 1 << 40
 """A limit that nothing reaches, for what is not public or does not count."""
 
 MIXED_FORMATS = 5
-"""Inputs' rows dense and sparse, relays' rows dense and sparse, and the rows to relays. A core with fewer formats
-stores all rows dense."""
+"""Rows of inputs dense and sparse, the root's row, rows to inhibitory neurons, and to relays. A core with fewer formats
+stores all rows of inputs dense."""
 
 GRAIN = 1 << 20
 """Expected spikes are rounded to multiples of 1 / GRAIN: their sums are exact, so equal on every machine and in any
 order."""
-
-_MANY = 512
-"""Ranges that are counted at once: more would take much memory."""
 
 
 def limit_of(value: int | None) -> int:
@@ -47,48 +41,27 @@ def limit_of(value: int | None) -> int:
     return UNLIMITED if value is None else value
 
 
-def nanoseconds(
-    messages_in: Floats | float,
-    dense: Floats | float,
-    sparse: Floats | float,
-    updates: Floats | float,
-    spikes: Floats | float,
-    messages_out: Floats | float,
-) -> Floats:
-    """Time on a Loihi 1 core of what `Load` counts, in ns, one after the other; for other boards it only compares
-    cores."""
-    arrivals = arrival_nanoseconds(LOIHI_1, "nominal", messages_in, dense, sparse)
-    return np.asarray(arrivals + neuron_nanoseconds(LOIHI_1, "nominal", updates, updates, spikes, messages_out))
-
-
 @dataclass(frozen=True)
-class NeuronRanges:
-    """Ranges of excitatory neurons, each on a core of its own; arrays (ranges,).
+class Pattern:
+    """Which weights are not 0.
 
     Attributes:
-        size: Neurons.
-        active: Inputs with a weight to them.
-        messages: Input spikes that arrive in a step.
-        dense, sparse: Synaptic operations of the inputs in a step, by format, with every row stored sparse unless it
-            has no zero (then dense costs nothing more).
-        words_lateral_sparse, words_lateral_dense: Synapse memory without the rows to relays: rows of the inputs as
-            above, those of the neurons' own relays sparse or dense.
-        words_least: Synapse memory with each row in the format that takes least.
+        mask: Of each kind of inputs, bool (kinds, neurons); inputs of one kind reach the same neurons.
+        kind: The kind of each input, int64 (inputs,).
     """
 
-    size: Integers
-    active: Integers
-    messages: Floats
-    dense: Floats
-    sparse: Floats
-    words_lateral_sparse: Integers
-    words_lateral_dense: Integers
-    words_least: Integers
+    mask: NDArray[np.bool_] = field(repr=False)
+    kind: Integers = field(repr=False)
 
+    @classmethod
+    def of(cls, network: FixedNetwork) -> Pattern:
+        """The pattern of ``network``, every input a kind of its own."""
+        return cls(network.weights != 0, np.arange(network.inputs))
 
-_NONE, _SILENT = np.zeros(1, np.int64), np.zeros(1)
-NO_NEURONS = NeuronRanges(_NONE, _NONE, _SILENT, _SILENT, _SILENT, _NONE, _NONE, _NONE)
-"""The range of a core without excitatory neurons."""
+    @cached_property
+    def members(self) -> Integers:
+        """Inputs of each kind, int64 (kinds,)."""
+        return np.bincount(self.kind, minlength=len(self.mask))
 
 
 @dataclass(frozen=True)
@@ -100,16 +73,25 @@ class Sizing:
         board: The board.
         rates: Expected spikes of each input in a step, float64 (inputs,).
         exc_spikes: Expected spikes of all excitatory neurons in a step.
+        dense_rows: Whether rows may be stored dense, without indices.
+        given: The weights that are not 0 where the network's own weights do not say so.
     """
 
     network: FixedNetwork = field(repr=False)
     board: Board
     rates: Floats = field(repr=False)
     exc_spikes: float = EXC_SPIKES
+    dense_rows: bool = True
+    given: Pattern | None = field(default=None, repr=False)
+
+    @cached_property
+    def pattern(self) -> Pattern:
+        """Which weights are not 0."""
+        return self.given or Pattern.of(self.network)
 
     @property
     def inhibits(self) -> bool:
-        """Whether relays inhibit at all."""
+        """Whether the inhibitory neuron takes anything."""
         return self.network.inhibition > 0
 
     @cached_property
@@ -123,24 +105,39 @@ class Sizing:
         return round(self.exc_spikes / self.network.neurons * GRAIN) / GRAIN
 
     @cached_property
+    def listened(self) -> Integers:
+        """Neurons that each inhibitory one listens to, leaves then root, int64 (inhibitory,)."""
+        network = self.network
+        if network.leaves == 0:
+            return np.array([network.neurons])
+        last = network.neurons - (network.leaves - 1) * fixed.FAN_IN
+        return np.array([fixed.FAN_IN] * (network.leaves - 1) + [last, network.leaves])
+
+    @cached_property
+    def inh_spikes(self) -> Floats:
+        """Expected spikes of each inhibitory neuron in a step, at most 1, float64 (inhibitory,)."""
+        leaves = np.minimum(1.0, self.listened[: self.network.leaves] * self.spiking)
+        return np.append(leaves, min(1.0, self.network.neurons * self.spiking))
+
+    @cached_property
     def weight_bits(self) -> int:
         """Bits of a stored weight.
 
         Raises:
             NetworkLimitError: the board stores none so wide.
         """
-        wide = [bits for bits in self.board.weight_bits if bits >= self.network.bits]
+        wide = [bits for bits in self.board.weight_bits if bits >= self.network.stored_bits]
         if not wide:
-            most = max(self.board.weight_bits)
+            most, sign = max(self.board.weight_bits), " with their sign" if self.network.signed else ""
             raise NetworkLimitError(
-                f"{self.board.title} stores weights of at most {most} bits, but these need {self.network.bits}; use "
-                f"--weight-bits {most}"
+                f"{self.board.title} stores weights of at most {most} bits, but these need {self.network.stored_bits}"
+                f"{sign}; use --weight-bits {most - self.network.signed}"
             )
         return min(wide)
 
     @cached_property
-    def lateral_bits(self) -> int:
-        """Fewest bits that hold a lateral weight.
+    def inhibition_bits(self) -> int:
+        """Fewest bits that hold a synapse of the root.
 
         Raises:
             NetworkLimitError: the board stores none so wide.
@@ -152,18 +149,14 @@ class Sizing:
                 continue
             return bits
         raise NetworkLimitError(
-            f"{self.board.title} stores weights of at most {max(self.board.weight_bits)} bits, but lateral inhibition "
-            f"{self.network.lateral} needs more; change network.inhibition (or joined_inhibition)"
+            f"{self.board.title} stores weights of at most {max(self.board.weight_bits)} bits, but inhibition "
+            f"{self.network.lateral} needs more; change network.inhibition"
         )
 
     @cached_property
-    def relay_axons(self) -> int:
-        """Input axons of relays on a core with several excitatory neurons."""
-        return self.network.neurons if self.inhibits else 0
-
-    def relay_axons_of(self, neurons: int) -> int:
-        """Input axons of relays on a core with ``neurons`` excitatory ones: a single one's own relay has none there."""
-        return self.relay_axons - 1 if self.inhibits and neurons == 1 else self.relay_axons
+    def words(self) -> int:
+        """Words of synapse memory that a core's rows may take."""
+        return limit_of(self.board.usable_words)
 
     @cached_property
     def largest(self) -> int:
@@ -179,7 +172,7 @@ class Sizing:
 
     @cached_property
     def all_dense(self) -> bool:
-        """Whether no row may be sparse: formats are few, or how rows are stored is not public."""
+        """Whether no row of an input may be sparse: formats are few, or how rows are stored is not public."""
         return self.board.synapse_words is None or limit_of(self.board.formats) < MIXED_FORMATS
 
     def sparse_bits(self, neurons: int) -> int | None:
@@ -189,155 +182,57 @@ class Sizing:
         return min(wide) if wide else None
 
     @cached_property
-    def _patterns(self) -> tuple[NDArray[np.int32], Floats, Integers]:
-        """Non-zero weights of each kind of inputs to neurons 0 .. b - 1, int32 (neurons + 1, kinds); how many inputs
-        are of each kind and their spikes, float64 (kinds, 2); and the kind of each input. Inputs that reach the same
-        neurons are of one kind."""
-        mask = self.network.weights > 0
-        _, first, kind = np.unique(np.packbits(mask, axis=1), axis=0, return_index=True, return_inverse=True)
-        kind = kind.reshape(-1).astype(np.int64)
-        counts = np.zeros((self.network.neurons + 1, first.size), np.int32)
-        np.cumsum(mask[first].T, axis=0, dtype=np.int32, out=counts[1:])
-        members = np.stack([np.bincount(kind), np.bincount(kind, weights=self.grains)], axis=1)
-        return counts, members.astype(np.float64), kind
+    def row_tables(self) -> tuple[Integers, Integers]:
+        """Words of an input's row by neurons of the core and non-zero weights, int64 (largest + 1, largest + 1): in the
+        format with the fewest operations, and in the one with the fewest words."""
+        sizes = np.arange(self.largest + 1)
+        dense = row_words(sizes, self.weight_bits)
+        operations = (
+            np.repeat(dense[:, None], sizes.size, axis=1) if self.dense_rows else np.full([sizes.size] * 2, UNLIMITED)
+        )
+        for size in sizes.tolist():
+            bits = self.sparse_bits(size)
+            if bits is not None:
+                operations[size] = row_words(sizes, self.weight_bits + bits)
+        if self.dense_rows:
+            operations[sizes, sizes] = dense
+        operations[:, 0] = 0
+        return operations, np.minimum(operations, dense[:, None]) if self.dense_rows else operations
+
+    @cached_property
+    def root_row(self) -> Integers:
+        """Words of the root's row by neurons of the core, int64 (largest + 1,)."""
+        sizes = np.arange(self.largest + 1)
+        if not self.inhibits or self.board.synapse_words is None:
+            return np.zeros_like(sizes)
+        if self.dense_rows:
+            return row_words(sizes, self.inhibition_bits)
+        bits = [self.sparse_bits(int(size)) for size in sizes]
+        return np.array(
+            [
+                UNLIMITED if own is None else row_words(size, self.inhibition_bits + own)
+                for size, own in zip(sizes, bits, strict=True)
+            ]
+        )
 
     def counts(self, first: int, end: int) -> Integers:
         """Non-zero weights of each input to neurons ``first`` .. ``end - 1``, int64 (inputs,)."""
-        cumulated, _, kind = self._patterns
-        return np.asarray((cumulated[end] - cumulated[first])[kind].astype(np.int64))
+        return np.count_nonzero(self.pattern.mask[:, first:end], axis=1)[self.pattern.kind]
 
-    @cached_property
-    def row_tables(self) -> tuple[Floats, Floats]:
-        """Words of a row by neurons of the core and non-zero weights, float64 (largest + 1, largest + 1): in the format
-        with the fewest operations, and in the one with the fewest words."""
-        sizes = np.arange(self.largest + 1)
-        dense = row_words(sizes, self.weight_bits)
-        fewest_operations = np.repeat(dense[:, None], sizes.size, axis=1)
-        for bits in self.board.index_bits:
-            indexed = np.array([self.sparse_bits(int(size)) == bits for size in sizes])
-            fewest_operations[indexed] = row_words(sizes, self.weight_bits + bits)[None, :]
-        fewest_operations[sizes, sizes] = dense
-        fewest_words = np.minimum(fewest_operations, dense[:, None])
-        fewest_operations[:, 0] = fewest_words[:, 0] = 0
-        return fewest_operations.astype(np.float64), fewest_words.astype(np.float64)
+    def growing(self, first: int, most: int) -> tuple[Integers, Integers]:
+        """What the ranges of 1, 2 .. ``most`` neurons from ``first`` on take, int64 (most,) each.
 
-    @cached_property
-    def lateral_words(self) -> tuple[Integers, Integers]:
-        """Words of relays' rows by neurons of the core, int64 (largest + 1,): with own ones sparse, and dense."""
-        sizes, bits = np.arange(self.largest + 1), self.lateral_bits
-        if not self.inhibits:
-            return np.zeros_like(sizes), np.zeros_like(sizes)
-        several = sizes > 1
-        elsewhere = np.where(sizes < self.network.neurons, row_words(sizes, bits), 0)
-        dense = np.where(several, sizes * row_words(sizes, bits), 0)
-        sparse = np.where(several, UNLIMITED, 0)
-        for index in self.board.index_bits:
-            indexed = several & np.array([self.sparse_bits(int(size)) == index for size in sizes])
-            sparse = np.where(indexed, sizes * row_words(np.maximum(sizes - 1, 0), bits + index), sparse)
-        return elsewhere + sparse, elsewhere + dense
-
-    @cached_property
-    def least_range(self) -> NeuronRanges:
-        """A range of one neuron that takes no more of any limit than a range of the network does."""
-        active = np.array([np.count_nonzero(self.network.weights, axis=0).min()])
-        words = active if self.board.synapse_words is not None else np.zeros(1, np.int64)
-        return NeuronRanges(np.ones(1, np.int64), active, _SILENT, _SILENT, _SILENT, words, words, words)
-
-    def ranges(self, first: int, ends: Integers) -> NeuronRanges:
-        """The ranges of neurons ``first`` .. ``end - 1`` for each of ``ends``, ascending."""
-        parts = [self._ranges(first, ends[i : i + _MANY]) for i in range(0, ends.size, _MANY)]
-        if len(parts) == 1:
-            return parts[0]
-        names = NeuronRanges.__annotations__
-        return NeuronRanges(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
-
-    def range_of(self, first: int, end: int) -> NeuronRanges:
-        """The one range of neurons ``first`` .. ``end - 1``."""
-        return self.ranges(first, np.array([end]))
-
-    def _ranges(self, first: int, ends: Integers) -> NeuronRanges:
-        """What `ranges` returns, for only so many ``ends`` as arrays of all kinds of inputs can be made for."""
-        cumulated, members, _ = self._patterns
-        size = ends - first
-        counts = cumulated[ends] - cumulated[first]
-        reached = (counts > 0).astype(np.float64)
-        active, messages = (reached @ members).T
-        if self.all_dense:
-            dense, sparse = size * messages, np.zeros(size.size)
-        else:
-            dense = size * ((counts == size[:, None]).astype(np.float64) @ members[:, 1])
-            sparse = counts.astype(np.float64) @ members[:, 1] - dense
-        words_sparse, words_dense, words_least = np.zeros((3, size.size), np.int64)
-        if self.board.synapse_words is not None:
-            # What no core is ever asked about takes more words than any core has.
-            asked = np.flatnonzero(size <= self.largest)
-            for words in (words_sparse, words_dense, words_least):
-                words[:] = UNLIMITED
-            entries = counts[asked] + size[asked, None] * (self.largest + 1)
-            fewest_operations, fewest_words = (table.ravel()[entries] @ members[:, 0] for table in self.row_tables)
-            lateral_sparse, lateral_dense = (table[size[asked]] for table in self.lateral_words)
-            words_sparse[asked] = fewest_operations + lateral_sparse
-            words_dense[asked] = fewest_operations + lateral_dense
-            words_least[asked] = fewest_words + np.minimum(lateral_sparse, lateral_dense)
-        return NeuronRanges(
-            size, active.astype(np.int64), messages, dense, sparse, words_sparse, words_dense, words_least
-        )
-
-    def relay_room(self, ranges: NeuronRanges, words: Integers, cores: int) -> Integers:
-        """Relays that fit beside ``ranges`` stored in ``words`` if ``cores`` cores hold excitatory neurons, int64
-        (ranges,); negative: not even the neurons fit.
-
-        Own relays are counted first: that of a neuron alone on its core does not inhibit there, which spares an axon.
+        Returns:
+            Inputs with a weight to them, and the fewest words of all their rows.
         """
-        board, size = self.board, ranges.size
-        spared = np.where(size == 1, 1, 0) if self.inhibits else np.zeros_like(size)
-        relay_axons_in = np.where(size > 0, self.relay_axons, 0) - spared
-        axons_out = limit_of(board.axons_out) - 2 * size
-        relays_sending = (axons_out + spared) // cores if self.inhibits else np.full_like(size, UNLIMITED)
-        room = np.minimum.reduce(
-            [
-                limit_of(board.compartments) - size,
-                limit_of(board.axons_in) - ranges.active - relay_axons_in,
-                limit_of(board.synapse_words) - words,
-                np.where(axons_out >= 0, relays_sending, -1),
-            ]
-        )
-        # An excitatory neuron needs no index if all rows are dense; a relay always does.
-        return np.where(room > 0, np.clip(self.indexable - size, 0, room), room)
+        counts = np.cumsum(self.pattern.mask[:, first : first + most], axis=1, dtype=np.int32)
+        return self.taken(np.arange(1, counts.shape[1] + 1), counts)
 
-    def holds(self, first: int, end: int) -> bool:
-        """Whether a core holds neurons ``first`` .. ``end - 1`` without any relay, however their rows are stored."""
-        neurons = self.range_of(first, end)
-        return bool(self.relay_room(neurons, neurons.words_least, 1)[0] >= 0)
-
-    def time(self, ranges: NeuronRanges, cores: int, lateral_dense: NDArray[np.bool_]) -> Floats:
-        """Time in ns of a step on cores that hold ``ranges`` and their relays, float64 (ranges,).
-
-        Args:
-            ranges: The ranges, with rows of the inputs stored sparse.
-            cores: Cores that hold excitatory neurons.
-            lateral_dense: Whether the rows of each range's own relays are dense, bool (ranges,).
-        """
-        more_dense, more_sparse = self.lateral_operations(ranges.size, lateral_dense)
-        return self.time_of(ranges, ranges.dense + more_dense, ranges.sparse + more_sparse, cores)
-
-    def time_of(self, ranges: NeuronRanges, dense: Floats | float, sparse: Floats | float, cores: int) -> Floats:
-        """Time in ns of a step with ``dense`` and ``sparse`` synaptic operations on each core, float64 (ranges,)."""
-        spikes = ranges.size * self.spiking
-        messages_out = 2 * spikes + (spikes * cores if self.inhibits else 0.0)
-        messages_in = ranges.messages + self.relay_axons * self.spiking + spikes
-        return nanoseconds(messages_in, dense, sparse + spikes, ranges.size + spikes, 2 * spikes, messages_out)
-
-    def lateral_operations(self, size: Integers, dense: NDArray[np.bool_]) -> tuple[Floats, Floats]:
-        """Operations in a step of the relays' rows on cores of ``size`` neurons, dense and sparse."""
-        rate = self.spiking if self.inhibits else 0.0
-        elsewhere = (self.network.neurons - size) * size * rate
-        relay_spikes = np.where(size > 1, size, 0) * rate
-        dense_operations = elsewhere + np.where(dense, relay_spikes * size, 0.0)
-        return dense_operations, np.where(dense, 0.0, relay_spikes * (size - 1))
-
-
-def load(messages_in: float, dense: float, sparse: float, updates: float, spikes: float, messages_out: float) -> Load:
-    """The `Load` of a core in a step, with its time."""
-    time = float(nanoseconds(messages_in, dense, sparse, updates, spikes, messages_out))
-    return Load(messages_in, dense, sparse, updates, spikes, messages_out, time)
+    def taken(self, sizes: Integers, counts: NDArray[np.int32]) -> tuple[Integers, Integers]:
+        """What ranges of ``sizes`` neurons (ranges,) take whose kinds have ``counts`` weights (kinds, ranges)."""
+        members = self.pattern.members
+        active = members @ (counts > 0)
+        if self.board.synapse_words is None:
+            return active, np.zeros_like(active)
+        _, words = self.row_tables
+        return active, members @ words[sizes, counts] + self.root_row[sizes]

@@ -1,0 +1,188 @@
+"""Where inhibitory neurons and input compartments stand: beside excitatory neurons as far as there is room, then on
+further cores."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.deploy.boards.constants import LOIHI_1
+from lava_vpr.deploy.boards.step_time import arrival_nanoseconds, neuron_nanoseconds
+from lava_vpr.deploy.mapping.ranges import counts_of
+from lava_vpr.deploy.mapping.sizing import Floats, Integers, Sizing, limit_of
+
+COMPARTMENTS, INDEXED, AXONS_IN, AXONS_OUT, WORDS = range(5)
+"""What a core has room for, as a row of `Placed.room` has it; indexed: compartments that a sparse synapse can name."""
+
+
+@dataclass(frozen=True)
+class Placed:
+    """What stands on each core: those with excitatory neurons first, in their order, then the others.
+
+    Attributes:
+        bounds: First neuron of each core with excitatory ones, and the number of all, int64 (k + 1,).
+        inh, inputs: First and number of each core's, int64 (cores, 2).
+        room: What is left on each core, with each row in its smallest format, int64 (cores, 5).
+    """
+
+    bounds: Integers = field(repr=False)
+    inh: Integers = field(repr=False)
+    inputs: Integers = field(repr=False)
+    room: Integers = field(repr=False)
+
+    @property
+    def cores(self) -> int:
+        """The number of cores."""
+        return len(self.room)
+
+
+def place(sizing: Sizing, bounds: Integers, most: int) -> Placed | None:
+    """The inhibitory neurons and the inputs beside the ranges of ``bounds``, on the fewest cores that are found.
+
+    Returns:
+        What stands where, on at most ``most`` cores; None if they do not fit.
+    """
+    cores = bounds.size - 1
+    empty = _empty(sizing)
+    room = np.repeat(empty[None], cores, axis=0)
+    size = np.diff(bounds)
+    counts = counts_of(sizing, bounds)
+    active, words = sizing.taken(size, counts)
+    room -= np.stack([size, size, active + sizing.inhibits, 2 * size, words], axis=1)
+    if room.min() < 0:
+        return None
+    placed = _place_inhibitory(sizing, room, most)
+    if placed is None:
+        return None
+    inh, room = placed
+    inputs = _place_inputs(sizing, size, counts, room, most)
+    if inputs is None:
+        return None
+    added = len(inputs) - len(room)
+    room = np.concatenate([room, np.repeat(empty[None], added, axis=0)])
+    inh = np.concatenate([inh, np.zeros((added, 2), np.int64)])
+    return Placed(bounds, inh, consecutive(inputs), room)
+
+
+def _empty(sizing: Sizing) -> Integers:
+    """The room of an empty core."""
+    board = sizing.board
+    return np.array(
+        [
+            limit_of(board.compartments),
+            min(limit_of(board.compartments), sizing.indexable),
+            limit_of(board.axons_in),
+            limit_of(board.axons_out),
+            sizing.words,
+        ]
+    )
+
+
+def _place_inhibitory(sizing: Sizing, room: Integers, most: int) -> tuple[Integers, Integers] | None:
+    """First and number of the inhibitory neurons on each core, and the room they leave; None if they do not fit.
+
+    Each goes to the core of the one before it, else to the one with most room for input axons that has none yet, else
+    to a core of its own.
+    """
+    empty, targets = _empty(sizing), len(room) * sizing.inhibits
+    inh = np.zeros((len(room), 2), np.int64)
+    at = -1
+    for number, listened in enumerate(sizing.listened.tolist()):
+        root = number == sizing.network.leaves
+        need = np.array([1, 1, listened, targets if root else 1, listened])
+        able = np.flatnonzero((room >= need).all(axis=1) & (inh[:, 1] == 0))
+        if at < 0 or (room[at] < need).any():
+            if able.size == 0:
+                room, inh = np.concatenate([room, empty[None]]), np.concatenate([inh, np.zeros((1, 2), np.int64)])
+                able = np.array([len(room) - 1])
+                if len(room) > most or (empty < need).any():
+                    return None
+            at = int(able[np.argmax(room[able, AXONS_IN])])
+            inh[at, 0] = number
+        inh[at, 1] += 1
+        room[at] -= need
+    return inh, room
+
+
+def _place_inputs(
+    sizing: Sizing, size: Integers, counts: NDArray[np.int32], room: Integers, most: int
+) -> Integers | None:
+    """Input compartments of each core, the fewest further ones among them, int64 (cores,); None if they do not fit."""
+    network, cores = sizing.network, len(room)
+    if network.input_compartments == 0:
+        return np.zeros(cores, np.int64)
+    rooms = room[:, COMPARTMENTS]
+    each_room = int(_empty(sizing)[COMPARTMENTS])
+    if network.relayed:
+        rooms = room[:, [COMPARTMENTS, INDEXED, AXONS_IN, WORDS]].min(axis=1)
+        each_room = int(_empty(sizing)[[COMPARTMENTS, INDEXED, AXONS_IN, WORDS]].min())
+    axons, busy = np.count_nonzero(counts, axis=1)[sizing.pattern.kind], _busy(sizing, size, counts)
+    spiking = sizing.grains
+    times = neuron_nanoseconds(LOIHI_1, "nominal", 1.0, 1.0, spiking, spiking * axons)
+
+    def on(further: int) -> Integers | None:
+        return spread(
+            times,
+            axons,
+            np.append(rooms, np.full(further, each_room)),
+            np.append(room[:, AXONS_OUT], np.full(further, limit_of(sizing.board.axons_out))),
+            np.append(busy, np.zeros(cores + further - busy.size)),
+        )
+
+    low, high = -1, most - cores  # ``low`` further cores are too few
+    if high < 0 or on(high) is None:
+        return None
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if on(middle) is None else (low, middle)
+    return on(high)
+
+
+def _busy(sizing: Sizing, size: Integers, counts: NDArray[np.int32]) -> Floats:
+    """About how long a step keeps each core with excitatory neurons busy, in ns: their updates and arriving spikes."""
+    spikes = np.bincount(sizing.pattern.kind, weights=sizing.grains, minlength=len(counts))
+    arriving = arrival_nanoseconds(LOIHI_1, "nominal", spikes @ (counts > 0), 0.0, spikes @ counts)
+    return np.asarray(arriving + neuron_nanoseconds(LOIHI_1, "nominal", size, size, 0.0, 0.0))
+
+
+def consecutive(sizes: Integers) -> Integers:
+    """First and number of consecutive parts, int64 (parts, 2)."""
+    return np.stack([np.cumsum(sizes) - sizes, sizes], axis=1)
+
+
+def spread(each: Floats, axons: Integers, room: Integers, room_axons: Integers, busy: Floats) -> Integers | None:
+    """Inputs of each core, consecutive ones in the order of the cores, so that the busiest core is least busy.
+
+    Args:
+        each: Time of each input, (inputs,).
+        axons: Output axons of each input, int64 (inputs,).
+        room, room_axons: Inputs and output axons that are left on each core, int64 (cores,).
+        busy: Time of each core without inputs, (cores,).
+    Returns:
+        Numbers, int64 (cores,); None if the inputs do not fit.
+    """
+    axons_before, time_before = [0, *np.cumsum(axons).tolist()], [0.0, *np.cumsum(each).tolist()]
+    cores = list(zip(room.tolist(), room_axons.tolist(), busy.tolist(), strict=True))
+
+    def below(level: float) -> Integers:
+        """The number of inputs on each core: as many, from the first core on, as keep it within ``level``."""
+        start, sizes = 0, []
+        for places, free_axons, taken in cores:
+            end = min(start + places, bisect_right(axons_before, axons_before[start] + free_axons) - 1)
+            end = min(end, bisect_right(time_before, time_before[start] + level - taken) - 1)
+            sizes.append(max(0, end - start))
+            start += sizes[-1]
+        return np.array(sizes)
+
+    best = below(np.inf)
+    if best.sum() < axons.size:
+        return None
+    low, high = 0.0, float(busy.max()) + time_before[-1]
+    for _ in range(40):
+        level = (low + high) / 2
+        sizes = below(level)
+        low, high, best = (low, level, sizes) if sizes.sum() == axons.size else (level, high, best)
+    return best
