@@ -60,13 +60,10 @@ def step_picojoules(
         return np.asarray(constant.at(level) * getattr(events, name).sum(axis=2), np.float64)
 
     from_inputs = energy(constants.message, "input_messages")
-    messages = energy(constants.message, "messages_out")
+    messages = energy(constants.message, "messages_out") + energy(constants.message, "injected_messages")
     hops = energy(constants.hop_east_west, "hops_east_west") + energy(constants.hop_north_south, "hops_north_south")
-    if events.injected:
-        hops = hops + energy(constants.hop_east_west, "input_hops_east_west")
-        hops = hops + energy(constants.hop_north_south, "input_hops_north_south")
-    else:
-        messages = messages - from_inputs
+    hops = hops + energy(constants.hop_east_west, "injected_hops_east_west")
+    hops = hops + energy(constants.hop_north_south, "injected_hops_north_south")
     dense, sparse = "operations_dense", "operations_sparse"
     return {
         "synaptic operations": energy(constants.synapse_dense, dense) + energy(constants.synapse_sparse, sparse),
@@ -74,7 +71,7 @@ def step_picojoules(
         "neuron updates": energy(constants.update, updates),
         "spikes": energy(constants.spike, "spikes"),
         "input messages": from_inputs,
-        "other messages": messages,
+        "other messages": messages - from_inputs,
         "read-out": energy(constants.message, "read_outs"),
         "hops": hops,
     }
@@ -102,8 +99,8 @@ def step_nanoseconds(
     sent = events.messages_out + events.read_outs if read_out else events.messages_out
     neurons = neuron_nanoseconds(constants, level, events.accesses, getattr(events, updates), events.spikes, sent)
     busiest = neurons.max(axis=2)
-    if input_core and events.injected:
-        sending = constants.message_time.at(level) * events.input_messages
+    if input_core:
+        sending = constants.message_time.at(level) * events.injected_messages
         busiest = np.maximum(busiest, sending.sum(axis=2))
     return arrivals.max(axis=2), busiest
 

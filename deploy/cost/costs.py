@@ -19,7 +19,13 @@ from lava_vpr.deploy.boards.plan import CorePlan, Plan
 from lava_vpr.deploy.boards.step_time import neuron_nanoseconds
 from lava_vpr.deploy.cost.closed_form import step_microseconds, step_nanoseconds, step_picojoules
 from lava_vpr.deploy.cost.events import EventCounts
-from lava_vpr.deploy.cost.host_traffic import SETTING_WRITES, counts_on_chips, entry_hops, host_milliseconds
+from lava_vpr.deploy.cost.host_traffic import (
+    SETTING_WRITES,
+    counts_on_chips,
+    entry_hops,
+    host_milliseconds,
+    through_relays,
+)
 from lava_vpr.deploy.registers.clearing import clearing, rest_steps
 
 Floats = NDArray[np.float64]
@@ -163,10 +169,7 @@ def counts_of(events: EventCounts, plan: Plan) -> dict[str, float | None]:
     def mean(*names: str) -> float:
         return float(sum(events.each(name).mean() for name in names)) if events.queries else 0.0
 
-    messages, hops = ["messages_out"], ["hops_east_west", "hops_north_south"]
-    if events.injected:
-        messages += ["input_messages"]
-        hops += ["input_hops_east_west", "input_hops_north_south"]
+    hops = [f"{kind}hops_{way}" for kind in ("", "injected_") for way in ("east_west", "north_south")]
     return {
         "synaptic_operations": mean("operations_dense", "operations_sparse"),
         "synaptic_operations_dense_rows": mean("operations_dense"),
@@ -176,7 +179,7 @@ def counts_of(events: EventCounts, plan: Plan) -> dict[str, float | None]:
         "input_spikes": mean("input_spikes"),
         "exc_spikes": mean("exc_spikes"),
         "inh_spikes": mean("inh_spikes"),
-        "messages": mean(*messages),
+        "messages": mean("messages_out", "injected_messages"),
         "input_messages": mean("input_messages"),
         "read_outs": mean("read_outs"),
         "chip_crossings": mean("crossings"),
@@ -229,6 +232,9 @@ def _write_picojoules(plan: Plan, constants: CostConstants) -> Estimate:
     )
 
 
+_MESSAGES = ("messages", "hops_east_west", "hops_north_south")
+
+
 def _settings_microjoules(plan: Plan, constants: CostConstants) -> Estimate:
     """Energy of the writes that set all input compartments."""
     return _write_picojoules(plan, constants) * (SETTING_WRITES * plan.network.inputs / 1e6)
@@ -248,33 +254,34 @@ def outside_steps(plan: Plan, constants: CostConstants) -> tuple[Estimate, Estim
 
 def _input_microjoules(plan: Plan, events: EventCounts, constants: CostConstants) -> dict[str, Estimate]:
     """Dynamic energy that input takes on the chips, by input mode, the one in use first."""
-    inputs, queries = plan.network.inputs, max(1, events.queries)
-    arrivals, spikes = events.input_messages.sum() / queries, events.input_spikes.sum() / queries
-    hops = (events.input_hops_east_west.sum() / queries, events.input_hops_north_south.sum() / queries)
-    entry_east_west, entry_north_south = entry_hops(plan)
-    from_entry = (arrivals * entry_east_west, arrivals * entry_north_south)
-    messages = constants.message.estimate * arrivals
+    network, queries = plan.network, max(1, events.queries)
 
-    def crossing(tiles: tuple[float, float]) -> Estimate:
-        return constants.hop_east_west.estimate * tiles[0] + constants.hop_north_south.estimate * tiles[1]
+    def mean(name: str) -> float:
+        return float(getattr(events, name).sum() / queries)
 
-    if events.injected:
-        accesses = updates = float(inputs * events.steps)
-    else:
-        accesses, updates = events.input_accesses.sum() / queries, events.input_updates.sum() / queries
-    compartments = (
-        constants.access.estimate * accesses,
-        constants.update.estimate * updates,
-        constants.spike.estimate * spikes,
-        messages,
-        crossing((0.0, 0.0) if events.injected else hops),
-        _settings_microjoules(plan, constants) * 1e6,
-    )
+    def sent(messages: float, east_west: float, north_south: float) -> Estimate:
+        tiles = constants.hop_east_west.estimate * east_west + constants.hop_north_south.estimate * north_south
+        return constants.message.estimate * messages + tiles
+
+    def somata(updates: float) -> Estimate:
+        accesses = constants.access.estimate * float(network.inputs * events.steps)
+        return accesses + constants.update.estimate * updates + constants.spike.estimate * spikes
+
+    spikes, injected = mean("input_spikes"), [mean(f"injected_{what}") for what in _MESSAGES]
+    onward = [mean(f"input_{what}") - entered for what, entered in zip(_MESSAGES, injected, strict=True)]
+    if not network.input_compartments:
+        onward = [injected[0], 0.0, 0.0]  # what they would send, as if they stood beside
+    if network.bias_input:
+        entering = spikes if through_relays(plan) else onward[0]
+        ways = entry_hops(plan, "inputs" if through_relays(plan) else "exc")
+        injected = [entering, *(entering * tiles for tiles in ways)]
+    updates = mean("input_updates") if network.bias_input else float(network.inputs * events.steps)
     by_mode = {
-        "injected": (messages + crossing(hops if events.injected else from_entry)) * 1e-6,
-        "bias": total(compartments) * 1e-6,
+        "injected": sent(*injected) + (somata(spikes) + sent(*onward) if through_relays(plan) else Estimate(0, 0, 0)),
+        "bias": somata(updates) + sent(*onward) + _settings_microjoules(plan, constants) * 1e6,
     }
-    return by_mode if events.injected else dict(reversed(by_mode.items()))
+    in_order = by_mode.items() if events.injected else reversed(by_mode.items())
+    return {mode: picojoules * 1e-6 for mode, picojoules in in_order}
 
 
 def _static(plan: Plan, milliseconds: Estimate, constants: CostConstants) -> Estimate:
@@ -326,7 +333,8 @@ def assumptions(events: EventCounts) -> tuple[str, ...]:
         "an update; no figure is public.",
     ]
     if events.injected:
-        sentences.append("Injected spikes enter the mesh at tile 0 of the chip they go to, one message for each core.")
+        whither = "its relay's core" if events.input_accesses.any() else "each core"
+        sentences.append(f"Injected spikes enter the mesh at tile 0 of the chip they go to, one message for {whither}.")
     if events.crossings.any():
         sentences.append("A message to the other chip costs what its tiles cost: no figure for the link is public.")
     if events.injected:

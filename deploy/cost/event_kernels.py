@@ -11,11 +11,12 @@ from lava_vpr.kernelcache import compiled
 
 Counts = NDArray[np.int64]
 
-_IN, _FROM_INPUTS, _OPERATIONS, _UPDATES, _TOUCHED, _SPIKES, _OUT, _READ_OUTS = 0, 1, 2, 4, 5, 6, 7, 8
-_WAY, _INPUT_HOPS, _INPUT_UPDATES = 9, 12, 14
+_IN, _FROM_INPUTS, _INJECTED, _OPERATIONS, _UPDATES, _TOUCHED, _SPIKES, _OUT, _READ_OUTS = 0, 1, 2, 3, 5, 6, 7, 8, 9
+_WAY, _INPUT_HOPS, _INJECTED_HOPS, _INPUT_UPDATES = 10, 13, 15, 17
 KINDS = (
     "messages_in",
     "input_messages",
+    "injected_messages",
     "operations_dense",
     "operations_sparse",
     "updates",
@@ -28,50 +29,43 @@ KINDS = (
     "hops_north_south",
     "input_hops_east_west",
     "input_hops_north_south",
+    "injected_hops_east_west",
+    "injected_hops_north_south",
     "input_updates",
 )
 """What the kernel counts, in the order of the numbers above; see `lava_vpr.deploy.cost.events.EventCounts`."""
 
 
 class Routes(NamedTuple):
-    """A plan as the kernel takes it: N neurons, J inputs, K cores.
+    """A plan as the kernel takes it: N neurons, L leaves, J inputs, K cores.
 
     Attributes:
-        exc_core, relay_core: Where each neuron and its relay stand, (N,).
-        input_core: Where each input stands, (J,); -1: its spikes are injected.
-        input_rows, relay_rows: Operations, dense and sparse, of a spike's row on each core, (J or N, K, 2); both 0: no
-            message goes there.
+        exc_core, listener_core: Where each neuron stands, and the inhibitory neuron that listens to it, (N,).
+        leaf_core: Where each leaf stands, (L,).
+        root_core: Where the root stands.
+        input_core: Where each input's compartment stands, (J,); -1: it has none.
+        relayed: Whether these compartments relay injected spikes, instead of integrating a bias.
+        input_rows: Operations, dense and sparse, of an input's row on each core, (J, K, 2); both 0: no message goes
+            there.
+        root_rows: The same of the root's row, (K, 2).
         stored: Whether an input's row holds a synapse of a neuron, uint8 (J, N).
-        own_dense: Whether the rows of a core's own relays are dense, (K,).
-        size: Excitatory neurons of each core, (K,).
+        biased: Whether a neuron integrates a bias, uint8 (N,).
         ways: Crossings, and tiles east-west and north-south, from core to core, (K, K, 3).
         entry: Tiles to each core from where spikes are injected, (K, 2).
     """
 
     exc_core: Counts
-    relay_core: Counts
+    listener_core: Counts
+    leaf_core: Counts
+    root_core: int
     input_core: Counts
+    relayed: bool
     input_rows: Counts
-    relay_rows: Counts
+    root_rows: Counts
     stored: NDArray[np.uint8]
-    own_dense: NDArray[np.bool_]
-    size: Counts
+    biased: NDArray[np.uint8]
     ways: Counts
     entry: Counts
-
-
-@compiled(inline="always")
-def _reached(routes: Routes, i: int, arrived: NDArray[np.int64], relayed: NDArray[np.uint8], pulled: bool) -> bool:
-    """Whether a stored synapse delivered to neuron ``i``: of inputs that ``arrived``, relays elsewhere, or its own."""
-    if pulled:
-        return True
-    k = routes.exc_core[i]
-    if relayed[i] and routes.own_dense[k] and routes.relay_rows[i, k, 0] > 0:
-        return True
-    for j in arrived:
-        if routes.stored[j, i]:
-            return True
-    return False
 
 
 @compiled(inline="always")
@@ -81,33 +75,43 @@ def _updates(
     membranes: NDArray[np.int32],
     fired: NDArray[np.uint8],
     arrived: NDArray[np.int64],
-    relayed: NDArray[np.uint8],
-    relays: int,
-    inhibited: bool,
+    pulled: NDArray[np.bool_],
     events: Counts,
 ) -> None:
     """Count the updates of the excitatory neurons in one step.
 
-    A neuron has a reason to be updated if its membrane was not 0, or if the sum that arrived is not 0: then its
-    membrane is not 0 afterwards, or it has spiked.
+    A neuron has a reason to be updated if it integrates a bias, if its membrane was not 0, or if the sum that arrived
+    is not 0: then its membrane is not 0 afterwards, or it has spiked. It is touched by whatever was delivered to it.
 
     Args:
         routes: The plan.
         membranes_before, membranes: After the step before, and after this one, (N,).
         fired: Who spiked, (N,).
-        arrived: Inputs that spiked in the step before.
-        relayed: Whose relays spiked in the step before, (N,).
-        relays: The number of those.
-        inhibited: Whether a relay's spike takes anything from the others.
+        arrived: Inputs whose spikes arrive in this step.
+        pulled: On which cores a row of the root arrives, (K,).
         events: Events of this step, (K, kinds).
     """
     for i in range(membranes.size):
         k = routes.exc_core[i]
-        if membranes_before[i] != 0 or membranes[i] != 0 or fired[i] != 0:
+        if routes.biased[i] or membranes_before[i] != 0 or membranes[i] != 0 or fired[i]:
             events[k, _UPDATES] += 1
             events[k, _TOUCHED] += 1
-        elif _reached(routes, i, arrived, relayed, inhibited and relays > relayed[i]):
+            continue
+        touched = pulled[k]
+        for j in arrived:
+            if touched:
+                break
+            touched = routes.stored[j, i] != 0
+        if touched:
             events[k, _TOUCHED] += 1
+
+
+@compiled(inline="always")
+def _receive(events: Counts, target: int, operations: Counts) -> None:
+    """Count a message that arrives, and what it meets there."""
+    events[target, _IN] += 1
+    events[target, _OPERATIONS] += operations[0]
+    events[target, _OPERATIONS + 1] += operations[1]
 
 
 @compiled(inline="always")
@@ -116,74 +120,92 @@ def _send(events: Counts, home: int, target: int, operations: Counts, ways: Coun
     events[home, _OUT] += 1
     for i in range(3):
         events[home, _WAY + i] += ways[home, target, i]
-    events[target, _IN] += 1
-    events[target, _OPERATIONS] += operations[0]
-    events[target, _OPERATIONS + 1] += operations[1]
+    _receive(events, target, operations)
 
 
 @compiled(inline="always")
-def _neurons_spikes(
-    routes: Routes, now_fired: NDArray[np.uint8], last_fired: NDArray[np.uint8], relay_row: Counts, now: Counts
-) -> int:
-    """Count messages of excitatory spikes, and of relays of those one step ago; returns the number of these relays."""
-    relays = 0
-    for i in range(now_fired.size):
-        if now_fired[i]:
+def _inject(events: Counts, target: int, operations: Counts, entry: Counts) -> None:
+    """Count an injected message, and what it meets there."""
+    events[target, _FROM_INPUTS] += 1
+    events[target, _INJECTED] += 1
+    for i in range(2):
+        events[target, _INPUT_HOPS + i] += entry[target, i]
+        events[target, _INJECTED_HOPS + i] += entry[target, i]
+    _receive(events, target, operations)
+
+
+@compiled(inline="always")
+def _fire(events: Counts, home: int) -> None:
+    """Count a spike of a neuron without memory, which what has just arrived makes spike."""
+    events[home, _SPIKES] += 1
+    events[home, _UPDATES] += 1
+    events[home, _TOUCHED] += 1
+
+
+@compiled(inline="always")
+def _exc_spikes(routes: Routes, fired: NDArray[np.uint8], single: Counts, now: Counts) -> None:
+    """Count the messages of excitatory spikes: to who listens, and to the read-out."""
+    for i in range(fired.size):
+        if fired[i]:
             home = routes.exc_core[i]
             now[home, _SPIKES] += 1
             now[home, _READ_OUTS] += 1
-            _send(now, home, routes.relay_core[i], relay_row, routes.ways)
-        if last_fired[i]:
-            relays += 1
-            home = routes.relay_core[i]
-            for kind in (_SPIKES, _UPDATES, _TOUCHED):
-                now[home, kind] += 1
-            for k in range(routes.own_dense.size):
-                if routes.relay_rows[i, k, 0] + routes.relay_rows[i, k, 1] > 0:
-                    _send(now, home, k, routes.relay_rows[i, k], routes.ways)
-    return relays
+            _send(now, home, routes.listener_core[i], single, routes.ways)
+
+
+@compiled(inline="always")
+def _inhibitory_spikes(
+    routes: Routes, fired: NDArray[np.uint8], single: Counts, pulled: NDArray[np.bool_], now: Counts
+) -> None:
+    """Count spikes of the inhibitory neurons: leaves tell the root, and the root the cores with exc (``pulled``)."""
+    for leaf in range(fired.size - 1):
+        if fired[leaf]:
+            _fire(now, routes.leaf_core[leaf])
+            _send(now, routes.leaf_core[leaf], routes.root_core, single, routes.ways)
+    pulled[:] = False
+    if fired[fired.size - 1]:
+        _fire(now, routes.root_core)
+        for k in range(pulled.size):
+            if routes.root_rows[k, 0] + routes.root_rows[k, 1] > 0:
+                _send(now, routes.root_core, k, routes.root_rows[k], routes.ways)
+                pulled[k] = True
 
 
 @compiled(inline="always")
 def _input_spike(routes: Routes, j: int, now: Counts) -> None:
-    """Count the messages of a spike of input ``j``."""
+    """Count the messages of a spike of input ``j`` to the cores where it has weights."""
     home = routes.input_core[j]
-    if home >= 0:
-        now[home, _SPIKES] += 1
-    for k in range(routes.size.size):
+    for k in range(routes.entry.shape[0]):
         row = routes.input_rows[j, k]
         if row[0] + row[1] == 0:
             continue
+        if home < 0:
+            _inject(now, k, row, routes.entry)
+            continue
         now[k, _FROM_INPUTS] += 1
-        if home >= 0:
-            _send(now, home, k, row, routes.ways)
-            for i in range(2):
-                now[k, _INPUT_HOPS + i] += routes.ways[home, k, 1 + i]
-        else:
-            now[k, _IN] += 1
-            for i in range(2):
-                now[k, _OPERATIONS + i] += row[i]
-                now[k, _INPUT_HOPS + i] += routes.entry[k, i]
+        for i in range(2):
+            now[k, _INPUT_HOPS + i] += routes.ways[home, k, 1 + i]
+        _send(now, home, k, row, routes.ways)
 
 
 @compiled(inline="always")
-def _input_updates(routes: Routes, mapped: Counts, stopped: NDArray[np.uint8], now: Counts) -> None:
-    """Count updates of input compartments: of all but those without a bias that ``stopped`` at 0."""
+def _integrating(routes: Routes, mapped: Counts, stopped: NDArray[np.uint8], now: Counts) -> None:
+    """Count updates of inputs that integrate a bias: of all but those without one that ``stopped`` at 0."""
     for kind in (_UPDATES, _TOUCHED, _INPUT_UPDATES):
         for k in range(mapped.size):
             now[k, kind] += mapped[k]
         for j in range(stopped.size):
-            if stopped[j] and routes.input_core[j] >= 0:
+            if stopped[j]:
                 now[routes.input_core[j], kind] -= 1
 
 
 @compiled(nogil=True)
 def count_presentation(
     routes: Routes,
-    inhibited: bool,
     steps: int,
     inputs: NDArray[np.uint8],
     exc: NDArray[np.uint8],
+    inh: NDArray[np.uint8],
     membranes: NDArray[np.int32],
     events: Counts,
 ) -> None:
@@ -191,29 +213,39 @@ def count_presentation(
 
     Args:
         routes: The plan.
-        inhibited: Whether a relay's spike takes anything from the other neurons.
         steps: Steps with input.
-        inputs, exc: Every spike, uint8 (all steps, J or N).
+        inputs, exc, inh: Every spike, uint8 (all steps, J or N or L + 1).
         membranes: After each step, int32 (all steps, N).
     """
-    (total, width), neurons, cores = inputs.shape, exc.shape[1], routes.own_dense.size
-    relay_row, nobody = np.array([0, 1]), np.zeros(neurons, np.uint8)
-    at_rest, no_input = np.zeros(neurons, np.int32), np.zeros(width, np.uint8)
-    mapped, arrived, count, relays = np.zeros(cores, np.int64), np.zeros(width, np.int64), 0, 0
+    (total, width), cores = inputs.shape, routes.entry.shape[0]
+    single, at_rest, no_input = np.array([0, 1]), np.zeros(exc.shape[1], np.int32), np.zeros(width, np.uint8)
+    mapped, pulled = np.zeros(cores, np.int64), np.zeros(cores, np.bool_)
+    arrived, count = np.zeros(width, np.int64), 0
+    integrating = width > 0 and routes.input_core[0] >= 0 and not routes.relayed
     for j in range(width):
-        if routes.input_core[j] >= 0:
+        if integrating:
             mapped[routes.input_core[j]] += 1
     for step in range(total):
         now = events[step]
-        relayed = exc[step - 2] if step > 1 else nobody
         before = membranes[step - 1] if step > 0 else at_rest
-        _updates(routes, before, membranes[step], exc[step], arrived[:count], relayed, relays, inhibited, now)
-        relays = _neurons_spikes(routes, exc[step], exc[step - 1] if step > 0 else nobody, relay_row, now)
-        # What spiked in the last step with input stays at 0 without a bias.
-        _input_updates(routes, mapped, inputs[steps - 1] if step >= steps else no_input, now)
+        _updates(routes, before, membranes[step], exc[step], arrived[:count], pulled, now)
+        _exc_spikes(routes, exc[step], single, now)
+        _inhibitory_spikes(routes, inh[step], single, pulled, now)
+        if integrating:
+            # What spiked in the last step with input stays at 0 without a bias.
+            _integrating(routes, mapped, inputs[steps - 1] if step >= steps else no_input, now)
+        passed = step - 1 if routes.relayed else step
         count = 0
         for j in range(width):
-            if inputs[step, j]:
-                arrived[count] = j
-                count += 1
-                _input_spike(routes, j, now)
+            if routes.relayed and inputs[step, j]:
+                _inject(now, routes.input_core[j], single, routes.entry)
+            if passed < 0 or not inputs[passed, j]:
+                continue
+            arrived[count] = j
+            count += 1
+            if routes.relayed:
+                _fire(now, routes.input_core[j])
+                now[routes.input_core[j], _INPUT_UPDATES] += 1
+            elif integrating:
+                now[routes.input_core[j], _SPIKES] += 1
+            _input_spike(routes, j, now)

@@ -7,11 +7,13 @@ and the sum counts in the next.
 **What is an update.** Every mapped compartment is accessed in every step, and updated when there is a reason:
 
 - `EventCounts.updates`, as the register-level simulation counts: the sum that arrived, the membrane or the bias is not
-  0.
+  0. A neuron with a bias is updated in every step.
 - `EventCounts.touched`, as SANA-FE 2.2.9 counts (``models.cpp``, ``LoihiLifModel::update``): any stored synapse
   delivered to the compartment, be its weight 0 or the sum of all 0, or membrane or bias are not 0.
 
-The two differ by a handful in a million. Injected inputs are no compartments: neither accessed nor updated.
+The two differ by a handful in a million. Inhibitory neurons, and relays of injected spikes, have no memory: they are
+updated when a spike arrives, and spike in that step. What is injected directly has no compartments: neither accessed
+nor updated.
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ from numpy.typing import NDArray
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.cost.event_kernels import KINDS, Counts, Routes, count_presentation
 from lava_vpr.deploy.mapping.mesh import tiles
+from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.membranes import membranes
 from lava_vpr.engine.trains import Trains
 
@@ -37,8 +40,9 @@ class EventCounts:
 
     Attributes:
         messages_in: Spikes that arrive, those of inputs included.
-        input_messages: The messages in that carry an input's spike. If inputs integrate a bias they are among
-            ``messages_out`` of the inputs' cores, too; injected ones are not, no core of the plan sends them.
+        input_messages: The messages in that carry an input's spike: injected, or sent by an input's compartment, and
+            then among ``messages_out`` of its core, too.
+        injected_messages: The messages in that are injected: no core of the plan sends them.
         operations_dense, operations_sparse: Synaptic operations by the format of the row that was met: all stored
             synapses of a dense row, the weights that are not 0 of a sparse one.
         updates, touched: Compartments updated, by two definitions; see the module.
@@ -48,6 +52,7 @@ class EventCounts:
         crossings: Messages out to another chip.
         hops_east_west, hops_north_south: Tiles that messages out cross; 0 where the mesh is not public.
         input_hops_east_west, input_hops_north_south: Tiles that input messages cross, by destination.
+        injected_hops_east_west, injected_hops_north_south: Tiles that injected messages cross, by destination.
         input_updates: The ``updates`` of input compartments.
         accesses: Compartments mapped (a read-only view: the same in every step).
         input_accesses: The accesses of input compartments.
@@ -58,6 +63,7 @@ class EventCounts:
 
     messages_in: Counts = field(repr=False)
     input_messages: Counts = field(repr=False)
+    injected_messages: Counts = field(repr=False)
     operations_dense: Counts = field(repr=False)
     operations_sparse: Counts = field(repr=False)
     updates: Counts = field(repr=False)
@@ -70,6 +76,8 @@ class EventCounts:
     hops_north_south: Counts = field(repr=False)
     input_hops_east_west: Counts = field(repr=False)
     input_hops_north_south: Counts = field(repr=False)
+    injected_hops_east_west: Counts = field(repr=False)
+    injected_hops_north_south: Counts = field(repr=False)
     input_updates: Counts = field(repr=False)
     accesses: Counts = field(repr=False)
     input_accesses: Counts = field(repr=False)
@@ -110,38 +118,34 @@ def mapped_tiles(plan: Plan) -> int | None:
 def routes(plan: Plan, entry: tuple[int, int] | None = None) -> Routes:
     """Where every spike goes and what it meets there; see `count_events`."""
     network, total = plan.network, len(plan.cores)
-    homes = {"exc": network.neurons, "inh": network.neurons, "inputs": network.inputs}
+    homes = {"exc": network.neurons, "inh": network.inhibitory, "inputs": network.inputs}
     home = {name: np.full(size, -1, np.int64) for name, size in homes.items()}
     for k, core in enumerate(plan.cores):
         for part in core.parts:
             home[part.population][part.first : part.first + part.size] = k
     stored = np.zeros(network.weights.shape, np.uint8)
-    input_rows = np.zeros((network.inputs, total, 2), np.int64)
-    relay_rows = np.zeros((network.neurons, total, 2), np.int64)
-    size = np.bincount(home["exc"], minlength=total)
+    input_rows, root_rows = np.zeros((network.inputs, total, 2), np.int64), np.zeros((total, 2), np.int64)
     for k, core in enumerate(plan.cores):
         here = home["exc"] == k
-        present = network.weights[:, here] > 0
+        present = network.weights[:, here] != 0
         kept = present | (core.dense_inputs & present.any(axis=1))[:, None]
         stored[:, here] = kept
         synapses = kept.sum(axis=1)
         input_rows[:, k, 0] = np.where(core.dense_inputs, synapses, 0)
         input_rows[:, k, 1] = np.where(core.dense_inputs, 0, synapses)
         if network.inhibition:
-            relay_rows[~here, k, 0] = size[k]
-            if size[k] > 1 and core.dense_lateral:
-                relay_rows[here, k, 0] = size[k]
-            elif size[k] > 1:
-                relay_rows[here, k, 1] = size[k] - 1
+            root_rows[k, 0] = here.sum()
     return Routes(
         home["exc"],
-        home["inh"],
+        np.repeat(home["inh"], fixed.FAN_IN)[: network.neurons],
+        home["inh"][:-1],
+        int(home["inh"][-1]),
         home["inputs"],
+        network.relayed,
         input_rows,
-        relay_rows,
+        root_rows,
         stored,
-        np.array([core.dense_lateral for core in plan.cores], np.bool_),
-        size,
+        (network.bias != 0).astype(np.uint8),
         *_ways(plan, entry),
     )
 
@@ -170,7 +174,7 @@ def count_events(plan: Plan, trains: Trains, *, entry: tuple[int, int] | None = 
 
     Args:
         plan: Where the network stands.
-        trains: Every spike of exc and inputs, uint8 (n, steps + 3, width); relays follow from exc.
+        trains: Every spike of exc and inputs, uint8 (n, interval, width); those of inh follow from exc.
         entry: Column and row of the tile from which input spikes are injected; None: tile 0 of the chip they go to.
     Raises:
         ValueError: the trains are not those of this network.
@@ -178,33 +182,29 @@ def count_events(plan: Plan, trains: Trains, *, entry: tuple[int, int] | None = 
     512,000 values).
     """
     network, inputs, exc = plan.network, trains.inputs, trains.exc
-    if inputs is None or inputs.shape[2] != network.inputs or exc.shape[2] != network.neurons:
+    shapes = [(network.interval, network.inputs), (network.interval, network.neurons)]
+    if inputs is None or [inputs.shape[1:], exc.shape[1:]] != shapes:
         raise ValueError("trains hold no input spikes, or are not those of the plan's network")
     where, shape = routes(plan, entry), (*exc.shape[:2], len(plan.cores))
     counted = np.zeros((*shape, len(KINDS)), np.int64)
-    inhibited = network.lateral != 0
-    for query, (spikes, fired) in enumerate(zip(_bits(inputs), _bits(exc), strict=True)):
-        relayed = np.zeros_like(fired)
-        relayed[1:] = fired[:-1]
-        replayed = membranes(network, spikes, relayed)
+    inh = fixed.inhibitory_spikes(network, _bits(exc))
+    for query, (spikes, fired, pulled) in enumerate(zip(_bits(inputs), _bits(exc), inh, strict=True)):
+        replayed = membranes(network, spikes, pulled)
         differ = (replayed.fired != (fired != 0)).any(axis=1)
         if differ.any():
             step = int(differ.argmax())
             raise ValueError(f"query {query}: the spikes of step {step} are not those of the plan's network")
-        count_presentation(where, inhibited, network.steps, spikes, fired, replayed.after, counted[query])
+        count_presentation(where, network.steps, spikes, fired, pulled, replayed.after, counted[query])
     mapped = np.array([sum(part.size for part in core.parts) for core in plan.cores], np.int64)
     mapped_inputs = np.array([core.part("inputs").size for core in plan.cores], np.int64)
-    exc_spikes = exc.sum(axis=2, dtype=np.int64)
-    inh_spikes = np.zeros_like(exc_spikes)
-    inh_spikes[:, 1:] = exc_spikes[:, :-1]
     arrays: dict[str, Any] = {name: np.ascontiguousarray(counted[..., kind]) for kind, name in enumerate(KINDS)}
     return EventCounts(
         **arrays,
         accesses=np.broadcast_to(mapped, shape),
         input_accesses=np.broadcast_to(mapped_inputs, shape),
         input_spikes=inputs.sum(axis=2, dtype=np.int64),
-        exc_spikes=exc_spikes,
-        inh_spikes=inh_spikes,
+        exc_spikes=exc.sum(axis=2, dtype=np.int64),
+        inh_spikes=inh.sum(axis=2, dtype=np.int64),
         injected=not network.bias_input,
         tiles=mapped_tiles(plan),
     )

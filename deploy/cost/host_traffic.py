@@ -8,6 +8,7 @@ whole query packed one after another. High: every spike, setting and count a mes
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from lava_vpr.deploy.boards.constants import CostConstants
 from lava_vpr.deploy.boards.estimate import Estimate
 from lava_vpr.deploy.boards.plan import Plan, PopulationName
 from lava_vpr.deploy.cost.events import EventCounts, routes
+from lava_vpr.engine.inference import fixed
 
 PACKET_WORDS = 56
 """Payload of a packet, in words."""
@@ -31,10 +33,10 @@ def counts_on_chips(plan: Plan, population: PopulationName) -> dict[int, int]:
     return dict(neurons)
 
 
-def entry_hops(plan: Plan) -> tuple[float, float]:
-    """Tiles east-west and north-south from tile 0 of a chip to its exc compartments, mean over these."""
-    ways = routes(plan)
-    east_west, north_south = (ways.size @ ways.entry) / max(1, int(ways.size.sum()))
+def entry_hops(plan: Plan, population: PopulationName = "exc") -> tuple[float, float]:
+    """Tiles east-west and north-south from tile 0 of a chip to its compartments of ``population``, mean over these."""
+    sizes = np.array([core.part(population).size for core in plan.cores])
+    east_west, north_south = (sizes @ routes(plan).entry) / max(1, int(sizes.sum()))
     return float(east_west), float(north_south)
 
 
@@ -45,30 +47,42 @@ def _packets(values: float, room: int) -> int:
 
 def host_milliseconds(plan: Plan, events: EventCounts, constants: CostConstants) -> dict[str, Estimate]:
     """Time of the host's traffic for a query by input mode, the one in use first."""
-    inputs, steps, queries = plan.network.inputs, plan.network.steps, max(1, events.queries)
-    settings = counts_on_chips(plan, "inputs")
-    exc = {chip: size for chip, size in counts_on_chips(plan, "exc").items() if size + settings[chip]}
-    chips = np.array([core.chip for core in plan.cores])
+    inputs, steps, compartments = plan.network.inputs, plan.network.steps, counts_on_chips(plan, "inputs")
+    exc = {chip: size for chip, size in counts_on_chips(plan, "exc").items() if size + compartments[chip]}
+    if not plan.network.input_compartments:
+        compartments = {chip: -(-inputs // len(exc)) for chip in exc}
     back = sum(max(1, _packets(size, PACKET_WORDS)) for size in exc.values())
     counts = Estimate(back, back, max(back, sum(exc.values())))
-    arrivals = events.input_messages.sum(axis=(0, 1)) / queries
-    on_chip = {chip: float(arrivals[chips == chip].sum()) for chip in exc}
-    # The host sends a spike once to each chip; how many messages it becomes there is the embedded processor's work.
-    spikes = float(events.input_spikes.sum() / queries)
-    low = sum(max(1, _packets(spikes, PACKET_WORDS)) for _ in exc)
-    packets = steps * len(exc)
-    injected = Estimate(min(low, packets), packets, max(packets, spikes * len(exc)))
-    if events.injected:
-        settings = {chip: -(-inputs // len(exc)) for chip in exc}
-    few = sum(_packets(size, PACKET_WORDS // SETTING_WORDS) for size in settings.values())
+    sent, written = _injected(plan, events, list(exc))
+    low, packets = sum(max(1, _packets(spikes, PACKET_WORDS)) for spikes in sent), steps * len(exc)
+    injected = Estimate(min(low, packets), packets, max(packets, sum(sent)))
+    few = sum(_packets(size, PACKET_WORDS // SETTING_WORDS) for size in compartments.values())
     bias = Estimate(few, few, SETTING_WRITES * inputs)
-    work = {
-        "injected": max(on_chip.values(), default=0.0),
-        "bias": SETTING_WRITES * max(settings.values(), default=0),
-    }
+    work = {"injected": written, "bias": SETTING_WRITES * max(compartments.values(), default=0)}
     by_mode = {}
     for mode, messages in (("injected", injected), ("bias", bias)):
         usb = messages + counts
-        sent = Estimate(*(number * constants.host_message.nominal / 1e3 for number in (usb.low, usb.nominal, usb.high)))
-        by_mode[mode] = sent + constants.write_time.estimate * (work[mode] / 1e6)
+        time = Estimate(*(number * constants.host_message.nominal / 1e3 for number in (usb.low, usb.nominal, usb.high)))
+        by_mode[mode] = time + constants.write_time.estimate * (work[mode] / 1e6)
     return by_mode if events.injected else dict(reversed(by_mode.items()))
+
+
+def _injected(plan: Plan, events: EventCounts, chips: Sequence[int]) -> tuple[list[float], float]:
+    """Spikes of a query that the host sends each of ``chips``, and messages that the busiest makes of its own.
+
+    The host sends a spike once to each chip, or to that of its relay; how many messages it becomes there is the
+    embedded processor's work.
+    """
+    queries = max(1, events.queries)
+    spikes, where = float(events.input_spikes.sum() / queries), np.array([core.chip for core in plan.cores])
+    if through_relays(plan):
+        relays = counts_on_chips(plan, "inputs")
+        sent = [spikes * relays[chip] / max(1, plan.network.inputs) for chip in chips]
+        return sent, max(sent, default=0.0)
+    arrivals = events.input_messages.sum(axis=(0, 1)) / queries
+    return [spikes] * len(chips), max((float(arrivals[where == chip].sum()) for chip in chips), default=0.0)
+
+
+def through_relays(plan: Plan) -> bool:
+    """Whether injected spikes go through relays, or would if this plan's inputs did not integrate a bias."""
+    return fixed.input_delay(plan.network.neurons, bias_input=False) == 2
