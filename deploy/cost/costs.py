@@ -67,7 +67,8 @@ class Modelled:
         wall_static_millijoules: Static energy during ``wall_milliseconds``.
         busiest: Whose part made a step that long, as share of the steps (nominal): ``receive`` or ``neurons``.
         busiest_core: What a step waits for: events of the core that has most of them, mean over the steps, by name.
-        clearing: How states are cleared and what it takes: writes, microjoules, milliseconds; what rest would take.
+        clearing: How states are cleared and what it takes: writes, microjoules, milliseconds; what rest would
+            take (None: no rest clears them).
         counts: Events of a query, mean over the queries, by name; None: unknown.
         unavailable: Why there are no energies and times (Loihi 2); None if there are.
         assumptions: What was assumed, a sentence each, with source.
@@ -296,7 +297,14 @@ def _static(plan: Plan, milliseconds: Estimate, constants: CostConstants) -> Est
 def _clearing(plan: Plan, events: EventCounts, constants: CostConstants) -> dict[str, Any]:
     """What `lava_vpr.deploy.registers.clearing` says, with what it takes, and what steps of rest would."""
     microjoules = _outside_steps(plan, constants)["clearing of states"]
+    told = {
+        **clearing(plan.network, plan.board),
+        "microjoules": microjoules,
+        "milliseconds": _clearing_milliseconds(plan, constants),
+    }
     steps = rest_steps(plan.network)
+    if steps is None:
+        return told | {"rest_microjoules": None, "rest_milliseconds": None, "cheaper": "embedded writes"}
     barrier = constants.barrier(events.tiles or 1)
 
     def rest_step(level: Level) -> float:
@@ -306,10 +314,7 @@ def _clearing(plan: Plan, events: EventCounts, constants: CostConstants) -> dict
 
     mapped = int(events.accesses[0, 0].sum()) if events.queries else 0
     rest = (constants.access.estimate * mapped + constants.update.estimate * plan.network.neurons) * (steps / 1e6)
-    return {
-        **clearing(plan.network, plan.board),
-        "microjoules": microjoules,
-        "milliseconds": _clearing_milliseconds(plan, constants),
+    return told | {
         "rest_microjoules": rest,
         "rest_milliseconds": Estimate.of(rest_step) * (steps / 1e3),
         "cheaper": "rest steps" if rest.nominal < microjoules.nominal else "embedded writes",
