@@ -4,16 +4,17 @@ Definitions: Yik et al., "The NeuroBench framework for benchmarking neuromorphic
 Nature Communications 16:1545 (2025), and where the text leaves it open, the package neurobench 2.3.0
 (`benchmarks.neurobench.metrics` compares every figure with it). For this network that means:
 
-* **Layers** are the synapses inputs -> exc (inputs x neurons), exc -> inh (one to one) and inh -> exc (neurons x
-  neurons, its diagonal zero), and the neurons exc and inh; inputs that integrate a bias are neurons, too, injected ones
-  are data.
-* **Footprint**: bytes of all weights, one each as they are stored, and of all membranes (int32). Zeros take room.
+* **Layers** are the synapses inputs -> exc (inputs x neurons), exc -> inh (one for each neuron), leaves -> root (one
+  for each leaf) and root -> exc (one for each neuron), and the neurons exc and inh. Inputs that integrate a bias are
+  neurons, too; so are relays, with one synapse for each injected input. Injected inputs themselves are data.
+* **Footprint**: bytes of all weights, one each as they are stored, and of all biases, if there are any, and membranes
+  (int32). Zeros take room. **Parameters** are these weights and biases.
 * **Connection sparsity**: zeros among the weights of all synapses. **Activation sparsity**: one minus spikes per neuron
   and step, over all neurons and steps.
 * **Synaptic operations**: every spike, input or not, times its weights that are not 0. All inputs of synapses are 0 or
   1, so that these are accumulates; multiply-accumulates there are none. **Dense**: all weights in every step.
 * **Membrane updates**: all neurons in the first step, later those whose membrane a step leaves with another value. A
-  relay that spikes and is reset within one step is none.
+  neuron of inh, or a relay, that spikes and is reset within one step is none.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from lava_vpr.model import checked_network
 QUERIES = 100
 """Most that are counted; every spike of them is kept meanwhile."""
 
-MEMBRANE_BYTES = 4
+INT32_BYTES = 4
 
 
 def workload(queries: QuerySet, trains: Trains | None = None, limit: int = QUERIES) -> Workload:
@@ -56,33 +57,33 @@ def of_trains(network: FixedNetwork, trains: Trains, rates: NDArray[np.uint16], 
 
     Args:
         network: Any.
-        trains: Every spike of all three populations, uint8 (n, steps + 3, width).
+        trains: Every spike of all three populations, uint8 (n, interval, width).
         rates: Rates of these presentations, uint16 (n, inputs).
         keys: Keys of these presentations, uint64 (n,).
     """
     if trains.inputs is None or trains.inh is None:
         raise ValueError("trains of the inputs and of inh are needed")
     neurons, inputs, (n, steps, _) = network.neurons, network.inputs, trains.exc.shape
-    input_neurons = inputs if network.bias_input else 0
-    weights = inputs * neurons + neurons + neurons * neurons
-    zeros = int(np.count_nonzero(network.weights == 0)) + neurons
-    if network.lateral == 0:
-        zeros += neurons * (neurons - 1)
+    relays, biases_held = inputs if network.relayed else 0, neurons if network.bias.any() else 0
+    weights = inputs * neurons + 2 * neurons + network.leaves + relays
+    zeros = int(np.count_nonzero(network.weights == 0)) + (0 if network.lateral else neurons)
     sent = trains.inputs.sum(axis=(0, 1), dtype=np.int64)
     exc, inh = int(trains.exc.sum(dtype=np.int64)), int(trains.inh.sum(dtype=np.int64))
-    effective = int(sent @ np.count_nonzero(network.weights, axis=1)) + exc
-    effective += inh * (neurons - 1) if network.lateral else 0
-    spikes = exc + inh + (int(sent.sum()) if network.bias_input else 0)
+    root = int(trains.inh[:, :, -1].sum(dtype=np.int64))
+    effective = int(sent @ np.count_nonzero(network.weights, axis=1)) + exc + inh - root
+    effective += (root * neurons if network.lateral else 0) + (int(sent.sum()) if relays else 0)
+    spikes = exc + inh + (int(sent.sum()) if network.input_compartments else 0)
+    all_neurons = neurons + network.inhibitory + network.input_compartments
     updates = membrane_updates(network, trains.inputs, trains.inh)
     if network.bias_input:
         updates += sum(
             input_updates(own_rates, int(key), network.steps) for own_rates, key in zip(rates, keys, strict=True)
         )
     return Workload(
-        footprint_bytes=weights + MEMBRANE_BYTES * (2 * neurons + input_neurons),
-        parameters=weights,
+        footprint_bytes=weights + INT32_BYTES * (biases_held + all_neurons),
+        parameters=weights + biases_held,
         connection_sparsity=zeros / weights,
-        activation_sparsity=1 - spikes / (n * steps * (2 * neurons + input_neurons)),
+        activation_sparsity=1 - spikes / (n * steps * all_neurons),
         dense_operations=float(steps * weights),
         effective_macs=0.0,
         effective_acs=effective / n,
@@ -91,16 +92,16 @@ def of_trains(network: FixedNetwork, trains: Trains, rates: NDArray[np.uint16], 
 
 
 def membrane_updates(network: FixedNetwork, inputs: NDArray[np.uint8], inh: NDArray[np.uint8]) -> int:
-    """Updates of exc and inh; see the definition above. A relay's membrane is 0 before and after every step.
+    """Updates of exc, inh and relays; see the definition above. The last two's membranes are 0 between steps.
 
     Args:
         network: Any.
-        inputs, inh: Every spike of the presentations, uint8 (n, steps + 3, width).
+        inputs, inh: Every spike of the presentations, uint8 (n, interval, width).
     """
-    changed = 0
-    for arriving, relayed in zip(inputs, inh, strict=True):
-        after = membranes(network, arriving, relayed).after
-        changed += int(np.count_nonzero(after[1:] != after[:-1])) + 2 * network.neurons
+    first, changed = network.neurons + network.inhibitory + (network.inputs if network.relayed else 0), 0
+    for arriving, pulling in zip(inputs, inh, strict=True):
+        after = membranes(network, arriving, pulling).after
+        changed += int(np.count_nonzero(after[1:] != after[:-1])) + first
     return changed
 
 
