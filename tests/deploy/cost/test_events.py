@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -10,15 +11,18 @@ from support.boards.plans import busy_plan, chips_of, pictures, random_network, 
 from support.boards.small_boards import even, tiny
 from support.boards.small_boards import network as small_network
 
-from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2
+from lava_vpr.deploy.boards.board import LOIHI_2
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.cost.events import KINDS, EventCounts, count_events
 from lava_vpr.deploy.mapping.mesh import tiles
 from lava_vpr.deploy.mapping.partition import partition
-from lava_vpr.deploy.registers.core_images import core_images, host_tables
 from lava_vpr.deploy.registers.simulator_kernels import EVENTS
-from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork
+from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.trains import Trains
+
+Neuron = tuple[str, int]
+"""Population and number; ``root`` and ``leaf`` apart, an injected input without a compartment is a ``source``."""
 
 
 def positions(plan: Plan) -> np.ndarray:
@@ -29,12 +33,26 @@ def simulated(plan: Plan, n: int, seed: int) -> dict[str, np.ndarray]:
     return chips_of(plan, positions=positions(plan)).present(*pictures(plan.network, n, seed)).events
 
 
-def test_counts_are_those_of_the_registers() -> None:
+def small_chips(monkeypatch: pytest.MonkeyPatch, fan_in: int = 5, direct: int = 8) -> None:
+    """Leaves and relays for networks of a few neurons."""
+    monkeypatch.setattr(fixed, "FAN_IN", fan_in)
+    monkeypatch.setattr(fixed, "DIRECT", direct)
+
+
+def plans(count: int) -> Iterator[tuple[int, Plan]]:
+    """Random networks in random plans, both input modes, some without inhibition."""
+    for seed in range(count):
+        changes = {"inhibition": 0} if seed % 8 == 7 else {}
+        yield seed, simple_plan(random_network(seed, bias_input=seed % 3 == 1, **changes), 1 + seed % 6, seed)
+
+
+@pytest.mark.parametrize("deep", [False, True])
+def test_counts_are_those_of_the_registers(deep: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    if deep:
+        small_chips(monkeypatch)
     seen = dict.fromkeys(EVENTS, 0)
-    for seed in range(24):
-        network = random_network(seed, bias_input=seed % 2 == 1)
-        plan = simple_plan(network, 1 + seed % 6, seed)
-        counted, expected = count_events(plan, trains_of(network, 2, seed)), simulated(plan, 2, seed)
+    for seed, plan in plans(24):
+        counted, expected = count_events(plan, trains_of(plan.network, 2, seed)), simulated(plan, 2, seed)
         for name in EVENTS:
             assert np.array_equal(getattr(counted, name).sum(axis=(0, 1)), expected[name]), (seed, name)
             seen[name] += int(expected[name].sum())
@@ -42,143 +60,204 @@ def test_counts_are_those_of_the_registers() -> None:
 
 
 @pytest.mark.parametrize("bias_input", [False, True])
-def test_counts_on_a_partitioned_network(bias_input: bool) -> None:
-    made = replace(small_network(90, 90, inhibition=20, bias_input=bias_input, seed=3), steps=50)
+@pytest.mark.parametrize("signed", [False, True])
+def test_counts_on_a_partitioned_network(bias_input: bool, signed: bool) -> None:
+    made = small_network(90, 90, inhibition=20, bias_input=bias_input, signed=signed, seed=3)
     plan = partition(made, tiny(synapse_words=240), even(made))
-    assert len(plan.cores) == 4
-    assert len({core.dense_lateral for core in plan.cores}) == 2
-    assert any(core.dense_inputs.any() and not core.dense_inputs.all() for core in plan.cores)
+    assert len(plan.cores) > 2
+    assert any(core.dense_inputs.any() and not core.dense_inputs.all() for core in plan.cores) or signed
     counted, expected = count_events(plan, trains_of(made, 3, 1)), simulated(plan, 3, 1)
     for name in EVENTS:
         assert np.array_equal(getattr(counted, name).sum(axis=(0, 1)), expected[name]), name
     assert counted.exc_spikes.sum() > 50
 
 
-def literal(plan: Plan, trains: Trains) -> dict[str, np.ndarray]:
-    """The same counts step by step, from the images' axons and rows and one membrane after another."""
-    images, tables, network = core_images(plan), host_tables(plan), plan.network
-    n, total, _ = trains.exc.shape
-    found = {name: np.zeros((n, total, len(images)), np.int64) for name in KINDS}
-    place = {(image.chip, image.core): k for k, image in enumerate(images)}
-    formats = [[f and f["compression"] for f in image.registers["synapseFmt"]] for image in images]
-    where, inh = positions(plan), np.zeros_like(trains.exc)
-    inh[:, 1:] = trains.exc[:, :-1]
-    spikes = {"exc": trains.exc, "inh": inh, "inputs": trains.inputs}
+class Literal:
+    """The same counts neuron by neuron, synapse by synapse: `found`, int64 (n, steps, cores) by name."""
 
-    def arrive(at: tuple[int, int], k: int, axon: int, way: tuple[int, int] | None) -> None:
-        first, _, synapses = images[k].axons_in[axon]
-        sparse = formats[k][int(images[k].synapses[first]) & 15] == 0
-        found["messages_in"][(*at, k)] += 1
-        found["operations_sparse" if sparse else "operations_dense"][(*at, k)] += synapses
-        if way is not None:
-            found["input_messages"][(*at, k)] += 1
-            found["input_hops_east_west"][(*at, k)] += way[0]
-            found["input_hops_north_south"][(*at, k)] += way[1]
+    def __init__(self, plan: Plan, trains: Trains, entry: tuple[int, int] | None = None) -> None:
+        self.plan, self.network, self.trains, self.entry = plan, plan.network, trains, entry
+        n, self.steps, _ = trains.exc.shape
+        self.found = {name: np.zeros((n, self.steps, len(plan.cores)), np.int64) for name in KINDS}
+        self.home = dict(self.compartments())
+        self.where = positions(plan)
+        for query in range(n):
+            self.present(query)
 
-    for name, table in (("exc", tables.exc), ("inh", tables.inh), ("inputs", tables.inputs)):
-        for number, (chip, core, compartment) in enumerate(table):
-            k = place[chip, core]
-            own = images[k].axons_out[images[k].axons_out[:, 0] == compartment]
-            for at in zip(*np.nonzero(spikes[name][:, :, number]), strict=True):
-                found["spikes"][(*at, k)] += 1
-                for _, target_chip, target_core, axon in own:
-                    if target_core < 0:
-                        found["read_outs"][(*at, k)] += 1
-                        continue
-                    target = place[target_chip, target_core]
-                    way = abs(where[k] - where[target])
-                    found["messages_out"][(*at, k)] += 1
-                    found["crossings"][(*at, k)] += target_chip != chip
-                    found["hops_east_west"][(*at, k)] += way[0]
-                    found["hops_north_south"][(*at, k)] += way[1]
-                    arrive(at, target, axon, tuple(way) if name == "inputs" else None)
-    for number, chip, core, axon in tables.injection:
-        k = place[chip, core]
-        entry = abs(where[k] - (chip * KAPOHO_BAY.columns, 0))
-        for at in zip(*np.nonzero(trains.inputs[:, :, number]), strict=True):
-            arrive(at, k, axon, tuple(entry))
-    keep, weights = 4096 - network.decay, network.weights.astype(int)
-    for core, (name, number) in _compartments(tables, place):
-        for q in range(n):
-            v = 0
-            for t in range(total):
-                if name == "inputs":
-                    reason = touched = t < network.steps or not trains.inputs[q, network.steps - 1, number]
-                elif name == "inh":
-                    reason = touched = bool(inh[q, t, number])
+    def compartments(self) -> Iterator[tuple[Neuron, int]]:
+        for k, core in enumerate(self.plan.cores):
+            for part in core.parts:
+                for number in range(part.first, part.first + part.size):
+                    inhibitory = "root" if number == self.network.inhibitory - 1 else "leaf"
+                    yield (inhibitory if part.population == "inh" else part.population, number), k
+
+    def row(self, source: Neuron, k: int) -> tuple[bool, dict[Neuron, int]]:
+        """Whether the row that a spike of ``source`` meets on core k is dense, and its synapses; none: no message."""
+        (name, number), network = source, self.network
+        core, last = self.plan.cores[k], ("root", network.inhibitory - 1)
+        here = [i for (population, i), at in self.home.items() if population == "exc" and at == k]
+        if name == "exc":
+            target = ("leaf", number // fixed.FAN_IN) if network.leaves else last
+            return False, {target: 2} if self.home[target] == k else {}
+        if name == "leaf":
+            return False, {last: 2} if self.home[last] == k else {}
+        if name == "root":
+            return True, {("exc", i): -network.lateral for i in here} if network.inhibition else {}
+        if name == "source" and network.relayed:
+            return False, {("inputs", number): 2} if self.home["inputs", number] == k else {}
+        weights = {("exc", i): int(network.weights[number, i]) for i in here}
+        dense = bool(core.dense_inputs[number])
+        if not any(weights.values()):
+            return dense, {}
+        return dense, weights if dense else {i: weight for i, weight in weights.items() if weight}
+
+    def present(self, q: int) -> None:
+        """One presentation, with its own dynamics; who spikes must be who spikes in the trains."""
+        network, steps, arriving = self.network, self.network.steps, {}
+        v = dict.fromkeys(self.home, 0)
+        for t in range(self.steps):
+            spikes: list[Neuron] = []
+            sums, arriving = arriving, {}
+            for neuron, k in self.home.items():
+                (name, number), before = neuron, v[neuron]
+                a = sum(sums.get(neuron, []))
+                if name == "inputs" and network.bias_input:  # its train is known, its membrane is not
+                    reason = t < steps or not self.trains.inputs[q, steps - 1, number]
+                    fires = bool(self.trains.inputs[q, t, number])
+                    self.count(q, t, k, input_updates=reason)
+                    touched = reason
                 else:
-                    drive = int(trains.inputs[q, t - 1] @ weights[:, number]) if t else 0
-                    pulls = int(trains.exc[q, t - 2].sum() - trains.exc[q, t - 2, number]) if t > 1 else 0
-                    a = drive - pulls * network.lateral
-                    reason = v != 0 or a != 0
-                    touched = v != 0 or _hit(plan, trains, q, t, core, number)
-                    size = abs(v) * keep >> 12
-                    v = (size if v >= 0 else -size) + (a << 6)
-                    v = 0 if trains.exc[q, t, number] else v
-                found["updates"][q, t, core] += reason
-                found["touched"][q, t, core] += touched
-                found["input_updates"][q, t, core] += reason and name == "inputs"
-    return found
+                    bias = int(network.bias[number]) if name == "exc" else 0
+                    keep = 4096 - network.decay if name == "exc" else 0
+                    reason = before != 0 or a != 0 or bias != 0
+                    touched = reason or neuron in sums
+                    size = abs(before) * keep >> 12
+                    after = max(-(2**23) + 1, (size if before >= 0 else -size) + (a << 6) + bias)
+                    fires = after > (network.threshold if name == "exc" else 1) << 6
+                    v[neuron] = 0 if fires else after
+                    self.count(q, t, k, input_updates=reason and name == "inputs")
+                    if name == "exc":
+                        assert fires == bool(self.trains.exc[q, t, number])
+                self.count(q, t, k, updates=reason, touched=touched, spikes=fires, read_outs=fires and name == "exc")
+                spikes += [neuron] if fires else []
+            if not network.bias_input:
+                spikes += [("source", int(j)) for j in np.flatnonzero(self.trains.inputs[q, t])]
+            for neuron in spikes:
+                self.send(q, t, neuron, arriving)
+
+    def send(self, q: int, t: int, source: Neuron, arriving: dict[Neuron, list[int]]) -> None:
+        """The messages of a spike, and what they meet."""
+        cores = self.plan.cores
+        for k, core in enumerate(cores):
+            dense, row = self.row(source, k)
+            if not row:
+                continue
+            start = self.where[self.home[source]] if source in self.home else self.entry or (8 * core.chip, 0)
+            east_west, north_south = (int(tile) for tile in abs(self.where[k] - np.array(start)))
+            own = {"east_west": east_west, "north_south": north_south}
+            self.count(q, t, k, messages_in=1, **{"operations_dense" if dense else "operations_sparse": len(row)})
+            if source[0] in ("inputs", "source"):
+                self.count(q, t, k, input_messages=1, **{f"input_hops_{way}": far for way, far in own.items()})
+            if source[0] == "source":
+                self.count(q, t, k, injected_messages=1, **{f"injected_hops_{way}": far for way, far in own.items()})
+            else:
+                home = self.home[source]
+                self.count(q, t, home, messages_out=1, crossings=core.chip != cores[home].chip)
+                self.count(q, t, home, **{f"hops_{way}": far for way, far in own.items()})
+            for neuron, weight in row.items():
+                arriving.setdefault(neuron, []).append(weight)
+
+    def count(self, q: int, t: int, k: int, **events: int) -> None:
+        for name, number in events.items():
+            self.found[name][q, t, k] += number
 
 
-def _compartments(tables, place):  # type: ignore[no-untyped-def]
-    for name in ("exc", "inh", "inputs"):
-        for number, (chip, core, _) in enumerate(getattr(tables, name)):
-            yield place[chip, core], (name, number)
-
-
-def _hit(plan: Plan, trains: Trains, q: int, t: int, core: int, number: int) -> bool:
-    """Whether a stored synapse of a spike delivers to exc neuron ``number`` in step ``t``."""
-    own, network = plan.cores[core], plan.network
-    if (
-        t
-        and any(
-            network.weights[j, number] or own.dense_inputs[j]  # the core has rows of inputs with a weight there only
-            for j in np.flatnonzero(trains.inputs[q, t - 1])
-            if network.weights[j, own.part("exc").first : own.part("exc").first + own.part("exc").size].any()
-        )
-    ):
-        return True
-    if t < 2 or not network.inhibition:
-        return False
-    relays = np.flatnonzero(trains.exc[q, t - 2])
-    return any(i != number or (own.dense_lateral and own.part("exc").size > 1) for i in relays)
+@pytest.mark.parametrize("deep", [False, True])
+def test_counts_step_by_step(deep: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    if deep:
+        small_chips(monkeypatch)
+    seen = dict.fromkeys((*KINDS, "leaves", "relays", "signed", "biased", "uninhibited"), 0)
+    for seed, plan in plans(24):
+        network, trains, entry = plan.network, trains_of(plan.network, 2, seed), (3, 2) if seed % 2 else None
+        counted, expected = count_events(plan, trains, entry=entry), Literal(plan, trains, entry).found
+        for name in KINDS:
+            assert np.array_equal(getattr(counted, name), expected[name]), (seed, name)
+            seen[name] += int(expected[name].sum())
+        assert np.array_equal(counted.inh_spikes, fixed.inhibitory_spikes(network, trains.exc).sum(axis=2))
+        seen["leaves"] += network.leaves
+        seen["relays"] += network.relayed
+        seen["signed"] += network.signed
+        seen["biased"] += bool(network.bias.any())
+        seen["uninhibited"] += not network.inhibition
+    assert seen["leaves"] >= 20 * deep
+    assert seen["relays"] >= 5 * deep
+    assert [name for name in seen if not seen[name] and name not in ("leaves", "relays")] == []
 
 
 @pytest.mark.parametrize("bias_input", [False, True])
-def test_counts_step_by_step(bias_input: bool) -> None:
+def test_counts_of_much_activity(bias_input: bool) -> None:
     several = 0
     for seed, changes in ((0, {}), (1, {"inhibition": 0}), (2, {"threshold": 3}), (3, {"threshold": 900})):
         plan = busy_plan(bias_input=bias_input, steps=12, **changes)
         trains = trains_of(plan.network, 2, seed)
-        counted, expected = count_events(plan, trains), literal(plan, trains)
+        counted, expected = count_events(plan, trains), Literal(plan, trains).found
         for name in KINDS:
             assert np.array_equal(getattr(counted, name), expected[name]), (seed, name)
         several += int(counted.exc_spikes.sum())
     assert several > 20
 
 
-def test_a_relays_own_dense_row_touches_its_neuron() -> None:
-    # Each input makes one neuron spike; two steps later its own relay's row holds a 0 for it, and nothing else arrives.
-    network = FixedNetwork((255 * np.eye(4)).astype(np.uint8), 8, 0, 100, 1, 0, 4095, 40)
-    touched = []
-    for seed in range(6):
-        plan = simple_plan(network, 1, seed)
-        trains = trains_of(network, 2, seed)
-        counted, expected = count_events(plan, trains), literal(plan, trains)
-        assert np.array_equal(counted.touched, expected["touched"])
-        assert np.array_equal(counted.updates, expected["updates"])
-        touched.append((plan.cores[0].dense_lateral, bool((counted.touched > counted.updates).any())))
-    assert (True, True) in touched
+def eye(**changes: object) -> FixedNetwork:
+    """Each input makes one of four neurons spike, which forget at once."""
+    weights, bias = (255 * np.eye(4)).astype(np.int16), np.zeros(4, np.int32)
+    return replace(FixedNetwork(weights, bias, 8, False, 100, 1, 0, 4095, 40), **changes)
+
+
+def one_core(network: FixedNetwork, seed: int = 0) -> Plan:
+    plan = simple_plan(network, 1, seed)
+    return replace(plan, cores=(replace(plan.cores[0], dense_inputs=np.zeros(network.inputs, bool)),))
+
+
+def first_spike(network: FixedNetwork) -> Trains:
+    """Input 1 spikes in step 0, and neuron 1 in the next."""
+    inputs, exc = (np.zeros((1, network.interval, 4), np.uint8) for _ in range(2))
+    inputs[0, 0, 1] = exc[0, 1, 1] = 1
+    return Trains(exc, inputs)
+
+
+def test_one_spike_from_input_to_inhibition() -> None:
+    network = eye()
+    found = count_events(one_core(network), first_spike(network))
+    # Step 0: the input's message; 1: its neuron spikes; 2: the inhibitory neuron does; 3: it takes from all four, which
+    # forget that in the step after.
+    expected = {
+        "messages_in": [1, 1, 1, 0, 0, 0],
+        "operations_sparse": [1, 1, 0, 0, 0, 0],
+        "operations_dense": [0, 0, 4, 0, 0, 0],
+        "spikes": [0, 1, 1, 0, 0, 0],
+        "read_outs": [0, 1, 0, 0, 0, 0],
+        "updates": [0, 1, 1, 4, 4, 0],
+    }
+    for name, values in expected.items():
+        assert getattr(found, name)[0, :6, 0].tolist() == values, name
+    assert found.inh_spikes[0].tolist()[:4] == [0, 0, 1, 0]
+
+
+def test_a_neuron_with_a_bias_is_updated_in_every_step() -> None:
+    network = eye(bias=np.array([-64, 0, 5, 0], np.int32), inhibition=0)
+    plan = one_core(network)
+    found = count_events(plan, first_spike(network))
+    assert found.updates[0, :5, 0].tolist() == [2, 3, 3, 2, 2]  # neuron 1 in step 1, the inhibitory one in step 2
+    assert (found.touched == found.updates).all()
 
 
 def test_touched_is_updated_or_hit_by_nothing() -> None:
-    # Weights 2 and 0 in dense rows: neuron 1 is hit without effect, neuron 0 cancelled by its neighbour's relay.
+    # Weights 2 and 0 in dense rows: neuron 1 is hit without effect, neuron 0 cancelled by the inhibitory neuron.
     more = 0
     for seed in range(12):
-        network = random_network(seed, size=(3, 6), bits=1, decay=4095, steps=30, bias_input=False)
-        plan = simple_plan(network, 2, seed)
-        counted = count_events(plan, trains_of(network, 2, seed))
+        made = random_network(seed, size=(3, 6), bits=1, decay=4095, steps=30, bias_input=False, signed=False)
+        plan = simple_plan(made, 2, seed)
+        counted = count_events(plan, trains_of(made, 2, seed))
         assert (counted.touched >= counted.updates).all()
         more += int((counted.touched - counted.updates).sum())
     assert more > 0
@@ -188,8 +267,8 @@ def test_parts_and_what_is_mapped() -> None:
     plan = busy_plan(bias_input=True)
     trains = trains_of(plan.network, 4, 2)
     whole = count_events(plan, trains)
-    assert (whole.queries, whole.steps, whole.injected) == (4, plan.network.steps + SILENT_STEPS, False)
-    assert whole.accesses[0, 0].sum() == 2 * 20 + 30
+    assert (whole.queries, whole.steps, whole.injected) == (4, plan.network.interval, False)
+    assert whole.accesses[0, 0].sum() == 20 + 1 + 30
     assert whole.input_accesses[3, 7].sum() == 30
     assert whole.tiles == len({(core.chip, core.core // 4) for core in plan.cores}) > 1
     for q in range(4):
@@ -202,27 +281,31 @@ def test_parts_and_what_is_mapped() -> None:
     )
 
 
-def test_injected_spikes_enter_where_they_are_said_to() -> None:
-    plan = busy_plan(bias_input=False)
-    trains = trains_of(plan.network, 1, 0)
-    own, far = count_events(plan, trains), count_events(plan, trains, entry=(3, 2))
-    where = positions(plan)
-    for counted, start in ((own, [(8 * core.chip, 0) for core in plan.cores]), (far, [(3, 2)] * len(plan.cores))):
-        ways = abs(where - np.array(start))
-        assert np.array_equal(counted.input_hops_east_west, counted.input_messages * ways[:, 0])
-        assert np.array_equal(counted.input_hops_north_south, counted.input_messages * ways[:, 1])
-    assert far.input_hops_north_south.any()
-    assert np.array_equal(own.hops_east_west, far.hops_east_west)
+def test_injected_spikes_enter_where_they_are_said_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    for direct in (1024, 8):
+        small_chips(monkeypatch, direct=direct)
+        plan = busy_plan(bias_input=False)
+        trains = trains_of(plan.network, 1, 0)
+        own, far = count_events(plan, trains), count_events(plan, trains, entry=(3, 2))
+        where = positions(plan)
+        for counted, start in ((own, [(8 * core.chip, 0) for core in plan.cores]), (far, [(3, 2)] * len(plan.cores))):
+            ways = abs(where - np.array(start))
+            assert np.array_equal(counted.injected_hops_east_west, counted.injected_messages * ways[:, 0])
+            assert np.array_equal(counted.injected_hops_north_south, counted.injected_messages * ways[:, 1])
+        assert far.injected_hops_north_south.any()
+        assert np.array_equal(own.hops_east_west, far.hops_east_west)
+        assert (own.injected_messages.sum() == own.input_spikes.sum()) == plan.network.relayed
+        assert (own.injected_messages == own.input_messages).all() != plan.network.relayed
 
 
 def test_a_board_whose_mesh_is_not_public() -> None:
-    made = replace(small_network(12, 20), steps=20, shift=2, threshold=20)
+    made = replace(small_network(12, 20), steps=20, threshold=20)
     plan = partition(made, LOIHI_2, even(made))
     counted = count_events(plan, trains_of(made, 2, 0))
     assert counted.tiles is None
     assert not counted.hops_east_west.any()
     assert counted.exc_spikes.sum() > 5
-    assert counted.each("messages_out").sum() == 2 * counted.exc_spikes.sum()
+    assert counted.each("messages_out").sum() == counted.exc_spikes.sum() + counted.inh_spikes.sum()
 
 
 def test_trains_of_another_network_are_refused() -> None:
@@ -239,6 +322,7 @@ def test_trains_of_another_network_are_refused() -> None:
         Trains(trains.exc),
         Trains(trains.exc, trains.inputs[:, :, 1:]),
         Trains(trains.exc[..., 1:], trains.inputs),
+        Trains(trains.exc[:, 1:], trains.inputs[:, 1:]),
     ):
         with pytest.raises(ValueError, match="trains hold no input spikes, or are not those of the plan's network"):
             count_events(plan, bad)
