@@ -104,9 +104,9 @@ UPDATE_GROUP = 4
 """Compartments that are updated together; register numUpdates counts groups. Source: nengo-loihi 1.1.0,
 ``hardware/builder.py:301``."""
 
-FANOUT_EXCITATORY, FANOUT_INHIBITORY = 2, 3
-"""Values of a synapse format's register fanoutType (1 is mixed). Source: nengo-loihi 1.1.0, ``block.py:427-545`` and
-``builder/discretize.py``."""
+FANOUT_MIXED, FANOUT_EXCITATORY, FANOUT_INHIBITORY = 1, 2, 3
+"""Values of a synapse format's register fanoutType; with mixed signs one of a weight's bits is the sign. Source:
+nengo-loihi 1.1.0, ``block.py:427-545`` and ``builder/discretize.py``."""
 
 COMPRESSION_SPARSE, COMPRESSION_DENSE = 0, 3
 """Values of its register compression. Source: as `FANOUT_EXCITATORY`. That synapses of compression 3 have no index is

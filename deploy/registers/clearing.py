@@ -5,31 +5,32 @@ from __future__ import annotations
 from typing import Any
 
 from lava_vpr.deploy.boards.board import Board
-from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork
-from lava_vpr.loihi import DECAY_BITS, DECAY_UNITY, INPUT_SHIFT
+from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.loihi import DECAY_BITS, DECAY_UNITY, STATE_LIMIT
 
 
-def rest_steps(network: FixedNetwork) -> int:
+def rest_steps(network: FixedNetwork) -> int | None:
     """Steps without input after which every membrane is 0 by its own decay, whatever it was.
 
-    The larger of two starts counts: the threshold, and the deepest that inhibition of one step can reach.
+    None: no number of steps does that, as neurons have biases or membranes do not decay.
     """
-    keep = DECAY_UNITY - network.decay
-    v, steps = max(network.threshold, (network.neurons - 1) * network.lateral) << INPUT_SHIFT, 0
-    while v and keep < DECAY_UNITY:
+    if network.bias.any() or network.decay == 0:
+        return None
+    keep, v, steps = DECAY_UNITY - network.decay, STATE_LIMIT - 1, 0
+    while v:
         v, steps = v * keep >> DECAY_BITS, steps + 1
     return steps
 
 
 def clearing(network: FixedNetwork, board: Board) -> dict[str, Any]:
     """Which mechanism ``board`` uses for ``network``, and what it costs in a query."""
-    neurons, inputs = network.neurons, network.input_compartments
-    alternative = {"rest_steps_instead": rest_steps(network), "silent_steps": SILENT_STEPS}
+    neurons, inputs = network.neurons, network.inputs if network.bias_input else 0
+    alternative = {"rest_steps_instead": rest_steps(network), "silent_steps": network.silent_steps}
     if board.clearing == "reset":
         return {
             "mechanism": "LIFReset",
             "what": "Lava's LIFReset sets u and v of exc and inh to 0 in the first step of each presentation",
-            "reset_interval": network.steps + SILENT_STEPS,
+            "reset_interval": network.interval,
             "reset_offset": 1,
             "writes_per_query": 3 * inputs,
             **alternative,
@@ -37,7 +38,7 @@ def clearing(network: FixedNetwork, board: Board) -> dict[str, Any]:
     return {
         "mechanism": "embedded writes",
         "what": "an embedded processor of each chip writes v = 0 of its exc compartments after the last silent step; "
-        "currents have no memory, and relays are at 0 by then",
+        "currents have no memory, and inhibitory neurons and relays are at 0 by then",
         "exc_writes_per_query": neurons,
         "input_writes_per_query": 3 * inputs,
         "writes_per_query": neurons + 3 * inputs,

@@ -22,7 +22,7 @@ from lava_vpr.deploy.registers.simulator_kernels import EVENTS, State, Wiring, p
 from lava_vpr.deploy.registers.synapse_memory import stored_rows, unpack
 from lava_vpr.deploy.registers.synapses import Format, Rows, joined
 from lava_vpr.encoding import draw_spikes
-from lava_vpr.engine.inference.bias_input import biases, start_membranes
+from lava_vpr.engine.inference.bias_input import bias_input_spikes, biases, start_membranes
 from lava_vpr.engine.threads import share
 from lava_vpr.errors import ModelFileError, NetworkLimitError
 from lava_vpr.loihi import (
@@ -225,6 +225,7 @@ class Chips:
     inputs: NDArray[np.int64] = field(repr=False)
     steps: int
     silent_steps: int
+    regular: bool
     bias_input: bool
 
     @staticmethod
@@ -234,6 +235,7 @@ class Chips:
         *,
         steps: int,
         silent_steps: int,
+        regular: bool,
         bias_input: bool,
         positions: NDArray[np.int64] | None = None,
     ) -> Chips:
@@ -244,7 +246,8 @@ class Chips:
             tables: Where the host finds the network on them.
             steps: Steps with input of a presentation.
             silent_steps: Steps without input after those.
-            bias_input: Input compartments integrate a bias; else spikes are injected.
+            regular: Injected spikes are regular trains; else Poisson draws.
+            bias_input: Input compartments integrate a bias; else spikes are injected, maybe into relays.
             positions: Column and row of each core's tile (`deploy.mapping.mesh.tiles`), (cores, 2), for hops.
         Raises:
             ModelFileError: the images are no cores of Loihi 1, or contradict each other or the tables.
@@ -272,6 +275,7 @@ class Chips:
             **compartments,
             steps=steps,
             silent_steps=silent_steps,
+            regular=regular,
             bias_input=bias_input,
         )
 
@@ -301,6 +305,7 @@ class Chips:
         if known != inputs:
             raise _fault("the host's tables", f"hold {known} inputs, but images have {inputs}")
         counts = np.zeros((n, self.exc.size), np.int32)
+        draw, written = bias_input_spikes if self.regular else draw_spikes, self._written()
         widths, recorded = (self.exc.size, self.inh.size, inputs), n if record else 0
         exc, inh, sent = (np.zeros((recorded, total, width), np.uint8) for width in widths)
 
@@ -315,13 +320,13 @@ class Chips:
                 drawn = np.zeros((total, inputs), np.bool_)
                 self._write(state, rates[q], int(keys[q]))
                 if not self.bias_input:
-                    drawn[: self.steps] = draw_spikes(rates[q], int(keys[q]), self.steps)
+                    drawn[: self.steps] = draw(rates[q], int(keys[q]), self.steps)
                 counters = np.zeros(self.exc.size, np.int64)
                 flying, overflow = present(
                     self.wiring,
                     state,
                     self.threshold,
-                    self.inputs,
+                    written,
                     self.steps,
                     *self._sent(drawn),
                     counters,
@@ -338,10 +343,14 @@ class Chips:
         events = np.sum([np.zeros((len(self.cores), len(EVENTS)), np.int64), *share(run, n, threads)], axis=0)
         return Presented(counts, exc, inh, sent, dict(zip(EVENTS, events.T, strict=True)))
 
+    def _written(self) -> NDArray[np.int64]:
+        """The input compartments that the host writes to: they integrate a bias, relays do not."""
+        return self.inputs if self.bias_input else self.inputs[:0]
+
     def _write(self, state: State, rates: NDArray[np.uint16], key: int) -> None:
         """What is written between presentations: v = 0 of exc; bias and start membrane of the inputs.
 
-        Nothing else is, but for the inputs' bias, which is 0 in the silent steps.
+        Nothing else is, but for the inputs' bias, which is 0 in the silent steps. The biases of exc stay.
         """
         state.v[self.exc] = 0
         if self.bias_input:
@@ -379,7 +388,7 @@ class Chips:
             raise _fault(f"presentation {presentation}", f"{flying} spikes are still on their way after its last step")
         active = (abs(state.u) * self.wiring.keep_u >> DECAY_BITS != 0) | (state.held != 0)
         kept = state.v != 0
-        kept[self.exc] = kept[self.inputs] = False
+        kept[self.exc] = kept[self._written()] = False
         if (active | kept).any():
             what = f"is not at rest after presentation {presentation}, and nothing clears it"
             raise _fault(self._name(int(np.argmax(active | kept))), what)

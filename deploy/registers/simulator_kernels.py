@@ -146,8 +146,8 @@ def present(
 ) -> tuple[int, int]:
     """Run one presentation and fill ``film`` (all steps, C) with its spikes.
 
-    ``inputs``: compartments whose bias is written to 0 before the silent steps. ``sent_*``: core and input axon of what
-    is injected in each step. ``counters``: what is read out.
+    ``inputs``: input compartments whose bias is written to 0 before the silent steps. ``sent_*``: core and input axon
+    of what is injected in each step. ``counters``: what is read out.
 
     Returns:
         Messages in flight at the end and -1; or how many steps went well, and the compartment that overflowed.

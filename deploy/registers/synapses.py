@@ -5,7 +5,7 @@ words. Fields follow each other from the least significant bit on:
 
 - 4 bits synapse format, 6 bits synapses of this block, less 1; then for each synapse
 - as many bits as the format has for indices: compartment; a dense format has none, and goes 0, 1, 2 .. through the row
-- as many bits as the format has for weights: magnitude.
+- as many bits as the format has for weights: magnitude; with mixed signs in two's complement.
 
 Sizes, limits and registers' names are those of nengo-loihi 1.1.0 (``block.py:414-549``, ``hardware/builder.py``); the
 order of the fields within a block is not public, so it is ours: whoever writes a board sets synapse by synapse.
@@ -29,6 +29,7 @@ from lava_vpr.loihi import (
     COMPRESSION_SPARSE,
     FANOUT_EXCITATORY,
     FANOUT_INHIBITORY,
+    FANOUT_MIXED,
     INPUT_SHIFT,
     LOIHI_1_INDEX_BITS,
     LOIHI_1_WEIGHT_BITS,
@@ -37,14 +38,18 @@ from lava_vpr.loihi import (
     WORD_BITS,
 )
 
-Sign = Literal["excitatory", "inhibitory"]
+Sign = Literal["excitatory", "inhibitory", "mixed"]
 
 COUNT_BITS = (BLOCK_SYNAPSES - 1).bit_length()
 ID_BITS = BLOCK_HEADER_BITS - COUNT_BITS
 WEIGHT_CODES, INDEX_CODES = (0, *LOIHI_1_WEIGHT_BITS), (0, *LOIHI_1_INDEX_BITS)
 """Widths by the value of registers wgtBits and idxBits; 0: none. Source: nengo-loihi 1.1.0, ``block.py:427-545``."""
 
-FANOUT_TYPES: dict[Sign, int] = {"excitatory": FANOUT_EXCITATORY, "inhibitory": FANOUT_INHIBITORY}
+FANOUT_TYPES: dict[Sign, int] = {
+    "mixed": FANOUT_MIXED,
+    "excitatory": FANOUT_EXCITATORY,
+    "inhibitory": FANOUT_INHIBITORY,
+}
 
 _UNUSED: tuple[str, ...] = (
     "wgtLimitMant",
@@ -63,16 +68,27 @@ class Format:
     """A synapse format: what rows of it hold, and what a weight is worth.
 
     Attributes:
-        weight_bits: Bits of a stored magnitude; it stands for the upper bits of 8.
+        weight_bits: Bits of a stored weight. It stands for the upper bits of 8, or of 9 and sign where signs are mixed.
         index_bits: Bits of a compartment's number; 0: dense.
         exponent: The register weight, 8 bits, is worth itself times 2^(6 + exponent), in units of u.
-        sign: Sign of all its weights.
+        sign: Sign of all its weights, or ``mixed``: each has its own, which is one of its bits.
     """
 
     weight_bits: int
     index_bits: int
     exponent: int
     sign: Sign
+
+    @staticmethod
+    def of_weights(network: FixedNetwork, weight_bits: int, index_bits: int) -> Format:
+        """The format in which ``weight_bits`` bits hold the weights of ``network`` as they are."""
+        spare = WEIGHT_BITS + network.signed - weight_bits
+        return Format(weight_bits, index_bits, -spare, "mixed" if network.signed else "excitatory")
+
+    @property
+    def mixed(self) -> bool:
+        """Whether each weight has a sign of its own."""
+        return self.sign == "mixed"
 
     @property
     def bits(self) -> int:
@@ -115,9 +131,9 @@ class Format:
 
     def currents(self, weights: NDArray[np.int32]) -> NDArray[np.int32]:
         """What stored ``weights`` bring their compartments, in units of u."""
-        shift = WEIGHT_BITS - self.weight_bits + INPUT_SHIFT + self.exponent
-        sizes = weights << shift if shift >= 0 else weights >> -shift
-        return -sizes if self.sign == "inhibitory" else sizes
+        shift = WEIGHT_BITS + self.mixed - self.weight_bits + INPUT_SHIFT + self.exponent
+        values = weights << shift if shift >= 0 else weights >> -shift
+        return -values if self.sign == "inhibitory" else values
 
 
 @dataclass(frozen=True)
@@ -127,7 +143,7 @@ class Rows:
     Attributes:
         starts: Row r holds synapses ``starts[r]`` to ``starts[r + 1] - 1``, int64 (rows + 1,).
         compartments: The compartment that each synapse reaches, int32 (synapses,).
-        weights: Stored magnitudes, int32 (synapses,).
+        weights: Stored weights, int32 (synapses,): magnitudes, or with their sign where signs are mixed.
         formats: Format of each row, uint8 (rows,).
     """
 
@@ -177,7 +193,7 @@ def lateral_synapse(network: FixedNetwork, bits: int) -> tuple[int, int]:
     exponent -= WEIGHT_BITS - bits
     if magnitude >> bits or abs(exponent) > WEIGHT_EXPONENT_LIMIT:
         raise NetworkLimitError(
-            f"lateral inhibition {network.lateral} does not fit a synapse of {bits} bits with an exponent of at most "
+            f"inhibition {network.lateral} does not fit a synapse of {bits} bits with an exponent of at most "
             f"{WEIGHT_EXPONENT_LIMIT}; choose another network.inhibition"
         )
     return magnitude, exponent
@@ -208,7 +224,7 @@ class Formats(list[Format | None]):
         """The rows of ``weights`` (rows, compartments): all weights where ``dense``, else those that are not 0.
 
         Args:
-            weights: Magnitudes as they are to be stored.
+            weights: Weights as they are to be stored.
             compartments: Compartments of the columns.
             dense: Which rows are stored dense.
             form: Format of the sparse rows; without its index, that of the dense ones.
