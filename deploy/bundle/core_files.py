@@ -13,9 +13,10 @@ from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.bundle.folder import AGAIN, MANIFEST, Bundle, array_bytes, json_bytes
 from lava_vpr.deploy.registers import core_images as registers
+from lava_vpr.deploy.registers import rebuilding
 from lava_vpr.deploy.registers.core_images import CoreImage, HostTables
 from lava_vpr.deploy.registers.simulator import Chips
-from lava_vpr.engine.inference.fixed import SCALARS, SILENT_STEPS, FixedNetwork
+from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork
 from lava_vpr.errors import BundleError, ModelFileError, brief
 from lava_vpr.loihi import WEIGHT_BITS
 from lava_vpr.ranges import whole
@@ -38,13 +39,13 @@ HOST_TABLE = "host/{}.npy"
 _CORE = re.compile(rf"{CORES}/chip(\d)-core(\d{{3}})")
 _CORE_FILES = {"registers.json", *(f"{name}.npy" for name in CORE_ARRAYS)}
 _MOST = (1 << 31) - 1
-_RANGES = {"inputs": (1, _MOST), "neurons": (1, _MOST), "bits": (1, WEIGHT_BITS), "regular": (0, 1)}
-_RANGES |= {"steps": (1, 100_000), "silent_steps": (SILENT_STEPS, SILENT_STEPS)}
+_RANGES = {"inputs": (1, _MOST), "neurons": (1, _MOST), "bits": (1, WEIGHT_BITS), "steps": (1, 100_000)}
+_RANGES |= dict.fromkeys(("signed", "regular", "bias_input"), (0, 1))
 """Least and most of the numbers of a network; of others 0 and `_MOST`. Steps are as the settings allow them."""
 
 
 class Spikes(NamedTuple):
-    """Every spike of some presentations: uint8 (n, steps, neurons) of exc and inh, (n, steps, inputs) of the inputs."""
+    """Every spike of some presentations, uint8 (n, steps, width), of exc, of inh (leaves, root) and of the inputs."""
 
     exc: NDArray[np.uint8]
     inh: NDArray[np.uint8]
@@ -155,13 +156,12 @@ def host_tables(bundle: Bundle, images: Sequence[CoreImage]) -> HostTables:
     Raises:
         BundleError: a file is missing or of the wrong kind, or names what is not there.
     """
-    numbers = scalars(bundle)
-    inputs = numbers["inputs"] if numbers["regular"] else 0
+    network = rebuilding.outline(scalars(bundle))
     counts: dict[str, int | str] = {
         "injection": "axons",
-        "inputs": inputs,
-        "exc": numbers["neurons"],
-        "inh": numbers["neurons"],
+        "inputs": network.input_compartments,
+        "exc": network.neurons,
+        "inh": network.inhibitory,
     }
     tables = {
         name: bundle.array(HOST_TABLE.format(name), np.int32, (counts[name], columns))
@@ -174,7 +174,7 @@ def host_tables(bundle: Bundle, images: Sequence[CoreImage]) -> HostTables:
     if len(np.unique(taken, axis=0)) < len(taken):
         raise BundleError(f"{bundle.at(HOST_TABLE.format('exc'))}: shares a compartment with another table; {AGAIN}")
     injection, file = tables["injection"], HOST_TABLE.format("injection")
-    within(bundle, file, "input", injection[:, 0], 0 if numbers["regular"] else numbers["inputs"])
+    within(bundle, file, "input", injection[:, 0], 0 if network.bias_input else network.inputs)
     _lead(bundle, file, injection[:, 1:], _sizes(images, "axons_in"))
     return HostTables(**tables)
 
@@ -183,7 +183,8 @@ def scalars(bundle: Bundle) -> Mapping[str, int]:
     """The numbers of the network that the manifest tells, and how large it is.
 
     Raises:
-        BundleError: one is missing, no whole number or out of range, or the network is beyond a limit.
+        BundleError: one is missing, no whole number or out of range, or contradicts another, or the network is beyond a
+            limit.
     """
     described, at = bundle.manifest.get("network"), bundle.at(MANIFEST)
     names = ("inputs", "neurons", "silent_steps", *SCALARS)
@@ -197,7 +198,11 @@ def scalars(bundle: Bundle) -> Mapping[str, int]:
     beyond = excess("model_bytes", described["inputs"] * described["neurons"])
     if beyond is not None:
         raise BundleError(f"{at}: describes a network whose weights take {beyond}")
-    return {name: described[name] for name in names}
+    numbers = {name: described[name] for name in names}
+    silent = rebuilding.outline(numbers).silent_steps
+    if numbers["silent_steps"] != silent:
+        raise BundleError(f"{at}: says silent_steps {numbers['silent_steps']}, but its network has {silent}; {AGAIN}")
+    return numbers
 
 
 def network(bundle: Bundle) -> FixedNetwork:
@@ -208,7 +213,7 @@ def network(bundle: Bundle) -> FixedNetwork:
     """
     images = core_images(bundle)
     try:
-        return registers.network_of(images, host_tables(bundle, images), scalars(bundle), BOARDS[bundle.target])
+        return rebuilding.network_of(images, host_tables(bundle, images), scalars(bundle), BOARDS[bundle.target])
     except BundleError:
         raise
     except ModelFileError as error:
@@ -227,6 +232,7 @@ def player(bundle: Bundle) -> Player:
         host_tables(bundle, images),
         steps=numbers["steps"],
         silent_steps=numbers["silent_steps"],
-        bias_input=bool(numbers["regular"]),
+        regular=bool(numbers["regular"]),
+        bias_input=bool(numbers["bias_input"]),
     )
     return lambda rates, keys: Spikes(*chips.run(rates, keys))

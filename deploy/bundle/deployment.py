@@ -17,7 +17,6 @@ from lava_vpr.deploy.bundle.references import reference_files
 from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.deploy.registers.clearing import clearing
-from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.threads import cores
 from lava_vpr.model import Model, integer_model
 from lava_vpr.training.references import expected_rates, measured_responses
@@ -114,11 +113,12 @@ def _manifest(model: Model, plan: Plan, compression: dict[str, Any] | None) -> d
             "inputs": network.inputs,
             "neurons": network.neurons,
             **network.scalars,
-            "silent_steps": SILENT_STEPS,
+            "silent_steps": network.silent_steps,
             "places": model.places,
         },
         "input": {
             "mode": "bias" if network.bias_input else "injected",
+            "trains": "regular" if network.regular else "poisson",
             "host_spikes_per_step": round(plan.host_spikes, 3),
         },
         "clearing": clearing(network, board),
@@ -137,14 +137,13 @@ def mapping(plan: Plan) -> dict[str, Any]:
                 "core": core.core,
                 "parts": [asdict(part) for part in core.parts],
                 "dense_input_rows": int(core.dense_inputs.sum()),
-                "dense_lateral_rows": core.dense_lateral,
                 "needs": {name: "unknown" if value is None else value for name, value in asdict(core.needs).items()},
                 "load": _load(plan.board, core),
             }
         )
     return {
         "weight_bits": plan.weight_bits,
-        "lateral_bits": plan.lateral_bits,
+        "inhibition_bits": plan.inhibition_bits,
         "hops_per_step": "unknown" if plan.hops is None else round(plan.hops, 6),
         "cores": rows,
     }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.storage.limits import excess, limit
 
@@ -10,8 +10,8 @@ REMEDY = ", or run it on --backend host"
 
 
 def spike_bytes(network: FixedNetwork) -> int:
-    """Bytes of every spike of one presentation: one for each neuron, relay and input in every step."""
-    return (network.steps + SILENT_STEPS) * (2 * network.neurons + network.inputs)
+    """Bytes of every spike of one presentation: one for each neuron and input in every step."""
+    return network.interval * (network.neurons + network.inhibitory + network.inputs)
 
 
 def together(network: FixedNetwork, most: int) -> int:
@@ -21,7 +21,8 @@ def together(network: FixedNetwork, most: int) -> int:
         NetworkLimitError: one presentation is beyond a limit.
     """
     each = 2 * spike_bytes(network)  # as they are recorded, and as they are returned
-    operations = (network.steps + SILENT_STEPS) * network.neurons * (network.neurons + network.inputs)
+    # Every input to every neuron, every neuron to an inhibitory one, and the root to every neuron; relays of inputs.
+    operations = network.interval * (network.neurons * (network.inputs + 2) + network.inputs)
     for name, amount in (("simulation_bytes", each), ("simulation_operations", operations)):
         check(name, amount, f"a query of {network.steps:,} steps to {network.neurons:,} neurons")
     return max(1, min(most, limit("simulation_bytes") // each))

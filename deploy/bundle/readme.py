@@ -8,8 +8,8 @@ from lava_vpr.model import Model
 _TEXT = """\
 # A place network for {title}
 
-It recognises {places} places (`{first}` to `{last}`) with {neurons} excitatory neurons, as many inhibitory
-relays and {inputs} inputs; weights of {bits} bits; {steps} steps of input a query, then three silent ones.
+It recognises {places} places (`{first}` to `{last}`) with {neurons} excitatory neurons, {inhibitory} inhibitory
+and {inputs} inputs; weights of {bits} bits{signs}; {steps} steps of input a query, then {silent} silent ones.
 Input is {way}.
 
 {programs}
@@ -71,7 +71,7 @@ NETWORK = """\
 """
 
 _LEARNING = "- `learning/`: the network that learns, for Lava's LearningDense: rule, start weights, schedule.\n"
-_INJECTED = "injected, spike by spike"
+_INJECTED = "{} trains, injected spike by spike"
 _BIAS = "integrated by input compartments from a bias written once a query"
 
 
@@ -92,10 +92,13 @@ def readme(model: Model, plan: Plan, guide: str, parts: str, learning: bool) -> 
         first=model.place_names[0],
         last=model.place_names[-1],
         neurons=network.neurons,
+        inhibitory=network.inhibitory,
         inputs=network.inputs,
         bits=network.bits,
+        signs=" and a sign" if network.signed else "",
         steps=network.steps,
-        way=_BIAS if network.bias_input else _INJECTED,
+        silent=network.silent_steps,
+        way=_BIAS if network.bias_input else _INJECTED.format("regular" if network.regular else "Poisson"),
         programs=guide,
         parts=parts + _LEARNING if learning else parts,
     )

@@ -56,7 +56,8 @@ def _same(one: Model, other: Model) -> bool:
     own, their = one.network, other.network
     if not isinstance(own, FixedNetwork) or not isinstance(their, FixedNetwork):
         return False
-    return own.scalars == their.scalars and np.array_equal(own.weights, their.weights)
+    arrays = ((own.weights, their.weights), (own.bias, their.bias))
+    return own.scalars == their.scalars and all(np.array_equal(one, two) for one, two in arrays)
 
 
 @dataclass(frozen=True)
@@ -73,12 +74,14 @@ class BundleBackend:
         """See `lava_vpr.backends.interface.Backend.count_spikes`."""
         network = checked_network(model, "bundle")
         counts = np.zeros((len(shown.rates), model.neurons), np.int32)
-        sent = np.zeros(network.inputs, np.int64)
+        sent, inh = np.zeros(network.inputs, np.int64), np.zeros(network.inhibitory, np.int64)
         for part, spikes in self._play(model, shown):
             counts[part] = spikes.exc.sum(axis=1, dtype=np.int32)
             sent += spikes.inputs.sum(axis=(0, 1), dtype=np.int64)
-        operations = int(sent @ network.prepared.row_sizes)
-        return counts, fixed.named_events(network, operations, int(sent.sum()), int(counts.sum()), len(counts))
+            inh += spikes.inh.sum(axis=(0, 1), dtype=np.int64)
+        operations = sent @ network.prepared.row_sizes
+        raw = np.array([operations, sent.sum(), counts.sum(), inh[:-1].sum(), inh[-1]], np.int64)
+        return counts, fixed.named_events(network, raw, len(counts))
 
     def trains(self, model: Model, shown: Presentations) -> Trains:
         """See `lava_vpr.backends.interface.Backend.trains`."""

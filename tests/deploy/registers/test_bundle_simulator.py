@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from support.boards.plans import busy_plan, chips_of, pictures, random_network, simple_plan
+from support.boards.plans import busy_plan, chips_of, pictures, random_biases, random_network, simple_plan
 
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.registers.core_images import READ_OUT, CoreImage, HostTables, core_images, host_tables
@@ -17,7 +17,8 @@ from lava_vpr.deploy.registers.simulator import Chips
 from lava_vpr.deploy.registers.simulator_kernels import EVENTS, State, Wiring, update
 from lava_vpr.deploy.registers.synapses import Format
 from lava_vpr.encoding import draw_trains
-from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
+from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes, inhibitory_spikes
 from lava_vpr.errors import ModelFileError, NetworkLimitError
 from lava_vpr.loihi import BLOCK_HEADER_BITS
 
@@ -28,38 +29,56 @@ def compare(plan: Plan, seed: int) -> tuple[int, Chips]:
     rates, keys = pictures(network, 3, seed)
     exc, inh, inputs = chips.run(rates, keys)
     _, _, film = count_spikes(network, rates, keys, raster=True)
-    drawn = draw_trains(rates, keys, network.steps, film.shape[1], bias_input=network.bias_input)
+    drawn = draw_trains(rates, keys, network.steps, network.interval, regular=network.regular)
     assert np.array_equal(inputs, drawn)
     assert np.array_equal(exc, film)
-    assert np.array_equal(inh[:, 1:], film[:, :-1])
-    assert not inh[:, 0].any()
+    assert np.array_equal(inh, inhibitory_spikes(network, film))
     assert {array.dtype for array in (exc, inh, inputs)} == {np.dtype(np.uint8)}
     return int(film.sum()), chips
 
 
-@pytest.mark.parametrize(("bits", "bias_input"), list(product(range(1, 9), (False, True))))
-def test_spikes_are_those_of_the_engine(bits: int, bias_input: bool) -> None:
-    spikes, chips, sparse, cores = 0, set(), set(), set()
-    for seed in range(5):
-        network = random_network(100 * bits + seed, bits=bits, bias_input=bias_input)
+INPUTS = {
+    "poisson": {"regular": False, "bias_input": False},
+    "regular": {"regular": True, "bias_input": False},
+    "bias": {"regular": True, "bias_input": True},
+}
+
+
+@pytest.mark.parametrize(
+    ("bits", "signed", "mode"),
+    [(b, s, mode) for b, s, mode in product(range(1, 9), (False, True), INPUTS) if b + s < 9],
+)
+def test_spikes_are_those_of_the_engine(bits: int, signed: bool, mode: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    spikes, chips, sparse, cores, deep, biased = 0, set(), set(), set(), set(), 0
+    for seed in range(6):
+        monkeypatch.setattr(fixed, "FAN_IN", 4096 if seed % 2 else 4)
+        monkeypatch.setattr(fixed, "DIRECT", 1024 if seed % 3 else 2)
+        size = (20 + seed, 6 + 3 * seed)
+        network = random_network(100 * bits + seed, bits=bits, signed=signed, size=size, **INPUTS[mode])
+        network = network if signed else replace(network, bias=random_biases(network, np.random.default_rng(seed)))
         plan = simple_plan(network, 1 + (bits + seed) % 6, seed)
         found, machine = compare(plan, seed)
         spikes += found
         chips |= {chip for chip, _ in machine.cores}
         sparse |= set(machine.wiring.row_sparse.tolist())
         cores.add(len(machine.cores))
+        deep.add((network.depth, network.input_delay))
+        biased += bool(network.bias.any())
     assert spikes > 100
     assert chips == sparse == {0, 1}
     assert len(cores) > 3
+    assert len(deep) == (2 if mode == "bias" else 4)
+    assert biased > 2
 
 
 @pytest.mark.parametrize("bias_input", [False, True])
 def test_each_presentation_stands_alone(bias_input: bool) -> None:
-    plan = busy_plan(bias_input=bias_input)
+    plan = busy_plan(bias_input=bias_input, signed=True)
     chips = chips_of(plan)
     rates, keys = pictures(plan.network, 5, 7)
     whole = chips.present(rates, keys)
     assert whole.counts.sum() > 50
+    assert plan.network.bias.any()
     assert np.array_equal(whole.counts, whole.exc.sum(axis=1))
     assert np.array_equal(whole.counts, count_spikes(plan.network, rates, keys)[0])
     for q in (4, 0, 2):
@@ -110,10 +129,10 @@ def test_what_is_counted(bias_input: bool) -> None:
         if name != "updates":
             assert np.array_equal(seen.events[name], expected[name]), name
             assert expected[name].any(), name
-    # An update needs a reason: relays have one in the steps in which they are hit.
-    relays, steps = np.bincount([place[c, k] for c, k, _ in tables.inh], minlength=len(images)), 2 * 33
+    # An update needs a reason: the inhibitory neuron has one in the steps in which it is hit.
+    inh, steps = np.bincount([place[c, k] for c, k, _ in tables.inh], minlength=len(images)), 2 * 33
     sizes = np.array([len(image.compartments) for image in images])
-    assert (seen.events["updates"] <= (sizes - relays) * steps + seen.inh.sum()).all()
+    assert (seen.events["updates"] <= (sizes - inh) * steps + seen.inh.sum()).all()
     assert seen.events["updates"].sum() > 0.5 * (50 if bias_input else 20) * steps
 
 
@@ -200,33 +219,47 @@ def test_a_flipped_bit_of_a_weight_is_seen(bias_input: bool) -> None:
     assert seen > 0.7 * flips  # not every weight decides over a spike; `network_of` sees them all
 
 
-def saturated(excitation: int, inhibition: int = 0) -> Plan:
-    """Two neurons on two cores, which receive at most ``excitation`` and spike in every step."""
-    rows = -(-excitation // 255)
-    weights = np.full((rows, 3), 255, np.uint8)
-    weights[-1] = excitation - 255 * (rows - 1)
-    network = FixedNetwork(weights, 8, 0, 1, inhibition, 0, 0, 6)
-    return simple_plan(network, 3, 1)
+def saturated(excitation: int, signed: bool = False, **changes: int) -> Plan:
+    """Three neurons on three cores, which receive at most ``excitation``: above 0 they spike in every step."""
+    top = 127 if signed else 255
+    rows = -(-abs(excitation) // top)
+    weights = np.full((rows, 3), top, np.int16)
+    weights[-1] = abs(excitation) - top * (rows - 1)
+    network = FixedNetwork(
+        weights=weights if excitation > 0 else -weights,
+        bias=np.zeros(3, np.int32),
+        bits=7 if signed else 8,
+        signed=signed,
+        threshold=1,
+        inhibition=0,
+        inhibition_exponent=0,
+        decay=0,
+        steps=6,
+    )
+    return simple_plan(replace(network, **changes), 3, 1)
 
 
 def test_an_accumulator_that_overflows_is_an_error() -> None:
-    always = np.full((2, 129), 65535, np.uint16)
+    always = np.full((2, 259), 65535, np.uint16)
     keys = np.arange(2, dtype=np.uint64)
     below = saturated((1 << 15) - 1)
-    counts = chips_of(below).present(always, keys).counts
-    assert np.array_equal(counts, count_spikes(below.network, always, keys)[0])
+    counts = chips_of(below).present(always[:, :129], keys).counts
+    assert np.array_equal(counts, count_spikes(below.network, always[:, :129], keys)[0])
     assert (counts >= 5).all()
     text = (
         r"^chip 0 core 1 compartment 0: receives 32,768 in step \d of presentation 0, but its accumulator holds less "
         "than 32,768; lower network.inhibition or use fewer weight bits$"
     )
-    with pytest.raises(NetworkLimitError, match=text):
-        chips_of(saturated(1 << 15)).run(always, keys)
-    assert chips_of(saturated(1 << 15)).run(always // 40000, keys)[0].sum() < 20  # where they do not meet
-    weights = np.full((129, 4), 1, np.uint8)
-    many = replace(below.network, weights=weights, inhibition=255, inhibition_exponent=6, steps=9)
-    with pytest.raises(NetworkLimitError, match="receives 48,831 in step 3 of presentation 0"):
-        chips_of(simple_plan(many, 3, 1)).run(always, keys)
+    for excitation, signed in ((1 << 15, False), (1 << 15, True), (-(1 << 15), True)):
+        plan = saturated(excitation, signed)
+        shown = always[:, : plan.network.inputs]
+        with pytest.raises(NetworkLimitError, match=text):
+            chips_of(plan).run(shown, keys)
+        chips_of(plan).run(shown // 40000, keys)  # where they do not meet
+    weights = np.array([[127, -127, -127], [0, -2, -2]], np.int16)
+    inhibited = replace(saturated(1, signed=True).network, weights=weights, inhibition=255, inhibition_exponent=7)
+    with pytest.raises(NetworkLimitError, match="receives 32,769 in step 3 of presentation 0"):
+        chips_of(simple_plan(inhibited, 3, 1)).run(always[:, :2], keys)
 
 
 def with_registers(image: CoreImage, group: str, index: int | None, **values: Any) -> CoreImage:
@@ -246,17 +279,17 @@ def test_what_does_not_come_to_rest_is_an_error() -> None:
     ):
         chips_of(plan, silent_steps=0).run(rates, keys)
     images = core_images(plan)
-    last = len(images) - 1
+    chip, core, _ = host_tables(plan).inh[0]
+    last = [(image.chip, image.core) for image in images].index((chip, core))
 
     def refused(image: CoreImage) -> None:
         with pytest.raises(
             ModelFileError, match=r"^chip \d core \d+ compartment \d+: is not at rest after presentation"
         ):
-            chips_of(plan, (*images[:last], image)).run(rates, keys)
+            chips_of(plan, (*images[:last], image, *images[last + 1 :])).run(rates, keys)
 
-    assert [p["decayV"] for p in images[last].registers["cxProfileCfg"]] == [plan.network.decay, 4095]
     slow = with_registers(images[last], "cxProfileCfg", 1, decayV=0)
-    refused(with_registers(slow, "vthProfileCfg", 1, vth=100000))  # relays that only add up
+    refused(with_registers(slow, "vthProfileCfg", 1, vth=100000))  # an inhibitory neuron that only adds up
     refused(with_registers(images[last], "cxProfileCfg", 0, decayU=0))
     refused(with_registers(images[last], "cxProfileCfg", 0, refractDelay=63))
 

@@ -11,15 +11,17 @@ import pytest
 from support.boards.plans import random_network, simple_plan, small_plan
 
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
+from lava_vpr.deploy.boards.plan import Part
 from lava_vpr.deploy.registers.core_images import (
     READ_OUT,
     CoreImage,
     HostTables,
     core_images,
     host_tables,
-    network_of,
 )
+from lava_vpr.deploy.registers.rebuilding import network_of
 from lava_vpr.deploy.registers.synapses import lateral_synapse
+from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import ModelFileError, NetworkLimitError
 
@@ -30,11 +32,18 @@ def scalars_of(network: FixedNetwork) -> dict[str, int]:
 
 
 def equal(a: FixedNetwork, b: FixedNetwork) -> bool:
-    return np.array_equal(a.weights, b.weights) and scalars_of(a) == scalars_of(b)
+    arrays = ((a.weights, b.weights), (a.bias, b.bias))
+    return all(one.dtype == other.dtype and np.array_equal(one, other) for one, other in arrays) and (
+        scalars_of(a) == scalars_of(b)
+    )
 
 
+@pytest.mark.parametrize("small", [False, True])
 @pytest.mark.parametrize("seed", range(24))
-def test_the_network_comes_back_out_of_its_images(seed: int) -> None:
+def test_the_network_comes_back_out_of_its_images(seed: int, small: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    if small:  # so that there are leaves and relays
+        monkeypatch.setattr(fixed, "FAN_IN", 5)
+        monkeypatch.setattr(fixed, "DIRECT", 4)
     network = random_network(seed)
     plan = simple_plan(network, 1 + seed % 6, seed)
     images = [replace(i, registers=json.loads(json.dumps(i.registers))) for i in core_images(plan)]
@@ -43,35 +52,28 @@ def test_the_network_comes_back_out_of_its_images(seed: int) -> None:
 
 def test_a_small_network_word_by_word() -> None:
     one, two = core_images(small_plan())
-    # Format ids: 1 inputs dense, 2 inputs sparse, 3 lateral dense, 4 lateral sparse, 5 to the relays.
+    # Format ids: 1 inputs dense, 2 inputs sparse, 3 of the root, 4 to the root.
     index = 6
     words = [
         1 | 1 << 4 | 5 << 10 | 6 << 13,
         2 | 0 << 4 | 1 << 10 | 7 << 10 + index,
-        3 | 1 << 4 | 10 << 10 | 10 << 14,  # of the relay of the neuron elsewhere
-        4 | 0 << 4 | 1 << 10 | 10 << 10 + index,
-        4 | 0 << 4 | 0 << 10 | 10 << 10 + index,
-        *(5 | 0 << 4 | relay << 10 | 2 << 10 + index for relay in (2, 3, 4)),
+        3 | 1 << 4 | 10 << 10 | 10 << 14,
+        *(4 | 0 << 4 | 2 << 10 | 2 << 10 + index for _ in range(3)),
     ]
     assert one.synapses.tolist() == words
-    # Inputs, lateral by source relay, to the relays.
-    assert one.axons_in[:, 0].tolist() == [0, 1, 3, 4, 2, 5, 6, 7]
-    assert one.axons_in[:, 2].tolist() == [2, 1, 1, 1, 2, 1, 1, 1]
-    assert two.synapses.tolist() == [1 | 0 << 4 | 10 << 10]  # a lone neuron: no input, and one row for both relays
-    assert two.axons_in.tolist() == [[0, 1, 1], [0, 1, 1]]
+    assert one.axons_in.tolist() == [[0, 1, 2], [1, 1, 1], [2, 1, 2], [3, 1, 1], [4, 1, 1], [5, 1, 1]]
+    assert two.synapses.tolist() == [1 | 0 << 4 | 10 << 10]  # a lone neuron without input: the root's row
+    assert two.axons_in.tolist() == [[0, 1, 1]]
     assert one.axons_out.tolist() == [
-        [0, 0, 4, 5],
+        [0, 0, 4, 3],
         [0, 0, READ_OUT, 0],
-        [1, 0, 4, 6],
+        [1, 0, 4, 4],
         [1, 0, READ_OUT, 1],
         [2, 0, 4, 2],
         [2, 1, 0, 0],
-        [3, 0, 4, 3],
-        [3, 1, 0, 1],
-        [4, 0, 4, 4],
     ]
-    assert two.axons_out.tolist() == [[0, 0, 4, 7], [0, 1, READ_OUT, 2]]
-    assert one.compartments.tolist() == [[0, 0, 0, 0]] * 2 + [[1, 1, 0, 0]] * 3
+    assert two.axons_out.tolist() == [[0, 0, 4, 5], [0, 1, READ_OUT, 2]]
+    assert one.compartments.tolist() == [[0, 0, 0, 0]] * 2 + [[1, 1, 0, 0]]
     registers = one.registers
     assert [(p["decayU"], p["decayV"], p["refractDelay"]) for p in registers["cxProfileCfg"]] == [
         (4095, 130, 1),
@@ -79,30 +81,74 @@ def test_a_small_network_word_by_word() -> None:
     ]
     assert registers["vthProfileCfg"] == [{"vth": 9}, {"vth": 1}]
     shown = [None if f is None else (f["wgtBits"], f["idxBits"], f["wgtExp"]) for f in registers["synapseFmt"]]
-    # Lateral: mantissa 10 2^1; its 4 bits are the upper ones of 8.
-    assert shown == [None, (3, 0, -5), (3, 1, -5), (4, 0, -3), (4, 1, -3), (2, 1, -6)]
+    # Of the root: mantissa 10 2^1; its 4 bits are the upper ones of 8.
+    assert shown == [None, (3, 0, -5), (3, 1, -5), (4, 0, -3), (2, 1, -6)]
     assert registers["dendriteSharedCfg"] == {"posVmLimit": 7, "negVmLimit": 23}
-    assert registers["numUpdates"]["numUpdates"] == 2
+    assert registers["numUpdates"]["numUpdates"] == 1
     types = {name: getattr(one, name).dtype.name for name in ("compartments", "synapses", "axons_in", "axons_out")}
     assert types == {"compartments": "int32", "synapses": "uint64", "axons_in": "int32", "axons_out": "int32"}
+
+
+def test_signs_and_biases_of_a_small_network() -> None:
+    weights = np.array([[-3, 2, 0], [0, -1, 0]], np.int16)
+    bias = np.array([18, -8190, 0], np.int32)
+    plan = replace(small_plan(weights=weights, bias=bias, bits=2, signed=True), weight_bits=3)
+    one, two = core_images(plan)
+    # Two's complement in 3 bits, one of which is the sign.
+    assert one.synapses[:2].tolist() == [1 | 1 << 4 | 5 << 10 | 2 << 13, 2 | 0 << 4 | 1 << 10 | 7 << 16]
+    shown = [(f["wgtBits"], f["wgtExp"], f["fanoutType"]) for f in one.registers["synapseFmt"][1:3]]
+    assert shown == [(3, -6, 1), (3, -6, 1)]  # -3 2^6 in the register's 9 bits, which is worth that 2^-6
+    # Profile, threshold, mantissa and the one exponent of all.
+    assert one.compartments.tolist() == [[0, 0, 9, 1], [0, 0, -4095, 1], [1, 1, 0, 0]]
+    assert two.compartments.tolist() == [[0, 0, 0, 1]]
+    told = scalars_of(plan.network)
+    assert equal(network_of((one, two), host_tables(plan), told, KAPOHO_BAY), plan.network)
+    wide = replace(plan, weight_bits=8)  # more bits than it needs
+    assert [f["wgtExp"] for f in core_images(wide)[0].registers["synapseFmt"][1:3]] == [-1, -1]
+    assert equal(network_of(core_images(wide), host_tables(wide), told, KAPOHO_BAY), plan.network)
+
+
+def test_leaves_and_relays_word_by_word(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fixed, "FAN_IN", 2)
+    monkeypatch.setattr(fixed, "DIRECT", 2)
+    nothing = small_plan()
+    assert (nothing.network.leaves, nothing.network.input_compartments) == (2, 2)
+    one = replace(nothing.cores[0], parts=(Part("exc", 0, 3, 0), Part("inh", 2, 1, 3)))
+    two = replace(nothing.cores[1], parts=(Part("inh", 0, 2, 0), Part("inputs", 0, 2, 2)))
+    plan = replace(nothing, cores=(one, two))
+    first, second = core_images(plan)
+    # To exc: input 0 dense, input 1 sparse, the root; then leaf 0 and leaf 1 to the root.
+    assert first.axons_in[:, 2].tolist() == [3, 1, 3, 1, 1]
+    assert (first.synapses[-2:] >> np.uint64(10)).tolist() == [3 | 2 << 6] * 2
+    # Neurons 0 and 1 to leaf 0, neuron 2 to leaf 1, then the inputs to their relays.
+    assert (second.synapses >> np.uint64(10)).tolist() == [target | 2 << 6 for target in (0, 0, 1, 2, 3)]
+    to_leaves = [[0, 1, 0, 0], [0, 0, READ_OUT, 0], [1, 1, 0, 1], [1, 0, READ_OUT, 1]]
+    assert first.axons_out.tolist() == [*to_leaves, [2, 1, 0, 2], [2, 0, READ_OUT, 2], [3, 0, 4, 2]]
+    assert second.axons_out.tolist() == [[0, 0, 4, 3], [1, 0, 4, 4], [2, 0, 4, 0], [3, 0, 4, 1]]
+    profiles = [(p["decayU"], p["decayV"]) for p in second.registers["cxProfileCfg"]]
+    assert (profiles, second.registers["vthProfileCfg"]) == ([(4095, 4095)] * 2, [{"vth": 1}] * 2)
+    tables = host_tables(plan)
+    assert tables.injection.tolist() == [[0, 1, 0, 3], [1, 1, 0, 4]]
+    assert tables.inputs.tolist() == [[1, 0, 2], [1, 0, 3]]
+    assert tables.inh.tolist() == [[1, 0, 0], [1, 0, 1], [0, 4, 3]]
 
 
 def test_tables_of_a_small_network() -> None:
     tables = host_tables(small_plan())
     assert tables.injection.tolist() == [[0, 0, 4, 0], [1, 0, 4, 1]]
     assert tables.exc.tolist() == [[0, 4, 0], [0, 4, 1], [1, 0, 0]]
-    assert tables.inh.tolist() == [[0, 4, 2], [0, 4, 3], [0, 4, 4]]
+    assert tables.inh.tolist() == [[0, 4, 2]]
     assert tables.inputs.shape == (0, 3)
-    plan = small_plan(bias_input=True)
+    plan = small_plan(regular=True, bias_input=True)
     tables, image = host_tables(plan), core_images(plan)[0]
     assert tables.injection.shape == (0, 4)
-    assert tables.inputs.tolist() == [[0, 4, 5], [0, 4, 6]]
-    assert image.axons_out[-2:].tolist() == [[5, 0, 4, 0], [6, 0, 4, 1]]
+    assert tables.inputs.tolist() == [[0, 4, 3], [0, 4, 4]]
+    assert image.axons_out[-2:].tolist() == [[3, 0, 4, 0], [4, 0, 4, 1]]
     assert image.registers["cxProfileCfg"][2]["decayV"] == 0
     assert image.registers["vthProfileCfg"][2]["vth"] == 8000
 
 
-def test_without_inhibition_there_are_relays_but_no_lateral_axons() -> None:
+def test_without_inhibition_there_is_a_root_without_axons() -> None:
     one, two = core_images(small_plan(inhibition=0))
     assert (len(one.axons_in), len(two.axons_in), len(two.synapses)) == (5, 0, 0)
     assert one.axons_out[:, 0].tolist() == [0, 0, 1, 1]
@@ -124,8 +170,6 @@ def test_lateral_weights() -> None:
 
 
 def test_what_loihi_1_cannot_do_is_refused() -> None:
-    with pytest.raises(NetworkLimitError, match="shifts each weight, not their sum by 2 bits; use fewer weight bits"):
-        core_images(small_plan(shift=2))
     with pytest.raises(NetworkLimitError, match=r"decay 4096 does not fit 0\.\.4095; raise"):
         core_images(small_plan(decay=4096))
 
@@ -149,7 +193,7 @@ def altered(images: tuple[CoreImage, ...], tables: HostTables, seed: int) -> tup
 
 @pytest.mark.parametrize("bias_input", [False, True])
 def test_one_wrong_number_is_refused_or_is_another_network(bias_input: bool) -> None:
-    network = random_network(3, bias_input=bias_input, size=(30, 20), bits=5, inhibition=60)
+    network = random_network(3, signed=True, bias_input=bias_input, size=(30, 20), bits=5, inhibition=60, decay=130)
     plan = simple_plan(network, 4, 5)
     images, tables, told = core_images(plan), host_tables(plan), scalars_of(network)
     refused = set()
@@ -158,9 +202,10 @@ def test_one_wrong_number_is_refused_or_is_another_network(bias_input: bool) -> 
         text = ""
         try:
             found = network_of(others, other_tables, told, KAPOHO_BAY)
-            # A weight has changed, or what one input did is now another's.
-            assert where in ("synapses", "axons_out", "injection")
-            assert not np.array_equal(found.weights, network.weights)
+            # A weight or a bias has changed, or what one input did is now another's.
+            assert where in ("compartments", "synapses", "axons_out", "injection")
+            assert np.array_equal(found.weights, network.weights) == (where == "compartments")
+            assert np.array_equal(found.bias, network.bias) == (where != "compartments")
         except ModelFileError as error:
             text = str(error)
             refused.add(where)
@@ -176,11 +221,12 @@ def test_one_wrong_number_is_refused_or_is_another_network(bias_input: bool) -> 
         ({"threshold": 8}, "registers of chip 0 core 4 contradict"),
         ({"decay": 7}, "registers of chip 0 core 4 contradict"),
         ({"bits": 2}, "hold no network of ours .weights need 2 bits"),
+        ({"signed": 1}, "hold no network of ours .a synapse does not fit"),
+        ({"signed": 2}, "hold no network of ours .signed 2 is neither 0 nor 1"),
         ({"inhibition": 11}, "synapses of chip 0 core 4 contradict"),
         ({"inhibition_exponent": 2}, "registers of chip 0 core 4 contradict"),
-        ({"shift": 1}, "hold no network of ours .Loihi 1 shifts"),
-        ({"neurons": 4}, "tables hold 3 neurons, 3 relays and 0 inputs, but the network has 4 neurons and 2 inputs"),
-        ({"regular": 1}, "tables hold 3 neurons, 3 relays and 0 inputs"),
+        ({"neurons": 4}, "hold 3 neurons, 1 inhibitory ones and 0 inputs, but the network has 4, 1 and 0;"),
+        ({"regular": 1, "bias_input": 1}, "and 0 inputs, but the network has 3, 1 and 2;"),
         ({"inputs": 1}, "hold no network of ours"),
     ],
 )
@@ -208,8 +254,18 @@ def test_registers_that_are_not_as_written() -> None:
 def test_input_axons_that_change_places_are_refused() -> None:
     plan = small_plan()
     one, two = core_images(plan)
-    order = [0, 1, 3, 2, 4, 5, 6, 7]  # of the relays of neurons 0 and 1: each would inhibit its own
+    order = [0, 1, 2, 4, 3, 5]  # of neurons 0 and 1 to the root
     with pytest.raises(ModelFileError, match=r"^axons_in of chip 0 core 4 contradict the rest of the network; deploy"):
         network_of(
             (replace(one, axons_in=one.axons_in[order]), two), host_tables(plan), scalars_of(plan.network), KAPOHO_BAY
         )
+
+
+def test_a_bias_that_no_register_holds() -> None:
+    plan = small_plan()
+    images, told = core_images(plan), scalars_of(plan.network)
+    for mantissa, exponent in ((4096, 0), (-4096, 0), (1, 8), (1, -1), (-(1 << 31), 1 << 30)):
+        compartments = images[0].compartments.copy()
+        compartments[0, 2:] = mantissa, exponent
+        with pytest.raises(ModelFileError, match=r"^chip 0 core 4: a bias does not fit its register; deploy"):
+            network_of((replace(images[0], compartments=compartments), images[1]), host_tables(plan), told, KAPOHO_BAY)

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from support.boards.plans import random_network
 
 from lava_vpr.deploy.registers.synapse_memory import pack, stored_rows, unpack
 from lava_vpr.deploy.registers.synapses import Format, Formats, Rows, index_bits, joined, row_words
@@ -17,6 +18,7 @@ from lava_vpr.errors import ModelFileError
 
 DENSE = Format(4, 0, -4, "excitatory")
 SPARSE = Format(8, 6, 0, "inhibitory")
+MIXED = Format(4, 6, -5, "mixed")
 
 
 def rows_of(*rows: tuple[int, list[int], list[int]]) -> Rows:
@@ -45,7 +47,7 @@ def literal(rows: Rows, formats: list[Format | None]) -> tuple[list[int], list[l
             for compartment, weight in block:
                 if form.index_bits:
                     text = f"{compartment:0{form.index_bits}b}" + text
-                text = f"{weight:0{form.weight_bits}b}" + text
+                text = f"{weight % (1 << form.weight_bits):0{form.weight_bits}b}" + text
             value = int(text, 2)
             words += [value >> 64 * k & (1 << 64) - 1 for k in range(-(-len(text) // 64))]
         entries.append([first, len(words) - first, len(synapses)])
@@ -60,8 +62,8 @@ def random_rows(seed: int) -> tuple[Rows, list[Format | None], int]:
     formats: list[Format | None] = [None]
     for _ in range(int(rng.integers(1, 6))):
         width = 0 if rng.random() < 0.5 else int(rng.integers(need, 13))
-        bits, sign = int(rng.choice([1, 2, 3, 4, 5, 6, 8])), "inhibitory" if rng.random() < 0.5 else "excitatory"
-        formats.append(Format(bits, width, int(rng.integers(-7, 8)), sign))  # type: ignore[arg-type]
+        bits, sign = int(rng.choice([1, 2, 3, 4, 5, 6, 8])), rng.choice(["inhibitory", "excitatory", "mixed"])
+        formats.append(Format(bits, width, int(rng.integers(-7, 8)), str(sign)))  # type: ignore[arg-type]
     rows = []
     for _ in range(int(rng.integers(0, 9))):
         number = int(rng.integers(1, len(formats)))
@@ -69,7 +71,8 @@ def random_rows(seed: int) -> tuple[Rows, list[Format | None], int]:
         assert form is not None
         size = compartments if form.index_bits == 0 else int(rng.integers(1, compartments + 1))
         reached = np.sort(rng.choice(compartments, size, replace=False))
-        rows.append((number, list(reached), list(rng.integers(0, 1 << form.weight_bits, size))))
+        least = -(1 << form.weight_bits - 1) if form.mixed else 0
+        rows.append((number, list(reached), list(least + rng.integers(0, 1 << form.weight_bits, size))))
     return rows_of(*rows), formats, compartments
 
 
@@ -120,6 +123,9 @@ def test_weights_in_units_of_the_current() -> None:
     assert SPARSE.currents(np.array([10], np.int32)).tolist() == [-640]
     assert Format(2, 6, 1, "excitatory").currents(np.array([3], np.int32)).tolist() == [3 * 64 * 64 * 2]
     assert Format(8, 6, -7, "inhibitory").currents(np.array([3], np.int32)).tolist() == [-1]
+    # With signs one of b bits is the sign: k 2^(9 - b).
+    assert MIXED.currents(np.array([-8, 7], np.int32)).tolist() == [-8 * 64, 7 * 64]
+    assert Format(8, 6, -1, "mixed").currents(np.array([-63, 127], np.int32)).tolist() == [-63 * 64, 127 * 64]
     rows = rows_of((2, [5], [10]), (1, [0, 1], [1, 2]))
     assert rows.currents([None, DENSE, SPARSE]).tolist() == [-640, 64, 128]
 
@@ -129,11 +135,12 @@ def test_formats_as_registers() -> None:
     shown = ("wgtExp", "wgtBits", "idxBits", "numSynapses", "fanoutType", "compression", "dlyBits", "tagBits")
     assert [registers[name] for name in shown] == [0, 7, 1, 63, 3, 0, 0, 0]
     assert [DENSE.registers[name] for name in shown] == [-4, 4, 0, 63, 2, 3, 0, 0]
-    for form in (SPARSE, DENSE):
+    assert [MIXED.registers[name] for name in shown] == [-5, 4, 1, 63, 1, 0, 0, 0]
+    for form in (SPARSE, DENSE, MIXED):
         assert Format.of(form.registers, "here") == form
     changes: tuple[dict[str, Any], ...] = (
         {"dlyBits": 1},
-        {"fanoutType": 1},
+        {"fanoutType": 0},
         {"compression": 3},
         {"wgtBits": 0},
         {"wgtBits": 8},
@@ -165,10 +172,24 @@ def test_formats_come_into_use() -> None:
 def bad_rows() -> dict[str, tuple[Rows, list[Format | None]]]:
     return {
         "weight": (rows_of((1, [0], [16])), [None, DENSE]),
+        "sign": (rows_of((1, [0], [-1])), [None, DENSE]),
+        "mixed above": (rows_of((1, [0], [8])), [None, MIXED]),
+        "mixed below": (rows_of((1, [0], [-9])), [None, MIXED]),
         "gap": (rows_of((1, [1], [1])), [None, DENSE]),
         "index": (rows_of((2, [64], [1])), [None, DENSE, SPARSE]),
         "unused": (rows_of((0, [0], [0])), [None, DENSE]),
     }
+
+
+def test_the_formats_that_hold_weights() -> None:
+    for signed, bits, stored in ((False, 3, 3), (False, 7, 8), (True, 5, 6), (True, 6, 8), (True, 7, 8), (True, 1, 2)):
+        form = Format.of_weights(random_network(0, signed=signed, bits=bits), stored, 6)
+        top = (1 << bits) - 1
+        extremes = np.array([-top if signed else 0, top], np.int32)
+        assert form.currents(extremes).tolist() == (64 * extremes).tolist()
+        assert abs(form.exponent) <= 7
+        words, entries = pack(rows_of((1, [0, 1], extremes.tolist())), [None, form])
+        assert unpack(words, entries, [None, form], 2).weights.tolist() == extremes.tolist()
 
 
 @pytest.mark.parametrize("name", bad_rows())

@@ -125,6 +125,7 @@ def chips_of(plan: Plan, images: Any = None, tables: HostTables | None = None, *
     settings = {
         "steps": network.steps,
         "silent_steps": network.silent_steps,
+        "regular": network.regular,
         "bias_input": network.bias_input,
     } | changes
     return Chips.of(images or core_images(plan), tables or host_tables(plan), **settings)
