@@ -115,15 +115,15 @@ def _axons(network: FixedNetwork, core: CorePlan) -> _Axons:
     of_root = end if network.inhibition and neurons.size else -1
     end += of_root >= 0
     # First whom the leaves listen to, leaf after leaf, or the root if it listens itself; then the leaves.
-    found = []
-    for listener in listening(network):
-        here = np.isin(listener, inh)
-        found.append(np.where(here, end + np.cumsum(here) - 1, -1))
-        end += int(here.sum())
+    heard, heard_leaves = (np.isin(listener, inh) for listener in listening(network))
+    of_neuron = np.where(heard, end + np.cumsum(heard) - 1, -1)
+    end += int(heard.sum())
+    of_leaf = np.where(heard_leaves, end + np.cumsum(heard_leaves) - 1, -1)
+    end += int(heard_leaves.sum())
     of_relay = np.full(network.inputs, -1)
     if network.relayed:
         of_relay[inputs] = end + np.arange(inputs.size)
-    return _Axons(of_input, of_root, *found, of_relay)
+    return _Axons(of_input, of_root, of_neuron, of_leaf, of_relay)
 
 
 def _rows(plan: Plan, core: CorePlan, axons: _Axons) -> tuple[Rows, list[Format | None]]:
@@ -197,7 +197,7 @@ def _axons_out(plan: Plan, core: CorePlan, axons: Sequence[_Axons]) -> NDArray[n
     to_inh[:, :-1] = np.stack([own.of_leaf for own in axons])
     to_inh[:, -1] = [own.of_root for own in axons]
     found = []
-    for population, table in (("exc", to_neurons), ("inh", to_inh), ("inputs", to_inputs)):
+    for population, table in zip(POPULATIONS, (to_neurons, to_inh, to_inputs), strict=True):
         members, places = members_of(core, population)
         source, target = np.nonzero(table.T[members] >= 0)
         found.append(np.column_stack([places[source], targets[target], table[target, members[source]]]))

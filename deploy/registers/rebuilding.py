@@ -167,6 +167,6 @@ def _rebuilt(
     cores = tuple(_read_core(image, _parts(tables, image.chip, image.core), ways, found) for image in images)
     network = replace(empty, weights=weights, bias=bias)
     network.check()
-    bits = (max(of_rows, default=WEIGHT_BITS) for of_rows in (found.weight_bits, found.inhibition_bits))
-    plan = Plan(network, board, cores, *bits, hops=None, host_spikes=0)
+    bits, of_root = (max(own, default=WEIGHT_BITS) for own in (found.weight_bits, found.inhibition_bits))
+    plan = Plan(network, board, cores, bits, of_root, None, 0)
     return network, core_images(plan), host_tables(plan)
