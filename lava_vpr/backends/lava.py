@@ -15,6 +15,7 @@ from lava_vpr.configfile import to_dict
 from lava_vpr.engine.conductance import model as conductance
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.isolated.runner import run_isolated
@@ -38,6 +39,23 @@ class Timed(NamedTuple):
     counts: NDArray[np.int32]
     runs: NDArray[np.float64]
     held: int | None
+
+
+def events_of(
+    network: FixedNetwork, counts: NDArray[np.int32], inputs: NDArray[np.int64], inh: NDArray[np.int64], n: int
+) -> Events:
+    """The events of ``n`` presentations of which only spikes were counted.
+
+    Args:
+        network: What ran.
+        counts: Spikes of exc, (n, neurons).
+        inputs: Spikes of each input, (inputs,).
+        inh: Spikes of each inhibitory neuron, leaves and then the root, (inhibitory,).
+        n: Number of presentations.
+    """
+    operations = inputs @ network.prepared.row_sizes
+    raw = np.array([operations, inputs.sum(), counts.sum(), inh[:-1].sum(), inh[-1]], np.int64)
+    return fixed.named_events(network, raw, n)
 
 
 @dataclass(frozen=True)
@@ -66,9 +84,8 @@ class LavaBackend:
         counts = results["counts"].astype(np.int32)
         if "events" in results:
             return counts, dict(zip(fixed.EVENTS, (int(x) for x in results["events"]), strict=True))
-        network, per_input = checked_network(model, self.name), results["input_spikes"]
-        operations, input_spikes = int(per_input @ network.prepared.row_sizes), int(per_input.sum())
-        return counts, fixed.named_events(network, operations, input_spikes, int(counts.sum()), len(shown.rates))
+        network = checked_network(model, self.name)
+        return counts, events_of(network, counts, results["input_spikes"], results["inh_spikes"], len(shown.rates))
 
     def trains(self, model: Model, shown: Presentations) -> Trains:
         """See `lava_vpr.backends.interface.Backend.trains`; a population that Lava does not record has no train."""

@@ -12,7 +12,6 @@ from lava.proc.lif.process import LIF
 from numpy.typing import NDArray
 
 from lava_vpr.engine.inference.bias_input import THRESHOLD, biases, start_membranes
-from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.loihi import INPUT_SHIFT, NO_MEMORY_DECAY
 
 
@@ -29,16 +28,19 @@ class LibraryBiasInputs:
         sent: Writes of a Var's values so far; each is one message an element.
     """
 
-    def __init__(self, *, rates: NDArray[np.uint16], keys: NDArray[np.uint64], floating: bool = False) -> None:
+    def __init__(
+        self, *, rates: NDArray[np.uint16], keys: NDArray[np.uint64], silent_steps: int, floating: bool = False
+    ) -> None:
         """Make the compartments and give them the bias and start membrane of the first presentation.
 
         Args:
             rates: Spikes a step in units of 2^-16, uint16 (n, inputs), n at least 1.
             keys: One key per presentation, uint64 (n,).
+            silent_steps: Steps without input at the end of a presentation.
             floating: For a run with the tag ``floating_pt``: the library's floating-point model takes decays as
                 fractions, ignores bias exponents, and its membrane is in the unit of the threshold.
         """
-        self.rates, self.keys, self.floating = rates, keys, floating
+        self.rates, self.keys, self.silent_steps, self.floating = rates, keys, silent_steps, floating
         self.written = self._values(0)
         no_memory: float = 1.0 if floating else NO_MEMORY_DECAY
         self.lif = LIF(shape=rates.shape[1:], du=no_memory, dv=0, vth=THRESHOLD, **self.written)
@@ -59,7 +61,7 @@ class LibraryBiasInputs:
 
         After the last one, name it again: the silent steps need a membrane that stays below the threshold, too.
         """
-        for name, values in self._values(presentation, SILENT_STEPS).items():
+        for name, values in self._values(presentation, self.silent_steps).items():
             if name == "v" or not np.array_equal(values, self.written[name]):
                 getattr(self.lif, name).set(values)
                 self.written[name] = values

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
+
+from lava.proc.dense.process import Dense
 from lava.proc.lif.process import LIFReset
 from lava.proc.sparse.process import Sparse
 from lava.utils.weightutils import SignMode
-from scipy.sparse import identity
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 
 from lava_vpr.loihi import NO_MEMORY_DECAY
-from lava_vpr.processes.base.wiring import RELAY_WEIGHT
 
 
 def reset_each(interval: int) -> dict[str, int]:
@@ -17,15 +19,31 @@ def reset_each(interval: int) -> dict[str, int]:
     return {"reset_interval": interval, "reset_offset": 1}
 
 
-def relays(neurons: int, interval: int, floating: bool = False) -> tuple[Sparse, LIFReset]:
-    """The synapses from exc to inh, one to one, and inh: relays without memory, reset each ``interval`` steps.
+def without_memory(neurons: int, interval: int, floating: bool = False) -> LIFReset:
+    """Inhibitory neurons or relays, which any positive input makes spike, reset each ``interval`` steps.
 
     Args:
-        neurons: Number of relays.
+        neurons: Their number.
         interval: Steps of a presentation.
         floating: For a run with the tag ``floating_pt``, whose models take decays as fractions.
     """
-    weights = RELAY_WEIGHT * identity(neurons, dtype=float if floating else np.int32, format="csr")
     no_memory = 1.0 if floating else NO_MEMORY_DECAY
-    inh = LIFReset(shape=(neurons,), du=no_memory, dv=no_memory, vth=0, **reset_each(interval))
-    return Sparse(weights=weights, sign_mode=SignMode.EXCITATORY), inh
+    return LIFReset(shape=(neurons,), du=no_memory, dv=no_memory, vth=0, **reset_each(interval))
+
+
+def fixed_synapses(
+    weights: NDArray[Any], weight_exp: int = 0, floating: bool = False, sign_mode: SignMode = SignMode.EXCITATORY
+) -> Dense | Sparse:
+    """Synapses that do not learn: Dense where every source reaches every target, else Sparse.
+
+    Args:
+        weights: Mantissas (post, pre), whole numbers.
+        weight_exp: Their exponent.
+        floating: For a run with the tag ``floating_pt``, whose models ignore exponents.
+        sign_mode: Lava's.
+    """
+    if floating:
+        weights = weights * 2.0**weight_exp
+    if len(weights) == 1 or weights.shape[1] == 1:
+        return Dense(weights=weights, weight_exp=weight_exp, sign_mode=sign_mode)
+    return Sparse(weights=csr_matrix(weights), weight_exp=weight_exp, sign_mode=sign_mode)

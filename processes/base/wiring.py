@@ -4,37 +4,76 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference.fixed import FixedNetwork
+
 RELAY_WEIGHT = 2
-"""Weight of the synapses from exc to inh. Any positive one makes a relay spike; an even one does in every sign mode."""
+"""Weight of the synapses to inhibitory neurons and relays: any positive one makes them spike, an even one with any sign
+mode."""
 
 
-def connect(excite: Any, exc: Any, relay: Any, inh: Any, inhibit: Any) -> None:
-    """Connect the parts of a place network: exc to inh, one to one; inh to all other exc. Every arrow takes one step.
-
-    Args:
-        excite, relay, inhibit: Connections, with ``s_in`` and ``a_out``.
-        exc, inh: Populations, with ``a_in`` and ``s_out``.
-    """
-    for connection, population in ((excite, exc), (relay, inh), (inhibit, exc)):
-        connection.a_out.connect(population.a_in)
-    exc.s_out.connect(relay.s_in)
-    inh.s_out.connect(inhibit.s_in)
+def listening(network: FixedNetwork) -> NDArray[np.int32]:
+    """Weights (inhibitory, neurons) from exc to the inhibitory neurons that listen to it: the leaves, or the root."""
+    weights = np.full((1, network.neurons), RELAY_WEIGHT, np.int32)
+    if network.leaves:
+        weights = np.zeros((network.inhibitory, network.neurons), np.int32)
+        weights[np.arange(network.neurons) // fixed.FAN_IN, np.arange(network.neurons)] = RELAY_WEIGHT
+    return weights
 
 
-def wire(proc: Any, excite: Any, exc: Any, relay: Any, inh: Any, inhibit: Any) -> None:
-    """Make a network of its parts: `connect` them, and let the network's ports and Vars be theirs.
+def gathering(network: FixedNetwork) -> NDArray[np.int32]:
+    """Weights (inhibitory, inhibitory) from the leaves to the root, the last of them."""
+    weights = np.zeros((network.inhibitory, network.inhibitory), np.int32)
+    weights[-1, :-1] = RELAY_WEIGHT
+    return weights
+
+
+def inhibiting(network: FixedNetwork) -> NDArray[np.int32]:
+    """Mantissas (neurons, inhibitory) of what the root takes from each neuron, 0 or below."""
+    weights = np.zeros((network.neurons, network.inhibitory), np.int32)
+    weights[:, -1] = -network.inhibition
+    return weights
+
+
+def link(source: Any, synapses: Any, target: Any) -> None:
+    """Connect the population ``source`` with ``target`` through ``synapses``; it takes one step."""
+    source.s_out.connect(synapses.s_in)
+    synapses.a_out.connect(target.a_in)
+
+
+def wire(proc: Any, parts: Any) -> None:
+    """Connect the parts of a place network, and let the network's ports and Vars be theirs.
 
     Args:
         proc: The network, with the ports ``s_in``, ``s_out``, ``s_out_inh`` and the Vars ``weights``, ``u``, ``v``,
-            ``vth`` and ``v_inh``, which become those of its parts.
-        excite, exc, relay, inh, inhibit: As `connect` takes them.
+            ``vth``, ``v_inh`` and ``lateral_weights``, which become those of its parts.
+        parts: What holds them: the populations ``exc`` and ``inh``, the synapses ``excite`` (inputs to exc), ``listen``
+            (exc to inh) and ``inhibit`` (inh to exc); and where there are any ``gather`` (inh to inh), ``relays`` of
+            the inputs with their synapses ``forward``, or one relay for each neuron, ``own``, with the synapses
+            ``echo`` (exc to own) and ``give_back`` (own to exc).
     """
-    connect(excite, exc, relay, inh, inhibit)
-    proc.s_in.connect(excite.s_in)
-    exc.s_out.connect(proc.s_out)
-    inh.s_out.connect(proc.s_out_inh)
-    proc.vars.weights.alias(excite.weights)
-    proc.vars.u.alias(exc.u)
-    proc.vars.v.alias(exc.v)
-    proc.vars.vth.alias(exc.vth)
-    proc.vars.v_inh.alias(inh.v)
+    entrance = parts.excite
+    if hasattr(parts, "relays"):
+        entrance = parts.forward
+        parts.forward.a_out.connect(parts.relays.a_in)
+        parts.relays.s_out.connect(parts.excite.s_in)
+    proc.s_in.connect(entrance.s_in)
+    parts.excite.a_out.connect(parts.exc.a_in)
+    link(parts.exc, parts.listen, parts.inh)
+    if hasattr(parts, "gather"):
+        link(parts.inh, parts.gather, parts.inh)
+    link(parts.inh, parts.inhibit, parts.exc)
+    if hasattr(parts, "own"):
+        link(parts.exc, parts.echo, parts.own)
+        link(parts.own, parts.give_back, parts.exc)
+    parts.exc.s_out.connect(proc.s_out)
+    parts.inh.s_out.connect(proc.s_out_inh)
+    proc.vars.weights.alias(parts.excite.weights)
+    proc.vars.u.alias(parts.exc.u)
+    proc.vars.v.alias(parts.exc.v)
+    proc.vars.vth.alias(parts.exc.vth)
+    proc.vars.v_inh.alias(parts.inh.v)
+    proc.vars.lateral_weights.alias(parts.inhibit.weights)

@@ -10,7 +10,6 @@ from lava.magma.core.process.ports.ports import OutPort
 from lava.magma.core.process.variable import Var
 from numpy.typing import NDArray
 
-from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT
 from lava_vpr.processes.base.checked import CheckedProcess, RegisterVar, check_outputs, check_presentations, require
 from lava_vpr.processes.base.neurons import check_state
@@ -34,7 +33,7 @@ class BiasInputs(CheckedProcess):
     the last presentation the compartments rest.
 
     Port: ``s_out`` spikes (inputs,). Vars (inputs,): ``v``, ``bias_mant``, ``bias_exp``, and ``emitted`` int64, how
-    many spikes each input has sent. ``interval``: steps of a presentation. It can stand wherever a `PoissonEncoder`
+    many spikes each input has sent. ``interval``: steps of a presentation. It can stand wherever an encoder
     can.
     """
 
@@ -44,7 +43,7 @@ class BiasInputs(CheckedProcess):
         rates: NDArray[np.uint16],
         keys: NDArray[np.uint64],
         steps: int,
-        silent_steps: int = SILENT_STEPS,
+        silent_steps: int,
         emitted: NDArray[np.int64] | None = None,
         **kwargs: Any,
     ) -> None:
@@ -55,7 +54,7 @@ class BiasInputs(CheckedProcess):
             keys: One key per presentation (`lava_vpr.engine.random.presentation_keys`), uint64 (n,); start
                 membranes depend on it.
             steps: Steps with input, at least 1.
-            silent_steps: Steps without.
+            silent_steps: Steps without (`FixedNetwork.silent_steps`).
             emitted: Shared array to count in, besides the Var; int64 (inputs,).
         Raises:
             NetworkLimitError: arrays of another type or shape, or numbers of steps out of range.

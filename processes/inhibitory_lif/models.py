@@ -9,9 +9,9 @@ from lava_vpr.processes.inhibitory_lif.process import InhibitoryLIF
 
 @cpu_model(InhibitoryLIF, "float")
 class PyInhibitoryLIFFloat(LifModelFloat):
-    """The relays in float64, without truncation, wrapping and clipping."""
+    """The neurons in float64, without truncation, wrapping and clipping."""
 
 
 @cpu_model(InhibitoryLIF, "fixed")
 class PyInhibitoryLIFFixed(LifModelFixed):
-    """The relays in Loihi's integers, bit-accurate with Lava's LIF."""
+    """The neurons in Loihi's integers, bit-accurate with Lava's LIF."""

@@ -1,4 +1,4 @@
-"""The inhibitory population: one relay for each excitatory neuron."""
+"""The inhibitory population, the root and its leaves; and relays, which are the same neurons."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from lava_vpr.processes.base.neurons import LifProcess
 
 
 class InhibitoryLIF(LifProcess):
-    """Relays without memory: with the defaults any positive input makes a neuron spike in the same step.
+    """Neurons without memory: with the defaults any positive input makes one spike in the same step.
 
     Ports, Vars and arithmetic as `LifProcess`.
     """
 
     def __init__(self, *, dv: float = NO_MEMORY_DECAY, vth: Any = 0, **kwargs: Any) -> None:
-        """Make the population, by default of relays that any positive input makes spike.
+        """Make the population, by default of neurons that any positive input makes spike.
 
         Args:
             dv: Decay of the membrane in units of 2^-12.

@@ -1,10 +1,11 @@
 """Whole runs of Lava as functions of arrays and options, to be called in a process of their own.
 
-Each takes ``arrays``: ``weights`` uint8 (inputs, neurons), ``rates`` uint16 (n, inputs), ``keys`` uint64 (n,); and
-``options``: the other fields of `FixedNetwork`, ``tag`` (``fixed_pt`` or ``floating_pt``) and ``record`` (bool). Each
-returns ``counts`` int32 (n, neurons) and ``input_spikes`` int64 (inputs,), how many each input sent; with ``record``
-also the rasters ``exc``, ``inh`` uint8 (n, steps + 3, neurons) and ``inputs`` uint8 (n, steps + 3, inputs). With option
-``timed``, ``runs`` (many presentations a run of Lava where that is faster) or ``single`` (one), also what `Clock` has.
+Each takes ``arrays``: ``weights`` int16 (inputs, neurons), ``bias`` int32 (neurons,), ``rates`` uint16 (n, inputs),
+``keys`` uint64 (n,); and ``options``: the numbers of `FixedNetwork.scalars`, ``tag`` (``fixed_pt`` or ``floating_pt``)
+and ``record`` (bool). Each returns ``counts`` int32 (n, neurons), and how many spikes each input and each inhibitory
+neuron sent, ``input_spikes`` int64 (inputs,) and ``inh_spikes`` int64 (inhibitory,); with ``record`` also the rasters
+``exc``, ``inh`` and ``inputs``, uint8 (n, interval, neurons or inhibitory or inputs). With option ``timed``, ``runs``
+(many presentations a run of Lava where that is faster) or ``single`` (one), also what `Clock` has.
 """
 
 from __future__ import annotations
@@ -17,14 +18,14 @@ from lava.magma.core.process.ports.ports import InPort, OutPort
 from lava.magma.core.process.process import AbstractProcess
 from lava.magma.core.run_conditions import RunSteps
 from lava.magma.core.run_configs import Loihi2HwCfg, Loihi2SimCfg, RunConfig
-from lava.proc.lif.process import LIF
 from numpy.typing import NDArray
 
 from lava_vpr.engine.inference.bias_input import biases, schedule
-from lava_vpr.engine.inference.fixed import EVENTS, SILENT_STEPS, FixedNetwork
+from lava_vpr.engine.inference.fixed import EVENTS, FixedNetwork
 from lava_vpr.isolated import memory
 from lava_vpr.isolated.worker import report
 from lava_vpr.processes.base.checked import FIXED_TAG
+from lava_vpr.processes.base.encoders import EncoderProcess
 from lava_vpr.processes.base.lava_checks import refuse_cpu_models
 from lava_vpr.processes.base.library_inputs import LibraryBiasInputs
 from lava_vpr.processes.base.shared_memory import shared_array
@@ -33,12 +34,14 @@ from lava_vpr.processes.networks.fused_place_network.process import FusedPlaceNe
 from lava_vpr.processes.networks.library_place_network.process import LibraryPlaceNetwork
 from lava_vpr.processes.networks.place_network.process import PlaceNetwork
 from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
+from lava_vpr.processes.regular_encoder.process import RegularEncoder
 from lava_vpr.processes.spike_counter.process import SpikeCounter
 
 REPORT_SECONDS = 0.5
 """Aim for the time between two reports; one return from Lava costs 1-2 ms."""
 
 Arrays = dict[str, NDArray[Any]]
+Emitted = NDArray[np.int64]
 
 
 class Clock:
@@ -73,8 +76,8 @@ class Clock:
 
 def network_of(arrays: Arrays, options: dict[str, Any]) -> FixedNetwork:
     """The network that a job is asked to run."""
-    weights = np.ascontiguousarray(arrays["weights"], np.uint8)
-    return FixedNetwork.of_scalars(weights, options)
+    weights, bias = np.ascontiguousarray(arrays["weights"], np.int16), np.asarray(arrays["bias"], np.int32)
+    return FixedNetwork.of_scalars(weights, bias, options)
 
 
 def _begin(process: AbstractProcess, tag: str, board: bool) -> RunConfig | None:
@@ -85,7 +88,7 @@ def _begin(process: AbstractProcess, tag: str, board: bool) -> RunConfig | None:
     """
     if not board:
         return Loihi2SimCfg(select_tag=tag, select_sub_proc_model=True)
-    on_host = (PoissonEncoder, SpikeCounter)
+    on_host = (PoissonEncoder, RegularEncoder, SpikeCounter)
     executable = refuse_cpu_models(process, Loihi2HwCfg(select_sub_proc_model=True), on_host)
     process.create_runtime(executable=executable)
     return None
@@ -149,7 +152,7 @@ def play_written(
     for done in range(1, presentations + 1):
         inputs.write(min(done, presentations - 1))
         onward = steps if done < presentations else 0
-        inputs.lif.run(condition=RunSteps(num_steps=SILENT_STEPS + onward), run_cfg=config)
+        inputs.lif.run(condition=RunSteps(num_steps=inputs.silent_steps + onward), run_cfg=config)
         clock.add(1, began)
         began = time.monotonic()
         report(1)
@@ -182,48 +185,52 @@ def input_spikes(rates: NDArray[np.uint16], keys: NDArray[np.uint64], steps: int
     return total
 
 
-def _wired(network: PlaceNetwork | LibraryPlaceNetwork, arrays: Arrays, options: dict[str, Any]) -> Arrays:
-    """Inputs, network and counters; on a board, with the vendor's adapters between them.
+def _source(
+    network: PlaceNetwork | LibraryPlaceNetwork, rates: NDArray[np.uint16], keys: NDArray[np.uint64], emitted: Emitted
+) -> LibraryBiasInputs | BiasInputs | EncoderProcess:
+    """What sends the network its input spikes.
 
     Bias inputs of the library's network are its own LIF compartments, all others a Process of this project.
     """
+    spec = network.network
+    if spec.bias_input and isinstance(network, LibraryPlaceNetwork):
+        return LibraryBiasInputs(rates=rates, keys=keys, silent_steps=spec.silent_steps, floating=network.floating)
+    injected = RegularEncoder if spec.regular else PoissonEncoder
+    kind: type[BiasInputs | EncoderProcess] = BiasInputs if spec.bias_input else injected
+    return kind(rates=rates, keys=keys, steps=spec.steps, silent_steps=spec.silent_steps, emitted=emitted)
+
+
+def _wired(network: PlaceNetwork | LibraryPlaceNetwork, arrays: Arrays, options: dict[str, Any]) -> Arrays:
+    """Inputs, network and counters; on a board, with the vendor's adapters between them."""
     spec, interval, clock = network.network, network.interval, Clock(options)
     tag, board, record = str(options.get("tag", FIXED_TAG)), bool(options.get("board")), bool(options.get("record"))
     rates, keys = np.ascontiguousarray(arrays["rates"], np.uint16), np.asarray(arrays["keys"], np.uint64)
-    n, counts = len(rates), {"exc": shared_array((len(rates), spec.neurons), np.int32)}
-    result: Arrays = {"counts": counts["exc"], "input_spikes": shared_array((spec.inputs,), np.int64)}
+    n, sent = len(rates), shared_array((spec.inputs,), np.int64)
     if n == 0:
-        return result
-    written: LibraryBiasInputs | None = None
-    source: BiasInputs | PoissonEncoder | LIF
-    if spec.bias_input and isinstance(network, LibraryPlaceNetwork):
-        written = LibraryBiasInputs(rates=rates, keys=keys, floating=network.floating)
-        source = written.lif
-    else:
-        kind = BiasInputs if spec.bias_input else PoissonEncoder
-        source = kind(rates=rates, keys=keys, steps=spec.steps, emitted=result["input_spikes"])
-    across(source.s_out, network.s_in, "PyToNxAdapter" if board and not written else None)
-    ports = {"exc": network.s_out}
-    if record:
-        ports |= {"inh": network.s_out_inh, "inputs": source.s_out}
-        result |= {name: shared_array((n, interval, *port.shape), np.uint8) for name, port in ports.items()}
-    if written and (record or not board):
-        ports["inputs"], counts["inputs"] = source.s_out, shared_array((n, spec.inputs), np.int32)
+        silent = np.zeros(spec.inhibitory, np.int64)
+        return {"counts": np.zeros((0, spec.neurons), np.int32), "input_spikes": sent, "inh_spikes": silent}
+    source = _source(network, rates, keys, sent)
+    written = source if isinstance(source, LibraryBiasInputs) else None
+    inputs: OutPort = source.lif.s_out if isinstance(source, LibraryBiasInputs) else source.s_out
+    across(inputs, network.s_in, "PyToNxAdapter" if board and not written else None)
+    ports = {"exc": network.s_out, "inh": network.s_out_inh}
+    if record or (written and not board):
+        ports["inputs"] = inputs
+    counts = {name: shared_array((n, *port.shape), np.int32) for name, port in ports.items()}
+    result = {name: shared_array((n, interval, *port.shape), np.uint8) for name, port in ports.items() if record}
     for name, port in ports.items():
         counter = SpikeCounter(
-            shape=port.shape,
-            presentations=n,
-            interval=interval,
-            counts=counts.get(name),
-            raster=result.get(name),
+            shape=port.shape, presentations=n, interval=interval, counts=counts[name], raster=result.get(name)
         )
         across(port, counter.s_in, "NxToPyAdapter" if board and (written or name != "inputs") else None)
-    if not written:
+    if isinstance(source, LibraryBiasInputs):
+        play_written(source, n, spec.steps, tag, board=board, clock=clock)
+        counted = counts["inputs"].sum(axis=0) if "inputs" in counts else input_spikes(rates, keys, spec.steps)
+        sent = counted.astype(np.int64)
+    else:
         play(source, n, interval, tag, n, board=board, clock=clock)
-        return result | clock.arrays()
-    play_written(written, n, spec.steps, tag, board=board, clock=clock)
-    sent = counts["inputs"].sum(axis=0) if "inputs" in counts else input_spikes(rates, keys, spec.steps)
-    return result | {"input_spikes": sent.astype(np.int64)} | clock.arrays()
+    fired = counts["inh"].sum(axis=0, dtype=np.int64)
+    return {"counts": counts["exc"], "input_spikes": sent, "inh_spikes": fired, **result, **clock.arrays()}
 
 
 def composed(arrays: Arrays, options: dict[str, Any]) -> Arrays:
@@ -241,11 +248,11 @@ def fused(arrays: Arrays, options: dict[str, Any]) -> Arrays:
     """The network as one Process; integers only.
 
     Option ``batch`` (64): images of one Lava step; one if each is timed. Returns ``counts``, ``events`` int64 in the
-    order of `EVENTS`, and with ``record`` the raster ``exc``: it has no inputs and relays of its own.
+    order of `EVENTS`, and with ``record`` the raster ``exc``: it has no other populations of its own.
     """
     spec = network_of(arrays, options)
     rates, keys = np.ascontiguousarray(arrays["rates"], np.uint16), np.asarray(arrays["keys"], np.uint64)
-    n, interval = len(rates), spec.steps + SILENT_STEPS
+    n, interval = len(rates), spec.interval
     result: Arrays = {
         "counts": shared_array((n, spec.neurons), np.int32),
         "events": shared_array((len(EVENTS),), np.int64),

@@ -1,4 +1,4 @@
-"""Models of `LateralInhibition`."""
+"""The model of `LateralInhibition`."""
 
 from __future__ import annotations
 
@@ -14,33 +14,18 @@ from lava_vpr.processes.base.cpu_model import cpu_model
 from lava_vpr.processes.lateral_inhibition.process import LateralInhibition
 
 
-class _LateralModel(PyLoihiProcessModel):
-    s_in: PyInPort = LavaPyType(PyInPort.VEC_DENSE, bool, precision=1)
-    a_out: PyOutPort
-    inhibition: NDArray[Any]
-    a_buff: NDArray[Any]
-
-    def run_spk(self) -> None:
-        """Send what the spikes of the step before take, then take this step's."""
-        self.a_out.send(self.a_buff)
-        spikes = np.flatnonzero(self.s_in.recv())
-        self.a_buff[:] = -self.inhibition * len(spikes)
-        self.a_buff[spikes] += self.inhibition
-
-
 @cpu_model(LateralInhibition, "float")
-class PyLateralInhibitionFloat(_LateralModel):
+class PyLateralInhibitionFloat(PyLoihiProcessModel):
     """The inhibition between neurons in float64, with any strength."""
 
+    s_in: PyInPort = LavaPyType(PyInPort.VEC_DENSE, bool, precision=1)
     a_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, float)
     inhibition: NDArray[np.float64] = LavaPyType(np.ndarray, float)
     a_buff: NDArray[np.float64] = LavaPyType(np.ndarray, float)
 
-
-@cpu_model(LateralInhibition, "fixed")
-class PyLateralInhibitionFixed(_LateralModel):
-    """The inhibition between neurons in Loihi's integers."""
-
-    a_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, np.int32, precision=24)
-    inhibition: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=16)
-    a_buff: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=24)
+    def run_spk(self) -> None:
+        """Send what the spikes of the step before take, then take this step's."""
+        self.a_out.send(self.a_buff)
+        spikes: NDArray[Any] = np.flatnonzero(self.s_in.recv())
+        self.a_buff[:] = -self.inhibition * len(spikes)
+        self.a_buff[spikes] += self.inhibition

@@ -20,10 +20,14 @@ class _OneToOneModel(PyLoihiProcessModel):
     weight: NDArray[Any]
     a_buff: NDArray[Any]
 
+    def __init__(self, proc_params: Any) -> None:
+        super().__init__(proc_params)
+        self.unit = 1 << proc_params["weight_exp"]
+
     def run_spk(self) -> None:
         """Send what the spikes of the step before bring, then take this step's."""
         self.a_out.send(self.a_buff)
-        np.multiply(self.s_in.recv().astype(bool, copy=False), self.weight, out=self.a_buff)
+        np.multiply(self.s_in.recv().astype(bool, copy=False), self.weight * self.unit, out=self.a_buff)
 
 
 @cpu_model(OneToOne, "float")
@@ -39,6 +43,6 @@ class PyOneToOneFloat(_OneToOneModel):
 class PyOneToOneFixed(_OneToOneModel):
     """The synapses from each neuron to its partner in Loihi's integers."""
 
-    a_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, np.int16, precision=9)
-    weight: NDArray[np.int16] = LavaPyType(np.ndarray, np.int16, precision=9)
-    a_buff: NDArray[np.int16] = LavaPyType(np.ndarray, np.int16, precision=9)
+    a_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, np.int32, precision=24)
+    weight: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=9)
+    a_buff: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=24)

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from support.lava.small_networks import random_bias
 
 from benchmarks.nordland import encoded, learn, part
 from lava_vpr.config import preset
 from lava_vpr.encoding import draw_trains, rates16
-from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork, count_spikes
+from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.isolated.runner import run_isolated
 
@@ -20,35 +22,50 @@ IMAGES, STEPS = 3, 60
 
 
 def through_lava(cases: dict[str, tuple[FixedNetwork, NDArray[np.uint8]]]) -> dict[str, NDArray[np.int64]]:
-    """The rasters (n, steps + 3, neurons) that Lava's library makes of each network and its input spikes (.., inputs).
+    """The rasters (n, interval, neurons) that Lava's library makes of each network and its input spikes (.., inputs).
 
     Nothing of this project runs there: spikes come from a RingBuffer and go into one.
     """
-    names = ("bits", "shift", "threshold", "lateral", "decay")
-    options = {case: {name: int(getattr(network, name)) for name in names} for case, (network, _) in cases.items()}
+    options: dict[str, dict[str, int]] = {}
     arrays: dict[str, NDArray[Any]] = {}
     for case, (network, spikes) in cases.items():
-        arrays |= {f"{case}_weights": network.weights, f"{case}_spikes": spikes}
+        mantissas, exponent = network.bias_registers
+        options[case] = network.scalars | {"bias_exponent": exponent}
+        arrays |= {f"{case}_weights": network.weights, f"{case}_spikes": spikes, f"{case}_mantissas": mantissas}
     return run_isolated("support.lava.lava_network:present_each", arrays, options, timeout=240)
 
 
 def test_every_spike_equals_lavas_library() -> None:
     cases, films = {}, {}
-    for bits, shift, threshold in ((1, 0, 12), (3, 0, 60), (3, 1, 30), (8, 5, 60)):
+    for bits, signed, exponent in ((1, False, 0), (1, True, 0), (3, True, 1), (7, True, 3), (8, False, 4)):
         rng = np.random.default_rng(bits)
-        weights = (rng.integers(0, 1 << bits, (60, 12)) * (rng.random((60, 12)) < 0.6)).astype(np.uint8)
-        network = FixedNetwork(weights, bits, shift, threshold, min(255, threshold), 0, 137, STEPS)
+        weights = rng.integers(0, 1 << bits, (60, 12)) * (rng.random((60, 12)) < 0.6)
+        threshold = (4 if signed else 12) << (bits - 1)
+        if signed:
+            weights = weights * rng.choice([-1, 1], weights.shape, p=[0.3, 0.7])
+        network = FixedNetwork(
+            weights=weights.astype(np.int16),
+            bias=np.zeros(12, np.int32),
+            bits=bits,
+            signed=signed,
+            threshold=threshold,
+            inhibition=min(255, threshold),
+            inhibition_exponent=exponent,
+            decay=137,
+            steps=STEPS,
+        )
+        network = replace(network, bias=random_bias(rng, network))
         network.check()
         rates = rng.integers(0, 12_000, (IMAGES, 60)).astype(np.uint16)
         keys = presentation_keys(0, "query", np.arange(IMAGES))
         counts, _, film = count_spikes(network, rates, keys, raster=True)
         assert counts.sum() > 30
         assert (counts > 0).sum() > 6
-        name = f"{bits} bits, shift {shift}"
+        name = f"{bits} bits, {'signed' if signed else 'unsigned'}"
         films[name] = film
-        cases[name] = network, draw_trains(rates, keys, STEPS, STEPS + SILENT_STEPS)
+        cases[name] = network, draw_trains(rates, keys, STEPS, network.interval)
     rasters = through_lava(cases)
-    assert len(rasters) == 4
+    assert len(rasters) == 5
     for name, film in films.items():
         assert np.array_equal(film, rasters[name]), name
 
@@ -62,5 +79,5 @@ def test_the_trained_network_on_real_queries_equals_lavas_library(data_root: Pat
     rates, keys = rates16(queries.activity, config.encoder.query_spikes), presentation_keys(0, "query", queries.indices)
     counts, _, film = count_spikes(network, rates, keys, raster=True)
     assert (counts.sum(axis=1) > 10).all()
-    spikes = draw_trains(rates, keys, network.steps, network.steps + SILENT_STEPS)
+    spikes = draw_trains(rates, keys, network.steps, network.interval, regular=network.regular)
     assert np.array_equal(film, through_lava({"real": (network, spikes)})["real"])

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from lava.utils.weightutils import SignMode
+from numpy.typing import NDArray
 
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import NetworkLimitError
@@ -15,7 +17,6 @@ from lava_vpr.processes.dense_synapses.process import DenseSynapses
 from lava_vpr.processes.excitatory_lif.models import PyExcitatoryLIFFixed, PyExcitatoryLIFFloat
 from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF
 from lava_vpr.processes.inhibitory_lif.process import InhibitoryLIF
-from lava_vpr.processes.lateral_inhibition.models import PyLateralInhibitionFixed, PyLateralInhibitionFloat
 from lava_vpr.processes.lateral_inhibition.process import LateralInhibition
 from lava_vpr.processes.networks.fused_place_network.process import FusedPlaceNetwork
 from lava_vpr.processes.networks.library_place_network.process import LibraryPlaceNetwork
@@ -23,6 +24,7 @@ from lava_vpr.processes.networks.place_network.process import PlaceNetwork
 from lava_vpr.processes.one_to_one.models import PyOneToOneFixed, PyOneToOneFloat
 from lava_vpr.processes.one_to_one.process import OneToOne
 from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
+from lava_vpr.processes.regular_encoder.process import RegularEncoder
 from lava_vpr.processes.spike_counter.process import SpikeCounter
 
 
@@ -34,16 +36,28 @@ def lif(**changes: Any) -> ExcitatoryLIF:
     return ExcitatoryLIF(**{"shape": (3,), "dv": 137, "vth": 80} | changes)
 
 
+PRESENTED = {"rates": np.ones((2, 3), np.uint16), "keys": np.ones(2, np.uint64), "steps": 4, "silent_steps": 3}
+
+
+def regular(**changes: Any) -> RegularEncoder:
+    return RegularEncoder(**PRESENTED | changes)
+
+
 def encoder(**changes: Any) -> PoissonEncoder:
-    return PoissonEncoder(**{"rates": np.ones((2, 3), np.uint16), "keys": np.ones(2, np.uint64), "steps": 4} | changes)
+    return PoissonEncoder(**PRESENTED | changes)
 
 
 def counter(**changes: Any) -> SpikeCounter:
     return SpikeCounter(**{"shape": (3,), "presentations": 2, "interval": 4} | changes)
 
 
+def place(weights: NDArray[np.int16], **changes: Any) -> FixedNetwork:
+    numbers: dict[str, Any] = {"threshold": 5, "inhibition": 5, "inhibition_exponent": 0, "decay": 137, "steps": 4}
+    return FixedNetwork(weights, np.zeros(weights.shape[1], np.int32), 1, False, **numbers | changes)
+
+
 def fused(**changes: Any) -> FusedPlaceNetwork:
-    network = FixedNetwork(np.ones((3, 2), np.uint8), 1, 0, 5, 5, 0, 137, 4)
+    network = place(np.ones((3, 2), np.int16))
     return FusedPlaceNetwork(
         **{"network": network, "rates": np.ones((2, 3), np.uint16), "keys": np.ones(2, np.uint64)} | changes
     )
@@ -78,13 +92,13 @@ REFUSED: list[tuple[Any, dict[str, Any], str]] = [
     (InhibitoryLIF, {"shape": (3,), "vth": -1}, "threshold is -1"),
     (OneToOne, {"shape": (3,), "weight": 256}, "weight is 256, but must be a whole number in -255..255"),
     (OneToOne, {"shape": (), "weight": 1}, "OneToOne: shape is ()"),
+    (OneToOne, {"shape": (3,), "weight": 1, "weight_exp": 8}, "weight_exp is 8, but must be in 0..7"),
     (LateralInhibition, {"shape": (3,), "inhibition": -1}, "inhibition is -1, but must be at least 0"),
-    (LateralInhibition, {"shape": (3,), "inhibition": 257}, "inhibition is 257, but must be m 2^e with m in 0..255"),
-    (LateralInhibition, {"shape": (3,), "inhibition": 1 << 15}, "inhibition is 32768"),
-    (LateralInhibition, {"shape": (600,), "inhibition": 255}, "inhibition by 599 neurons is 152745, but must be below"),
     (encoder, {"rates": np.ones((2, 3))}, "rates are float64 (2, 3), but must be uint16 (n, inputs)"),
     (encoder, {"keys": np.ones(3, np.uint64)}, "keys are uint64 (3,), but must be uint64 (2,)"),
     (encoder, {"steps": 0}, "0 steps and 3 silent ones, but at least 1 and 0 are needed"),
+    (regular, {"steps": 2.5}, "RegularEncoder: 2.5 steps and 3 silent ones, but at least 1 and 0 are needed"),
+    (regular, {"keys": np.ones(3, np.uint64)}, "RegularEncoder: keys are uint64 (3,), but must be uint64 (2,)"),
     (encoder, {"emitted": np.zeros(3, np.int32)}, "emitted is int32 (3,), but must be int64 (3,)"),
     (counter, {"presentations": 0}, "presentations is 0"),
     (counter, {"interval": 0}, "interval is 0"),
@@ -106,8 +120,11 @@ def test_what_cannot_be_is_refused_when_it_is_made(make: Any, changes: dict[str,
 
 @pytest.mark.parametrize("kind", [PlaceNetwork, LibraryPlaceNetwork])
 def test_networks_that_could_overflow_are_refused(kind: Any) -> None:
-    with pytest.raises(NetworkLimitError, match="lateral inhibition of 900 neurons can reach"):
-        kind(network=FixedNetwork(np.ones((3, 900), np.uint8), 1, 0, 5, 200, 0, 137, 4))
+    weights = np.full((140_000, 1), 1, np.int16)
+    with pytest.raises(NetworkLimitError, match=r"weights above 0 of one neuron sum to 140,000, but Loihi's 24-bit"):
+        kind(network=place(weights))
+    with pytest.raises(NetworkLimitError, match="a bias of 700 makes its neuron spike without input"):
+        kind(network=replace(place(weights[:3]), bias=np.array([700], np.int32)))
 
 
 FLOATS = [
@@ -116,12 +133,6 @@ FLOATS = [
     (lambda: lif(floor=-60.5), PyExcitatoryLIFFixed, PyExcitatoryLIFFloat, "floor is "),
     (lambda: dense(weights=np.array([[0.5]])), PyDenseSynapsesFixed, PyDenseSynapsesFloat, "weight is 0.5"),
     (lambda: OneToOne(shape=(2,), weight=1.5), PyOneToOneFixed, PyOneToOneFloat, "weight is 1.5"),
-    (
-        lambda: LateralInhibition(shape=(2,), inhibition=0.1),
-        PyLateralInhibitionFixed,
-        PyLateralInhibitionFloat,
-        "inhibition is 0.1",
-    ),
 ]
 
 

@@ -17,7 +17,7 @@ from lava.utils.weightutils import SignMode
 from numpy.typing import NDArray
 from support.lava.model_harness import build, drive, some_spikes
 
-from lava_vpr.encoding import draw_spikes, rates16
+from lava_vpr.encoding import draw_spikes, draw_trains, rates16
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.dense_synapses.models import PyDenseSynapsesFixed, PyDenseSynapsesFloat
@@ -26,12 +26,14 @@ from lava_vpr.processes.excitatory_lif.models import PyExcitatoryLIFFixed, PyExc
 from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF
 from lava_vpr.processes.inhibitory_lif.models import PyInhibitoryLIFFixed, PyInhibitoryLIFFloat
 from lava_vpr.processes.inhibitory_lif.process import InhibitoryLIF
-from lava_vpr.processes.lateral_inhibition.models import PyLateralInhibitionFixed, PyLateralInhibitionFloat
+from lava_vpr.processes.lateral_inhibition.models import PyLateralInhibitionFloat
 from lava_vpr.processes.lateral_inhibition.process import LateralInhibition
 from lava_vpr.processes.one_to_one.models import PyOneToOneFixed, PyOneToOneFloat
 from lava_vpr.processes.one_to_one.process import OneToOne
 from lava_vpr.processes.poisson_encoder.models import PyPoissonEncoderFixed, PyPoissonEncoderFloat
 from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
+from lava_vpr.processes.regular_encoder.models import PyRegularEncoderFixed, PyRegularEncoderFloat
+from lava_vpr.processes.regular_encoder.process import RegularEncoder
 from lava_vpr.processes.spike_counter.models import PySpikeCounterFixed
 from lava_vpr.processes.spike_counter.process import SpikeCounter
 
@@ -136,27 +138,29 @@ def test_what_lavas_lif_lacks_equals_a_literal_version(kind: Any, seed: int) -> 
 
 
 @pytest.mark.parametrize("kind", [PyInhibitoryLIFFixed, PyInhibitoryLIFFloat])
-def test_the_inhibitory_population_relays(kind: Any) -> None:
+@pytest.mark.parametrize("spikes", [1, 4096])
+def test_inhibitory_neurons_fire_in_the_step_of_any_input(kind: Any, spikes: int) -> None:
     given = some_spikes(np.random.default_rng(0), 30, 4)
     model = build(InhibitoryLIF(shape=(4,), reset_interval=9), kind)
-    assert np.array_equal(drive(model, given * 2, "a_in", "s_out"), given)
+    assert np.array_equal(drive(model, given * 2 * spikes, "a_in", "s_out"), given)
 
 
 @pytest.mark.parametrize("kind", [PyOneToOneFixed, PyOneToOneFloat])
-@pytest.mark.parametrize("weight", [2, -255, 255])
-def test_one_to_one_takes_one_step(kind: Any, weight: int) -> None:
+@pytest.mark.parametrize(("weight", "exponent"), [(2, 0), (-255, 7), (255, 7)])
+def test_one_to_one_takes_one_step(kind: Any, weight: int, exponent: int) -> None:
     spikes = some_spikes(np.random.default_rng(1), 20, 5)
-    sent = drive(build(OneToOne(shape=(5,), weight=weight), kind), spikes, "s_in", "a_out")
-    assert np.array_equal(sent[1:], weight * spikes[:-1])
+    process = OneToOne(shape=(5,), weight=weight, weight_exp=exponent)
+    sent = drive(build(process, kind), spikes, "s_in", "a_out")
+    assert np.array_equal(sent[1:], (weight << exponent) * spikes[:-1])
     assert not sent[0].any()
 
 
-@pytest.mark.parametrize("kind", [PyLateralInhibitionFixed, PyLateralInhibitionFloat])
-@pytest.mark.parametrize("inhibition", [0, 87, 255 << 5])
-def test_lateral_inhibition_is_a_matrix_without_diagonal(kind: Any, inhibition: int) -> None:
+@pytest.mark.parametrize("inhibition", [0, 87, 17.25])
+def test_lateral_inhibition_is_a_matrix_without_diagonal(inhibition: float) -> None:
     spikes = some_spikes(np.random.default_rng(2), 20, 6)
-    sent = drive(build(LateralInhibition(shape=(6,), inhibition=inhibition), kind), spikes, "s_in", "a_out")
-    assert np.array_equal(sent[1:], spikes[:-1].astype(int) @ (inhibition * (np.eye(6, dtype=int) - 1)))
+    process = LateralInhibition(shape=(6,), inhibition=inhibition)
+    sent = drive(build(process, PyLateralInhibitionFloat), spikes, "s_in", "a_out")
+    assert np.array_equal(sent[1:], spikes[:-1].astype(int) @ (inhibition * (np.eye(6) - 1)))
     assert not sent[0].any()
 
 
@@ -172,6 +176,23 @@ def test_the_encoder_sends_the_drawn_spikes_then_nothing(kind: Any, steps: int, 
     for image in range(3):
         assert np.array_equal(sent[image, :steps], draw_spikes(rates[image], int(keys[image]), steps))
     assert not sent[:, steps:].any()
+    assert not sent[3].any()
+    assert sent.any()
+    assert np.array_equal(emitted, sent.sum(axis=(0, 1)))
+    assert np.array_equal(model.emitted, emitted)
+
+
+@pytest.mark.parametrize("kind", [PyRegularEncoderFixed, PyRegularEncoderFloat])
+@pytest.mark.parametrize(("steps", "inputs"), [(1, 3), (6, 1), (29, 40)])
+def test_the_regular_encoder_sends_the_spikes_of_input_compartments(kind: Any, steps: int, inputs: int) -> None:
+    rng = np.random.default_rng(steps)
+    rates = (rng.integers(0, 65_536, (3, inputs)) * (rng.random((3, inputs)) < 0.7)).astype(np.uint16)
+    keys, emitted = presentation_keys(1, "query", np.arange(3)), np.zeros(inputs, np.int64)
+    process = RegularEncoder(rates=rates, keys=keys, steps=steps, silent_steps=2, emitted=emitted)
+    process.compile_kernels()
+    model = build(process, kind)
+    sent = drive(model, 4 * (steps + 2), port_out="s_out").reshape(4, steps + 2, inputs)
+    assert np.array_equal(sent[:3], draw_trains(rates, keys, steps, steps + 2, regular=True))
     assert not sent[3].any()
     assert sent.any()
     assert np.array_equal(emitted, sent.sum(axis=(0, 1)))

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from support.lava.model_harness import build, drive
-from support.lava.small_networks import random_network
+from support.lava.small_networks import SMALL_LIMITS, limits, random_network
 
-from lava_vpr.encoding import draw_spikes
+from lava_vpr.backends.lava import events_of
+from lava_vpr.encoding import draw_spikes, draw_trains
 from lava_vpr.engine.general.lif import stored_weights
-from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
+from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes, inhibitory_spikes
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.processes.excitatory_lif.models import PyExcitatoryLIFFixed
@@ -21,6 +23,7 @@ from lava_vpr.processes.networks.fused_place_network.models import PyFusedPlaceN
 from lava_vpr.processes.networks.fused_place_network.process import EVENTS, FusedPlaceNetwork
 
 TIMEOUT = 200.0
+SPIKES = ("input_spikes", "inh_spikes")
 
 
 def some_input(network: FixedNetwork, n: int) -> tuple[NDArray[np.uint16], NDArray[np.uint64]]:
@@ -28,29 +31,38 @@ def some_input(network: FixedNetwork, n: int) -> tuple[NDArray[np.uint16], NDArr
     return rates, presentation_keys(2, "query", np.arange(n))
 
 
-def test_composed_and_library_networks_equal_the_host_for_narrow_and_wide_weights() -> None:
+CASES = {
+    "b1": random_network(1),
+    "b3_signed": random_network(3, signed=True),
+    "b3_regular": random_network(3, regular=True),
+    "b7_signed_regular": random_network(7, signed=True, regular=True),
+    "b8": random_network(8),
+}
+
+
+@pytest.mark.parametrize("small", [{}, SMALL_LIMITS], ids=["direct", "leaves and relays"])
+def test_composed_and_library_networks_equal_the_host(small: dict[str, int]) -> None:
     # All widths: test_many_random_place_networks_equal_lavas_library.
-    networks = {f"b{bits}": random_network(bits) for bits in (1, 3, 6, 8)}
     arrays: dict[str, NDArray[Any]] = {}
-    for name, network in networks.items():
+    for name, network in CASES.items():
         rates, keys = some_input(network, 3)
-        arrays |= {f"{name}_weights": network.weights, f"{name}_rates": rates, f"{name}_keys": keys}
-    options = {"networks": {name: network.scalars for name, network in networks.items()}}
+        given = {"weights": network.weights, "bias": network.bias, "rates": rates, "keys": keys}
+        arrays |= {f"{name}_{key}": value for key, value in given.items()}
+    options = {"networks": {name: network.scalars for name, network in CASES.items()}, "limits": small}
     got = run_isolated("support.lava.process_targets:side_by_side", arrays, options, timeout=TIMEOUT)
-    for name, network in networks.items():
-        counts, _, film = count_spikes(network, arrays[f"{name}_rates"], arrays[f"{name}_keys"], raster=True)
-        assert (counts.sum(axis=1) > 3).all(), name
-        assert np.array_equal(got[f"{name}_place"], film), name
-        assert np.array_equal(got[f"{name}_library"], film), name
+    with limits(**small):
+        for name, kept in CASES.items():
+            network = replace(kept)  # without what was made with other limits
+            assert (network.depth, network.input_delay) == ((2, 2) if small else (1, 1))
+            counts, _, film = count_spikes(network, arrays[f"{name}_rates"], arrays[f"{name}_keys"], raster=True)
+            assert (counts.sum(axis=1) > 3).all(), name
+            for side in ("place", "library"):
+                assert np.array_equal(got[f"{name}_{side}_exc"], film), (name, side)
+                assert np.array_equal(got[f"{name}_{side}_inh"], inhibitory_spikes(network, film)), (name, side)
 
 
-def test_every_job_records_the_same() -> None:
-    network = random_network(3, seed=1, shift=0)
-    rates, keys = some_input(network, 4)
-    counts, events, film = count_spikes(network, rates, keys, raster=True)
-    inputs = np.zeros((4, network.steps + 3, network.inputs), np.uint8)
-    for image in range(4):
-        inputs[image, : network.steps] = draw_spikes(rates[image], int(keys[image]), network.steps)
+def run_every_job(network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.uint64], **options: Any) -> Any:
+    """The results of all jobs in fixed point, and of those that have it in floating point."""
     runs = [
         ("fused", "fixed_pt"),
         *((job, tag) for job in ("composed", "library") for tag in ("fixed_pt", "floating_pt")),
@@ -58,27 +70,35 @@ def test_every_job_records_the_same() -> None:
     done: list[int] = []
     got = run_isolated(
         "support.lava.process_targets:every_job",
-        {"weights": network.weights, "rates": rates, "keys": keys},
-        {"runs": runs, "network": network.scalars | {"batch": 3}},
+        {"weights": network.weights, "bias": network.bias, "rates": rates, "keys": keys},
+        {"runs": runs, "network": network.scalars | {"batch": 3}, **options},
         timeout=TIMEOUT,
         progress=done.append,
     )
-    assert sum(done) == 4 * len(runs)
-    assert counts.sum() > 60
-    for job in ("composed", "library", "fused"):
-        parts = ("counts", "exc", *(("inh", "inputs", "input_spikes") if job != "fused" else ()))
-        one = {key: got[f"{job}_fixed_pt_{key}"] for key in parts}
+    assert sum(done) == len(keys) * len(runs)
+    return got
+
+
+def check_every_job(
+    network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.uint64], got: dict[str, NDArray[Any]]
+) -> None:
+    """What the jobs recorded, against the host."""
+    counts, events, film = count_spikes(network, rates, keys, raster=True)
+    inputs = draw_trains(rates, keys, network.steps, network.interval, regular=network.regular)
+    inh = inhibitory_spikes(network, film)
+    assert counts.sum() > 30
+    for job in ("composed", "library"):
+        one = {key: got[f"{job}_fixed_pt_{key}"] for key in ("counts", "exc", "inh", "inputs", *SPIKES)}
         assert one["counts"].dtype == np.int32
         assert np.array_equal(one["counts"], counts)
-        assert np.array_equal(one["exc"], film)
-        if job == "fused":
-            assert "fused_fixed_pt_inh" not in got
-            continue
-        assert np.array_equal(one["inh"][:, 1:], film[:, :-1])
-        assert not one["inh"][:, 0].any()
-        assert np.array_equal(one["inputs"], inputs)
-        assert one["input_spikes"].dtype == np.int64
-        assert np.array_equal(one["input_spikes"], inputs.sum(axis=(0, 1)))
+        for key, train in (("exc", film), ("inh", inh), ("inputs", inputs)):
+            assert np.array_equal(one[key], train), (job, key)
+        for key, train in zip(SPIKES, (inputs, inh), strict=True):
+            assert one[key].dtype == np.int64
+            assert np.array_equal(one[key], train.sum(axis=(0, 1)))
+    assert np.array_equal(got["fused_fixed_pt_counts"], counts)
+    assert np.array_equal(got["fused_fixed_pt_exc"], film)
+    assert "fused_fixed_pt_inh" not in got
     assert dict(zip(EVENTS, got["fused_fixed_pt_events"].tolist(), strict=True)) == events
     # Without truncation ours is the library's float network; it differs from the integers where a decay was truncated.
     for key in ("exc", "inh", "inputs"):
@@ -86,6 +106,30 @@ def test_every_job_records_the_same() -> None:
     apart = np.abs(got["composed_floating_pt_counts"] - counts).sum()
     assert apart <= 0.1 * counts.sum()
     assert np.array_equal(got["composed_floating_pt_inputs"], inputs)
+
+
+def test_every_job_records_the_same() -> None:
+    network = random_network(3, seed=1, signed=True)
+    rates, keys = some_input(network, 4)
+    check_every_job(network, rates, keys, run_every_job(network, rates, keys))
+
+
+def test_every_job_records_the_same_with_leaves_and_relays() -> None:
+    with limits(**SMALL_LIMITS):
+        network = random_network(3, seed=1, regular=True)
+        rates, keys = some_input(network, 4)
+        check_every_job(network, rates, keys, run_every_job(network, rates, keys, limits=SMALL_LIMITS))
+
+
+def test_the_backend_counts_the_hosts_events() -> None:
+    for small in ({}, SMALL_LIMITS):
+        with limits(**small):
+            network = random_network(4, signed=True)
+            rates, keys = some_input(network, 3)
+            counts, events, film = count_spikes(network, rates, keys, raster=True)
+            inputs = draw_trains(rates, keys, network.steps, network.interval).sum(axis=(0, 1))
+            inh = inhibitory_spikes(network, film).sum(axis=(0, 1))
+            assert events_of(network, counts, inputs, inh, 3) == events
 
 
 def test_the_fused_process_without_shared_arrays() -> None:
@@ -104,25 +148,23 @@ def test_the_fused_process_without_shared_arrays() -> None:
     assert np.array_equal(raster, film)
 
 
-@pytest.mark.parametrize("bits", range(1, 9))
-@pytest.mark.parametrize("shift", range(8))
-def test_stored_weights_give_the_same_sums_within_the_exponents_range(bits: int, shift: int) -> None:
-    network = random_network(bits, shift=shift)
+@pytest.mark.parametrize(("bits", "signed"), [*((b, False) for b in range(1, 9)), *((b, True) for b in range(1, 8))])
+def test_stored_weights_give_the_same_sums(bits: int, signed: bool) -> None:
+    network = random_network(bits, signed=signed)
     weights, stored_bits, exponent = network.stored
-    assert -7 <= exponent <= 0
-    assert bits <= stored_bits <= 8
-    kept = stored_weights(weights, stored_bits)
-    assert np.array_equal(kept.sum(axis=1) >> -exponent, network.weights.sum(axis=0, dtype=int) >> shift)
-    if bits - 8 - shift >= -7:
-        assert (stored_bits, exponent) == (bits, bits - 8 - shift)
+    assert (stored_bits, exponent) == (bits + signed, bits - 8)
+    kept = stored_weights(weights, stored_bits, "mixed" if signed else "excitatory")
+    assert np.array_equal(kept, weights)
+    assert np.array_equal(kept.sum(axis=1) >> -exponent, network.weights.sum(axis=0, dtype=int))
 
 
 def test_vars_between_runs_and_refusals_before_them() -> None:
     rng = np.random.default_rng(0)
     rates, keys = rng.integers(0, 30_000, (1, 20)).astype(np.uint16), presentation_keys(0, "query", np.arange(1))
     given = {"weights": rng.integers(0, 256, (6, 20)), "vth": rng.integers(500, 4000, 6), "rates": rates, "keys": keys}
-    network = random_network(5, shift=2)
+    network = random_network(5, signed=True)
     own = dict(zip(("rates", "keys"), some_input(network, 1), strict=True)) | {"weights": network.weights}
+    own["bias"] = network.bias
     got = run_isolated(
         "support.lava.process_targets:small_runs",
         {f"vars_{name}": value for name, value in given.items()} | {f"whole_{name}": own[name] for name in own},
@@ -130,9 +172,10 @@ def test_vars_between_runs_and_refusals_before_them() -> None:
         timeout=TIMEOUT,
     )
     check_vars(given, {name.removeprefix("vars_"): value for name, value in got.items()})
-    for name in ("weights", "u", "v", "v_inh"):
+    for name in ("weights", "u", "v", "v_inh", "lateral_weights"):
         assert np.array_equal(got[f"place_{name}"], got[f"library_{name}"]), name
     assert np.array_equal(got["place_weights"], network.stored[0])
+    assert got["place_lateral_weights"].tolist() == [[-network.inhibition]] * network.neurons
     assert got["place_v"].any()
     assert (got["place_vth"] == network.threshold).all()
     assert got["library_vth"].tolist() == [network.threshold]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -10,18 +9,9 @@ from lava.magma.core.process.variable import Var
 from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import need
-from lava_vpr.engine.inference.fixed import EVENTS, SILENT_STEPS, FixedNetwork, count_spikes
+from lava_vpr.engine.inference.fixed import EVENTS, FixedNetwork, count_spikes
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.processes.base.checked import CheckedProcess, check_outputs, whole
-
-
-@lru_cache(maxsize=2)
-def compile_network(narrow: bool) -> None:
-    """Compile the network's kernel for ``narrow`` (16-bit) or wide input sums, or load it."""
-    weights = np.full((1 if narrow else 256, 1), 255, np.uint8)
-    network = FixedNetwork(weights, 8, 0, 1, 0, 0, 0, 1)
-    rates = np.zeros((1, len(weights)), np.uint16)
-    count_spikes(network, rates, np.zeros(1, np.uint64))
 
 
 class FusedPlaceNetwork(CheckedProcess):
@@ -54,7 +44,7 @@ class FusedPlaceNetwork(CheckedProcess):
             batch: Images of one Lava step.
             ahead: Compute the next step's images while Lava turns to it; else each step does its own, to be timed.
             counts, events: Shared arrays for the results, besides the Vars; the Vars' shapes and types.
-            raster: Shared array for every excitatory spike, uint8 (n, steps + 3, neurons).
+            raster: Shared array for every excitatory spike, uint8 (n, interval, neurons).
         Raises:
             NetworkLimitError: a network that could overflow Loihi's registers, or arrays of another type or shape.
         """
@@ -72,7 +62,7 @@ class FusedPlaceNetwork(CheckedProcess):
         check_outputs(
             "FusedPlaceNetwork",
             counts=(counts, shape, np.int32),
-            raster=(raster, (n, network.steps + SILENT_STEPS, network.neurons), np.uint8),
+            raster=(raster, (n, network.interval, network.neurons), np.uint8),
             events=(events, (len(EVENTS),), np.int64),
         )
         super().__init__(
@@ -90,5 +80,5 @@ class FusedPlaceNetwork(CheckedProcess):
         self.events = Var(shape=(len(EVENTS),), init=0)
 
     def compile_kernels(self) -> None:
-        """Compile the kernel before the model is forked, and prepare what it reads."""
-        compile_network(self.network.narrow)
+        """Compile the kernel before the model is forked, and prepare what it reads: by a silent presentation."""
+        count_spikes(self.network, np.zeros((1, self.network.inputs), np.uint16), np.zeros(1, np.uint64))

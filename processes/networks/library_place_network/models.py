@@ -11,31 +11,48 @@ from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 from lava.proc.dense.process import Dense
 from lava.proc.lif.process import LIFReset
 from lava.utils.weightutils import SignMode
-from numpy.typing import NDArray
 
-from lava_vpr.loihi import DECAY_UNITY, NO_MEMORY_DECAY
-from lava_vpr.processes.base.library_parts import relays, reset_each
-from lava_vpr.processes.base.wiring import wire
+from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.loihi import DECAY_UNITY, INPUT_SHIFT, NO_MEMORY_DECAY
+from lava_vpr.processes.base.library_parts import fixed_synapses, reset_each, without_memory
+from lava_vpr.processes.base.wiring import RELAY_WEIGHT, gathering, inhibiting, listening, wire
 from lava_vpr.processes.networks.library_place_network.process import LibraryPlaceNetwork
+
+
+def _neurons(network: FixedNetwork, floating: bool) -> dict[str, Any]:
+    """The arguments of the excitatory LIFReset besides shape and resets."""
+    mantissas, exponent = network.bias_registers
+    # The threshold stays int in both: other types cannot be read back.
+    if not floating:
+        numbers = {"du": NO_MEMORY_DECAY, "dv": network.decay, "bias_mant": mantissas, "bias_exp": exponent}
+        return {**numbers, "vth": network.threshold}
+    bias = network.bias * 2.0**-INPUT_SHIFT
+    return {"du": 1.0, "dv": network.decay / DECAY_UNITY, "bias_mant": bias, "vth": network.threshold}
 
 
 @implements(proc=LibraryPlaceNetwork, protocol=LoihiProtocol)
 class SubLibraryPlaceNetwork(AbstractSubProcessModel):
-    """Input spikes go to exc, exc to inh, one to one, and inh to all other exc. Every arrow takes one step."""
+    """Input spikes go to exc, exc to inh, and inh takes from every exc. Every arrow takes one step."""
 
     def __init__(self, proc: LibraryPlaceNetwork) -> None:
-        network, n = proc.network, proc.network.neurons
-        excite, bits, exponent = network.stored
-        weights: NDArray[Any] = excite
-        lateral: NDArray[Any] = network.inhibition * (np.eye(n, dtype=np.int32) - 1)
-        no_memory: float = NO_MEMORY_DECAY
-        decay: float = network.decay
-        if proc.floating:  # exponents into the weights, decays as fractions
-            weights, lateral = excite * 2.0**exponent, lateral * 2.0**network.inhibition_exponent
-            no_memory, decay = 1.0, decay / DECAY_UNITY
-        self.excite = Dense(weights=weights, num_weight_bits=bits, weight_exp=exponent, sign_mode=SignMode.EXCITATORY)
-        # The threshold stays int: other types cannot be read back.
-        self.exc = LIFReset(shape=(n,), du=no_memory, dv=decay, vth=network.threshold, **reset_each(proc.interval))
-        self.relay, self.inh = relays(n, proc.interval, proc.floating)
-        self.inhibit = Dense(weights=lateral, weight_exp=network.inhibition_exponent, sign_mode=SignMode.INHIBITORY)
-        wire(proc, self.excite, self.exc, self.relay, self.inh, self.inhibit)
+        network, interval, floating = proc.network, proc.interval, proc.floating
+        weights, bits, exponent = network.stored
+        self.excite = Dense(
+            weights=weights * 2.0**exponent if floating else weights,
+            num_weight_bits=bits,
+            weight_exp=exponent,
+            sign_mode=SignMode.MIXED if network.signed else SignMode.EXCITATORY,
+        )
+        self.exc = LIFReset(shape=(network.neurons,), **_neurons(network, floating), **reset_each(interval))
+        self.listen = fixed_synapses(listening(network), 0, floating)
+        self.inh = without_memory(network.inhibitory, interval, floating)
+        self.inhibit = fixed_synapses(
+            inhibiting(network), network.inhibition_exponent, floating, sign_mode=SignMode.INHIBITORY
+        )
+        if network.leaves:
+            self.gather = fixed_synapses(gathering(network), 0, floating)
+        if network.relayed:
+            one_to_one = RELAY_WEIGHT * np.eye(network.inputs, dtype=np.int32)
+            self.forward = fixed_synapses(one_to_one, 0, floating)
+            self.relays = without_memory(network.inputs, interval, floating)
+        wire(proc, self)

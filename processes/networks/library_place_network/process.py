@@ -7,15 +7,16 @@ from typing import Any
 from lava.magma.core.process.ports.ports import InPort, OutPort
 from lava.magma.core.process.variable import Var
 
-from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.processes.base.checked import CheckedProcess
+from lava_vpr.processes.base.wiring import inhibiting
 
 
 class LibraryPlaceNetwork(CheckedProcess):
     """`FixedNetwork` wired from Lava's LIFReset, Dense and Sparse, and nothing else; what a board can run.
 
-    Ports: ``s_in`` spikes (inputs,), ``s_out`` spikes of exc (neurons,), ``s_out_inh`` those of inh. Vars: ``weights``
-    (neurons, inputs), ``u``, ``v`` of exc and ``v_inh`` (neurons,), ``vth`` (1,): Lava's LIF has one threshold.
+    Ports and Vars as `lava_vpr.processes.PlaceNetwork`, but ``vth`` is (1,): Lava's LIF has one threshold; where there
+    are leaves, ``lateral_weights`` is a sparse matrix.
     """
 
     def __init__(self, *, network: FixedNetwork, floating: bool = False, **kwargs: Any) -> None:
@@ -31,15 +32,16 @@ class LibraryPlaceNetwork(CheckedProcess):
         network.check()
         super().__init__(network=network, floating=floating, **kwargs)
         self.network, self.floating = network, floating
-        shape = (network.neurons,)
+        shape, inh = (network.neurons,), (network.inhibitory,)
         self.s_in = InPort(shape=(network.inputs,))
         self.s_out = OutPort(shape=shape)
-        self.s_out_inh = OutPort(shape=shape)
+        self.s_out_inh = OutPort(shape=inh)
         self.weights = Var(shape=(network.neurons, network.inputs), init=network.stored[0])
-        self.u, self.v, self.v_inh = Var(shape=shape), Var(shape=shape), Var(shape=shape)
+        self.u, self.v, self.v_inh = Var(shape=shape), Var(shape=shape), Var(shape=inh)
         self.vth = Var(shape=(1,), init=network.threshold)
+        self.lateral_weights = Var(shape=shape + inh, init=inhibiting(network))
 
     @property
     def interval(self) -> int:
         """Steps of one presentation, the silent ones included."""
-        return self.network.steps + SILENT_STEPS
+        return self.network.interval

@@ -7,15 +7,17 @@ from typing import Any
 from lava.magma.core.process.ports.ports import InPort, OutPort
 from lava.magma.core.process.variable import Var
 
-from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.processes.base.checked import CheckedProcess
+from lava_vpr.processes.base.wiring import inhibiting
 
 
 class PlaceNetwork(CheckedProcess):
-    """`FixedNetwork` composed of DenseSynapses, ExcitatoryLIF, OneToOne, InhibitoryLIF and LateralInhibition.
+    """`FixedNetwork` composed of DenseSynapses, ExcitatoryLIF and InhibitoryLIF, and OneToOne before relays.
 
-    Ports: ``s_in`` spikes (inputs,), ``s_out`` spikes of exc (neurons,), ``s_out_inh`` those of inh. Vars: ``weights``
-    (neurons, inputs), ``u``, ``v``, ``vth`` of exc and ``v_inh`` (neurons,), ``inhibition`` (1,).
+    Ports: ``s_in`` spikes (inputs,), ``s_out`` spikes of exc (neurons,), ``s_out_inh`` those of inh (inhibitory,): the
+    leaves, then the root. Vars: ``weights`` (neurons, inputs), ``u``, ``v``, ``vth`` of exc (neurons,), ``v_inh``
+    (inhibitory,), ``lateral_weights`` (neurons, inhibitory), mantissas from inh (columns) to exc (rows), 0 or below.
     """
 
     def __init__(self, *, network: FixedNetwork, **kwargs: Any) -> None:
@@ -29,16 +31,16 @@ class PlaceNetwork(CheckedProcess):
         network.check()
         super().__init__(network=network, **kwargs)
         self.network = network
-        shape = (network.neurons,)
+        shape, inh = (network.neurons,), (network.inhibitory,)
         self.s_in = InPort(shape=(network.inputs,))
         self.s_out = OutPort(shape=shape)
-        self.s_out_inh = OutPort(shape=shape)
+        self.s_out_inh = OutPort(shape=inh)
         self.weights = Var(shape=(network.neurons, network.inputs), init=network.stored[0])
-        self.u, self.v, self.v_inh = Var(shape=shape), Var(shape=shape), Var(shape=shape)
+        self.u, self.v, self.v_inh = Var(shape=shape), Var(shape=shape), Var(shape=inh)
         self.vth = Var(shape=shape, init=network.threshold)
-        self.inhibition = Var(shape=(1,), init=network.lateral)
+        self.lateral_weights = Var(shape=shape + inh, init=inhibiting(network))
 
     @property
     def interval(self) -> int:
         """Steps of one presentation, the silent ones included."""
-        return self.network.steps + SILENT_STEPS
+        return self.network.interval

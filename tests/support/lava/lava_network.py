@@ -25,25 +25,31 @@ def present_each(
     """`present` of several networks, one after the other: arrays and results by name_what."""
     results = {}
     for name, own in options.items():
-        given = {what: arrays[f"{name}_{what}"] for what in ("weights", "spikes")}
+        given = {what: arrays[f"{name}_{what}"] for what in ("weights", "mantissas", "spikes")}
         results[name] = present(given, own)["raster"]
     return results
 
 
 def present(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, int]) -> dict[str, NDArray[Any]]:
-    """Present each train of ``spikes`` (n, steps + 3, inputs) in turn; the raster (n, steps + 3, neurons)."""
+    """Present each train of ``spikes`` (n, interval, inputs) in turn; the raster (n, interval, neurons)."""
     weights, spikes = arrays["weights"].astype(np.int64), arrays["spikes"].astype(np.int32)
-    bits, shift, vth, lateral, decay = (options[k] for k in ("bits", "shift", "threshold", "lateral", "decay"))
+    bits, signed, vth, lateral, decay = (options[k] for k in ("bits", "signed", "threshold", "inhibition", "decay"))
     n, steps, inputs = spikes.shape
     neurons = weights.shape[1]
-    stored = weights.T << (8 - bits)  # num_weight_bits = b zeroes the low 8 - b bits
+    stored = weights.T << (8 - bits)  # num_weight_bits = b zeroes the low 8 - b bits, mixed sign one bit more
+    sign = SignMode.MIXED if signed else SignMode.EXCITATORY
     reset = {"reset_interval": steps, "reset_offset": 1}
+    bias = {"bias_mant": arrays["mantissas"], "bias_exp": options["bias_exponent"]}
     source = Source(data=spikes.reshape(n * steps, inputs).T)
-    excite = Dense(weights=stored, num_weight_bits=bits, weight_exp=bits - 8 - shift, sign_mode=SignMode.EXCITATORY)
-    exc = LIFReset(shape=(neurons,), du=4095, dv=decay, vth=vth, **reset)
-    relay = Dense(weights=2 * np.eye(neurons, dtype=np.int64), sign_mode=SignMode.EXCITATORY)
-    inh = LIFReset(shape=(neurons,), du=4095, dv=4095, vth=0, **reset)
-    inhibit = Dense(weights=-lateral * (1 - np.eye(neurons, dtype=np.int64)), sign_mode=SignMode.INHIBITORY)
+    excite = Dense(weights=stored, num_weight_bits=bits + signed, weight_exp=bits - 8, sign_mode=sign)
+    exc = LIFReset(shape=(neurons,), du=4095, dv=decay, vth=vth, **bias, **reset)
+    relay = Dense(weights=np.full((1, neurons), 2), sign_mode=SignMode.EXCITATORY)
+    inh = LIFReset(shape=(1,), du=4095, dv=4095, vth=0, **reset)
+    inhibit = Dense(
+        weights=np.full((neurons, 1), -lateral),
+        weight_exp=options["inhibition_exponent"],
+        sign_mode=SignMode.INHIBITORY,
+    )
     sink = Sink(shape=(neurons,), buffer=n * steps)
     source.s_out.connect(excite.s_in)
     excite.a_out.connect(exc.a_in)

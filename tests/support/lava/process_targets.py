@@ -11,6 +11,7 @@ import numpy as np
 from lava.magma.core.run_conditions import RunSteps
 from lava.magma.core.run_configs import Loihi2SimCfg
 from numpy.typing import NDArray
+from support.lava.small_networks import limits
 
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.processes.base.shared_memory import shared_array
@@ -20,6 +21,7 @@ from lava_vpr.processes.jobs import inference as jobs
 from lava_vpr.processes.networks.library_place_network.process import LibraryPlaceNetwork
 from lava_vpr.processes.networks.place_network.process import PlaceNetwork
 from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
+from lava_vpr.processes.regular_encoder.process import RegularEncoder
 from lava_vpr.processes.spike_counter.process import SpikeCounter
 
 Arrays = dict[str, NDArray[Any]]
@@ -27,29 +29,43 @@ FIXED = {"select_tag": "fixed_pt", "select_sub_proc_model": True}
 
 
 def side_by_side(arrays: Arrays, options: dict[str, Any]) -> Arrays:
-    """Our composition and the library's under one encoder, network after network; the rasters of both."""
+    """Our composition and the library's under one encoder, network after network; the rasters of both.
+
+    Option ``limits``: what `small_networks.limits` takes.
+    """
     results: Arrays = {}
     for name, own in options["networks"].items():
-        given = {key: arrays[f"{name}_{key}"] for key in ("weights", "rates", "keys")}
-        spec = jobs.network_of(given, own)
-        encoder = PoissonEncoder(rates=given["rates"], keys=given["keys"], steps=spec.steps)
-        for side, network in (("place", PlaceNetwork(network=spec)), ("library", LibraryPlaceNetwork(network=spec))):
-            encoder.s_out.connect(network.s_in)
-            n, interval = len(given["keys"]), network.interval
-            raster = results[f"{name}_{side}"] = shared_array((n, interval, spec.neurons), np.uint8)
-            counter = SpikeCounter(shape=(spec.neurons,), presentations=n, interval=interval, raster=raster)
-            network.s_out.connect(counter.s_in)
-        encoder.run(condition=RunSteps(num_steps=n * interval), run_cfg=Loihi2SimCfg(**FIXED))
-        encoder.stop()
+        given = {key: arrays[f"{name}_{key}"] for key in ("weights", "bias", "rates", "keys")}
+        with limits(**options.get("limits", {})):
+            results |= {f"{name}_{key}": raster for key, raster in _both(given, own).items()}
+    return results
+
+
+def _both(given: Arrays, own: dict[str, Any]) -> Arrays:
+    """The rasters of exc and inh of one network, ours and the library's."""
+    results: Arrays = {}
+    spec = jobs.network_of(given, own)
+    kind = RegularEncoder if spec.regular else PoissonEncoder
+    encoder = kind(rates=given["rates"], keys=given["keys"], steps=spec.steps, silent_steps=spec.silent_steps)
+    n = len(given["keys"])
+    for side, network in (("place", PlaceNetwork(network=spec)), ("library", LibraryPlaceNetwork(network=spec))):
+        encoder.s_out.connect(network.s_in)
+        for part, port in (("exc", network.s_out), ("inh", network.s_out_inh)):
+            raster = results[f"{side}_{part}"] = shared_array((n, network.interval, *port.shape), np.uint8)
+            counter = SpikeCounter(shape=port.shape, presentations=n, interval=network.interval, raster=raster)
+            port.connect(counter.s_in)
+    encoder.run(condition=RunSteps(num_steps=n * spec.interval), run_cfg=Loihi2SimCfg(**FIXED))
+    encoder.stop()
     return results
 
 
 def every_job(arrays: Arrays, options: dict[str, Any]) -> Arrays:
-    """The jobs and tags of ``options["runs"]``, one after the other."""
+    """The jobs and tags of ``options["runs"]``, one after the other; ``limits`` as in `side_by_side`."""
     results: Arrays = {}
-    for job, tag in options["runs"]:
-        got = getattr(jobs, job)(arrays, {**options["network"], "tag": tag, "record": True})
-        results |= {f"{job}_{tag}_{key}": value for key, value in got.items()}
+    with limits(**options.get("limits", {})):
+        for job, tag in options["runs"]:
+            got = getattr(jobs, job)(arrays, {**options["network"], "tag": tag, "record": True})
+            results |= {f"{job}_{tag}_{key}": value for key, value in got.items()}
     return results
 
 
@@ -65,7 +81,7 @@ def read_and_set(arrays: Arrays, options: dict[str, Any]) -> Arrays:
     """Vars between two runs of a network whose neurons have thresholds of their own."""
     weights, vth = arrays["weights"], arrays["vth"]
     n = len(vth)
-    encoder = PoissonEncoder(rates=arrays["rates"], keys=arrays["keys"], steps=options["steps"])
+    encoder = PoissonEncoder(rates=arrays["rates"], keys=arrays["keys"], steps=options["steps"], silent_steps=0)
     synapses = DenseSynapses(weights=weights)
     neurons = ExcitatoryLIF(shape=(n,), dv=137, vth=vth, theta_plus=3, hold_steps=2, floor=-50)
     counter = SpikeCounter(shape=(n,), presentations=2, interval=options["steps"])
@@ -97,11 +113,16 @@ def aliases(arrays: Arrays, options: dict[str, Any]) -> Arrays:
     spec = jobs.network_of(arrays, options)
     results: Arrays = {}
     for side, kind in (("place", PlaceNetwork), ("library", LibraryPlaceNetwork)):
-        encoder = PoissonEncoder(rates=arrays["rates"], keys=arrays["keys"], steps=spec.steps)
+        encoder = PoissonEncoder(
+            rates=arrays["rates"], keys=arrays["keys"], steps=spec.steps, silent_steps=spec.silent_steps
+        )
         network = kind(network=spec)
         encoder.s_out.connect(network.s_in)
         network.run(condition=RunSteps(num_steps=spec.steps), run_cfg=Loihi2SimCfg(**FIXED))
-        results |= {f"{side}_{name}": getattr(network, name).get() for name in ("weights", "u", "v", "v_inh", "vth")}
+        results |= {
+            f"{side}_{name}": getattr(network, name).get()
+            for name in ("weights", "u", "v", "v_inh", "vth", "lateral_weights")
+        }
         network.stop()
     return results
 

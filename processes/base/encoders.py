@@ -1,0 +1,98 @@
+"""What the Processes that send injected input spikes have in common: presentations, one after another."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from lava.magma.core.model.py.model import PyLoihiProcessModel
+from lava.magma.core.model.py.ports import PyOutPort
+from lava.magma.core.model.py.type import LavaPyType
+from lava.magma.core.process.ports.ports import OutPort
+from lava.magma.core.process.variable import Var
+from numpy.typing import NDArray
+
+from lava_vpr.processes.base.checked import CheckedProcess, check_outputs, check_presentations
+
+
+class EncoderProcess(CheckedProcess):
+    """Sends the spikes of its presentations, one after another; after the last it is silent.
+
+    A presentation is ``steps`` steps with input and ``silent_steps`` without. Port: ``s_out`` spikes (inputs,). Var:
+    ``emitted`` int64 (inputs,), how many spikes each input has sent. ``interval``: steps of a presentation.
+    """
+
+    def __init__(
+        self,
+        *,
+        rates: NDArray[np.uint16],
+        keys: NDArray[np.uint64],
+        steps: int,
+        silent_steps: int,
+        emitted: NDArray[np.int64] | None = None,
+        **kwargs: Any,
+    ) -> None:
+        """Make the encoder of some presentations, which it sends one after another.
+
+        Args:
+            rates: Spikes a step in units of 2^-16, uint16 (n, inputs).
+            keys: One key per presentation (`lava_vpr.engine.random.presentation_keys`), uint64 (n,).
+            steps: Steps with input, at least 1.
+            silent_steps: Steps without; those of an inference network are `FixedNetwork.silent_steps`.
+            emitted: Shared array to count in, besides the Var; int64 (inputs,).
+        Raises:
+            NetworkLimitError: arrays of another type or shape, or numbers of steps out of range.
+        """
+        name = type(self).__name__
+        check_presentations(name, rates, keys, steps, silent_steps)
+        check_outputs(name, emitted=(emitted, rates.shape[1:], np.int64))
+        super().__init__(
+            rates=np.ascontiguousarray(rates),
+            keys=keys,
+            steps=int(steps),
+            interval=int(steps + silent_steps),
+            shared=emitted,
+            **kwargs,
+        )
+        self.interval = int(steps + silent_steps)
+        self.s_out = OutPort(shape=rates.shape[1:])
+        self.emitted = Var(shape=rates.shape[1:], init=0)
+
+
+class EncoderModel(PyLoihiProcessModel):
+    """The base of all models: `begin` prepares a presentation, `members` are the inputs that spike in a step of it."""
+
+    s_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, bool, precision=1)
+    emitted: NDArray[np.int64] = LavaPyType(np.ndarray, np.int64)
+
+    def __init__(self, proc_params: Any) -> None:
+        super().__init__(proc_params)
+        self.rates, self.keys = proc_params["rates"], proc_params["keys"]
+        self.steps, self.interval = proc_params["steps"], proc_params["interval"]
+        self.shared = proc_params["shared"]
+        self.spikes = np.zeros(self.rates.shape[1], bool)
+        self.silence = np.zeros(self.rates.shape[1], bool)
+
+    def begin(self, image: int) -> None:
+        """Prepare the presentation of this number."""
+        raise NotImplementedError
+
+    def members(self, step: int) -> NDArray[np.int32]:
+        """The inputs that spike in ``step`` of the presentation; called once a step, in order."""
+        raise NotImplementedError
+
+    def run_spk(self) -> None:
+        """Send the spikes of this step."""
+        image, step = divmod(self.time_step - 1, self.interval)
+        if image >= len(self.keys) or step >= self.steps:
+            self.s_out.send(self.silence)
+            return
+        if step == 0:
+            self.begin(image)
+        chosen = self.members(step)
+        self.spikes[:] = False
+        self.spikes[chosen] = True
+        self.s_out.send(self.spikes)
+        self.emitted[chosen] += 1
+        if self.shared is not None:
+            self.shared[chosen] += 1

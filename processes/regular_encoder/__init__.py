@@ -1,0 +1,3 @@
+"""Regular input spikes, made by the host."""
+
+PROCESS = "RegularEncoder"
