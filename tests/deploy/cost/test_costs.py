@@ -13,7 +13,7 @@ import pytest
 from support.boards import kapoho_board, kapoho_bundles
 from support.boards.kapoho_board import Board, write_queries
 from support.boards.kapoho_bundles import layout, make
-from support.boards.plans import LOAD, NEEDS, busy_plan, trains_of
+from support.boards.plans import busy_plan, trains_of
 from support.boards.small_boards import even
 from support.boards.small_boards import network as small_network
 
@@ -22,13 +22,14 @@ from lava_vpr.bench import results
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2
 from lava_vpr.deploy.boards.constants import LOIHI_1, Constant
 from lava_vpr.deploy.boards.estimate import LEVELS, Estimate, total
-from lava_vpr.deploy.boards.plan import CorePlan, Part, Plan
+from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.cost import costs, host_traffic
 from lava_vpr.deploy.cost.closed_form import closed_form, step_microseconds, step_nanoseconds, step_picojoules
 from lava_vpr.deploy.cost.costs import Modelled, modelled, outside_steps
-from lava_vpr.deploy.cost.events import EventCounts, count_events
+from lava_vpr.deploy.cost.events import KINDS, EventCounts, count_events
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.encoding import draw_trains
+from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 from lava_vpr.engine.trains import Trains
 
@@ -36,41 +37,26 @@ board = kapoho_board.board
 WAYS = ("east_west", "north_south")
 
 
-def published() -> tuple[Plan, Trains]:
-    """784 inputs, 400 neurons on five cores, 400 relays on a sixth, inputs on one more beside the first three: 350
-    steps, 5,608 input spikes, 16 spikes of exc, 9 of them on the inputs' tile."""
-    rng = np.random.default_rng(0)
-    weights = np.ones((784, 400), np.uint8)
-    weights[0, 0] = weights[1, 399] = 255  # these two make a neuron spike, the others never do
-    network = FixedNetwork(weights, 8, 0, 200, 1, 0, 2048, 347)
-    inputs = np.zeros((1, 350, 784), np.uint8)
-    exc = np.zeros((1, 350, 400), np.uint8)
-    for source, neuron, times in ((0, 0, 9), (1, 399, 7)):
-        steps = 20 + 20 * np.arange(times) + source
-        inputs[0, steps, source] = exc[0, steps + 1, neuron] = 1
-    others = rng.permutation(347 * 782)[: 5608 - 16]
-    inputs[0, others // 782, 2 + others % 782] = 1
-    inputs[0, 0, 2] = inputs[0, 346, 2] = 1
-    while inputs.sum() > 5608:
-        inputs[0, rng.integers(1, 346), rng.integers(2, 784)] = 0
-    cores = [CorePlan(0, 1 + k, (Part("exc", 80 * k, 80, 0),), np.ones(784, bool), True, NEEDS, LOAD) for k in range(5)]
-    cores.append(CorePlan(0, 6, (Part("inh", 0, 400, 0),), np.zeros(784, bool), True, NEEDS, LOAD))
-    return Plan(network, KAPOHO_BAY, tuple(cores), 8, 8, None, 0.0), Trains(exc, inputs)
+PUBLISHED = {
+    "accesses": 800 * 350,
+    "touched": 139_616,
+    "spikes": 32,
+    "operations_dense": 2_249_600,
+    "messages_out": 28_136,
+    "hops_north_south": 11_273,
+}
+"""What was published of a network of 784 inputs, 400 neurons and 400 inhibitory ones in 350 steps."""
 
 
-def test_the_published_network_digit_for_digit() -> None:
-    plan, trains = published()
-    counted = count_events(plan, trains, entry=(0, 0))
-    counts = {name: int(counted.each(name)[0]) for name in ("accesses", "touched", "spikes", "operations_dense")}
-    assert counts == {"accesses": 800 * 350, "touched": 139_616, "spikes": 32, "operations_dense": 2_249_600}
-    assert counted.each("messages_out")[0] + counted.each("input_messages")[0] == 28_136
-    assert counted.each("hops_north_south")[0] + counted.each("input_hops_north_south")[0] == 11_273
-    assert counted.each("operations_sparse")[0] == 16  # to the relays: the published count has those dense, too
-    found = closed_form(counted, LOIHI_1, tiles=2)
-    assert found.total_microjoules[0] - 16 * 33.6e-6 == pytest.approx(100.3851658, abs=1e-10)
-    assert found.microjoules["synapse"][0] == pytest.approx(79.8608 + 16 * 33.6e-6)
-    # The same number of spikes at other times: what the published spikes took is 2.1516 ms.
-    assert found.milliseconds[0] == pytest.approx(2.1516, rel=5e-3)
+def test_the_published_counts_digit_for_digit() -> None:
+    nothing = {name: np.zeros((1, 1, 1), np.int64) for name in KINDS} | {
+        name: np.zeros((1, 1), np.int64) for name in ("input_spikes", "exc_spikes", "inh_spikes")
+    }
+    made = {name: np.full((1, 1, 1), value, np.int64) for name, value in PUBLISHED.items()}
+    counted = EventCounts(**{"input_accesses": nothing["spikes"], **nothing, **made, "injected": True, "tiles": 2})
+    found = closed_form(counted, LOIHI_1)
+    assert found.total_microjoules[0] == pytest.approx(100.3851658, abs=1e-10)
+    assert found.microjoules["synapse"][0] == pytest.approx(79.8608)
     davies = (
         loihi.DAVIES_SYNAPSE_PJ * 2_249_600
         + loihi.DAVIES_INACTIVE_PJ * 800 * 350
@@ -79,20 +65,35 @@ def test_the_published_network_digit_for_digit() -> None:
         + loihi.DAVIES_HOP_NORTH_SOUTH_PJ * 11_273
     )
     assert round(davies / 1e6) == 72
-    low = sum(float(part.sum()) for part in step_picojoules(counted, LOIHI_1, "low").values()) / 1e6
+    low = sum(float(part.sum()) for part in step_picojoules(counted, LOIHI_1, "low", "touched").values()) / 1e6
     assert low == pytest.approx(davies / 1e6, rel=0.02)
     assert low < davies / 1e6
 
 
-def example(bias_input: bool = False, n: int = 5) -> tuple[Plan, EventCounts, Trains]:
-    plan = busy_plan(bias_input=bias_input)
+MODES = ("injected", "relayed", "bias")
+
+
+@pytest.fixture(autouse=True)
+def input_mode(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """The mode of a test that takes several; relays stand before networks of a few neurons in ``relayed``."""
+    mode = str(getattr(request, "param", "injected"))
+    monkeypatch.setattr(fixed, "DIRECT", 8 if mode == "relayed" else 1024)
+    return mode
+
+
+every_mode = pytest.mark.parametrize("input_mode", MODES, indirect=True)
+
+
+def example(mode: str = "injected", n: int = 5, **changes: Any) -> tuple[Plan, EventCounts, Trains]:
+    plan = busy_plan(bias_input=mode == "bias", **changes)
     trains = trains_of(plan.network, n, 4)
+    assert plan.network.relayed == (mode == "relayed")
     return plan, count_events(plan, trains), trains
 
 
-@pytest.mark.parametrize("bias_input", [False, True])
-def test_a_step_lasts_as_long_as_its_busiest_core(bias_input: bool) -> None:
-    plan, counted, _ = example(bias_input)
+@every_mode
+def test_a_step_lasts_as_long_as_its_busiest_core(input_mode: str) -> None:
+    plan, counted, _ = example(input_mode)
     receive, neurons = step_nanoseconds(counted, LOIHI_1, "nominal")
     time = step_microseconds(counted, LOIHI_1, "nominal")
     for q in range(5):
@@ -109,18 +110,19 @@ def test_a_step_lasts_as_long_as_its_busiest_core(bias_input: bool) -> None:
             assert neurons[q, t] == pytest.approx(max(own))
             used = {2: 1.0, 3: 1.0, 4: 1.4}[int(counted.tiles or 0)]
             assert time[q, t] == pytest.approx(max(*arriving, *own) / 1e3 + used)
-    assert (receive > neurons).any() != bias_input  # what inputs on the chip take is neurons' part
+    assert (receive > neurons).any() != (input_mode != "injected")  # what inputs on the chip take is neurons' part
     assert (receive < neurons).any()
     assert (step_microseconds(counted, LOIHI_1, "high") >= 5.8).all()
     assert (step_microseconds(counted, LOIHI_1, "low") < time).all()
 
 
-@pytest.mark.parametrize("bias_input", [False, True])
-def test_energy_of_counts(bias_input: bool) -> None:
-    _, counted, _ = example(bias_input)
+@every_mode
+@pytest.mark.parametrize("signed", [False, True])
+def test_energy_of_counts(input_mode: str, signed: bool) -> None:
+    plan, counted, _ = example(input_mode, signed=signed, threshold=60)
     count = {name: counted.each(name) for name in EventCounts.__dataclass_fields__ if name not in ("injected", "tiles")}
-    messages = count["messages_out"] + (0 if bias_input else count["input_messages"])
-    hops = {way: count[f"hops_{way}"] + (0 if bias_input else count[f"input_hops_{way}"]) for way in WAYS}
+    messages = count["messages_out"] + count["injected_messages"]
+    hops = {way: count[f"hops_{way}"] + count[f"injected_hops_{way}"] for way in WAYS}
     expected = {
         "synapse": 35.5 * count["operations_dense"] + 33.6 * count["operations_sparse"],
         "soma": 51.2 * count["accesses"] + 21.6 * count["touched"] + 69.3 * count["spikes"],
@@ -131,9 +133,12 @@ def test_energy_of_counts(bias_input: bool) -> None:
         assert found.microjoules[name] == pytest.approx(picojoules / 1e6, rel=1e-12), name
     parts = step_picojoules(counted, LOIHI_1, "nominal")
     assert parts["input messages"].sum() == pytest.approx(111 * count["input_messages"].sum())
-    others = count["messages_out"] - (count["input_messages"] if bias_input else 0)
+    others = messages - count["input_messages"]
     assert parts["other messages"].sum() == pytest.approx(111 * others.sum())
-    assert others.sum() == 5 * count["exc_spikes"].sum()  # to the relay, which then sends to four cores
+    holding = sum(core.part("exc").size > 0 for core in plan.cores)
+    assert others.sum() == (count["exc_spikes"] + holding * count["inh_spikes"]).sum() > 20
+    injected = {"bias": 0, "relayed": count["input_spikes"].sum(), "injected": count["input_messages"].sum()}
+    assert count["injected_messages"].sum() == injected[input_mode]
     assert hops["east_west"].any()
 
 
@@ -145,7 +150,7 @@ def test_sanafes_input_core_and_tiles() -> None:
     assert more.milliseconds == pytest.approx(with_core.milliseconds + counted.steps * (1.8 - 1.0) / 1e3, rel=0.2)
     assert set(with_core.microjoules) == {"synapse", "soma", "network"}
     # Many messages and hardly a row: the core that sends them is the busiest.
-    busy = replace(counted, input_messages=10_000 * counted.input_messages)
+    busy = replace(counted, injected_messages=10_000 * counted.injected_messages)
     assert (
         closed_form(busy, LOIHI_1).milliseconds > 10 * closed_form(busy, LOIHI_1, input_core=False).milliseconds
     ).all()
@@ -161,12 +166,12 @@ def every_estimate(found: Modelled) -> list[Estimate]:
     return [*estimates, *(one for one in (*own, found.wall_milliseconds, found.wall_static_millijoules) if one)]
 
 
-@pytest.mark.parametrize("bias_input", [False, True])
-def test_what_a_query_costs(bias_input: bool) -> None:
-    plan, counted, _ = example(bias_input)
+@every_mode
+def test_what_a_query_costs(input_mode: str) -> None:
+    plan, counted, _ = example(input_mode)
     found = modelled(plan, counted)
-    mode = "bias" if bias_input else "injected"
-    assert (found.target, found.chips, found.cores, found.steps) == ("kapoho-bay", 2, len(plan.cores), 33)
+    mode, steps = "bias" if input_mode == "bias" else "injected", 34 if input_mode == "relayed" else 33
+    assert (found.target, found.chips, found.cores, found.steps) == ("kapoho-bay", 2, len(plan.cores), steps)
     assert (found.input_mode, found.unavailable) == (mode, None)
     assert len(every_estimate(found)) >= 20
     assert all(0 <= one.low <= one.nominal <= one.high for one in every_estimate(found))
@@ -177,7 +182,7 @@ def test_what_a_query_costs(bias_input: bool) -> None:
     # What SANA-FE knows, and what it does not: read-out, clearing, and settings of the inputs.
     own = closed_form(counted, LOIHI_1, updates="updates", input_core=False)
     beyond = found.dynamic_by_component["clearing of states"] + found.dynamic_by_component["read-out"]
-    if bias_input:
+    if mode == "bias":
         beyond = beyond + found.dynamic_by_component["settings of the inputs"]
     whole = total(found.dynamic_by_component.values())
     assert whole.nominal == pytest.approx(own.total_microjoules.mean() + beyond.nominal)
@@ -215,36 +220,43 @@ def test_counts_of_a_query() -> None:
     assert set(contract) | {"steps"} <= set(counts)
     assert trains.inputs is not None
     assert counts["input_spikes"] == trains.inputs.sum() / 5
-    assert counts["exc_spikes"] == trains.exc.sum() / 5 == counts["inh_spikes"]
-    assert counts["messages"] == (counted.messages_out.sum() + counted.input_messages.sum()) / 5
+    assert trains.inh is not None
+    assert counts["exc_spikes"] == trains.exc.sum() / 5 > counts["inh_spikes"] == trains.inh.sum() / 5 > 0
+    assert counts["messages"] == (counted.messages_out.sum() + counted.injected_messages.sum()) / 5
     assert counts["steps"] == 33
     assert counts["synaptic_operations"] == (counted.operations_dense.sum() + counted.operations_sparse.sum()) / 5
-    hops = [f"{kind}hops_{way}" for kind in ("", "input_") for way in WAYS]
+    hops = [f"{kind}hops_{way}" for kind in ("", "injected_") for way in WAYS]
     assert counts["hops"] == pytest.approx(sum(int(getattr(counted, name).sum()) for name in hops) / 5)
-    bias, counted, _ = example(bias_input=True)
+    bias, counted, _ = example("bias")
     assert modelled(bias, counted).counts["messages"] == counted.messages_out.sum() / 5
 
 
-def test_input_layer_beside_an_injected_network() -> None:
-    # The issue's figure: about 6 uJ per 100 steps for 784 inputs, accesses and updates alone.
-    made = replace(small_network(10, 784), steps=97)
-    plan = partition(made, KAPOHO_BAY, even(made))
-    found = modelled(plan, count_events(plan, trains_of(made, 1, 0)))
+@pytest.mark.parametrize("input_mode", ["injected", "relayed"], indirect=True)
+def test_input_layer_beside_an_injected_network(input_mode: str) -> None:
+    # About 6 uJ per 100 steps for 784 inputs, accesses and updates alone.
+    made = replace(small_network(10, 784), steps=97, regular=True)
+    bias = replace(made, bias_input=True)
+    found, true = (
+        modelled(plan, count_events(plan, trains_of(plan.network, 1, 0))) for plan in map(placed, (made, bias))
+    )
     assert found.io_microjoules_by_way is not None
+    assert true.io_microjoules_by_way is not None
     assert 784 * 100 * 72.8e-6 == pytest.approx(5.7, rel=0.01)
     assert found.io_microjoules_by_way["bias"].nominal > 5.7
-    # The estimate beside the injected network is near what the network with input compartments really takes.
-    bias = replace(made, bias_input=True)
-    plan = partition(bias, KAPOHO_BAY, even(bias))
-    counted = count_events(plan, trains_of(bias, 1, 0))
-    true = modelled(plan, counted)
-    assert true.io_microjoules_by_way is not None
-    # The two ways draw other spikes of the same rates.
-    assert found.io_microjoules_by_way["bias"].nominal == pytest.approx(
-        true.io_microjoules_by_way["bias"].nominal, rel=0.05
-    )
+    # The spikes are the same: what is estimated beside one network is what the other really takes.
+    for mode in ("injected", "bias"):
+        estimates = (one.io_microjoules_by_way[mode].nominal for one in (found, true))
+        assert next(estimates) == pytest.approx(next(estimates), rel=0.05), mode
     assert true.dynamic_microjoules is not None
     assert true.dynamic_microjoules.nominal > true.io_microjoules_by_way["bias"].nominal
+    # What a relay does: it is accessed in every step, and updated when its input spikes.
+    relays = 784 * 100 * 51.2e-6 if input_mode == "relayed" else 0
+    assert found.io_microjoules_by_way["injected"].nominal > relays
+
+
+def placed(made: FixedNetwork) -> Plan:
+    """The network's partition on Kapoho Bay."""
+    return partition(made, KAPOHO_BAY, even(made))
 
 
 def test_clearing_is_counted_and_rest_beside_it() -> None:
@@ -257,12 +269,17 @@ def test_clearing_is_counted_and_rest_beside_it() -> None:
     most = max(host_traffic.counts_on_chips(plan, "exc").values())
     assert 10 <= most < 20
     assert told["milliseconds"].nominal == pytest.approx(most * 16 / 1e6)
-    assert told["rest_microjoules"].nominal == pytest.approx(told["rest_steps_instead"] * (40 * 51.2 + 20 * 21.6) / 1e6)
+    assert told["rest_microjoules"].nominal == pytest.approx(told["rest_steps_instead"] * (21 * 51.2 + 20 * 21.6) / 1e6)
     assert told["cheaper"] == (
         "rest steps" if told["rest_microjoules"].nominal < 20 * each / 1e6 else "embedded writes"
     )
     quickly = replace(plan, network=replace(plan.network, decay=4095, threshold=50, inhibition=0))
     assert costs._clearing(quickly, counted, LOIHI_1)["cheaper"] == "rest steps"
+    # A membrane that integrates a bias never rests.
+    biased = replace(plan, network=replace(plan.network, bias=np.full(20, -3, np.int32)))
+    told = costs._clearing(biased, counted, LOIHI_1)
+    assert told["cheaper"] == "embedded writes"
+    assert told["rest_steps_instead"] is told["rest_microjoules"] is told["rest_milliseconds"] is None
 
 
 def test_steps_that_are_run_cost_what_they_do_in_a_shorter_presentation() -> None:
@@ -275,14 +292,14 @@ def test_steps_that_are_run_cost_what_they_do_in_a_shorter_presentation() -> Non
     assert np.array_equal(microseconds[3:4, :20], step_microseconds(short, LOIHI_1, "nominal"))
 
 
-@pytest.mark.parametrize("bias_input", [False, True])
-def test_outside_of_the_steps_states_are_cleared_and_inputs_set(bias_input: bool) -> None:
-    plan, counted, _ = example(bias_input)
+@every_mode
+def test_outside_of_the_steps_states_are_cleared_and_inputs_set(input_mode: str) -> None:
+    plan, counted, _ = example(input_mode)
     found = modelled(plan, counted)
     assert found.dynamic_by_component is not None
     microjoules, milliseconds = outside_steps(plan, LOIHI_1)
     written = [found.clearing["microjoules"]]
-    if bias_input:
+    if input_mode == "bias":
         written.append(found.dynamic_by_component["settings of the inputs"])
     assert microjoules == total(written)
     assert milliseconds == found.clearing["milliseconds"]
@@ -297,7 +314,7 @@ def test_loihi_2_has_counts_and_no_figures() -> None:
     assert found.counts["synaptic_operations"]
     # One core: what it has most of is all there is.
     assert found.busiest_core["synaptic_operations"] * 23 == pytest.approx(found.counts["synaptic_operations"])
-    assert found.busiest_core["accesses"] == 24
+    assert found.busiest_core["accesses"] == 13
     assert every_estimate(found) == []
     assert found.tiles is found.milliseconds is found.dynamic_microjoules is found.io_microjoules_by_way is None
     nothing = modelled(busy_plan(bias_input=False), example()[1].part(slice(0, 0)))
@@ -327,17 +344,19 @@ def test_barrier_by_tiles() -> None:
     assert all(LOIHI_1.barrier(t).high == LOIHI_1.barrier(t).nominal for t in (1, 32))
 
 
-def test_packets_are_those_of_the_host_program() -> None:
+@pytest.mark.parametrize("input_mode", ["injected", "relayed"], indirect=True)
+def test_packets_are_those_of_the_host_program(input_mode: str) -> None:
     source = (Path(host_traffic.__file__).parents[1] / "programs" / "kapoho_bay" / "packets.py").read_text()
     words, payload = (int(value) for value in re.findall(r"WORDS, PAYLOAD, MAGIC = (\d+), (\d+),", source)[0])
     assert host_traffic.PACKET_WORDS == words - payload
-    plan, counted, _ = example()
+    plan, counted, _ = example(input_mode)
     spikes, chips = counted.input_spikes.sum() / 5, 2
+    sent = spikes * (1 if input_mode == "relayed" else chips)  # each to its relay's chip, or to both
     found = host_traffic.host_milliseconds(plan, counted, LOIHI_1)["injected"]
     usb = 13.9e-3
     assert found.nominal == pytest.approx(usb * chips * (30 + 1), rel=0.01)
-    assert found.high == pytest.approx(usb * (chips * spikes + 20), rel=0.01)
-    assert found.low == pytest.approx(usb * chips * (-(-spikes // 56) + 1), rel=0.01)
+    assert found.high == pytest.approx(usb * (sent + 20), rel=0.01)
+    assert found.low == pytest.approx(usb * chips * (-(-sent / chips // 56) + 1), rel=0.01)
 
 
 @pytest.mark.parametrize(
@@ -374,7 +393,7 @@ def test_the_host_program_sends_so_many_packets(
         ended = board.run(made, "--queries", folder, "--out", tmp_path / f"out{queries}")
         assert ended.code == 0, ended.err
         found.append(packets[0])
-    trains = draw_trains(made.rates, made.keys, plan.network.steps, plan.network.steps + 3, bias_input=bias_input)
+    trains = draw_trains(made.rates, made.keys, plan.network.steps, plan.network.interval, regular=plan.network.regular)
     film = count_spikes(plan.network, made.rates, made.keys, raster=True)[2]
     told = host_traffic.host_milliseconds(plan, count_events(plan, Trains(film, trains)), LOIHI_1)
     messages = next(iter(told.values())).nominal / loihi.KAPOHO_BAY_MESSAGE_US * 1e3
