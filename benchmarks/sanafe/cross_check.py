@@ -42,6 +42,7 @@ from benchmarks.sanafe.problem import group_name, problem_of
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.cost.closed_form import closed_form, step_microseconds, step_picojoules
 from lava_vpr.deploy.cost.events import EventCounts, count_events
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.isolated.child import Ended, environment_without_python, run_child
@@ -70,7 +71,7 @@ class CrossCheck:
         counts: Events by name: (ours, SANA-FE's).
         difference: Largest relative difference of all that was compared: energy by component and time of every query,
             energy and time of every step.
-        spikes_differ: Spikes of exc, inh and input compartments that SANA-FE's own dynamics have elsewhere.
+        spikes_differ: Spikes of exc, inh and the inputs' compartments that SANA-FE's own dynamics have elsewhere.
     """
 
     version: str = ""
@@ -201,7 +202,7 @@ def _read(answer: dict[str, Any], plan: Plan, trains: Trains) -> _Answer:
 def _fired(queries: list[Any], plan: Plan, shape: tuple[int, int]) -> dict[str, NDArray[np.bool_]]:
     """The spikes that SANA-FE had, by population."""
     network = plan.network
-    widths = {"exc": network.neurons, "inh": network.neurons, "inputs": network.inputs}
+    widths = {"exc": network.neurons, "inh": network.inhibitory, "inputs": network.inputs}
     trains = {name: np.zeros((*shape, width), np.bool_) for name, width in widths.items()}
     parts = {group_name(k, i): part for k, core in enumerate(plan.cores) for i, part in enumerate(core.parts)}
     for q, query in enumerate(queries):
@@ -217,17 +218,13 @@ def _our_counts(events: EventCounts) -> dict[str, Floats]:
     def each(*names: str) -> Floats:
         return np.asarray(sum(events.each(name) for name in names), np.float64)
 
-    injected, messages, hops = np.zeros(events.queries), ["messages_out"], ["hops_east_west", "hops_north_south"]
-    if events.injected:
-        injected = each("input_spikes")
-        messages += ["input_messages"]
-        hops += ["input_hops_east_west", "input_hops_north_south"]
+    hops = [f"{kind}hops_{way}" for kind in ("", "injected_") for way in ("east_west", "north_south")]
     return {
         "synaptic operations": each("operations_dense", "operations_sparse"),
         "updates": each("touched"),
         "spikes": each("spikes"),
-        "injected spikes": injected,
-        "messages": each(*messages),
+        "injected spikes": each("input_spikes") * events.injected,
+        "messages": each("messages_out", "injected_messages"),
         "hops": each(*hops),
     }
 
@@ -237,6 +234,17 @@ def _apart(ours: Any, theirs: Any) -> float:
     a, b = np.asarray(ours, np.float64), np.asarray(theirs, np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
         return float(np.max(np.where(a == b, 0.0, np.abs(a - b) / np.abs(a)), initial=0.0))
+
+
+def of_compartments(network: FixedNetwork, inputs: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
+    """What the inputs' compartments spike when the inputs do, uint8 (n, interval, inputs): relays a step later."""
+    spikes = np.asarray(inputs)
+    if network.bias_input:
+        return spikes
+    relayed = np.zeros_like(spikes)
+    if network.relayed:
+        relayed[:, 1:] = spikes[:, :-1]
+    return relayed
 
 
 def compare(plan: Plan, trains: Trains, answer: dict[str, Any], *, input_core: bool, tiles: int) -> CrossCheck:
@@ -268,11 +276,8 @@ def compare(plan: Plan, trains: Trains, answer: dict[str, Any], *, input_core: b
         (step_time / 1e3, theirs.milliseconds),
         (np.asarray(step_energy) / 1e6, theirs.microjoules["total"]),
     ]
-    differ = 0
-    for name, fired in theirs.fired.items():
-        train = getattr(trains, name)
-        if name != "inputs" or plan.network.bias_input:
-            differ += int((fired != (np.asarray(train) != 0)).sum())
+    expected = {"exc": trains.exc, "inh": trains.inh, "inputs": of_compartments(plan.network, trains.inputs)}
+    differ = sum(int((fired != (expected[name] != 0)).sum()) for name, fired in theirs.fired.items())
 
     def mean(values: Floats) -> float:
         return float(values.mean()) if values.size else 0.0
@@ -301,7 +306,7 @@ def cross_check(
 
     Args:
         plan: Where the network stands.
-        trains: Every spike of the queries, those of inputs and relays too.
+        trains: Every spike of the queries, those of inputs and inhibitory neurons too.
         python: The Python that has SANA-FE; None: what `find_sanafe` finds.
         input_core: Injected spikes take the one core that sends them the time of any core's messages, as SANA-FE has
             it; else none, as the cost model has it, which knows a host.

@@ -3,9 +3,11 @@
     {"columns", "rows", "tile_cores": of the mesh; "tiles": number of the last tile in use, and one more,
      "port_units": inputs whose spikes are injected, "port_takes_time": whether sending them does,
      "steps", "silent_steps",
-     "groups": [{"name", "tile", "core": within its tile, "size", "plays": a train, "attributes": of the soma}],
+     "groups": [{"name", "tile", "core": within its tile, "size", "plays": a train, "attributes": of the soma,
+                 "own_biases": [[index, bias]] that stay}],
      "synapses": [{"from", "to": groups, "kind": "dense" | "sparse", "pre", "post", "weights"}],
-     "queries": [{"trains": [[group, index, [0 | 1, ...]]], "biases": [[group, index, bias, potential]]}]}
+     "queries": [{"trains": [[group, index, [0 | 1, ...]]],
+                  "biases": [[group, index, bias, potential]] that are 0 in the silent steps}]}
 
 Groups stand in the order of each core's compartments. A unit of weight, threshold, bias and potential is 2^6 of v.
 SANA-FE's soma computes v' = trunc(v keep) + bias + sum with doubles that hold every number of ours exactly, so its exc
@@ -16,14 +18,14 @@ bits: the floats handed over have at most 24 digits.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.deploy.boards.plan import RELAY_THRESHOLD, RELAY_WEIGHT, CorePlan, Part, Plan
-from lava_vpr.engine.inference import bias_input
-from lava_vpr.engine.inference.fixed import SILENT_STEPS
+from lava_vpr.deploy.boards.plan import RELAY_THRESHOLD, RELAY_WEIGHT, CorePlan, Part, Plan, PopulationName
+from lava_vpr.engine.inference import bias_input, fixed
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.loihi import DECAY_BITS, INPUT_SHIFT
@@ -43,25 +45,29 @@ def refuse(plan: Plan, trains: Trains) -> None:
     """Refuse what SANA-FE cannot be asked.
 
     Raises:
-        BackendUnavailableError: a board other than Loihi 1's, a network that shifts its sums, trains without inputs.
+        BackendUnavailableError: a board other than Loihi 1's, or trains that lack spikes.
     """
     if plan.board.tile_cores is None or plan.board.columns is None or plan.board.rows is None or not plan.board.timed:
         raise BackendUnavailableError(f"SANA-FE's architecture is Loihi 1, not {plan.board.title}")
-    if plan.network.shift:
-        raise BackendUnavailableError("SANA-FE adds weights without shifting their sum; use fewer weight bits")
     if trains.inputs is None or trains.inh is None:
-        raise BackendUnavailableError("a cross-check needs the spikes of inputs and relays, too")
+        raise BackendUnavailableError("a cross-check needs the spikes of inputs and inhibitory neurons, too")
 
 
 def _attributes(plan: Plan, part: Part) -> dict[str, float]:
     """Threshold and decay of a part's somata."""
     unity = 1 << DECAY_BITS
-    threshold, decay = {
-        "exc": (plan.network.threshold, plan.network.decay),
-        "inh": (RELAY_THRESHOLD, unity - 1),
-        "inputs": (bias_input.THRESHOLD, 0),
-    }[part.population]
+    threshold, decay = RELAY_THRESHOLD, unity - 1
+    if part.population == "exc":
+        threshold, decay = plan.network.threshold, plan.network.decay
+    elif part.population == "inputs" and plan.network.bias_input:
+        threshold, decay = bias_input.THRESHOLD, 0
     return {"threshold": threshold, "leak_decay": (unity - decay) / unity}
+
+
+def _own_biases(plan: Plan, part: Part) -> list[list[float]]:
+    """What the neurons of a part gain in every step: index and bias, of those that have one."""
+    bias = plan.network.bias[part.first : part.first + part.size] if part.population == "exc" else np.zeros(0)
+    return [[int(i), float(bias[i]) / (1 << INPUT_SHIFT)] for i in np.flatnonzero(bias)]
 
 
 def _groups(plan: Plan) -> list[dict[str, Any]]:
@@ -73,10 +79,10 @@ def _groups(plan: Plan) -> list[dict[str, Any]]:
         for i in sorted(range(len(core.parts)), key=lambda i: core.parts[i].compartment):
             part = core.parts[i]
             group = {"name": group_name(k, i), "size": part.size, "plays": False, "attributes": _attributes(plan, part)}
-            groups.append(group | place)
+            groups.append(group | place | {"own_biases": _own_biases(plan, part)})
     if not plan.network.bias_input:
-        size = plan.network.inputs
-        groups.append({"name": PORT, "tile": 0, "core": tile_cores, "size": size, "plays": True, "attributes": {}})
+        port = {"name": PORT, "tile": 0, "core": tile_cores, "size": plan.network.inputs, "plays": True}
+        groups.append(port | {"attributes": {}, "own_biases": []})
     return [group for group in groups if group["size"]]
 
 
@@ -100,46 +106,59 @@ def _rows(source: str, target: str, stored: Synapses, weights: NDArray[np.int64]
 
 
 def _to_exc(plan: Plan, core: CorePlan, part: Part, target: str) -> list[Any]:
-    """Synapses of inputs and relays to the excitatory neurons of ``part``."""
+    """Synapses of the inputs and the root to the excitatory neurons of ``part``."""
     network, neurons = plan.network, slice(part.first, part.first + part.size)
     weights = network.weights[:, neurons].astype(np.int64)
-    present = weights > 0
+    present = weights != 0
     # A row without any weight is not stored, not even dense.
     stored = present | (core.dense_inputs & present.any(axis=1))[:, None]
-    rows = [] if network.bias_input else _rows(PORT, target, stored, weights, core.dense_inputs)
-    numbers = np.arange(network.neurons)
-    here = (numbers >= part.first) & (numbers < part.first + part.size)
-    lateral = np.ones((network.neurons, part.size), np.bool_)
-    if not core.dense_lateral:
-        lateral[numbers[here], numbers[here] - part.first] = False
-    if part.size == 1:
-        lateral[here] = False
-    pull = -network.lateral * (numbers[:, None] != numbers[None, neurons]).astype(np.int64)
-    dense = ~here | core.dense_lateral
-    for k, other in enumerate(plan.cores):
-        for i, sender in enumerate(other.parts):
-            name, senders = group_name(k, i), slice(sender.first, sender.first + sender.size)
-            if sender.population == "inh" and network.inhibition:
-                rows += _rows(name, target, lateral[senders], pull[senders], dense[senders])
-            elif sender.population == "inputs":
-                rows += _rows(name, target, stored[senders], weights[senders], core.dense_inputs[senders])
+    rows = [] if network.input_compartments else _rows(PORT, target, stored, weights, core.dense_inputs)
+    for name, sender in _parts(plan, "inputs"):
+        senders = slice(sender.first, sender.first + sender.size)
+        rows += _rows(name, target, stored[senders], weights[senders], core.dense_inputs[senders])
+    for name, sender in _parts(plan, "inh"):
+        root = np.arange(sender.first, sender.first + sender.size) == network.inhibitory - 1
+        pulled = np.repeat(root[:, None], part.size, axis=1) & (network.inhibition > 0)
+        rows += _rows(name, target, pulled, np.full(pulled.shape, -network.lateral), root)
+    return rows
+
+
+def _parts(plan: Plan, population: PopulationName) -> Iterator[tuple[str, Part]]:
+    """The parts of a population, with the names of their groups."""
+    for k, core in enumerate(plan.cores):
+        for i, part in enumerate(core.parts):
+            if part.population == population:
+                yield group_name(k, i), part
+
+
+def _listening(
+    plan: Plan, source: str, sender: Part, heard_by: NDArray[np.int64], listener: PopulationName
+) -> list[Any]:
+    """Single synapses that make a neuron of ``listener`` spike; ``heard_by`` has its number for each of ``sender``."""
+    rows = []
+    for target, part in _parts(plan, listener):
+        synapses = heard_by[:, None] == np.arange(part.first, part.first + part.size)
+        rows += _rows(source, target, synapses, np.full(synapses.shape, RELAY_WEIGHT), np.zeros(sender.size, np.bool_))
     return rows
 
 
 def _synapses(plan: Plan) -> list[Any]:
     """The synapses of all connections of the plan."""
-    rows: list[Any] = []
+    network, rows = plan.network, []
     for k, core in enumerate(plan.cores):
         for i, part in enumerate(core.parts):
             if part.population == "exc":
                 rows += _to_exc(plan, core, part, group_name(k, i))
-            for n, other in enumerate(plan.cores if part.population == "inh" else ()):
-                for m, sender in enumerate(other.parts):
-                    if sender.population == "exc":
-                        same = sender.first + np.arange(sender.size)[:, None] == part.first + np.arange(part.size)
-                        weights = np.full(same.shape, RELAY_WEIGHT)
-                        sparse = np.zeros(sender.size, np.bool_)
-                        rows += _rows(group_name(n, m), group_name(k, i), same, weights, sparse)
+    root = network.inhibitory - 1
+    for name, part in _parts(plan, "exc"):
+        numbers = np.arange(part.first, part.first + part.size)
+        rows += _listening(plan, name, part, numbers // fixed.FAN_IN if network.leaves else 0 * numbers, "inh")
+    for name, part in _parts(plan, "inh"):
+        numbers = np.arange(part.first, part.first + part.size)
+        rows += _listening(plan, name, part, np.where(numbers < root, root, -1), "inh")
+    if network.relayed:
+        port = Part("inputs", 0, network.inputs, 0)
+        rows += _listening(plan, PORT, port, np.arange(network.inputs), "inputs")
     return rows
 
 
@@ -165,17 +184,16 @@ def bias_and_membrane(train: NDArray[Any]) -> tuple[int, int]:
 
 
 def _query(plan: Plan, inputs: NDArray[np.uint8]) -> dict[str, Any]:
-    """The trains and biases that play in one query; ``inputs`` (steps + 3, inputs)."""
+    """The trains and biases that play in one query; ``inputs`` (interval, inputs)."""
     trains, biases, unit = [], [], 1 << INPUT_SHIFT
     if not plan.network.bias_input:
         for j in np.flatnonzero(inputs.any(axis=0)).tolist():
             last = int(np.flatnonzero(inputs[:, j])[-1])
             trains.append([PORT, j, inputs[: last + 1, j].astype(int).tolist()])
-    for k, core in enumerate(plan.cores):
-        for i, part in enumerate(core.parts):
-            for n in range(part.size if part.population == "inputs" else 0):
-                bias, membrane = bias_and_membrane(inputs[: plan.network.steps, part.first + n])
-                biases.append([group_name(k, i), n, bias / unit, membrane / unit])
+    for name, part in _parts(plan, "inputs"):
+        for n in range(part.size if plan.network.bias_input else 0):
+            bias, membrane = bias_and_membrane(inputs[: plan.network.steps, part.first + n])
+            biases.append([name, n, bias / unit, membrane / unit])
     return {"trains": trains, "biases": biases}
 
 
@@ -199,7 +217,7 @@ def problem_of(plan: Plan, trains: Trains, *, input_core: bool = True) -> dict[s
         "port_units": 0 if plan.network.bias_input else plan.network.inputs,
         "port_takes_time": input_core,
         "steps": plan.network.steps,
-        "silent_steps": SILENT_STEPS,
+        "silent_steps": plan.network.silent_steps,
         "groups": groups,
         "synapses": _synapses(plan),
         "queries": [_query(plan, inputs) for inputs in (trains.inputs if trains.inputs is not None else ())],

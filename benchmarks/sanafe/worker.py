@@ -68,6 +68,8 @@ def build(sanafe: Any, problem: dict[str, Any], arch: Any) -> Any:
         )
         for i in range(group["size"] if group["plays"] else 0):
             group_made[i].set_attributes(soma_hw_name=f"loihi_inputs[{i}]")
+        for i, bias in group["own_biases"]:
+            group_made[i].set_attributes(model_attributes={"bias": bias})
         group_made.map_to_core(arch.tiles[group["tile"]].cores[group["core"]])
     # A connection takes the synapse unit that its target names at that time.
     for kind in ("dense", "sparse"):

@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import fields, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from support.boards import kapoho_board, kapoho_bundles
-from support.boards.kapoho_board import Board, write_queries
-from support.boards.kapoho_bundles import layout, make
 from support.boards.plans import busy_plan, trains_of
 from support.boards.small_boards import even
 from support.boards.small_boards import network as small_network
@@ -28,12 +23,10 @@ from lava_vpr.deploy.cost.closed_form import closed_form, step_microseconds, ste
 from lava_vpr.deploy.cost.costs import Modelled, modelled, outside_steps
 from lava_vpr.deploy.cost.events import KINDS, EventCounts, count_events
 from lava_vpr.deploy.mapping.partition import partition
-from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference import fixed
-from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.trains import Trains
 
-board = kapoho_board.board
 WAYS = ("east_west", "north_south")
 
 
@@ -110,7 +103,7 @@ def test_a_step_lasts_as_long_as_its_busiest_core(input_mode: str) -> None:
             assert neurons[q, t] == pytest.approx(max(own))
             used = {2: 1.0, 3: 1.0, 4: 1.4}[int(counted.tiles or 0)]
             assert time[q, t] == pytest.approx(max(*arriving, *own) / 1e3 + used)
-    assert (receive > neurons).any() != (input_mode != "injected")  # what inputs on the chip take is neurons' part
+    assert (receive > neurons).any() != (input_mode == "bias")  # what inputs on the chip take is neurons' part
     assert (receive < neurons).any()
     assert (step_microseconds(counted, LOIHI_1, "high") >= 5.8).all()
     assert (step_microseconds(counted, LOIHI_1, "low") < time).all()
@@ -342,64 +335,6 @@ def test_barrier_by_tiles() -> None:
     assert (LOIHI_1.barrier(1).low, LOIHI_1.barrier(32).low, LOIHI_1.barrier(64).low) == (0.113, 0.465, 0.465)
     assert 0.113 < LOIHI_1.barrier(16).low < 0.465
     assert all(LOIHI_1.barrier(t).high == LOIHI_1.barrier(t).nominal for t in (1, 32))
-
-
-@pytest.mark.parametrize("input_mode", ["injected", "relayed"], indirect=True)
-def test_packets_are_those_of_the_host_program(input_mode: str) -> None:
-    source = (Path(host_traffic.__file__).parents[1] / "programs" / "kapoho_bay" / "packets.py").read_text()
-    words, payload = (int(value) for value in re.findall(r"WORDS, PAYLOAD, MAGIC = (\d+), (\d+),", source)[0])
-    assert host_traffic.PACKET_WORDS == words - payload
-    plan, counted, _ = example(input_mode)
-    spikes, chips = counted.input_spikes.sum() / 5, 2
-    sent = spikes * (1 if input_mode == "relayed" else chips)  # each to its relay's chip, or to both
-    found = host_traffic.host_milliseconds(plan, counted, LOIHI_1)["injected"]
-    usb = 13.9e-3
-    assert found.nominal == pytest.approx(usb * chips * (30 + 1), rel=0.01)
-    assert found.high == pytest.approx(usb * (sent + 20), rel=0.01)
-    assert found.low == pytest.approx(usb * chips * (-(-sent / chips // 56) + 1), rel=0.01)
-
-
-@pytest.mark.parametrize(
-    ("name", "bias_input"),
-    [
-        ("apart", False),
-        pytest.param("two chips", True, marks=pytest.mark.slow),
-        pytest.param("two chips", False, marks=pytest.mark.slow),
-        pytest.param("apart", True, marks=pytest.mark.slow),
-    ],
-)
-def test_the_host_program_sends_so_many_packets(
-    board: Board, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, name: str, bias_input: bool
-) -> None:
-    plan = layout(name, kapoho_bundles.random_network(bias_input=bias_input))
-    made = make(tmp_path, plan)
-    packets, link = [0], board.program.board_link.Link
-
-    def counted(method: str, number: Callable[..., int]) -> None:
-        original = getattr(link, method)
-
-        def call(self: object, *given: Any, **named: Any) -> Any:
-            packets[0] += number(*given)
-            return original(self, *given, **named)
-
-        monkeypatch.setattr(link, method, call)
-
-    counted("_send", lambda kind, query, first, payloads, *_: len(payloads))
-    counted("expect", lambda *_: 1)
-    found = []
-    for queries in (1, 2):
-        folder = write_queries(tmp_path / f"q{queries}", made.rates[:queries], made.keys[:queries])
-        packets[0] = 0
-        ended = board.run(made, "--queries", folder, "--out", tmp_path / f"out{queries}")
-        assert ended.code == 0, ended.err
-        found.append(packets[0])
-    trains = draw_trains(made.rates, made.keys, plan.network.steps, plan.network.interval, regular=plan.network.regular)
-    film = count_spikes(plan.network, made.rates, made.keys, raster=True)[2]
-    told = host_traffic.host_milliseconds(plan, count_events(plan, Trains(film, trains)), LOIHI_1)
-    messages = next(iter(told.values())).nominal / loihi.KAPOHO_BAY_MESSAGE_US * 1e3
-    # What is over is the embedded processors' work.
-    assert found[1] - found[0] == int(messages) > 0
-    assert messages < int(messages) + 0.5
 
 
 def test_bench_shows_this_very_class() -> None:
