@@ -21,7 +21,7 @@ from lava_vpr.inputs.orientation import orientation_channels
 
 INPUTS, NEURONS, STEPS = 20, 3, 12
 WEIGHTS = np.ones((INPUTS, NEURONS), np.uint8)
-NETWORK = FixedNetwork(WEIGHTS, 3, 0, 10, 5, 0, 100, STEPS)
+NETWORK = FixedNetwork(WEIGHTS.astype(np.int16), np.zeros(NEURONS, np.int32), 3, False, 10, 5, 0, 100, STEPS)
 RATES, KEYS = np.ones((2, INPUTS), np.uint16), np.arange(2, dtype=np.uint64)
 LEARNING = StdpLearning(steps=STEPS)
 PAPER = tiny_paper()
@@ -31,11 +31,11 @@ SPIKES = np.zeros((STEPS + 3, INPUTS), np.uint8)
 
 
 def trainer() -> stdp.Trainer:
-    return stdp.Trainer(stdp.initial_state(INPUTS, NEURONS, LEARNING, 0), LEARNING, 5.0, 0.69)
+    return stdp.Trainer(stdp.initial_state(INPUTS, NEURONS, LEARNING, 0), LEARNING, 5.0)
 
 
 def integers(rates: np.ndarray = RATES[0], theta: np.ndarray | None = None, **options: Any) -> object:
-    phase = integer.phases(LEARNING, INPUTS, NEURONS, 5.0, 0.69)[0]
+    phase = integer.phases(LEARNING, INPUTS, 5.0)[0]
     theta = np.full(NEURONS, 50, np.int32) if theta is None else theta
     return integer.present(integer.IntegerState(WEIGHTS.copy(), theta), phase, rates, 1, **options)
 
@@ -47,11 +47,11 @@ def floats(**changes: np.ndarray) -> conductance.ConductanceState:
 
 
 ENTRIES: dict[str, Callable[..., object]] = {
-    "fixed": lambda rates=RATES, keys=KEYS: count_spikes(NETWORK, rates, keys),
+    "fixed": lambda rates=RATES, keys=KEYS, **options: count_spikes(NETWORK, rates, keys, **options),
     "stdp": lambda rates=RATES[0]: trainer().present(rates, 1),
     "integer": integers,
     "fold": lambda w=WEIGHTS, t=THRESHOLDS: lava_order.fold(w, t, 1, 1),
-    "membranes": lambda i=SPIKES, inh=SPIKES[:, :NEURONS]: membranes(NETWORK, i, inh),
+    "membranes": lambda i=SPIKES, inh=SPIKES[:, :1]: membranes(NETWORK, i, inh),
     "float": lambda r=RATES32, k=KEYS, **state: conductance.count_spikes(floats(**state), r, k, PAPER),
     "float training": lambda r=RATES32[0], **state: conductance.train_presentation(floats(**state), r, 1, PAPER),
 }
@@ -76,6 +76,10 @@ DRAWS = StepDraws(np.zeros(STEPS + 2, np.uint64), np.zeros(STEPS + 3, np.uint64)
         ("fixed", (RATES, KEYS[:1])),
         ("fixed", (RATES, KEYS.astype(np.int64))),
         ("fixed", (RATES, np.ones((2, 2), np.uint64))),
+        ("fixed", {"bias": np.zeros((1, NEURONS), np.int32)}),
+        ("fixed", {"bias": np.zeros((2, NEURONS + 1), np.int32)}),
+        ("fixed", {"bias": np.zeros(NEURONS, np.int32)}),
+        ("fixed", {"bias": np.zeros((2, NEURONS), np.int64)}),
         ("stdp", (np.ones(INPUTS + 5, np.uint16),)),
         ("stdp", (RATES,)),
         ("stdp", (RATES[0].astype(np.int64),)),
@@ -90,7 +94,7 @@ DRAWS = StepDraws(np.zeros(STEPS + 2, np.uint64), np.zeros(STEPS + 3, np.uint64)
         ("fold", (WEIGHTS.astype(np.int64),)),
         ("membranes", (SPIKES[:, :-1],)),
         ("membranes", (SPIKES, SPIKES)),
-        ("membranes", (SPIKES, SPIKES[1:, :NEURONS])),
+        ("membranes", (SPIKES, SPIKES[1:, :1])),
         ("float", (RATES32[:, :-1],)),
         ("float", (RATES32[0],)),
         ("float", (RATES,)),

@@ -22,9 +22,8 @@ from lava_vpr.loihi import PRODUCT_EXPONENTS, PRODUCT_MANTISSAS
 INPUTS, NEURONS = 24, 5
 USUAL = IntegerLearning(
     rule=Rule(((6, -6), (1, -7)), 15, 0, 20.0),
-    shift=2,
-    inhibition=60,
-    neurons=LifParameters(dv=205, floor=-120, hold_steps=1, theta_plus=8),
+    inhibition=240,
+    neurons=LifParameters(dv=205, floor=-480, hold_steps=1, theta_plus=32),
     weight_sum=13 * INPUTS,
     steps=60,
 )
@@ -56,14 +55,14 @@ def changed(**changes: object) -> IntegerLearning:
         changed(mu=2, products=((5, -1),), target=30),
         changed(products=((-8, -5), (7, 2), (3, -7)), target=60, tau=3.5),
         changed(products=((7, 8), (7, 8)), target=80),
-        changed(weight_sum=0, shift=0, inhibition=500),
+        changed(weight_sum=0, inhibition=500),
         changed(floor=-1, weight_sum=40 * INPUTS, steps=33),
     ],
 )
 def test_equals_the_literal_version(learning: IntegerLearning) -> None:
-    learning.check(NEURONS)
+    learning.check()
     rng = np.random.default_rng(1)
-    state = IntegerState(rng.integers(0, 60, (INPUTS, NEURONS)).astype(np.uint8), np.full(NEURONS, 60, np.int32))
+    state = IntegerState(rng.integers(0, 60, (INPUTS, NEURONS)).astype(np.uint8), np.full(NEURONS, 240, np.int32))
     start = state.weights.copy()
     fired = 0
     for k in range(3):
@@ -80,6 +79,28 @@ def test_equals_the_literal_version(learning: IntegerLearning) -> None:
         fired += int(counts.sum())
     assert fired > 10
     assert not np.array_equal(state.weights, start)
+
+
+def raster_of(weights: np.ndarray, inhibition: int) -> np.ndarray:
+    """Every spike of neurons that do not learn, uint8 (steps + 3, neurons)."""
+    frozen = changed(products=(), weight_sum=0, inhibition=inhibition, theta_plus=0)
+    state = IntegerState(weights.copy(), np.full(weights.shape[1], 240, np.int32))
+    rates = np.random.default_rng(2).integers(0, 12_000, len(weights)).astype(np.uint16)
+    raster = integer.present(state, frozen, rates, presentation_key(1, "train", 2), raster=True)[2]
+    assert np.array_equal(state.weights, weights)
+    return raster
+
+
+def test_inhibition_comes_once_a_step_and_spares_those_that_spiked() -> None:
+    weights = np.random.default_rng(3).integers(0, 60, (INPUTS, 3)).astype(np.uint8)
+    few = raster_of(weights, 300)
+    assert (few.sum(axis=0) > 1).sum() > 1
+    assert not np.array_equal(few, raster_of(weights, 0))
+    # Twice the neurons, pair by pair equal: two spikes in a step take no more than one, and neither takes from either.
+    assert np.array_equal(raster_of(np.repeat(weights, 2, axis=1), 300), np.repeat(few, 2, axis=1))
+    alone = raster_of(weights[:, :1], 300)
+    assert alone.sum() > 3
+    assert np.array_equal(alone, raster_of(weights[:, :1], 0))
 
 
 @given(st.lists(st.sampled_from(PRODUCT_MANTISSAS), min_size=1, max_size=3), st.data())
@@ -182,27 +203,26 @@ def test_a_drawn_number_below_the_fraction_rounds_up() -> None:
         (changed(tau=0.5), r"decays within 0\.5 steps"),
         (changed(dv=5000), "dv is 5000"),
         (changed(floor=5), "floor is 5"),
-        (changed(inhibition=40_000), "lateral inhibition of 5 neurons can reach 160,000"),
+        (changed(inhibition=1 << 17), "inhibition is 131,072 while learning, but .*; lower learning.inhibition"),
     ],
 )
 def test_what_the_chip_cannot_hold_is_refused(learning: IntegerLearning, text: str) -> None:
     with pytest.raises(NetworkLimitError, match=text):
-        learning.check(NEURONS)
+        learning.check()
 
 
 def test_settings_without_an_integer_form_are_refused() -> None:
     with pytest.raises(ConfigError, match=r"mu is 0\.5"):
-        integer.phases(StdpLearning(mu=0.5), 784, 100, 12.0, 0.69)
+        integer.phases(StdpLearning(mu=0.5), 784, 12.0)
     with pytest.raises(NetworkLimitError, match="no 7-bit trace"):
-        integer.phases(StdpLearning(x_target=50.0), 784, 100, 12.0, 0.69)
+        integer.phases(StdpLearning(x_target=50.0), 784, 12.0)
 
 
 def test_phases_are_the_float_settings_in_integers() -> None:
     learning = StdpLearning()
-    competition, consolidation = integer.phases(learning, 784, 100, 12.0, 0.69)
-    per_unit, shift = integer.unit(learning, 784, 12.0, 0.69, 100)
-    assert competition.shift == shift
-    assert competition.inhibition == round(learning.inhibition * per_unit)
+    competition, consolidation = integer.phases(learning, 784, 12.0)
+    per_unit = integer.unit(learning, 12.0)
+    assert competition.inhibition == pytest.approx(learning.inhibition * per_unit, rel=1 / 256)
     assert competition.neurons.theta_plus == round(learning.theta_plus * per_unit)
     assert consolidation.neurons.theta_plus == 0
     # A weight at rest, an input that has just spiked: the float change, in units of 2 / 255.
@@ -216,7 +236,7 @@ def test_phases_are_the_float_settings_in_integers() -> None:
 
 def test_a_stretch_learns_what_it_is_shown() -> None:
     learning = StdpLearning()
-    trainer = integer.IntegerTrainer(100, 4, learning, 12.0, 0.69, seed=0, stretch=0)
+    trainer = integer.IntegerTrainer(100, 4, learning, 12.0, seed=0, stretch=0)
     rates = np.zeros(100, np.uint16)
     rates[:20] = round(12 / 20 * 65536 * 0.999)
     for epoch in range(3):

@@ -15,14 +15,23 @@ from lava_vpr.engine.learning import stdp
 
 @pytest.mark.parametrize(
     "changes",
-    [{}, {"hold_steps": 0}, {"hold_steps": 3}, {"mu": 1.0}, {"inhibition": 0.0}, {"floor": -1.0}, {"w_max": 0.4}],
+    [
+        {},
+        {"hold_steps": 0},
+        {"hold_steps": 3},
+        {"mu": 1.0},
+        {"inhibition": 0.0},
+        {"floor": -1.0},
+        {"w_max": 0.4},
+        {"drive": 1.5},
+    ],
 )
 def test_equals_the_literal_version(changes: dict) -> None:
     learning = dataclasses.replace(StdpLearning(steps=120, threshold=2.0, competition_epochs=2), **changes)
     state = stdp.initial_state(30, 6, learning, seed=1)
     literal_weights, literal_theta = state.weights.copy(), state.theta.copy()
-    trainer = stdp.Trainer(state, learning, spikes_per_step=3.0, drive=0.69)
-    gain = 0.69 / (learning.mean_weight * 3.0)
+    trainer = stdp.Trainer(state, learning, spikes_per_step=3.0)
+    gain = learning.drive / (learning.mean_weight * 3.0)
     rng = np.random.default_rng(0)
     spiked = [0, 0]
     for epoch in range(4):
@@ -58,6 +67,26 @@ def test_equals_the_literal_version(changes: dict) -> None:
     assert min(spiked) > 5
 
 
+def counts_of(weights: np.ndarray, inhibition: float) -> np.ndarray:
+    """Spike counts of neurons that do not learn, int32 (neurons,)."""
+    learning = StdpLearning(steps=120, threshold=2.0, eta=0.0, theta_plus=0.0, inhibition=inhibition)
+    state = stdp.PlasticState(weights.astype(np.float32), np.full(weights.shape[1], 2, np.float32))
+    rates = np.random.default_rng(5).integers(0, 13000, len(weights)).astype(np.uint16)
+    return stdp.Trainer(state, learning, 3.0).present(rates, 6)[0]
+
+
+def test_inhibition_comes_once_a_step_and_spares_those_that_spiked() -> None:
+    weights = np.random.default_rng(1).random((30, 3))
+    few = counts_of(weights, 3.0)
+    assert (few > 1).sum() > 1
+    assert (few < counts_of(weights, 0.0)).any()
+    # Twice the neurons, pair by pair equal: two spikes in a step take no more than one, and neither takes from either.
+    assert np.array_equal(counts_of(np.repeat(weights, 2, axis=1), 3.0), np.repeat(few, 2))
+    alone = counts_of(weights[:, :1], 3.0)
+    assert alone[0] > 3
+    assert np.array_equal(alone, counts_of(weights[:, :1], 0.0))
+
+
 def test_mean_trace_is_the_mean_of_a_trace_that_spikes_set_to_one() -> None:
     inputs, tot, tau = 50, 3.0, 12.0
     decay, x, total = np.exp(-1 / tau), np.zeros(inputs), 0.0
@@ -73,7 +102,7 @@ def test_mean_trace_is_the_mean_of_a_trace_that_spikes_set_to_one() -> None:
 def test_learning_pulls_weights_to_what_was_shown() -> None:
     learning = StdpLearning()
     state = stdp.initial_state(100, 4, learning, seed=0)
-    trainer = stdp.Trainer(state, learning, spikes_per_step=12.0, drive=0.69)
+    trainer = stdp.Trainer(state, learning, spikes_per_step=12.0)
     rates = np.zeros(100, np.uint16)
     rates[:20] = round(12 / 20 * 65536 * 0.999)
     for epoch in range(3):

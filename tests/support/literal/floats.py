@@ -158,8 +158,8 @@ def train_presentation(
                 drive = f(drive + weights[j, i])
             drive = f(drive * f(gain))
             if earlier:
-                drive = f(drive - f(f(learning.inhibition) * f(len(earlier))))
-                if i in earlier:
+                drive = f(drive - f(learning.inhibition))
+                if i in earlier:  # given back
                     drive = f(drive + f(learning.inhibition))
             x = max(f(f(v[i] * keep) + drive), f(learning.floor))
             if held[i] > 0:
