@@ -1,4 +1,4 @@
-"""Random numbers and inputs of a presentation: as lava_vpr.engine.random and lava_vpr.engine.regular define them."""
+"""Input spikes of a presentation: as lava_vpr.encoding and lava_vpr.engine.inference.bias_input define them."""
 
 import zlib
 
@@ -38,3 +38,14 @@ def phases(key: int, inputs: int, level: int) -> np.ndarray:
         own = mixed(np.array([np.uint64(key) ^ np.uint64(zlib.crc32(b"phase"))]) + GOLDEN)
         words = mixed(own + np.arange(inputs, dtype=np.uint64) * GOLDEN)
     return ((words >> np.uint64(32)) * np.uint64(level) >> np.uint64(32)).astype(np.int32)
+
+
+def regular_spikes(rates: np.ndarray, key: int, steps: int, level: int) -> np.ndarray:
+    """The spikes of inputs that integrate a bias, bool (steps, inputs): those above ``level`` spike and start again."""
+    (mantissa, exponent), membrane = biases(rates, level), phases(key, len(rates), level)
+    bias, spikes = mantissa << exponent, np.zeros((steps, len(rates)), bool)
+    for step in range(steps):
+        membrane = membrane + bias
+        spikes[step] = membrane > level
+        membrane[spikes[step]] = 0
+    return spikes

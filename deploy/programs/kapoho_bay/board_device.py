@@ -185,7 +185,7 @@ class Device:
         for link in self.links:
             link.expect(READY, first, 0, deadline)
         for number, query in enumerate(queries, first):
-            if network.regular:
+            if network.bias_input:
                 for link in self.links:
                     link.send_settings(query, number)
             else:

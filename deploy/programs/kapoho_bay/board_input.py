@@ -3,7 +3,7 @@
 import numpy as np
 
 from board_network import Network
-from input_draws import biases, draw_spikes, phases
+from input_draws import biases, draw_spikes, phases, regular_spikes
 from refusals import Refused
 
 LEVEL = 8000 << 6  # threshold of input compartments, in units of the membrane
@@ -18,12 +18,13 @@ class Query:
 
     def __init__(self, network: Network, number: int, rates: np.ndarray, key: int) -> None:
         self.spikes, self.settings, self.chips = {}, {}, network.chips  # type: dict, dict, list
-        if network.regular:
+        if network.bias_input:
             (mantissa, exponent), membrane = biases(rates, LEVEL), phases(key, network.inputs, LEVEL)
             words = np.stack([mantissa | exponent << 12, membrane], axis=1)
             self.settings = {chip: words[network.sources[:, 0] == chip] for chip in network.chips}
             return
-        drawn = draw_spikes(rates, key, network.steps)
+        steps = network.steps
+        drawn = regular_spikes(rates, key, steps, LEVEL) if network.regular else draw_spikes(rates, key, steps)
         for chip in network.chips:
             served = np.zeros(network.inputs, bool)
             served[network.injection[network.injection[:, 1] == chip, 0]] = True

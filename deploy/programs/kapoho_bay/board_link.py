@@ -131,7 +131,7 @@ class Link:
             Refused: they are not all there, or not those of this query.
         """
         length = self.network.steps + self.network.silent
-        sent = self.sources if self.network.regular else int(query.spikes[self.chip].sum())
+        sent = self.sources if self.network.bias_input else int(query.spikes[self.chip].sum())
         found = []
         for block in range(max(1, -(-len(self.neurons) // ROOM))):
             packet = self.expect(COUNTS, number, block, deadline)

@@ -11,7 +11,7 @@ from refusals import Refused
 
 TITLE, TARGET = "Kapoho Bay", "kapoho-bay"
 WEIGHT_CODES, INDEX_CODES = (0, 1, 2, 3, 4, 5, 6, 8), (0, 6, 7, 8, 9, 10, 11, 12)
-WEIGHT_BITS, INHIBITORY = 8, 3
+WEIGHT_BITS, MIXED, INHIBITORY = 8, 1, 3
 
 
 class Bundle:
@@ -87,9 +87,10 @@ class Core:
             powers = 1 << np.arange(index_bits + weight_bits, dtype=np.int64)
             dense = len(compartments) + np.arange(count)
             compartments += (fields[:, :index_bits] @ powers[:index_bits] if index_bits else dense).tolist()
-            sign = -1 if form["fanoutType"] == INHIBITORY else 1
+            sign, mixed = -1 if form["fanoutType"] == INHIBITORY else 1, int(form["fanoutType"] == MIXED)
             stored = fields[:, index_bits:] @ powers[:weight_bits]
-            weights += (sign * (stored << WEIGHT_BITS - weight_bits)).tolist()
+            stored -= (stored >> weight_bits - mixed) << weight_bits  # two's complement, if signs are mixed
+            weights += (sign * (stored << WEIGHT_BITS + mixed - weight_bits)).tolist()
             at = -(-end // 64) * 64
         if len(weights) != synapses or at != 64 * (first + words):
             raise Refused("bundle", self.name + ": a row of synapses does not fill its words; " + AGAIN)
@@ -107,7 +108,7 @@ class Network:
         self.bundle, scalars = bundle, bundle.manifest["network"]
         try:
             numbers = {name: int(scalars[name]) for name in ("inputs", "neurons", "steps", "silent_steps")}
-            self.regular = bool(scalars["regular"])
+            self.regular, self.bias_input = bool(scalars["regular"]), bool(scalars["bias_input"])
             self.host_spikes = int(bundle.manifest["limits"]["host_spikes"])
         except (KeyError, TypeError, ValueError):
             raise Refused("bundle", bundle.folder + ": its manifest does not describe the network; " + AGAIN) from None
@@ -115,8 +116,9 @@ class Network:
         self.silent = numbers["silent_steps"]
         folders = sorted({name.rsplit("/", 1)[0] for name in bundle.files if name.startswith("cores/")})
         self.cores = [Core(bundle, folder) for folder in folders]
-        self.exc, self.sources = bundle.array("host/exc.npy"), bundle.array("host/inputs.npy")
-        self.injection = bundle.array("host/injection.npy")
+        self.exc, self.injection = bundle.array("host/exc.npy"), bundle.array("host/injection.npy")
+        inputs = bundle.array("host/inputs.npy")
+        self.sources = inputs if self.bias_input else inputs[:0]  # nobody writes to relays
         chips = [self.exc[:, 0], self.sources[:, 0], self.injection[:, 1]]
         self.chips = [int(chip) for chip in np.unique(np.concatenate(chips))]  # those that need a program of ours
         self.of = {(core.chip, core.core): core for core in self.cores}

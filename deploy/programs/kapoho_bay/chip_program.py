@@ -41,14 +41,14 @@ def header(network: Network, chip: int, core_id: Callable[[int], int]) -> str:
     sources = network.sources[network.sources[:, 0] == chip, 1:]
     injection = network.injection[network.injection[:, 1] == chip]
     exc_cores, source_cores, targets = (np.unique(x).tolist() for x in (exc[:, 0], sources[:, 0], injection[:, 2]))
-    axons = np.full((0 if network.regular else network.inputs, max(1, len(targets))), NO_AXON)
+    axons = np.full((0 if network.bias_input else network.inputs, max(1, len(targets))), NO_AXON)
     axons[injection[:, 0], np.searchsorted(targets, injection[:, 2])] = injection[:, 3]
     to_chip, from_chip = channel_names(chip)
     numbers = {
         "FINGERPRINT": network.bundle.fingerprint,
         "STEPS": network.steps,
         "SILENT": network.silent,
-        "REGULAR": int(network.regular),
+        "BIAS_INPUT": int(network.bias_input),
         "HOST_SPIKES": network.host_spikes,
         "INPUTS": network.inputs,
         "EXC": len(exc),

@@ -7,8 +7,8 @@
  * happens (NxSDK may lose what a chip sends in the very last step of a run). Who says what, and when:
  *
  *   preparation       host: BEGIN, TABLE x TABLE_BLOCKS; chip: READY; then, if inputs integrate a bias, as below
- *   before a query    host: SET x SET_BLOCKS (bias and membrane of each input compartment); only with REGULAR
- *   step of a query   host: SPIKES (inputs that spike in this step), for each of STEPS steps; only without REGULAR
+ *   before a query    host: SET x SET_BLOCKS (bias and membrane of each input compartment); only with BIAS_INPUT
+ *   step of a query   host: SPIKES (inputs that spike in this step), for each of STEPS steps; only without BIAS_INPUT
  *   end of a query    chip: COUNTS x COUNT_BLOCKS
  *
  * That order never depends on what a packet holds, so neither side can wait for the other where the other waits, too.
@@ -171,7 +171,7 @@ static void lv_flush_sources(void)
     }
 }
 
-/* Membranes to 0; currents have no memory, and relays are at 0 by the last silent step. */
+/* Membranes to 0; currents have no memory; inhibitory neurons and relays are at 0 by the last silent step. */
 static void lv_clear(void)
 {
     for (int i = 0; i < LV_EXC; i++) {
@@ -227,7 +227,8 @@ static void lv_set_up(void)
     lv_flush_sources(); /* inputs that were not set have no bias: they stay silent */
 }
 
-/* Spikes of this step, to every core of this chip with a synapse of the input. They are felt in the next step. */
+/* Spikes of this step, to every core of this chip with a synapse or the relay of the input. They are felt in the next
+ * step. */
 static void lv_inject(runState *s)
 {
     if (!lv_take(LV_SPIKES, lv_step, LV_HOST_SPIKES)) {
@@ -318,10 +319,10 @@ static void lv_begin_run(void)
 static void lv_present(runState *s)
 {
     lv_collect();
-    if (!LV_REGULAR && lv_step < LV_STEPS) {
+    if (!LV_BIAS_INPUT && lv_step < LV_STEPS) {
         lv_inject(s);
     }
-    if (LV_REGULAR && lv_step == LV_STEPS - 1) {
+    if (LV_BIAS_INPUT && lv_step == LV_STEPS - 1) {
         lv_silence();
     }
     if (++lv_step < LV_PRESENTATION) {

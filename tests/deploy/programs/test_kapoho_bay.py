@@ -23,7 +23,7 @@ from lava_vpr.deploy.registers.core_images import core_images
 from lava_vpr.deploy.registers.synapse_memory import unpack
 from lava_vpr.deploy.registers.synapses import Format
 from lava_vpr.encoding import draw_spikes
-from lava_vpr.engine.inference import bias_input
+from lava_vpr.engine.inference import bias_input, fixed
 
 board = kapoho_board.board
 SLOW = settings(deadline=None, max_examples=8, derandomize=True)
@@ -35,10 +35,18 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Any:
     return load_program(host_programs.flat("kapoho_bay", tmp_path_factory.mktemp("flat") / "program"))
 
 
-@pytest.fixture(scope="module", params=[False, True], ids=["injected", "bias"])
+MODES: dict[str, dict[str, Any]] = {
+    "injected": {},
+    "regular": {"regular": True},
+    "bias": {"regular": True, "bias_input": True},
+}
+OFF = {"regular": False, "bias_input": False}
+
+
+@pytest.fixture(scope="module", params=["injected", "bias"])
 def two_chips(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Made:
     """A network on two chips; never written to."""
-    return make(tmp_path_factory.mktemp("made"), layout("two chips", random_network(bias_input=request.param)))
+    return make(tmp_path_factory.mktemp("made"), layout("two chips", random_network(**MODES[request.param])))
 
 
 def test_the_program_needs_python_3_6_and_numpy_only() -> None:
@@ -64,15 +72,19 @@ def test_input_is_the_encoders(program: Any, key: int, inputs: int, steps: int) 
     rates = np.random.default_rng(inputs).integers(0, 1 << 16, inputs).astype(np.uint16)
     own = program.board_input
     assert np.array_equal(own.draw_spikes(rates, key, steps), draw_spikes(rates, key, steps))
+    regular = own.regular_spikes(rates, key, steps, own.LEVEL)
+    assert regular.dtype == np.bool_
+    assert np.array_equal(regular, bias_input.bias_input_spikes(rates, key, steps))
     for found, other in zip(own.biases(rates, own.LEVEL), bias_input.biases(rates), strict=True):
         assert np.array_equal(found, other)
     assert np.array_equal(own.phases(key, inputs, own.LEVEL), bias_input.start_membranes(key, inputs))
     assert own.LEVEL == bias_input.LEVEL
 
 
+@pytest.mark.parametrize("signed", [False, True])
 @pytest.mark.parametrize("dense", [0.0, 0.5, 1.0])
-def test_words_are_unpacked_as_they_were_packed(program: Any, tmp_path: Path, dense: float) -> None:
-    plan = layout("apart", random_network(inputs=150, neurons=10), dense)
+def test_words_are_unpacked_as_they_were_packed(program: Any, tmp_path: Path, dense: float, signed: bool) -> None:
+    plan = layout("apart", random_network(inputs=150, neurons=10, signed=signed), dense)
     network = program.board_network.Network(program.board_network.Bundle(str(make(tmp_path, plan).path)))
     for image in core_images(plan):
         core = network.of[image.chip, image.core]
@@ -90,10 +102,18 @@ def test_words_are_unpacked_as_they_were_packed(program: Any, tmp_path: Path, de
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
-@pytest.mark.parametrize("mode", [False, True], ids=["injected", "bias"])
-def test_the_board_counts_as_the_host(board: Board, tmp_path: Path, name: str, mode: bool) -> None:
-    lag = mode != (name == "apart")  # it is not public which slot of a counter a spike is in
-    made = make(tmp_path, layout(name, random_network(3, bias_input=mode), dense=float(lag)))
+@pytest.mark.parametrize("mode", MODES)
+def test_the_board_counts_as_the_host(
+    board: Board, tmp_path: Path, name: str, mode: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if name == "leaves":
+        monkeypatch.setattr(fixed, "FAN_IN", 4)
+        monkeypatch.setattr(fixed, "DIRECT", 9)
+    lag = (mode == "bias") != (name == "apart")  # it is not public which slot of a counter a spike is in
+    network = random_network(3, signed=mode == "regular" or name == "leaves", threshold=30, **MODES[mode])
+    made = make(tmp_path, layout(name, network, dense=float(lag)))
+    assert (network.leaves, network.relayed) == ((3, mode != "bias") if name == "leaves" else (0, False))
+    assert network.bias.any()
     assert made.counts.sum() > 20
     ended = board.run(made, "--self-test", lag=lag)
     assert (ended.code, ended.err) == (0, "")
@@ -101,8 +121,8 @@ def test_the_board_counts_as_the_host(board: Board, tmp_path: Path, name: str, m
 
 
 def test_more_neurons_than_a_packet_holds(board: Board, tmp_path: Path) -> None:
-    network = random_network(5, inputs=40, neurons=70, bias_input=True, threshold=60, inhibition=3)
-    plan = plan_by_hand(network, {(1, 0): [("exc", 0, 70), ("inh", 0, 70), ("inputs", 0, 40)]})
+    network = random_network(5, inputs=40, neurons=70, threshold=60, inhibition=3, **MODES["bias"])
+    plan = plan_by_hand(network, {(1, 0): [("exc", 0, 70), ("inh", 0, 1), ("inputs", 0, 40)]})
     made = make(tmp_path, plan, images=3)
     ended = board.run(made, "--self-test")
     assert (ended.code, ended.err) == (0, "")
@@ -119,7 +139,7 @@ def test_queries_in_batches(board: Board, two_chips: Made, tmp_path: Path) -> No
     assert np.array_equal(counts, two_chips.counts)
     assert done.all()
     assert status == {"done": 5, "of": 5, "stage": None, "error": None}
-    steps = two_chips.network.steps + 3
+    steps = two_chips.network.interval
     runs = [f"run {2 + n * steps}" for n in (2, 2, 1)]
     assert log.read_text().split("\n") == ["start", *(x for run in runs for x in (run, "finished")), "disconnect", ""]
     assert sorted(path.name for path in (tmp_path / "r").iterdir()) == ["counts.npy", "done.npy", "status.json"]
@@ -153,10 +173,10 @@ def test_self_test_tells_the_first_difference(board: Board, tmp_path: Path) -> N
     assert (ended.code, ended.err) == (1, f"self-test: {said}\n")
 
 
-@pytest.mark.parametrize("mode", [False, True], ids=["injected", "bias"])
-def test_a_deployed_model(board: Board, tmp_path: Path, mode: bool) -> None:
+@pytest.mark.parametrize("mode", MODES)
+def test_a_deployed_model(board: Board, tmp_path: Path, mode: str) -> None:
     model = small_model()
-    network = replace(model.network, shift=0, threshold=2 * model.network.threshold, bias_input=mode)
+    network = replace(model.network, threshold=2 * model.network.threshold, **{**OFF, **MODES[mode]})
     bundle = deploy(replace(model, network=network), KAPOHO_BAY, tmp_path / "bundle", picture=False).bundle
     held = {name: data for name, data in bundle.files.items() if name.startswith("program/")}
     assert held == {f"program/{name}": data for name, data in host_programs.files("kapoho_bay").items()}
@@ -171,7 +191,7 @@ def test_check_needs_no_board(two_chips: Made) -> None:
     without = {name: value for name, value in kapoho_board.SEEDS.items() if name != "KAPOHOBAY"}
     ended = child(two_chips, "--check", env=without | {"KAPOHOBAY": ""}, version="0.9.9", start_hangs=True)
     assert (ended.code, ended.err) == (0, "")
-    assert ended.out == "ready: 3 cores, 296 synapses, 10 neurons; set KAPOHOBAY=1 to run on the board\n"
+    assert ended.out == "ready: 3 cores, 255 synapses, 10 neurons; set KAPOHOBAY=1 to run on the board\n"
 
 
 MUTATIONS: dict[str, tuple[str, str, bool, str]] = {
@@ -194,7 +214,7 @@ MUTATIONS: dict[str, tuple[str, str, bool, str]] = {
 @pytest.mark.parametrize("name", MUTATIONS)
 def test_the_stand_in_sees_defects_of_the_chips_program(board: Board, tmp_path: Path, name: str) -> None:
     old, new, bias_input, said = MUTATIONS[name]
-    made = make(tmp_path, layout("one core", random_network(1, bias_input=bias_input)), images=3)
+    made = make(tmp_path, layout("one core", random_network(1, regular=bias_input, bias_input=bias_input)), images=3)
     altered(made, "program/embedded.c", lambda content: content.replace(old.encode(), new.encode()))
     ended = board.run(made, "--self-test", "--timeout", 3)
     assert ended.code == 1
@@ -208,8 +228,8 @@ EDITS: dict[str, tuple[str, str, str]] = {
     "no updates": ("own.numUpdates.configure", "dict", "numUpdates is used but was not configured"),
     "twice": ("in enumerate(weights):", "in 2 * list(enumerate(weights)):", "is written twice"),
     "a float": ("Wgt=weight", "Wgt=weight / 1", "is a float, not an integer"),
-    "wrong sign": ("sign = -1 if", "sign = 1 if", "a weight has the wrong sign"),
-    "not shifted": ("stored << WEIGHT_BITS - weight_bits", "stored", "does not fit 3 bits"),
+    "wrong sign": ("sign, mixed = -1 if", "sign, mixed = 1 if", "a weight has the wrong sign"),
+    "not shifted": ("stored << WEIGHT_BITS + mixed - weight_bits", "stored", "does not fit 3 bits"),
     "number for id": ("=self.core(chip, target).id", "=target", "leads nowhere"),
     "no such name": ("synapseLen =", "synapseLength =", "has no field synapseLength"),
     "active probes": ("NEVER = 10**8", "NEVER = 1", "a spike probe that begins"),
@@ -229,7 +249,7 @@ def test_the_stand_in_sees_defects_of_the_program(board: Board, tmp_path: Path, 
     assert said in ended.err, ended.err
 
 
-@pytest.mark.parametrize("two_chips", [0], indirect=True, ids=["injected"])
+@pytest.mark.parametrize("two_chips", ["injected"], indirect=True)
 def test_chips_that_step_together_are_not_sent_to_one_after_the_other(two_chips: Made) -> None:
     ended = child(two_chips, "--self-test", "--timeout", 0.5, before="board_device.CHUNK = board_link.CHUNK = 1000")
     assert ended.code == 1

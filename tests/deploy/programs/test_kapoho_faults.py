@@ -37,7 +37,9 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
 def bias(tmp_path_factory: pytest.TempPathFactory) -> Made:
     """The same with inputs that integrate a bias."""
     return make(
-        tmp_path_factory.mktemp("bias"), layout("one core", random_network(steps=24, bias_input=True)), images=6
+        tmp_path_factory.mktemp("bias"),
+        layout("one core", random_network(steps=24, regular=True, bias_input=True)),
+        images=6,
     )
 
 

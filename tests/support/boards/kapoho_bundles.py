@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from lava_vpr.deploy.bundle import folder as bundle
 from lava_vpr.deploy.bundle.folder import array_bytes, json_bytes
 from lava_vpr.deploy.registers.core_images import core_images, host_tables
 from lava_vpr.engine.inference import fixed
-from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.loihi import HOST_SPIKES
 
@@ -34,22 +35,23 @@ class Made:
     counts: NDArray[np.int32]
 
 
-def random_network(seed: int = 0, inputs: int = 30, neurons: int = 10, **changes: int) -> FixedNetwork:
-    """A network that spikes; a third of its weights are 0."""
+def random_network(seed: int = 0, inputs: int = 30, neurons: int = 10, **changes: Any) -> FixedNetwork:
+    """A network that spikes, with biases; a third of its weights are 0, a quarter of those of a signed one below."""
     rng = np.random.default_rng(seed)
     weights = rng.integers(1, 8, (inputs, neurons)) * (rng.random((inputs, neurons)) < 0.67)
-    settings = {"bits": 3, "threshold": 90, "inhibition": 12, "inhibition_exponent": 0, "decay": 137, "steps": 40}
-    return FixedNetwork(weights.astype(np.uint8), **{**settings, "shift": 0, **changes})
+    if changes.get("signed"):
+        weights *= rng.choice([-1, 1, 1, 1], weights.shape)
+    settings = {"bits": 3, "signed": False, "threshold": 90, "inhibition": 12, "inhibition_exponent": 0, "decay": 137}
+    bias = rng.integers(-4095, 100, neurons).astype(np.int32) >> 4
+    return FixedNetwork(weights.astype(np.int16), bias, **{**settings, "steps": 40, **changes})  # type: ignore[arg-type]
 
 
 Place = tuple[PopulationName, int, int]
 """A population, its first neuron on a core, and how many."""
 
 
-def plan_by_hand(
-    network: FixedNetwork, cores: dict[tuple[int, int], list[Place]], dense: float = 0.5, weight_bits: int = 3
-) -> Plan:
-    """Neurons where ``cores`` (chip, core) says; a part ``dense`` of the inputs' rows and, from 0.5, lateral ones."""
+def plan_by_hand(network: FixedNetwork, cores: dict[tuple[int, int], list[Place]], dense: float = 0.5) -> Plan:
+    """Neurons where ``cores`` (chip, core) says; a part ``dense`` of the inputs' rows."""
     made = []
     for (chip, core), members in cores.items():
         parts, compartment = [], 0
@@ -59,31 +61,37 @@ def plan_by_hand(
         rows = np.arange(network.inputs) % 8 < 8 * dense
         nothing = Load(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         needs = Needs(compartment, None, None, None, None, None, None)
-        made.append(CorePlan(chip, core, tuple(parts), rows, dense >= 0.5, needs, nothing))
-    return Plan(network, KAPOHO_BAY, tuple(made), weight_bits, network.inhibition.bit_length(), None, 0.0)
+        made.append(CorePlan(chip, core, tuple(parts), rows, needs, nothing))
+    bits = network.inhibition.bit_length()
+    return Plan(network, KAPOHO_BAY, tuple(made), network.stored_bits, bits, None, 0.0)
 
 
 LAYOUTS: dict[str, dict[tuple[int, int], list[Place]]] = {
-    "one core": {(0, 0): [("exc", 0, 10), ("inh", 0, 10), ("inputs", 0, 30)]},
+    "one core": {(0, 0): [("exc", 0, 10), ("inh", 0, 1), ("inputs", 0, 30)]},
     "two chips": {
-        (0, 0): [("exc", 0, 4), ("inh", 0, 4), ("inputs", 0, 9)],
-        (0, 3): [("exc", 4, 1), ("inh", 4, 1), ("inputs", 9, 8)],
-        (1, 1): [("exc", 5, 5), ("inh", 5, 5), ("inputs", 17, 13)],
+        (0, 0): [("exc", 0, 4), ("inputs", 0, 9)],
+        (0, 3): [("exc", 4, 1), ("inh", 0, 1), ("inputs", 9, 8)],
+        (1, 1): [("exc", 5, 5), ("inputs", 17, 13)],
     },
     "apart": {
         (0, 1): [("exc", 0, 6)],
         (0, 2): [("exc", 6, 4)],
-        (1, 0): [("inh", 0, 10)],
+        (1, 0): [("inh", 0, 1)],
         (1, 5): [("inputs", 0, 30)],
     },
+    "leaves": {
+        (0, 1): [("exc", 0, 6), ("inh", 2, 2)],
+        (0, 2): [("exc", 6, 4), ("inputs", 10, 20)],
+        (1, 0): [("inh", 0, 2), ("inputs", 0, 10)],
+    },
 }
-"""Ways to spread 10 neurons and 30 inputs; the last has a chip without exc."""
+"""Ways to spread 10 neurons and 30 inputs; "apart" has a chip without exc, "leaves" is for three leaves and a root."""
 
 
 def layout(name: str, network: FixedNetwork, dense: float = 0.5) -> Plan:
-    """`LAYOUTS`, without input compartments if spikes are injected."""
+    """`LAYOUTS`, without input compartments where there are none."""
     cores = {
-        core: [member for member in members if network.bias_input or member[0] != "inputs"]
+        core: [member for member in members if network.input_compartments or member[0] != "inputs"]
         for core, members in LAYOUTS[name].items()
     }
     return plan_by_hand(network, {core: members for core, members in cores.items() if members}, dense)
@@ -110,7 +118,7 @@ def make(folder: Path, plan: Plan, images: int = 5, traverses: int = 1, seed: in
         files |= {f"{name}/{array}.npy": getattr(image, array) for array in arrays}
     content = {f"program/{name}": data for name, data in host_programs.files("kapoho_bay").items()}
     content |= {name: array_bytes(array) for name, array in files.items()} | registers
-    sizes = {"inputs": network.inputs, "neurons": network.neurons, "silent_steps": SILENT_STEPS}
+    sizes = {"inputs": network.inputs, "neurons": network.neurons, "silent_steps": network.silent_steps}
     manifest = {"target": "kapoho-bay", "network": {**sizes, **network.scalars}, "limits": {"host_spikes": HOST_SPIKES}}
     path = folder / "bundle"
     bundle.write(path, manifest, content)

@@ -36,7 +36,7 @@ def encoded(places: int = 8, inputs: int = 1568, seed: int = 0, noise: float = 0
 
 def small_config(**changes: object) -> Config:
     """The default preset, short."""
-    base = update(preset("loihi"), {"stretch": 4, "network": {"steps": 60}, "learning": {"steps": 80, "epochs": 5}})
+    base = update(preset("loihi"), {"stretch": 4, "network": {"steps": 64}, "learning": {"steps": 80, "epochs": 5}})
     return update(base, dict(changes))
 
 

@@ -14,7 +14,7 @@ from nxsdk_standin.faults import StandinError
 from nxsdk_standin.registers import Array, Register
 
 WEIGHT_BITS, INDEX_BITS = (0, 1, 2, 3, 4, 5, 6, 8), (0, 6, 7, 8, 9, 10, 11, 12)
-AXONS, WORDS, DENSE, SPARSE, EXCITATORY, INHIBITORY = 4096, 16384, 3, 0, 2, 3
+AXONS, WORDS, DENSE, SPARSE, MIXED, EXCITATORY, INHIBITORY = 4096, 16384, 3, 0, 1, 2, 3
 
 
 class Axon(NamedTuple):
@@ -78,8 +78,8 @@ class Core:
             dense = form.compression == DENSE
             if number == 0 or form.compression not in (DENSE, SPARSE) or dense != (form.idxBits == 0):
                 raise StandinError(f"{form.where}: not a usable format")
-            if form.fanoutType not in (EXCITATORY, INHIBITORY) or form.numSynapses != 63:
-                raise StandinError(f"{form.where}: not a format with one sign and counted synapses")
+            if form.fanoutType not in (MIXED, EXCITATORY, INHIBITORY) or form.numSynapses != 63:
+                raise StandinError(f"{form.where}: not a format with a sign and counted synapses")
         return self.synapseFmt.used
 
     def row(self, entry: Register, compartments: int) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
@@ -98,9 +98,10 @@ class Core:
         places = np.array([synapse.CIdx for synapse in own])
         weights = np.array([synapse.Wgt for synapse in own])
         sizes = np.abs(weights)
-        if (np.sign(weights) == (1 if form.fanoutType == INHIBITORY else -1)).any():
+        mixed = form.fanoutType == MIXED
+        if not mixed and (np.sign(weights) == (1 if form.fanoutType == INHIBITORY else -1)).any():
             raise StandinError(f"{entry.where}: a weight has the wrong sign")
-        if (sizes % (1 << 8 - bits)).any() or (sizes > 255).any():
+        if (sizes % (1 << 8 + mixed - bits)).any() or (sizes > 255).any():
             raise StandinError(f"{entry.where}: a weight does not fit {bits} bits")
         if (places >= compartments).any() or any(synapse.LrnEn for synapse in own):
             raise StandinError(f"{entry.where}: a synapse leads nowhere, or learns")
