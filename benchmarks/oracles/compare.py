@@ -33,7 +33,7 @@ from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import rates16
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
-from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.errors import InputError, LavaVprError
 from lava_vpr.isolated.child import environment_without_python, run_child
 from lava_vpr.model import integer_model
@@ -146,7 +146,7 @@ def small_inference() -> list[tuple[Problem, Result]]:
         weights = (rng.integers(0, 1 << bits, (60, 12)) * (rng.random((60, 12)) < 0.6)).astype(np.uint8)
         network = FixedNetwork(weights, bits, shift, threshold, min(255, threshold), 0, 137, 60)
         rates = rng.integers(0, 12_000, (3, 60)).astype(np.uint16)
-        keys = presentation_keys(0, "query", np.arange(3))
+        keys = presentation_keys(0, "query", image_keys(rates))
         made.append(inference("inference, made up", network, rates, keys))
     return made
 
@@ -164,7 +164,7 @@ def real_inference(queries: int) -> list[tuple[Problem, Result]]:
         network = integer_model(learn((0, 100), config), "the comparison").network
         images = part(encoded("winter", config.encoder), slice(0, count))
         rates = rates16(images.activity, config.encoder.query_spikes)
-        keys = presentation_keys(config.seed, "query", images.indices)
+        keys = presentation_keys(config.seed, "query", image_keys(rates))
         group = f"inference, real queries, {bits} bits"
         for i in range(len(images)):
             made.append(inference(group, network, rates[i : i + 1], keys[i : i + 1]))

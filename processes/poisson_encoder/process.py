@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from lava_vpr.encoding import rates16
 from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
 from lava_vpr.engine.inference.fixed import SILENT_STEPS
-from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.processes.base.checked import CheckedProcess, check_outputs, check_presentations
 
 
@@ -37,7 +37,7 @@ class PoissonEncoder(CheckedProcess):
     inputs, 350 steps each::
 
         rates = np.array([[655, 0, 32768], [6554, 6554, 0]], np.uint16)        # 1 %, never, 50 %; 10 %, 10 %, never
-        encoder = PoissonEncoder(rates=rates, keys=presentation_keys(0, "query", np.arange(2)), steps=350)
+        encoder = PoissonEncoder(rates=rates, keys=presentation_keys(0, "query", image_keys(rates)), steps=350)
         encoder.s_out.connect(network.s_in)
 
     A presentation is ``steps`` steps with input and ``silent_steps`` without. Port: ``s_out`` spikes (inputs,). Var:
@@ -87,7 +87,6 @@ class PoissonEncoder(CheckedProcess):
         spikes_per_step: float,
         seed: int,
         role: str,
-        image_ids: NDArray[np.int64],
         steps: int,
         **kwargs: Any,
     ) -> PoissonEncoder:
@@ -96,12 +95,12 @@ class PoissonEncoder(CheckedProcess):
         Args:
             activity: float32 (n, inputs), as `lava_vpr.encoding.EncodedTraverse.activity`.
             spikes_per_step: Expected spikes of all inputs together in one step.
-            seed, role, image_ids: What the random numbers depend on (`lava_vpr.engine.random.presentation_key`).
+            seed, role: What random numbers depend on beside the rates (`lava_vpr.engine.random.presentation_key`).
             steps: Steps with input.
             **kwargs: As the constructor's.
         """
-        keys = presentation_keys(seed, role, image_ids)
-        return cls(rates=rates16(activity, spikes_per_step), keys=keys, steps=steps, **kwargs)
+        rates = rates16(activity, spikes_per_step)
+        return cls(rates=rates, keys=presentation_keys(seed, role, image_keys(rates)), steps=steps, **kwargs)
 
     def compile_kernels(self) -> None:
         """Compile the drawing kernels before the models are forked."""
