@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.common.small_models import encoded, small_config, tiny_paper
+from support.common.small_models import encoded, small_config, small_model, tiny_paper, two_images_a_place
 
 from lava_vpr import model
 from lava_vpr.config import Config, preset
@@ -15,10 +15,10 @@ from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.random import presentation_key
 from lava_vpr.errors import ConfigError, InputError, ModelFileError, NetworkLimitError
-from lava_vpr.model import Model
+from lava_vpr.model import Model, integer_model
 from lava_vpr.storage import container
 from lava_vpr.training.loop import Progress, check_size, presentations, split, train
-from lava_vpr.training.references import coverage
+from lava_vpr.training.references import coverage, measured_responses, reference_responses
 
 
 class KilledError(Exception):
@@ -216,6 +216,22 @@ def test_no_two_training_presentations_share_noise(monkeypatch: pytest.MonkeyPat
     assert len(drawn) == len(set(drawn)) == 2 * 8 + 3 * 3 * 8
     roles = {presentation_key(0, role, image) for role in ("response", "query") for image in range(5, 13)}
     assert not roles & set(drawn)
+
+
+def test_a_references_response_is_its_own() -> None:
+    """Neither the order of traverses nor that of places changes what an image adds to S^R."""
+    model, first, second = small_model(), encoded(), encoded(seed=5)
+    network = integer_model(model, "this test").network
+    responses = reference_responses(network, [first, second], model.config, 1)
+    np.testing.assert_array_equal(reference_responses(network, [second, first], model.config, 1), responses)
+    alone = [reference_responses(network, [one], model.config, 1) for one in (first, second)]
+    np.testing.assert_array_equal(alone[0] + alone[1], responses)
+    np.testing.assert_array_equal(alone[0], model.responses)
+    back = dataclasses.replace(first, activity=first.activity[::-1])
+    np.testing.assert_array_equal(reference_responses(network, [back], model.config, 1), alone[0][:, ::-1])
+    twice = two_images_a_place()
+    measured = measured_responses(twice, network, 1)
+    np.testing.assert_array_equal(measured, responses)
 
 
 def test_several_traverses_are_learned_by_the_same_neurons() -> None:
