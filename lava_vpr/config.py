@@ -95,8 +95,8 @@ class StdpLearning:
         rule: ``stdp``; or ``template``, which learns nothing: the rates of a place's references are its neuron's
             weights, what learning is held against.
         arithmetic: ``float``, or ``integer``: Loihi's own (`engine.learning.integer`). Either result is quantised.
-        trains: How inputs spike while learning, as `LifNetwork.trains`. Regular trains show rates without noise, so what
-            is learned is nearer to what is shown.
+        trains: How inputs spike while learning, as `LifNetwork.trains`. Regular trains show rates without noise, so
+            what is learned is nearer to what is shown.
         theta_update: Thresholds rise with each ``spike``, or all after a ``presentation``.
         epochs: Times that every reference image is shown.
         competition_epochs: How many of them belong to the first phase, at most half (`competing`). In that phase only
