@@ -27,6 +27,7 @@ class Chip:
         self.groups = {group["name"]: group for group in problem["groups"]}
         self.neurons = [(name, i) for name, group in self.groups.items() for i in range(group["size"])]
         self.core = {name: (group["tile"], group["core"]) for name, group in self.groups.items()}
+        self.own = {(name, i): bias for name, group in self.groups.items() for i, bias in group["own_biases"]}
         self.rows: dict[Any, dict[Any, list[Any]]] = defaultdict(lambda: defaultdict(list))
         for row in problem["synapses"]:
             for pre, post, weight in zip(row["pre"], row["post"], row["weights"], strict=True):
@@ -38,13 +39,13 @@ class Chip:
         """One query."""
         steps = self.problem["steps"]
         self.trains = {(group, i): train for group, i, train in query["trains"]}
-        self.bias = {(group, i): bias for group, i, bias, _ in query["biases"]}
+        self.bias = self.own | {(group, i): bias for group, i, bias, _ in query["biases"]}
         self.v = dict.fromkeys(self.neurons, 0.0) | {(group, i): v for group, i, _, v in query["biases"]}
         self.sums: dict[Any, float] = {}
         found: dict[str, Any] = defaultdict(list)
         for step in range(steps + self.problem["silent_steps"]):
             if step == steps:
-                self.bias = {}
+                self.bias = self.own
             for name, value in self.step(step).items():
                 found[name].append(value)
         found["packets"] = sum(found["packets"])
