@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.engine.general.lif import need
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.loihi import WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
 
 RELAY_WEIGHT = 2
 """Weight of the synapses to inhibitory neurons and relays: any positive one makes them spike, an even one with any sign
@@ -36,6 +38,20 @@ def inhibiting(network: FixedNetwork) -> NDArray[np.int32]:
     weights = np.zeros((network.neurons, network.inhibitory), np.int32)
     weights[:, -1] = -network.inhibition
     return weights
+
+
+def exact_mantissa(inhibition: int) -> tuple[int, int]:
+    """``inhibition`` as mantissa 2^exponent of the synapses that take it.
+
+    Raises:
+        NetworkLimitError: it takes more than 8 bits, or an exponent beyond 7.
+    """
+    exponent = 0
+    while inhibition >> exponent > WEIGHT_LIMIT:
+        exponent += 1
+    fits = exponent <= WEIGHT_EXPONENT_LIMIT and inhibition >> exponent << exponent == inhibition
+    need(fits, "inhibition", inhibition, f"m 2^e with m in 0..{WEIGHT_LIMIT} and e in 0..{WEIGHT_EXPONENT_LIMIT}")
+    return inhibition >> exponent, exponent
 
 
 def link(source: Any, synapses: Any, target: Any) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, Rule
-from lava_vpr.engine.learning.integer_kernels import StepDraws
+from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS, StepDraws
 from lava_vpr.engine.learning.lava_order import FoldedPhase, FoldedTrainer
 from lava_vpr.isolated.worker import report
 from lava_vpr.processes.base.shared_memory import shared_array
@@ -60,7 +60,7 @@ def learning(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> 
     weights, traces = shared_array((n, neurons, inputs), kind), shared_array((n, inputs), kind)
     theta = np.zeros((n, neurons), np.int64 if tag == "fixed_pt" else np.float64)
     draws = StepDraws(arrays["trace_draws"], arrays["weight_draws"]) if "trace_draws" in arrays else None
-    encoder = PoissonEncoder(rates=rates, keys=keys, steps=phase.steps)
+    encoder = PoissonEncoder(rates=rates, keys=keys, steps=phase.steps, silent_steps=SILENT_STEPS)
     network = LearningPlaceNetwork(
         learning=phase, state=state, keys=keys, draws=draws, record_weights=weights, record_traces=traces
     )
@@ -93,7 +93,7 @@ def library(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> d
     """
     phase = learning_of(options["learning"])
     state = IntegerState(arrays["weights"], arrays["theta"])
-    encoder = PoissonEncoder(rates=arrays["rates"], keys=arrays["keys"], steps=phase.steps)
+    encoder = PoissonEncoder(rates=arrays["rates"], keys=arrays["keys"], steps=phase.steps, silent_steps=SILENT_STEPS)
     network = LibraryLearningNetwork(learning=phase, state=state, rng_seed=options["rng_seed"])
     raster = shared_array((1, network.interval, len(state.theta)), np.uint8)
     counter = SpikeCounter(shape=state.theta.shape, presentations=1, interval=network.interval, raster=raster)
@@ -131,22 +131,22 @@ def folded(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> di
     n, (inputs, neurons) = len(rates), state.weights.shape
     boundary = trainer.begin(int(keys[0]))
     start = IntegerState(boundary.weights, np.full(neurons, trainer.common, np.int32))
-    encoder = PoissonEncoder(rates=rates, keys=keys, steps=chip.steps)
-    network = LibraryLearningNetwork(learning=chip, state=start, rng_seed=trainer.seeds[epoch])
+    encoder = PoissonEncoder(rates=rates, keys=keys, steps=chip.steps, silent_steps=SILENT_STEPS)
+    network = LibraryLearningNetwork(
+        learning=chip, state=start, rng_seed=trainer.seeds[epoch], mantissas=boundary.mantissas
+    )
     raster = shared_array((n, network.interval, neurons), np.uint8)
     counter = SpikeCounter(shape=(neurons,), presentations=n, interval=network.interval, raster=raster)
     encoder.s_out.connect(network.s_in)
     network.s_out.connect(counter.s_in)
     config = Loihi2SimCfg(select_tag="fixed_pt", select_sub_proc_model=True)
     weights, traces = np.zeros((n, inputs, neurons), np.uint8), np.zeros((n, inputs), np.uint8)
-    others = np.eye(neurons, dtype=np.int32) - 1
-    network.lateral_weights.init = boundary.mantissas[:, None] * others
     try:
         for k in range(n):
             if k:
                 boundary = trainer.begin(int(keys[k]))
                 network.weights.set(boundary.weights.T.astype(np.int32))
-                network.lateral_weights.set((boundary.mantissas[:, None] * others).astype(np.int32))
+                network.set_laterals(boundary.mantissas)
                 network.x1.set(np.zeros(inputs, np.int32))
             network.run(condition=RunSteps(num_steps=network.interval), run_cfg=config)
             weights[k], traces[k] = network.weights.get().T, network.x1.get()

@@ -11,9 +11,8 @@ from lava.magma.core.process.variable import Var
 from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import need, stored_weights
-from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.learning.integer import Rule, normalise
-from lava_vpr.engine.learning.integer_kernels import StepDraws, decay_traces, learn_column
+from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS, StepDraws, decay_traces, learn_column
 from lava_vpr.loihi import WEIGHT_EXPONENT_LIMIT
 from lava_vpr.processes.base.checked import CheckedProcess, RegisterVar, check_outputs
 from lava_vpr.processes.base.float_rule import FloatRule

@@ -14,8 +14,8 @@ from benchmarks.nordland import encoded, part
 from lava_vpr.config import preset
 from lava_vpr.encoding import draw_spikes, rates16
 from lava_vpr.engine.general.lif import LifParameters
-from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, IntegerTrainer, Rule, present
+from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS
 from lava_vpr.engine.learning.lava_order import LibraryDraws
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import NetworkLimitError
@@ -29,9 +29,8 @@ from lava_vpr.processes.plastic_dense.process import PlasticDense
 INPUTS, NEURONS, IMAGES = 30, 6, 5
 COMPETITION = IntegerLearning(
     rule=Rule(((6, -6), (1, -7)), 15, 0, 20.0),
-    shift=2,
-    inhibition=60,
-    neurons=LifParameters(dv=205, floor=-120, hold_steps=1, theta_plus=8),
+    inhibition=240,
+    neurons=LifParameters(dv=205, floor=-480, hold_steps=1, theta_plus=32),
     weight_sum=13 * INPUTS,
     steps=80,
 )
@@ -47,7 +46,7 @@ PLAIN = dataclasses.replace(COMPETITION, neurons=LifParameters(dv=205), weight_s
 def start() -> tuple[IntegerState, NDArray[np.uint16], NDArray[np.uint64]]:
     """A state, and rates and keys of `IMAGES` presentations."""
     rng = np.random.default_rng(0)
-    state = IntegerState(rng.integers(0, 40, (INPUTS, NEURONS)).astype(np.uint8), np.full(NEURONS, 120, np.int32))
+    state = IntegerState(rng.integers(0, 40, (INPUTS, NEURONS)).astype(np.uint8), np.full(NEURONS, 480, np.int32))
     rates = np.minimum(rng.gamma(1.0, 7000.0, (IMAGES, INPUTS)), 65535).astype(np.uint16)
     return state, rates, presentation_keys(0, "train", np.arange(IMAGES))
 
@@ -96,9 +95,7 @@ def test_the_first_real_images_of_both_phases_equal_the_host_engine(data_root: P
     images = part(encoded("summer", config.encoder), slice(0, 5))
     rates = rates16(images.activity, config.encoder.train_spikes)
     keys = presentation_keys(config.seed, "train", images.indices)
-    trainer = IntegerTrainer(
-        config.encoder.inputs, 100, config.learning, config.encoder.train_spikes, config.network.drive, config.seed, 0
-    )
+    trainer = IntegerTrainer(config.encoder.inputs, 100, config.learning, config.encoder.train_spikes, config.seed, 0)
     assert hold_against_host(trainer.competition, trainer.state, rates, keys) > 50
     trainer.begin_epoch(config.learning.competing)
     assert hold_against_host(trainer.consolidation, trainer.state, rates[:5], keys[:5] + np.uint64(1)) > 20
@@ -131,15 +128,15 @@ def float_presentation(
     x, v, held = np.zeros(len(weights)), np.zeros(len(theta)), np.zeros(len(theta), int)
     drive, raster = np.zeros(len(theta)), np.zeros((total, len(theta)), np.uint8)
     for t in range(total):
-        others = raster[t - 2].sum() - raster[t - 2] if t >= 2 else 0
-        v = np.maximum(v * (1 - lif.dv / 4096) + drive - phase.inhibition * others, lif.floor)
+        lost = raster[t - 2].any() & (raster[t - 2] == 0) if t >= 2 else 0  # winners are spared
+        v = np.maximum(v * (1 - lif.dv / 4096) + drive - phase.inhibition * lost, lif.floor)
         v[held > 0] = 0
         held = np.maximum(held - 1, 0)
         fired = v > theta
         v[fired], held[fired], raster[t] = 0, lif.hold_steps, fired
         theta[fired] += lif.theta_plus
         now = spikes[t] if t < phase.steps else np.zeros(len(x), bool)
-        drive = weights[now].sum(axis=0) / 2**phase.shift
+        drive = weights[now].sum(axis=0)
         x = np.where(now, 127.0, x * np.exp(-1 / rule.tau))
         change = rate * (x - rule.target)[:, None] * (255 - weights) ** rule.mu
         weights[:, fired] = np.clip(weights + change, 0, 255)[:, fired]
@@ -232,9 +229,13 @@ def test_a_connection_that_cannot_be_is_refused(changes: dict[str, Any], text: s
 
 def test_a_network_that_cannot_be_is_refused() -> None:
     state, _, keys = start()
-    wide = dataclasses.replace(COMPETITION, inhibition=40_000)
-    with pytest.raises(NetworkLimitError, match="lateral inhibition of 6 neurons"):
-        LearningPlaceNetwork(learning=wide, state=state, keys=keys)
+    for inhibition, text in (
+        (1 << 17, "inhibition is 131,072 while learning"),
+        (511, "inhibition is 511, but must be m"),
+    ):
+        changed = dataclasses.replace(COMPETITION, inhibition=inhibition)
+        with pytest.raises(NetworkLimitError, match=text):
+            LearningPlaceNetwork(learning=changed, state=state, keys=keys)
     high = IntegerState(state.weights, np.full(NEURONS, 1 << 17, np.int32))
     with pytest.raises(NetworkLimitError, match="threshold is 131072"):
         LearningPlaceNetwork(learning=COMPETITION, state=high, keys=keys)
@@ -247,7 +248,6 @@ def test_a_network_that_cannot_be_is_refused() -> None:
         (dataclasses.replace(PLAIN, neurons=LifParameters(hold_steps=1)), "hold_steps is 1"),
         (dataclasses.replace(PLAIN, neurons=LifParameters(theta_plus=3)), "theta_plus is 3"),
         (dataclasses.replace(PLAIN, weight_sum=100), "weight_sum is 100"),
-        (dataclasses.replace(PLAIN, shift=8), "shift is 8"),
         (dataclasses.replace(PLAIN, inhibition=511), "inhibition is 511"),
     ],
 )

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import numpy as np
 from lava.magma.core.decorator import implements
 from lava.magma.core.model.sub.model import AbstractSubProcessModel
 from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 
-from lava_vpr.processes.base.wiring import RELAY_WEIGHT, wire
+from lava_vpr.processes.base.wiring import RELAY_WEIGHT, exact_mantissa, wire
+from lava_vpr.processes.dense_synapses.process import DenseSynapses
 from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF
 from lava_vpr.processes.inhibitory_lif.process import InhibitoryLIF
-from lava_vpr.processes.lateral_inhibition.process import LateralInhibition
 from lava_vpr.processes.networks.learning_place_network.process import LearningPlaceNetwork
 from lava_vpr.processes.one_to_one.process import OneToOne
 from lava_vpr.processes.plastic_dense.process import PlasticDense
@@ -17,12 +18,15 @@ from lava_vpr.processes.plastic_dense.process import PlasticDense
 
 @implements(proc=LearningPlaceNetwork, protocol=LoihiProtocol)
 class SubLearningPlaceNetwork(AbstractSubProcessModel):
-    """Input spikes go to exc by synapses that its spikes change, exc to inh, one to one, and inh to all other exc."""
+    """Input spikes go to exc by synapses that its spikes change, exc to inh, and inh takes from every exc.
+
+    Each exc has a relay, too, which gives it back in the same step what inh takes: winners are spared.
+    """
 
     def __init__(self, proc: LearningPlaceNetwork) -> None:
         learning, shape, interval = proc.learning, proc.s_out.shape, proc.interval
         lif = learning.neurons
-        self.plastic = PlasticDense(**proc.plasticity)
+        self.excite = PlasticDense(**proc.plasticity)
         self.exc = ExcitatoryLIF(
             shape=shape,
             du=lif.du,
@@ -33,9 +37,15 @@ class SubLearningPlaceNetwork(AbstractSubProcessModel):
             theta_plus=0 if learning.late_theta else lif.theta_plus,
             reset_interval=interval,
         )
-        self.relay = OneToOne(shape=shape, weight=RELAY_WEIGHT)
-        self.inh = InhibitoryLIF(shape=shape, reset_interval=interval)
-        self.inhibit = LateralInhibition(shape=shape, inhibition=learning.inhibition)
-        wire(proc, self.plastic, self.exc, self.relay, self.inh, self.inhibit)
-        self.exc.s_out.connect(self.plastic.s_in_post)
-        proc.vars.x1.alias(self.plastic.x1)
+        mantissa, exponent = exact_mantissa(learning.inhibition)
+        self.listen = DenseSynapses(weights=np.full((1, *shape), RELAY_WEIGHT))
+        self.inh = InhibitoryLIF(shape=(1,), reset_interval=interval)
+        self.inhibit = DenseSynapses(
+            weights=proc.vars.lateral_weights.init, weight_exp=exponent, sign_mode="inhibitory"
+        )
+        self.echo = OneToOne(shape=shape, weight=RELAY_WEIGHT)
+        self.own = InhibitoryLIF(shape=shape, reset_interval=interval)
+        self.give_back = OneToOne(shape=shape, weight=mantissa, weight_exp=exponent)
+        wire(proc, self)
+        self.exc.s_out.connect(self.excite.s_in_post)
+        proc.vars.x1.alias(self.excite.x1)

@@ -10,22 +10,25 @@ from lava.magma.core.process.variable import Var
 from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import check_thresholds, need
-from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState
-from lava_vpr.engine.learning.integer_kernels import StepDraws
+from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS, StepDraws
 from lava_vpr.loihi import THRESHOLD_LIMIT
 from lava_vpr.processes.base.checked import CheckedProcess
+from lava_vpr.processes.base.wiring import exact_mantissa
 
 
 class LearningPlaceNetwork(CheckedProcess):
-    """`IntegerLearning` composed of PlasticDense, ExcitatoryLIF, OneToOne, InhibitoryLIF and LateralInhibition.
+    """`IntegerLearning` composed of PlasticDense, ExcitatoryLIF, InhibitoryLIF, DenseSynapses and OneToOne.
+
+    One inhibitory neuron takes from every neuron; a relay of each neuron gives back what was taken in the same step.
 
     Every presentation of ``keys`` is `engine.learning.integer.present`: weights are normalised and membranes and traces
     cleared in its first step; thresholds are kept. With ``late_theta`` thresholds rise between presentations and by the
     host (`raise_thresholds`), as on a chip. Under ``floating_pt`` the same spec runs without rounding.
 
-    Ports: ``s_in`` spikes (inputs,), ``s_out`` spikes of exc (neurons,), ``s_out_inh`` those of inh. Vars: ``weights``
-    (neurons, inputs), ``x1`` traces (inputs,), ``u``, ``v``, ``vth`` of exc and ``v_inh`` (neurons,).
+    Ports: ``s_in`` spikes (inputs,), ``s_out`` spikes of exc (neurons,), ``s_out_inh`` those of inh (1,). Vars:
+    ``weights`` (neurons, inputs), ``x1`` traces (inputs,), ``u``, ``v``, ``vth`` of exc (neurons,), ``v_inh`` (1,),
+    ``lateral_weights`` (neurons, 1), mantissas of what inh takes, 0 or below.
     """
 
     def __init__(
@@ -49,13 +52,12 @@ class LearningPlaceNetwork(CheckedProcess):
             NetworkLimitError: the network could overflow Loihi's registers, or arrays do not fit each other.
         """
         inputs, neurons = state.weights.shape
-        learning.check(neurons)
+        learning.check()
         need(state.theta.shape == (neurons,), "LearningPlaceNetwork: theta", state.theta.shape, f"({neurons},)")
         check_thresholds(state.theta)
         plasticity: dict[str, Any] = {
             "weights": np.ascontiguousarray(state.weights.T),
             "rule": learning.rule,
-            "weight_exp": -learning.shift,
             "steps": learning.steps,
             "keys": keys,
             "weight_sum": learning.weight_sum,
@@ -63,15 +65,17 @@ class LearningPlaceNetwork(CheckedProcess):
             "record_weights": record_weights,
             "record_traces": record_traces,
         }
+        mantissa, _ = exact_mantissa(learning.inhibition)
         super().__init__(**kwargs)
         self.learning, self.theta, self.plasticity = learning, state.theta.copy(), plasticity
         self.s_in = InPort(shape=(inputs,))
         self.s_out = OutPort(shape=(neurons,))
-        self.s_out_inh = OutPort(shape=(neurons,))
+        self.s_out_inh = OutPort(shape=(1,))
         self.weights = Var(shape=(neurons, inputs), init=plasticity["weights"])
         self.x1 = Var(shape=(inputs,), init=0)
         self.vth = Var(shape=(neurons,), init=self.theta)
-        self.u, self.v, self.v_inh = (Var(shape=(neurons,), init=0) for _ in range(3))
+        self.u, self.v, self.v_inh = (Var(shape=(size,), init=0) for size in (neurons, neurons, 1))
+        self.lateral_weights = Var(shape=(neurons, 1), init=np.full((neurons, 1), -mantissa))
 
     @property
     def interval(self) -> int:
