@@ -1,10 +1,13 @@
 """What a Loihi 2 bundle holds of the network that learns: enough to train it anew, on the host, in Lava or on a board.
 
 Lava's library has one threshold for all neurons, no floor, no hold and no normalisation; `engine.learning.lava_order`
-is learning without these. ``learning/learning.json`` has the rule (as LearningDense takes it), the neurons, what the
-host does between presentations, and the schedule; ``learning/rates.npy`` the reference images as they are shown. Each
-stretch of the route has a network of its own, in ``learning/stretchNNN/``: start weights and thresholds, and for every
-presentation in order its epoch, image and key.
+is learning without these. What is learned on the chip are unsigned weights, whatever ``network.signed``: the host takes
+off what all neurons share when it quantises what was learned (`learned_on_chip`), and writes the signed weights back.
+
+``learning/learning.json`` has the rule (as LearningDense takes it), the neurons, what the host does between
+presentations, and the schedule; ``learning/rates.npy`` the reference images as they are shown. Each stretch of the
+route has a network of its own, in ``learning/stretchNNN/``: start weights and thresholds, and for every presentation in
+order its epoch, image and key.
 """
 
 from __future__ import annotations
@@ -20,10 +23,10 @@ from lava_vpr.deploy.bundle.folder import AGAIN, Bundle, array_bytes, json_bytes
 from lava_vpr.deploy.compression.compression import requantised
 from lava_vpr.encoding import rates16
 from lava_vpr.engine.general.lif import LifParameters
-from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.inference.quantise import mantissa_of
 from lava_vpr.engine.learning import stdp
 from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, Rule
+from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS
 from lava_vpr.engine.learning.lava_order import (
     FACTOR_BITS,
     FoldedPhase,
@@ -35,7 +38,7 @@ from lava_vpr.engine.learning.lava_order import (
 from lava_vpr.engine.random import presentation_key
 from lava_vpr.errors import BundleError, ConfigError, NetworkLimitError, brief
 from lava_vpr.gate import integer_config
-from lava_vpr.loihi import INPUT_LIMIT, THRESHOLD_LIMIT, TRACE_LIMIT, WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
+from lava_vpr.loihi import INPUT_LIMIT, THRESHOLD_LIMIT, TRACE_LIMIT, WEIGHT_LIMIT
 from lava_vpr.model import Model, Stretch
 from lava_vpr.ranges import real, whole
 from lava_vpr.storage.limits import excess
@@ -100,8 +103,7 @@ def stretch_learning(model: Model, stretch: Stretch, number: int) -> ChipLearnin
     learning = config.learning
     if learning.rule != "stdp":
         raise ConfigError(f"{PURPOSE} needs weights that were learned, not templates; train with --learning integer")
-    size = (config.encoder.inputs, stretch.neurons)
-    drive = (config.encoder.train_spikes, config.network.drive)
+    inputs, spikes = config.encoder.inputs, config.encoder.train_spikes
     traverses = len(model.labels) // model.places
     shown = [
         (epoch, traverse, stretch.first_place + place)
@@ -114,8 +116,8 @@ def stretch_learning(model: Model, stretch: Stretch, number: int) -> ChipLearnin
         for epoch, traverse, place in shown
     ]
     return ChipLearning(
-        phases=folded_phases(learning, *size, *drive),
-        start=start_state(learning, *size, *drive, config.seed, number),
+        phases=folded_phases(learning, inputs, spikes),
+        start=start_state(learning, inputs, stretch.neurons, spikes, config.seed, number),
         seeds=tuple(library_seed(config.seed, number, epoch) for epoch in range(learning.epochs)),
         epochs=np.array([epoch for epoch, _, _ in shown], np.int32),
         images=np.array([traverse * model.places + place for _, traverse, place in shown], np.int32),
@@ -143,7 +145,7 @@ def _phase_json(phase: FoldedPhase) -> dict[str, Any]:
             "target": rule.target,
             "mu": rule.mu,
         },
-        "plastic": {"weight_exp": -chip.shift, "sign_mode": "EXCITATORY"},
+        "plastic": {"weight_exp": 0, "sign_mode": "EXCITATORY"},
         "exc": {"du": chip.neurons.du, "dv": chip.neurons.dv},
         "inhibit": {"mantissa": mantissa, "weight_exp": exponent},
         "steps": chip.steps,
@@ -158,8 +160,8 @@ def _phase_json(phase: FoldedPhase) -> dict[str, Any]:
     }
 
 
-def _phase(described: Any, neurons: int, inputs: int) -> FoldedPhase:
-    """The phase that `_phase_json` wrote, for a network of so many neurons and inputs.
+def _phase(described: Any, inputs: int) -> FoldedPhase:
+    """The phase that `_phase_json` wrote, for a network of so many inputs.
 
     Raises:
         KeyError, TypeError, ValueError: it wrote none such.
@@ -177,7 +179,6 @@ def _phase(described: Any, neurons: int, inputs: int) -> FoldedPhase:
     phase = FoldedPhase(
         IntegerLearning(
             rule=Rule(tuple(_product(pair) for pair in pairs), _whole(rule, "target"), _whole(rule, "mu"), float(tau)),
-            shift=-_whole(described["plastic"], "weight_exp", 0, -WEIGHT_EXPONENT_LIMIT),
             inhibition=inhibition,
             neurons=LifParameters(du=_whole(described["exc"], "du"), dv=_whole(described["exc"], "dv")),
             weight_sum=0,
@@ -188,7 +189,7 @@ def _phase(described: Any, neurons: int, inputs: int) -> FoldedPhase:
         threshold_factor=_whole(host, "threshold_factor", _MOST_FACTOR << FACTOR_BITS),
         epochs=_whole(described, "epochs", _MOST_EPOCHS),
     )
-    phase.chip.check(neurons)
+    phase.chip.check()
     if inhibition >= INPUT_LIMIT:
         raise ValueError(f"inhibition {inhibition}")
     if phase.chip.rule.microcode() != rule["dw"]:
@@ -291,7 +292,7 @@ def _part(bundle: Bundle, number: int, described: Any, rates: NDArray[np.uint16]
     for name, values, most in (("rng_seeds", seeds, _MOST_EPOCHS), ("phases", phases, _MOST_PHASES)):
         if not isinstance(values, list) or not 0 < len(values) <= most:
             raise ValueError(f"{name} {brief(values)}")
-    read = tuple(_phase(phase, neurons, rates.shape[1]) for phase in phases)
+    read = tuple(_phase(phase, rates.shape[1]) for phase in phases)
     if sum(phase.epochs for phase in read) != len(seeds):
         raise ValueError(f"phases of {sum(phase.epochs for phase in read)} epochs with {len(seeds)} seeds")
     epochs = bundle.array(files["epochs"], np.int32, ("presentations",))
@@ -340,6 +341,8 @@ def learned_weights(parts: tuple[ChipLearning, ...], mean_weight: float) -> NDAr
 
 def learned_on_chip(model: Model, parts: tuple[ChipLearning, ...], threads: int) -> Model:
     """``model`` with what its learning networks learn, quantised as it is, its responses measured again.
+
+    The chip learns unsigned weights; where ``network.signed`` is set, quantising takes off what all neurons share.
 
     Args:
         model: With float weights of its own.

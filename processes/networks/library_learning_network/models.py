@@ -43,7 +43,8 @@ class SubLibraryLearningNetwork(AbstractSubProcessModel):
             weights=RELAY_WEIGHT * identity(n, dtype=np.int32, format="csr"), sign_mode=SignMode.EXCITATORY
         )
         self.own = without_memory(n, proc.interval)
-        self.give_back = Sparse(weights=proc.vars.own_weights.init, weight_exp=exponent, sign_mode=SignMode.EXCITATORY)
+        # Dense, as Lava's fixed-point Sparse fails once its weights were set.
+        self.give_back = Dense(weights=proc.vars.own_weights.init, weight_exp=exponent, sign_mode=SignMode.EXCITATORY)
         wire(proc, self)
         self.exc.s_out.connect(self.excite.s_in_bap)
         proc.vars.x1.alias(self.excite.x1)

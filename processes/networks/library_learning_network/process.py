@@ -8,7 +8,6 @@ import numpy as np
 from lava.magma.core.process.ports.ports import InPort, OutPort
 from lava.magma.core.process.variable import Var
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
 
 from lava_vpr.engine.general.lif import LifParameters, need
 from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState
@@ -16,12 +15,6 @@ from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS
 from lava_vpr.loihi import DECAY_BITS
 from lava_vpr.processes.base.checked import CheckedProcess
 from lava_vpr.processes.base.wiring import exact_mantissa
-
-
-def _diagonal(mantissas: NDArray[np.int32]) -> csr_matrix:
-    """Mantissas as weights one to one; zeros are kept, as Lava asks of a sparse matrix that is set anew."""
-    own = np.arange(len(mantissas))
-    return csr_matrix((mantissas, (own, own)))
 
 
 class LibraryLearningNetwork(CheckedProcess):
@@ -35,7 +28,7 @@ class LibraryLearningNetwork(CheckedProcess):
     Ports: ``s_in`` spikes (inputs,), ``s_out`` spikes of exc (neurons,), ``s_out_inh`` those of inh (1,). Vars:
     ``weights`` (neurons, inputs), ``x1`` traces (inputs,), ``u``, ``v`` of exc (neurons,), ``v_inh`` and ``vth`` (1,),
     ``lateral_weights`` (neurons, 1), mantissas of what inh takes from each neuron, 0 or below, and ``own_weights``
-    (neurons, neurons), sparse: the same, given back by each neuron's own relay (`set_laterals` writes both).
+    (neurons, neurons), the same on the diagonal, given back by each neuron's own relay (`set_laterals` writes both).
     """
 
     def __init__(
@@ -80,7 +73,7 @@ class LibraryLearningNetwork(CheckedProcess):
         self.vth = Var(shape=(1,), init=self.threshold)
         taken = np.full(neurons, self.lateral[0]) if mantissas is None else mantissas
         self.lateral_weights = Var(shape=(neurons, 1), init=-taken.astype(np.int32)[:, None])
-        self.own_weights = Var(shape=(neurons, neurons), init=_diagonal(taken.astype(np.int32)))
+        self.own_weights = Var(shape=(neurons, neurons), init=np.diag(taken.astype(np.int32)))
 
     @property
     def interval(self) -> int:
@@ -95,4 +88,4 @@ class LibraryLearningNetwork(CheckedProcess):
         """
         values = mantissas.astype(np.int32)
         self.lateral_weights.set(-values[:, None])
-        self.own_weights.set(_diagonal(values))
+        self.own_weights.set(np.diag(values))

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.engine.inference import fixed
-from lava_vpr.engine.inference.fixed import FixedNetwork, bias_registers
+from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.inference.neuron_bias import bias_registers
 
 SMALL_LIMITS = {"FAN_IN": 4, "DIRECT": 3}
 """`limits` with which five neurons need leaves and relays."""
