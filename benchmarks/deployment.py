@@ -25,7 +25,7 @@ from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.encoding import query_rates16
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import SILENT_STEPS
-from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.errors import InputError
 from lava_vpr.model import integer_model
 
@@ -49,7 +49,7 @@ def row(places: int, queries: int, rounds: int) -> list[str]:
         written = time.perf_counter() - started
     images = part(encoded("winter", model.config.encoder), slice(0, queries))
     rates = query_rates16(images.activity, model.config.encoder)
-    keys = presentation_keys(model.config.seed, "query", images.indices)
+    keys = presentation_keys(model.config.seed, "query", image_keys(rates))
     play, steps = TARGETS[bundle.target].player(bundle), len(rates) * (network.steps + SILENT_STEPS)
     exc, _, _ = play(rates, keys)
     counts, _, _ = fixed.count_spikes(network, rates, keys)

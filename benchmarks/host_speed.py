@@ -3,7 +3,7 @@
     LAVA_VPR_DATA=... python -m benchmarks.host_speed [--preset fast] [--rounds 15] [--presentations 5000]
 
 Nordland, 100 summer places, winter queries; all cores. Ours is timed from input rates to match: spikes drawn, network
-run, counts decoded; queries are repeated, each time with other noise. SAD and cosine are timed in two forms each: what
+run, counts decoded; queries are repeated. SAD and cosine are timed in two forms each: what
 `lava-vpr eval` computes (exact sums in float64), and the fastest plain way we know: absolute differences of bytes in a
 compiled loop, and one product of float32 matrices, as ``bench --peers`` times them. Both are timed from patches, or
 input rates, to match.
@@ -22,7 +22,7 @@ from rich.table import Table
 
 from benchmarks.nordland import encoded, learn
 from benchmarks.speed import cpu_flags
-from lava_vpr.bench.measure.child import batch, host_answer, repeated
+from lava_vpr.bench.measure.child import batch, host_answer
 from lava_vpr.bench.peers import cosine_answer, sad_answer
 from lava_vpr.config import preset
 from lava_vpr.encoding import query_rates
@@ -38,23 +38,22 @@ OURS = "lava-vpr, host engine"
 def matchers(model: Model, presentations: int) -> tuple[dict[str, Callable[[], Matches]], int]:
     """Each matcher as a function that matches all queries, and how many these are."""
     winter, threads = encoded("winter", model.config.encoder), cores()
-    rates, ids = query_rates(winter.activity, model.config), winter.indices
-    times = -(-presentations // len(ids))
-    rates, ids = repeated(rates, ids, times)
+    times = -(-presentations // len(winter))
+    rates = np.tile(query_rates(winter.activity, model.config), (times, 1))
     patches = np.tile(winter.patches_for("SAD"), (times, 1, 1))
     known, answer = query_rates(model.activity, model.config), host_answer(model, model.config.seed)
     (sad, _), (cosine, _) = sad_answer(model, patches), cosine_answer(model, rates)
 
     def sad_of_bytes() -> Matches:
-        return np.concatenate(share(sad, len(ids), threads))
+        return np.concatenate(share(sad, len(rates), threads))
 
     return {
-        OURS: lambda: batch(answer, rates, ids, threads),
+        OURS: lambda: batch(answer, rates, threads),
         "SAD, exact (lava-vpr eval)": lambda: baselines.sad_distances(model.patches, patches).argmin(axis=1),
         "SAD, compiled, bytes": sad_of_bytes,
         "cosine, exact (lava-vpr eval)": lambda: baselines.cosine_similarities(known, rates).argmax(axis=1),
         "cosine, float32 matrix product": lambda: cosine(slice(None)),
-    }, len(ids)
+    }, len(rates)
 
 
 @click.command()

@@ -29,7 +29,7 @@ from rich.table import Table
 
 from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
-from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.errors import LavaRunError
 from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.loihi import NO_MEMORY_DECAY
@@ -66,7 +66,8 @@ def some_input(network: FixedNetwork, n: int) -> tuple[NDArray[np.uint16], NDArr
     rng = np.random.default_rng(1)
     rates = rng.random((n, network.inputs)) * (rng.random((n, network.inputs)) < ACTIVE)
     rates *= 65536 * SPIKES_PER_STEP / rates.sum(axis=1, keepdims=True)
-    return rates.astype(np.uint16), presentation_keys(0, "query", np.arange(n))
+    made = rates.astype(np.uint16)
+    return made, presentation_keys(0, "query", image_keys(made))
 
 
 def start_composed(network: FixedNetwork, n: int) -> tuple[Any, PlaceNetwork]:

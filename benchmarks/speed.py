@@ -19,7 +19,7 @@ from benchmarks.nordland import encoded, folder, learn, part
 from lava_vpr.config import preset
 from lava_vpr.encoding import activity_of, query_rates
 from lava_vpr.engine.inference import fixed
-from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.inputs.patches import patch_normalised
 from lava_vpr.model import decode, integer_model
 from lava_vpr.training.loop import train
@@ -61,7 +61,8 @@ def main() -> None:
     for places in (100, 500):
         model = learn((0, places), config)
         network = integer_model(model, "the host engine").network
-        rates, keys = query_rates(winter.activity, config), presentation_keys(0, "query", winter.indices)
+        rates = query_rates(winter.activity, config)
+        keys = presentation_keys(0, "query", image_keys(rates))
         counts, events, _ = fixed.count_spikes(network, rates, keys)
         each = seconds(lambda n=network, r=rates, k=keys: fixed.count_spikes(n, r, k)) / len(winter)
         table.add_row(

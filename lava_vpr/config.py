@@ -43,7 +43,7 @@ class LifNetwork:
         inhibition: What the inhibitory neuron takes from every excitatory one after any of them has spiked.
         tau_membrane: Membrane time constant, in steps.
         trains: How inputs spike in queries: ``regular`` trains of random phases (`engine.inference.bias_input`), or
-            ``poisson``. Learning takes Poisson trains.
+            ``poisson``. Learning has a setting of its own (`StdpLearning.trains`).
         input_mode: Where regular trains are made: by the host, which ``injected`` spikes into the chip, or by input
             compartments that integrate a ``bias`` written once a query. Learning always injects.
     """
@@ -95,6 +95,8 @@ class StdpLearning:
         rule: ``stdp``; or ``template``, which learns nothing: the rates of a place's references are its neuron's
             weights, what learning is held against.
         arithmetic: ``float``, or ``integer``: Loihi's own (`engine.learning.integer`). Either result is quantised.
+        trains: How inputs spike while learning, as `LifNetwork.trains`. Regular trains show rates without noise, so
+            what is learned is nearer to what is shown.
         theta_update: Thresholds rise with each ``spike``, or all after a ``presentation``.
         epochs: Times that every reference image is shown.
         competition_epochs: How many of them belong to the first phase, at most half (`competing`). In that phase only
@@ -116,6 +118,7 @@ class StdpLearning:
 
     rule: Literal["stdp", "template"] = "stdp"
     arithmetic: Literal["float", "integer"] = "float"
+    trains: SpikeTrains = "regular"
     theta_update: Literal["spike", "presentation"] = "spike"
     epochs: int = 8
     competition_epochs: int = 4
@@ -142,6 +145,7 @@ class StdpLearning:
     def __post_init__(self) -> None:
         need(self.rule in ("stdp", "template"), "learning.rule", self.rule, "stdp or template with the lif network")
         need(self.arithmetic in ("float", "integer"), "learning.arithmetic", self.arithmetic, "float or integer")
+        need(self.trains in TRAINS, "learning.trains", self.trains, "one of " + ", ".join(TRAINS))
         updates = ("spike", "presentation")
         need(self.theta_update in updates, "learning.theta_update", self.theta_update, "spike or presentation")
         within(self, "learning", epochs="[1, 10000]", steps="[1, 100000]")

@@ -26,7 +26,7 @@ from lava_vpr.config import PRESETS, preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import draw_trains, query_rates
 from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork, count_spikes
-from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import BackendUnavailableError, LavaRunError
 from lava_vpr.isolated.child import run_child
@@ -106,8 +106,9 @@ def problems(queries: int) -> list[tuple[str, FixedNetwork, NDArray[np.uint16], 
         for places in ((0, 100), (0, 200)):
             network = integer_model(learn(places, config), "the comparison").network
             winter = part(encoded("winter", config.encoder), slice(0, queries))
-            keys = presentation_keys(config.seed, "query", winter.indices)
-            made.append((f"{name}, {places[1]} places", network, query_rates(winter.activity, config), keys))
+            rates = query_rates(winter.activity, config)
+            keys = presentation_keys(config.seed, "query", image_keys(rates))
+            made.append((f"{name}, {places[1]} places", network, rates, keys))
     return made
 
 

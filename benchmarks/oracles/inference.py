@@ -32,7 +32,7 @@ from lava_vpr.engine.inference.fixed import (
     count_spikes,
     inhibitory_spikes,
 )
-from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.errors import InputError
 from lava_vpr.loihi import NO_MEMORY_DECAY, WEIGHT_BITS, WEIGHT_LIMIT
 from lava_vpr.model import integer_model
@@ -197,7 +197,7 @@ def real_inference(queries: int, bias: bool) -> list[tuple[Problem, Result]]:
         shown = network if bias else replace(network, bias=np.zeros_like(network.bias))
         images = part(encoded("winter", config.encoder), slice(0, count))
         rates = query_rates16(images.activity, config.encoder)
-        keys = presentation_keys(config.seed, "query", images.indices)
+        keys = presentation_keys(config.seed, "query", image_keys(rates))
         group = f"inference, real queries, {bits} bits{'' if bias else ', no biases'}"
         for i in range(len(images)):
             made.append(inference(group, shown, rates[i : i + 1], keys[i : i + 1]))

@@ -44,7 +44,7 @@ from lava_vpr.engine.conductance.kernels import draw_spikes
 from lava_vpr.engine.conductance.model import ConductanceState, count_spikes, initial_state, train_presentation
 from lava_vpr.engine.inference import fixed, quantise
 from lava_vpr.engine.learning import stdp
-from lava_vpr.engine.random import presentation_key, presentation_keys
+from lava_vpr.engine.random import image_keys, presentation_key, presentation_keys
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import LavaVprError
 from lava_vpr.gate import integer_config
@@ -78,7 +78,7 @@ class Loihi:
         activity = np.stack([orientation_channels(image) for image in images])
         self.learning_rates = rates16(activity, config.encoder.train_spikes)
         self.query_rates = rates16(activity, config.encoder.query_spikes)
-        self.keys = presentation_keys(config.seed, "query", np.arange(len(images)))
+        self.keys = presentation_keys(config.seed, "query", image_keys(self.query_rates))
         start = stdp.initial_state(config.encoder.inputs, NEURONS, config.learning, config.seed)
         self.trainer = stdp.Trainer(start, config.learning, config.encoder.train_spikes, config.network.drive)
         for q in range(len(images)):
@@ -121,7 +121,7 @@ def measure(
     learning = Brian2Network(config, copy_of(state), learn=True)
     frozen = Brian2Network(config, copy_of(state), learn=False)
     ours, fixed = copy_of(state), copy_of(state)
-    keys = presentation_keys(config.seed, "query", np.arange(len(images)))
+    keys = presentation_keys(config.seed, "query", image_keys(rates))
     times: Times = {}
     for k in range(repeats + 1):
         if k == 1:  # the first round compiles, or loads what was compiled before

@@ -37,7 +37,7 @@ from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference.fixed import DIRECT, FixedNetwork, count_spikes, inhibitory_spikes
 from lava_vpr.engine.inference.quantise import biases_of
-from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.engine.trains import Trains
 from lava_vpr.loihi import NO_MEMORY_DECAY, TILE_CORES
 from lava_vpr.model import Model
@@ -132,7 +132,7 @@ def random_case(seed: int, queries: int = 2) -> Case:
     plan = partition(made, board, rates.mean(axis=0) / (1 << 16))
     if seed % 3 == 0:
         plan = scattered(plan, rng)
-    keys = presentation_keys(seed, "query", np.arange(queries))
+    keys = presentation_keys(seed, "query", image_keys(rates))
     _, _, exc = count_spikes(made, rates, keys, raster=True)
     spikes = draw_trains(rates, keys, made.steps, made.interval, regular=made.regular)
     kind = "input compartments" if made.bias_input else "through relays" if made.relayed else "injected"

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.configfile import from_dict
 from lava_vpr.deploy.bundle.folder import AGAIN, MANIFEST, Bundle, array_bytes
-from lava_vpr.encoding import query_rates
+from lava_vpr.encoding import query_rates16
 from lava_vpr.engine.effort import check_query
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import BundleError, LavaVprError, brief
@@ -26,9 +26,10 @@ RATES, KEYS, RESPONSES, LABELS = (f"host/{name}.npy" for name in ("rates", "keys
 
 def reference_files(model: Model) -> dict[str, bytes]:
     """References as they are presented, what they must give, and the rest of the model without its network."""
+    rates = query_rates16(model.activity, model.config.encoder)
     return {
-        RATES: array_bytes(query_rates(model.activity, model.config)),
-        KEYS: array_bytes(response_keys(model)),
+        RATES: array_bytes(rates),
+        KEYS: array_bytes(response_keys(rates, model.config.seed)),
         RESPONSES: array_bytes(model.responses.astype(np.int32)),
         LABELS: array_bytes(model.labels.astype(np.int64)),
         REFERENCES: container.pack("references", *content(model, network=False)),
@@ -87,10 +88,10 @@ class References:
         for name, array in own.items():
             if not np.array_equal(bundle.array(name, array.dtype, array.shape), array):
                 raise BundleError(f"{bundle.at(name)}: differs from what {REFERENCES} says; {AGAIN}")
-        if not np.array_equal(keys, response_keys(model)):
-            raise BundleError(f"{bundle.at(KEYS)}: are not the keys of the references; {AGAIN}")
         # Machines may add the responses of an image in another order: a rate can differ by one unit.
-        expected = query_rates(model.activity, model.config).astype(np.int32)
+        expected = query_rates16(model.activity, model.config.encoder).astype(np.int32)
         if (abs(rates - expected) > 1).any():
             raise BundleError(f"{bundle.at(RATES)}: are not the rates of the references; {AGAIN}")
+        if not np.array_equal(keys, response_keys(rates, model.config.seed)):
+            raise BundleError(f"{bundle.at(KEYS)}: are not the keys of the references; {AGAIN}")
         return model

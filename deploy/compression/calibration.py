@@ -26,7 +26,7 @@ from lava_vpr.encoding import EncodedTraverse, query_rates16
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.quantise import pruned
-from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.matching.evaluation import evaluate
 from lava_vpr.matching.matchers import confidence
@@ -50,7 +50,7 @@ def figures(model: Model, calibration: Calibration, *, threads: int = 1) -> Figu
     """How ``model`` does on calibration images and their truth, bool (images, places)."""
     queries, truth = calibration
     rates = query_rates16(queries.activity, model.config.encoder)
-    keys = presentation_keys(model.config.seed, "query", queries.indices)
+    keys = presentation_keys(model.config.seed, "query", image_keys(rates))
     counts, events, _ = fixed.count_spikes(checked_network(model, "calibration"), rates, keys, threads=threads)
     decoder = model.config.decoder.default
     scores = decode(model, counts, decoder)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, Protocol
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.encoding import EncodedTraverse, check_encoded, query_rates
-from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.engine.trains import Trains
 from lava_vpr.model import Model
 
@@ -21,36 +22,34 @@ Events = dict[str, int]
 """The counted events of a run by name, summed over its presentations."""
 
 
-class Presentations(NamedTuple):
-    """The presentations that a backend is shown.
+@dataclass(frozen=True)
+class Presentations:
+    """The presentations that a backend is shown; the noise of each follows from its own rates, wherever it stands.
 
     Attributes:
         rates: Rates of the inputs, (n, inputs): uint16 in units of 2^-16 for integer networks, uint32
             in units of 2^-32 for the float conductance model.
-        image_ids: The number of each presentation's image in its traverse, int64 (n,).
         seed: The seed of the noise.
         role: What the noise is for, one of `lava_vpr.engine.random.ROLES`.
     """
 
     rates: NDArray[Any]
-    image_ids: NDArray[np.int64]
     seed: int
     role: str = "query"
 
-    @property
+    @cached_property
     def keys(self) -> NDArray[np.uint64]:
         """The key of each presentation's random numbers, uint64 (n,)."""
-        return presentation_keys(self.seed, self.role, self.image_ids)
+        return presentation_keys(self.seed, self.role, image_keys(self.rates))
 
     def part(self, chosen: slice | NDArray[np.int64]) -> Presentations:
-        """Some of the presentations, each with the noise that it has here."""
-        return self._replace(rates=self.rates[chosen], image_ids=self.image_ids[chosen])
+        """Some of the presentations."""
+        return replace(self, rates=self.rates[chosen])
 
     @classmethod
     def joined(cls, parts: Sequence[Presentations]) -> Presentations:
         """The presentations of all ``parts``, at least one, in their order; seed and role are those of the first."""
-        rates, ids = (np.concatenate([getattr(part, name) for part in parts]) for name in ("rates", "image_ids"))
-        return parts[0]._replace(rates=rates, image_ids=ids)
+        return replace(parts[0], rates=np.concatenate([part.rates for part in parts]))
 
 
 def query_presentations(model: Model, queries: EncodedTraverse, seed: int | None = None) -> Presentations:
@@ -61,7 +60,7 @@ def query_presentations(model: Model, queries: EncodedTraverse, seed: int | None
     """
     check_encoded(queries, model.config.encoder, "queries")
     rates = query_rates(queries.activity, model.config)
-    return Presentations(rates, queries.indices, model.config.seed if seed is None else seed)
+    return Presentations(rates, model.config.seed if seed is None else seed)
 
 
 class Backend(Protocol):

@@ -1,14 +1,17 @@
 """Counter-based random numbers: the same spikes on every backend, batch size, thread count and machine.
 
-A presentation has a 64-bit key made of (seed, role, epoch, image id). Block ``b`` of input ``j`` is one 64-bit hash
-``mix(key + G (b 2^32 + j))``: the finaliser of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014, with Stafford's
-constants, variant 13) over an injective counter. That one hash gives four 16-bit draws, for steps 4b .. 4b + 3, or two
-32-bit draws, for steps 2b and 2b + 1. An input spikes when its draw is below its rate. Inputs of rate 0 need no draw.
+A presentation has a 64-bit key made of (seed, role, epoch, image). The image of a query, and of a reference whose
+response is measured, is a hash of its own rates (`image_keys`): it meets the same noise wherever it stands. Block ``b``
+of input ``j`` is one 64-bit hash ``mix(key + G (b 2^32 + j))``: the finaliser of SplitMix64 (Steele, Lea and Flood,
+OOPSLA 2014, with Stafford's constants, variant 13) over an injective counter. That one hash gives four 16-bit draws,
+for steps 4b .. 4b + 3, or two 32-bit draws, for steps 2b and 2b + 1. An input spikes when its draw is below its rate.
+Inputs of rate 0 need no draw.
 """
 
 from __future__ import annotations
 
 import zlib
+from typing import Any
 
 import numba as nb
 import numpy as np
@@ -19,7 +22,7 @@ from lava_vpr.kernelcache import compiled
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
 _MIX_2 = np.uint64(0x94D049BB133111EB)
-_S27, _S30, _S31, _S32 = np.uint64(27), np.uint64(30), np.uint64(31), np.uint64(32)
+_ZERO, _S27, _S30, _S31, _S32 = (np.uint64(x) for x in (0, 27, 30, 31, 32))
 _MASK = (1 << 64) - 1
 
 ROLES = ("train", "response", "query", "start", "delay")
@@ -40,17 +43,35 @@ def _mix(x: int) -> int:
     return x ^ (x >> 31)
 
 
-def presentation_key(seed: int, role: str, image_id: int, epoch: int = 0) -> int:
+@compiled(nogil=True)
+def image_keys(rates: NDArray[Any]) -> NDArray[np.uint64]:
+    """The key of each image, made of its rates and of nothing else, uint64 (n,).
+
+    It is the sum modulo 2^64 of ``mix(G (j 2^32 + rate_j))`` over all inputs ``j`` with a rate above 0.
+
+    Args:
+        rates: uint16 or uint32 (n, inputs).
+    """
+    keys = np.zeros(rates.shape[0], np.uint64)
+    for i in range(rates.shape[0]):
+        for j in range(rates.shape[1]):
+            rate = np.uint64(rates[i, j])
+            word = mix(GOLDEN * ((np.uint64(j) << _S32) + rate))
+            keys[i] += word if rate > _ZERO else _ZERO  # both at hand: no branch to guess wrong
+    return keys
+
+
+def presentation_key(seed: int, role: str, image: int, epoch: int = 0) -> int:
     """The 64-bit key of one presentation.
 
     Args:
         seed: Seed of the run, in [0, 2^63).
         role: One of `ROLES`; ``train`` (with its epoch), ``response`` (the frozen network on the references) and
             ``query`` keep their noise apart.
-        image_id: Absolute number of the image, of any size.
+        image: The image's key (`image_keys`), or, for ``train``, the index of its place; of any size.
         epoch: Epoch of a training presentation.
     """
-    return _next_key(_key_before(seed, role, epoch), image_id)
+    return _next_key(_key_before(seed, role, epoch), image)
 
 
 def _next_key(key: int, word: int) -> int:
@@ -70,10 +91,10 @@ def derived_key(key: int, purpose: str) -> int:
     return _mix((key ^ zlib.crc32(purpose.encode())) + int(GOLDEN) & _MASK)
 
 
-def presentation_keys(seed: int, role: str, image_ids: NDArray[np.int64], epoch: int = 0) -> NDArray[np.uint64]:
-    """`presentation_key` of many images, shape (n,)."""
+def presentation_keys(seed: int, role: str, images: NDArray[Any], epoch: int = 0) -> NDArray[np.uint64]:
+    """`presentation_key` of many images, uint64 (n,)."""
     start = np.uint64(_key_before(seed, role, epoch))
-    x = (start ^ np.asarray(image_ids, np.int64).astype(np.uint64)) + GOLDEN
+    x = (start ^ images.astype(np.uint64)) + GOLDEN
     x = (x ^ (x >> _S30)) * _MIX_1
     x = (x ^ (x >> _S27)) * _MIX_2
     return np.asarray(x ^ (x >> _S31))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from lava_vpr.configfile import to_toml
 from lava_vpr.encoding import EncodedTraverse, query_rates16
 from lava_vpr.engine.inference import fixed
-from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.model import Model, as_integer
 from lava_vpr.recognition import BASELINES, Recognition
@@ -79,7 +79,7 @@ def _rasters(model: Model, queries: EncodedTraverse, result: Recognition, seed: 
         return ()
     chosen = _chosen(result)
     rates = query_rates16(queries.activity[chosen], model.config.encoder)
-    keys = presentation_keys(seed, "query", queries.indices[chosen])
+    keys = presentation_keys(seed, "query", image_keys(rates))
     rasters = []
     for k, query in enumerate(chosen):
         counts, events, film = fixed.count_spikes(integer.network, rates[k : k + 1], keys[k : k + 1], raster=True)

@@ -151,7 +151,7 @@ def train(
     _run(learn, len(stretches), jobs, stop, store)
     try:
         return _finish(references, config, stretches, trainers, route_images, jobs)
-    except NetworkLimitError:
+    except (ConfigError, NetworkLimitError):
         # Only other settings help, and those cannot go on from here.
         if checkpoint is not None:
             checkpoint.unlink(missing_ok=True)

@@ -13,7 +13,7 @@ from lava_vpr.encoding import EncodedTraverse, query_rates, query_rates16
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.quantise import Shown
-from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.model import Model, Stretch
 
 
@@ -23,11 +23,9 @@ def expected_rates(model: Model) -> NDArray[np.float64]:
     return np.asarray(rates.mean(axis=0) / 65536.0)
 
 
-def response_keys(model: Model) -> NDArray[np.uint64]:
-    """Keys of the presentations that measure S^R, one for each reference image, in the order of ``model.labels``."""
-    traverses = len(model.labels) // model.places
-    keys = [presentation_keys(model.config.seed, "response", model.place_indices, t) for t in range(traverses)]
-    return np.concatenate(keys)
+def response_keys(rates: NDArray[np.uint16], seed: int) -> NDArray[np.uint64]:
+    """Keys of the presentations that measure S^R, one for each reference image with ``rates`` (n, inputs)."""
+    return presentation_keys(seed, "response", image_keys(rates))
 
 
 def shown_references(stretches: Sequence[Stretch], activity: NDArray[np.float32], config: Config) -> tuple[Shown, ...]:
@@ -53,7 +51,7 @@ def shown_references(stretches: Sequence[Stretch], activity: NDArray[np.float32]
 def measured_responses(model: Model, network: FixedNetwork, threads: int) -> NDArray[np.int32]:
     """S^R of ``network`` on the references that ``model`` keeps, int32 (neurons, places), traverses summed."""
     rates = query_rates16(model.activity, model.config.encoder)
-    counts, _, _ = fixed.count_spikes(network, rates, response_keys(model), threads=threads)
+    counts, _, _ = fixed.count_spikes(network, rates, response_keys(rates, model.config.seed), threads=threads)
     responses = np.zeros((network.neurons, model.places), np.int32)
     np.add.at(responses.T, model.labels, counts)
     return responses
@@ -64,10 +62,9 @@ def reference_responses(
 ) -> NDArray[np.int32]:
     """S^R of the frozen ``network`` on the references, int32 (neurons, places), traverses summed."""
     total = np.zeros((network.neurons, len(references[0])), np.int32)
-    for traverse, reference in enumerate(references):
-        keys = presentation_keys(config.seed, "response", reference.indices, traverse)
+    for reference in references:
         rates = query_rates16(reference.activity, config.encoder)
-        counts, _, _ = fixed.count_spikes(network, rates, keys, threads=threads)
+        counts, _, _ = fixed.count_spikes(network, rates, response_keys(rates, config.seed), threads=threads)
         total += counts.T
     return total
 

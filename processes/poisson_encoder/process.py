@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.encoding import rates16
 from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
-from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.processes.base.encoders import EncoderProcess
 
 
@@ -34,7 +34,7 @@ class PoissonEncoder(EncoderProcess):
     inputs, 350 steps each::
 
         rates = np.array([[655, 0, 32768], [6554, 6554, 0]], np.uint16)        # 1 %, never, 50 %; 10 %, 10 %, never
-        keys = presentation_keys(0, "query", np.arange(2))
+        keys = presentation_keys(0, "query", image_keys(rates))
         encoder = PoissonEncoder(rates=rates, keys=keys, steps=350, silent_steps=network.silent_steps)
 
     Arguments, port and Var as `lava_vpr.processes.base.encoders.EncoderProcess`.
@@ -48,7 +48,6 @@ class PoissonEncoder(EncoderProcess):
         spikes_per_step: float,
         seed: int,
         role: str,
-        image_ids: NDArray[np.int64],
         steps: int,
         **kwargs: Any,
     ) -> PoissonEncoder:
@@ -57,12 +56,12 @@ class PoissonEncoder(EncoderProcess):
         Args:
             activity: float32 (n, inputs), as `lava_vpr.encoding.EncodedTraverse.activity`.
             spikes_per_step: Expected spikes of all inputs together in one step.
-            seed, role, image_ids: What the random numbers depend on (`lava_vpr.engine.random.presentation_key`).
+            seed, role: What random numbers depend on beside the rates (`lava_vpr.engine.random.presentation_key`).
             steps: Steps with input.
             **kwargs: As the constructor's.
         """
-        keys = presentation_keys(seed, role, image_ids)
-        return cls(rates=rates16(activity, spikes_per_step), keys=keys, steps=steps, **kwargs)
+        rates = rates16(activity, spikes_per_step)
+        return cls(rates=rates, keys=presentation_keys(seed, role, image_keys(rates)), steps=steps, **kwargs)
 
     def compile_kernels(self) -> None:
         """Compile the drawing kernels before the models are forked."""

@@ -24,8 +24,6 @@ from lava_vpr.bench.measure.timing import measure_encoding
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.encoding import query_rates
 from lava_vpr.engine.conductance.model import ConductanceState
-from lava_vpr.engine.inference.fixed import count_spikes
-from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import LavaRunError
 from lava_vpr.matching.certainty import best
 from lava_vpr.matching.decoders import DECODERS
@@ -207,29 +205,19 @@ def test_what_a_family_shares_is_counted_once() -> None:
 
 def test_the_host_is_timed_answering_what_it_always_answers() -> None:
     model, queries = small_model(), encoded(noise=0.4)
-    rates, ids = query_rates(queries.activity, model.config), queries.indices
+    rates = query_rates(queries.activity, model.config)
     answer = child.host_answer(model, model.config.seed)
     wanted = best(decode(model, count_query_spikes(model, queries)[0], model.config.decoder.default))
-    assert np.array_equal(answer(rates, ids), wanted)
-    assert np.array_equal(child.batch(answer, rates, ids, 3), wanted)
-    assert [int(answer(rates[k : k + 1], ids[k : k + 1])[0]) for k in range(len(ids))] == wanted.tolist()
-
-
-def test_repeated_queries_have_other_noise_but_the_first() -> None:
-    model, queries = small_model(), encoded(noise=0.4)
-    rates, ids = query_rates(queries.activity, model.config), queries.indices
-    more, others = child.repeated(rates, ids, 3)
-    assert len(set(others.tolist())) == len(others) == 3 * len(ids)
-    keys = presentation_keys(0, "query", others)
-    counts, _, _ = count_spikes(model.network, more, keys)  # type: ignore[arg-type]
-    first, second = counts[: len(ids)], counts[len(ids) : 2 * len(ids)]
-    assert np.array_equal(first, count_query_spikes(model, queries, seed=0)[0])
-    assert not np.array_equal(first, second)
+    assert np.array_equal(answer(rates), wanted)
+    assert np.array_equal(child.batch(answer, rates, 3), wanted)
+    assert np.array_equal(child.batch(answer, np.tile(rates, (3, 1)), 2), np.tile(wanted, 3))
+    assert [int(answer(rates[k : k + 1])[0]) for k in range(len(rates))] == wanted.tolist()
 
 
 @pytest.mark.parametrize("name", DECODERS)
 def test_a_decoder_that_is_kept_decodes_alike(name: str) -> None:
-    model, rng = small_model(), np.random.default_rng(0)
+    rng = np.random.default_rng(0)
+    model = replace(small_model(), responses=rng.integers(0, 9, small_model().responses.shape).astype(np.int32))
     counts = rng.integers(0, 4, (200, model.neurons)).astype(np.int32)
     chosen = replace(model, config=replace(model.config, decoder=replace(model.config.decoder, default=name)))
     wanted = best(decode(model, counts, name))
@@ -238,17 +226,18 @@ def test_a_decoder_that_is_kept_decodes_alike(name: str) -> None:
 
 
 def test_single_queries_are_told_one_by_one() -> None:
-    def answer(rates: np.ndarray, ids: np.ndarray) -> np.ndarray:
-        seen.append((rates.shape, int(ids[0])))
-        time.sleep(0.01 if ids[0] == 6 else 0.0)
-        return ids
+    def answer(rates: np.ndarray) -> np.ndarray:
+        seen.append(rates.tolist())
+        time.sleep(0.01 if rates[0, 0] == 6 else 0.0)
+        return rates[:, 0]
 
-    seen: list[tuple[tuple[int, ...], int]] = []
-    taken = child.singles(answer, np.zeros((2, 3)), np.array([5, 6]), 4, 60.0)
-    assert seen == [((1, 3), 5), ((1, 3), 6), ((1, 3), 5 + child.NOISE), ((1, 3), 6 + child.NOISE)]
+    seen: list[list[list[int]]] = []
+    rates = np.array([[5, 1], [6, 2]])
+    taken = child.singles(answer, rates, 4, 60.0)
+    assert seen == [[[5, 1]], [[6, 2]], [[5, 1]], [[6, 2]]]
     assert len(taken) == 4
     assert taken[1] >= 10 > taken[0]
-    assert len(child.singles(answer, np.zeros((2, 3)), np.array([5, 6]), 1000, 0.0)) == 1
+    assert len(child.singles(answer, rates, 1000, 0.0)) == 1
 
 
 @pytest.fixture
@@ -325,10 +314,10 @@ def test_lava_is_measured_without_its_start(backend: str) -> None:
 @pytest.mark.slow
 def test_lava_counts_the_same_when_it_is_timed() -> None:
     model, queries = small_model(), encoded(noise=0.4)
-    rates, ids = query_rates(queries.activity, model.config)[:3], queries.indices[:3]
+    rates = query_rates(queries.activity, model.config)[:3]
     fused = backends.get("lava-fused")
     assert isinstance(fused, LavaBackend)
-    counts, runs, held = fused.timed(model, Presentations(rates, ids, 0), single=True)
+    counts, runs, held = fused.timed(model, Presentations(rates, 0), single=True)
     assert np.array_equal(counts, count_query_spikes(model, queries, seed=0)[0][:3])
     assert runs[:, 0].tolist() == [1, 1, 1]
     assert (runs[:, 2] > runs[:, 1]).all()

@@ -114,7 +114,7 @@ def test_a_point_is_the_model_quantised_anew_and_modelled() -> None:
     assert recognise(model, one.queries, TRUTH, DECODERS_ONLY).metrics["contrast"] == result.metrics
     plan = plan_of(model, KAPOHO_BAY)
     rates = query_rates(one.queries.activity, model.config)
-    trains = HostBackend().trains(model, Presentations(rates, one.queries.indices, model.config.seed))
+    trains = HostBackend().trains(model, Presentations(rates, model.config.seed))
     told = modelled(plan, count_events(plan, trains))
     assert told.dynamic_microjoules is not None
     assert told.milliseconds is not None

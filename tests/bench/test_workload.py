@@ -162,9 +162,9 @@ def test_a_model_is_counted_on_its_own_queries(mode: bool) -> None:
     model, queries = small_model(), encoded(noise=0.4)
     model = replace(model, network=replace(model.network, bias_input=mode))  # type: ignore[type-var]
     rates = query_rates(queries.activity, model.config)[:5]
-    trains = HostBackend(1).trains(model, Presentations(rates, queries.indices[:5], 3))
-    keys = presentation_keys(3, "query", queries.indices[:5])
-    wanted = of_trains(model.network, trains, rates, keys)  # type: ignore[arg-type]
+    shown = Presentations(rates, 3)
+    trains = HostBackend(1).trains(model, shown)
+    wanted = of_trains(model.network, trains, rates, shown.keys)  # type: ignore[arg-type]
     asked = QuerySet.of(model, queries, seed=3)
     assert workload(asked, limit=5) == workload(asked, asked.trains(slice(None)), limit=5) == wanted
     assert wanted.activation_sparsity < 1

@@ -159,7 +159,7 @@ def test_options_reach_the_model(here: Path) -> None:
     assert 7 < learned.network.weights.max() < 32
     config = learned.config
     assert (config.learning.epochs, config.seed, config.stretch, config.encoder.kind) == (2, 11, 3, "onoff")
-    assert (config.network.steps, config.learning.steps) == (300, 300)  # from the file
+    assert (config.network.steps, config.learning.steps) == (256, 300)  # from the file
 
 
 def test_an_option_outweighs_the_file_and_the_file_the_preset(here: Path) -> None:

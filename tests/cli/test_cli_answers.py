@@ -25,7 +25,7 @@ def test_the_json_has_these_keys_in_this_order(here: Path) -> None:
     values = figures("query")
     assert list(values) == ["places", "queries", "network", "default_decoder", "decoders", "baselines"]
     assert (values["places"], values["queries"], values["default_decoder"]) == (8, 8, "contrast")
-    assert values["network"] == {"neurons": 8, "weight_bits": 3, "steps": 300}
+    assert values["network"] == {"neurons": 8, "weight_bits": 3, "steps": 256}
     assert list(values["decoders"]) == DECODERS
     assert list(values["baselines"]) == ["sad", "cosine"]
     for matcher in (*values["decoders"].values(), *values["baselines"].values()):

@@ -15,7 +15,7 @@ from support.common.imagefiles import blocky_picture, write_images
 
 from lava_vpr.cli import main
 
-CONFIG = "[network]\nsteps = 40\n[learning]\nsteps = 40\nepochs = 2\n"
+CONFIG = "[network]\nsteps = 32\n[learning]\nsteps = 40\nepochs = 2\n"
 
 
 def run(*words: object) -> Result:

@@ -24,7 +24,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("made")
     write_images(root / "ref", 6)
     write_images(root / "query", 6)
-    (root / "quick.toml").write_text("[network]\nsteps = 40\n[learning]\nsteps = 40\nepochs = 2\n")
+    (root / "quick.toml").write_text("[network]\nsteps = 32\n[learning]\nsteps = 40\nepochs = 2\n")
     run("train", root / "ref", "-o", root / "m.lvpr", "--config", root / "quick.toml")
     run("deploy", root / "m.lvpr", "--target", "loihi2", "-o", root / "b")
     (root / "list.txt").write_text("".join(f"query/img{k}.png\n" for k in range(6)))

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from support.common.commands import images, listed, run
+from support.common.commands import images, listed, matches, run
 
 from lava_vpr import model as model_file
 from lava_vpr import recognition
@@ -91,6 +91,16 @@ def test_the_answers_are_those_of_all_queries_at_once(
     words = ("--sequence", sequence, "--places", "2:20", "--seed", 3)
     run("query", "other.lvpr", many, "-o", "q.csv", *words)
     assert Path("q.csv").read_text() == literal(model, many, sequence, (2, 20), 3)
+
+
+def test_an_image_alone_is_answered_as_in_its_folder(here: Path) -> None:
+    whole = matches("query")
+    assert len({row["confidence"] for row in whole}) > len(whole) // 2
+    for row, path in zip(whole, images("query"), strict=True):
+        (alone,) = matches(path)
+        assert alone == row | {"query": "0"}
+    backwards = matches(listed("backwards.txt", images("query")[::-1]))
+    assert [row | {"query": ""} for row in backwards[::-1]] == [row | {"query": ""} for row in whole]
 
 
 def test_few_images_are_read_before_their_answers_come(many: str, few_at_a_time: None) -> None:

@@ -36,7 +36,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for k, file in enumerate(sorted((root / "ref").iterdir())):
         file.rename(file.with_name(f"{k}{NASTY}.png"))
     shutil.copytree(root / "ref", root / "query")
-    (root / "quick.toml").write_text("[network]\nsteps = 40\n[learning]\nsteps = 40\nepochs = 2\n")
+    (root / "quick.toml").write_text("[network]\nsteps = 32\n[learning]\nsteps = 40\nepochs = 2\n")
     run("train", root / "ref", "-o", root / "m.lvpr", "--config", root / "quick.toml")
     return root
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from support.common.imagefiles import write_images
 
-SLOW = "[network]\nsteps = 100\n[learning]\nsteps = 100\nepochs = 10000\n"
+SLOW = "[network]\nsteps = 128\n[learning]\nsteps = 100\nepochs = 10000\n"
 QUICK = SLOW.replace("10000", "2")
 
 

@@ -15,7 +15,7 @@ import pytest
 IMAGES = 3000
 FILES = 40
 LIMIT = 1_000_000_000  # bytes
-QUICK = "[network]\nsteps = 40\n[learning]\nsteps = 40\nepochs = 1\n"
+QUICK = "[network]\nsteps = 32\n[learning]\nsteps = 40\nepochs = 1\n"
 
 
 MEASURE = """

@@ -29,7 +29,7 @@ from lava_vpr.synthetic.world import write_traverses
 from lava_vpr.traverse import open_traverse
 
 PLACES = 5
-SETTINGS = "[network]\nsteps = 120\n[learning]\nsteps = 120\nepochs = 4\n[decoder]\ndefault = 'dummy'\n"
+SETTINGS = "[network]\nsteps = 128\n[learning]\nsteps = 120\nepochs = 4\n[decoder]\ndefault = 'dummy'\n"
 
 
 def overlap(responses: NDArray[Any], reading: Reading) -> ScoresOf:

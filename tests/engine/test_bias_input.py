@@ -259,7 +259,7 @@ def test_a_backend_counts_the_same_events() -> None:
     model, queries = small_model(), encoded()
     model = replace(model, network=replace(model.network, bias_input=True, steps=30))
     rates = query_rates(queries.activity, model.config)[:2]
-    shown = Presentations(rates, queries.indices[:2], 1)
+    shown = Presentations(rates, 1)
     counts, events = backends.get("host").count_spikes(model, shown)
     assert counts.sum() > 0
     got, same = backends.get("lava-library").count_spikes(model, shown)

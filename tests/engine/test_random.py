@@ -14,6 +14,7 @@ from lava_vpr.engine.draw import LANES, draw_block, prepare_draws, scratch
 
 INPUTS = 784
 STEPS = 350
+_MASK = (1 << 64) - 1
 
 
 def key(role: str = "query", image: int = 3, epoch: int = 0, seed: int = 0) -> int:
@@ -33,6 +34,43 @@ def test_keys_of_many_images_are_those_of_each(role: str) -> None:
         assert keys.dtype == np.uint64
         assert keys.tolist() == [random.presentation_key(seed, role, int(i), epoch) for i in images]
     assert random.presentation_keys(0, role, images[:0]).shape == (0,)
+
+
+def literal_image_key(rates: np.ndarray) -> int:
+    """`random.image_keys` of one image, in Python's integers."""
+    words = (random._mix(int(random.GOLDEN) * ((j << 32) + r) & _MASK) for j, r in enumerate(rates.tolist()) if r)
+    return sum(words) & _MASK
+
+
+@pytest.mark.parametrize("dtype", [np.uint16, np.uint32])
+def test_an_image_key_is_the_defined_sum(dtype: type) -> None:
+    rng = np.random.default_rng(0)
+    most = np.iinfo(dtype).max
+    rates = rng.integers(0, most, (20, INPUTS), endpoint=True).astype(dtype) * (rng.random((20, INPUTS)) < 0.4)
+    rates[0], rates[1] = 0, most
+    for width in (INPUTS, 1, 0):
+        keys = random.image_keys(rates[:, :width])
+        assert keys.dtype == np.uint64
+        assert keys.tolist() == [literal_image_key(row[:width]) for row in rates]
+    assert random.image_keys(rates)[0] == 0
+    assert random.image_keys(rates[:0]).shape == (0,)
+
+
+def test_an_image_key_sees_rates_alone() -> None:
+    """Not how wide they are stored, nor where the image stands; but which input has which rate."""
+    rng = np.random.default_rng(1)
+    rates = rng.integers(0, 3, (300, 40)).astype(np.uint16)
+    keys = random.image_keys(rates)
+    assert np.array_equal(random.image_keys(rates.astype(np.uint32)), keys)
+    assert np.array_equal(random.image_keys(np.pad(rates, ((0, 0), (0, 9)))), keys)
+    assert np.array_equal(random.image_keys(rates[::-1]), keys[::-1])
+    assert len(set(keys.tolist())) == len(np.unique(rates, axis=0))
+    one = np.tile(rng.integers(1, 60_000, 40).astype(np.uint16), (81, 1))
+    one[np.arange(40), np.arange(40)] += 1
+    one[np.arange(40, 80), np.arange(40)] = 0
+    assert len(set(random.image_keys(one).tolist())) == 81
+    swapped = one[80][np.r_[1, 0, 2:40]]
+    assert random.image_keys(swapped[None])[0] != random.image_keys(one[80:])[0]
 
 
 def test_a_draw_depends_on_its_own_coordinates_only() -> None:

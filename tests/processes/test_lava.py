@@ -15,7 +15,7 @@ from benchmarks.nordland import encoded, learn, part
 from lava_vpr.config import preset
 from lava_vpr.encoding import draw_trains, rates16
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
-from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.isolated.runner import run_isolated
 
 IMAGES, STEPS = 3, 60
@@ -76,7 +76,8 @@ def test_the_trained_network_on_real_queries_equals_lavas_library(data_root: Pat
     network = learn((0, 100), config).network
     assert isinstance(network, FixedNetwork)
     queries = part(encoded("winter", config.encoder), slice(0, 4))
-    rates, keys = rates16(queries.activity, config.encoder.query_spikes), presentation_keys(0, "query", queries.indices)
+    rates = rates16(queries.activity, config.encoder.query_spikes)
+    keys = presentation_keys(0, "query", image_keys(rates))
     counts, _, film = count_spikes(network, rates, keys, raster=True)
     assert (counts.sum(axis=1) > 10).all()
     spikes = draw_trains(rates, keys, network.steps, network.interval, regular=network.regular)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from support.lava.model_harness import build, drive, some_spikes
 
 from lava_vpr.encoding import draw_spikes, draw_trains, rates16
-from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.dense_synapses.models import PyDenseSynapsesFixed, PyDenseSynapsesFloat
 from lava_vpr.processes.dense_synapses.process import DenseSynapses
@@ -201,12 +201,12 @@ def test_the_regular_encoder_sends_the_spikes_of_input_compartments(kind: Any, s
 
 def test_an_encoder_of_images() -> None:
     activity = np.random.default_rng(0).random((2, 9)).astype(np.float32)
-    ids = np.array([4, 7])
     encoder = PoissonEncoder.of_activity(
-        activity, spikes_per_step=3.0, seed=5, role="response", image_ids=ids, steps=8, silent_steps=1
+        activity, spikes_per_step=3.0, seed=5, role="response", steps=8, silent_steps=1
     )
-    assert np.array_equal(encoder.proc_params["rates"], rates16(activity, 3.0))
-    assert np.array_equal(encoder.proc_params["keys"], presentation_keys(5, "response", ids))
+    rates = rates16(activity, 3.0)
+    assert np.array_equal(encoder.proc_params["rates"], rates)
+    assert np.array_equal(encoder.proc_params["keys"], presentation_keys(5, "response", image_keys(rates)))
     assert encoder.proc_params["interval"] == 9
 
 

@@ -195,7 +195,7 @@ write_traverses(Path("route"), places=4, seed=0)
 config = Config(encoder=EncoderConfig(orientations=4))
 images = encode_traverse(open_traverse("route/reference"), config.encoder, Keep.ALL)
 file.save(train([images], config), Path("route.lvpr"))
-rates, image_ids = query_rates(images.activity, config)[:2], images.indices[:2]
+rates = query_rates(images.activity, config)[:2]
 """
 AFTER = """
 assert counts.sum() > 20

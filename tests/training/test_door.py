@@ -86,7 +86,7 @@ def test_the_route_reaches_as_far_as_its_places() -> None:
 COSTLY: list[tuple[Config, int, str]] = [
     (small_config(), 30_000, "a model of 30,000 places and 30,000 neurons takes .* set LAVA_VPR_MAX_MODEL_BYTES"),
     (
-        small_config(network={"steps": 100_000}, encoder={"query_spikes": 1000.0}),
+        small_config(network={"steps": 65_536}, encoder={"query_spikes": 1000.0}),
         2_000,
         "a query takes .* operations, .* set LAVA_VPR_MAX_PRESENTATION_OPERATIONS, or lower network.steps",
     ),
@@ -114,9 +114,16 @@ def test_what_costs_too_much_is_refused_before_it_is_learned(config: Config, pla
         check_size(places, config)
 
 
-def test_as_many_places_as_one_inhibition_serves_are_not_too_many() -> None:
-    assert sum(part.places for part in check_size(16_384, preset("loihi"))) == 16_384
-    assert sum(part.places for part in check_size(20_000, preset("fast"))) == 20_000
+def test_no_number_of_places_is_too_many_but_for_what_it_costs() -> None:
+    for name in ("loihi", "fast"):
+        assert sum(part.places for part in check_size(16_384, preset(name))) == 16_384
+
+
+def test_presentations_that_are_all_silence_are_refused() -> None:
+    assert check_size(1024, small_config(network={"steps": 4}))
+    with pytest.raises(ConfigError, match=r"network\.steps is 4, but 1,025 neurons need 4 silent ones; raise it"):
+        check_size(1025, small_config(network={"steps": 4}))
+    assert check_size(1025, small_config(network={"steps": 4, "input_mode": "bias"}))
 
 
 def test_what_may_be_learned_can_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -132,7 +139,7 @@ def test_what_may_be_learned_can_be_read(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def test_the_command_says_so(here: Path) -> None:
-    (here / "c.toml").write_text("[network]\nsteps = 100000\nneurons = 100000\n")
+    (here / "c.toml").write_text("[network]\nsteps = 65536\nneurons = 100000\n")
     result = CliRunner().invoke(main, ["train", "reference", "-o", "o.lvpr", "--config", "c.toml"])
     assert result.exit_code == 1, result.output
     assert result.stderr.startswith("lava-vpr: error: a query takes ")

@@ -16,7 +16,7 @@ from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.bundle.learning import chip_learning
 from lava_vpr.encoding import training_rates
-from lava_vpr.engine.inference.quantise import equalise
+from lava_vpr.engine.inference.quantise import unit_norm
 from lava_vpr.errors import ConfigError
 from lava_vpr.synthetic import write_traverses
 from lava_vpr.training.loop import check_size, train
@@ -32,8 +32,8 @@ def test_the_weights_are_the_rates() -> None:
     config = templates()
     learned = train([first, second], config).learned
     rates = [training_rates(part.activity, config).astype(np.float64) for part in (first, second)]
-    assert np.allclose(equalise(learned), equalise(np.mean(rates, axis=0).T), rtol=1e-4, atol=1e-6)
-    assert np.array_equal(equalise(train([first], config).learned).argmax(axis=0), rates[0].argmax(axis=1))
+    assert np.allclose(unit_norm(learned), unit_norm(np.mean(rates, axis=0).T), rtol=1e-4, atol=1e-6)
+    assert np.array_equal(unit_norm(train([first], config).learned).argmax(axis=0), rates[0].argmax(axis=1))
     once, often = train([first], config), train([first], templates(epochs=3))
     assert np.allclose(once.learned, often.learned, rtol=1e-5, atol=1e-8)
 

@@ -10,7 +10,6 @@ import math
 
 from lava_vpr.backends.deployed import bundle_of
 from lava_vpr.backends.interface import Presentations
-from lava_vpr.bench.measure.child import repeated
 from lava_vpr.bench.results import Measured
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.bundle.folder import Bundle
@@ -21,7 +20,7 @@ from lava_vpr.storage.reading import parse_json, read_bytes
 from lava_vpr.storage.temporary import temporary_folder
 
 STEPS = 100_000
-"""Least steps of a run; queries are repeated with other noise. Source: public measurements of idle power of Loihi and
+"""Least steps of a run; queries are repeated. Source: public measurements of idle power of Loihi and
 Loihi 2 run as many steps (lava-dl's tiny_yolo_sdnn benchmark; users' scripts for NxSDK)."""
 
 TIMEOUT = 2 * 3600.0
@@ -41,10 +40,10 @@ def measure(model: Model, shown: Presentations, backend: str) -> Measured:
     """
     network = checked_network(model, backend)
     interval = network.interval
-    n = len(shown.image_ids)
-    rates, ids = repeated(shown.rates, shown.image_ids, max(1, -(-STEPS // (interval * n))))
+    n = len(shown.rates)
+    more = Presentations.joined([shown] * max(1, -(-STEPS // (interval * n))))
     with bundle_of(model, BOARDS[backend]) as bundle:
-        profile = _run(bundle, Presentations(rates, ids, shown.seed), backend)
+        profile = _run(bundle, more, backend)
     each = interval * profile["microseconds_per_step"]
     figures = profile | {
         "microseconds_per_query": each,

@@ -18,15 +18,14 @@ from lava_vpr.deploy.bundle import effort
 from lava_vpr.deploy.bundle.opening import open_whole
 from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.engine.inference import fixed
-from lava_vpr.engine.random import presentation_keys
 from lava_vpr.engine.threads import share
 from lava_vpr.isolated import memory
 from lava_vpr.matching.certainty import best
 from lava_vpr.model import Model, as_integer, checked_network, prepare
 
 Arrays = dict[str, NDArray[Any]]
-Answer = Callable[[NDArray[Any], NDArray[np.int64]], NDArray[np.int64]]
-"""A function from rates (n, inputs) and image ids (n,) to the matched places (n,)."""
+Answer = Callable[[NDArray[Any]], NDArray[np.int64]]
+"""A function from rates (n, inputs) to the matched places (n,)."""
 
 
 def decoder_of(model: Model) -> Callable[[NDArray[np.int32]], NDArray[np.int64]]:
@@ -40,9 +39,9 @@ def host_answer(model: Model, seed: int) -> Answer:
     match = decoder_of(model)
     if as_integer(model) is None:
         host = HostBackend(1)
-        return lambda rates, ids: match(host.count_spikes(model, Presentations(rates, ids, seed))[0])
+        return lambda rates: match(host.count_spikes(model, Presentations(rates, seed))[0])
     network = checked_network(model, "host")
-    return lambda rates, ids: match(fixed.count_spikes(network, rates, presentation_keys(seed, "query", ids))[0])
+    return lambda rates: match(fixed.count_spikes(network, rates, Presentations(rates, seed).keys)[0])
 
 
 def bundle_answer(folder: Path, seed: int) -> Answer:
@@ -51,45 +50,39 @@ def bundle_answer(folder: Path, seed: int) -> Answer:
     match, play = decoder_of(model), TARGETS[bundle.target].player(bundle)
     size = effort.together(checked_network(model, "bundle"), deployed.BATCH)
 
-    def answer(rates: NDArray[Any], ids: NDArray[np.int64]) -> NDArray[np.int64]:
-        keys = presentation_keys(seed, "query", ids)
-        parts = [slice(k, k + size) for k in range(0, len(ids), size)]
+    def answer(rates: NDArray[Any]) -> NDArray[np.int64]:
+        keys = Presentations(rates, seed).keys
+        parts = [slice(k, k + size) for k in range(0, len(rates), size)]
         counts = [play(rates[part], keys[part]).exc.sum(axis=1, dtype=np.int32) for part in parts]
         return match(np.concatenate(counts))
 
     return answer
 
 
-def singles(answer: Answer, rates: NDArray[Any], ids: NDArray[np.int64], count: int, seconds: float) -> list[float]:
-    """Milliseconds of one query after another, ``count`` or as many as fit ``seconds``, each with noise of its own."""
+def singles(answer: Answer, rates: NDArray[Any], count: int, seconds: float) -> list[float]:
+    """Milliseconds of one query after another, ``count`` or as many as fit ``seconds``, the first again after the last.
+
+    A query that is answered again draws the same noise again.
+    """
     taken, end = [], time.monotonic() + seconds
     for k in range(count):
-        i = k % len(ids)
-        rate, image_id = rates[i : i + 1], ids[i : i + 1] + (k // len(ids)) * NOISE
+        i = k % len(rates)
+        rate = rates[i : i + 1]
         began = time.perf_counter()
-        answer(rate, image_id)
+        answer(rate)
         taken.append(1e3 * (time.perf_counter() - began))
         if time.monotonic() > end:
             break
     return taken
 
 
-NOISE = 1 << 32
-"""The number added to image ids when a query is presented again, for other noise; no traverse is that long."""
-
-
-def repeated(rates: NDArray[Any], ids: NDArray[np.int64], times: int) -> tuple[NDArray[Any], NDArray[np.int64]]:
-    """The queries ``times`` times over, each time with other noise."""
-    return np.tile(rates, (times, 1)), np.concatenate([ids + k * NOISE for k in range(times)])
-
-
-def batch(answer: Answer, rates: NDArray[Any], ids: NDArray[np.int64], threads: int) -> NDArray[np.int64]:
-    """The seconds and answers of all queries in one batch, shared among threads."""
-    return np.concatenate(share(lambda part: answer(rates[part], ids[part]), len(ids), threads))
+def batch(answer: Answer, rates: NDArray[Any], threads: int) -> NDArray[np.int64]:
+    """The answers of all queries in one batch, shared among threads."""
+    return np.concatenate(share(lambda part: answer(rates[part]), len(rates), threads))
 
 
 def measure(arrays: Arrays, options: dict[str, Any]) -> Arrays:
-    """Answer ``rates`` (n, inputs) of images ``ids`` int64 (n,), one by one and all together.
+    """Answer queries of ``rates`` (n, inputs), one by one and all together.
 
     Args:
         arrays: See above.
@@ -103,22 +96,22 @@ def measure(arrays: Arrays, options: dict[str, Any]) -> Arrays:
     path, seed, threads = Path(options["path"]), int(options["seed"]), int(options["threads"])
     on_host = options["backend"] == "host"
     answer = host_answer(model_file.load(path), seed) if on_host else bundle_answer(path, seed)
-    rates, ids = arrays["rates"], arrays["ids"]
-    answer(rates[:1], ids[:1])  # what is compiled or read at the first use is not timed
-    milliseconds = singles(answer, rates, ids, int(options["singles"]), float(options["seconds"]))
-    matches = batch(answer, rates, ids, threads)
+    rates = arrays["rates"]
+    answer(rates[:1])  # what is compiled or read at the first use is not timed
+    milliseconds = singles(answer, rates, int(options["singles"]), float(options["seconds"]))
+    matches = batch(answer, rates, threads)
     each = float(np.median(milliseconds)) * 1e-3 / threads
-    times = max(1, int(np.ceil(float(options["fill"]) / (each * len(ids)))))
-    whole = repeated(rates, ids, times)
+    times = max(1, int(np.ceil(float(options["fill"]) / (each * len(rates)))))
+    whole = np.tile(rates, (times, 1))
     rounds = []
     for _ in range(int(options["rounds"])):
         began = time.monotonic()
-        batch(answer, *whole, threads)
+        batch(answer, whole, threads)
         rounds.append((began, time.monotonic()))
     return {
         "milliseconds": np.array(milliseconds),
         "rounds": np.array(rounds),
-        "batch": np.array([len(whole[1])]),
+        "batch": np.array([len(whole)]),
         "matches": matches,
         "peak": np.array([memory.own_peak() or 0]),
     }

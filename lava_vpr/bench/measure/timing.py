@@ -24,7 +24,7 @@ from lava_vpr.backends.interface import Presentations
 from lava_vpr.backends.lava import LavaBackend
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.bench.measure import board_power, rapl
-from lava_vpr.bench.measure.child import decoder_of, repeated
+from lava_vpr.bench.measure.child import decoder_of
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Measured
 from lava_vpr.config import Config
@@ -63,7 +63,7 @@ def measure(
     """
     row = BACKENDS[backend]
     model, shown = queries.model, queries.shown.part(slice(0, limit if limit is not None else row.limit))
-    made = Measured(backend, row.title, queries=len(shown.image_ids))
+    made = Measured(backend, row.title, queries=len(shown.rates))
     on_board = row.timing == "board"
     try:
         backends.require(backend, model)
@@ -133,13 +133,13 @@ def _compiled(model: Model, shown: Presentations, made: Measured, rounds: int, r
     with _on_disk(model, made.name) as path, _one_blas_thread(), rapl.Meter(rapl_root) as meter:
         timed = run_isolated(
             "lava_vpr.bench.measure.child:measure",
-            {"rates": shown.rates, "ids": shown.image_ids},
+            {"rates": shown.rates},
             options | {"path": str(path.absolute())},
             timeout=TIMEOUT,
         )
     spans, size = timed["rounds"], int(timed["batch"][0])
     times = size // made.queries
-    repeats = f", each {times} times with other noise" if times > 1 else ""
+    repeats = f", each {times} times" if times > 1 else ""
     return _with_note(
         made,
         _energy(meter, spans, size * len(spans), watts),
@@ -158,12 +158,12 @@ def _lava(model: Model, shown: Presentations, made: Measured, least: int, rapl_r
         return replace(made, absent=f"{made.name} cannot be timed")
     watts, _ = rapl.idle_watts(root=rapl_root)
     # The first run is the start of Lava, so there is one query more than is timed.
-    queries = shown.part(np.concatenate([[0], np.arange(len(shown.image_ids))]))
-    n = len(queries.image_ids)
+    queries = shown.part(np.concatenate([[0], np.arange(len(shown.rates))]))
+    n = len(queries.rates)
     counts, alone, _ = backend.timed(model, queries, single=True)
-    rates, ids = repeated(queries.rates, queries.image_ids, -(-least // n))
+    more = Presentations.joined([queries] * -(-least // n))
     with rapl.Meter(rapl_root) as meter:
-        again, together, held = backend.timed(model, Presentations(rates, ids, shown.seed), single=False)
+        again, together, held = backend.timed(model, more, single=False)
     match, decoded = decoder_of(model), []
     match(counts[:1])
     for k in range(1, n):

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from lava_vpr.config import StdpLearning
 from lava_vpr.engine.entry import check_array, check_rates
 from lava_vpr.engine.general.lif import LifParameters
+from lava_vpr.engine.inference.bias_input import biases
 from lava_vpr.engine.inference.quantise import mantissa_of
 from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS, KernelPhase, StepDraws, normalise_columns, train
 from lava_vpr.engine.learning.stdp import mean_trace
@@ -123,6 +124,7 @@ class IntegerLearning:
         weight_sum: What the host normalises each neuron's weights to, before a presentation; 0: it does not.
         steps: Steps with input in one presentation; `SILENT_STEPS` follow.
         late_theta: Thresholds rise after a presentation, by the host, instead of at each spike.
+        regular: Inputs spike regularly (`engine.inference.bias_input`), not by Poisson draws.
     """
 
     rule: Rule
@@ -131,6 +133,7 @@ class IntegerLearning:
     weight_sum: int
     steps: int
     late_theta: bool = False
+    regular: bool = False
 
     def check(self) -> None:
         """Refuse a phase that the chip cannot hold.
@@ -196,6 +199,7 @@ def phases(learning: StdpLearning, inputs: int, spikes_per_step: float) -> tuple
             weight_sum=round(learning.mean_weight * scale * inputs),
             steps=learning.steps,
             late_theta=learning.theta_update == "presentation",
+            regular=learning.trains == "regular",
         )
 
     first = phase(learning.eta, learning.tau_trace, learning.x_target, learning.theta_plus)
@@ -233,6 +237,7 @@ def _kernel_phase(learning: IntegerLearning) -> KernelPhase:
     lif = replace(learning.neurons, theta_plus=0) if learning.late_theta else learning.neurons
     return KernelPhase(
         steps=learning.steps,
+        regular=learning.regular,
         lif=lif.constants,
         target=rule.target,
         mu=rule.mu,
@@ -293,6 +298,7 @@ def present(
         state.weights,
         state.theta,
         rates,
+        np.left_shift(*biases(rates)),
         np.uint64(key),
         _kernel_phase(learning),
         lateral,

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
 from lava_vpr.engine.general.lif import LifConstants, lif_step
+from lava_vpr.engine.inference.bias_input import schedule
 from lava_vpr.engine.random import GOLDEN, mix
 from lava_vpr.kernelcache import compiled
 from lava_vpr.loihi import TRACE_LIMIT, WEIGHT_LIMIT
@@ -31,11 +32,12 @@ class StepDraws(NamedTuple):
 class KernelPhase(NamedTuple):
     """One phase of learning as the kernel reads it.
 
-    ``steps`` are those of `lava_vpr.engine.learning.integer.IntegerLearning`, ``lif`` its neurons; the rest is its
-    rule: ``target``, ``mu``, ``products`` (`Rule.table`), and ``whole`` and ``fraction`` (`Rule.decay`).
+    ``steps`` and ``regular`` are those of `lava_vpr.engine.learning.integer.IntegerLearning`, ``lif`` its neurons; the
+    rest is its rule: ``target``, ``mu``, ``products`` (`Rule.table`), and ``whole`` and ``fraction`` (`Rule.decay`).
     """
 
     steps: int
+    regular: bool
     lif: LifConstants
     target: int
     mu: int
@@ -151,6 +153,7 @@ def train(
     weights: NDArray[np.uint8],
     theta: NDArray[np.int32],
     rates: NDArray[np.uint16],
+    slopes: NDArray[np.int32],
     key: np.uint64,
     phase: KernelPhase,
     inhibition: NDArray[np.int64],
@@ -162,13 +165,19 @@ def train(
 ) -> None:
     """Run one presentation; changes ``weights``, ``theta`` and traces ``x``, fills ``counts``, adds to ``events``.
 
+    ``slopes`` (inputs,) stand for ``rates`` where inputs spike regularly (`engine.inference.bias_input.biases`).
+
     Every spike sets its trace to the same value, and all traces of a step share one random number: traces last set in
     the same step stay equal, and only one value a step is followed.
     """
     steps, whole, fraction = phase.steps, phase.whole, phase.fraction
     inputs, neurons = weights.shape
     active, offsets, rates4, words, mask, occupied, spikes, spike_counts = scratch(inputs)
-    n = prepare_draws(rates, key, active, offsets, rates4)
+    n, starts, members = 0, np.zeros(0, np.int64), np.zeros(0, np.int32)
+    if phase.regular:
+        starts, members = schedule(slopes, key, steps)
+    else:
+        n = prepare_draws(rates, key, active, offsets, rates4)
     u, v = np.zeros(neurons, np.int32), np.zeros(neurons, np.int32)
     held, bias = np.zeros(neurons, np.int32), np.zeros(neurons, np.int64)
     buffer, drive = np.zeros(neurons, np.int32), np.zeros(neurons, np.int64)
@@ -187,7 +196,10 @@ def train(
         n_fired[now] = lif_step(u, v, theta, held, drive, bias, phase.lif, fired[now])
         # What the inputs of this step will bring, by the weights before this step's learning.
         lane = step & 3
-        if lane == 0 and step < steps:
+        if phase.regular and step < steps:
+            spike_counts[lane] = starts[step + 1] - starts[step]
+            spikes[lane, : spike_counts[lane]] = members[starts[step] : starts[step + 1]]
+        elif lane == 0 and step < steps:
             draw_block(step >> 2, n, active, offsets, rates4, words, mask, occupied, spikes, spike_counts)
         arrivals = spike_counts[lane] if step < steps else 0
         buffer[:] = 0

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from lava_vpr.config import StdpLearning
 from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
 from lava_vpr.engine.entry import check_rates
+from lava_vpr.engine.inference.bias_input import biases, schedule
 from lava_vpr.engine.random import presentation_key, uniform
 from lava_vpr.kernelcache import compiled
 
@@ -62,7 +63,8 @@ class KernelPhase(NamedTuple):
 
     ``eta``, ``target`` (x_target), ``w_max`` and ``mu`` are those of the rule, ``theta_plus``, ``inhibition`` and
     ``floor`` those of `StdpLearning`. ``keep`` is the share of a membrane that a step leaves, ``gain`` the drive of one
-    unit of weight, ``hold_steps`` the number of steps at rest after a spike. ``trace`` is `trace_table`.
+    unit of weight, ``hold_steps`` the number of steps at rest after a spike. Inputs spike in ``regular`` trains or by
+    Poisson draws. ``trace`` is `trace_table`.
     """
 
     eta: np.float32
@@ -76,6 +78,7 @@ class KernelPhase(NamedTuple):
     floor: np.float32
     steps: int
     hold_steps: int
+    regular: bool
     trace: NDArray[np.float32]
 
 
@@ -139,16 +142,24 @@ def _train(
     weights: NDArray[np.float32],
     theta: NDArray[np.float32],
     rates: NDArray[np.uint16],
+    slopes: NDArray[np.int32],
     key: np.uint64,
     phase: KernelPhase,
     counts: NDArray[np.int32],
     events: NDArray[np.int64],
 ) -> None:
-    """Run one presentation; changes ``weights`` and ``theta``, fills ``counts`` (neurons,), adds to ``events``."""
+    """Run one presentation; changes ``weights`` and ``theta``, fills ``counts`` (neurons,), adds to ``events``.
+
+    ``slopes`` (inputs,) stand for ``rates`` where inputs spike regularly (`engine.inference.bias_input.biases`).
+    """
     inhibition, gain = phase.inhibition, phase.gain
     inputs, neurons = weights.shape
     active, offsets, rates4, words, mask, occupied, spikes, spike_counts = scratch(inputs)
-    n = prepare_draws(rates, key, active, offsets, rates4)
+    n, starts, members = 0, np.zeros(0, np.int64), np.zeros(0, np.int32)
+    if phase.regular:
+        starts, members = schedule(slopes, key, phase.steps)
+    else:
+        n = prepare_draws(rates, key, active, offsets, rates4)
     last = np.full(inputs, -1, np.int32)
     free_from = np.zeros(neurons, np.int32)
     drive = np.zeros(neurons, np.float32)
@@ -157,7 +168,10 @@ def _train(
     n_fired = np.zeros(3, np.int64)
     for step in range(phase.steps):
         lane = step & 3
-        if lane == 0:
+        if phase.regular:
+            spike_counts[lane] = starts[step + 1] - starts[step]
+            spikes[lane, : spike_counts[lane]] = members[starts[step] : starts[step + 1]]
+        elif lane == 0:
             draw_block(step >> 2, n, active, offsets, rates4, words, mask, occupied, spikes, spike_counts)
         drive[:] = 0
         for s in range(spike_counts[lane]):
@@ -222,6 +236,7 @@ class Trainer:
                 floor=np.float32(learning.floor),
                 steps=learning.steps,
                 hold_steps=learning.hold_steps,
+                regular=learning.trains == "regular",
                 trace=trace_table(learning.steps, tau),
             )
 
@@ -253,5 +268,6 @@ class Trainer:
         counts = np.zeros(len(state.theta), np.int32)
         events = np.zeros(2, np.int64)
         normalise(state.weights, self.learning.mean_weight)
-        _train(state.weights, state.theta, rates, np.uint64(key), self._phase, counts, events)
+        slopes = np.left_shift(*biases(rates))
+        _train(state.weights, state.theta, rates, slopes, np.uint64(key), self._phase, counts, events)
         return counts, events

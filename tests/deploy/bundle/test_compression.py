@@ -341,7 +341,7 @@ def test_a_hundred_real_places_lose_two_points_for_half_of_the_operations(data_r
     model = train([encode_traverse(summer.between(0, 100), config.encoder, Keep.ALL)], config, jobs=2)
     seen = winter.between(0, 100)
     images = encode_traverse(seen, config.encoder), aligned_truth(model, seen)
-    result = calibration.search(model, KAPOHO_BAY, images, 0.02, compression.Changes(weight_bits=2), threads=2)
+    result = calibration.search(model, KAPOHO_BAY, images, 0.02, threads=2)
     assert result.before is not None
     assert result.after is not None
     assert result.before.recall_at_1 >= 0.85

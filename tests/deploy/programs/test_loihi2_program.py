@@ -342,15 +342,15 @@ def test_the_backend_counts_what_the_host_counts(board: Callable[..., None], way
     model = replace(model, network=replace(model.network, bias_input=way))
     np.save(tmp_path / "weights.npy", model.network.stored[0])
     board(weights=str(tmp_path / "weights.npy"), log=str(tmp_path / "log"))
-    rates, ids = query_rates(model.activity, model.config)[:3], np.arange(3)
+    shown = Presentations(query_rates(model.activity, model.config)[:3], 0)
     host, chip = backends.get("host"), backends.get("loihi2")
-    wanted = host.count_spikes(model, Presentations(rates, ids, 0))
-    found = chip.count_spikes(model, Presentations(rates, ids, 0))
+    wanted = host.count_spikes(model, shown)
+    found = chip.count_spikes(model, shown)
     assert wanted[0].any()
     assert np.array_equal(found[0], wanted[0])
     assert found[1] == wanted[1]
-    trains = chip.trains(model, Presentations(rates, ids, 0))
-    expected = host.trains(model, Presentations(rates, ids, 0))
+    trains = chip.trains(model, shown)
+    expected = host.trains(model, shown)
     assert all(np.array_equal(getattr(trains, name), getattr(expected, name)) for name in trains.POPULATIONS)
     log = (tmp_path / "log").read_text(encoding="utf-8").splitlines()
     assert len(log) == 4
@@ -362,7 +362,7 @@ def test_the_backend_says_that_the_board_fails(board: Callable[..., None]) -> No
     model = small_model()
     rates = query_rates(model.activity, model.config)[:2]
     with pytest.raises(LavaRunError, match="the board does not answer any more"):
-        backends.get("loihi2").count_spikes(model, Presentations(rates, np.arange(2), 0))
+        backends.get("loihi2").count_spikes(model, Presentations(rates, 0))
 
 
 def test_the_standin_refuses_what_the_chip_cannot_hold(board: Callable[..., None]) -> None:

@@ -25,7 +25,6 @@ from lava_vpr.deploy.bundle.deployment import contents
 from lava_vpr.deploy.bundle.folder import load, sealed
 from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.encoding import query_rates
-from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import NetworkLimitError
 
 SEEDS = 5000
@@ -92,10 +91,10 @@ def simulated(wanted: int, start: int) -> tuple[int, int]:
         except NetworkLimitError:
             continue
         rates = query_rates(model.activity, model.config)
-        ids = np.array([3, 4])
-        host = HostBackend().trains(model, Presentations(rates, ids, 1))
+        shown = Presentations(rates, 1)
+        host = HostBackend().trains(model, shown)
         exc, inh, inputs = TARGETS[manifest["target"]].player(memory_bundle(sealed(manifest, files), files))(
-            rates, presentation_keys(1, "query", ids)
+            rates, shown.keys
         )
         assert np.array_equal(exc, host.exc), f"seed {seed}"
         assert np.array_equal(inputs, host.inputs), f"seed {seed}"

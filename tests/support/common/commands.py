@@ -16,7 +16,7 @@ from click.testing import CliRunner, Result
 from lava_vpr.cli import main
 from lava_vpr.synthetic.world import write_traverses
 
-CONFIG = "[network]\nsteps = 300\n[learning]\nsteps = 300\nepochs = 6\n"
+CONFIG = "[network]\nsteps = 256\n[learning]\nsteps = 300\nepochs = 6\n"
 PLACES = 8
 
 

@@ -35,9 +35,9 @@ def encoded(places: int = 8, inputs: int = 1568, seed: int = 0, noise: float = 0
 
 
 def small_config(**changes: object) -> Config:
-    """The default preset, short."""
-    base = update(preset("loihi"), {"stretch": 4, "network": {"steps": 64}, "learning": {"steps": 80, "epochs": 5}})
-    return update(base, dict(changes))
+    """The default preset, with 1568 inputs, short."""
+    smaller = {"stretch": 4, "encoder": {"image_size": 56}, "learning": {"steps": 80, "epochs": 5}}
+    return update(update(preset("loihi"), smaller), dict(changes))
 
 
 def tiny_paper() -> Config:
