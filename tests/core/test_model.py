@@ -68,8 +68,12 @@ def _rewrite(path: Path, change: str) -> None:
         arrays["network.weights"] = arrays["network.weights"][:100]
     elif change == "labels":
         arrays["labels"] = arrays["labels"] + 1
-    elif change == "shift":
-        header["fixed"]["shift"] = -1
+    elif change == "decay":
+        header["fixed"]["decay"] = -1
+    elif change == "bias":
+        arrays["network.bias"][0] = 4095
+    elif change == "lowest bias":
+        arrays["network.bias"][0] = -(2**31)
     elif change == "weights":
         arrays["network.weights"] = np.full_like(arrays["network.weights"], 255)
     container.save(path, "model", header, arrays)
@@ -93,8 +97,10 @@ def _rewrite(path: Path, change: str) -> None:
         ("settings", r"cannot be used \(network\.weight_bits is 77"),
         ("fewer inputs", r"garbles network\.weights of shape \(100, 8\) instead of \(1568, 8\)"),
         ("labels", r"garbles labels with values from 1 to 8, which must be in 0\.\.7"),
-        ("shift", r"shift -1 does not fit 0\.\.7"),
+        ("decay", r"decay -1 does not fit 0\.\.4096"),
         ("weights", r"cannot be used \(weights need 3 bits to hold 255"),
+        ("bias", r"cannot be used \(a bias of 4095 makes its neuron spike without input"),
+        ("lowest bias", r"cannot be used \(biases up to 2147483648 fit no 12 bits"),
     ],
 )
 def test_damage_is_told_in_one_line(damage: str, message: str, tmp_path: Path) -> None:

@@ -81,14 +81,20 @@ NO_SETTINGS = ("encoder", "network", "learning", "decoder")
 FORGED: list[tuple[str, Forge, str]] = [
     # keys
     *(("loihi", without(name), repr(name)) for name in ("version", "config", "stretches", "training", "fixed")),
-    *(("loihi", without(name), repr(name)) for name in ("responses", "activity", "thumbnails", "network.weights")),
+    *(
+        ("loihi", without(name), repr(name))
+        for name in ("responses", "activity", "thumbnails", "network.weights", "network.bias")
+    ),
     *(("paper", without(name), repr(name)) for name in ("network.delays", "network.theta_mv")),
     ("loihi", key("more", value=1), "a key 'more'"),
     ("loihi", key("x" * 10**6, value=1), "a key 'xxxxx"),
     ("paper", key("fixed", value={}), "a key 'fixed'"),
     ("references", key("fixed", value={}), "a key 'fixed'"),
     ("loihi", instead("extra", np.zeros(2)), "an array 'extra'"),
-    ("references", instead("network.weights", np.zeros((1568, 8), np.uint8)), "an array 'network.weights'"),
+    ("references", instead("network.weights", np.zeros((1568, 8), np.int16)), "an array 'network.weights'"),
+    ("references", instead("network.bias", np.zeros(8, np.int32)), "an array 'network.bias'"),
+    ("loihi", lambda header, arrays: header["fixed"].pop("signed"), "fixed"),
+    ("loihi", lambda header, arrays: header["fixed"].pop("regular"), "fixed"),
     # numbers and texts of the header
     *(("loihi", key("version", value=v), "version") for v in (5, "", "x" * 50, "\x1b[31m", None, [1])),
     *(("loihi", key("route_images", value=v), "route_images") for v in (7, -1, 8.0, "8", True, None, 10**400)),
@@ -130,15 +136,41 @@ FORGED: list[tuple[str, Forge, str]] = [
     *(("loihi", key("config", "encoder", "kind", value=v), "kind") for v in (5, [], {})),
     ("loihi", key("config", "network", "\x1b" * 10**6, value=1), "is not a setting"),
     ("loihi", key("config", "network", "weight_bits", value=4), "bits 3 where the settings say 4"),
-    ("loihi", key("config", "network", "input_mode", value="bias"), "regular 0 where the settings say 1"),
-    ("references", key("config", "network", "steps", value=61), "steps 60 where the settings say 61"),
+    ("loihi", key("config", "network", "input_mode", value="bias"), "bias_input 0 where the settings say 1"),
+    ("loihi", key("config", "network", "trains", value="poisson"), "regular 1 where the settings say 0"),
+    ("loihi", key("config", "network", "signed", value=False), "signed 1 where the settings say 0"),
+    *(("loihi", key("config", "network", "signed", value=v), "network.signed") for v in (0, 1, "true", None)),
+    ("loihi", key("config", "network", "steps", value=32), "presentations of steps 64 where the settings say 32"),
+    ("references", key("config", "network", "steps", value=32), "presentations of steps 64 where the settings say 32"),
+    ("loihi", key("config", "network", "steps", value=61), "network.steps is 61, but must be a power of two"),
     # the integer network
     *(("loihi", key("fixed", value=v), "fixed") for v in (5, {}, [], {"bits": 3}, DEEP)),
     *(("loihi", key("fixed", "inhibition", value=v), "inhibition") for v in (0.5, "5", True, None, 256, -1, 10**400)),
-    *(("loihi", key("fixed", "steps", value=v), "steps") for v in (10**9, 59, 0, 60.0)),
-    ("loihi", key("fixed", "regular", value=2), "regular 2"),
+    *(("loihi", key("fixed", "steps", value=v), "steps") for v in (10**9, 60, 0, 61.0)),
+    *(
+        ("loihi", key("fixed", name, value=v), f"{name} {v}")
+        for name in ("signed", "regular", "bias_input")
+        for v in (2, -1)
+    ),
+    *(
+        ("loihi", key("fixed", name, value=True), f"{name} True")
+        for name in ("signed", "regular", "bias_input", "bits")
+    ),
+    ("loihi", key("fixed", "signed", value=0), "has a sign"),
+    ("loihi", key("fixed", "regular", value=0), "regular 0 where the settings say 1"),
+    ("loihi", key("fixed", "bias_input", value=1), "bias_input 1 where the settings say 0"),
+    *(("loihi", key("fixed", "threshold", value=v), "threshold") for v in (0, 1 << 17, 5.0, None)),
+    *(("loihi", key("fixed", "decay", value=v), "decay") for v in (-1, 4097)),
+    *(("loihi", key("fixed", "inhibition_exponent", value=v), "inhibition_exponent") for v in (-1, 8, 10**400)),
+    *(("loihi", key("fixed", "bits", value=v), "weights need") for v in (0, 8)),
     ("loihi", key("fixed", "more", value=2), "fixed"),
-    ("loihi", first("network.weights", 8), "weights need 3 bits"),
+    *(("loihi", first("network.weights", v), "weights need 3 bits") for v in (8, -8)),
+    *(("loihi", first("network.weights", v), "network.weights with values") for v in (256, -32_768)),
+    *(("loihi", first("network.bias", v), "biases up to") for v in (-(2**31), 2**31 - 1, 4095 << 8, 4097)),
+    ("loihi", first("network.bias", 4095), "a bias of 4095 makes its neuron spike without input"),
+    ("loihi", of_type("network.bias", "int64"), "network.bias of type int64"),
+    ("loihi", instead("network.bias", np.zeros(7, np.int32)), "network.bias of shape (7,)"),
+    ("loihi", of_type("network.weights", "uint8"), "network.weights of type uint8"),
     ("loihi", of_type("network.weights", "int64"), "network.weights of type int64"),
     # the conductance network
     *(("paper", first("network.weights", v), "network.weights with values") for v in (np.nan, np.inf, -1e-9, 1e3)),
@@ -152,7 +184,7 @@ FORGED: list[tuple[str, Forge, str]] = [
     # the other arrays
     *(("loihi", first("activity", v), "activity with values") for v in (np.nan, np.inf, -1)),
     *(("loihi", first("learned", v), "learned with values") for v in (np.nan, np.inf, -1)),
-    *(("loihi", first("responses", v), "responses with values") for v in (-1, 64)),
+    *(("loihi", first("responses", v), "responses with values") for v in (-1, 65)),
     ("loihi", instead("place_indices", np.zeros(8, np.int64)), "place_indices of which two are equal"),
     ("loihi", first("place_indices", -1), "place_indices with values"),
     ("loihi", instead("labels", np.zeros(8, np.int64)), "labels that are not the places"),
@@ -189,15 +221,8 @@ def test_what_training_writes_is_taken(kind: str) -> None:
     assert assembled(kind, lambda header, arrays: None).places == 8
 
 
-def test_models_from_before_bias_inputs_are_taken() -> None:
-    def forge(header: Header, arrays: Arrays) -> None:
-        del header["fixed"]["regular"], header["config"]["network"]["input_mode"]
-
-    assert assembled("loihi", forge).config == small_model().config
-
-
 def test_what_a_query_costs_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name, amount in (("presentation_operations", 63 * 8 * 21), ("presentation_bytes", 4 * 60 * 20 + 40 * 1576)):
+    for name, amount in (("presentation_operations", 64 * 8 * 21), ("presentation_bytes", 4 * 64 * 20 + 40 * 1576)):
         monkeypatch.setenv(variable(name), str(amount))
         assert assembled("loihi", lambda header, arrays: None).places == 8
         monkeypatch.setenv(variable(name), str(amount - 1))
