@@ -24,7 +24,6 @@ from lava_vpr.deploy.bundle.deployment import deploy, plan_of
 from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.encoding import query_rates16
 from lava_vpr.engine.inference import fixed
-from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.errors import InputError
 from lava_vpr.model import integer_model
@@ -50,7 +49,7 @@ def row(places: int, queries: int, rounds: int) -> list[str]:
     images = part(encoded("winter", model.config.encoder), slice(0, queries))
     rates = query_rates16(images.activity, model.config.encoder)
     keys = presentation_keys(model.config.seed, "query", image_keys(rates))
-    play, steps = TARGETS[bundle.target].player(bundle), len(rates) * (network.steps + SILENT_STEPS)
+    play, steps = TARGETS[bundle.target].player(bundle), len(rates) * network.interval
     exc, _, _ = play(rates, keys)
     counts, _, _ = fixed.count_spikes(network, rates, keys)
     if not np.array_equal(exc.sum(axis=1), counts):

@@ -25,7 +25,7 @@ from lava_vpr.bench.results import Workload
 from lava_vpr.config import PRESETS, preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import draw_trains, query_rates
-from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork, count_spikes
+from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes, inhibitory_spikes
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import BackendUnavailableError, LavaRunError
@@ -45,8 +45,8 @@ Pair = tuple[float, float]
 def trains_of(network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.uint64]) -> Trains:
     """Every spike of some presentations, as the host engine has them."""
     _, _, exc = count_spikes(network, rates, keys, raster=True)
-    inputs = draw_trains(rates, keys, network.steps, network.steps + SILENT_STEPS)
-    return Trains(exc, inputs, np.concatenate([np.zeros_like(exc[:, :1]), exc[:, :-1]], axis=1))
+    inputs = draw_trains(rates, keys, network.steps, network.interval, regular=network.regular)
+    return Trains(exc, inputs, inhibitory_spikes(network, exc))
 
 
 def compare(network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.uint64]) -> dict[str, Pair]:

@@ -22,7 +22,7 @@ from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.general.simulation import INPUTS, GeneralNetwork, Population, Synapses
 from lava_vpr.engine.general.simulation import simulate as run_general
 from lava_vpr.engine.inference.bias_input import THRESHOLD
-from lava_vpr.engine.inference.fixed import SCALARS, SILENT_STEPS, FixedNetwork
+from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork
 from lava_vpr.errors import BundleError, NetworkLimitError, brief
 from lava_vpr.loihi import NO_MEMORY_DECAY, WEIGHT_BITS
 from lava_vpr.ranges import whole
@@ -51,11 +51,11 @@ def parameters_of(network: FixedNetwork) -> dict[str, Any]:
             "above 1"
         )
     _, bits, exponent = network.stored
-    reset = {"reset_interval": network.steps + SILENT_STEPS, "reset_offset": 1}
+    reset = {"reset_interval": network.interval, "reset_offset": 1}
     return {
         "network": {"inputs": network.inputs, "neurons": network.neurons, **network.scalars},
         "steps": network.steps,
-        "silent_steps": SILENT_STEPS,
+        "silent_steps": network.silent_steps,
         "inputs": {"du": NO_MEMORY_DECAY, "dv": 0, "vth": THRESHOLD} if network.bias_input else None,
         "excite": {"num_weight_bits": bits, "weight_exp": exponent},
         "exc": {"du": NO_MEMORY_DECAY, "dv": network.decay, "vth": network.threshold, **reset},
