@@ -13,6 +13,7 @@ from support.literal import integers
 from lava_vpr.config import StdpLearning
 from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.general.lif import LifParameters
+from lava_vpr.engine.inference.bias_input import bias_input_spikes
 from lava_vpr.engine.learning import integer, integer_kernels
 from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, Rule
 from lava_vpr.engine.random import presentation_key
@@ -49,6 +50,7 @@ def changed(**changes: object) -> IntegerLearning:
     [
         USUAL,
         changed(late_theta=True),
+        changed(regular=True),
         changed(theta_plus=0, hold_steps=0, floor=None),
         changed(hold_steps=3, dv=0, inhibition=0),
         changed(mu=1, products=((7, -2), (-3, -5)), target=30),
@@ -68,7 +70,7 @@ def test_equals_the_literal_version(learning: IntegerLearning) -> None:
     for k in range(3):
         key = presentation_key(3, "train", k)
         rates = rng.integers(0, 16_000, INPUTS).astype(np.uint16)
-        spikes = draw_spikes(rates, key, learning.steps)
+        spikes = (bias_input_spikes if learning.regular else draw_spikes)(rates, key, learning.steps)
         expected = integers.present(state.weights, state.theta, spikes, learning, key)
         traces = np.zeros(INPUTS, np.uint8)
         counts, events, raster = integer.present(state, learning, rates, key, traces=traces, raster=True)
@@ -221,6 +223,8 @@ def test_settings_without_an_integer_form_are_refused() -> None:
 def test_phases_are_the_float_settings_in_integers() -> None:
     learning = StdpLearning()
     competition, consolidation = integer.phases(learning, 784, 12.0)
+    assert competition.regular
+    assert not integer.phases(StdpLearning(trains="poisson"), 784, 12.0)[0].regular
     per_unit = integer.unit(learning, 12.0)
     assert competition.inhibition == pytest.approx(learning.inhibition * per_unit, rel=1 / 256)
     assert competition.neurons.theta_plus == round(learning.theta_plus * per_unit)

@@ -10,6 +10,7 @@ from support.literal.floats import train_presentation
 
 from lava_vpr.config import StdpLearning
 from lava_vpr.encoding import draw_spikes
+from lava_vpr.engine.inference.bias_input import bias_input_spikes
 from lava_vpr.engine.learning import stdp
 
 
@@ -24,6 +25,7 @@ from lava_vpr.engine.learning import stdp
         {"floor": -1.0},
         {"w_max": 0.4},
         {"drive": 1.5},
+        {"trains": "poisson"},
     ],
 )
 def test_equals_the_literal_version(changes: dict) -> None:
@@ -44,7 +46,8 @@ def test_equals_the_literal_version(changes: dict) -> None:
         load = 3.0 / 30 * tau
         rates = rng.integers(0, 13000, 30).astype(np.uint16)
         counts, events = trainer.present(rates, epoch)
-        spikes = draw_spikes(rates, epoch, learning.steps)
+        spikes_of = bias_input_spikes if learning.trains == "regular" else draw_spikes
+        spikes = spikes_of(rates, epoch, learning.steps)
         expected = train_presentation(
             literal_weights,
             literal_theta,
