@@ -67,17 +67,26 @@ MODELS: list[tuple[str, str, Change]] = [
     ("F2", "float", lambda header, held: held.update({"b.npy": np.zeros(1)})),
     ("F3", "float", lambda header, held: held.update({"a.labels.npy": np.zeros(12, "S4")})),
     ("T4", "float", tell("config", "seed", value=5)),
-    ("M2", "float", put("network.weights", (0, 0), 8)),
+    *(("M2", "float", put("network.weights", (0, 0), value)) for value in (32, -32)),
+    ("M2", "float", become("network.weights", "i4")),
+    ("M2", "float", tell("fixed", "signed", value=0)),
+    ("M2", "float", become("network.bias", "i8")),
+    *(("M2", "float", put("network.bias", 0, value)) for value in (-(2**31), 4095 << 7, 4097)),
     ("M3", "float", tell("fixed", "decay", value=4097)),
-    ("M3", "float", tell("fixed", "steps", value=31)),
-    ("M4", "float", lambda header, held: header["fixed"].update(inhibition=255, inhibition_exponent=7)),
+    ("M3", "float", tell("fixed", "steps", value=30)),
+    ("M3", "float", tell("fixed", "regular", value=0)),
+    ("M3", "float", tell("fixed", "signed", value=True)),
+    ("M3", "bias", tell("fixed", "bias_input", value=0)),
+    ("M3", "bias", tell("fixed", "regular", value=0)),
+    ("M4", "pixels", lambda header, held: held["a.network.weights.npy"].fill(255)),
+    ("M4", "pixels", lambda header, held: held["a.network.weights.npy"].fill(-255)),
     ("M5", "float", tell("stretches", value=[[0, 3, 0, 3], [3, 3, 3, 2]])),
     ("M6", "float", put("place_indices", 1, 0)),
     ("M6", "float", tell("route_images", value=PLACES - 1)),
     ("M7", "float", put("labels", 1, 0)),
     ("M8", "float", put("activity", (0, 0), np.nan)),
     ("M8", "pixels", put("activity", (0, 0), 256)),
-    ("M9", "float", put("responses", (0, 0), 67)),
+    ("M9", "float", put("responses", (0, 0), 65)),
     ("M9", "paper", put("responses", (0, 0), -1)),
     ("M10", "float", become("patches", "i2")),
     ("M11", "float", put("learned", (0, 0), -1e-6)),
@@ -114,14 +123,18 @@ def test_containers(honest: Corpus) -> None:
 
 
 SETTINGS_CHANGES: list[tuple[str, str, str, Any]] = [
-    ("T1", "network", "steps", 30.0),
+    ("T1", "network", "steps", 32.0),
     ("T1", "network", "steps", True),
     ("T1", "network", "more", 1),
+    ("T1", "network", "signed", 1),
+    ("T2", "network", "trains", "random"),
     ("T2", "network", "steps", 0),
     ("T2", "network", "prune", 1.0),
     ("T2", "learning", "mu", float("nan")),
     ("T2", "decoder", "default", "best"),
     ("T3", "encoder", "cell", 3),
+    ("T3", "network", "steps", 31),
+    ("T3", "network", "weight_bits", 8),
     ("T3", "encoder", "window", 4),
     ("T3", "learning", "mean_weight", 3.0),
     ("T3", "learning", "start_weight", 3.0),
@@ -141,8 +154,8 @@ def test_what_toml_says_is_what_is_returned(honest: Corpus) -> None:
     presets = {name: to_dict(make()) for name, make in PRESETS.items()}
     config, text = to_dict(SETTINGS["float"]), honest.texts["float"]
     assert settings.check_toml(text, config, presets) == []
-    assert found(settings.check_toml(text.replace(b"steps = 30", b"steps = 31"), config, presets), "T4")
-    assert found(settings.check_toml(text.replace(b"steps = 30", b""), config, presets), "T4")
+    assert found(settings.check_toml(text.replace(b"steps = 32", b"steps = 16"), config, presets), "T4")
+    assert found(settings.check_toml(text.replace(b"steps = 32", b""), config, presets), "T4")
     assert found(settings.check_toml(text.replace(b"=", b":"), config, presets), "T1")
 
 

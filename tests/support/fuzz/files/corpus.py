@@ -27,8 +27,8 @@ from lava_vpr.traverse import open_traverse
 PLACES, TRAVERSES = 6, 2
 BASE: dict[str, Any] = {
     "stretch": 3,
-    "encoder": {"image_size": 8, "cell": 4, "orientations": 2, "window": 3},
-    "network": {"steps": 30, "threshold": 3.0},
+    "encoder": {"image_size": 8, "cell": 4, "orientations": 2, "window": 3, "query_spikes": 2.0},
+    "network": {"steps": 32, "weight_bits": 5},
     "learning": {"steps": 30, "epochs": 3, "competition_epochs": 1},
 }
 PAPER: dict[str, Any] = {

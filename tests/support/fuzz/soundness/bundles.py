@@ -113,7 +113,7 @@ def _references(
     if findings or not settings.check(config, findings):
         return {}
     settings.as_said(header.get("config"), config, findings)
-    models.as_set(said, config, findings)
+    models.as_set(said, said["neurons"], config, findings)
     inputs = settings.inputs_of(config)
     findings.need(said["inputs"] == inputs, "B3", f"{said['inputs']} inputs, but the settings make {inputs}")
     told = {**header, "fixed": said}

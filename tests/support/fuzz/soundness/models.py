@@ -18,16 +18,16 @@ from support.fuzz.soundness.rules import Findings, whole
 Arrays = Mapping[str, NDArray[Any]]
 NUMBERS = {
     "bits": (1, 8),
-    "shift": (0, 7),
+    "signed": (0, 1),
     "threshold": (1, (1 << 17) - 1),
     "inhibition": (0, 255),
     "inhibition_exponent": (0, 7),
     "decay": (0, 4096),
-    "steps": (1, 100_000),
+    "steps": (1, 65_535),
     "regular": (0, 1),
+    "bias_input": (0, 1),
 }
 SUM_LIMIT = 1 << 17
-SILENT = 3
 VALUES = ("learned", "responses", "place_indices", "labels", "patches", "activity", "thumbnails")
 
 
@@ -37,33 +37,56 @@ def numbers(said: Any, findings: Findings) -> bool:
         return False
     sound = True
     for name, (low, high) in NUMBERS.items():
-        value = said.get(name, 0 if name == "regular" else None)  # models from before there were bias inputs
+        value = said.get(name)
         sound &= findings.need(whole(value, low, high), "M3", f"{name} is {value!r:.40}")
+    if sound:
+        sound &= findings.need(said["bits"] + said["signed"] <= 8, "M3", "more than 8 bits with the sign")
+        sound &= findings.need(said["regular"] >= said["bias_input"], "M3", "biases that make no regular trains")
     return sound
 
 
-def as_set(said: Mapping[str, int], config: Mapping[str, Any], findings: Findings) -> None:
+def silence(neurons: int, bias_input: int) -> int:
+    """Steps without input: to exc, in between through relays; to each of one or two inhibitory neurons; and back."""
+    return (2 if neurons > 1024 and not bias_input else 1) + (2 if neurons > 4096 else 1) + 1
+
+
+def as_set(said: Mapping[str, int], neurons: int, config: Mapping[str, Any], findings: Findings) -> None:
     """M3: the network is the one of the settings."""
     network = config["network"]
-    told = (network["steps"], network["weight_bits"], int(network["input_mode"] == "bias"))
-    own = (said["steps"], said["bits"], said["regular"])
-    findings.need(own == told, "M3", f"steps, bits and input mode {own}, but {told} in the settings")
+    modes = (int(network["signed"]), int(network["trains"] == "regular"), int(network["input_mode"] == "bias"))
+    told = (network["steps"], network["weight_bits"], *modes)
+    interval = said["steps"] + silence(neurons, said["bias_input"])
+    own = (interval, said["bits"], said["signed"], said["regular"], said["bias_input"])
+    findings.need(own == told, "M3", f"steps, bits, sign, trains and input mode {own}, but {told} in the settings")
 
 
 def sums(weights: NDArray[Any], said: Mapping[str, int], findings: Findings) -> None:
-    """M2 and M4 of an integer network."""
+    """M2 and M4 of an integer network's weights."""
     if not findings.need(
-        weights.dtype == np.uint8 and weights.ndim == 2, "M2", f"weights {weights.dtype} {weights.shape}"
+        weights.dtype == np.int16 and weights.ndim == 2, "M2", f"weights {weights.dtype} {weights.shape}"
     ):
         return
-    neurons = weights.shape[1]
-    findings.need(neurons >= 1, "M2", "no neurons")
-    largest = int(weights.max(initial=0))
-    findings.need(largest < 1 << said["bits"], "M2", f"a weight of {largest} in {said['bits']} bits")
-    reach = int(weights.astype(np.int64).sum(axis=0).max(initial=0)) >> said["shift"]
-    findings.need(reach < SUM_LIMIT, "M4", f"weights that sum to {reach}")
-    lateral = (neurons - 1) * (said["inhibition"] << said["inhibition_exponent"])
-    findings.need(lateral < SUM_LIMIT, "M4", f"lateral inhibition of {lateral}")
+    findings.need(weights.shape[1] >= 1, "M2", "no neurons")
+    exact = weights.astype(np.int64)
+    least, most = int(exact.min(initial=0)), int(exact.max(initial=0))
+    findings.need(max(-least, most) < 1 << said["bits"], "M2", f"weights {least} to {most} in {said['bits']} bits")
+    findings.need(said["signed"] or least >= 0, "M2", f"a weight of {least} without a sign")
+    up = int(np.where(exact > 0, exact, 0).sum(axis=0).max(initial=0))
+    down = -int(np.where(exact < 0, exact, 0).sum(axis=0).min(initial=0))
+    findings.need(up < SUM_LIMIT, "M4", f"weights that sum to {up}")
+    down += said["inhibition"] << said["inhibition_exponent"]
+    findings.need(down < SUM_LIMIT, "M4", f"weights and inhibition that take {down}")
+
+
+def biases(bias: NDArray[Any] | None, neurons: int, said: Mapping[str, int], findings: Findings) -> None:
+    """M2 of an integer network's biases."""
+    if not _is(bias, "i4", (neurons,), "M2", "bias", findings) or bias is None:
+        return
+    values = [int(value) for value in bias]
+    one = any(all(v % (1 << e) == 0 and abs(v) >> e < 4096 for v in values) for e in range(8))
+    findings.need(one, "M2", f"biases {values[:4]} that 12 bits and one exponent do not hold")
+    highest = said["threshold"] * 64 * said["decay"] // 4096
+    findings.need(max(values, default=0) <= highest, "M2", f"a bias of {max(values, default=0)}, above {highest}")
 
 
 def check_model(data: bytes, view: Mapping[str, Any]) -> Findings:
@@ -86,12 +109,14 @@ def check_model(data: bytes, view: Mapping[str, Any]) -> Findings:
     if config["network"]["model"] == "lif":
         weights = arrays.get("network.weights")
         if findings.need(weights is not None, "M2", "no weights") and weights is not None:
-            if numbers(header.get("fixed"), findings):
-                sums(weights, {"regular": 0, **header["fixed"]}, findings)
-                findings.need(view["numbers"] == {"regular": 0, **header["fixed"]}, "M14", f"{view['numbers']}")
-                as_set({"regular": 0, **header["fixed"]}, config, findings)
-            findings.need(weights.shape[:1] == (inputs,), "M2", f"weights {weights.shape} of {inputs} inputs")
             shape: tuple[int, ...] = weights.shape
+            said, neurons = header.get("fixed"), shape[-1] if len(shape) == 2 else -1
+            if numbers(said, findings):
+                sums(weights, said, findings)
+                biases(arrays.get("network.bias"), neurons, said, findings)
+                findings.need(view["numbers"] == said, "M14", f"{view['numbers']}")
+                as_set(said, neurons, config, findings)
+            findings.need(shape[:1] == (inputs,), "M2", f"weights {shape} of {inputs} inputs")
             references(header, arrays, config, shape, findings)
             _learned(arrays, shape, findings)
     else:
@@ -171,21 +196,18 @@ def references(
     _images(arrays, len(labels), places, settings.inputs_of(config), config, findings)
     responses = arrays.get("responses")
     if _is(responses, "i4", (neurons, places), "M9", "responses", findings) and responses is not None:
-        most = _most_spikes(header, config, len(labels) // max(1, places))
+        most = _most_spikes(config, len(labels) // max(1, places))
         sound = bool(((responses >= 0) & (responses <= most)).all())
         findings.need(
             sound, "M9", f"responses from {responses.min(initial=0)} to {responses.max(initial=0)}, at most {most}"
         )
 
 
-def _most_spikes(header: Mapping[str, Any], config: Any, traverses: int) -> int:
+def _most_spikes(config: Any, traverses: int) -> int:
     """Spikes that one neuron can have for one place."""
     learning = config["learning"]
     repeats = min(learning["label_epochs"], learning["epochs"]) if "label_epochs" in learning else 1
-    fixed = header.get("fixed")
-    steps = fixed["steps"] + SILENT if isinstance(fixed, dict) and type(fixed.get("steps")) is int else None
-    # A deployed bundle, whose numbers stand elsewhere, and the conductance network: those of the settings.
-    return int(traverses * repeats * (steps or config["network"]["steps"] + SILENT))
+    return int(traverses * repeats * config["network"]["steps"])
 
 
 def _stretches(parts: Any, places: int, neurons: int, network: dict[str, Any], findings: Findings) -> None:

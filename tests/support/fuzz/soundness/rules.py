@@ -21,13 +21,18 @@ INVARIANTS = {
     "T3": "Settings that depend on each other fit: cells and image, network and learning, weights and their limit.",
     "T4": "What the reader returns is what the file says, and for the rest the preset.",
     "M1": "The settings satisfy T1 to T4.",
-    "M2": "Weights are uint8 (inputs, neurons), below 2^bits; there are as many inputs as the settings make.",
+    "M2": (
+        "Weights are int16 (inputs, neurons), smaller than 2^bits, none below 0 without a sign; there are as many "
+        "inputs as the settings make. Biases are int32 (neurons,) of 12 bits and one exponent; by none alone its "
+        "neuron spikes."
+    ),
     "M3": (
-        "The network's numbers are whole and within the bits of the chip's registers; steps (1 to 100,000), bits and"
-        " input mode are those of the settings."
+        "The network's numbers are whole and within the bits of the chip's registers; the steps of a presentation, "
+        "with the silent ones that so many neurons need, bits, sign, trains and input mode are those of the settings."
     ),
     "M4": (
-        "No sum of weights and no lateral inhibition of all others reaches 2^17, so that the 24 bits of u cannot wrap."
+        "Neither a neuron's weights above 0, nor those below with the inhibition, sum to 2^17, so that the 24 bits of "
+        "u cannot wrap."
     ),
     "M5": "Stretches follow each other without gap or overlap over all places and all neurons; none is empty, "
     "and each has as many neurons as the settings make for its places.",
@@ -55,7 +60,9 @@ INVARIANTS = {
     ),
     "B1": "The manifest is of this format and version, for a board that there is, and has its own SHA-256.",
     "B2": "Every file of the manifest is a regular file below the folder, of the size and SHA-256 told.",
-    "B3": "The network's numbers satisfy M3 and M4, with 3 silent steps; the references satisfy M1 and M5 to M12.",
+    "B3": (
+        "The network's numbers satisfy M3 and M4, with as many silent steps; the references satisfy M1 and M5 to M12."
+    ),
     "B4": (
         "Rates uint16 (images, inputs), keys uint64 (images,), labels and responses on the host are those of the "
         "references."

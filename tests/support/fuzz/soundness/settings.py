@@ -14,8 +14,10 @@ from support.fuzz.soundness.rules import Findings
 Range = tuple[str, float, float]
 """Type (``i``, ``f``; with ``<`` or ``>`` the low or high end itself is outside), least and most."""
 
+TRUTH = (False, True)
+
 MOST = math.inf
-ENCODER: dict[str, Range | tuple[str, ...]] = {
+ENCODER: dict[str, Range | tuple[str, ...] | tuple[bool, ...]] = {
     "kind": ("orientation", "onoff", "pixels"),
     "image_size": ("i", 8, 512),
     "cell": ("i", 1, 512),
@@ -28,24 +30,24 @@ ENCODER: dict[str, Range | tuple[str, ...]] = {
     "query_inputs": ("i", 0, 1_000_000),
     "max_rate_hz": ("f<", 0, 1000),
 }
-LIF: dict[str, Range | tuple[str, ...]] = {
+LIF: dict[str, Range | tuple[str, ...] | tuple[bool, ...]] = {
     "model": ("lif",),
     "neurons": ("i", 0, 100_000),
     "neurons_per_place": ("f<", 0, 100),
-    "steps": ("i", 1, 100_000),
+    "steps": ("i", 4, 65_536),
+    "signed": TRUTH,
     "weight_bits": ("i", 1, 8),
-    "common": ("f", 0, 100),
     "prune": ("f>", 0, 1),
     "threshold": ("f<", 0, 10_000),
     "inhibition": ("f", 0, 10_000),
-    "joined_inhibition": ("f", 0, 10_000),
     "tau_membrane": ("f<", 1, 4096),
-    "drive": ("f<", 0, 100),
+    "trains": ("poisson", "regular"),
     "input_mode": ("injected", "bias"),
 }
-STDP: dict[str, Range | tuple[str, ...]] = {
+STDP: dict[str, Range | tuple[str, ...] | tuple[bool, ...]] = {
     "rule": ("stdp", "template"),
     "arithmetic": ("float", "integer"),
+    "trains": ("poisson", "regular"),
     "theta_update": ("spike", "presentation"),
     "epochs": ("i", 1, 10_000),
     "competition_epochs": ("i", 1, 10_000),
@@ -64,11 +66,12 @@ STDP: dict[str, Range | tuple[str, ...]] = {
     "inhibition": ("f", 0, 10_000),
     "tau_membrane": ("f<", 1, 4096),
     "floor": ("f", -1_000_000, 0),
+    "drive": ("f<", 0, 100),
     "hold_steps": ("i", 0, 1000),
     "mean_weight": ("f<", 0, 1000),
     "start_weight": ("f<", 0, 1000),
 }
-CONDUCTANCE: dict[str, Range | tuple[str, ...]] = {
+CONDUCTANCE: dict[str, Range | tuple[str, ...] | tuple[bool, ...]] = {
     "model": ("conductance",),
     "neurons": ("i", 1, 100_000),
     "dt_ms": ("f", 0.01, 1),
@@ -79,7 +82,7 @@ CONDUCTANCE: dict[str, Range | tuple[str, ...]] = {
     "delay_max_ms": ("f", 0, 100),
     "timer_rate": ("f<", 0, 1),
 }
-RULES: dict[str, Range | tuple[str, ...]] = {
+RULES: dict[str, Range | tuple[str, ...] | tuple[bool, ...]] = {
     "rule": ("triplet", "paper"),
     "arithmetic": ("float",),
     "epochs": ("i", 1, 10_000),
@@ -95,8 +98,8 @@ RULES: dict[str, Range | tuple[str, ...]] = {
     "tau_theta_ms": ("f", 1, 1e30),
 }
 DECODERS = ("contrast", "standard", "weighted", "probability", "weighted_probability")
-DECODER: dict[str, Range | tuple[str, ...]] = {"default": DECODERS, "gamma": ("f", 0, 1)}
-TOP: dict[str, Range | tuple[str, ...]] = {
+DECODER: dict[str, Range | tuple[str, ...] | tuple[bool, ...]] = {"default": DECODERS, "gamma": ("f", 0, 1)}
+TOP: dict[str, Range | tuple[str, ...] | tuple[bool, ...]] = {
     "preset": ("loihi", "fast", "paper"),
     "seed": ("i", 0, 2**63 - 1),
     "stretch": ("i", 0, 1_000_000),
@@ -130,6 +133,9 @@ def _section(values: dict[str, Any], table: dict[str, Any], name: str, findings:
     findings.need(set(values) == set(table), "T1", f"[{name}] has {sorted(set(values) ^ set(table))[:3]}")
     for key, allowed in table.items():
         value = values.get(key)
+        if allowed is TRUTH:
+            findings.need(type(value) is bool, "T1", f"{name}.{key} is {value!r:.40}")
+            continue
         if not _is_range(allowed):
             findings.need(isinstance(value, str) and value in allowed, "T2", f"{name}.{key} is {value!r:.40}")
             continue
@@ -155,6 +161,11 @@ def _together(config: dict[str, Any], conductance: bool, findings: Findings) -> 
     findings.need(learning["mean_weight"] < learning["w_max"], "T3", "mean_weight not below w_max")
     findings.need(learning["start_weight"] <= learning["w_max"], "T3", "start_weight above w_max")
     findings.need(network["model"] == "lif", "T3", "another network")
+    findings.need(network["steps"] in [1 << k for k in range(2, 17)], "T3", "steps that are no power of two")
+    findings.need(network["weight_bits"] + network["signed"] <= 8, "T3", "more than 8 bits with the sign")
+    findings.need(
+        network["trains"] == "regular" or network["input_mode"] == "injected", "T3", "biases of Poisson trains"
+    )
 
 
 def inputs_of(config: dict[str, Any]) -> int:
