@@ -117,8 +117,8 @@ def positions(place: Path) -> None:
 def cases() -> dict[str, Case]:
     """Every case by its name."""
     loihi = preset("loihi")
-    weak = update(preset("fast"), {"network": {"joined_inhibition": 0.1}})  # else inhibition bounds the neurons first
-    long = update(loihi, {"network": {"steps": 100_000}})
+    fast = preset("fast")
+    long = update(loihi, {"network": {"steps": 65_536}})
     kapoho = largest(loihi, KAPOHO_BAY).places
     query = [*PROGRAM, "query", "model.lvpr", IMAGE, "-o", "answer.csv"]
     bundle = [*PROGRAM, "query", "bundle", IMAGE, "-o", "answer.csv"]
@@ -133,9 +133,9 @@ def cases() -> dict[str, Case]:
 
     return {
         "nothing": Case("model of 2 places, one small image", few, query),
-        "model": Case("model of 20,000 places", save_blank(weak, 20_000), query),
-        "steps": Case("model of 1,900 places and 100,000 steps", save_blank(long, 1_900), query),
-        "loihi2": Case("bundle of 16,000 places for Loihi 2", deploy_blank(weak, 16_000, "loihi2"), bundle),
+        "model": Case("model of 20,000 places", save_blank(fast, 20_000), query),
+        "steps": Case("model of 1,900 places and 65,536 steps", save_blank(long, 1_900), query),
+        "loihi2": Case("bundle of 16,000 places for Loihi 2", deploy_blank(fast, 16_000, "loihi2"), bundle),
         "kapoho": Case(
             f"bundle of {kapoho} places for Kapoho Bay, simulated",
             deploy_blank(loihi, kapoho, "kapoho-bay"),

@@ -42,10 +42,9 @@ LIMITS: dict[str, Limit] = {
     ),
     "model_file_bytes": Limit(GIB, "bytes", "twice what a model of 20,000 places takes on the disk"),
     "model_bytes": Limit(
-        2 * GIB,
+        9 * GIB // 4,
         "bytes",
-        "a model of 20,000 places with a neuron each, of which 1.6e9 bytes are reference responses; one inhibition "
-        "serves 16,384 at the default settings",
+        "a model of 20,000 places with a neuron each, of which 1.6e9 bytes are reference responses",
     ),
     "unpacked_times": Limit(
         100,
@@ -68,22 +67,22 @@ LIMITS: dict[str, Limit] = {
         100, "scans", "a progressive JPEG has about ten; each takes the time of a picture, however short"
     ),
     "simulation_bytes": Limit(
-        4 * GIB, "bytes", "16,000 neurons on Loihi 2, whose lateral weights are dense; spikes of 100 queries take less"
+        4 * GIB, "bytes", "every spike of 3,000 queries to 20,000 places at the default settings"
     ),
     "simulation_operations": Limit(
-        10**12, "operations", "a query of 350 steps to 27,592 places in which every neuron spikes in every step: hours"
+        10**12, "operations", "380 queries to 20,000 places at the default settings, every synapse in every step: hours"
     ),
     "video_parts": Limit(10_000_000, "parts", "46 hours of 60 frames a second; a walk over them takes half a minute"),
     "presentation_operations": Limit(
         4_000_000_000,
         "operations",
-        "twenty-five times a query of 350 steps to 20,000 places; some seconds on one core",
+        "150 times a query to 20,000 places at the default settings; some seconds on one core",
     ),
     "presentation_bytes": Limit(GIB, "bytes", "ten times VPRSNN's network when every neuron learns at once"),
     "training_operations": Limit(
         10**13,
         "operations",
-        "some hours; sixty times the default settings on 20,000 places, twice VPRSNN's 60 epochs over two traverses of "
+        "some hours; fifty times the default settings on 20,000 places, twice VPRSNN's 60 epochs over two traverses of "
         "3,300 places",
     ),
 }
