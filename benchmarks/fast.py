@@ -31,10 +31,12 @@ Places = tuple[int, int]
 PARTS = {"0:200 (chose the settings)": SECTIONS[:2], "200:500 (did not)": SECTIONS[2:], "all five": SECTIONS}
 WITHOUT: dict[str, dict[str, Any]] = {
     "query_inputs 0 (all)": {"encoder": {"query_inputs": 0}},
-    "common 0": {"network": {"common": 0.0}},
-    "common 0, but prune 0.8": {"network": {"common": 0.0, "prune": 0.8}},
+    "without signs": {"network": {"signed": False}},
     "prune 0.8": {"network": {"prune": 0.8}},
+    "Poisson trains": {"network": {"trains": "poisson"}},
 }
+"""Other settings than the preset's, one at a time."""
+
 console = Console(highlight=False, width=150)
 
 
@@ -94,7 +96,7 @@ def print_preset(name: str, seeds: Sequence[int]) -> None:
 
 
 def print_without(seeds: Sequence[int]) -> None:
-    """Print what the settings bring that the default lacks, and pruning by size."""
+    """Print what other settings than the preset's bring (`WITHOUT`)."""
     table = _table("preset fast with other settings, five sections", "other")
     for title, changes in WITHOUT.items():
         config = update(preset("fast"), changes)

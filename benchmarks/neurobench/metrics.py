@@ -35,7 +35,7 @@ from lava_vpr.model import integer_model
 ROOT = Path(__file__).resolve().parents[2]
 PYTHON = ROOT / ".venv-neurobench" / "bin" / "python"
 PROGRAM = ROOT / "benchmarks" / "neurobench" / "package.py"
-NUMBERS = ("shift", "threshold", "decay", "inhibition", "inhibition_exponent")
+NUMBERS = ("threshold", "decay", "inhibition", "inhibition_exponent")
 ROUNDED = 0.5e-4
 """neurobench 2.3.0 rounds connection sparsity to 4 digits."""
 
@@ -50,20 +50,24 @@ def trains_of(network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np
 
 
 def compare(network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.uint64]) -> dict[str, Pair]:
-    """Every metric by name: ours, neurobench's. Inputs must be injected: neurobench takes them for data.
+    """Every metric by name: ours, neurobench's.
+
+    Inputs must be injected directly, into a network without leaves: neurobench takes inputs for data.
 
     Raises:
-        BackendUnavailableError: the package is not installed.
+        BackendUnavailableError: the package is not installed, or inputs or inhibition are otherwise.
         LavaRunError: it failed, or its neurons spike otherwise.
     """
     if not PYTHON.exists():
         raise BackendUnavailableError(f"{PYTHON}: there is no neurobench; run make neurobench")
+    if network.input_compartments or network.leaves:
+        raise BackendUnavailableError("neurobench is given networks without compartments of inputs, and without leaves")
     trains = trains_of(network, rates, keys)
     ours = of_trains(network, trains, rates, keys)
     with tempfile.TemporaryDirectory(prefix="lava-vpr-") as folder:
         problem = Path(folder) / "problem.npz"
         numbers = {name: np.int64(getattr(network, name)) for name in NUMBERS}
-        np.savez(problem, weights=network.weights, spikes=trains.inputs, **numbers)
+        np.savez(problem, weights=network.weights, bias=network.bias, spikes=trains.inputs, **numbers)
         ended = run_child([PYTHON, PROGRAM, problem], seconds=1200)
     if ended.code:
         raise LavaRunError(f"neurobench failed: {ended.last}", ended.err)
@@ -101,6 +105,7 @@ def problems(queries: int) -> list[tuple[str, FixedNetwork, NDArray[np.uint16], 
 
     configs = {name: preset(name) for name in PRESETS if name != "paper"}
     configs["loihi, 1 bit"] = update(preset("loihi"), {"network": {"weight_bits": 1}})
+    configs["loihi, without signs"] = update(preset("loihi"), {"network": {"signed": False}})
     made = []
     for name, config in configs.items():
         for places in ((0, 100), (0, 200)):
