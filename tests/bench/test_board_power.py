@@ -18,7 +18,7 @@ from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Measured
 
 STEPS = 400
-SMALL = 63  # steps of a presentation of the small model
+SMALL = 64  # steps of a presentation of the small model
 
 
 @pytest.fixture

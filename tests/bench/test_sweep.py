@@ -105,12 +105,12 @@ def test_early_stopping_against_spike_by_spike(margin: float) -> None:
 def test_a_point_is_the_model_quantised_anew_and_modelled() -> None:
     """Against the functions that evaluate and price a model anywhere else."""
     one = case()
-    wanted = {**current(one.model), "weight_bits": 2.0, "steps": 40.0, "prune": 0.5, "query_inputs": 300.0}
+    wanted = {**current(one.model), "weight_bits": 2.0, "steps": 32.0, "prune": 0.5, "query_inputs": 300.0}
     (run,) = runs_of([one], wanted, KAPOHO_BAY, 1)
     (result,) = figures(run, [np.inf])
-    changes = {"encoder": {"query_inputs": 300}, "network": {"weight_bits": 2, "steps": 40, "prune": 0.5}}
+    changes = {"encoder": {"query_inputs": 300}, "network": {"weight_bits": 2, "steps": 32, "prune": 0.5}}
     source = dataclasses.replace(one.model, config=update(one.model.config, changes))
-    model = requantised(source, shift=0)
+    model = requantised(source)
     assert recognise(model, one.queries, TRUTH, DECODERS_ONLY).metrics["contrast"] == result.metrics
     plan = plan_of(model, KAPOHO_BAY)
     rates = query_rates(one.queries.activity, model.config)
@@ -133,7 +133,7 @@ def test_a_search_tells_what_it_tried() -> None:
     assert points[0].chosen == MODEL
     assert points[0].settings == {}
     (fast,) = [point for point in points if point.chosen == FAST]
-    assert fast.settings["query_inputs"] == 250
+    assert fast.settings["query_inputs"] == 330
     assert fast.microjoules < points[0].microjoules
     stopping = [point for point in points if "stop_margin" in point.settings]
     whole = [point for point in points if "stop_margin" not in point.settings]
