@@ -195,7 +195,7 @@ def scalars(bundle: Bundle) -> Mapping[str, int]:
         if not whole(described.get(name)) or not least <= described[name] <= most:
             said = brief(described.get(name))
             raise BundleError(f"{at}: does not describe the network ({name} {said}, of {least}..{most}); {AGAIN}")
-    beyond = excess("model_bytes", described["inputs"] * described["neurons"])
+    beyond = excess("model_bytes", 2 * described["inputs"] * described["neurons"])
     if beyond is not None:
         raise BundleError(f"{at}: describes a network whose weights take {beyond}")
     numbers = {name: described[name] for name in names}

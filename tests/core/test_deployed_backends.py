@@ -48,8 +48,10 @@ def test_a_bundle_gives_its_model_back(model: Model, board: Any, tmp_path: Path)
     assert back.bundle == tmp_path / "b"
     assert isinstance(back.network, fixed.FixedNetwork)
     assert isinstance(model.network, fixed.FixedNetwork)
-    assert np.array_equal(back.network.weights, model.network.weights)
-    assert replace(back.network, weights=model.network.weights) == model.network
+    own = {"weights": model.network.weights, "bias": model.network.bias}
+    assert all(np.array_equal(getattr(back.network, name), array) for name, array in own.items())
+    assert model.network.bias.any()
+    assert replace(back.network, **own) == model.network
     assert np.array_equal(back.responses, model.responses), "the self-test would not give the model's responses"
     assert back.place_names == model.place_names
     assert back.config == model.config
@@ -103,7 +105,7 @@ def test_memory_and_time_of_a_simulation_are_bounded(
     model: Model, board: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     deploy(model, BOARDS[board], tmp_path / "b", picture=False)
-    used, shown, one = open_bundle(tmp_path / "b"), three(model, 3), (60 + 3) * (2 * 8 + 1568)
+    used, shown, one = open_bundle(tmp_path / "b"), three(model, 3), 64 * (8 + 1 + 1568)
     expected, _ = HostBackend().count_spikes(model, shown)
     seen: list[int] = []
     monkeypatch.setenv("LAVA_VPR_MAX_SIMULATION_BYTES", str(2 * one))
@@ -116,12 +118,12 @@ def test_memory_and_time_of_a_simulation_are_bounded(
         backends.get("bundle").trains(used, shown)
     monkeypatch.setenv("LAVA_VPR_MAX_SIMULATION_BYTES", str(2 * one - 1))
     said = (
-        r"^to simulate a query of 60 steps to 8 neurons takes .*; if the file is sound, set .*, or run it on --backend"
+        r"^to simulate a query of 61 steps to 8 neurons takes .*; if the file is sound, set .*, or run it on --backend"
     )
     with pytest.raises(NetworkLimitError, match=said):
         backends.get("bundle").count_spikes(used, shown)
     monkeypatch.delenv("LAVA_VPR_MAX_SIMULATION_BYTES")
-    monkeypatch.setenv("LAVA_VPR_MAX_SIMULATION_OPERATIONS", str(63 * 8 * 1576 - 1))
+    monkeypatch.setenv("LAVA_VPR_MAX_SIMULATION_OPERATIONS", str(64 * (8 * (1568 + 2) + 1568) - 1))
     with pytest.raises(NetworkLimitError, match=said):
         backends.get("bundle").count_spikes(used, shown)
 
@@ -149,12 +151,12 @@ def test_the_wrong_board_and_the_wrong_network_are_refused(
 
 def test_verify_says_why_a_model_does_not_fit(model: Model) -> None:
     assert isinstance(model.network, fixed.FixedNetwork)
-    shifted = replace(model, network=replace(model.network, shift=1))
-    (_, verdict) = verify(shifted, encoded(8), np.eye(8, dtype=bool), names=("host", "bundle"))
+    forgetful = replace(model, network=replace(model.network, decay=4096))
+    (_, verdict) = verify(forgetful, encoded(8), np.eye(8, dtype=bool), names=("host", "bundle"))
     assert verdict.as_json()["available"] is False
-    assert "shifts each weight" in str(verdict.reason)
-    with pytest.raises(NetworkLimitError, match="shifts each weight"):
-        backends.get("bundle").count_spikes(shifted, three(model, 0))
+    assert "decay 4096 does not fit" in str(verdict.reason)
+    with pytest.raises(NetworkLimitError, match="decay 4096 does not fit"):
+        backends.get("bundle").count_spikes(forgetful, three(model, 0))
 
 
 class Counter:
