@@ -16,6 +16,7 @@ from support.fuzz.fuzz_deploy import (
     tables_of,
     violations,
 )
+from support.fuzz.fuzz_deploy import wanted as wanted_of
 
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Presentations
@@ -25,6 +26,7 @@ from lava_vpr.deploy.bundle.deployment import contents
 from lava_vpr.deploy.bundle.folder import load, sealed
 from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.encoding import query_rates
+from lava_vpr.engine.inference import fixed
 from lava_vpr.errors import NetworkLimitError
 
 SEEDS = 5000
@@ -34,6 +36,7 @@ SEEDS = 5000
 def partitioned(wanted: int, start: int = 0) -> dict[str, int]:
     """Deploy random networks until ``wanted`` fit; what was seen."""
     seen = {"fit": 0, "refused": 0, "cores": 0, "several": 0, "chips": 0, "bias inputs": 0}
+    seen |= dict.fromkeys(("signed", "biases", "relayed", "leaves"), 0)
     for seed in range(start, start + SEEDS):
         rng = np.random.default_rng(seed)
         network = random_network(rng, large=seed % 8 == 0)
@@ -46,18 +49,18 @@ def partitioned(wanted: int, start: int = 0) -> dict[str, int]:
         bundle = memory_bundle(sealed(manifest, files), files)
         cores, tables = cores_of(bundle), tables_of(bundle)
         assert violations(cores, board, tables) == [], f"seed {seed}"
-        to_exc, relay, lateral = matrices(cores, tables, network.inputs)
-        assert np.array_equal(to_exc, network.weights.astype(np.int64) << 6), f"seed {seed}"
-        if network.lateral and network.neurons > 1:
-            assert np.array_equal(relay, 128 * np.eye(network.neurons, dtype=np.int64)), f"seed {seed}"
-            assert np.array_equal(lateral, network.lateral * 64 * (np.eye(network.neurons, dtype=np.int64) - 1))
-        else:
-            assert not lateral.any(), f"seed {seed}"
+        expected = wanted_of(network)
+        for ways, found in matrices(cores, tables, network.inputs).items():
+            assert np.array_equal(found, expected.get(ways, 0 * found)), f"seed {seed}: {ways}"
         seen["fit"] += 1
         seen["cores"] += len(cores)
         seen["several"] += len(cores) > 1
         seen["chips"] += len({core.chip for core in cores}) > 1
         seen["bias inputs"] += network.bias_input
+        seen["signed"] += network.signed
+        seen["biases"] += bool(network.bias.any())
+        seen["relayed"] += network.relayed
+        seen["leaves"] += network.leaves > 0
         if seen["fit"] == wanted:
             return seen
     raise AssertionError(f"only {seen} of {wanted} fit")
@@ -68,6 +71,21 @@ def test_every_limit_holds_of_forty_random_networks() -> None:
     assert seen["several"] > 8
     assert seen["chips"] > 0
     assert seen["bias inputs"] > 5
+    assert min(seen["signed"], seen["biases"]) > 8
+
+
+@pytest.fixture
+def small_fan_in(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few neurons are many: there are leaves and relays."""
+    monkeypatch.setattr(fixed, "FAN_IN", 16)
+    monkeypatch.setattr(fixed, "DIRECT", 8)
+
+
+@pytest.mark.usefixtures("small_fan_in")
+def test_every_limit_holds_of_twenty_networks_with_leaves_and_relays() -> None:
+    seen = partitioned(20, start=300)
+    assert seen["relayed"] > 3
+    assert seen["leaves"] > 5
 
 
 @pytest.mark.slow
@@ -98,8 +116,7 @@ def simulated(wanted: int, start: int) -> tuple[int, int]:
         )
         assert np.array_equal(exc, host.exc), f"seed {seed}"
         assert np.array_equal(inputs, host.inputs), f"seed {seed}"
-        if network.lateral and network.neurons > 1:
-            assert np.array_equal(inh, host.inh), f"seed {seed}"
+        assert np.array_equal(inh, host.inh), f"seed {seed}"
         spikes += int(exc.sum())
         several += len(plan.cores) > 1
         done += 1
@@ -110,6 +127,13 @@ def simulated(wanted: int, start: int) -> tuple[int, int]:
 
 def test_every_spike_of_ten_random_networks() -> None:
     spikes, several = simulated(10, 50_000)
+    assert spikes > 100
+    assert several > 0
+
+
+@pytest.mark.usefixtures("small_fan_in")
+def test_every_spike_of_ten_networks_with_leaves_and_relays() -> None:
+    spikes, several = simulated(10, 70_000)
     assert spikes > 100
     assert several > 0
 
@@ -131,6 +155,8 @@ def test_a_random_bundle_on_disk_gives_its_network_back(tmp_path: Path) -> None:
         bundle = load(tmp_path / str(seed))
         back = TARGETS[bundle.target].network(bundle)
         assert np.array_equal(back.weights, network.weights)
+        assert np.array_equal(back.bias, network.bias)
+        assert back.scalars == network.scalars
 
 
 def test_a_violation_is_seen() -> None:

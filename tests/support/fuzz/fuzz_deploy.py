@@ -19,6 +19,7 @@ from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
 from lava_vpr.deploy.bundle.folder import Bundle
+from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.model import Model, Stretch
 
@@ -31,22 +32,35 @@ INDEX_BITS = (0, 6, 7, 8, 9, 10, 11, 12)
 
 
 def random_network(rng: np.random.Generator, large: bool) -> FixedNetwork:
-    """A network of any size, density, width and input mode."""
+    """A network of any size, density, width and input mode, with signs and biases or without."""
     inputs = int(rng.integers(1, 1600 if large else 90))
     neurons = int(rng.integers(1, 260 if large else 40))
-    bits = int(rng.integers(1, 9))
+    signed = bool(rng.random() < 0.5)
+    bits = int(rng.integers(1, 9 - signed))
     density = rng.choice([0.0, 0.05, 0.3, 0.6, 1.0], p=[0.02, 0.18, 0.3, 0.3, 0.2])
     weights = rng.integers(1, 1 << bits, (inputs, neurons)) * (rng.random((inputs, neurons)) < density)
-    weights = (weights * np.minimum(1, 30_000 / np.maximum(1, weights.sum(axis=0)))).astype(np.uint8)
-    most = max(1, min(255, 32_000 // max(1, neurons - 1)))
-    inhibition = int(rng.integers(0, most)) if rng.random() < 0.9 else 0
-    exponent = 0
-    while rng.random() < 0.3 and exponent < 4 and (neurons - 1) * inhibition << (exponent + 1) < 32_000:
-        exponent += 1
-    threshold = int(rng.integers(1, max(2, int(weights.sum(axis=0).max()) // 3 + 2)))
-    decay = int(rng.choice([0, 137, 1000, 4095]))
-    steps, bias_input = int(rng.integers(1, 40)), bool(rng.random() < 0.4)
-    return FixedNetwork(weights, bits, 0, threshold, inhibition, exponent, decay, steps, bias_input)
+    weights = (weights * np.minimum(1, 28_000 / np.maximum(1, weights.sum(axis=0)))).astype(np.int16)
+    if signed:
+        weights *= rng.choice([-1, 1], weights.shape, p=[0.3, 0.7]).astype(np.int16)
+    mode = rng.choice(3)
+    network = FixedNetwork(
+        weights=weights,
+        bias=np.zeros(neurons, np.int32),
+        bits=bits,
+        signed=signed,
+        threshold=int(rng.integers(1, max(2, int(weights.sum(axis=0).max()) // 12 + 2))),
+        inhibition=int(rng.integers(1, 256)) >> int(rng.integers(0, 9)),
+        inhibition_exponent=int(rng.integers(0, 5)),
+        decay=int(rng.choice([0, 137, 1000, 4095])),
+        steps=int(rng.integers(1, 40)),
+        regular=bool(mode > 0),
+        bias_input=bool(mode > 1),
+    )
+    if rng.random() < 0.5:
+        return network
+    exponent = int(rng.integers(0, 8))
+    mantissas = rng.integers(-4095, 1 + min(4095, network.highest_bias >> exponent), neurons)
+    return replace(network, bias=(mantissas << exponent).astype(np.int32))
 
 
 def random_board(rng: np.random.Generator, network: FixedNetwork) -> Board:
@@ -70,7 +84,7 @@ def model_of(network: FixedNetwork) -> Model:
     mode = "bias" if network.bias_input else "injected"
     kinds = {
         "encoder": {"kind": "pixels", "query_spikes": 5.0},
-        "network": {"input_mode": mode, "steps": network.steps},
+        "network": {"input_mode": mode, "trains": "regular" if network.regular else "poisson"},
     }
     neurons = network.neurons
     return Model(
@@ -125,8 +139,11 @@ class Core:
             fields = bits[10 : 10 + count * (weight + index)].reshape(count, weight + index).astype(np.int64)
             targets = fields[:, :index] @ (1 << np.arange(index)) if index else position + np.arange(count)
             sizes = fields[:, index:] @ (1 << np.arange(weight))
+            mixed = form["fanoutType"] == 1
+            if mixed:  # two's complement
+                sizes = sizes - (fields[:, -1] << weight)
             position += count
-            shift = 8 - weight + 6 + form["wgtExp"]
+            shift = 8 + mixed - weight + 6 + form["wgtExp"]
             currents = sizes << shift if shift >= 0 else sizes >> -shift
             currents = -currents if form["fanoutType"] == 3 else currents
             blocks.append((targets, currents))
@@ -208,36 +225,53 @@ def violations(cores: list[Core], board: Board, tables: dict[str, NDArray[Any]])
     return found
 
 
-def matrices(cores: list[Core], tables: dict[str, NDArray[Any]], inputs: int) -> tuple[NDArray[np.int64], ...]:
-    """Currents from inputs to exc, from exc to inh and from inh to exc, in units of u, followed from axon to axon."""
-    by_number = {(core.chip, core.number): core for core in cores}
-    whose = {}
-    for name in ("exc", "inh", "inputs"):
-        for core in cores:
-            whose[name, core.chip, core.number] = np.full(len(core.compartments), -1)
-        for number, (chip, core_number, compartment) in enumerate(tables[name].tolist()):
-            whose[name, chip, core_number][compartment] = number
-    neurons = len(tables["exc"])
-    to_exc = np.zeros((inputs, neurons), np.int64)
-    relay, lateral = np.zeros((neurons, neurons), np.int64), np.zeros((neurons, neurons), np.int64)
+Ways = dict[tuple[str, str], NDArray[np.int64]]
+"""Currents of a spike, in units of u, from the members of one population to those of another, by both names."""
 
-    def follow(matrix: NDArray[np.int64], source: int, chip: int, core: int, axon: int, target: str) -> None:
-        targets, currents = by_number[chip, core].rows[axon]
-        numbers = whose[target, chip, core][targets]
-        assert (numbers[currents != 0] >= 0).all(), f"a synapse leads elsewhere than to {target}"
-        matrix[source, numbers[numbers >= 0]] += currents[numbers >= 0]
+
+def matrices(cores: list[Core], tables: dict[str, NDArray[Any]], inputs: int) -> Ways:
+    """Currents followed from axon to axon; spikes that the host sends are of the population ``injected``."""
+    by_number = {(core.chip, core.number): core for core in cores}
+    names = ("exc", "inh", "inputs")
+    whose = {(core.chip, core.number): [("", -1)] * len(core.compartments) for core in cores}
+    for name in names:
+        for number, (chip, core_number, compartment) in enumerate(tables[name].tolist()):
+            assert whose[chip, core_number][compartment] == ("", -1), "two in one compartment"
+            whose[chip, core_number][compartment] = (name, number)
+    sizes = {"injected": inputs} | {name: len(tables[name]) for name in names}
+    found = {(a, b): np.zeros((sizes[a], sizes[b]), np.int64) for a in sizes for b in names}
+
+    def follow(source: str, number: int, chip: int, core: int, axon: int) -> None:
+        for target, current in zip(*by_number[chip, core].rows[axon], strict=True):
+            population, member = whose[chip, core][target]
+            assert member >= 0 or current == 0, "a synapse leads to nobody"
+            if current:
+                found[source, population][number, member] += current
 
     for source, chip, core, axon in tables["injection"].tolist():
-        follow(to_exc, source, chip, core, axon, "exc")
+        follow("injected", source, chip, core, axon)
     for core in cores:
-        here = (core.chip, core.number)
         for compartment, chip, number, axon in core.axons_out.tolist():
-            if number == READ_OUT:
-                continue
-            kind = next(name for name in ("exc", "inh", "inputs") if whose[(name, *here)][compartment] >= 0)
-            matrix, target = {"exc": (relay, "inh"), "inh": (lateral, "exc"), "inputs": (to_exc, "exc")}[kind]
-            follow(matrix, whose[(kind, *here)][compartment], chip, number, axon, target)
-    return to_exc, relay, lateral
+            if number != READ_OUT:
+                follow(*whose[core.chip, core.number][compartment], chip, number, axon)
+    return found
+
+
+def wanted(network: FixedNetwork) -> Ways:
+    """What `matrices` are to be, but for those that are all 0."""
+    to_exc = network.weights.astype(np.int64) << 6
+    root = network.inhibitory - 1
+    listens = np.zeros((network.neurons, network.inhibitory), np.int64)
+    takes = np.zeros((network.inhibitory, network.neurons), np.int64)
+    takes[root] = -64 * network.lateral
+    for neuron in range(network.neurons):
+        listens[neuron, neuron // fixed.FAN_IN if network.leaves else root] = 128
+    found = {("exc", "inh"): listens, ("inh", "exc"): takes}
+    if network.leaves:
+        found["inh", "inh"] = 128 * (np.arange(root + 1)[:, None] < root) * (np.arange(root + 1) == root)
+    if network.relayed:
+        found["injected", "inputs"] = 128 * np.eye(network.inputs, dtype=np.int64)
+    return found | {("inputs" if network.input_compartments else "injected", "exc"): to_exc}
 
 
 def tables_of(bundle: Bundle) -> dict[str, NDArray[Any]]:
