@@ -22,7 +22,7 @@ from lava_vpr.deploy.bundle.deployment import contents, deploy
 from lava_vpr.deploy.bundle.folder import MANIFEST, Bundle, array_bytes, json_bytes, sealed
 from lava_vpr.deploy.bundle.opening import open_bundle
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.errors import BundleError
+from lava_vpr.errors import BundleError, ModelFileError
 
 Told, Files = dict[str, Any], dict[str, bytes]
 
@@ -106,7 +106,6 @@ KAPOHO: dict[str, tuple[Callable[[Told, Files], Any], str, str]] = {
     "inputs beyond memory": (number("inputs", 2**31 - 1), MANIFEST, "weights take 34,359,738,352 bytes, more than"),
     "half a sign": (number("signed", 2), MANIFEST, "signed 2, of 0..1"),
     "no sign": (number("signed", 0), "cores", "deploy the model again"),
-    "other trains": (number("regular", 0), "host/references.lvpr", "regular 0 where the settings say 1"),
     "inputs of another kind": (
         number("bias_input", 1),
         "host/inputs.npy",
@@ -292,6 +291,14 @@ def test_every_part_is_checked(sound: Any, tmp_path: Path, board: str, kind: str
     assert "; " in line
     assert line.isprintable()
     assert len(line) < 600
+
+
+def test_trains_that_the_settings_do_not_say_are_refused(sound: Any, tmp_path: Path) -> None:
+    """No core knows how the inputs spike; the settings do."""
+    told, files = sound["kapoho-bay"]
+    path = put(tmp_path / "b", {**told, "network": {**told["network"], "regular": 0}}, files)
+    with pytest.raises(ModelFileError, match=r"^\S*references.lvpr: .*regular 0 where the settings say 1; deploy"):
+        open_bundle(path)
 
 
 def test_what_was_not_changed_is_taken(sound: Any, tmp_path: Path) -> None:

@@ -65,7 +65,7 @@ def random_network(rng: np.random.Generator, large: bool) -> FixedNetwork:
 
 def random_board(rng: np.random.Generator, network: FixedNetwork) -> Board:
     """Kapoho Bay, as it is or with cores so small that the network takes several."""
-    if rng.random() < 0.5:
+    if rng.random() < 0.3:
         return KAPOHO_BAY
     least = network.inputs + network.neurons + 1
     return replace(
