@@ -1,7 +1,8 @@
 """The network part of a Loihi 2 bundle: the parameters of Lava's library Processes, written, read and simulated.
 
 Intel's compiler places Lava's Dense, Sparse, LIF and LIFReset on the chip, so a bundle holds what they are constructed
-with: ``network/weights.npy`` as Dense takes them and ``network/parameters.json`` with Lava's names for everything else.
+with: ``network/weights.npy`` as Dense takes them, ``network/bias.npy``, the mantissas of the neurons' biases, and
+``network/parameters.json`` with Lava's names for everything else.
 """
 
 from __future__ import annotations
@@ -15,31 +16,35 @@ from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.plan import RELAY_THRESHOLD, RELAY_WEIGHT
 from lava_vpr.deploy.bundle import effort
-from lava_vpr.deploy.bundle.core_files import Player, Spikes
+from lava_vpr.deploy.bundle.core_files import Player, Spikes, within
 from lava_vpr.deploy.bundle.folder import AGAIN, Bundle, array_bytes, json_bytes, same_json
 from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.general.simulation import INPUTS, GeneralNetwork, Population, Synapses
 from lava_vpr.engine.general.simulation import simulate as run_general
-from lava_vpr.engine.inference.bias_input import THRESHOLD
+from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference.bias_input import LEVEL, THRESHOLD
 from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork
 from lava_vpr.errors import BundleError, NetworkLimitError, brief
-from lava_vpr.loihi import NO_MEMORY_DECAY, WEIGHT_BITS
+from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT, NO_MEMORY_DECAY, WEIGHT_BITS
 from lava_vpr.ranges import whole
 
-WEIGHTS, PARAMETERS = "network/weights.npy", "network/parameters.json"
+WEIGHTS, BIAS, PARAMETERS = "network/weights.npy", "network/bias.npy", "network/parameters.json"
 
 CHUNK = 32
 """Presentations that are simulated in one go; more take more memory, fewer are slower."""
 
-EXC, INH = 0, 1
+EXC, INH, RELAYS = 0, 1, 2
 
 
 def parameters_of(network: FixedNetwork) -> dict[str, Any]:
-    """What the wiring needs besides the weights, by the names of Lava's arguments.
+    """What the wiring needs besides weights and biases, by the names of Lava's arguments.
 
-    ``excite`` and ``inhibit`` are Dense, ``relay`` is Sparse, ``exc`` and ``inh`` are LIFReset, ``inputs`` is LIF or
-    None (injected spikes); ``weight`` is that of every synapse there is: relay one to one, inhibit to all others.
+    ``excite`` and ``inhibit`` are synapses to exc, from the inputs and from the root; ``relay`` those to inhibitory
+    neurons and relays; ``exc`` and ``inh`` are LIFReset, the latter of inhibitory neurons and relays; ``inputs`` is LIF
+    or None (injected spikes). ``weight`` is that of every synapse there is. Leaf i of ``leaves`` listens to the neurons
+    from i ``fan_in`` on, the root to the leaves; without any the root listens to exc. ``relayed``: injected spikes go
+    through one relay an input. ``level`` is the membrane beyond which inputs of regular trains spike, None for others.
 
     Raises:
         NetworkLimitError: the network overflows Loihi's registers.
@@ -51,20 +56,41 @@ def parameters_of(network: FixedNetwork) -> dict[str, Any]:
             "above 1"
         )
     _, bits, exponent = network.stored
+    _, bias_exponent = network.bias_registers
     reset = {"reset_interval": network.interval, "reset_offset": 1}
     return {
         "network": {"inputs": network.inputs, "neurons": network.neurons, **network.scalars},
         "steps": network.steps,
         "silent_steps": network.silent_steps,
+        "level": LEVEL if network.regular else None,
         "inputs": {"du": NO_MEMORY_DECAY, "dv": 0, "vth": THRESHOLD} if network.bias_input else None,
-        "excite": {"num_weight_bits": bits, "weight_exp": exponent},
-        "exc": {"du": NO_MEMORY_DECAY, "dv": network.decay, "vth": network.threshold, **reset},
-        "relay": {"weight": RELAY_WEIGHT, "num_weight_bits": WEIGHT_BITS, "weight_exp": 0},
+        "relayed": int(network.relayed),
+        "leaves": network.leaves,
+        "fan_in": fixed.FAN_IN,
+        "excite": {
+            "num_weight_bits": bits,
+            "weight_exp": exponent,
+            "sign_mode": "MIXED" if network.signed else "EXCITATORY",
+        },
+        "exc": {
+            "du": NO_MEMORY_DECAY,
+            "dv": network.decay,
+            "vth": network.threshold,
+            "bias_exp": bias_exponent,
+            **reset,
+        },
+        "relay": {
+            "weight": RELAY_WEIGHT,
+            "num_weight_bits": WEIGHT_BITS,
+            "weight_exp": 0,
+            "sign_mode": "EXCITATORY",
+        },
         "inh": {"du": NO_MEMORY_DECAY, "dv": NO_MEMORY_DECAY, "vth": RELAY_THRESHOLD, **reset},
         "inhibit": {
             "weight": -network.inhibition,
             "num_weight_bits": WEIGHT_BITS,
             "weight_exp": network.inhibition_exponent,
+            "sign_mode": "INHIBITORY",
         },
     }
 
@@ -76,31 +102,37 @@ def network_files(network: FixedNetwork) -> dict[str, bytes]:
         NetworkLimitError: the network overflows Loihi's registers.
     """
     parameters = parameters_of(network)
-    return {WEIGHTS: array_bytes(network.stored[0].astype(np.uint8)), PARAMETERS: json_bytes(parameters)}
+    return {
+        WEIGHTS: array_bytes(network.stored[0].astype(np.int16)),
+        BIAS: array_bytes(network.bias_registers[0]),
+        PARAMETERS: json_bytes(parameters),
+    }
 
 
 def network_of(files: Mapping[str, bytes], path: Path = Path()) -> FixedNetwork:
     """The network that the files of a bundle describe: the inverse of `network_files`.
 
     Args:
-        files: Content by name; others than `WEIGHTS` and `PARAMETERS` are not looked at.
+        files: Content by name; others than `WEIGHTS`, `BIAS` and `PARAMETERS` are not looked at.
         path: The bundle's folder, for messages.
     Raises:
         BundleError: they are missing, of another kind, or contradict each other.
     """
     bundle = Bundle(path, {}, dict(files))
-    weights, parameters = bundle.array(WEIGHTS, np.uint8, ("neurons", "inputs")), bundle.json(PARAMETERS)
+    weights, parameters = bundle.array(WEIGHTS, np.int16, ("neurons", "inputs")), bundle.json(PARAMETERS)
     if 0 in weights.shape:
         raise BundleError(f"{bundle.at(WEIGHTS)}: is empty, {weights.shape}; {AGAIN}")
+    bias = bundle.array(BIAS, np.int32, weights.shape[:1])
+    within(bundle, BIAS, "bias mantissa", bias, 1 << BIAS_BITS, 1 - (1 << BIAS_BITS))
     try:
         numbers = {name: parameters["network"][name] for name in SCALARS}
-        bits = parameters["excite"]["num_weight_bits"]
-        if not all(whole(number) and 0 <= number < 1 << 31 for number in (bits, *numbers.values())):
+        exponent = parameters["exc"]["bias_exp"]
+        if not all(whole(number) and 0 <= number < 1 << 31 for number in (exponent, *numbers.values())):
             raise ValueError
-        spare = WEIGHT_BITS - bits
-        if not 0 <= spare < WEIGHT_BITS:
+        spare = WEIGHT_BITS - numbers["bits"]
+        if not 0 <= spare < WEIGHT_BITS or exponent > BIAS_EXPONENT_LIMIT:
             raise ValueError
-        network = FixedNetwork.of_scalars(np.ascontiguousarray((weights >> spare).T), numbers)
+        network = FixedNetwork.of_scalars(np.ascontiguousarray((weights >> spare).T), bias << exponent, numbers)
         expected = parameters_of(network)
     except (KeyError, TypeError, ValueError, NetworkLimitError) as error:
         reason = f" ({error})" if isinstance(error, NetworkLimitError) else ""
@@ -116,34 +148,49 @@ def network_of(files: Mapping[str, bytes], path: Path = Path()) -> FixedNetwork:
     return network
 
 
-def general_network(weights: NDArray[np.uint8], parameters: dict[str, Any]) -> GeneralNetwork:
-    """The Processes of a bundle as populations 0 (exc) and 1 (inh) of the general engine.
+def general_network(
+    weights: NDArray[np.int16], bias: NDArray[np.int32], parameters: Mapping[str, Any]
+) -> GeneralNetwork:
+    """The Processes of a bundle as populations 0 (exc), 1 (inh: leaves, then the root) and 2 (relays, if there are).
 
     Args:
-        weights: Weights as Dense takes them, uint8 (neurons, inputs).
+        weights: Weights as Dense takes them, int16 (neurons, inputs).
+        bias: Mantissas of the biases, int32 (neurons,).
         parameters: The result of `parameters_of`; inputs are spikes, whether injected or those of input compartments.
     """
-    n = len(weights)
-    others = parameters["inhibit"]["weight"] * (1 - np.eye(n, dtype=np.int32))
-    one_to_one = parameters["relay"]["weight"] * np.eye(n, dtype=np.int32)
-    excite, relay, inhibit = (parameters[name] for name in ("excite", "relay", "inhibit"))
-    return GeneralNetwork(
-        inputs=weights.shape[1],
-        populations=(_population(n, parameters["exc"]), _population(n, parameters["inh"])),
-        synapses=(
-            Synapses(INPUTS, EXC, weights.T, excite["num_weight_bits"], excite["weight_exp"]),
-            Synapses(EXC, INH, one_to_one, relay["num_weight_bits"], relay["weight_exp"]),
-            Synapses(INH, EXC, others, inhibit["num_weight_bits"], inhibit["weight_exp"], "inhibitory"),
-        ),
-    )
+    (n, inputs), leaves, one = weights.shape, parameters["leaves"], parameters["relay"]["weight"]
+    inh = leaves + 1
+    listen, gather, take = np.zeros((n, inh), np.int32), np.zeros((inh, inh), np.int32), np.zeros((inh, n), np.int32)
+    listen[np.arange(n), np.arange(n) // parameters["fan_in"] if leaves else 0] = one
+    gather[:leaves, -1], take[-1] = one, parameters["inhibit"]["weight"]
+    populations = [_population(n, parameters["exc"], bias), _population(inh, parameters["inh"])]
+    synapses = [
+        _synapses(RELAYS if parameters["relayed"] else INPUTS, EXC, weights.T, parameters["excite"]),
+        _synapses(EXC, INH, listen, parameters["relay"]),
+        _synapses(INH, EXC, take, parameters["inhibit"]),
+    ]
+    if leaves:
+        synapses.append(_synapses(INH, INH, gather, parameters["relay"]))
+    if parameters["relayed"]:
+        populations.append(_population(inputs, parameters["inh"]))
+        synapses.append(_synapses(INPUTS, RELAYS, one * np.eye(inputs, dtype=np.int32), parameters["relay"]))
+    return GeneralNetwork(inputs, tuple(populations), tuple(synapses))
 
 
-def _population(n: int, lif: dict[str, int]) -> Population:
+def _synapses(source: int, target: int, weights: NDArray[Any], described: Mapping[str, Any]) -> Synapses:
+    """Synapses with the weights (pre, post) and the format that the parameters describe."""
+    sign = described["sign_mode"].lower()
+    return Synapses(source, target, weights, described["num_weight_bits"], described["weight_exp"], sign)
+
+
+def _population(n: int, lif: Mapping[str, int], bias: NDArray[np.int32] | int = 0) -> Population:
     """A LIFReset of ``n`` neurons, whose step of reset is the first of each interval."""
     return Population(
         np.full(n, lif["vth"], np.int32),
-        parameters=LifParameters(du=lif["du"], dv=lif["dv"]),
-        reset_interval=lif["reset_interval"],
+        bias,
+        lif.get("bias_exp", 0),
+        LifParameters(du=lif["du"], dv=lif["dv"]),
+        lif["reset_interval"],
     )
 
 
@@ -157,27 +204,26 @@ def simulate(network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.
         rates: Spikes a step in units of 2^-16, uint16 (n, inputs).
         keys: One key per presentation, uint64 (n,).
     Returns:
-        Spikes of exc and inh, uint8 (n, steps + 3, neurons), and of the inputs, uint8 (n, steps + 3, inputs).
+        Spikes of exc, of inh (leaves, then the root) and of the inputs, uint8 (n, interval, each).
     Raises:
         NetworkLimitError: the network overflows Loihi's registers, or the rates have another number of inputs.
     """
-    # Lateral weights, dense as in Lava's Dense, four times: all, one to one, and as synapses read them.
-    effort.check("simulation_bytes", 16 * network.neurons**2, f"the lateral weights of {network.neurons:,} neurons")
-    weights, parameters = network.stored[0].astype(np.uint8), parameters_of(network)
-    general = general_network(weights, parameters)
-    n, steps = len(rates), parameters["steps"]
-    interval, (neurons, size) = steps + parameters["silent_steps"], weights.shape
-    if rates.ndim != 2 or rates.shape[1] != size:
+    if network.relayed:  # one to one as the general engine takes them: dense, in 4 bytes, twice
+        effort.check("simulation_bytes", 8 * network.inputs**2, f"the relays of {network.inputs:,} inputs")
+    if rates.ndim != 2 or rates.shape[1] != network.inputs:
         raise NetworkLimitError(
-            f"rates are {rates.shape}, but the bundle's network has {size} inputs; encode them anew"
+            f"rates are {rates.shape}, but the bundle's network has {network.inputs} inputs; encode them anew"
         )
-    exc, inh = np.zeros((n, interval, neurons), np.uint8), np.zeros((n, interval, neurons), np.uint8)
-    inputs = draw_trains(rates, keys, steps, interval, bias_input=parameters["inputs"] is not None)
+    general = general_network(network.stored[0].astype(np.int16), network.bias_registers[0], parameters_of(network))
+    n, interval = len(rates), network.interval
+    exc = np.zeros((n, interval, network.neurons), np.uint8)
+    inh = np.zeros((n, interval, network.inhibitory), np.uint8)
+    inputs = draw_trains(rates, keys, network.steps, interval, regular=network.regular)
     for start in range(0, n, CHUNK):
         part = slice(start, start + CHUNK)
-        recording = run_general(general, inputs[part].reshape(-1, size).astype(bool))
-        exc[part] = recording.spikes[EXC].reshape(-1, interval, neurons)
-        inh[part] = recording.spikes[INH].reshape(-1, interval, neurons)
+        recording = run_general(general, inputs[part].reshape(-1, network.inputs).astype(bool))
+        exc[part] = recording.spikes[EXC].reshape(-1, interval, network.neurons)
+        inh[part] = recording.spikes[INH].reshape(-1, interval, network.inhibitory)
     return Spikes(exc, inh, inputs)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from input_draws import biases, draw_spikes, phases
+from input_draws import biases, draw_spikes, phases, regular_spikes
 from refusals import Refused
 
 Arrays = dict[str, NDArray[Any]]
@@ -70,13 +70,16 @@ def define_processes() -> None:
     globals().update(Spikes=Spikes, Counter=Counter, PySpikes=PySpikes, PyCounter=PyCounter)
 
 
-def wire(weights: NDArray[Any], parameters: dict[str, Any], source: Any, counter: Any, simulate: bool) -> None:
-    """Inputs to exc; exc to inh, one to one; inh to all other exc; exc to the counter. Every arrow takes one step."""
+def wire(weights: NDArray[Any], bias: NDArray[Any], parameters: dict[str, Any], ends: tuple[Any, Any], simulate: bool):
+    """Inputs, or their relays, to exc; exc to inh, which takes from every exc; exc to the counter: the two ``ends``.
+
+    Every arrow takes one step. Inh are the leaves, if there are any, and the root, the last.
+    """
     from lava.proc.dense.process import Dense
     from lava.proc.lif.process import LIF, LIFReset
     from lava.proc.sparse.process import Sparse
     from lava.utils.weightutils import SignMode
-    from scipy.sparse import identity
+    from scipy.sparse import csr_matrix, identity
 
     def across(out: Any, into: Any, adapter: str | None) -> None:
         if adapter is None or simulate:
@@ -88,21 +91,40 @@ def wire(weights: NDArray[Any], parameters: dict[str, Any], source: Any, counter
         out.connect(between.inp)
         between.out.connect(into)
 
-    n = len(weights)
-    relay = dict(parameters["relay"])
-    lateral = dict(parameters["inhibit"])
-    others = lateral.pop("weight") * (1 - np.eye(n, dtype=np.int32))
-    excite = Dense(weights=weights.astype(np.int32), sign_mode=SignMode.EXCITATORY, **parameters["excite"])
-    exc = LIFReset(shape=(n,), **parameters["exc"])
-    relays = Sparse(weights=relay.pop("weight") * identity(n, np.int32, "csr"), sign_mode=SignMode.EXCITATORY, **relay)
-    inh = LIFReset(shape=(n,), **parameters["inh"])
-    inhibit = Dense(weights=others, sign_mode=SignMode.INHIBITORY, **lateral)
-    across(source.s_out, excite.s_in, None if isinstance(source, LIF) else "PyToNxAdapter")
-    pairs = ((excite, exc), (relays, inh), (inhibit, exc))
-    for connection, population in pairs:
-        connection.a_out.connect(population.a_in)
-    exc.s_out.connect(relays.s_in)
-    inh.s_out.connect(inhibit.s_in)
+    def synapses(name: str, given: Any, kind: Any = Dense) -> Any:
+        form = {key: value for key, value in parameters[name].items() if key != "weight"}
+        return kind(weights=given, **form | {"sign_mode": SignMode[form["sign_mode"]]})
+
+    def between(source: Any, connection: Any, target: Any) -> None:
+        source.s_out.connect(connection.s_in)
+        connection.a_out.connect(target.a_in)
+
+    (source, counter), (n, inputs), leaves = ends, weights.shape, parameters["leaves"]
+    one, lateral = parameters["relay"]["weight"], parameters["inhibit"]["weight"]
+    excite = synapses("excite", weights.astype(np.int32))
+    exc = LIFReset(shape=(n,), bias_mant=bias, **parameters["exc"])
+    inh = LIFReset(shape=(leaves + 1,), **parameters["inh"])
+    if leaves:
+        own = np.arange(n) // parameters["fan_in"]
+        listen = csr_matrix((np.full(n, one, np.int32), (own, np.arange(n))), (leaves + 1, n))
+        gather = csr_matrix((np.full(leaves, one, np.int32), (np.full(leaves, leaves), np.arange(leaves))))
+        gather.resize(leaves + 1, leaves + 1)
+        take = csr_matrix((np.full(n, lateral, np.int32), (np.arange(n), np.full(n, leaves))), (n, leaves + 1))
+        between(exc, synapses("relay", listen, Sparse), inh)
+        between(inh, synapses("relay", gather, Sparse), inh)
+        between(inh, synapses("inhibit", take, Sparse), exc)
+    else:
+        between(exc, synapses("relay", np.full((1, n), one)), inh)
+        between(inh, synapses("inhibit", np.full((n, 1), lateral)), exc)
+    entrance = excite.s_in
+    if parameters["relayed"]:
+        forward = synapses("relay", one * identity(inputs, np.int32, "csr"), Sparse)
+        relays = LIFReset(shape=(inputs,), **parameters["inh"])
+        forward.a_out.connect(relays.a_in)
+        relays.s_out.connect(excite.s_in)
+        entrance = forward.s_in
+    excite.a_out.connect(exc.a_in)
+    across(source.s_out, entrance, None if isinstance(source, LIF) else "PyToNxAdapter")
     across(exc.s_out, counter.s_in, "NxToPyAdapter")
 
 
@@ -138,10 +160,11 @@ def on_cpu(process: Any, base: type) -> bool:
 class Player:
     """The network in Lava, and how a batch is presented to it."""
 
-    def __init__(self, weights: NDArray[Any], parameters: dict[str, Any], arrays: Arrays, options: dict[str, Any]):
+    def __init__(self, parameters: dict[str, Any], arrays: Arrays, options: dict[str, Any]):
         from lava.proc.lif.process import LIF
 
-        self.rates, self.keys = arrays["rates"], arrays["keys"]
+        self.rates, self.keys, weights = arrays["rates"], arrays["keys"], arrays["weights"]
+        self.level = parameters["level"]
         self.steps, self.silent = parameters["steps"], parameters["silent_steps"]
         self.simulate, interval = options["simulate"], self.steps + self.silent
         batch, inputs = min(options["batch"], len(self.rates)), weights.shape[1]
@@ -158,17 +181,23 @@ class Player:
         else:  # a Var cannot be set before the first step, so the first query's values are those it begins with
             self.source = LIF(shape=(inputs,), **self.registers(0), **self.inputs)
         counter = globals()["Counter"](self.counts, interval, self.seen)
-        wire(weights, parameters, self.source, counter, self.simulate)
+        wire(weights, arrays["bias"], parameters, (self.source, counter), self.simulate)
         if not self.simulate:
             start_board(counter, self.profiler.callbacks if self.profiler else [])
         self.process = counter
 
     def registers(self, query: int, before: int = 0) -> Arrays:
         """Of the inputs, ``before`` steps before a query begins: its bias leads the membrane to its phase."""
-        level = self.inputs["vth"] << 6
-        mantissa, exponent = biases(self.rates[query], level)
-        v = phases(int(self.keys[query]), self.rates.shape[1], level) - before * (mantissa << exponent)
+        mantissa, exponent = biases(self.rates[query], self.level)
+        v = phases(int(self.keys[query]), self.rates.shape[1], self.level) - before * (mantissa << exponent)
         return {"bias_mant": mantissa, "bias_exp": exponent, "v": v}
+
+    def drawn(self, query: int) -> NDArray[Any]:
+        """The spikes to inject for a query, bool (steps, inputs)."""
+        rates, key = self.rates[query], int(self.keys[query])
+        if self.level is None:
+            return draw_spikes(rates, key, self.steps)
+        return regular_spikes(rates, key, self.steps, self.level)
 
     def go(self, steps: int) -> None:
         """Run Lava for ``steps`` steps."""
@@ -186,7 +215,7 @@ class Player:
             train = self.spikes[: (end - start) * interval].reshape(end - start, interval, -1)
             train[:] = 0
             for row, query in zip(train, range(start, end), strict=True):
-                row[: self.steps] = draw_spikes(self.rates[query], int(self.keys[query]), self.steps)
+                row[: self.steps] = self.drawn(query)
             self.first[0] = start * interval
             self.go((end - start) * interval)
         else:

@@ -80,15 +80,16 @@ def work(folder: Path) -> int:
     try:
         options = json.loads((folder / "options.json").read_bytes())
         parameters = json.loads((folder / "parameters.json").read_bytes())
-        weights, rates, keys = (np.load(folder / f"{name}.npy") for name in ("weights", "rates", "keys"))
+        arrays = {name: np.load(folder / f"{name}.npy") for name in ("weights", "bias", "rates", "keys")}
+        queries = len(arrays["rates"])
         players: list[Player] = []
         threading.Thread(target=watch, args=(folder, options["caller"], players), daemon=True).start()
         define_processes()
         tell_failures(folder)
-        player = Player(weights, parameters, {"rates": rates, "keys": keys}, options)
+        player = Player(parameters, arrays, options)
         players.append(player)
-        for start in range(0, len(rates), options["batch"]):
-            end = min(len(rates), start + options["batch"])
+        for start in range(0, queries, options["batch"]):
+            end = min(queries, start + options["batch"])
             put(str(folder / f"batch-{start}.npy"), player.present(start, end))
         player.process.stop()
         if player.profiler:

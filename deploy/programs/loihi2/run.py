@@ -106,7 +106,7 @@ def main(words: list[str]) -> int:
     signal.signal(signal.SIGTERM, interrupt)
     try:
         manifest, files = read_bundle(str(Path(__file__).absolute().parent.parent))
-        if args.power and (args.simulate or manifest["network"].get("regular")):
+        if args.power and (args.simulate or manifest["network"].get("bias_input")):
             text = "--power needs the board, without --simulate, and injected input, of which all queries are one run"
             raise Refused("input", text)
         found, network = require(args.simulate), manifest["network"]

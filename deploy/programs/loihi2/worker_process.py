@@ -35,7 +35,7 @@ def job(files: dict[str, bytes], arrays: Arrays, options: dict[str, Any]) -> Ite
         folder = Path(name)
         if len(os.fsencode(folder)) > FOLDER_LIMIT:
             raise Refused("start", f"{folder.parent}: too long a path for Lava's sockets; set TMPDIR to a shorter one")
-        for file in ("weights.npy", "parameters.json"):
+        for file in ("weights.npy", "bias.npy", "parameters.json"):
             (folder / file).write_bytes(files[f"network/{file}"])
         for key, array in arrays.items():
             put(str(folder / f"{key}.npy"), array)

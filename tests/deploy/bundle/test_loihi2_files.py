@@ -13,68 +13,93 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.boards.loihi2_bundles import AGAIN, INTERVAL, network, queries
+from support.lava.small_networks import SMALL_LIMITS, limits
 
 from lava_vpr.config import LifNetwork
 from lava_vpr.deploy.bundle import loihi2
 from lava_vpr.deploy.bundle.folder import array_bytes, json_bytes
 from lava_vpr.encoding import draw_trains
-from lava_vpr.engine.inference.fixed import count_spikes
+from lava_vpr.engine.inference.fixed import count_spikes, inhibitory_spikes
 from lava_vpr.errors import BundleError, NetworkLimitError
 
 QUICK = settings(deadline=None, max_examples=25, derandomize=True)
 
 
+FORMS = st.tuples(st.integers(1, 8), st.booleans()).filter(lambda form: form[0] + form[1] <= 8)
+"""Bits and whether signed."""
+TRAINS = st.sampled_from([(False, False), (True, False), (True, True)])
+"""Whether regular, and made by input compartments."""
+SMALL = st.sampled_from([{}, SMALL_LIMITS])
+
+
 @QUICK
 @given(
-    bits=st.integers(1, 8),
-    shift=st.integers(0, 7),
-    bias_input=st.booleans(),
+    form=FORMS,
+    trains=TRAINS,
+    small=SMALL,
     decay=st.integers(0, 4095),
     exponent=st.integers(0, 3),
     seed=st.integers(0, 99),
 )
 def test_files_hold_the_whole_network(
-    bits: int, shift: int, bias_input: bool, decay: int, exponent: int, seed: int
+    form: tuple[int, bool],
+    trains: tuple[bool, bool],
+    small: dict[str, int],
+    decay: int,
+    exponent: int,
+    seed: int,
 ) -> None:
-    changes = {"bits": bits, "shift": shift, "bias_input": bias_input, "decay": decay, "inhibition_exponent": exponent}
-    net = network(seed, **changes)
-    files = loihi2.network_files(net)
-    assert files == loihi2.network_files(net)
-    read = loihi2.network_of(files)
+    names = ("bits", "signed", "regular", "bias_input")
+    changes = dict(zip(names, (*form, *trains), strict=True))
+    with limits(**small):
+        net = network(seed, **changes, decay=decay, inhibition_exponent=exponent)
+        files = loihi2.network_files(net)
+        assert files == loihi2.network_files(net)
+        read = loihi2.network_of(files)
     assert np.array_equal(read.weights, net.weights)
+    assert np.array_equal(read.bias, net.bias)
     assert read.scalars == net.scalars
 
 
 def test_parameters_have_the_names_of_lavas_arguments() -> None:
-    files = loihi2.network_files(network(bits=3, shift=2, inhibition_exponent=1, bias_input=True))
-    reset = {"reset_interval": 33, "reset_offset": 1}
+    files = loihi2.network_files(network(bits=3, signed=True, inhibition_exponent=1, bias_input=True))
+    reset = {"reset_interval": 32, "reset_offset": 1}
     told = json.loads(files[loihi2.PARAMETERS])
-    assert told.pop("network")["shift"] == 2
+    assert told.pop("network")["signed"] == 1
     assert told == {
-        "steps": 30,
+        "steps": 29,
         "silent_steps": 3,
+        "level": 8000 << 6,
         "inputs": {"du": 4095, "dv": 0, "vth": 8000},
-        "excite": {"num_weight_bits": 3, "weight_exp": -7},
-        "exc": {"du": 4095, "dv": 137, "vth": 20, **reset},
-        "relay": {"weight": 2, "num_weight_bits": 8, "weight_exp": 0},
+        "relayed": 0,
+        "leaves": 0,
+        "fan_in": 4096,
+        "excite": {"num_weight_bits": 4, "weight_exp": -5, "sign_mode": "MIXED"},
+        "exc": {"du": 4095, "dv": 137, "vth": 20, "bias_exp": 0, **reset},
+        "relay": {"weight": 2, "num_weight_bits": 8, "weight_exp": 0, "sign_mode": "EXCITATORY"},
         "inh": {"du": 4095, "dv": 4095, "vth": 1, **reset},
-        "inhibit": {"weight": -10, "num_weight_bits": 8, "weight_exp": 1},
+        "inhibit": {"weight": -10, "num_weight_bits": 8, "weight_exp": 1, "sign_mode": "INHIBITORY"},
     }
 
 
 @QUICK
-@given(bits=st.integers(1, 8), shift=st.integers(0, 3), bias_input=st.booleans(), seed=st.integers(0, 99))
-def test_simulation_equals_the_engine(bits: int, shift: int, bias_input: bool, seed: int) -> None:
+@given(form=FORMS, trains=TRAINS, small=SMALL, seed=st.integers(0, 99))
+def test_simulation_equals_the_engine(
+    form: tuple[int, bool], trains: tuple[bool, bool], small: dict[str, int], seed: int
+) -> None:
     """Two implementations: every spike, also over more presentations than are simulated in one go."""
-    shift = min(shift, bits - 1)
-    net = network(seed, bits=bits, shift=shift, bias_input=bias_input, threshold=3 << bits >> shift)
-    rates, keys = queries(n=loihi2.CHUNK + 2, seed=seed)
-    exc, inh, inputs = loihi2.simulate(net, rates, keys)
-    _, _, film = count_spikes(net, rates, keys, raster=True)
-    assert film.any()
-    assert np.array_equal(exc, film)
-    assert np.array_equal(inh[:, 1:], film[:, :-1])
-    assert np.array_equal(inputs, draw_trains(rates, keys, net.steps, INTERVAL, bias_input=bias_input))
+    (bits, signed), (regular, bias_input) = form, trains
+    with limits(**small):
+        net = network(
+            seed, bits=bits, signed=signed, regular=regular, bias_input=bias_input, threshold=max(2, 1 << bits)
+        )
+        rates, keys = queries(n=loihi2.CHUNK + 2, seed=seed)
+        exc, inh, inputs = loihi2.simulate(net, rates, keys)
+        _, _, film = count_spikes(net, rates, keys, raster=True)
+        assert film.any()
+        assert np.array_equal(exc, film)
+        assert np.array_equal(inh, inhibitory_spikes(net, film))
+        assert np.array_equal(inputs, draw_trains(rates, keys, net.steps, INTERVAL, regular=regular))
 
 
 def altered(change: Callable[[dict[str, Any]], object]) -> dict[str, bytes]:
@@ -104,12 +129,28 @@ def altered(change: Callable[[dict[str, Any]], object]) -> dict[str, bytes]:
             "network/parameters.json: describes no network that Loihi 2 can run (threshold 0 does not fit 1..131071",
         ),
         (
-            loihi2.network_files(network()) | {loihi2.WEIGHTS: array_bytes(np.full((10, 24), 33, np.uint8))},
+            loihi2.network_files(network()) | {loihi2.WEIGHTS: array_bytes(np.full((10, 24), 33, np.int16))},
             "network/weights.npy: holds more than the 3 bits of a weight",
         ),
         (
             loihi2.network_files(network()) | {loihi2.WEIGHTS: array_bytes(np.zeros(3, np.int8))},
-            "network/weights.npy: is int8 (3,), but must be uint8 (neurons, inputs)",
+            "network/weights.npy: is int8 (3,), but must be int16 (neurons, inputs)",
+        ),
+        (
+            loihi2.network_files(network()) | {loihi2.BIAS: array_bytes(np.zeros(9, np.int32))},
+            "network/bias.npy: is int32 (9,), but must be int32 (10,)",
+        ),
+        (
+            loihi2.network_files(network()) | {loihi2.BIAS: array_bytes(np.full(10, 4096, np.int32))},
+            "network/bias.npy: names bias mantissa 4096, of -4095..4095",
+        ),
+        (
+            loihi2.network_files(network()) | {loihi2.BIAS: array_bytes(np.full(10, 4000, np.int32))},
+            "network/parameters.json: describes no network that Loihi 2 can run (a bias of 4000 makes its neuron",
+        ),
+        (
+            altered(lambda p: p["exc"].update(bias_exp=8)),
+            "network/parameters.json: describes no network that Loihi 2 can run;",
         ),
         (loihi2.network_files(network()) | {loihi2.WEIGHTS: b"no"}, "network/weights.npy: is no array of numbers ("),
         (loihi2.network_files(network()) | {loihi2.PARAMETERS: b"no"}, "network/parameters.json: is no JSON ("),

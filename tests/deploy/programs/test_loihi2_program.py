@@ -37,6 +37,7 @@ from support.boards.loihi2_bundles import (
     write_bundle,
 )
 from support.common.small_models import small_model
+from support.lava.small_networks import SMALL_LIMITS, limits
 
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.interface import Presentations
@@ -48,19 +49,26 @@ from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 from lava_vpr.errors import LavaRunError
 from lava_vpr.isolated.runner import run_isolated
 
+WAYS: dict[str, dict[str, Any]] = {
+    "injected": {"signed": True},
+    "regular": {"regular": True},
+    "bias": {"bias_input": True, "signed": True},
+}
+"""How the networks of the bundles differ, by name."""
+
 QUICK = settings(deadline=None, max_examples=25, derandomize=True)
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Bundles with injected and with regular inputs, and queries; never written to."""
+    """Bundles, and queries; never written to."""
     root = tmp_path_factory.mktemp("loihi2")
     rates, keys = queries()
     (root / "queries").mkdir()
     np.save(root / "queries" / "rates.npy", rates)
     np.save(root / "queries" / "keys.npy", keys)
-    injected, biased = (write_bundle(root / f"bundle{int(bias)}", network(bias_input=bias)) for bias in (False, True))
-    return {"injected": injected, "bias": biased, "queries": root / "queries"}
+    bundles = {way: write_bundle(root / way, network(**changes)) for way, changes in WAYS.items()}
+    return {**bundles, "queries": root / "queries"}
 
 
 @pytest.fixture(scope="module")
@@ -176,12 +184,12 @@ def test_queries_that_do_not_fit_are_refused(made: dict[str, Path], tmp_path: Pa
 # The program in Lava's simulation, and on the stand-in
 
 
-@pytest.mark.parametrize("way", ["injected", "bias"])
+@pytest.mark.parametrize("way", WAYS)
 def test_lavas_simulation_counts_what_the_host_counts(made: dict[str, Path], way: str, tmp_path: Path) -> None:
     words = ("--queries", made["queries"], "--out", tmp_path / "out", "--batch", 2, "--simulate")
     assert program(made[way], *words) == (0, "5 of 5 queries answered")
     counts, done, status = answers(tmp_path / "out")
-    wanted, _, _ = count_spikes(network(bias_input=way == "bias"), *queries())
+    wanted, _, _ = count_spikes(network(**WAYS[way]), *queries())
     assert counts.dtype == np.int32
     assert np.array_equal(counts, wanted)
     assert wanted.any(axis=1).all()
@@ -191,18 +199,31 @@ def test_lavas_simulation_counts_what_the_host_counts(made: dict[str, Path], way
     assert not list(made[way].rglob("__pycache__"))  # the bundle is as it was
 
 
-@pytest.mark.parametrize("way", ["injected", "bias"])
+@pytest.mark.parametrize("way", WAYS)
 def test_the_board_answers_as_the_host(made: dict[str, Path], way: str, tmp_path: Path) -> None:
     """All of the network is on the chip, with the bundle's own weights; all steps are run, and no more."""
     weights = str(made[way] / "network" / "weights.npy")
     env = environment(options=asked(tmp_path, weights=weights, log=str(tmp_path / "log")))
     code, text = program(made[way], "--self-test", "--batch", 3, env=env)
-    wanted, _, _ = count_spikes(network(bias_input=way == "bias"), *queries())
+    wanted, _, _ = count_spikes(network(**WAYS[way]), *queries())
     assert (code, text) == (0, f"equal: 5 references, 40 counts, {wanted.sum()} spikes")
-    own = "NxToPyAdapter, PyToNxAdapter" if way == "injected" else "LIF, LIFReset, LIFReset, NxToPyAdapter"
-    parts = ["Dense", "Dense", *(["LIFReset", "LIFReset"] if way == "injected" else []), *own.split(", "), "Sparse"]
+    parts = [*["Dense"] * 3, *["LIFReset"] * 2, "LIF" if way == "bias" else "PyToNxAdapter", "NxToPyAdapter"]
     log = (tmp_path / "log").read_text(encoding="utf-8").splitlines()
     assert log == [f"placed {', '.join(sorted(parts))}", f"ran {5 * INTERVAL} steps"]
+
+
+def test_leaves_and_relays_stand_on_the_board(tmp_path: Path) -> None:
+    with limits(**SMALL_LIMITS):
+        net = network()
+        bundle = write_bundle(tmp_path / "bundle", net)
+        wanted, _, _ = count_spikes(net, *queries())
+    direct, _, _ = count_spikes(network(), *queries())
+    assert not np.array_equal(wanted, direct)
+    env = environment(options=asked(tmp_path, log=str(tmp_path / "log")))
+    assert program(bundle, "--self-test", env=env) == (0, f"equal: 5 references, 40 counts, {wanted.sum()} spikes")
+    parts = ["Dense", *["LIFReset"] * 3, "NxToPyAdapter", "PyToNxAdapter", *["Sparse"] * 4]
+    log = (tmp_path / "log").read_text(encoding="utf-8").splitlines()
+    assert log == [f"placed {', '.join(parts)}", f"ran {5 * INTERVAL} steps"]
 
 
 @pytest.mark.parametrize(
@@ -212,7 +233,7 @@ def test_the_board_answers_as_the_host(made: dict[str, Path], way: str, tmp_path
         pytest.param(
             "exit", r"a process of Lava's \(SystemProcess-\d+\) ended with code 9; run again", marks=pytest.mark.slow
         ),
-        ("pause", r"queries 2 to 3: the read-out covers \d+ of 66 steps; run them again, and see to the board"),
+        ("pause", r"queries 2 to 3: the read-out covers \d+ of 64 steps; run them again, and see to the board"),
     ],
 )
 def test_a_board_that_fails_loses_no_answer(made: dict[str, Path], fault: str, said: str, tmp_path: Path) -> None:
@@ -224,7 +245,7 @@ def test_a_board_that_fails_loses_no_answer(made: dict[str, Path], fault: str, s
     assert re.match(said, text)
     assert text.endswith(" (2 of 5 queries answered)")
     counts, done, status = answers(out)
-    wanted, _, _ = count_spikes(network(), *queries())
+    wanted, _, _ = count_spikes(network(**WAYS["injected"]), *queries())
     assert done.tolist() == [True, True, False, False, False]
     assert np.array_equal(counts[:2], wanted[:2])
     assert (counts[2:] == -1).all()
@@ -296,11 +317,12 @@ def until(condition: Callable[[], bool]) -> None:
 def test_a_network_on_the_cpu_is_refused(made: dict[str, Path], tmp_path: Path) -> None:
     """Lava would run it there without a word: a lava-loihi that lacks one model."""
     lacking = shutil.copytree(STANDIN, tmp_path / "standin")
-    (lacking / "lava" / "proc" / "sparse" / "ncmodels.py").unlink()
+    (lacking / "lava" / "proc" / "dense" / "ncmodels.py").unlink()
     code, text = program(made["injected"], "--self-test", env=environment(lacking))
     assert code == 1
     assert text == (
-        "Loihi2HwCfg would run on the CPU: Sparse (PySparseModelFloat); install lava-loihi for lava-nc 0.10"
+        "Loihi2HwCfg would run on the CPU: Dense (PyDenseModelFloat), Dense (PyDenseModelFloat), "
+        "Dense (PyDenseModelFloat); install lava-loihi for lava-nc 0.10"
     )
 
 
@@ -339,7 +361,8 @@ def board(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., None
 def test_the_backend_counts_what_the_host_counts(board: Callable[..., None], way: int, tmp_path: Path) -> None:
     model = small_model()
     assert isinstance(model.network, FixedNetwork)
-    model = replace(model, network=replace(model.network, bias_input=way))
+    network = replace(model.network, regular=model.network.regular or way, bias_input=way)
+    model = replace(model, network=network)
     np.save(tmp_path / "weights.npy", model.network.stored[0])
     board(weights=str(tmp_path / "weights.npy"), log=str(tmp_path / "log"))
     shown = Presentations(query_rates(model.activity, model.config)[:3], 0)
@@ -354,7 +377,7 @@ def test_the_backend_counts_what_the_host_counts(board: Callable[..., None], way
     assert all(np.array_equal(getattr(trains, name), getattr(expected, name)) for name in trains.POPULATIONS)
     log = (tmp_path / "log").read_text(encoding="utf-8").splitlines()
     assert len(log) == 4
-    assert log[1] == f"ran {3 * (model.network.steps + 3)} steps"
+    assert log[1] == f"ran {3 * network.interval} steps"
 
 
 def test_the_backend_says_that_the_board_fails(board: Callable[..., None]) -> None:

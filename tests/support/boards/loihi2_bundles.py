@@ -9,30 +9,37 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from support.boards import host_programs
+from support.lava.small_networks import random_bias
 
 from lava_vpr.deploy.bundle import folder as bundle_folder
 from lava_vpr.deploy.bundle import loihi2
 from lava_vpr.deploy.bundle.folder import array_bytes
-from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
+from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes, silent_steps
 from lava_vpr.engine.random import presentation_keys
 
 STANDIN = Path(__file__).parents[1] / "standins" / "loihi2"
 AGAIN = "; deploy the model again or fetch an intact copy"
-IMAGES, PLACES, INTERVAL = 5, 4, 33
+IMAGES, PLACES, INTERVAL = 5, 4, 32
 
 
-def network(seed: int = 0, inputs: int = 24, neurons: int = 10, **changes: int) -> FixedNetwork:
-    """A small network whose neurons spike."""
-    numbers = {"bits": 3, "shift": 0, "threshold": 20, "inhibition": 10, "inhibition_exponent": 0, "decay": 137}
-    numbers |= {"steps": INTERVAL - 3, "bias_input": False} | changes
-    weights = np.random.default_rng(seed).random((inputs, neurons)) ** 4 * (1 << numbers["bits"])
-    return FixedNetwork(weights.astype(np.uint8), **numbers)
+def network(seed: int = 0, inputs: int = 24, neurons: int = 10, **changes: Any) -> FixedNetwork:
+    """A small network whose neurons spike; bias inputs are regular."""
+    numbers = {"bits": 3, "signed": False, "threshold": 20, "inhibition": 10, "inhibition_exponent": 0, "decay": 137}
+    numbers |= {"regular": changes.get("bias_input", False), "bias_input": False} | changes
+    rng = np.random.default_rng(seed)
+    weights = rng.random((inputs, neurons)) ** 4 * (1 << numbers["bits"])
+    if numbers["signed"]:
+        weights *= rng.choice([-1, 1], weights.shape, p=[0.2, 0.8])
+    numbers = {"steps": INTERVAL - silent_steps(neurons, numbers["bias_input"])} | numbers
+    plain = FixedNetwork(weights.astype(np.int16), np.zeros(neurons, np.int32), **numbers)
+    return replace(plain, bias=random_bias(rng, plain))
 
 
 def queries(inputs: int = 24, n: int = IMAGES, seed: int = 0) -> tuple[NDArray[np.uint16], NDArray[np.uint64]]:

@@ -69,13 +69,14 @@ def _check_synapses(process: Any) -> None:
     check_range("num_weight_bits", bits, 1, 8)
     check_range("weight_exp", exponent, -7, 7)
     check_range("num_message_bits", process.num_message_bits.init, 0, 0)
-    if sign not in (SignMode.EXCITATORY, SignMode.INHIBITORY):
+    ranges = {SignMode.EXCITATORY: (0, 255), SignMode.INHIBITORY: (-255, 0), SignMode.MIXED: (-256, 255)}
+    if sign not in ranges:
         raise StandinError(f"sign mode {sign} leaves it to Lava to choose")
-    low, high = (0, 255) if sign is SignMode.EXCITATORY else (-255, 0)
-    check_range("weight", values, low, high)
-    if np.any(np.abs(values) & ((1 << (8 - bits)) - 1)):
+    check_range("weight", values, *ranges[sign])
+    spare = 8 - bits + (sign is SignMode.MIXED)  # one bit is the sign
+    if np.any(np.abs(values) & ((1 << spare) - 1)):
         raise StandinError(f"weights have more than {bits} bits, the lowest would be lost")
     wanted = options().get("weights")
-    if wanted and isinstance(process, Dense) and sign is SignMode.EXCITATORY:
+    if wanted and isinstance(process, Dense) and min(values.shape) > 1:
         if not np.array_equal(values, np.load(wanted)):
             raise StandinError("the weights of Dense are not those of the bundle")
