@@ -16,10 +16,12 @@ from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, Rule
 from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS, StepDraws
 from lava_vpr.engine.learning.lava_order import FoldedPhase, FoldedTrainer
 from lava_vpr.isolated.worker import report
+from lava_vpr.processes.base.encoders import EncoderProcess
 from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.networks.learning_place_network.process import LearningPlaceNetwork
 from lava_vpr.processes.networks.library_learning_network.process import LibraryLearningNetwork
 from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
+from lava_vpr.processes.regular_encoder.process import RegularEncoder
 from lava_vpr.processes.spike_counter.process import SpikeCounter
 
 LEARNING, LIBRARY, FOLDED = (f"lava_vpr.processes.jobs.learning:{name}" for name in ("learning", "library", "folded"))
@@ -35,6 +37,12 @@ def learning_of(options: Mapping[str, Any]) -> IntegerLearning:
     """The phase of learning that `options_of` wrote."""
     rule = dict(options["rule"], products=tuple((int(m), int(e)) for m, e in options["rule"]["products"]))
     return IntegerLearning(**{**options, "rule": Rule(**rule), "neurons": LifParameters(**options["neurons"])})
+
+
+def _encoder(phase: IntegerLearning, rates: NDArray[np.uint16], keys: NDArray[np.uint64]) -> EncoderProcess:
+    """What sends the input spikes of the presentations of ``phase``."""
+    kind = RegularEncoder if phase.regular else PoissonEncoder
+    return kind(rates=rates, keys=keys, steps=phase.steps, silent_steps=SILENT_STEPS)
 
 
 def learning(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
@@ -60,7 +68,7 @@ def learning(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> 
     weights, traces = shared_array((n, neurons, inputs), kind), shared_array((n, inputs), kind)
     theta = np.zeros((n, neurons), np.int64 if tag == "fixed_pt" else np.float64)
     draws = StepDraws(arrays["trace_draws"], arrays["weight_draws"]) if "trace_draws" in arrays else None
-    encoder = PoissonEncoder(rates=rates, keys=keys, steps=phase.steps, silent_steps=SILENT_STEPS)
+    encoder = _encoder(phase, rates, keys)
     network = LearningPlaceNetwork(
         learning=phase, state=state, keys=keys, draws=draws, record_weights=weights, record_traces=traces
     )
@@ -93,7 +101,7 @@ def library(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> d
     """
     phase = learning_of(options["learning"])
     state = IntegerState(arrays["weights"], arrays["theta"])
-    encoder = PoissonEncoder(rates=arrays["rates"], keys=arrays["keys"], steps=phase.steps, silent_steps=SILENT_STEPS)
+    encoder = _encoder(phase, arrays["rates"], arrays["keys"])
     network = LibraryLearningNetwork(learning=phase, state=state, rng_seed=options["rng_seed"])
     raster = shared_array((1, network.interval, len(state.theta)), np.uint8)
     counter = SpikeCounter(shape=state.theta.shape, presentations=1, interval=network.interval, raster=raster)
@@ -131,7 +139,7 @@ def folded(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> di
     n, (inputs, neurons) = len(rates), state.weights.shape
     boundary = trainer.begin(int(keys[0]))
     start = IntegerState(boundary.weights, np.full(neurons, trainer.common, np.int32))
-    encoder = PoissonEncoder(rates=rates, keys=keys, steps=chip.steps, silent_steps=SILENT_STEPS)
+    encoder = _encoder(chip, rates, keys)
     network = LibraryLearningNetwork(
         learning=chip, state=start, rng_seed=trainer.seeds[epoch], mantissas=boundary.mantissas
     )

@@ -39,7 +39,7 @@ CONSOLIDATION = dataclasses.replace(
     rule=Rule(((5, -7), (-2, -7)), 20, 1, 10.0),
     neurons=dataclasses.replace(COMPETITION.neurons, theta_plus=0),
 )
-LATE = dataclasses.replace(COMPETITION, late_theta=True)
+LATE = dataclasses.replace(COMPETITION, late_theta=True, regular=True)
 PLAIN = dataclasses.replace(COMPETITION, neurons=LifParameters(dv=205), weight_sum=0)
 
 
@@ -83,7 +83,7 @@ def hold_against_host(
 
 
 @pytest.mark.parametrize(
-    "phase", [COMPETITION, CONSOLIDATION, LATE], ids=["competition", "consolidation", "late theta"]
+    "phase", [COMPETITION, CONSOLIDATION, LATE], ids=["competition", "consolidation", "late theta, regular trains"]
 )
 def test_every_weight_trace_threshold_and_spike_equals_the_host_engine(phase: IntegerLearning) -> None:
     assert hold_against_host(phase, *start()) > 30

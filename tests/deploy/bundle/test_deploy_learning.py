@@ -15,6 +15,7 @@ from lava_vpr.configfile import update
 from lava_vpr.deploy.bundle.folder import Bundle, json_bytes
 from lava_vpr.deploy.bundle.learning import ChipLearning, chip_learning, learned_on_chip, learning_files, read_learning
 from lava_vpr.encoding import EncodedTraverse, draw_spikes
+from lava_vpr.engine.inference.bias_input import bias_input_spikes
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS
 from lava_vpr.engine.learning.lava_order import FoldedPhase, LibraryDraws, fold, laterals, unfold
@@ -50,10 +51,10 @@ def traverse(config: Config, seed: int) -> EncodedTraverse:
     )
 
 
-@pytest.fixture(scope="module")
-def model() -> Model:
+@pytest.fixture(scope="module", params=["regular", "poisson"])
+def model(request: pytest.FixtureRequest) -> Model:
     """A model of two stretches, from two traverses."""
-    config = small_config()
+    config = small_config(trains=request.param)
     return train([traverse(config, 1), traverse(config, 2)], config)
 
 
@@ -133,7 +134,8 @@ def slow_presentation(
     draws = LibraryDraws(part.seeds[0])
     for _ in range(k + 1):
         trace_draws, weight_draws = draws.next(chip.steps + SILENT_STEPS)
-    spikes = draw_spikes(part.rates[part.images[k]], int(part.keys[k]), chip.steps)
+    spikes_of = bias_input_spikes if chip.regular else draw_spikes
+    spikes = spikes_of(part.rates[part.images[k]], int(part.keys[k]), chip.steps)
     w, neurons = weights.astype(np.int64), weights.shape[1]
     v, x = np.zeros(neurons, np.int64), np.zeros(len(w), np.int64)
     arrived, fired, relayed = np.zeros(neurons, np.int64), np.zeros(neurons, bool), np.zeros(neurons, bool)
