@@ -50,7 +50,7 @@ membranes that are 0, which SANA-FE updates and the chip's registers do not tell
 MANY = {8: 4_200, 22: 1_100}
 """Neurons of the random networks with leaves and relays."""
 
-console = Console(highlight=False, width=118)
+console = Console(highlight=False, width=132)
 
 
 @dataclass(frozen=True)

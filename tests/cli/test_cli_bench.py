@@ -19,7 +19,7 @@ from lava_vpr.bench.measure import timing
 from lava_vpr.bench.results import Candidate, Measured, Peer
 from lava_vpr.cli import main
 from lava_vpr.encoding import encode_traverse
-from lava_vpr.engine.inference.fixed import SILENT_STEPS, FixedNetwork
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import ConfigError
 from lava_vpr.recognition import count_query_spikes
 from lava_vpr.traverse import open_traverse
@@ -67,7 +67,7 @@ def test_counts_and_recall_are_those_of_the_run(quick: Path) -> None:
     model = model_file.load("m.lvpr")
     assert isinstance(model.network, FixedNetwork)
     counts = values["counts"]
-    assert counts["steps"] == model.network.steps + SILENT_STEPS
+    assert counts["steps"] == model.network.interval
     assert counts == values["modelled"]["kapoho-bay"]["counts"]
     # The engine counts inputs and spikes by itself, without a mapping.
     queries = encode_traverse(open_traverse("query"), model.config.encoder)
