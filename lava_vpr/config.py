@@ -13,6 +13,7 @@ from typing import Literal
 
 from lava_vpr.errors import ConfigError, brief
 from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
+from lava_vpr.inputs.views import ViewsConfig
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.ranges import need, real, whole, within
 
@@ -280,6 +281,7 @@ class Config:
     seed: int = 0
     stretch: int = 100
     encoder: EncoderConfig = field(default_factory=EncoderConfig)
+    views: ViewsConfig = field(default_factory=ViewsConfig)
     network: LifNetwork | ConductanceNetwork = field(default_factory=LifNetwork)
     learning: StdpLearning | ConductanceLearning = field(default_factory=StdpLearning)
     decoder: DecoderConfig = field(default_factory=DecoderConfig)
@@ -293,12 +295,14 @@ class Config:
                 f"network.model {self.network.model!r} does not go with learning.rule {self.learning.rule!r}; "
                 "use lif with stdp, or conductance with triplet or paper"
             )
+        if isinstance(self.network, ConductanceNetwork) and len(self.views.views) > 1:
+            raise ConfigError("the conductance network learns one view; set views.shifts and views.scales to 1")
         if isinstance(self.network, ConductanceNetwork) and not INPUTS[self.encoder.kind].grey_levels:
             kinds = " or ".join(repr(name) for name, row in INPUTS.items() if row.grey_levels)
             raise ConfigError(f"the conductance network takes encoder.kind {kinds}, not {self.encoder.kind!r}")
 
     def neurons_for(self, places: int) -> int:
-        """Excitatory neurons of one stretch of ``places`` places."""
+        """Excitatory neurons of one stretch of ``places`` places in one view."""
         if isinstance(self.network, LifNetwork) and self.network.neurons == 0:
             return max(1, round(self.network.neurons_per_place * places))
         return self.network.neurons

@@ -6,7 +6,7 @@ for the ``paper`` preset's 0.1 ms. An input spikes when its draw of the same wid
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Flag, auto
 from itertools import islice
@@ -22,6 +22,7 @@ from lava_vpr.engine.random import draws
 from lava_vpr.errors import InputError
 from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
 from lava_vpr.inputs.patches import PATCH_SIDE, patch_normalised
+from lava_vpr.inputs.views import STRAIGHT, View, seen_as
 from lava_vpr.traverse import Traverse
 
 THUMBNAIL = (64, 48)
@@ -162,16 +163,31 @@ def encode_traverse(
     Raises:
         InputError: an image cannot be read.
     """
-    return _encoded(traverse, traverse.images(), encoder, keep, progress)
+    return encode_views(traverse, encoder, (STRAIGHT,), keep, progress)[0]
+
+
+def encode_views(
+    traverse: Traverse,
+    encoder: EncoderConfig,
+    views: Sequence[View],
+    keep: Keep = Keep.NOTHING,
+    progress: Callable[[int], None] | None = None,
+) -> tuple[EncodedTraverse, ...]:
+    """`encode_traverse` of every image in each of ``views``: one encoded traverse a view, in their order."""
+    return _encoded(traverse, traverse.images(), encoder, views, keep, progress)
 
 
 def encoded_batches(
-    traverse: Traverse, encoder: EncoderConfig, size: int, progress: Callable[[int], None] | None = None
-) -> Iterator[EncodedTraverse]:
-    """`encode_traverse` for ``size`` images at a time, in order; a batch is encoded when it is asked for.
+    traverse: Traverse,
+    encoder: EncoderConfig,
+    views: Sequence[View],
+    size: int,
+    progress: Callable[[int], None] | None = None,
+) -> Iterator[tuple[EncodedTraverse, ...]]:
+    """`encode_views` for ``size`` images at a time, in order; a batch is encoded when it is asked for.
 
     Args:
-        traverse, encoder, progress: As in `encode_traverse`.
+        traverse, encoder, views, progress: As in `encode_views`.
         size: Images in a batch, but for the last.
     Raises:
         InputError: an image cannot be read.
@@ -179,31 +195,42 @@ def encoded_batches(
     images = traverse.images()  # once for all batches: a video is decoded in one pass
     for start in range(0, len(traverse), size):
         part = traverse.take(range(start, min(start + size, len(traverse))))
-        yield _encoded(part, images, encoder, Keep.NOTHING, progress)
+        yield _encoded(part, images, encoder, views, Keep.NOTHING, progress)
 
 
 def _encoded(
     traverse: Traverse,
     images: Iterator[NDArray[np.uint8]],
     encoder: EncoderConfig,
+    views: Sequence[View],
     keep: Keep,
     progress: Callable[[int], None] | None,
-) -> EncodedTraverse:
-    """The next images of ``images``, which are those of ``traverse``, encoded."""
-    n = len(traverse)
-    activity = np.empty((n, encoder.inputs), np.float32)
-    patches = np.empty((n, PATCH_SIDE, PATCH_SIDE), np.uint8) if Keep.PATCHES in keep else None
-    thumbnails = np.empty((n, THUMBNAIL[1], THUMBNAIL[0], 3), np.uint8) if Keep.THUMBNAILS in keep else None
-    for i, image in enumerate(islice(images, n)):
-        patch = None
-        if patches is not None:
-            patch = patches[i] = patch_normalised(image)
-        activity[i] = activity_of(image, encoder, patch)
-        if thumbnails is not None:
-            thumbnails[i] = thumbnail(image)
+) -> tuple[EncodedTraverse, ...]:
+    """The next images of ``images``, which are those of ``traverse``, encoded in each of ``views``."""
+    n, v = len(traverse), len(views)
+    activity = np.empty((v, n, encoder.inputs), np.float32)
+    patches = np.empty((v, n, PATCH_SIDE, PATCH_SIDE), np.uint8) if Keep.PATCHES in keep else None
+    thumbnails = np.empty((v, n, THUMBNAIL[1], THUMBNAIL[0], 3), np.uint8) if Keep.THUMBNAILS in keep else None
+    for i, whole in enumerate(islice(images, n)):
+        for k, view in enumerate(views):
+            image, patch = seen_as(whole, view), None
+            if patches is not None:
+                patch = patches[k, i] = patch_normalised(image)
+            activity[k, i] = activity_of(image, encoder, patch)
+            if thumbnails is not None:
+                thumbnails[k, i] = thumbnail(image)
         if progress is not None:
             progress(1)
-    return EncodedTraverse(traverse.names, traverse.indices, activity, patches, thumbnails)
+    return tuple(
+        EncodedTraverse(
+            traverse.names,
+            traverse.indices,
+            activity[k],
+            None if patches is None else patches[k],
+            None if thumbnails is None else thumbnails[k],
+        )
+        for k in range(v)
+    )
 
 
 def rates16(activity: NDArray[np.float32], spikes_per_step: float) -> NDArray[np.uint16]:

@@ -27,12 +27,13 @@ from lava_vpr.storage.text import shown
 
 @dataclass(frozen=True)
 class Stretch:
-    """Part of a route learned by neurons of its own: ``places`` and ``neurons`` count from ``first_*``."""
+    """Part of a route in one view, learned by neurons of its own; ``places`` and ``neurons`` count from ``first_*``."""
 
     first_place: int
     places: int
     first_neuron: int
     neurons: int
+    view: int = 0
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,8 @@ class Model:
         place_indices: Absolute index of each place in its traverse, int64 (places,).
         place_names: File name of each place's image in the first traverse.
         route_images: Images in the whole first traverse, of which the places may be a part.
-        labels: Place of each reference image, int64 (images,): one image per place and traverse.
+        labels: Place of each reference image, int64 (images,): one image per place, view and traverse, traverse after
+            traverse, of each view after view.
         patches: Patch-normalised reference images, uint8 (images, 28, 28).
         activity: Input responses to the reference images, float32 (images, inputs).
         thumbnails: First traverse's images, small, uint8 (places, 48, 64, 3) BGR.

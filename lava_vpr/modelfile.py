@@ -5,9 +5,9 @@ traverses, I inputs (of the settings), N neurons:
 
     version        text of 1 to 40 printable characters
     config         settings, each of its type and within its range (`lava_vpr.config`)
-    stretches      rows of four whole numbers: first place, places, first neuron, neurons; each has one place at
-                   least and the neurons that the settings make for so many, and together they tile P and N in order;
-                   one row with preset ``paper``
+    stretches      rows of five whole numbers: first place, places, first neuron, neurons, view; each has one place at
+                   least and the neurons that the settings make for so many; those of each view, view after view, tile P
+                   in order, and all together N; one row with preset ``paper``
     place_names    P texts, at least 2, of at most 1,024 characters, without NUL, that UTF-8 can write
     route_images   whole number, at least P
     training       the figures in `FIGURES`, finite, at least 0
@@ -58,7 +58,7 @@ class Contents(NamedTuple):
 
     config: Config
     network: FixedNetwork | ConductanceState
-    stretches: tuple[tuple[int, int, int, int], ...]
+    stretches: tuple[tuple[int, int, int, int, int], ...]
     place_names: tuple[str, ...]
     route_images: int
     training: dict[str, float]
@@ -102,7 +102,9 @@ def checked(
     config = _config(header, network)
     names = check_names(header["place_names"])
     stretches = _stretches(header["stretches"], len(names), config)
-    sizes = Sizes(len(names), _images(arrays, len(names)), config.encoder.inputs, sum(stretches[-1][2:]))
+    sizes = Sizes(
+        len(names), _images(arrays, len(names), len(config.views.views)), config.encoder.inputs, sum(stretches[-1][2:4])
+    )
     effort.check_query(config, sizes.neurons)
     kept = dict(arrays)
     if network is None:
@@ -202,35 +204,38 @@ def _writeable(text: str) -> bool:
     return True
 
 
-def _stretches(value: object, places: int, config: Config) -> tuple[tuple[int, int, int, int], ...]:
+def _stretches(value: object, places: int, config: Config) -> tuple[tuple[int, int, int, int, int], ...]:
     """The stretches, in order and without gaps."""
     if not isinstance(value, list) or not value:
         raise UnfitError(f"stretches {brief(value)}")
     if isinstance(config.network, ConductanceNetwork) and len(value) > 1:
         raise UnfitError(f"{len(value)} stretches of a conductance model, which learns in one")
-    rows: list[tuple[int, int, int, int]] = []
-    place = neuron = 0
+    rows: list[tuple[int, int, int, int, int]] = []
+    place = neuron = view = 0
+    views = len(config.views.views)
     for row in value:
-        if not isinstance(row, list) or len(row) != 4:
+        if not isinstance(row, list) or len(row) != 5:
             raise UnfitError(f"stretch {brief(row)}")
+        if place == places and view < views - 1:
+            place, view = 0, view + 1
         name = f"stretch {len(rows)} {brief(row)} with"
         first_place, length = count(row[0], name, place, place), count(row[1], name, 1, places - place)
         wanted = config.neurons_for(length)
         first_neuron, neurons = count(row[2], name, neuron, neuron), count(row[3], name, wanted, wanted)
-        rows.append((first_place, length, first_neuron, neurons))
+        rows.append((first_place, length, first_neuron, neurons, count(row[4], name, view, view)))
         place, neuron = place + length, neuron + neurons
-    if place != places:
-        raise UnfitError(f"stretches of {place} places for {places} names")
+    if place != places or view != views - 1:
+        raise UnfitError(f"stretches of {place} places in view {view} for {places} names and {views} views")
     return tuple(rows)
 
 
-def _images(arrays: Mapping[str, NDArray[Any]], places: int) -> int:
-    """The number of reference images: one for each place in every traverse."""
+def _images(arrays: Mapping[str, NDArray[Any]], places: int, views: int) -> int:
+    """The number of reference images: one for each place in every view and traverse."""
     if "labels" not in arrays:
         raise UnfitError(brief("labels"))
     shape = arrays["labels"].shape
-    if len(shape) != 1 or shape[0] < places or shape[0] % places:
-        raise UnfitError(f"labels of shape {shape} for {places} places")
+    if len(shape) != 1 or shape[0] < places or shape[0] % (places * views):
+        raise UnfitError(f"labels of shape {shape} for {places} places in {views} views")
     return int(shape[0])
 
 

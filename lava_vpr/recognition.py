@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,15 +11,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.asking import PLAINLY, Asker, Asking, adapted_scores, summed
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.interface import Advance, Backend, Events, Presentations, query_presentations
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.encoding import EncodedTraverse, encoded_batches, query_rates
+from lava_vpr.engine.adaptation import Adaptation
 from lava_vpr.matching import baselines, sequences
 from lava_vpr.matching.answers import Answers, LookingBack, answers_of
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.matching.evaluation import Metrics, evaluate
-from lava_vpr.model import Model, decode, prepare
+from lava_vpr.model import Model, decode, integer_model, prepare
 from lava_vpr.traverse import Traverse
 
 BASELINES = ("sad", "cosine")
@@ -36,8 +38,10 @@ class Recognition:
         scores: Scores of the default decoder and of the baselines, float64 (n, places), higher is better, if they were
             to be kept. With sequences, row and column are the first query and place of each window.
         metrics: Figures by matcher.
+        adapted: Figures of the default decoder and of the baselines where they adapt to the queries before, by matcher;
+            empty unless that was asked for. Everything else is without.
         truth: bool (n, places).
-        matches: The default decoder's place of each query, -1 for none, int64 (n,).
+        matches: The default decoder's place of each query, -1 for none, int64 (n,); adapted, if that was asked for.
         confidence: Confidence of those matches, float64 (n,).
         counts: Spike counts of all queries, int32 (queries, neurons).
         events: Counted events, summed over all queries.
@@ -46,6 +50,7 @@ class Recognition:
     default: str
     scores: dict[str, NDArray[np.float64]] = field(repr=False)
     metrics: dict[str, Metrics]
+    adapted: dict[str, Metrics]
     truth: NDArray[np.bool_] = field(repr=False)
     matches: NDArray[np.int64] = field(repr=False)
     confidence: NDArray[np.float64] = field(repr=False)
@@ -102,6 +107,7 @@ def answer_stream(
     *,
     backend: str = "host",
     sequence: int = 1,
+    asking: Asking = PLAINLY,
     seed: int | None = None,
     threads: int = 1,
     read: Advance | None = None,
@@ -109,13 +115,14 @@ def answer_stream(
 ) -> Iterator[Answered]:
     """Answer the images of a traverse, some at a time: however many they are, few are in memory.
 
-    Every answer is the one that it has among all queries at once, bit for bit.
+    Every answer is the one that it has among all queries at once, bit for bit, and alone, unless the network adapts.
 
     Args:
         model: A trained model.
         traverse: The images.
         backend: Name in `lava_vpr.backends.registry.BACKENDS`.
         sequence: Queries that are matched together, each with those before it; 1: each alone.
+        asking: How they are asked.
         seed: The seed of the queries' noise; None: the model's.
         threads: Threads of the backend; does not change the result.
         read: Told how many more images are read.
@@ -126,17 +133,19 @@ def answer_stream(
     chosen, calls = backends.get(backend, threads, advance), max(1, BACKENDS[backend].together // BATCH)
     state = LookingBack.of(model.config.decoder.default, model.places, sequence)
     scores_of = prepare(model)
-    batches = encoded_batches(traverse, model.config.encoder, BATCH, read)
-    shown = (query_presentations(model, batch, seed) for batch in batches)
-    first = 0
+    asking.check(model)
+    batches = encoded_batches(traverse, model.config.encoder, asking.of(model), BATCH, read)
+    asker, first = Asker(model, asking, seed), 0
+    shown = (asker.presentations(batch) for batch in batches)
     while group := list(islice(shown, calls)):
         counts, _ = chosen.count_spikes(model, Presentations.joined(group))
-        for start in range(0, len(counts), BATCH):
-            some = counts[start : start + BATCH]
-            part = traverse.take(range(first + start, first + start + len(some)))
+        ends = np.cumsum([len(some.rates) for some in group])
+        for of_batch in np.split(counts, ends[:-1]):
+            some = summed(of_batch, asking.views)
+            part = traverse.take(range(first, first + len(some)))
             state, answers = state.update(scores_of(some))
             yield Answered(part.names, part.indices, answers)
-        first += len(counts)
+            first += len(some)
 
 
 @dataclass(frozen=True)
@@ -148,12 +157,14 @@ class Comparison:
         rivals: Baselines to compute, of `BASELINES`.
         descriptors: .npy files of reference and query descriptors, one row per image in use; None: no such matcher.
         keep_scores: Whether the result holds matrices of scores, which a report draws.
+        asking: How queries are asked; where the network adapts, figures without that stand beside.
     """
 
     sequence: int = 1
     rivals: Sequence[str] = BASELINES
     descriptors: tuple[Path, Path] | None = None
     keep_scores: bool = True
+    asking: Asking = PLAINLY
 
 
 EVERYTHING = Comparison()
@@ -173,6 +184,7 @@ def recognise(
     threads: int = 1,
     advance: Advance | None = None,
     shown: Presentations | None = None,
+    further: Sequence[EncodedTraverse] = (),
 ) -> Recognition:
     """Answer every query and hold the answers against the truth.
 
@@ -182,6 +194,7 @@ def recognise(
         truth: bool (n_queries, places).
         comparison: How queries are matched, and with what the decoder is compared.
         backend, seed, threads, advance, shown: As in `count_query_spikes`.
+        further: The queries in the further views in which they are presented (`Asking.of`).
     Raises:
         LavaVprError: the queries, the descriptors or the sequence do not fit the model, or the backend cannot run.
     """
@@ -189,31 +202,77 @@ def recognise(
     if comparison.sequence > 1:
         truth = sequences.sequence_truth(truth, comparison.sequence)
     others = _descriptor_scores(model, queries, comparison.descriptors)
-    shown = query_presentations(model, queries, seed) if shown is None else shown
-    counts, events = count_query_spikes(model, queries, backend=backend, threads=threads, advance=advance, shown=shown)
+    comparison.asking.check(model)
+    shown = Asker(model, seed=seed).presentations((queries, *further)) if shown is None else shown
+    shown_counts, events = count_query_spikes(
+        model, queries, backend=backend, threads=threads, advance=advance, shown=shown
+    )
+    counts, rates = summed(shown_counts, comparison.asking.views), shown.rates[: len(queries)]
     default = model.config.decoder.default
     kept: dict[str, NDArray[np.float64]] = {}
     metrics = {}
     # One matrix at a time: of long routes, all of them together would not fit small memories.
-    for name, scores in _every_matcher(model, queries, shown.rates, counts, comparison.rivals, others):
-        together = comparison.sequence > 1
-        matrix = sequences.sequence_scores(scores, comparison.sequence) if together else scores
-        answers = answers_of("sequence" if together else name, matrix)
+    for name, scores in _every_matcher(model, queries, rates, counts, comparison.rivals, others):
+        matrix, answers = _answers(name, scores, comparison.sequence)
         metrics[name] = evaluate(matrix, answers.confidence, truth)
         if name == default:
             default_answers = answers
         if comparison.keep_scores and (name == default or name not in DECODERS):
             kept[name] = matrix
+    adapted = {}
+    for name, scores in _adapted_matchers(model, queries, shown, comparison, backend, threads, advance):
+        matrix, answers = _answers(name, scores, comparison.sequence)
+        adapted[name] = evaluate(matrix, answers.confidence, truth)
+        if name == default:
+            default_answers = answers
     return Recognition(
         default=default,
         scores=kept,
         metrics=metrics,
+        adapted=adapted,
         truth=truth,
         matches=default_answers.matches,
         confidence=default_answers.confidence,
         counts=counts,
         events=events,
     )
+
+
+def _answers(name: str, scores: NDArray[np.float64], sequence: int) -> tuple[NDArray[np.float64], Answers]:
+    """Scores of a matcher, of sequences if they are asked for, and the answers that they give."""
+    if sequence == 1:
+        return scores, answers_of(name, scores)
+    together = sequences.sequence_scores(scores, sequence)
+    return together, answers_of("sequence", together)
+
+
+def _adapted_matchers(
+    model: Model,
+    queries: EncodedTraverse,
+    shown: Presentations,
+    comparison: Comparison,
+    backend: str | Backend,
+    threads: int,
+    advance: Advance | None,
+) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    """Name and scores (n, places) of the default decoder and the baselines, all adapted; none unless that is asked."""
+    asking = comparison.asking
+    if asking.adapt is None:
+        return
+    rates = shown.rates[: len(queries)]
+    bias = Adaptation(integer_model(model, "--adapt").network, asking.adapt).biases(rates)
+    adapting = replace(shown, bias=np.tile(bias, (asking.views, 1)))
+    counts, _ = count_query_spikes(model, queries, backend=backend, threads=threads, advance=advance, shown=adapting)
+    yield model.config.decoder.default, decode(model, summed(counts, asking.views), model.config.decoder.default)
+    references = query_rates(model.activity, model.config)
+    if "sad" in comparison.rivals:
+        scores = -baselines.sad_distances(model.patches, queries.patches_for("SAD"), model.labels)
+        start = -baselines.sad_distances(model.patches, model.patches, model.labels).mean(axis=0)
+        yield "sad", adapted_scores(scores, start, rates, asking.adapt)
+    if "cosine" in comparison.rivals:
+        scores = baselines.cosine_similarities(references, rates, model.labels)
+        start = baselines.cosine_similarities(references, references, model.labels).mean(axis=0)
+        yield "cosine", adapted_scores(scores, start, rates, asking.adapt)
 
 
 def _descriptor_scores(
@@ -262,4 +321,5 @@ def as_json(model: Model, result: Recognition) -> dict[str, Any]:
         "default_decoder": result.default,
         "decoders": {name: result.metrics[name].as_json() for name in order},
         "baselines": {name: metrics.as_json() for name, metrics in result.metrics.items() if name not in DECODERS},
+        "adapted": {name: metrics.as_json() for name, metrics in result.adapted.items()},
     }

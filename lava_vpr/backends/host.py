@@ -27,7 +27,7 @@ class HostBackend:
         if isinstance(model.network, ConductanceState):
             return conductance.count_spikes(model.network, shown.rates, shown.keys, model.config, threads=self.threads)
         network = checked_network(model, "host")
-        counts, events, _ = fixed.count_spikes(network, shown.rates, shown.keys, threads=self.threads)
+        counts, events, _ = fixed.count_spikes(network, shown.rates, shown.keys, bias=shown.bias, threads=self.threads)
         return counts, events
 
     def trains(self, model: Model, shown: Presentations) -> Trains:
@@ -36,6 +36,8 @@ class HostBackend:
         The inhibitory neurons' trains follow from those of exc (`fixed.inhibitory_spikes`).
         """
         network = checked_network(model, "host")
-        _, _, exc = fixed.count_spikes(network, shown.rates, shown.keys, threads=self.threads, raster=True)
+        _, _, exc = fixed.count_spikes(
+            network, shown.rates, shown.keys, bias=shown.bias, threads=self.threads, raster=True
+        )
         inputs = draw_trains(shown.rates, shown.keys, network.steps, network.interval, regular=network.regular)
         return Trains(exc, inputs, fixed.inhibitory_spikes(network, exc))

@@ -31,11 +31,14 @@ class Presentations:
             in units of 2^-32 for the float conductance model.
         seed: The seed of the noise.
         role: What the noise is for, one of `lava_vpr.engine.random.ROLES`.
+        bias: Biases of the neurons in each presentation, int32 (n, neurons), where the network adapts
+            (`lava_vpr.engine.adaptation`); None: the network's own.
     """
 
     rates: NDArray[Any]
     seed: int
     role: str = "query"
+    bias: NDArray[np.int32] | None = None
 
     @cached_property
     def keys(self) -> NDArray[np.uint64]:
@@ -44,12 +47,14 @@ class Presentations:
 
     def part(self, chosen: slice | NDArray[np.int64]) -> Presentations:
         """Some of the presentations."""
-        return replace(self, rates=self.rates[chosen])
+        return replace(self, rates=self.rates[chosen], bias=None if self.bias is None else self.bias[chosen])
 
     @classmethod
     def joined(cls, parts: Sequence[Presentations]) -> Presentations:
         """The presentations of all ``parts``, at least one, in their order; seed and role are those of the first."""
-        return replace(parts[0], rates=np.concatenate([part.rates for part in parts]))
+        biases = [part.bias for part in parts if part.bias is not None]
+        bias = np.concatenate(biases) if biases else None
+        return replace(parts[0], rates=np.concatenate([part.rates for part in parts]), bias=bias)
 
 
 def query_presentations(model: Model, queries: EncodedTraverse, seed: int | None = None) -> Presentations:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
@@ -19,7 +19,8 @@ from rich.text import Text
 
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.config import EncoderConfig
-from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse
+from lava_vpr.encoding import EncodedTraverse, Keep, encode_views
+from lava_vpr.inputs.views import STRAIGHT, View
 from lava_vpr.storage.text import harmless
 from lava_vpr.traverse import Traverse
 
@@ -90,6 +91,14 @@ def every_option(command: F) -> F:
     """Give a command the option ``--every SECONDS``."""
     text = "From a video, one frame every so often."
     return click.option("--every", type=float, default=1.0, show_default=True, metavar="SECONDS", help=text)(command)
+
+
+def asking_options(command: F) -> F:
+    """Give a command that asks a model queries the options ``--query-views`` and ``--adapt``."""
+    text = "Sideways views in which each query is presented, an odd number."
+    views = click.option("--query-views", type=click.IntRange(1, 99), default=1, show_default=True, help=text)(command)
+    text = "Let biases follow the queries before, with a time constant of N queries."
+    return click.option("--adapt", type=Number(min=1), default=None, metavar="N", help=text)(views)
 
 
 def answer_options(command: F) -> F:
@@ -174,8 +183,15 @@ def backend_progress(backend: str, queries: int) -> Iterator[Callable[[int], Non
 
 def encode(traverse: Traverse, encoder: EncoderConfig, keep: Keep = Keep.NOTHING) -> EncodedTraverse:
     """Read and encode a traverse, with a progress bar; ``keep`` is what is kept beside the activity."""
+    return encode_in_views(traverse, encoder, (STRAIGHT,), keep)[0]
+
+
+def encode_in_views(
+    traverse: Traverse, encoder: EncoderConfig, views: Sequence[View], keep: Keep = Keep.NOTHING
+) -> tuple[EncodedTraverse, ...]:
+    """`encode` in each of ``views``."""
     with progress_bar(f"reading {traverse.source}", len(traverse)) as advance:
-        return encode_traverse(traverse, encoder, keep, lambda n: advance(n, ""))
+        return encode_views(traverse, encoder, views, keep, lambda n: advance(n, ""))
 
 
 def print_whole(table: Table) -> None:

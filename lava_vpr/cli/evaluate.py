@@ -9,15 +9,17 @@ import click
 import numpy as np
 from rich.table import Table
 
+from lava_vpr.asking import Asking
 from lava_vpr.backends import registry as backends
 from lava_vpr.cli.choose import TruthOptions, open_model, open_queries, truth_options
 from lava_vpr.cli.common import (
     PATH,
     OneSource,
     answer_options,
+    asking_options,
     backend_progress,
     console,
-    encode,
+    encode_in_views,
     every_option,
     places_option,
     print_whole,
@@ -50,6 +52,7 @@ from lava_vpr.storage.text import shown
     metavar="REF.npy QUERY.npy",
     help="Descriptors of another method, one row an image.",
 )
+@asking_options
 @answer_options
 @click.option("--json", "json_path", type=PATH, default=None, metavar="FILE", help="Write the figures as JSON.")
 @click.option("--report", "report_folder", type=PATH, default=None, metavar="DIR", help="Write DIR/report.html.")
@@ -64,6 +67,8 @@ def evaluate(
     sequence: int,
     rivals: tuple[str, ...],
     descriptors: tuple[Path, Path] | None,
+    query_views: int,
+    adapt: float | None,
     backend: str,
     seed: int | None,
     json_path: Path | None,
@@ -76,15 +81,24 @@ def evaluate(
     page = report_folder and report_folder / "report.html"
     read = (*truth.files, *(descriptors or ()))
     outputs = Outputs((json_path,), made=(page,), read=read, model=model_path, images=(query,))
-    model = open_model(model_path)
+    model, asking = open_model(model_path), Asking(query_views, adapt)
+    asking.check(model)
     backends.require(backend, model)
     traverse = open_queries(model, query, places, every, aligned=truth.aligned, outputs=outputs)
     correct = truth.of(model, traverse)
-    comparison = Comparison(sequence, rivals or BASELINES, descriptors, keep_scores=page is not None)
-    queries = encode(traverse, model.config.encoder, _kept(comparison))
+    comparison = Comparison(sequence, rivals or BASELINES, descriptors, keep_scores=page is not None, asking=asking)
+    queries, *further = encode_in_views(traverse, model.config.encoder, asking.of(model), _kept(comparison))
     with backend_progress(backend, len(queries)) as advance:
         result = recognise(
-            model, queries, correct, comparison, backend=backend, seed=seed, threads=cores(), advance=advance
+            model,
+            queries,
+            correct,
+            comparison,
+            backend=backend,
+            seed=seed,
+            threads=cores(),
+            advance=advance,
+            further=further,
         )
     if json_path is not None:  # files first: whoever reads the table may go away
         write_json(json_path, as_json(model, result))
@@ -123,6 +137,10 @@ def print_table(model: Model, result: Recognition, sequence: int = 1) -> None:
     names = [result.default, *(name for name in result.metrics if name != result.default)]
     for name in names:
         table.add_row(name + (" *" if name == result.default else ""), *_row(result.metrics[name]))
+    for number, (name, metrics) in enumerate(result.adapted.items()):
+        if number == 0:
+            table.add_section()
+        table.add_row(f"{name}, adapted", *_row(metrics))
     print_whole(table)
 
 

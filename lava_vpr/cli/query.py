@@ -11,6 +11,7 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.asking import Asking
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.interface import Advance
 from lava_vpr.cli.choose import open_model
@@ -18,6 +19,7 @@ from lava_vpr.cli.common import (
     PATH,
     OneSource,
     answer_options,
+    asking_options,
     console,
     every_option,
     places_option,
@@ -42,6 +44,7 @@ COLUMNS = ("query", "query_name", "place", "place_name", "confidence", "accepted
 @click.option("-o", "--output", type=PATH, required=True, metavar="matches.csv", help="CSV file to write.")
 @places_option("Images A..B-1 only (default: all).")
 @every_option
+@asking_options
 @answer_options
 @click.option(
     "--sequence",
@@ -63,6 +66,8 @@ def query(
     output: Path,
     places: tuple[int, int] | None,
     every: float,
+    query_views: int,
+    adapt: float | None,
     backend: str,
     sequence: int,
     min_confidence: float | None,
@@ -75,7 +80,8 @@ def query(
     if min_confidence is not None and np.isnan(min_confidence):
         raise click.UsageError("--min-confidence is not a number")
     outputs = Outputs((output,), model=model_path, images=(images,))
-    model = open_model(model_path)
+    model, asking = open_model(model_path), Asking(query_views, adapt)
+    asking.check(model)
     backends.require(backend, model)
     whole = open_traverse(images, every=every)
     outputs.spare(whole.paths)
@@ -88,7 +94,15 @@ def query(
     with query_progress(traverse.source, backend, len(traverse)) as (read, advance), text_writer(output) as write:
         write(csv_line(COLUMNS))
         stream = answer_stream(
-            model, traverse, backend=backend, sequence=sequence, seed=seed, threads=cores(), read=read, advance=advance
+            model,
+            traverse,
+            backend=backend,
+            sequence=sequence,
+            asking=asking,
+            seed=seed,
+            threads=cores(),
+            read=read,
+            advance=advance,
         )
         for answered in stream:
             accepted = accepted_of(answered.answers, min_confidence)

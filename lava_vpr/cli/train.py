@@ -14,7 +14,7 @@ from lava_vpr.cli.common import (
     PATH,
     RegisteredName,
     console,
-    encode,
+    encode_in_views,
     every_option,
     places_option,
     progress_bar,
@@ -60,6 +60,13 @@ from lava_vpr.traverse import open_traverses
     default=None,
     help="Most places that are learned together; 0: the whole route at once.  [default: 100]",
 )
+@click.option(
+    "--views",
+    "views",
+    type=click.IntRange(1, 99),
+    default=None,
+    help="Sideways views of every place, an odd number; each has neurons of its own.  [default: 1]",
+)
 @click.option("--weight-bits", type=click.IntRange(1, 8), default=None, help="Bits of one weight.")
 @click.option(
     "--learning",
@@ -98,10 +105,12 @@ def train(
         chosen = [traverse.between(*places) if places else traverse for traverse in whole]
         check_references([len(traverse) for traverse in chosen], references)
         check_size(len(chosen[0]), config, len(chosen))
+        views = config.views.views
         encoded = [
+            seen
             # A model keeps the thumbnails of its first traverse.
-            encode(traverse, config.encoder, Keep.PATCHES if number else Keep.ALL)
             for number, traverse in enumerate(chosen)
+            for seen in encode_in_views(traverse, config.encoder, views, Keep.PATCHES if number else Keep.ALL)
         ]
         started = time.perf_counter()
         try:
@@ -133,6 +142,7 @@ def settings(preset_name: str | None, config_file: Path | None, options: dict[st
         ("epochs", "learning", "epochs"),
         ("neurons", "network", "neurons"),
         ("weight_bits", "network", "weight_bits"),
+        ("views", "views", "shifts"),
     ):
         if options.get(name) is not None:
             changes.setdefault(section, {})[key] = options[name]
@@ -153,7 +163,7 @@ def _with_progress(
     encoded: list[Any], config: Config, route_images: int, jobs: int, checkpoint: Path, resume: bool
 ) -> Model:
     """Train under a progress bar that tells spikes per image, neurons used and places covered."""
-    epochs, traverses = config.learning.epochs, len(encoded)
+    epochs, traverses = config.learning.epochs, len(encoded) // len(config.views.views)
     stretches = split(len(encoded[0]), config)
     lock = threading.Lock()
     pending = [0, time.monotonic()]

@@ -41,7 +41,7 @@ def check_encoded_references(references: Sequence[EncodedTraverse], config: Conf
     """Refuse references of which no model could be made that can be read again.
 
     Args:
-        references: The traverses.
+        references: The traverses, each in all views.
         config: Settings that they were encoded with.
         route_images: Images in the whole first traverse; None: nobody says.
     Returns:
@@ -50,6 +50,12 @@ def check_encoded_references(references: Sequence[EncodedTraverse], config: Conf
         InputError: they are not of these settings, or of different numbers of places, or two are the same place.
     """
     check_references([len(reference) for reference in references])
+    views = len(config.views.views)
+    if len(references) % views:
+        raise InputError(
+            f"{len(references)} encoded traverses are no whole traverses of {views} views each; encode every traverse in "
+            "all of them (encode_views)"
+        )
     for number, reference in enumerate(references, start=1):
         check_encoded(reference, config.encoder, f"references of traverse {number}")
     first = references[0]

@@ -43,14 +43,18 @@ class Progress:
 
 
 def split(places: int, config: Config) -> tuple[Stretch, ...]:
-    """Cut a route of ``places`` into the fewest stretches of at most ``config.stretch`` places, as even as can be."""
+    """Cut a route of ``places`` into the fewest stretches of at most ``config.stretch`` places, as even as can be.
+
+    Every view has stretches of its own, view after view.
+    """
     parts = 1 if config.stretch == 0 else -(-places // config.stretch)
     bounds = [round(places * k / parts) for k in range(parts + 1)]
     stretches, neuron = [], 0
-    for first, end in itertools.pairwise(bounds):
-        neurons = config.neurons_for(end - first)
-        stretches.append(Stretch(first, end - first, neuron, neurons))
-        neuron += neurons
+    for view in range(len(config.views.views)):
+        for first, end in itertools.pairwise(bounds):
+            neurons = config.neurons_for(end - first)
+            stretches.append(Stretch(first, end - first, neuron, neurons, view))
+            neuron += neurons
     return tuple(stretches)
 
 
@@ -64,7 +68,7 @@ def check_size(places: int, config: Config, traverses: int = 1) -> tuple[Stretch
     """
     stretches = split(places, config)
     neurons = sum(stretch.neurons for stretch in stretches)
-    check_model(config, places, traverses, neurons)
+    check_model(config, places, traverses * len(config.views.views), neurons)
     effort.check_query(config, neurons)
     shown = presentations(config, places, traverses, config.learning.epochs)
     effort.check_training(config, max(stretch.neurons for stretch in stretches), shown)
@@ -114,7 +118,8 @@ def train(
     """Learn the places of a route.
 
     Args:
-        references: One or more traverses of the same places.
+        references: One or more traverses of the same places, each in all views of ``config.views``, view after view
+            (`lava_vpr.encoding.encode_views`).
         config: Settings; equal settings and images give the bit-identical model whatever ``jobs``.
         route_images: Images in the whole first traverse (default: up to the last place).
         jobs: Threads; each learns one stretch at a time.
@@ -131,11 +136,12 @@ def train(
     """
     route_images = check_encoded_references(references, config, route_images)
     _kept(references)  # seen now, before hours of work
-    stretches = check_size(len(references[0]), config, len(references))
+    traverses = len(references) // len(config.views.views)
+    stretches = check_size(len(references[0]), config, traverses)
     trainers = [trainer_of(config, stretch, number) for number, stretch in enumerate(stretches)]
     store = Checkpoint(checkpoint, fingerprint(references, config), interval)
     if resume:
-        store.load(trainers, config.learning.epochs, len(references))
+        store.load(trainers, config.learning.epochs, traverses)
         if resumed is not None:
             resumed(dict(store.epochs))
     rates = [training_rates(reference.activity, config) for reference in references]
@@ -193,8 +199,8 @@ def traverses_shown(config: Config, epoch: int, traverses: int) -> int:
 
 
 def presentations(config: Config, places: int, traverses: int, epochs: int) -> int:
-    """Training presentations of ``places`` places in the first ``epochs`` epochs."""
-    return places * sum(traverses_shown(config, epoch, traverses) for epoch in range(epochs))
+    """Training presentations of ``places`` places in all views in the first ``epochs`` epochs."""
+    return places * len(config.views.views) * sum(traverses_shown(config, epoch, traverses) for epoch in range(epochs))
 
 
 def _epoch(
@@ -208,20 +214,20 @@ def _epoch(
     progress: Callable[[Progress], None] | None,
     stop: threading.Event,
 ) -> bool:
-    """Show the images of one stretch, first traverse first; False if training was stopped."""
+    """Show the images of one stretch in its view, first traverse first; False if training was stopped."""
     counts = np.zeros((stretch.places, stretch.neurons), np.int64)
     shown = 0
     trainer.begin_epoch(epoch)
-    traverses = traverses_shown(config, epoch, len(references))
-    for traverse, reference in enumerate(references[:traverses]):
+    views = len(config.views.views)
+    traverses = traverses_shown(config, epoch, len(references) // views)
+    for shown_as in range(stretch.view, traverses * views, views):
         for place in range(stretch.places):
             if stop.is_set():
                 return False
             image = stretch.first_place + place
-            key = presentation_key(
-                config.seed, "train", int(reference.indices[image]), epoch * len(references) + traverse
-            )
-            counts[place] += trainer.present(rates[traverse][image], key, place, epoch)
+            index = int(references[shown_as].indices[image])
+            key = presentation_key(config.seed, "train", index, epoch * len(references) + shown_as)
+            counts[place] += trainer.present(rates[shown_as][image], key, place, epoch)
             shown += 1
             if progress is not None:
                 progress(_progress(number, epoch, shown, counts, shown == stretch.places * traverses))

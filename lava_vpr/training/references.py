@@ -33,15 +33,15 @@ def shown_references(stretches: Sequence[Stretch], activity: NDArray[np.float32]
 
     Args:
         stretches: The parts of the route.
-        activity: Input responses to the references, traverse after traverse, float32 (images, inputs).
+        activity: Input responses to the references, float32 (images, inputs), in the order of `Model.labels`.
         config: Settings of an integer network.
     """
-    rates = query_rates16(activity, config.encoder).reshape(
-        -1, sum(part.places for part in stretches), config.encoder.inputs
-    )
+    inputs, views = config.encoder.inputs, len(config.views.views)
+    places = sum(part.places for part in stretches) // views
+    rates = query_rates16(activity, config.encoder).reshape(-1, views, places, inputs)
     return tuple(
         Shown(
-            rates[:, part.first_place : part.first_place + part.places].reshape(-1, config.encoder.inputs),
+            rates[:, part.view, part.first_place : part.first_place + part.places].reshape(-1, inputs),
             slice(part.first_neuron, part.first_neuron + part.neurons),
         )
         for part in stretches
