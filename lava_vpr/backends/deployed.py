@@ -24,7 +24,7 @@ from lava_vpr.deploy.running import host_program
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.trains import Trains
-from lava_vpr.errors import BackendUnavailableError, BundleError
+from lava_vpr.errors import BackendUnavailableError, BundleError, ConfigError
 from lava_vpr.model import Model, checked_network
 from lava_vpr.storage.temporary import temporary_folder
 from lava_vpr.storage.text import shown
@@ -92,6 +92,8 @@ class BundleBackend:
 
     def _play(self, model: Model, shown: Presentations) -> Iterator[tuple[slice, Spikes]]:
         """Simulate the presentations some at a time; yields which they are, and their spikes."""
+        if shown.bias is not None:
+            raise ConfigError("--adapt: a bundle has one bias a neuron; use --backend host")
         keys, size = shown.keys, effort.together(checked_network(model, "bundle"), BATCH)
         with bundle_of(model) as bundle:
             play = TARGETS[bundle.target].player(bundle)

@@ -53,8 +53,8 @@ def check_encoded_references(references: Sequence[EncodedTraverse], config: Conf
     views = len(config.views.views)
     if len(references) % views:
         raise InputError(
-            f"{len(references)} encoded traverses are no whole traverses of {views} views each; encode every traverse in "
-            "all of them (encode_views)"
+            f"{len(references)} encoded traverses are no whole traverses of {views} views each; encode each in all "
+            "views (encode_views)"
         )
     for number, reference in enumerate(references, start=1):
         check_encoded(reference, config.encoder, f"references of traverse {number}")
