@@ -1,9 +1,10 @@
 """How fast a section trains and a query is answered on this machine, on real images.
 
-    LAVA_VPR_DATA=... python -m benchmarks.speed
+    LAVA_VPR_DATA=... python -m benchmarks.speed [--other CHECKOUT [--rounds 15]]
 
 Kernels are compiled first. One thread; processor time, which other programs on the machine do not inflate much, and the
 median of several runs. Drawing the input spikes is part of both; reading and encoding an image is printed apart.
+What ``--other`` names is a checkout of another version, whose host engine takes turns with this one's instead.
 """
 
 from __future__ import annotations
@@ -11,21 +12,25 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable
+from pathlib import Path
 
+import click
 from rich.console import Console
 from rich.table import Table
 
 from benchmarks.nordland import encoded, folder, learn, part
+from benchmarks.versions import beside
 from lava_vpr.config import preset
 from lava_vpr.encoding import activity_of, query_rates
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.random import image_keys, presentation_keys
+from lava_vpr.errors import LavaVprError
 from lava_vpr.inputs.patches import patch_normalised
 from lava_vpr.model import decode, integer_model
 from lava_vpr.training.loop import train
 from lava_vpr.traverse import open_traverse
 
-console = Console(highlight=False, width=100)
+console = Console(highlight=False, width=118)
 
 
 def seconds(run: Callable[[], object], repeats: int = 7) -> float:
@@ -49,8 +54,17 @@ def cpu_flags() -> str:
     return next((name for name in ("avx512f", "avx2", "avx") if name in flags), "none")
 
 
-def main() -> None:
-    """Print how fast a section trains and a query is answered."""
+@click.command()
+@click.option("--other", type=click.Path(exists=True, file_okay=False, resolve_path=True, path_type=Path))
+@click.option("--rounds", default=15, show_default=True, help="Turns with the other checkout.")
+def main(other: Path | None, rounds: int) -> None:
+    """Print how fast a section trains and a query is answered; or the host engine beside another checkout's."""
+    if other is not None:
+        try:
+            console.print(f"vector instructions: {cpu_flags()}", beside(other, rounds), sep="\n")
+        except LavaVprError as error:
+            raise click.ClickException(str(error)) from None
+        return
     config = preset("loihi")
     summer, winter = encoded("summer", config.encoder), encoded("winter", config.encoder)
     section = part(summer, slice(0, 100))

@@ -21,7 +21,7 @@ from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes, inhibito
 from lava_vpr.engine.inference.membranes import membranes
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import NetworkLimitError
-from lava_vpr.loihi import INPUT_LIMIT, LOIHI_1_INPUT_LIMIT
+from lava_vpr.loihi import INPUT_LIMIT, LOIHI_1_INPUT_LIMIT, STATE_LIMIT
 
 IMAGES = 2
 
@@ -152,6 +152,22 @@ def test_currents_wrap_as_lavas_do() -> None:
     wrapping = random_network(12, inhibition=255, inhibition_exponent=10, threshold=1)
     assert wrapping.lateral > INPUT_LIMIT
     assert compare(wrapping, 12, checked=False).sum() > 20
+
+
+def test_a_bounded_network_needs_no_register_ends_and_others_are_watched() -> None:
+    bounded = 0
+    for seed in range(60):
+        network = random_network(seed, decay=4 * seed, inhibition=255, inhibition_exponent=seed % 9)
+        rates, keys, _ = shown(network, seed)
+        found = count_spikes(network, rates, keys, raster=True)[2]
+        with mock.patch.object(FixedNetwork, "bounded", return_value=False):
+            assert np.array_equal(count_spikes(network, rates, keys, raster=True)[2], found)
+        bounded += network.bounded(network.bias)
+    assert 10 < bounded < 50
+    network = random_network(3, decay=4096)
+    assert network.bounded(network.bias)
+    assert not network.bounded(np.full((1, network.neurons), -STATE_LIMIT, np.int32))
+    assert not dataclasses.replace(network, decay=0).bounded(network.bias)
 
 
 @pytest.mark.parametrize("sign", [1, -1])

@@ -12,6 +12,7 @@ of mantissa can say it.
 from __future__ import annotations
 
 import zlib
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,34 +76,70 @@ def bias_input_spikes(rates: NDArray[np.uint16], key: int, steps: int) -> NDArra
     return spikes
 
 
+@cache
+def slopes() -> NDArray[np.int32]:
+    """The bias of every rate in units of v, int32 (65536,): a table of `biases`."""
+    return np.left_shift(*biases(np.arange(1 << 16).astype(np.uint16)))
+
+
+@compiled(error_model="numpy")
+def _first_and_every(
+    bias: NDArray[np.int32], key: np.uint64, steps: int
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], np.int64]:
+    """The inputs with a bias, the first spike and the interval of each, and how many spikes there are at most.
+
+    Quotients of whole numbers below 2^26 are exact in float64 once rounded down, and many are divided at a time.
+    """
+    derived, level = mix((key ^ _CRC) + GOLDEN), np.float64(LEVEL)
+    active, slope, n = np.empty(bias.size, np.int32), np.empty(bias.size, np.int32), np.uint64(0)
+    for j in range(bias.size):
+        active[n] = j
+        slope[n] = bias[j]
+        n += np.uint64(bias[j] > 0)
+    first, every = np.empty(n, np.int32), np.empty(n, np.int32)
+    for k in range(first.size):
+        word = mix(derived + GOLDEN * np.uint64(active[k])) >> _S32
+        first[k] = np.int32((word * _LEVEL) >> _S32)
+    most = np.int64(0)
+    for k in range(first.size):
+        first[k] = np.int32((level - np.float64(first[k])) / np.float64(slope[k]))
+        every[k] = np.int32(level / np.float64(slope[k])) + np.int32(1)
+        most += np.int32(np.float64(steps) / np.float64(every[k])) + np.int32(2)
+    return active, first, every, most
+
+
 @compiled()
 def schedule(bias: NDArray[np.int32], key: np.uint64, steps: int) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """`bias_input_spikes` as lists: those of step t are ``members[starts[t]:starts[t + 1]]``, ascending.
+    """`bias_input_spikes` as lists: those of step t are ``members[starts[t]:starts[t + 1]]``, in any order.
 
     Args:
         bias: In units of v, int32 (inputs,).
         key: Key of the presentation.
         steps: Steps with input.
     """
-    level = np.int64(LEVEL)
-    derived = mix((key ^ _CRC) + GOLDEN)
-    first = np.empty(bias.size, np.int64)
-    starts = np.zeros(steps + 1, np.int64)
-    for j in range(bias.size):
-        first[j] = steps
-        if bias[j] > 0:
-            word = mix(derived + GOLDEN * np.uint64(j)) >> _S32
-            v = np.int64((word * _LEVEL) >> _S32)
-            first[j] = (level - v) // bias[j]
-            for step in range(first[j], steps, level // bias[j] + 1):
-                starts[step + 1] += 1
+    active, following, every, most = _first_and_every(bias, key, steps)
+    when, who = np.empty(most, np.int32), np.empty(most, np.int32)
+    starts, n, left = np.zeros(steps + 1, np.int64), np.uint64(0), np.uint64(every.size)
+    # In every round all inputs that go on spiking spike once: no branch of the inner loop depends on an input.
+    while left > np.uint64(0):
+        kept = np.uint64(0)
+        for k in range(left):
+            step, gap, member = following[k], every[k], active[k]
+            going = np.uint64(step < steps)
+            when[n] = step
+            who[n] = member
+            n += going
+            starts[np.uint64(min(step, steps - 1)) + np.uint64(1)] += np.int64(going)
+            following[kept] = step + gap
+            every[kept] = gap
+            active[kept] = member
+            kept += going
+        left = kept
     for step in range(steps):
         starts[step + 1] += starts[step]
-    members = np.empty(starts[steps], np.int32)
-    place = starts[:steps].copy()
-    for j in range(bias.size):
-        if first[j] < steps:
-            for step in range(first[j], steps, level // bias[j] + 1):
-                members[place[step]] = j
-                place[step] += 1
+    members, place = np.empty(n, np.int32), starts[:steps].copy()
+    for s in range(n):
+        step = np.uint64(when[s])
+        members[np.uint64(place[step])] = who[s]
+        place[step] += 1
     return starts, members

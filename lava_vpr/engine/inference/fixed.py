@@ -27,8 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.engine.entry import check_array, check_presentations
-from lava_vpr.engine.inference.bias_input import biases
-from lava_vpr.engine.inference.fixed_kernels import KernelNumbers, present
+from lava_vpr.engine.inference.bias_input import slopes
+from lava_vpr.engine.inference.fixed_kernels import KernelNumbers, laid_out, present
 from lava_vpr.engine.inference.neuron_bias import bias_registers, check_bias, highest_bias
 from lava_vpr.engine.threads import share
 from lava_vpr.errors import NetworkLimitError
@@ -37,13 +37,13 @@ from lava_vpr.loihi import (
     DECAY_UNITY,
     INPUT_LIMIT,
     INPUT_SHIFT,
+    STATE_LIMIT,
     THRESHOLD_LIMIT,
     WEIGHT_BITS,
     WEIGHT_EXPONENT_LIMIT,
     WEIGHT_LIMIT,
 )
 
-_PADDING = 32
 SCALARS = {
     "bits": "bits",
     "signed": "signed",
@@ -241,13 +241,9 @@ class FixedNetwork:
     def prepared(self) -> Prepared:
         """The network as the kernel reads it, made once.
 
-        The weights (inputs, width) are of the narrowest type, padded with silent neurons to whole vector registers; the
-        row sizes (inputs,) are the numbers of each input's weights that are not 0.
+        The weights are laid out by `fixed_kernels.laid_out`; the row sizes (inputs,) are the numbers of each input's
+        weights that are not 0.
         """
-        most = max(1, int(np.abs(self.weights).max(initial=0)))
-        narrowest = np.int8 if most <= np.iinfo(np.int8).max else np.int16
-        weights = np.zeros((self.inputs, -(-self.neurons // _PADDING) * _PADDING), narrowest)
-        weights[:, : self.neurons] = self.weights
         numbers = KernelNumbers(
             threshold=np.int32(self.threshold << INPUT_SHIFT),
             lateral=np.int32(self.lateral),
@@ -257,10 +253,9 @@ class FixedNetwork:
             input_delay=self.input_delay,
             inhibition_delay=self.inhibition_delay,
             leaf=FAN_IN if self.leaves else 0,
-            chunk=np.iinfo(narrowest).max // most,
             regular=self.regular,
         )
-        return Prepared(weights, np.count_nonzero(weights, axis=1).astype(np.int64), numbers)
+        return Prepared(laid_out(self.weights), np.count_nonzero(self.weights, axis=1).astype(np.int64), numbers)
 
     @cached_property
     def sums(self) -> tuple[int, int]:
@@ -279,6 +274,11 @@ class FixedNetwork:
     def narrow(self) -> bool:
         """Whether no input sum can leave 16 bits."""
         return max(self.sums) <= np.iinfo(np.int16).max
+
+    def bounded(self, bias: NDArray[np.int32]) -> bool:
+        """Whether with ``bias``, any shape, no current can wrap and no membrane be clipped, whatever spikes."""
+        most = (max(self.extremes) << INPUT_SHIFT) + int(np.abs(bias).max(initial=0))  # of a step; decay ends their sum
+        return max(self.extremes) < INPUT_LIMIT and most * DECAY_UNITY < STATE_LIMIT * self.decay
 
     def check(self, limit: int = INPUT_LIMIT, target: str = "Loihi's 24-bit current") -> None:
         """Refuse a network whose input sum of one step could overflow ``limit``, or that registers cannot hold.
@@ -382,16 +382,17 @@ def count_spikes(
         check_bias(bias, network.highest_bias)
     counts = np.zeros((n, network.neurons), np.int32)
     film = np.zeros((n, network.interval, network.neurons) if raster else (0, 0, 0), np.uint8)
-    prepared, narrow = network.prepared, network.narrow
+    (weights, row_sizes, numbers), narrow = network.prepared, network.narrow
     rates = np.ascontiguousarray(rates)
-    slopes = np.left_shift(*biases(rates)) if network.regular else np.zeros((n, 0), np.int32)
+    table = slopes() if network.regular else np.zeros(0, np.int32)
     own = network.bias[None] if bias is None else np.ascontiguousarray(bias)
+    bounded = network.bounded(own)
 
     def run(part: slice) -> NDArray[np.int64]:
         events = np.zeros(5, np.int64)
-        acc = np.zeros(prepared.weights.shape[1], np.int16 if narrow else np.int32)
-        part_of_bias = own if bias is None else own[part]
-        present(*prepared, rates[part], slopes[part], keys[part], part_of_bias, acc, counts[part], events, film[part])
+        acc = np.zeros(weights.shape[1], np.int16 if narrow else np.int32)
+        shown = (rates[part], table, keys[part], own if bias is None else own[part])
+        present(weights, row_sizes, numbers, bounded, *shown, acc, counts[part], events, film[part])
         return events
 
     totals = share(run, n, threads)

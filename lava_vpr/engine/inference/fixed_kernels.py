@@ -12,14 +12,18 @@ from lava_vpr.engine.inference.bias_input import schedule
 from lava_vpr.kernelcache import compiled
 from lava_vpr.loihi import DECAY_BITS, DECAY_UNITY, INPUT_SHIFT, STATE_LIMIT
 
+TOGETHER = 8
+"""Rows of weights that are added up at a time, in the weights' own type."""
+
+_PADDING = 32
+
 
 class KernelNumbers(NamedTuple):
     """The numbers of a `FixedNetwork` as the kernel reads them.
 
     ``threshold`` is in units of v, ``lateral`` in units of the input sum, ``keep`` what a membrane keeps in units of
     2^-12. ``steps`` are those with input, ``total`` also those without; ``input_delay`` and ``inhibition_delay`` are in
-    steps. A leaf listens to ``leaf`` neurons (0: there are none). ``chunk`` is how many rows of weights fit a partial
-    sum of their own type. Inputs spike regularly or by Poisson draws.
+    steps. A leaf listens to ``leaf`` neurons (0: there are none). Inputs spike regularly or by Poisson draws.
     """
 
     threshold: np.int32
@@ -30,34 +34,58 @@ class KernelNumbers(NamedTuple):
     input_delay: int
     inhibition_delay: int
     leaf: int
-    chunk: int
     regular: bool
+
+
+def laid_out(weights: NDArray[np.int16]) -> NDArray[Any]:
+    """Weights (inputs, neurons) as `present` reads them, (inputs + 1, width).
+
+    They are of the narrowest type that holds the sum of any `TOGETHER` of them, padded with silent neurons to whole
+    vector registers, and end with a row of zeros.
+    """
+    inputs, neurons = weights.shape
+    most = TOGETHER * int(np.abs(weights).max(initial=0))
+    made = np.zeros((inputs + 1, -(-neurons // _PADDING) * _PADDING), np.int8 if most <= 127 else np.int16)
+    made[:-1, :neurons] = weights
+    return made
+
+
+@compiled(inline="always")
+def _kept(v: np.int32, keep: np.int32) -> np.int32:
+    """sign(v) (|v| keep >> 12) within 32 bits: v = 4096 h + l makes it h keep + (l keep >> 12), rounded towards 0."""
+    low, bits = np.int32(DECAY_UNITY - 1), np.int32(DECAY_BITS)
+    rest = np.int32(np.int32(np.int32(v & low) * keep) + np.int32(np.int32(v >> np.int32(31)) & low))
+    return np.int32(np.int32(np.int32(v >> bits) * keep) + np.int32(rest >> bits))
 
 
 @compiled(inline="always")
 def integrate(
-    v: NDArray[np.int32], drive: NDArray[np.int32], bias: NDArray[np.int32], pull: np.int32, keep: np.int32
+    v: NDArray[np.int32],
+    drive: NDArray[Any],
+    bias: NDArray[np.int32],
+    pull: np.int32,
+    keep: np.int32,
+    bounded: bool,
 ) -> np.int32:
     """Take one membrane step of all neurons from ``drive`` - ``pull`` and ``bias``; returns the highest membrane.
 
-    sign(v) (|v| keep >> 12) stays within 32 bits because |v| = 4096 h + l: h keep + (l keep >> 12).
+    Where all is ``bounded`` no current can wrap and no membrane be clipped, so neither is looked at.
     """
-    top, span, low = np.int32(STATE_LIMIT), np.int32(2 * STATE_LIMIT), np.int32(DECAY_UNITY - 1)
-    decay_bits, input_shift = np.int32(DECAY_BITS), np.int32(INPUT_SHIFT)
+    top, span, input_shift = np.int32(STATE_LIMIT), np.int32(2 * STATE_LIMIT), np.int32(INPUT_SHIFT)
     ceiling, bottom = np.int32(STATE_LIMIT - 1), np.int32(1 - STATE_LIMIT)
     highest = bottom
+    if bounded:
+        for i in range(v.size):
+            u = np.int32(np.int32(np.int32(drive[i]) - pull) << input_shift)
+            x = np.int32(np.int32(_kept(v[i], keep) + u) + bias[i])
+            v[i] = x
+            highest = x if x > highest else highest
+        return highest
     for i in range(v.size):
         u = np.int32(np.int32(np.int32(drive[i]) - pull) << input_shift)
         u = np.int32(u - span) if u > top else u
         u = np.int32(u + span) if u <= -top else u
-        x = v[i]
-        sign = np.int32(x >> np.int32(31))
-        size = np.int32(np.int32(x ^ sign) - sign)
-        size = np.int32(
-            np.int32(np.int32(size >> decay_bits) * keep)
-            + np.int32(np.int32(np.int32(size & low) * keep) >> decay_bits)
-        )
-        x = np.int32(np.int32(np.int32(np.int32(size ^ sign) - sign) + u) + bias[i])
+        x = np.int32(np.int32(_kept(v[i], keep) + u) + bias[i])
         x = ceiling if x > ceiling else x
         x = bottom if x < bottom else x
         v[i] = x
@@ -66,30 +94,26 @@ def integrate(
 
 
 @compiled(inline="always")
-def _add_rows(
-    weights: NDArray[Any],
-    row_sizes: NDArray[np.int64],
-    chunk: int,
-    inputs: NDArray[np.int32],
-    n: int,
-    partial: NDArray[Any],
-    acc: NDArray[np.int32],
-) -> int:
-    """Sum the weights of the ``n`` first ``inputs`` in ``acc``; returns how many of them are not 0.
+def _row(inputs: NDArray[np.int32], s: int, last: int) -> np.uint64:
+    """The row of the ``s``-th of ``inputs``, or beyond their end the ``last`` one."""
+    return np.uint64(inputs[s] if s < inputs.size else last)
 
-    Rows are added up in their own type (``partial``, scratch) for as long as no sum can overflow, then in ``acc``.
-    """
-    operations = 0
+
+@compiled(inline="always")
+def _add_rows(weights: NDArray[Any], row_sizes: NDArray[np.int64], inputs: NDArray[np.int32], acc: NDArray[Any]) -> int:
+    """Sum the weights of ``inputs`` in ``acc``, `TOGETHER` rows at a time; returns how many of them are not 0."""
+    operations, last, narrow = 0, weights.shape[0] - 1, weights.dtype.type
     acc[:] = 0
-    for start in range(0, n, chunk):
-        partial[:] = 0
-        for s in range(start, min(start + chunk, n)):
-            row = np.uint64(inputs[s])
-            operations += row_sizes[row]
-            for i in range(acc.size):
-                partial[i] += weights[row, i]
+    for s in range(inputs.size):
+        operations += row_sizes[np.uint64(inputs[s])]
+    for s in range(0, inputs.size, TOGETHER):
+        a, b = _row(inputs, s, last), _row(inputs, s + 1, last)
+        c, d = _row(inputs, s + 2, last), _row(inputs, s + 3, last)
+        e, f = _row(inputs, s + 4, last), _row(inputs, s + 5, last)
+        g, h = _row(inputs, s + 6, last), _row(inputs, s + 7, last)
         for i in range(acc.size):
-            acc[i] += partial[i]
+            half = weights[a, i] + weights[b, i] + weights[c, i] + weights[d, i]
+            acc[i] += narrow(half + weights[e, i] + weights[f, i] + weights[g, i] + weights[h, i])
     return operations
 
 
@@ -125,6 +149,7 @@ def present(
     weights: NDArray[Any],
     row_sizes: NDArray[np.int64],
     numbers: KernelNumbers,
+    bounded: bool,
     rates: NDArray[np.uint16],
     slopes: NDArray[np.int32],
     keys: NDArray[np.uint64],
@@ -138,8 +163,9 @@ def present(
 
     Args:
         weights, row_sizes, numbers: The network, `lava_vpr.engine.inference.fixed.FixedNetwork.prepared`.
+        bounded: `lava_vpr.engine.inference.fixed.FixedNetwork.bounded` of ``bias``.
         rates: Spike probabilities in units of 2^-16, uint16 (n, inputs).
-        slopes: Stand for ``rates`` where inputs spike regularly: their biases, int32 (n, inputs).
+        slopes: The bias of every rate, int32 (65536,), where inputs spike regularly; else empty.
         keys: One key per presentation, uint64 (n,).
         bias: Biases of the neurons in units of v, int32 (n, neurons), or (1, neurons) for all presentations.
         acc: Scratch (width,), int16 where no input sum can leave it, else int32.
@@ -149,15 +175,16 @@ def present(
     """
     threshold, lateral, keep, steps = numbers.threshold, numbers.lateral, numbers.keep, numbers.steps
     nothing, no_members, no_row = np.zeros(0, np.int64), np.zeros(0, np.int32), np.zeros(0, np.uint8)
-    (inputs, width), neurons = weights.shape, counts.shape[1]
-    partial = np.zeros(width, weights.dtype)
+    inputs, width, neurons = rates.shape[1], weights.shape[1], counts.shape[1]
     active, offsets, rates4, words, mask, occupied, spikes, spike_counts = scratch(inputs)
-    v, own = np.zeros(width, np.int32), np.zeros(width, np.int32)
+    v, own, input_bias = np.zeros(width, np.int32), np.zeros(width, np.int32), np.zeros(inputs, np.int32)
     volleys = np.zeros(numbers.total + numbers.inhibition_delay, np.bool_)  # the steps in which volleys take
     operations, input_spikes, exc_spikes, leaf_spikes, root_spikes = 0, 0, 0, 0, 0
     for q in range(rates.shape[0]):
         if numbers.regular:
-            starts, members = schedule(slopes[q], keys[q], steps)
+            for j in range(inputs):
+                input_bias[j] = slopes[rates[q, j]]
+            starts, members = schedule(input_bias, keys[q], steps)
             n = 0
         else:
             starts, members = nothing, no_members
@@ -169,21 +196,20 @@ def present(
         for step in range(1, numbers.total):
             # 1. The input spikes that arrive: from the schedule, or drawn for four steps at a time.
             drawn = step - numbers.input_delay
-            lane = drawn & 3
             if drawn < 0 or drawn >= steps:
-                spike_counts[lane] = 0
+                arriving = no_members
             elif numbers.regular:
-                begin, spike_counts[lane] = starts[drawn], starts[drawn + 1] - starts[drawn]
-                for s in range(spike_counts[lane]):
-                    spikes[lane, s] = members[begin + s]
-            elif lane == 0:
-                draw_block(drawn >> 2, n, active, offsets, rates4, words, mask, occupied, spikes, spike_counts)
+                arriving = members[starts[drawn] : starts[drawn + 1]]
+            else:
+                if drawn & 3 == 0:
+                    draw_block(drawn >> 2, n, active, offsets, rates4, words, mask, occupied, spikes, spike_counts)
+                arriving = spikes[drawn & 3, : spike_counts[drawn & 3]]
             # 2. What they bring: sums of weights.
-            operations += _add_rows(weights, row_sizes, numbers.chunk, spikes[lane], spike_counts[lane], partial, acc)
-            input_spikes += spike_counts[lane]
+            operations += _add_rows(weights, row_sizes, arriving, acc)
+            input_spikes += arriving.size
             # 3. All membranes, less what the inhibitory neuron takes; then this step's spikes.
             pull = lateral if volleys[step] else np.int32(0)
-            if integrate(v, acc, own, pull, keep) > threshold:
+            if integrate(v, acc, own, pull, keep, bounded) > threshold:
                 row = raster[q, step] if raster.size > 0 else no_row
                 fired, leaves = _fire(v, threshold, numbers.leaf, counts[q], row)
                 volleys[step + numbers.inhibition_delay] = fired > 0

@@ -54,7 +54,7 @@ def _replay(
                     for i in range(neurons):
                         drive[i] += np.int32(weights[j, i])
         pull = lateral if step > 0 and root[step - 1] else np.int32(0)
-        if integrate(v, drive, bias, pull, keep) > threshold:
+        if integrate(v, drive, bias, pull, keep, False) > threshold:
             for i in range(neurons):
                 if v[i] > threshold:
                     v[i] = 0

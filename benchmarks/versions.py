@@ -1,0 +1,118 @@
+"""The host engine of this checkout beside that of another, in turns: `benchmarks.speed` with ``--other CHECKOUT``.
+
+Each checkout learns the same places with its own preset, but for the encoder. What is presented is the same: input
+spikes, steps and number of neurons, those of this checkout's presets, with regular and with Poisson trains. Figures are
+processor time of one thread, the least of all rounds, because other programs share the machine.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from contextlib import ExitStack
+from dataclasses import asdict
+from pathlib import Path
+
+from rich.table import Table
+
+from benchmarks.versions_worker import Case
+from lava_vpr.config import preset
+from lava_vpr.configfile import to_dict
+from lava_vpr.engine.inference.fixed import silent_steps
+from lava_vpr.errors import InputError
+from lava_vpr.gate import integer_config
+
+ROOT = Path(__file__).resolve().parents[1]
+SCRIPT = Path(__file__).with_name("versions_worker.py")
+
+
+def cases() -> list[Case]:
+    """Both presets on 100 places and on 500, with regular and with Poisson trains."""
+    made = []
+    for name, places in (("loihi", 100), ("loihi", 500), ("fast", 100), ("fast", 500)):
+        config = integer_config(preset(name), "timing")
+        steps = config.network.steps - silent_steps(places, False)
+        encoder = json.dumps(to_dict(config)["encoder"])
+        made += [Case(name, encoder, places, steps, regular) for regular in (True, False)]
+    return made
+
+
+class Worker:
+    """A process that runs cases in a checkout when it is told to.
+
+    Args:
+        checkout: The folder of a checkout that has a ``.venv``.
+        cases: What it runs.
+    Raises:
+        InputError: it has no Python of its own.
+    """
+
+    def __init__(self, checkout: Path, cases: list[Case]) -> None:
+        python = checkout / ".venv" / "bin" / "python"
+        if not python.exists():
+            raise InputError(f"{checkout}: has no .venv; run make lint there, or name another checkout")
+        self._checkout = checkout
+        self._process = subprocess.Popen(
+            [python, SCRIPT, json.dumps([asdict(case) for case in cases])],
+            cwd=checkout,
+            env={**os.environ, "PYTHONPATH": str(checkout)},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+
+    def __enter__(self) -> Worker:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.kill()
+        self._process.communicate()
+
+    def run(self, case: int) -> dict[str, float]:
+        """What `runner` says of a case, once.
+
+        Raises:
+            InputError: the worker has ended.
+        """
+        if self._process.stdin is None or self._process.stdout is None:
+            raise InputError("the worker has no pipes")
+        print(case, file=self._process.stdin, flush=True)
+        line = self._process.stdout.readline()
+        if not line:
+            raise InputError(f"{self._checkout}: its worker failed, see above; name another checkout")
+        said: dict[str, float] = json.loads(line)
+        return said
+
+
+def beside(other: Path, rounds: int) -> Table:
+    """Microseconds of processor time a query, here and in the checkout ``other``.
+
+    Raises:
+        InputError: the other checkout cannot run, or has not the same input spikes.
+    """
+    every = cases()
+    taken: dict[tuple[int, int], list[dict[str, float]]] = {}
+    with ExitStack() as stack:
+        workers = [stack.enter_context(Worker(checkout, every)) for checkout in (ROOT, other)]
+        for k in range(rounds + 1):  # the first round compiles and is not counted
+            for number in range(len(every)):
+                for side in (0, 1) if k % 2 else (1, 0):
+                    said = workers[side].run(number)
+                    taken.setdefault((number, side), []).extend([said] if k else [])
+    table = Table(title=f"processor time a query, one thread, least of {rounds} turns", title_justify="left")
+    for column in ("", "neurons", "steps", "input spikes", "exc, here", "exc, other", "us, here", "us, other", "ratio"):
+        table.add_column(column, justify="right" if column else "left", no_wrap=True)
+    for number, case in enumerate(every):
+        here, there = (taken[number, side] for side in (0, 1))
+        if here[0]["input_spikes"] != there[0]["input_spikes"]:
+            raise InputError(f"{other}: its input spikes are not those of this checkout; name a nearer one")
+        least = [1e6 * min(said["seconds"] for said in side) for side in (here, there)]
+        table.add_row(
+            f"{case.preset}, {'regular' if case.regular else 'Poisson'}",
+            *(f"{value:,.0f}" for value in (case.places, case.steps, here[0]["input_spikes"])),
+            *(f"{side[0]['exc_spikes']:.1f}" for side in (here, there)),
+            *(f"{value:.1f}" for value in least),
+            f"{least[1] / least[0]:.2f}",
+        )
+    return table
