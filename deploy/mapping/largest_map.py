@@ -1,33 +1,67 @@
 """The largest map that fits a board.
 
-This is the largest of networks as large and as costly as they can become: every input has a weight to every neuron, so
-every row is stored in full. Threshold and inhibition are what `engine.inference.quantise` makes of weights whose 99.9th
-percentile is `TOP`, as measured; real networks, two thirds of whose weights are 0, take less synapse memory.
+Two networks are asked about: a typical one, with as many weights that are not 0 as real ones have, and the costliest,
+in which every input has a weight to every neuron. And two ways of counting rows: *sparse* alone, each synapse with its
+index, as public sources show; or also *dense*, without, which nobody has shown on a board.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 from lava_vpr.config import Config
 from lava_vpr.deploy.boards.board import Board
-from lava_vpr.deploy.mapping.limits import check
+from lava_vpr.deploy.mapping.limits import check, check_without_weights
 from lava_vpr.deploy.mapping.partition import fewest_cores
+from lava_vpr.deploy.mapping.ranges import reach
 from lava_vpr.deploy.mapping.refusal import cause
-from lava_vpr.deploy.mapping.sizing import Sizing
-from lava_vpr.engine.inference import quantise
+from lava_vpr.deploy.mapping.sizing import Floats, Pattern, Sizing
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.errors import NetworkLimitError
-from lava_vpr.gate import integer_config
-from lava_vpr.training.loop import check_network
+from lava_vpr.engine.inference.quantise import check_steps, mantissa_of
+from lava_vpr.errors import ConfigError, NetworkLimitError
+from lava_vpr.gate import IntegerConfig, integer_config
+from lava_vpr.loihi import DECAY_BITS
+from lava_vpr.training.loop import split
 
-TOP = 0.91
-"""99.9th percentile of equalised weights (mean 0.1) that the default preset learns: 0.92 of 100 real places, 0.91 of
-500."""
+RowKind = Literal["sparse", "dense", "unknown"]
+Fullness = Literal["typical", "every"]
+
+_SIGNED = (
+    (0.00, 0.01, 0.01, 0.02, 0.03, 0.04, 0.06, 0.11),
+    (0.03, 0.09, 0.11, 0.13, 0.15, 0.17, 0.35, 0.69),
+    (0.07, 0.16, 0.63, 0.75, 0.79, 0.82, 0.86, 0.92),
+    (0.33, 0.86, 0.89, 0.90, 0.92, 0.93, 0.95, 0.97),
+    (0.56, 0.93, 0.94, 0.95, 0.96, 0.97, 0.98, 0.99),
+    (0.75, 0.96, 0.97, 0.98, 0.98, 0.99, 0.99, 1.00),
+    (0.89, 0.98, 0.98, 0.99, 0.99, 0.99, 1.00, 1.00),
+)
+_UNSIGNED = (
+    (0.00, 0.01, 0.02, 0.03, 0.04, 0.06, 0.08, 0.18),
+    (0.04, 0.10, 0.14, 0.17, 0.20, 0.25, 0.31, 0.48),
+    (0.08, 0.18, 0.24, 0.28, 0.32, 0.38, 0.45, 0.63),
+    (0.12, 0.24, 0.30, 0.35, 0.41, 0.47, 0.55, 0.72),
+    (0.15, 0.29, 0.35, 0.41, 0.47, 0.53, 0.61, 0.77),
+    (0.18, 0.33, 0.40, 0.46, 0.52, 0.58, 0.66, 0.81),
+    (0.20, 0.35, 0.43, 0.49, 0.55, 0.61, 0.69, 0.83),
+    (0.21, 0.36, 0.44, 0.51, 0.56, 0.62, 0.70, 0.84),
+)
+"""Share of an input's weights that are not 0, in each eighth of the inputs, by bits of a magnitude from 1 on: measured
+with 200 places of Nordland that the default preset learned, with signs and without."""
+
+MEAN_MAGNITUDE = 0.13
+"""Mean magnitude of these weights, in units of the largest integer weight; without signs 0.10."""
+
+DRIVE = 0.35
+"""What an input spike of its own place brings a neuron beyond the mean of all places, in the same units."""
+
+_KINDS = 8
+"""Kinds of inputs of an eighth that a typical network has: enough that no core is a special one."""
 
 _MOST = 1 << 17
+"""Neurons beyond which no map is looked for."""
 
 
 @dataclass(frozen=True)
@@ -35,40 +69,85 @@ class Capacity:
     """The largest map that fits.
 
     Attributes:
-        weight_bits: Bits of a weight.
+        weight_bits: Bits of a weight's magnitude.
+        rows: ``sparse`` rows alone, as public sources count them; or also ``dense`` ones, unproven; ``unknown``: how
+            the board stores rows is not public.
+        weights: ``typical``, or ``every`` weight is stored.
+        share: Share of the weights that are not 0.
         places, neurons, cores: The map's size; 0 if not even two places fit.
         limit: What one more place would exceed.
     """
 
     weight_bits: int
+    rows: RowKind
+    weights: Fullness
+    share: float
     places: int
     neurons: int
     cores: int
     limit: str
 
+    @property
+    def proven(self) -> bool:
+        """Whether public sources show how rows are stored that are counted so."""
+        return self.rows == "sparse"
 
-def typical(config: Config, board: Board, places: int) -> FixedNetwork:
-    """The costliest network that ``config`` can learn of so many places, as ``board`` runs it.
+
+def shares(config: IntegerConfig, weights: Fullness) -> Floats:
+    """Share of an input's weights that are not 0, in each eighth of the inputs, float64 (8,)."""
+    network = config.network
+    if weights == "every":
+        return np.ones(8)
+    typical = np.array((_SIGNED if network.signed else _UNSIGNED)[network.weight_bits - 1])
+    return np.asarray(typical * min(1.0, (1 - network.prune) / typical.mean()))
+
+
+def network_of(config: IntegerConfig, neurons: int) -> FixedNetwork:
+    """A network of so many neurons, all of whose weights are of the mean magnitude.
 
     Raises:
-        NetworkLimitError: training, quantising or the board's accumulator would refuse it.
+        ConfigError: a presentation would be all silence.
     """
-    network = integer_config(config, board.title).network
-    stretches = check_network(places, config)
-    neurons = sum(stretch.neurons for stretch in stretches)
-    quantised = quantise.quantise(
-        np.repeat([[TOP], [quantise.MEAN_WEIGHT]], neurons, axis=1),
-        network,
-        config.encoder.query_spikes,
-        joined=len(stretches) > 1,
-        shift=board.sum_shift,
+    network, inputs = config.network, config.encoder.inputs
+    top = (1 << network.weight_bits) - 1
+    unit = DRIVE * top * config.encoder.query_spikes
+    mantissa, exponent = mantissa_of(network.inhibition * unit)
+    weights = np.full((inputs, 1), max(1, round(MEAN_MAGNITUDE * top)), np.int16)
+    if network.signed:
+        weights[::2] *= -1
+    return FixedNetwork(
+        weights=np.broadcast_to(weights, (inputs, neurons)),
+        bias=np.zeros(neurons, np.int32),
+        bits=network.weight_bits,
+        signed=network.signed,
+        threshold=max(1, round(network.threshold * unit)),
+        inhibition=mantissa,
+        inhibition_exponent=exponent,
+        decay=min((1 << DECAY_BITS) - 1, round((1 << DECAY_BITS) / network.tau_membrane)),
+        steps=network.steps - check_steps(network, neurons),
+        regular=network.trains == "regular",
+        bias_input=network.input_mode == "bias",
     )
-    quantised.check(board.input_limit, board.title)
-    weight = np.uint8(max(1, int(quantised.weights[1, 0])))
-    return replace(quantised, weights=np.broadcast_to(weight, (config.encoder.inputs, neurons)))
 
 
-def largest(config: Config, board: Board) -> Capacity:
+def sizing_of(config: Config, board: Board, places: int, rows: RowKind, weights: Fullness) -> Sizing:
+    """The typical or the costliest network that ``config`` learns of so many places, on ``board``.
+
+    Raises:
+        ConfigError: ``config`` learns no integer network, or not of so many places.
+    """
+    settings = integer_config(config, board.title)
+    neurons = sum(stretch.neurons for stretch in split(places, config))
+    network = network_of(settings, neurons)
+    kinds = np.repeat(shares(settings, weights), _KINDS)
+    random = np.random.default_rng(0).random((kinds.size, 1 << 10))  # repeated: a core holds no more
+    mask = np.take(random < kinds[:, None], np.arange(neurons), axis=1, mode="wrap")
+    kind = np.arange(network.inputs) * kinds.size // network.inputs
+    rates = np.full(network.inputs, config.encoder.query_spikes / network.inputs)
+    return Sizing(network, board, rates, dense_rows=rows != "sparse", given=Pattern(mask, kind))
+
+
+def largest(config: Config, board: Board, rows: RowKind = "sparse", weights: Fullness = "typical") -> Capacity:
     """The largest map that fits ``board``, in whole places and in stretches of ``config.stretch``.
 
     Where all places are learned at once, ``network.neurons`` says nothing of their number; `neurons_per_place` does.
@@ -76,86 +155,82 @@ def largest(config: Config, board: Board) -> Capacity:
     Raises:
         ConfigError: ``config`` learns no integer network.
     """
-    network = integer_config(config, board.title).network
+    settings = integer_config(config, board.title)
+    if board.synapse_words is None:
+        rows = "unknown"
     if config.stretch == 0:
-        config = replace(config, network=replace(network, neurons=0))
-    limit = ""
-    # One stretch and several joined ones inhibit differently, so each have a limit of their own.
-    for first, last in ((config.stretch + 1, _MOST), (2, config.stretch)) if config.stretch else ((2, _MOST),):
-        sizes, limit = _search(config, board, first, last, limit)
-        if sizes is not None:
-            return Capacity(network.weight_bits, *sizes, limit)
-    return Capacity(network.weight_bits, 0, 0, 0, limit)
+        config = replace(config, network=replace(settings.network, neurons=0))
+    low, sizes = 1, (0, 0)
+    high = places = _at_most(config, board, rows, weights)
+    step = max(1, high // 128)
+    while low < high:  # the largest is little below what all cores hold without anything else
+        found = _neurons_and_cores(config, board, places, rows, weights)
+        low, sizes, high = (low, sizes, places - 1) if found is None else (places, found, high)
+        places, step = (max(2, high - step), 2 * step) if low == 1 else ((low + high + 1) // 2, step)
+    share = round(float(shares(settings, weights).mean()), 3)
+    beyond = _sizing(config, board, low + 1, rows, weights)
+    if isinstance(beyond, str):
+        limit = beyond
+    elif fewest_cores(beyond):
+        limit = f"more than {_MOST:,} neurons are not looked for"
+    else:
+        limit = cause(beyond, fewest_cores)
+    return Capacity(settings.network.weight_bits, rows, weights, share, low if sizes[0] else 0, *sizes, limit)
 
 
-def _search(config: Config, board: Board, first: int, last: int, limit: str) -> tuple[tuple[int, int, int] | None, str]:
-    """Places, neurons and cores of the largest map of ``first`` to ``last`` places, and what one more would exceed.
-
-    What fits the accumulator is known at once, so cores are looked for only within that.
-    """
-    low, high = first - 1, first
-    while low < high:
-        refused = _refused(config, board, high)
-        if refused is not None:
-            limit, last = refused, high - 1
-        else:
-            low = high
-        high = min(2 * high, last) if refused is None and 2 * high < last else (low + last + 1) // 2
-    best, high, places = None, low, low
-    low = first - 1
-    while low < high:
-        size = _neurons_and_cores(config, board, places)
-        if size is None:
-            high = places - 1
-        else:
-            best, low = (places, *size), places
-        places = (low + high + 1) // 2
-    return best, _limit(config, board, low + 1) if low < last else limit
+def _at_most(config: Config, board: Board, rows: RowKind, weights: Fullness) -> int:
+    """Places that no map exceeds: what all cores hold if only excitatory neurons stand on them."""
+    many = 1000
+    neurons = sum(stretch.neurons for stretch in split(many, config))
+    sizing = _sizing(config, board, many * _MOST // max(many, neurons), rows, weights)
+    if isinstance(sizing, str):
+        return 2
+    reached = int(reach(sizing, board.chips * board.cores, sizing.largest)[-1])
+    return max(2, min(many * reached // neurons + 1 + config.stretch, many * _MOST // max(many, neurons)))
 
 
-def _refused(config: Config, board: Board, places: int) -> str | None:
-    """Why so many places cannot be quantised for ``board``; None if they can."""
+def _sizing(config: Config, board: Board, places: int, rows: RowKind, weights: Fullness) -> Sizing | str:
+    """The network of so many places, or what forbids it wherever its neurons stand."""
     try:
-        typical(config, board, places)
-    except NetworkLimitError as error:
+        sizing = sizing_of(config, board, places, rows, weights)
+        if places == 2:
+            check(sizing)
+        check_without_weights(sizing)
+    except (ConfigError, NetworkLimitError) as error:
         return str(error).partition(";")[0]
-    return None
+    return sizing
 
 
-def _sizing(config: Config, board: Board, places: int) -> Sizing:
-    """The costliest network of so many places."""
-    network = typical(config, board, places)
-    return Sizing(network, board, np.full(network.inputs, config.encoder.query_spikes / network.inputs))
-
-
-def _neurons_and_cores(config: Config, board: Board, places: int) -> tuple[int, int] | None:
+def _neurons_and_cores(
+    config: Config, board: Board, places: int, rows: RowKind, weights: Fullness
+) -> tuple[int, int] | None:
     """Neurons and cores of so many places; None if they do not fit."""
-    sizing = _sizing(config, board, places)
-    try:
-        check(sizing)
-    except NetworkLimitError:
-        return None
-    cores = fewest_cores(sizing)
-    return None if cores is None else (sizing.network.neurons, cores)
-
-
-def _limit(config: Config, board: Board, places: int) -> str:
-    """Why so many places do not fit the cores."""
-    sizing = _sizing(config, board, places)
-    try:
-        check(sizing)
-    except NetworkLimitError as error:
-        return str(error).partition(";")[0]
-    return cause(sizing, fewest_cores)
+    sizing = _sizing(config, board, places, rows, weights)
+    cores = None if isinstance(sizing, str) else fewest_cores(sizing)
+    return None if isinstance(sizing, str) or cores is None else (sizing.network.neurons, cores)
 
 
 def table(config: Config, board: Board) -> tuple[Capacity, ...]:
-    """`largest` for every width of a weight that ``board`` stores.
+    """`largest` for every width of a weight that ``board`` stores, both ways of counting rows, and both networks.
 
     Raises:
         ConfigError: ``config`` learns no integer network.
     """
-    network = integer_config(config, board.title).network
-    return tuple(
-        largest(replace(config, network=replace(network, weight_bits=bits)), board) for bits in board.weight_bits
-    )
+    settings = integer_config(config, board.title)
+    most = max(board.weight_bits) - settings.network.signed
+    found = []
+    for bits in range(1, most + 1):
+        own = replace(config, network=replace(settings.network, weight_bits=bits))
+        found += capacities(own, board)
+    return tuple(found)
+
+
+def capacities(config: Config, board: Board) -> tuple[Capacity, ...]:
+    """`largest` with both ways of counting rows, and both networks.
+
+    Raises:
+        ConfigError: ``config`` learns no integer network.
+    """
+    kinds: tuple[RowKind, ...] = ("unknown",) if board.synapse_words is None else ("sparse", "dense")
+    networks: tuple[Fullness, ...] = ("typical", "every")
+    return tuple(largest(config, board, rows, weights) for rows in kinds for weights in networks)

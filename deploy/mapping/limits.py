@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.deploy.mapping.sizing import Sizing, limit_of
-from lava_vpr.engine.inference.fixed import DIRECT, FixedNetwork
+from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import NetworkLimitError
 
 DEVIATIONS = 6
@@ -46,8 +47,17 @@ def check(sizing: Sizing) -> None:
     Raises:
         NetworkLimitError: naming resource, need, limit and remedy.
     """
+    sizing.network.check(sizing.board.input_limit, sizing.board.title)
+    check_without_weights(sizing)
+
+
+def check_without_weights(sizing: Sizing) -> None:
+    """What `check` refuses, but for the sums of weights.
+
+    Raises:
+        NetworkLimitError: naming resource, need, limit and remedy.
+    """
     network, board = sizing.network, sizing.board
-    network.check(board.input_limit, board.title)
     _ = sizing.weight_bits, sizing.inhibition_bits  # refuse what they cannot hold
     if sizing.indexable == 0:
         raise NetworkLimitError(
@@ -65,6 +75,6 @@ def check(sizing: Sizing) -> None:
     for name, need in (("profiles", populations), ("thresholds", populations), ("formats", kinds)):
         limit = limit_of(getattr(board, name))
         if need > limit:
-            injected_helps = network.bias_input and network.neurons <= DIRECT and name != "formats" and limit >= 2
+            injected_helps = network.bias_input and network.neurons <= fixed.DIRECT and name != "formats" and limit >= 2
             remedy = "--input-mode injected" if injected_helps else "another --target"
             raise NetworkLimitError(f"a core needs {need} {name}, but {board.title} has {limit}; use {remedy}")

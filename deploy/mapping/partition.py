@@ -23,7 +23,7 @@ from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.mapping.layout import Layout, layout_of
 from lava_vpr.deploy.mapping.limits import check, host_spikes
 from lava_vpr.deploy.mapping.mesh import assign_cores
-from lava_vpr.deploy.mapping.placing import Placed, place
+from lava_vpr.deploy.mapping.placing import Placed, balanced, place
 from lava_vpr.deploy.mapping.ranges import even, longest
 from lava_vpr.deploy.mapping.refusal import refusal
 from lava_vpr.deploy.mapping.sizing import EXC_SPIKES, Sizing
@@ -32,7 +32,7 @@ from lava_vpr.engine.inference.fixed import FixedNetwork
 _EQUALLY_FEW = 4
 """Ways on equally few cores that are compared."""
 
-_EVERY = 16
+_EVERY = 8
 """Numbers of cores with excitatory neurons that are all tried; beyond, ever fewer."""
 
 
@@ -54,7 +54,8 @@ def partition(
         raise ValueError(f"rates of shape {rates.shape} for {network.inputs} inputs, or below 0")
     sizing = Sizing(network, board, rates, exc_spikes)
     check(sizing)
-    layouts = [layout for placed in ways(sizing) if (layout := layout_of(sizing, placed)) is not None]
+    found = [layout_of(sizing, balanced(sizing, placed)) for placed in ways(sizing)]
+    layouts = [layout for layout in found if layout is not None]
     if not layouts:
         raise refusal(sizing, fewest_cores)
     layout = min(layouts, key=_cost)
@@ -79,14 +80,13 @@ def ways(sizing: Sizing) -> list[Placed]:
         return found
     least = cores = greedy.size - 1
     while cores <= min(most, sizing.network.neurons):
-        bounds = even(sizing, cores)
-        for tried in (bounds, greedy if cores == least else None):
-            placed = None if tried is None else place(sizing, tried, most)
+        for bounds in [even(sizing, cores, greedy)] + [greedy] * (cores == least):
+            placed = place(sizing, bounds, most)
             if placed is not None and placed.cores < most:
                 found, most = [], placed.cores
             if placed is not None and len(found) < _EQUALLY_FEW:
                 found.append(placed)
-        cores += 1 + max(0, cores - least - _EVERY) // 4
+        cores += 1 + max(0, cores - least - _EVERY) // 2
         if len(found) == _EQUALLY_FEW and cores >= most:
             break
     return found

@@ -4,7 +4,7 @@ further cores."""
 from __future__ import annotations
 
 from bisect import bisect_right
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ class Placed:
     Attributes:
         bounds: First neuron of each core with excitatory ones, and the number of all, int64 (k + 1,).
         inh, inputs: First and number of each core's, int64 (cores, 2).
-        room: What is left on each core, with each row in its smallest format, int64 (cores, 5).
+        room: What is left for inputs on each core, with each row in its smallest format, int64 (cores, 5).
     """
 
     bounds: Integers = field(repr=False)
@@ -58,7 +58,7 @@ def place(sizing: Sizing, bounds: Integers, most: int) -> Placed | None:
     if placed is None:
         return None
     inh, room = placed
-    inputs = _place_inputs(sizing, size, counts, room, most)
+    inputs = _place_inputs(sizing, counts, room, most)
     if inputs is None:
         return None
     added = len(inputs) - len(room)
@@ -107,38 +107,39 @@ def _place_inhibitory(sizing: Sizing, room: Integers, most: int) -> tuple[Intege
     return inh, room
 
 
-def _place_inputs(
-    sizing: Sizing, size: Integers, counts: NDArray[np.int32], room: Integers, most: int
-) -> Integers | None:
+def _place_inputs(sizing: Sizing, counts: NDArray[np.int32], room: Integers, most: int) -> Integers | None:
     """Input compartments of each core, the fewest further ones among them, int64 (cores,); None if they do not fit."""
-    network, cores = sizing.network, len(room)
-    if network.input_compartments == 0:
-        return np.zeros(cores, np.int64)
-    rooms = room[:, COMPARTMENTS]
-    each_room = int(_empty(sizing)[COMPARTMENTS])
-    if network.relayed:
-        rooms = room[:, [COMPARTMENTS, INDEXED, AXONS_IN, WORDS]].min(axis=1)
-        each_room = int(_empty(sizing)[[COMPARTMENTS, INDEXED, AXONS_IN, WORDS]].min())
-    axons, busy = np.count_nonzero(counts, axis=1)[sizing.pattern.kind], _busy(sizing, size, counts)
-    spiking = sizing.grains
+    if sizing.network.input_compartments == 0:
+        return np.zeros(len(room), np.int64)
+    axons = np.concatenate([[0], np.cumsum(np.count_nonzero(counts, axis=1)[sizing.pattern.kind])])
+    empty, sizes, start = _empty(sizing), [], 0
+    while start < sizing.network.inputs or len(sizes) < len(room):
+        if len(sizes) == most:
+            return None
+        own = room[len(sizes)] if len(sizes) < len(room) else empty
+        end = int(np.searchsorted(axons, axons[start] + own[AXONS_OUT], side="right")) - 1
+        sizes.append(min(end - start, int(own[_of_inputs(sizing)].min()), sizing.network.inputs - start))
+        start += sizes[-1]
+        if len(sizes) > len(room) and sizes[-1] == 0:
+            return None
+    return np.array(sizes)
+
+
+def _of_inputs(sizing: Sizing) -> list[int]:
+    """What limits the inputs on a core besides output axons, in the order of `Placed.room`."""
+    return [COMPARTMENTS, INDEXED, AXONS_IN, WORDS] if sizing.network.relayed else [COMPARTMENTS]
+
+
+def balanced(sizing: Sizing, placed: Placed) -> Placed:
+    """``placed`` with its inputs spread so that the busiest core is least busy."""
+    if sizing.network.input_compartments == 0:
+        return placed
+    size, counts = np.diff(placed.bounds), counts_of(sizing, placed.bounds)
+    axons, spiking = np.count_nonzero(counts, axis=1)[sizing.pattern.kind], sizing.grains
     times = neuron_nanoseconds(LOIHI_1, "nominal", 1.0, 1.0, spiking, spiking * axons)
-
-    def on(further: int) -> Integers | None:
-        return spread(
-            times,
-            axons,
-            np.append(rooms, np.full(further, each_room)),
-            np.append(room[:, AXONS_OUT], np.full(further, limit_of(sizing.board.axons_out))),
-            np.append(busy, np.zeros(cores + further - busy.size)),
-        )
-
-    low, high = -1, most - cores  # ``low`` further cores are too few
-    if high < 0 or on(high) is None:
-        return None
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (middle, high) if on(middle) is None else (low, middle)
-    return on(high)
+    busy = np.append(_busy(sizing, size, counts), np.zeros(placed.cores - size.size))
+    sizes = spread(times, axons, placed.room[:, _of_inputs(sizing)].min(axis=1), placed.room[:, AXONS_OUT], busy)
+    return placed if sizes is None else replace(placed, inputs=consecutive(sizes))
 
 
 def _busy(sizing: Sizing, size: Integers, counts: NDArray[np.int32]) -> Floats:

@@ -59,14 +59,16 @@ def cause(sizing: Sizing, solve: Solve) -> str:
                 f"a core with {share:,} of {network.neurons:,} neurons needs {need:,} {_TITLES[name]}, but a core of "
                 f"{board.title} has {limit:,}"
             )
-    # The resource without whose limit the network would fit; if there is none, cores.
-    lacking = [name for name in _TITLES if solve(replace(sizing, board=_without(board, name)))]
+    # The resource without whose limit the network would fit on the fewest cores; if there is none, cores.
+    without = {name: solve(replace(sizing, board=_without(board, name))) for name in _TITLES}
+    lacking = {name: many for name, many in without.items() if many}
     many = solve(replace(sizing, board=replace(board, cores=8 * board.cores)))
     needed = f"{many:,}" if many else f"more than {8 * cores:,}"
     of_each = ""
     if lacking:
-        limit = sizing.words if lacking[0] == "synapse_words" else getattr(board, lacking[0])
-        of_each = f" of {limit:,} {_TITLES[lacking[0]]}"
+        name = min(lacking, key=lambda name: lacking[name])
+        limit = sizing.words if name == "synapse_words" else getattr(board, name)
+        of_each = f" of {limit:,} {_TITLES[name]}"
     return f"{network.neurons:,} neurons need {needed} cores{of_each}, but {board.title} has {cores:,}"
 
 

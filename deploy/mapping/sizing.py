@@ -186,18 +186,14 @@ class Sizing:
         """Words of an input's row by neurons of the core and non-zero weights, int64 (largest + 1, largest + 1): in the
         format with the fewest operations, and in the one with the fewest words."""
         sizes = np.arange(self.largest + 1)
-        dense = row_words(sizes, self.weight_bits)
-        operations = (
-            np.repeat(dense[:, None], sizes.size, axis=1) if self.dense_rows else np.full([sizes.size] * 2, UNLIMITED)
-        )
-        for size in sizes.tolist():
-            bits = self.sparse_bits(size)
-            if bits is not None:
-                operations[size] = row_words(sizes, self.weight_bits + bits)
+        dense = row_words(sizes, self.weight_bits) if self.dense_rows else np.full(sizes.size, UNLIMITED)
+        operations = np.repeat(dense[:, None], sizes.size, axis=1)
+        for bits, indexed in self._indexed.items():
+            operations[indexed] = row_words(sizes, self.weight_bits + bits)
         if self.dense_rows:
             operations[sizes, sizes] = dense
         operations[:, 0] = 0
-        return operations, np.minimum(operations, dense[:, None]) if self.dense_rows else operations
+        return operations, np.minimum(operations, dense[:, None])
 
     @cached_property
     def root_row(self) -> Integers:
@@ -207,26 +203,31 @@ class Sizing:
             return np.zeros_like(sizes)
         if self.dense_rows:
             return row_words(sizes, self.inhibition_bits)
-        bits = [self.sparse_bits(int(size)) for size in sizes]
-        return np.array(
-            [
-                UNLIMITED if own is None else row_words(size, self.inhibition_bits + own)
-                for size, own in zip(sizes, bits, strict=True)
-            ]
-        )
+        words = np.full(sizes.size, UNLIMITED)
+        for bits, indexed in self._indexed.items():
+            words[indexed] = row_words(sizes[indexed], self.inhibition_bits + bits)
+        return words
+
+    @cached_property
+    def _indexed(self) -> dict[int, Integers]:
+        """The numbers of neurons, up to ``largest``, over which sparse rows have so many index bits."""
+        own = np.array([self.sparse_bits(size) or 0 for size in range(self.largest + 1)])
+        return {bits: np.flatnonzero(own == bits) for bits in self.board.index_bits}
 
     def counts(self, first: int, end: int) -> Integers:
         """Non-zero weights of each input to neurons ``first`` .. ``end - 1``, int64 (inputs,)."""
         return np.count_nonzero(self.pattern.mask[:, first:end], axis=1)[self.pattern.kind]
 
-    def growing(self, first: int, most: int) -> tuple[Integers, Integers]:
-        """What the ranges of 1, 2 .. ``most`` neurons from ``first`` on take, int64 (most,) each.
+    def growing(self, first: int, least: int, most: int) -> tuple[Integers, Integers]:
+        """What the ranges of ``least``, least + 1 .. ``most`` neurons from ``first`` on take, int64 each.
 
         Returns:
             Inputs with a weight to them, and the fewest words of all their rows.
         """
-        counts = np.cumsum(self.pattern.mask[:, first : first + most], axis=1, dtype=np.int32)
-        return self.taken(np.arange(1, counts.shape[1] + 1), counts)
+        mask = self.pattern.mask[:, first : first + most]
+        counts = np.cumsum(mask[:, least - 1 :], axis=1, dtype=np.int32)
+        counts += np.count_nonzero(mask[:, : least - 1], axis=1)[:, None].astype(np.int32)
+        return self.taken(np.arange(least, most + 1), counts)
 
     def taken(self, sizes: Integers, counts: NDArray[np.int32]) -> tuple[Integers, Integers]:
         """What ranges of ``sizes`` neurons (ranges,) take whose kinds have ``counts`` weights (kinds, ranges)."""

@@ -26,7 +26,8 @@ from lava_vpr.deploy.show.tables import step_time, summary
 COLOURS = {"exc": "#0067a8", "inh": "#c24a00", "inputs": "#00805c"}
 """Colours of the populations, as the report's curves have them."""
 
-_NAMES = {"exc": "excitatory neurons", "inh": "inhibitory relays", "inputs": "input compartments"}
+_NAMES = {"exc": "excitatory neurons", "inh": "inhibitory neurons", "inputs": "inputs that integrate a bias"}
+_RELAYS = "relays of inputs"
 _INK, _MUTED, _LINE, _PALE, _PAPER = "#1a2127", "#55616b", "#d5dbe0", "#edf1f4", "#ffffff"
 
 WIDTH, MARGIN, GAP = 1200, 32, 10
@@ -182,7 +183,7 @@ def _legend(axes: Axes, plan: Plan, y: float) -> None:
 
     for population in (name for name in COLOURS if name in present):
         _rectangle(axes, (x, y - 6, 12, 12), COLOURS[population])
-        word(_NAMES[population], 12)
+        word(_RELAYS if population == "inputs" and plan.network.relayed else _NAMES[population], 12)
     if plan.board.synapse_words is not None:
         _memory(axes, (x, y - 7, 5, 14), 0.6)
         word("synapse memory in use", 5)

@@ -10,7 +10,6 @@ from rich.table import Table
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.boards.plan import CorePlan, Part, Plan
 from lava_vpr.deploy.registers.clearing import clearing
-from lava_vpr.engine.inference.fixed import SILENT_STEPS
 
 MOST_ROWS = 24
 """Rows of a table; what lies between the first and the last of more cores is left out."""
@@ -19,8 +18,9 @@ UNKNOWN = "unknown"
 
 
 def span(part: Part) -> str:
-    """A part's neurons, ``exc 0..99``."""
-    return f"{part.population} {part.first}..{part.first + part.size - 1}"
+    """A part's neurons, ``exc 0..99`` or ``inh 0``."""
+    last = "" if part.size == 1 else f"..{part.first + part.size - 1}"
+    return f"{part.population} {part.first}{last}"
 
 
 def step_time(board: Board, core: CorePlan) -> str:
@@ -132,17 +132,27 @@ def busiest(plan: Plan) -> CorePlan:
     return max(plan.cores, key=lambda core: core.load.nanoseconds)
 
 
+def _inhibitory(plan: Plan) -> str:
+    """The inhibitory neurons, as the beginning of a sentence."""
+    leaves = plan.network.leaves
+    return (
+        f"{leaves} inhibitory neurons and another that listens to them take"
+        if leaves
+        else "One inhibitory neuron takes"
+    )
+
+
 def summary(plan: Plan) -> list[str]:
     """What matters of a plan, a sentence each."""
     board, network, core = plan.board, plan.network, busiest(plan)
-    steps = network.steps + SILENT_STEPS
     lines = [f"{len(plan.cores)} of {board.chips * board.cores} cores, {_bits(plan.weight_bits)} a stored weight."]
+    lines.append(f"{_inhibitory(plan)} from every neuron {network.inhibition_delay} steps after any has spiked.")
     if board.tile_cores is None:
         lines.append("Which cores they are, and how synapses are stored, is decided by Intel's compiler.")
     if board.timed:
         lines.append(
             f"Modelled: the busiest core ({core_name(board, core)}) takes {step_time(board, core)} a step, "
-            f"{steps * core.load.nanoseconds / 1e6:.2f} ms a query of {steps} steps"
+            f"{network.interval * core.load.nanoseconds / 1e6:.2f} ms a query of {network.interval} steps"
             + (f"; messages cross {plan.hops:.1f} tiles a step." if plan.hops is not None else ".")
         )
     else:
@@ -151,6 +161,9 @@ def summary(plan: Plan) -> list[str]:
         lines.append("The host sends no spikes: inputs integrate a bias that is written once a query.")
     else:
         limit = UNKNOWN if board.host_spikes is None else f"{board.host_spikes}"
-        lines.append(f"The host sends up to {plan.host_spikes:.1f} spikes a step to each chip (limit: {limit}).")
+        passed = ", where relays pass them on" if network.relayed else ""
+        lines.append(
+            f"The host sends up to {plan.host_spikes:.1f} spikes a step to each chip (limit: {limit}){passed}."
+        )
     lines.append(f"Between queries: {clearing(network, board)['what']}.")
     return lines

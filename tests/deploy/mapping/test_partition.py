@@ -1,197 +1,272 @@
-"""Networks on cores: every limit, few cores against bounds and against trying everything, what is minimised next."""
+"""Networks on cores: every limit, few cores against trying everything, what is minimised next."""
 
 from __future__ import annotations
 
 import itertools
+import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.boards.small_boards import check_images, check_plan, even, network, parts_of, tiny, words
+from support.boards.small_boards import (
+    check_images,
+    check_plan,
+    even,
+    listened,
+    network,
+    parts_of,
+    tiny,
+    words,
+)
 
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2, Board
 from lava_vpr.deploy.boards.plan import CorePlan
-from lava_vpr.deploy.mapping.layout import with_relays
-from lava_vpr.deploy.mapping.partition import fewest_cores, layouts_on_fewest_cores, partition
+from lava_vpr.deploy.mapping.partition import fewest_cores, partition
 from lava_vpr.deploy.mapping.row_formats import choose_formats
 from lava_vpr.deploy.mapping.sizing import Sizing
+from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import NetworkLimitError
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
-@given(data=st.data())
-def test_what_fits_holds_every_limit_and_needs_are_what_is_written(data: st.DataObject) -> None:
+@pytest.fixture(params=[(4096, 1024), (4096, 2), (3, 2)], ids=["direct", "relays", "leaves and relays"])
+def shape(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Small networks that have one inhibitory neuron or leaves, with relays or without."""
+    fan_in, direct = request.param
+    monkeypatch.setattr(fixed, "FAN_IN", fan_in)
+    monkeypatch.setattr(fixed, "DIRECT", direct)
+
+
+def drawn(data: st.DataObject) -> tuple[FixedNetwork, Board]:
     number = data.draw
+    signed = number(st.booleans())
     made = network(
         number(st.integers(1, 40)),
         number(st.integers(1, 60)),
-        bits=number(st.sampled_from([1, 2, 3, 7, 8])),
+        bits=number(st.sampled_from([1, 2, 3, 6, 7])),
         share=number(st.sampled_from([0.0, 0.1, 0.42, 1.0])),
         inhibition=number(st.sampled_from([0, 1, 44, 200])),
+        signed=signed,
         bias_input=number(st.booleans()),
         seed=number(st.integers(0, 99)),
     )
-    board = replace(
+    return made, replace(
         KAPOHO_BAY,
         cores=number(st.sampled_from([4, 16, 128])),
         compartments=number(st.sampled_from([5, 20, 90, 1024])),
         axons_in=number(st.sampled_from([made.inputs + made.neurons + 1, 150, 4096])),
         axons_out=number(st.sampled_from([60, 300, 4096])),
         synapse_words=number(st.sampled_from([80, 150, 400, 16_384])),
-        formats=number(st.sampled_from([3, 16])),
+        formats=number(st.sampled_from([4, 16])),
     )
+
+
+@pytest.mark.usefixtures("shape")
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(data=st.data())
+def test_what_fits_holds_every_limit_and_needs_are_what_is_counted(data: st.DataObject) -> None:
+    made, board = drawn(data)
     try:
         plan = partition(made, board, even(made))
     except NetworkLimitError:
         return
     check_plan(plan)
+
+
+@settings(max_examples=30, deadline=None, derandomize=True)
+@given(data=st.data())
+def test_needs_are_what_registers_and_memory_take(data: st.DataObject) -> None:
+    made, board = drawn(data)
+    try:
+        plan = partition(made, board, even(made))
+    except NetworkLimitError:
+        return
     check_images(plan)
+
+
+@pytest.mark.parametrize(("neurons", "bias_input"), [(1100, False), (5000, False), (5000, True)])
+def test_large_networks_hold_every_limit(neurons: int, bias_input: bool) -> None:
+    made = network(neurons, 300, share=0.58, signed=True, bias_input=bias_input)
+    check_plan(partition(made, replace(KAPOHO_BAY, synapse_words=5000), even(made)))
+
+
+@pytest.mark.parametrize(("neurons", "most"), [(3000, 40), (8000, 100)])
+def test_thousands_of_places_are_mapped_within_seconds(neurons: int, most: int) -> None:
+    """Of about a second, a minute is left for a machine that is busy."""
+    made = network(neurons, 2048, share=0.58, signed=True)
+    begin = time.perf_counter()
+    plan = partition(made, KAPOHO_BAY, even(made))
+    assert time.perf_counter() - begin < 60
+    assert len(plan.cores) <= most
+    assert sum(core.part("exc").size for core in plan.cores) == neurons
+    assert sum(core.part("inh").size for core in plan.cores) == (1 if neurons <= 4096 else 3)
+    assert sum(core.part("inputs").size for core in plan.cores) == 2048
+    for core in plan.cores:
+        assert (core.needs.synapse_words or 0) <= 0.95 * 16_384
+        assert (core.needs.axons_in or 0) <= 4096
+        assert (core.needs.axons_out or 0) <= 4096
+    assert plan.weight_bits == 4
 
 
 # Few cores.
 
 
 def literal_words(made: FixedNetwork, board: Board, bits: tuple[int, int], first: int, end: int) -> int:
-    """Least words of a core's rows, each in every format."""
+    """Least words of a core's rows to its excitatory neurons, each in every format."""
     size = end - first
     index = [wide for wide in board.index_bits if size - 1 < 1 << wide]
-    total = 0
+    total = words(size, bits[1]) if made.inhibition else 0
     for row in made.weights[:, first:end]:
         count = int(np.count_nonzero(row))
         if count:
             total += min([words(size, bits[0]), *(words(count, bits[0] + wide) for wide in index)])
-    if made.inhibition:
-        total += words(size, bits[1]) * (size < made.neurons)
-        if size > 1:
-            total += size * min([words(size, bits[1]), *(words(size - 1, bits[1] + wide) for wide in index)])
     return total
 
 
-def literal_fits(made: FixedNetwork, board: Board, bits: tuple[int, int], bounds: list[int], others: int) -> bool:
-    """Whether relays fit beside these ranges and on ``others`` more cores, in any order of the cores."""
-    ranges = list(itertools.pairwise(bounds))
-    cores, total = len(ranges), len(ranges) + others
-    sizes = [end - first for first, end in ranges] + [0] * others
-    most = []
-    for first, end in [*ranges, *[(0, 0)] * others]:
-        active = int((made.weights[:, first:end] > 0).any(axis=1).sum())
-        own = (end - first == 1) if made.inhibition else 0
-        axons = active + (made.neurons - own if made.inhibition and end > first else 0)
-        rows = literal_words(made, board, bits, first, end) if end > first else 0
-        room = [board.axons_in - axons, board.synapse_words - rows, board.compartments - end + first]
-        if min(room) < 0 or board.axons_out < 2 * (end - first):
-            return False
-        most.append(min(room))
-    cost = [(cores - (size == 1)) * (made.inhibition > 0) for size in sizes for _ in range(size)]
-    for order in itertools.permutations(range(total)):
-        for relays in parts_of(made.neurons, total):
-            begin = 0
-            for core, count in zip(order, relays, strict=True):
-                out = board.axons_out - 2 * sizes[core] - sum(cost[begin : begin + count])
-                if count > most[core] or out < 0:
-                    break
-                begin += count
-            else:
-                return True
+def literal_fits(made: FixedNetwork, board: Board, bits: tuple[int, int], bounds: list[int], total: int) -> bool:
+    """Whether everything fits on ``total`` cores with these ranges: inhibitory neurons on any, inputs in any order."""
+    ranges = [*itertools.pairwise(bounds), *[(0, 0)] * (total - len(bounds) + 1)]
+    exc_cores, rooms = len(bounds) - 1, []
+    for first, end in ranges:
+        active = int((made.weights[:, first:end] != 0).any(axis=1).sum())
+        held = (
+            end - first,
+            active + bool(made.inhibition and end > first),
+            2 * (end - first),
+            literal_words(made, board, bits, first, end) if end > first else 0,
+        )
+        limits = (board.compartments, board.axons_in, board.axons_out, board.usable_words)
+        rooms.append(np.array(limits) - held)
+    if min(room.min() for room in rooms) < 0:
+        return False
+    axons = [sum(bool(row[first:end].any()) for first, end in ranges[:exc_cores]) for row in made.weights]
+    relayed = int(made.relayed)
+    for places in itertools.product(range(total), repeat=made.inhibitory):
+        left = [room.copy() for room in rooms]
+        for inh, core in enumerate(places):
+            heard = len(listened(made, inh))
+            out = exc_cores * bool(made.inhibition) if inh == made.inhibitory - 1 else 1
+            left[core] -= (1, heard, out, heard)
+        if min(room.min() for room in left) < 0:
+            continue
+        if not made.input_compartments:
+            return True
+        for order in itertools.permutations(range(total)):
+            for sizes in parts_of(made.inputs, total):
+                begin = 0
+                for core, size in zip(order, sizes, strict=True):
+                    out = sum(axons[begin : begin + size])
+                    if (left[core] < (size, relayed * size, out, relayed * size)).any():
+                        break
+                    begin += size
+                else:
+                    return True
     return False
 
 
-def literal_fewest(made: FixedNetwork, board: Board, bits: tuple[int, int], share: int = 1) -> int | None:
-    """Fewest cores of excitatory neurons and relays, with at least ``share`` neurons a core, by trying everything."""
+def literal_fewest(made: FixedNetwork, board: Board, bits: tuple[int, int]) -> int | None:
+    """Fewest cores, by trying everything."""
     for total in range(1, board.cores + 1):
         for cores in range(1, min(total, made.neurons) + 1):
             for cuts in itertools.combinations(range(1, made.neurons), cores - 1):
-                bounds = [0, *cuts, made.neurons]
-                if min(np.diff(bounds)) >= share and literal_fits(made, board, bits, bounds, total - cores):
+                if literal_fits(made, board, bits, [0, *cuts, made.neurons], total):
                     return total
     return None
 
 
 def small_problem(seed: int) -> tuple[FixedNetwork, Board]:
     rng = np.random.default_rng(seed)
+    signed = bool(rng.random() < 0.5)
     made = network(
         int(rng.integers(1, 6)),
         int(rng.integers(1, 6)),
-        bits=int(rng.integers(1, 9)),
+        bits=int(rng.integers(1, 8)),
         share=float(rng.choice([0.3, 0.6, 1.0])),
         inhibition=int(rng.choice([0, 1, 44, 85])),
-        bias_input=bool(rng.random() < 0.5),
+        signed=signed,
+        bias_input=bool(rng.random() < 0.3),
         seed=seed,
     )
     board = tiny(
+        cores=3,
         compartments=int(rng.choice([1024, rng.integers(1, 8)])),
         axons_out=int(rng.integers(3, 16)),
         axons_in=int(rng.choice([4096, rng.integers(2, 14)])),
-        synapse_words=int(rng.choice([16_384, rng.integers(3, 20)])),
+        synapse_words=int(rng.choice([16_384, rng.integers(3, 24)])),
     )
     return made, board
 
 
-def test_cores_are_as_few_as_any_plan_has_where_that_is_claimed() -> None:
-    """Never fewer than trying everything finds; as few, if spikes are injected, as where no neuron stands alone."""
-    outcomes, several = set(), 0
-    for seed in range(160):
-        drawn, board = small_problem(seed)
-        bits = (Sizing(drawn, board, even(drawn)).weight_bits, Sizing(drawn, board, even(drawn)).lateral_bits)
-        fewest, shared = literal_fewest(drawn, board, bits), literal_fewest(drawn, board, bits, share=2)
-        for made in (drawn, replace(drawn, bias_input=False)):
-            layouts = layouts_on_fewest_cores(Sizing(made, board, even(made, 0.5)))
-            cores = len(layouts[0].relays) if layouts else None
-            outcomes.add(cores)
-            if cores is not None:
-                compartments = 2 * made.neurons + made.input_compartments
-                assert fewest is not None, f"seed {seed}"
-                assert cores >= max(fewest, -(-compartments // board.compartments)), f"seed {seed}"
-            if not made.bias_input and shared is not None:
-                assert cores is not None, f"seed {seed}"
-                assert cores <= shared, f"seed {seed}"
-            if not made.bias_input and layouts and (np.diff(layouts[0].bounds) > 1).all():
-                assert cores == fewest, f"seed {seed}"
-                several += fewest != 1
-    assert outcomes == {None, 1, 2, 3, 4}
-    assert several > 10
+@pytest.mark.usefixtures("shape")
+def test_cores_are_as_few_as_trying_everything_finds_but_for_a_few() -> None:
+    """Never fewer; and one more, or none at all, in at most one of twenty problems this tight."""
+    outcomes, worse, tried = set(), 0, 0
+    for seed in range(60):
+        made, board = small_problem(seed)
+        sizing = Sizing(made, board, even(made, 0.5))
+        cores = fewest_cores(sizing)
+        fewest = literal_fewest(made, board, (sizing.weight_bits, sizing.inhibition_bits))
+        outcomes.add(cores)
+        tried += fewest is not None
+        if cores is not None:
+            assert fewest is not None, f"seed {seed}"
+            assert cores >= fewest, f"seed {seed}"
+        worse += cores != fewest
+    assert outcomes == {None, 1, 2, 3}
+    assert tried > 20
+    assert worse <= tried / 20, worse
 
 
-@pytest.mark.parametrize("seed", [45, 763, 864, 924, 1228])
-def test_ranges_with_most_room_for_relays_spare_a_core(seed: int) -> None:
-    drawn, board = small_problem(seed)
-    made = replace(drawn, bias_input=False)
-    sizing = Sizing(made, board, even(made, 0.5))
-    fewest = literal_fewest(made, board, (sizing.weight_bits, sizing.lateral_bits))
-    assert fewest is not None
-    assert fewest_cores(sizing) == fewest
+def test_each_range_reaches_as_far_as_a_core_holds() -> None:
+    """Without anything but excitatory neurons to place, cores are the fewest that any ranges need."""
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        made = network(12, 8, share=float(rng.choice([0.3, 0.6])), seed=seed, signed=True)
+        board = tiny(cores=40, synapse_words=int(rng.integers(14, 40)))
+        sizing = Sizing(made, replace(board, axons_in=4096), even(made))
+        bits = (sizing.weight_bits, sizing.inhibition_bits)
+        fits = {
+            (first, end): literal_words(made, board, bits, first, end) <= (board.usable_words or 0)
+            for first, end in itertools.combinations(range(13), 2)
+        }
+        fewest = {0: 0}
+        for end in range(1, 13):
+            ways = [fewest[first] + 1 for first in range(end) if fits[first, end] and first in fewest]
+            if ways:
+                fewest[end] = min(ways)
+        plan = fewest_cores(sizing)
+        if 12 in fewest:
+            assert plan is not None
+            assert fewest[12] <= plan <= fewest[12] + 1  # the inhibitory neuron's core
+        else:
+            assert plan is None
 
 
-def test_a_relay_has_no_axon_to_a_core_where_its_neuron_is_alone() -> None:
-    made = network(20, 5, share=1.0)
-    # Five rows of inputs, one of the relays elsewhere, and one to the relay: no core has memory for two neurons.
-    board = replace(KAPOHO_BAY, compartments=2, axons_out=2 + 19, synapse_words=7)
-    plan = partition(made, board, even(made))
-    check_plan(plan)
-    check_images(plan)
-    assert len(plan.cores) == 20
+def test_the_inhibitory_neuron_stands_beside_others_where_there_is_room() -> None:
+    made = network(20, 30)
+    (core,) = partition(made, KAPOHO_BAY, even(made)).cores
+    assert [(part.population, part.first, part.size) for part in core.parts] == [("exc", 0, 20), ("inh", 0, 1)]
+    alone = partition(made, tiny(axons_in=31 + 19), even(made))
+    assert [[part.population for part in core.parts] for core in alone.cores] == [["exc"], ["inh"]]
+    check_plan(alone)
 
 
 # What is minimised next.
 
 
-@pytest.mark.parametrize("room", [150, 170, 190, 230, 300, 1000])
-def test_of_all_ranges_those_with_the_fewest_operations_then_the_least_busy_core(room: int) -> None:
-    made = network(14, 40, share=0.7, bits=8, inhibition=40)
-    rates = np.random.default_rng(1).random(40)
-    sizing = Sizing(made, tiny(compartments=12, synapse_words=room, cores=8), rates)
-    best = min(layouts_on_fewest_cores(sizing), key=lambda layout: (layout.added, layout.busiest))
-    tried = []
-    for cores in range(1, len(best.relays) + 1):
-        for cuts in itertools.combinations(range(1, 14), cores - 1):
-            bounds = np.array([0, *cuts, 14])
-            if max(np.diff(bounds)) <= 6:
-                layout = with_relays(sizing, bounds, np.diff(bounds))
-                tried += [(layout.added, layout.busiest)] if layout is not None else []
-    assert (best.added, best.busiest) == min(tried)
+def test_equal_ranges_where_they_fit_else_the_longest_is_short() -> None:
+    made = network(300, 500)
+    plan = partition(made, tiny(synapse_words=9000), even(made))
+    sizes = [core.part("exc").size for core in plan.cores]
+    assert max(sizes) - min(sizes) <= 1
+    weights = made.weights * (np.random.default_rng(0).random((500, 300)) < np.linspace(1, 0.02, 300))
+    uneven = replace(made, weights=weights.astype(np.int16))
+    plan = partition(uneven, tiny(synapse_words=4200, cores=3), even(made))
+    check_plan(plan)
+    sizes = [core.part("exc").size for core in plan.cores if core.part("exc").size]
+    assert max(sizes) > min(sizes) + 1
 
 
 def test_rows_turn_dense_only_as_far_as_memory_demands() -> None:
@@ -200,15 +275,15 @@ def test_rows_turn_dense_only_as_far_as_memory_demands() -> None:
     free = partition(made, tiny(), rates / 20)
     need = free.cores[0].needs.synapse_words or 0
     assert len(free.cores) == 1
-    assert not free.cores[0].dense_lateral
     assert not free.cores[0].dense_inputs.any()
     operations, dense = [], []
-    for less in (0, 1, 800, 1200, 1300):
-        plan = partition(made, tiny(synapse_words=need - less, cores=1), rates / 20)
+    for less in (0, 1, 400, 700, 800):
+        board = tiny(synapse_words=-(-(need - less) * 20 // 19), cores=1)
+        plan = partition(made, board, rates / 20)
         load = plan.cores[0].load
         operations.append(load.operations_dense + load.operations_sparse)
         dense.append(int(plan.cores[0].dense_inputs.sum()))
-        assert (plan.cores[0].needs.synapse_words or 0) <= need - less
+        assert (plan.cores[0].needs.synapse_words or 0) <= (board.usable_words or 0)
     assert operations == sorted(operations)
     assert dense == sorted(dense)
     assert dense[0] == 0
@@ -221,9 +296,10 @@ def test_a_dense_row_that_is_given_back_was_not_needed() -> None:
     rates = np.random.default_rng(3).random(200) / 10
     sizing = Sizing(made, KAPOHO_BAY, rates)
     counts = np.count_nonzero(made.weights, axis=1)
-    for limit in range(2540, 2600, 3):
+    for limit in range(1830, 2130, 30):
         stored = choose_formats(sizing, 0, 90, limit)
         assert stored is not None
+        assert stored.words <= limit
         turned = np.flatnonzero(stored.dense_inputs & (counts < 90))
         assert turned.size > 3
         for row in turned:
@@ -235,18 +311,14 @@ def test_a_row_without_a_zero_is_dense_at_once() -> None:
     assert partition(made, KAPOHO_BAY, even(made)).cores[0].dense_inputs.all()
 
 
-def test_the_busiest_core_is_as_little_busy_as_neighbouring_ranges_allow() -> None:
-    """Neurons with many weights come first: equal numbers would not be equal times."""
-    made = network(300, 500)
-    weights = made.weights * (np.random.default_rng(0).random((500, 300)) < np.linspace(1, 0.2, 300))
-    made = replace(made, weights=weights.astype(np.uint8))
-    plan = partition(made, tiny(synapse_words=6000), even(made))
-    assert len(plan.cores) >= 2
-    sizes = [core.part("exc").size for core in sorted(plan.cores, key=lambda core: core.part("exc").first)]
-    assert sizes == sorted(sizes)
-    assert sizes[0] < sizes[-1]
-    times = [core.load.nanoseconds for core in plan.cores]
-    assert max(times) < 1.05 * min(times)
+def test_without_dense_rows_every_weight_is_counted_with_its_index() -> None:
+    made = network(50, 30, share=1.0, signed=True)
+    sizing = Sizing(made, KAPOHO_BAY, even(made), dense_rows=False)
+    stored = choose_formats(sizing, 0, 50, 10_000)
+    assert stored is not None
+    assert not stored.dense_inputs.any()
+    assert stored.words == 30 * words(50, 4 + 6) + words(50, sizing.inhibition_bits + 6)
+    assert choose_formats(sizing, 0, 50, stored.words - 1) is None
 
 
 def test_inputs_are_spread_so_that_no_core_waits() -> None:
@@ -256,7 +328,7 @@ def test_inputs_are_spread_so_that_no_core_waits() -> None:
     plan = partition(made, KAPOHO_BAY, rates)
     assert len(plan.cores) == 2
     times = [core.load.nanoseconds for core in plan.cores]
-    assert max(times) < 1.01 * min(times)
+    assert max(times) < 1.05 * min(times)
     assert plan.host_spikes == 0
 
 
@@ -265,16 +337,14 @@ def test_inputs_are_spread_so_that_no_core_waits() -> None:
 
 def test_loihi_2_is_divided_by_neurons_alone() -> None:
     made = network(60, 50, bias_input=True)
-    plan = partition(made, replace(LOIHI_2, compartments=100), even(made))
+    plan = partition(made, replace(LOIHI_2, compartments=60), even(made))
     check_plan(plan)
     assert len(plan.cores) == 2
     assert plan.hops is None
     assert [core.core for core in plan.cores] == [0, 1]
     for core in plan.cores:
-        assert core.dense_lateral
-        assert core.load.operations_sparse == pytest.approx(core.part("inh").size * 0.2 / 60, rel=1e-3)
         assert core.needs.synapse_words is None
-    assert partition(replace(made, shift=3), LOIHI_2, even(made)).network.shift == 3
+        assert core.load.operations_sparse == pytest.approx(0.2 * core.part("inh").size, rel=1e-3)
 
 
 def test_equal_networks_have_equal_plans() -> None:
@@ -291,14 +361,25 @@ def test_equal_networks_have_equal_plans() -> None:
 def test_load_counts_what_rates_say() -> None:
     made = network(20, 30, share=0.5)
     rates = np.random.default_rng(7).random(30)
-    core: CorePlan = partition(made, KAPOHO_BAY, rates, exc_spikes=2.0).cores[0]
+    core: CorePlan = partition(made, KAPOHO_BAY, rates, exc_spikes=0.5).cores[0]
     counts = np.count_nonzero(made.weights, axis=1)
     active, load = counts > 0, core.load
-    assert load.messages_in == pytest.approx(rates[active].sum() + 2 * 2.0, rel=1e-4)
-    assert load.operations_sparse == pytest.approx((rates * counts).sum() + 2.0 * 19 + 2.0, rel=1e-4)
-    assert load.operations_dense == 0
-    assert load.updates == pytest.approx(20 + 2.0, rel=1e-4)
-    assert load.spikes == pytest.approx(4.0, rel=1e-4)
-    assert load.messages_out == pytest.approx(2 * 2.0 + 2.0, rel=1e-4)
-    wanted = 16 * load.messages_in + 4.7 * load.operations_sparse + 9.7 * load.updates + 30 * 4 + 5.1 * 6
+    # Half a spike a step arrives at the inhibitory neuron, which spikes as often.
+    assert load.messages_in == pytest.approx(rates[active].sum() + 0.5 + 0.5, rel=1e-4)
+    assert load.operations_sparse == pytest.approx((rates * counts).sum() + 0.5, rel=1e-4)
+    assert load.operations_dense == pytest.approx(0.5 * 20, rel=1e-4)
+    assert load.updates == pytest.approx(20 + 0.5, rel=1e-4)
+    assert load.spikes == pytest.approx(1.0, rel=1e-4)
+    assert load.messages_out == pytest.approx(2 * 0.5 + 0.5, rel=1e-4)
+    wanted = 16 * load.messages_in + 4.7 * load.operations_sparse + 3.8 * 10 + 9.7 * load.updates + 30 + 5.1 * 1.5
     assert load.nanoseconds == pytest.approx(wanted, rel=1e-4)
+
+
+def test_load_of_relays() -> None:
+    made = network(1100, 40, share=1.0)
+    rates = np.random.default_rng(8).random(40)
+    plan = partition(made, KAPOHO_BAY, rates / 4)
+    assert sum(core.load.messages_in for core in plan.cores) == pytest.approx(
+        (rates / 4).sum() * 3 + 0.2 + 0.2 * 2, rel=1e-3
+    )
+    assert len([core for core in plan.cores if core.part("exc").size]) == 2

@@ -12,11 +12,15 @@ from dataclasses import replace
 import numpy as np
 
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
-from lava_vpr.deploy.boards.plan import Plan
+from lava_vpr.deploy.boards.plan import CorePlan, Plan
 from lava_vpr.deploy.registers.core_images import core_images, host_tables
+from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 
 LIMITS = ("compartments", "axons_in", "axons_out", "synapse_words", "profiles", "thresholds", "formats")
+
+
+ORDER = ["exc", "inh", "inputs"].index
 
 
 def network(
@@ -69,24 +73,91 @@ def words(synapses: int, bits: int) -> int:
     return total
 
 
+def listened(made: FixedNetwork, inh: int) -> list[tuple[str, int]]:
+    """Whom inhibitory neuron ``inh`` listens to."""
+    if made.leaves and inh == made.leaves:
+        return [("inh", leaf) for leaf in range(made.leaves)]
+    first = fixed.FAN_IN * inh
+    last = min(made.neurons, first + fixed.FAN_IN) if made.leaves else made.neurons
+    return [("exc", neuron) for neuron in range(first, last)]
+
+
+def numbers(core: CorePlan, population: str) -> list[int]:
+    """The neurons of ``population`` on ``core``."""
+    return [
+        i for part in core.parts if part.population == population for i in range(part.first, part.first + part.size)
+    ]
+
+
+def index_width(board: Board, compartments: list[int]) -> int:
+    return min(bits for bits in board.index_bits if max(compartments, default=0) < 1 << bits)
+
+
+def literal_needs(plan: Plan, core: CorePlan) -> dict[str, int]:
+    """What a core takes, axon by axon and row by row, by the contract of plans alone."""
+    made, board = plan.network, plan.board
+    exc, inh, inputs = (numbers(core, name) for name in ("exc", "inh", "inputs"))
+    with_exc = [other for other in plan.cores if numbers(other, "exc")]
+    axons_in, axons_out, total, formats = 0, 2 * len(exc), 0, set()
+    for row, weights in enumerate(made.weights):
+        count = int(np.count_nonzero(weights[exc])) if exc else 0
+        if count:
+            axons_in += 1
+            dense = bool(core.dense_inputs[row])
+            formats.add(("inputs", dense))
+            bits = plan.weight_bits + (
+                0 if dense or board.synapse_words is None else index_width(board, [len(exc) - 1])
+            )
+            total += words(len(exc) if dense else count, bits)
+    if exc and made.inhibition:
+        axons_in += 1
+        formats.add(("root", True))
+        total += words(len(exc), plan.inhibition_bits)
+    for number in inh:
+        formats.add(("inh", False))
+        axons_in += len(listened(made, number))
+        total += len(listened(made, number))
+        root = number == made.inhibitory - 1
+        axons_out += len(with_exc) * bool(made.inhibition) if root else 1
+    for number in inputs:
+        if made.relayed:
+            formats.add(("relays", False))
+            axons_in += 1
+            total += 1
+        axons_out += sum(bool(made.weights[number, numbers(other, "exc")].any()) for other in with_exc)
+    populations = sum(bool(own) for own in (exc, inh, inputs))
+    return {
+        "compartments": len(exc) + len(inh) + len(inputs),
+        "axons_in": axons_in,
+        "axons_out": axons_out,
+        "synapse_words": total,
+        "profiles": populations,
+        "thresholds": populations,
+        "formats": len(formats),
+    }
+
+
 def check_plan(plan: Plan) -> None:
-    """Every neuron stands once, every need is what the core's image holds, and every limit holds."""
+    """Every neuron stands once, every need is what is counted anew, and every limit holds."""
     made, board = plan.network, plan.board
     sizes = {"exc": made.neurons, "inh": made.inhibitory, "inputs": made.input_compartments}
     for name, size in sizes.items():
-        parts = [part for core in plan.cores for part in core.parts if part.population == name]
-        assert sorted(i for part in parts for i in range(part.first, part.first + part.size)) == list(range(size))
-    numbers = [(core.chip, core.core) for core in plan.cores]
-    assert numbers == sorted(set(numbers))
-    assert all(0 <= chip < board.chips and 0 <= core < board.cores for chip, core in numbers)
+        assert sorted(i for core in plan.cores for i in numbers(core, name)) == list(range(size))
+    where = [(core.chip, core.core) for core in plan.cores]
+    assert where == sorted(set(where))
+    assert all(0 <= chip < board.chips and 0 <= core < board.cores for chip, core in where)
     for core in plan.cores:
+        assert core.parts
+        assert [part.population for part in core.parts] == sorted((part.population for part in core.parts), key=ORDER)
         assert [part.compartment for part in core.parts] == list(
             itertools.accumulate([0, *(part.size for part in core.parts[:-1])])
         )
+        counted = literal_needs(plan, core)
         for name in LIMITS:
             need, limit = getattr(core.needs, name), getattr(board, name)
             assert (need is None) == (limit is None)
-            assert limit is None or 0 <= need <= limit, name
+            assert limit is None or need == counted[name], name
+            assert limit is None or 0 <= need <= (board.usable_words if name == "synapse_words" else limit), name
 
 
 def check_images(plan: Plan) -> None:
