@@ -57,7 +57,7 @@ def longest(sizing: Sizing, cores: int, most: int) -> Integers | None:
 
 
 def even(sizing: Sizing, cores: int, best: Integers) -> Integers:
-    """Bounds of at most ``cores`` ranges: equal ones where they fit, else those whose longest is about as short as can be.
+    """Bounds of at most ``cores`` ranges: equal ones where they fit, else those whose longest is about the shortest.
 
     Args:
         sizing: The network and its board.
