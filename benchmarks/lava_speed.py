@@ -7,7 +7,7 @@ Two comparisons, each alternating the two sides within one run, so that what els
 - the network composed of this project's Processes against the same network wired from Lava's own library, six Processes
   each, 784 inputs and 400 neurons, in integers: time steps per second, of the wall clock;
 - the fused Process, one batch of 64 presentations a Lava step, against the host engine on one thread, on a network of
-  the default size (1568 inputs, 100 neurons, 350 steps): presentations per second, of the wall clock.
+  the default size (2048 inputs, 100 neurons, 64 steps): presentations per second, of the wall clock.
 """
 
 from __future__ import annotations
@@ -19,10 +19,7 @@ from typing import Any
 import numpy as np
 from lava.magma.core.run_conditions import RunSteps
 from lava.magma.core.run_configs import Loihi2SimCfg
-from lava.proc.dense.process import Dense
 from lava.proc.io.source import RingBuffer
-from lava.proc.lif.process import LIFReset
-from lava.utils.weightutils import SignMode
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
@@ -32,13 +29,12 @@ from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.errors import LavaRunError
 from lava_vpr.isolated.runner import run_isolated
-from lava_vpr.loihi import NO_MEMORY_DECAY
 from lava_vpr.processes.base.checked import FIXED_TAG
 from lava_vpr.processes.base.shared_memory import shared_array
-from lava_vpr.processes.base.wiring import RELAY_WEIGHT, connect
 from lava_vpr.processes.networks.fused_place_network.process import FusedPlaceNetwork
+from lava_vpr.processes.networks.library_place_network.process import LibraryPlaceNetwork
 from lava_vpr.processes.networks.place_network.process import PlaceNetwork
-from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
+from lava_vpr.processes.regular_encoder.process import RegularEncoder
 
 ROUNDS = 9
 BATCH, BATCHES = 64, 40
@@ -53,10 +49,21 @@ console = Console(highlight=False, width=100)
 
 
 def some_network(inputs: int, neurons: int) -> FixedNetwork:
-    """A network of about the weights, threshold and inhibition that training leaves with 3 bits."""
+    """A network of about the weights, threshold and inhibition that training leaves with 3 bits and a sign."""
     rng = np.random.default_rng(0)
-    weights = rng.integers(0, 8, (inputs, neurons)) * (rng.random((inputs, neurons)) < 0.42)
-    network = FixedNetwork(weights.astype(np.uint8), 3, 0, 87, 80, 0, 137, 350)
+    weights = np.clip(np.round(rng.normal(0, 1.5, (inputs, neurons))), -7, 7)
+    network = FixedNetwork(
+        weights=weights.astype(np.int16),
+        bias=np.full(neurons, -64, np.int32),
+        bits=3,
+        signed=True,
+        threshold=15,
+        inhibition=10,
+        inhibition_exponent=0,
+        decay=341,
+        steps=61,
+        regular=True,
+    )
     network.check()
     return network
 
@@ -71,30 +78,21 @@ def some_input(network: FixedNetwork, n: int) -> tuple[NDArray[np.uint16], NDArr
 
 
 def start_composed(network: FixedNetwork, n: int) -> tuple[Any, PlaceNetwork]:
-    """The Process to run, and the network behind it, of our own six Processes."""
+    """The Process to run, and the network behind it, of our own Processes."""
     rates, keys = some_input(network, n)
-    encoder, composed = PoissonEncoder(rates=rates, keys=keys, steps=network.steps), PlaceNetwork(network=network)
+    encoder = RegularEncoder(rates=rates, keys=keys, steps=network.steps, silent_steps=network.silent_steps)
+    composed = PlaceNetwork(network=network)
     encoder.s_out.connect(composed.s_in)
     return encoder, composed
 
 
-def start_library(network: FixedNetwork, n: int) -> tuple[Any, LIFReset]:
-    """The Process to run, and the network behind it, of Lava's library: RingBuffer, Dense, LIF, Dense, LIF, Dense."""
+def start_library(network: FixedNetwork, n: int) -> tuple[Any, LibraryPlaceNetwork]:
+    """The Process to run, and the network behind it, of nothing but Lava's library; trains are made beforehand."""
     rates, keys = some_input(network, n)
-    interval, neurons = network.steps + 3, network.neurons
-    trains = draw_trains(rates, keys, network.steps, interval).astype(np.int32)
-    weights, bits, exponent = network.stored
-    reset = {"reset_interval": interval, "reset_offset": 1}
-    excitatory, diagonal = {"sign_mode": SignMode.EXCITATORY}, np.eye(neurons, dtype=np.int64)
-    source = RingBuffer(data=trains.reshape(n * interval, -1).T)
-    excite = Dense(weights=weights, num_weight_bits=bits, weight_exp=exponent, **excitatory)
-    exc = LIFReset(shape=(neurons,), du=NO_MEMORY_DECAY, dv=network.decay, vth=network.threshold, **reset)
-    relay = Dense(weights=RELAY_WEIGHT * diagonal, **excitatory)
-    inh = LIFReset(shape=(neurons,), du=NO_MEMORY_DECAY, dv=NO_MEMORY_DECAY, vth=0, **reset)
-    inhibit = Dense(weights=network.lateral * (diagonal - 1), sign_mode=SignMode.INHIBITORY)
-    source.s_out.connect(excite.s_in)
-    connect(excite, exc, relay, inh, inhibit)
-    return source, exc
+    trains = draw_trains(rates, keys, network.steps, network.interval, regular=network.regular).astype(np.int32)
+    source, library = RingBuffer(data=trains.reshape(n * network.interval, -1).T), LibraryPlaceNetwork(network=network)
+    source.s_out.connect(library.s_in)
+    return source, library
 
 
 def alternate(first: Callable[[], object], second: Callable[[], object], rounds: int) -> NDArray[np.float64]:
@@ -111,7 +109,7 @@ def alternate(first: Callable[[], object], second: Callable[[], object], rounds:
 def composed_and_library(arrays: Arrays, options: dict[str, Any]) -> Arrays:
     """Steps per second in each presentation, (2, rounds), ours first."""
     network, rounds = some_network(784, 400), options["rounds"]
-    interval = network.steps + 3
+    interval = network.interval
     (source, ours), (theirs, library) = start_composed(network, rounds + 1), start_library(network, rounds + 1)
     step = {"condition": RunSteps(num_steps=interval)}
     times = alternate(
@@ -129,7 +127,7 @@ def composed_and_library(arrays: Arrays, options: dict[str, Any]) -> Arrays:
 
 def fused_and_host(arrays: Arrays, options: dict[str, Any]) -> Arrays:
     """Presentations per second in some batches, (2, rounds), the fused Process first."""
-    network, rounds, batch, batches = some_network(1568, 100), options["rounds"], options["batch"], options["batches"]
+    network, rounds, batch, batches = some_network(2048, 100), options["rounds"], options["batch"], options["batches"]
     n = batch * batches
     rates, keys = some_input(network, n)
     every = (np.tile(rates, (rounds + 1, 1)), np.tile(keys, rounds + 1))

@@ -117,17 +117,21 @@ def test_links_lead_somewhere() -> None:
         assert (PATH.parent / target).exists(), target
 
 
+BASES = {"LifProcess": "neurons.py", "EncoderProcess": "encoders.py"}
+"""The classes in `processes/base` that make arguments, ports and Vars for others: their files."""
+
+
 def processes() -> dict[str, tuple[str, str]]:
     """Every Process of `processes/`: its folder and the text that makes its arguments, ports and Vars."""
     found = {}
-    base = (ROOT / "processes" / "base" / "neurons.py").read_text()
+    made = {name: (ROOT / "processes" / "base" / file).read_text() for name, file in BASES.items()}
     for path in (ROOT / "processes").rglob("process.py"):
         text = path.read_text()
         for node in ast.parse(text).body:
             bases = [ast.unparse(b) for b in node.bases] if isinstance(node, ast.ClassDef) else []
             if isinstance(node, ast.ClassDef) and any(name.endswith("Process") for name in bases):
                 folder = str(path.parent.relative_to(ROOT / "processes"))
-                found[node.name] = folder, text + (base if "LifProcess" in bases else "")
+                found[node.name] = folder, text + "".join(made.get(name, "") for name in bases)
     return found
 
 
@@ -150,7 +154,7 @@ def test_the_page_gives_its_arguments_ports_and_vars(name: str) -> None:
     classes = {node.name: node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ClassDef)}
     makers = [
         {argument.arg for argument in node.args.kwonlyargs}
-        for made_by in (name, "LifProcess")  # whose arguments a population passes on
+        for made_by in (name, *BASES)  # whose arguments a Process passes on
         if made_by in classes
         for node in classes[made_by].body
         if isinstance(node, ast.FunctionDef) and node.name == "__init__"
