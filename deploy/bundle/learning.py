@@ -104,23 +104,23 @@ def stretch_learning(model: Model, stretch: Stretch, number: int) -> ChipLearnin
     if learning.rule != "stdp":
         raise ConfigError(f"{PURPOSE} needs weights that were learned, not templates; train with --learning integer")
     inputs, spikes = config.encoder.inputs, config.encoder.train_spikes
-    traverses = len(model.labels) // model.places
+    views, references = len(config.views.views), len(model.labels) // model.places
     shown = [
-        (epoch, traverse, stretch.first_place + place)
+        (epoch, shown_as, stretch.first_place + place)
         for epoch in range(learning.epochs)
-        for traverse in range(traverses_shown(config, epoch, traverses))
+        for shown_as in range(stretch.view, traverses_shown(config, epoch, references // views) * views, views)
         for place in range(stretch.places)
     ]
     keys = [
-        presentation_key(config.seed, "train", int(model.place_indices[place]), epoch * traverses + traverse)
-        for epoch, traverse, place in shown
+        presentation_key(config.seed, "train", int(model.place_indices[place]), epoch * references + shown_as)
+        for epoch, shown_as, place in shown
     ]
     return ChipLearning(
         phases=folded_phases(learning, inputs, spikes),
         start=start_state(learning, inputs, stretch.neurons, spikes, config.seed, number),
         seeds=tuple(library_seed(config.seed, number, epoch) for epoch in range(learning.epochs)),
         epochs=np.array([epoch for epoch, _, _ in shown], np.int32),
-        images=np.array([traverse * model.places + place for _, traverse, place in shown], np.int32),
+        images=np.array([shown_as * model.places + place for _, shown_as, place in shown], np.int32),
         keys=np.array(keys, np.uint64),
         rates=rates16(model.activity, config.encoder.train_spikes),
     )

@@ -85,6 +85,20 @@ def test_the_schedule_is_trainings_own(model: Model) -> None:
     assert len(set(first.keys.tolist()) | set(second.keys.tolist())) == 48, "two presentations share their noise"
 
 
+def test_every_stretch_is_shown_its_own_view() -> None:
+    config = update(small_config(), {"views": {"shifts": 3}})
+    model = train([traverse(config, seed) for seed in range(6)], config)  # two traverses in three views
+    parts = chip_learning(model)
+    assert [(stretch.view, stretch.first_place) for stretch in model.stretches] == [
+        (view, first) for view in range(3) for first in (0, 4)
+    ]
+    for part, stretch in zip(parts, model.stretches, strict=True):
+        shown = [stretch.view * PLACES, (3 + stretch.view) * PLACES]  # where both traverses begin, in this view
+        first, second = ([start + stretch.first_place + k for k in range(4)] for start in shown)
+        assert part.images.tolist() == [*first, *first, *first, *second, *first, *second]
+    assert len({int(key) for part in parts for key in part.keys}) == 6 * 24, "two presentations share their noise"
+
+
 def slow_fold(weights: NDArray[np.uint8], theta: NDArray[np.int32], common: int, key: int) -> NDArray[np.uint8]:
     """`fold` in Python's integers."""
     own, folded = derived_key(key, "fold"), np.zeros(weights.shape, np.uint8)
