@@ -25,7 +25,6 @@ from lava_vpr.deploy.compression.compression import (
 from lava_vpr.encoding import EncodedTraverse, query_rates16
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.engine.inference.quantise import pruned
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.matching.evaluation import evaluate
@@ -72,14 +71,14 @@ def candidates(model: Model, board: Board, changes: Changes = UNCHANGED) -> list
     Bits go up to the model's own, unless ``changes`` fixes them. Points that save nothing against less pruning are left
     out.
     """
-    source = with_settings(model, Changes(input_mode=changes.input_mode))
     rates = expected_rates(model)
     most = integer_model(model, PURPOSE).network.bits
     widths = range(1, most + 1) if changes.weight_bits is None else (changes.weight_bits,)
     cheapest: dict[int, float] = {}
     points = []
     for share in PRUNES if changes.prune is None else (changes.prune,):
-        weights = distinctive(model, pruned(model.learned, share))
+        source = with_settings(model, Changes(prune=share, input_mode=changes.input_mode))
+        weights = distinctive(source)
         for bits in widths:
             try:
                 network = fitting(source, board, bits, weights)
@@ -157,5 +156,5 @@ def _none_good(board: Board, before: Figures, max_loss: float, tried: list[tuple
 def _memory_bits(network: FixedNetwork) -> int:
     """Bits that the inputs' synapses take, each row dense or sparse, whichever is less; headers aside."""
     index = max(1, network.neurons - 1).bit_length()
-    sparse = network.prepared.row_sizes * (network.bits + index)
-    return int(np.minimum(sparse, network.neurons * network.bits).sum())
+    sparse = network.prepared.row_sizes * (network.stored_bits + index)
+    return int(np.minimum(sparse, network.neurons * network.stored_bits).sum())

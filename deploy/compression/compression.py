@@ -12,7 +12,6 @@ from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.engine.inference import quantise
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.engine.inference.quantise import pruned
 from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.model import IntegerModel, Model, integer_model
 from lava_vpr.storage.text import shown
@@ -96,18 +95,13 @@ class Changes(NamedTuple):
 
     Attributes:
         weight_bits: Bits of a weight's magnitude, 1..8, signed 1..7.
-        prune: Share of each neuron's learned weights that is set to 0 before all else (`quantise.pruned`).
+        prune: Share of each neuron's weights that is set to 0, the smallest (`LifNetwork.prune`).
         input_mode: ``injected`` or ``bias``.
     """
 
     weight_bits: int | None = None
     prune: float | None = None
     input_mode: str | None = None
-
-    @property
-    def share(self) -> float:
-        """The share of weights to prune: 0 where nothing is said."""
-        return 0.0 if self.prune is None else self.prune
 
 
 UNCHANGED = Changes()
@@ -125,9 +119,7 @@ def requantised(model: Model, changes: Changes = UNCHANGED, *, threads: int = 1)
         NetworkLimitError: the network could overflow.
     """
     source = with_settings(model, changes)
-    learned = pruned(source.learned, changes.share)
-    network = _quantised(source, distinctive(source, learned))
-    return measured(replace(source, learned=learned, network=network), threads)
+    return measured(replace(source, network=_quantised(source, distinctive(source))), threads)
 
 
 def with_settings(model: Model, changes: Changes) -> Model:
@@ -143,14 +135,13 @@ def with_settings(model: Model, changes: Changes) -> Model:
             f"{at}there are no float weights to quantise anew (a bundle keeps none); use the model file that was "
             "deployed"
         )
-    settings = {"weight_bits": changes.weight_bits, "input_mode": changes.input_mode}
-    chosen = {name: value for name, value in settings.items() if value is not None}
+    chosen = {name: value for name, value in changes._asdict().items() if value is not None}
     return replace(model, config=update(model.config, {"network": chosen}))
 
 
-def distinctive(model: Model, learned: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Weights to quantise, from ``learned`` ones, under the settings of ``model``."""
-    return quantise.distinctive(learned, integer_model(model, PURPOSE).config.network)
+def distinctive(model: Model) -> NDArray[np.float64]:
+    """Weights to quantise, from those that ``model`` has learned, under its settings."""
+    return quantise.distinctive(model.learned, integer_model(model, PURPOSE).config.network)
 
 
 def _quantised(model: Model, weights: NDArray[np.float64]) -> FixedNetwork:
@@ -233,13 +224,14 @@ def adapted(model: Model, board: Board, changes: Changes = UNCHANGED) -> Compres
         NetworkLimitError: the board cannot run so many bits; the message names the most that it can.
     """
     integer = integer_model(model, PURPOSE)
+    own = integer.config.network
     most = integer.network.bits if changes.weight_bits is None else changes.weight_bits
-    same_input = changes.input_mode in (None, integer.config.network.input_mode)
-    if most == integer.network.bits and changes.share == 0 and same_input and _runs(integer, board):
-        return Compressed(model, model, 0.0)
-    source = with_settings(model, Changes(input_mode=changes.input_mode))
-    learned = pruned(model.learned, changes.share)
-    network, reason = _finest(source, board, distinctive(model, learned), most)
+    same = changes.input_mode in (None, own.input_mode) and changes.prune in (None, own.prune)
+    if most == integer.network.bits and same and _runs(integer, board):
+        return Compressed(model, model, own.prune)
+    prune = own.prune if changes.prune is None else changes.prune
+    source = with_settings(model, Changes(prune=prune, input_mode=changes.input_mode))
+    network, reason = _finest(source, board, distinctive(source), most)
     if changes.weight_bits is not None and network.bits != most:
         raise NetworkLimitError(
             f"{board.title} cannot take {most} bits a weight of this model: {reason}; use at most "
@@ -248,8 +240,8 @@ def adapted(model: Model, board: Board, changes: Changes = UNCHANGED) -> Compres
     notes = []
     if network.bits != most:
         notes.append(f"{network.bits} bits a weight instead of {most}, the most that {board.title} can take: {reason}")
-    result = replace(with_settings(source, Changes(network.bits)), learned=learned, network=network)
-    return Compressed(result, model, changes.share, tuple(notes))
+    result = replace(with_settings(source, Changes(network.bits)), network=network)
+    return Compressed(result, model, prune, tuple(notes))
 
 
 def _runs(model: IntegerModel, board: Board) -> bool:
