@@ -25,7 +25,7 @@ from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import draw_trains, query_rates
 from lava_vpr.engine.inference.bias_input import LEVEL, bias_input_spikes, biases, schedule, start_membranes
-from lava_vpr.engine.inference.fixed import EVENTS, SILENT_STEPS, FixedNetwork, count_spikes
+from lava_vpr.engine.inference.fixed import EVENTS, FixedNetwork, count_spikes, inhibitory_spikes
 from lava_vpr.engine.random import presentation_key, presentation_keys
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.isolated.runner import run_isolated
@@ -125,10 +125,10 @@ def some_rates(n: int, inputs: int) -> NDArray[np.uint16]:
 def test_the_process_sends_the_definition(kind: str) -> None:
     rates, keys, steps = some_rates(5, 60), presentation_keys(0, "query", np.arange(5)), 40
     emitted = shared_array((60,), np.int64)
-    process = BiasInputs(rates=rates, keys=keys, steps=steps, emitted=emitted)
+    process = BiasInputs(rates=rates, keys=keys, steps=steps, silent_steps=4, emitted=emitted)
     model = build(process, MODELS[kind])
-    expected = draw_trains(rates, keys, steps, process.interval, bias_input=True)
-    assert process.interval == steps + SILENT_STEPS
+    expected = draw_trains(rates, keys, steps, process.interval, regular=True)
+    assert process.interval == steps + 4
     sent = drive(model, 5 * process.interval + 7, port_out="s_out")
     assert sent.dtype == bool
     assert np.array_equal(sent[:-7], expected.reshape(-1, 60))
@@ -144,7 +144,8 @@ def test_the_process_sends_the_definition(kind: str) -> None:
 
 
 def test_a_new_bias_counts_at_once() -> None:
-    process = BiasInputs(rates=np.full((1, 3), 700, np.uint16), keys=np.ones(1, np.uint64), steps=50)
+    rates = np.full((1, 3), 700, np.uint16)
+    process = BiasInputs(rates=rates, keys=np.ones(1, np.uint64), steps=50, silent_steps=3)
     model = build(process, PyBiasInputsFixed)
     drive(model, 1)
     model.v[:], model.bias_mant[:], model.bias_exp[:] = LEVEL, (0, 1, 4095), 7
@@ -170,20 +171,21 @@ def test_a_new_bias_counts_at_once() -> None:
     ],
 )
 def test_what_is_no_input_is_refused(changes: dict[str, Any], text: str) -> None:
-    fine = {"rates": np.ones((2, 3), np.uint16), "keys": np.ones(2, np.uint64), "steps": 4}
+    fine = {"rates": np.ones((2, 3), np.uint16), "keys": np.ones(2, np.uint64), "steps": 4, "silent_steps": 3}
     with pytest.raises(NetworkLimitError, match=text):
         BiasInputs(**fine | changes)
 
 
-def test_what_is_written_reaches_the_phase_without_a_spike() -> None:
+@pytest.mark.parametrize("silent_steps", [3, 4])
+def test_what_is_written_reaches_the_phase_without_a_spike(silent_steps: int) -> None:
     """The library's LIF, from the pause before the silent steps to the end of the next presentation."""
     rates, keys = np.stack([EVERY_RATE[::16], EVERY_RATE[::16][::-1]]), presentation_keys(5, "query", np.arange(2))
-    inputs = LibraryBiasInputs(rates=rates, keys=keys)
-    values = inputs._values(1, SILENT_STEPS)
+    inputs = LibraryBiasInputs(rates=rates, keys=keys, silent_steps=silent_steps)
+    values = inputs._values(1, silent_steps)
     assert abs(values["v"]).max() < STATE_LIMIT
     model = build(inputs.lif, PyLifModelBitAcc)
     model.v[:], model.bias_mant[:], model.bias_exp[:] = values["v"], values["bias_mant"], values["bias_exp"]
-    assert not drive(model, SILENT_STEPS, port_out="s_out").any()
+    assert not drive(model, silent_steps, port_out="s_out").any()
     assert np.array_equal(model.v, start_membranes(int(keys[1]), rates.shape[1]))
     spikes = drive(model, 30, port_out="s_out")
     assert np.array_equal(spikes, bias_input_spikes(rates[1], int(keys[1]), 30))
@@ -195,13 +197,14 @@ FLOAT = [(job, "floating_pt") for job in ("composed", "library")]
 
 def test_every_network_on_every_backend_equals_the_host() -> None:
     networks = {
-        "b3": random_network(3, seed=7, bias_input=True),
-        "b8": random_network(8, seed=7, bias_input=True, steps=2),
+        "b3": random_network(3, seed=7, signed=True, regular=True, bias_input=True),
+        "b8": random_network(8, seed=7, regular=True, bias_input=True, steps=2),
     }
     runs = {"b3": FIXED + FLOAT, "b8": FIXED}  # the latter: presentations with more silence than input
     arrays: Arrays = {}
     for name, network in networks.items():
         arrays |= {f"{name}_weights": network.weights, f"{name}_rates": some_rates(4, network.inputs)}
+        arrays[f"{name}_bias"] = network.bias
         arrays[f"{name}_keys"] = presentation_keys(2, "query", np.arange(4))
     done: list[int] = []
     got = run_isolated(
@@ -221,7 +224,7 @@ def check_runs(network: FixedNetwork, runs: list[tuple[str, str]], arrays: Array
     """Every run of one network against the host."""
     rates, keys = arrays[f"{name}_rates"], arrays[f"{name}_keys"]
     counts, events, film = count_spikes(network, rates, keys, raster=True)
-    inputs = draw_trains(rates, keys, network.steps, network.steps + SILENT_STEPS, bias_input=True)
+    inputs = draw_trains(rates, keys, network.steps, network.interval, regular=True)
     assert counts.sum() > (60 if network.steps > 2 else 0)
     for job, tag in runs:
         one = {key: got[f"{name}_{job}_{tag}_{key}"] for key in ("counts", "exc")}
@@ -233,7 +236,9 @@ def check_runs(network: FixedNetwork, runs: list[tuple[str, str]], arrays: Array
             continue
         assert np.array_equal(got[f"{name}_{job}_{tag}_inputs"], inputs), (name, job, tag)
         assert np.array_equal(got[f"{name}_{job}_{tag}_input_spikes"], inputs.sum(axis=(0, 1)))
-        assert np.array_equal(got[f"{name}_{job}_{tag}_inh"][:, 1:], one["exc"][:, :-1])
+        inh = inhibitory_spikes(network, one["exc"])
+        assert np.array_equal(got[f"{name}_{job}_{tag}_inh"], inh)
+        assert np.array_equal(got[f"{name}_{job}_{tag}_inh_spikes"], inh.sum(axis=(0, 1)))
     if not set(FLOAT) <= set(runs):
         return
     # Without truncation ours is the library's float network; inputs are exact in both.
@@ -243,21 +248,22 @@ def check_runs(network: FixedNetwork, runs: list[tuple[str, str]], arrays: Array
 
 
 def check_board(network: FixedNetwork, arrays: Arrays, got: Arrays) -> None:
-    """As wired for a board: inputs are on the chip with all the rest; exc spikes alone leave it."""
+    """As wired for a board: inputs are on the chip with all the rest; spikes of exc and inh alone leave it."""
     rates, keys = arrays["b3_rates"].copy(), arrays["b3_keys"]
     rates[1] = rates[0]
     counts, _, _ = count_spikes(network, rates, keys)
     assert np.array_equal(got["board_counts"], counts)
     assert np.array_equal(got["board_input_spikes"], input_spikes(rates, keys, network.steps))
     assert got["board_input_spikes"].sum() > 0
-    assert got["crossed"].tolist() == ["LIF.s_out None", "LibraryPlaceNetwork.s_out NxToPyAdapter"]
+    network_out = [f"LibraryPlaceNetwork.{port} NxToPyAdapter" for port in ("s_out", "s_out_inh")]
+    assert got["crossed"].tolist() == ["LIF.s_out None", *network_out]
     assert got["writes"].tolist() == [1, 3, 3, 1]
 
 
 @pytest.mark.slow
 def test_a_backend_counts_the_same_events() -> None:
     model, queries = small_model(), encoded()
-    model = replace(model, network=replace(model.network, bias_input=True, steps=30))
+    model = replace(model, network=replace(model.network, regular=True, bias_input=True, steps=29))
     rates = query_rates(queries.activity, model.config)[:2]
     shown = Presentations(rates, 1)
     counts, events = backends.get("host").count_spikes(model, shown)

@@ -27,7 +27,7 @@ def networks(arrays: Arrays, options: dict[str, Any]) -> Arrays:
     """Every network of ``options["networks"]`` in its ``options["runs"]``, pairs of job and tag; with rasters."""
     results: Arrays = {}
     for name, own in options["networks"].items():
-        given = {key: arrays[f"{name}_{key}"] for key in ("weights", "rates", "keys")}
+        given = {key: arrays[f"{name}_{key}"] for key in ("weights", "bias", "rates", "keys")}
         for job, tag in options["runs"][name]:
             results |= _run(job, given, {**own, "tag": tag, "record": True}, f"{name}_{job}_{tag}")
     return results | _as_on_a_board(arrays, options)
@@ -48,7 +48,7 @@ def _as_on_a_board(arrays: Arrays, options: dict[str, Any]) -> Arrays:
         calls.append(self.sent)
 
     name, own = next(iter(options["networks"].items()))
-    given = {key: arrays[f"{name}_{key}"] for key in ("weights", "rates", "keys")}
+    given = {key: arrays[f"{name}_{key}"] for key in ("weights", "bias", "rates", "keys")}
     given["rates"][1] = given["rates"][0]  # nothing but v differs, so nothing else is written
     jobs.across, jobs._begin = direct, lambda process, tag, board: begin(process, tag, False)
     library_inputs.LibraryBiasInputs.write = write  # type: ignore[method-assign]
