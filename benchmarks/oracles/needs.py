@@ -5,8 +5,9 @@
 Every core of every plan is described by the neurons on it and the weights that lead to them, nothing that we counted.
 nengo-loihi (1.1.0, in an environment of its own) builds its own block of it and counts synapse bits, axons, formats,
 decays and thresholds with the functions that it uses before it writes a board, and validates the core. Everything must
-be equal. One difference is known and subtracted here: nengo-loihi reads spikes out by looking at compartments, we send
-them to the embedded processor, which takes one output axon for each excitatory neuron.
+be equal. Two differences are known and subtracted here: nengo-loihi reads spikes out by looking at compartments, we
+send them to the embedded processor, which takes one output axon for each excitatory neuron; and nengo-loihi lets
+populations share equal registers, of which we write one each.
 """
 
 from __future__ import annotations
@@ -21,7 +22,6 @@ from typing import Any
 
 import click
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
@@ -31,11 +31,12 @@ from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.boards.plan import CorePlan, Plan
 from lava_vpr.deploy.mapping.partition import partition
-from lava_vpr.deploy.registers.core_images import core_images
-from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.deploy.registers.core_images import CoreImage, core_images
+from lava_vpr.deploy.registers.synapses import lateral_synapse
+from lava_vpr.engine.inference.fixed import FAN_IN, FixedNetwork, bias_registers
 from lava_vpr.errors import InputError, NetworkLimitError
 from lava_vpr.isolated.child import run_child
-from lava_vpr.loihi import WORD_BITS
+from lava_vpr.loihi import WEIGHT_BITS, WORD_BITS
 from lava_vpr.model import integer_model
 from lava_vpr.training.references import expected_rates
 
@@ -46,56 +47,64 @@ COUNTED = ("compartments", "axons_in", "axons_out", "synapse_bits", "profiles", 
 console = Console(highlight=False, width=118)
 
 
-def problem(plan: Plan, core: CorePlan, registers: dict[str, Any], compartments: NDArray[np.int32]) -> dict[str, Any]:
-    """A core as the oracle takes it; formats and compartments' registers are those of its image."""
+def problem(plan: Plan, core: CorePlan, image: CoreImage) -> dict[str, Any]:
+    """A core as the oracle takes it; formats and compartments' registers are those of its ``image``."""
     network, exc, inh, inputs = plan.network, core.part("exc"), core.part("inh"), core.part("inputs")
-    columns = slice(exc.first, exc.first + exc.size)
     targets = [other.part("exc") for other in plan.cores if other.part("exc").size]
-    out = [exc.size]  # to their relays
-    if network.lateral:
-        out += [inh.size for target in targets if target.size > 1 or inh_elsewhere(inh.first, inh.size, target)]
+    leaves = min(network.leaves, inh.first + inh.size) - min(network.leaves, inh.first)
+    root = inh.size - leaves
+    out = [exc.size, leaves]  # to their inhibitory neuron, to the root
+    out += [root] * len(targets) if network.lateral else []
     used = [network.weights[inputs.first : inputs.first + inputs.size, t.first : t.first + t.size] for t in targets]
     out += [int(weights.any(axis=1).sum()) for weights in used if inputs.size]
-    spare, lateral = 8 - plan.weight_bits, 8 - plan.lateral_bits
-    profiles = registers["cxProfileCfg"]
+    heard = [heard_by(network, number) for number in range(inh.first, inh.first + inh.size)]
+    magnitude, exponent = lateral_synapse(network, plan.inhibition_bits)
+    profiles, compartments = image.registers["cxProfileCfg"], image.compartments
     return {
-        "weights": network.weights[:, columns],
+        "weights": network.weights[:, exc.first : exc.first + exc.size],
         "dense": core.dense_inputs,
+        "signed": network.signed,
         "bits": plan.weight_bits,
-        "exponent": -spare,
-        "inhibition": network.lateral and network.inhibition,
-        "lateral_bits": plan.lateral_bits,
-        "lateral_exponent": network.inhibition_exponent - lateral,
-        "own": exc.size,
-        "elsewhere": network.neurons - exc.size,
-        "dense_lateral": core.dense_lateral,
-        "relays": inh.size,
-        "relay_bits": 2,
-        "relay_exponent": -6,
+        "exponent": network.bits - WEIGHT_BITS,
+        "inhibition": magnitude if network.lateral and exc.size else 0,
+        "inhibition_bits": plan.inhibition_bits,
+        "inhibition_exponent": exponent,
+        "to_inh": np.repeat(inh.compartment + np.arange(inh.size), np.array(heard, np.int64)),
+        "to_relays": inputs.compartment + np.arange(inputs.size if network.relayed else 0),
         "compartments": len(compartments),
         "decay_u": np.array([profiles[i]["decayU"] for i in compartments[:, 0]], np.int32),
         "decay_v": np.array([profiles[i]["decayV"] for i in compartments[:, 0]], np.int32),
-        "threshold": np.array([registers["vthProfileCfg"][i]["vth"] for i in compartments[:, 1]], np.int32),
+        "threshold": np.array([image.registers["vthProfileCfg"][i]["vth"] for i in compartments[:, 1]], np.int32),
+        "bias": compartments[:, 2] << compartments[:, 3],
         "axons_out": np.array(out, np.int64),
     }
 
 
-def inh_elsewhere(first: int, size: int, target: Any) -> bool:
-    """Whether any of these relays inhibits a single neuron ``target`` that is not its own."""
-    return bool(set(range(first, first + size)) - {target.first})
+def heard_by(network: FixedNetwork, inhibitory: int) -> int:
+    """The number of neurons that an inhibitory one listens to: excitatory ones, or the leaves."""
+    if inhibitory < network.leaves:
+        return min(FAN_IN, network.neurons - inhibitory * FAN_IN)
+    return network.leaves or network.neurons
 
 
-def planned(core: CorePlan) -> dict[str, int | None]:
+def twins(entries: list[Any]) -> int:
+    """How many registers hold what another one holds; None is an unused one."""
+    held = [json.dumps(entry, sort_keys=True) for entry in entries if entry is not None]
+    return len(held) - len(set(held))
+
+
+def planned(core: CorePlan, image: CoreImage) -> dict[str, int | None]:
     """Our own count, without what nengo-loihi does not have."""
-    needs = core.needs
+    needs, registers = core.needs, image.registers
+    profiles, thresholds, formats = (twins(registers[name]) for name in ("cxProfileCfg", "vthProfileCfg", "synapseFmt"))
     return {
         "compartments": needs.compartments,
         "axons_in": needs.axons_in,
         "axons_out": None if needs.axons_out is None else needs.axons_out - core.part("exc").size,
         "synapse_bits": None if needs.synapse_words is None else needs.synapse_words * WORD_BITS,
-        "profiles": needs.profiles,
-        "thresholds": needs.thresholds,
-        "formats": needs.formats,
+        "profiles": None if needs.profiles is None else needs.profiles - profiles,
+        "thresholds": None if needs.thresholds is None else needs.thresholds - thresholds,
+        "formats": None if needs.formats is None else needs.formats - formats,
     }
 
 
@@ -116,30 +125,42 @@ def ask(problems: list[dict[str, Any]]) -> list[dict[str, Any]]:
         return [json.loads(path.read_text()) for path in sorted(Path(folder).glob("*.needs.json"))]
 
 
-def problems(plan: Plan) -> list[dict[str, Any]]:
-    """Every core of a plan as the oracle takes it."""
-    pairs = zip(plan.cores, core_images(plan), strict=True)
-    return [problem(plan, core, image.registers, image.compartments) for core, image in pairs]
-
-
-def differences(core: CorePlan, theirs: dict[str, Any]) -> list[str]:
+def differences(core: CorePlan, image: CoreImage, theirs: dict[str, Any]) -> list[str]:
     """The counts of a core that differ, or why nengo-loihi refuses it."""
-    where, ours = f"chip {core.chip} core {core.core}", planned(core)
+    where, ours = image.name, planned(core, image)
     refusals = [f"{where}: refused by nengo-loihi: {theirs['error']}"] if theirs["error"] else []
     wrong = [name for name in COUNTED if ours[name] != theirs.get(name)]
     return refusals + [f"{where}: {name} {ours[name]}, nengo-loihi {theirs.get(name)}" for name in wrong]
 
 
 def random_network(seed: int) -> FixedNetwork:
-    """A network of any size, density and width that may fit Kapoho Bay."""
+    """A network of any size, density and width that may fit Kapoho Bay; every fifth is a large one."""
     rng = np.random.default_rng(seed)
     inputs, neurons = int(rng.integers(1, 1600)), int(rng.integers(1, 400))
-    bits = int(rng.choice([1, 2, 3, 4, 5, 6, 7, 8]))
+    if seed % 5 == 0:
+        inputs, neurons = int(rng.integers(1, 60)), int(rng.choice([1100, 3000, 4500, 6000]))
+    signed, regular = bool(rng.integers(2)), bool(rng.integers(2))
+    bits = int(rng.integers(1, 8 if signed else 9))
     density = rng.choice([0.05, 0.3, 0.6, 1.0])
     weights = rng.integers(1, 1 << bits, (inputs, neurons)) * (rng.random((inputs, neurons)) < density)
-    weights = (weights * np.minimum(1, 30_000 / np.maximum(1, weights.sum(axis=0)))).astype(np.uint8)
-    inhibition = int(rng.integers(0, max(1, min(255, 32_000 // max(1, neurons - 1)))))
-    return FixedNetwork(weights, bits, 0, int(rng.integers(1, 5000)), inhibition, 0, 137, 50, int(rng.integers(0, 2)))
+    weights = (weights * np.minimum(1, 30_000 / np.maximum(1, weights.sum(axis=0)))).astype(np.int16)
+    if signed:
+        weights *= rng.choice(np.array([-1, 1], np.int16), weights.shape)
+    network = FixedNetwork(
+        weights=weights,
+        bias=np.zeros(neurons, np.int32),
+        bits=bits,
+        signed=signed,
+        threshold=int(rng.integers(1, 5000)),
+        inhibition=int(rng.choice([0, 7, 33, 255, rng.integers(256)])),
+        inhibition_exponent=int(rng.integers(0, 5)),
+        decay=137,
+        steps=50,
+        regular=regular,
+        bias_input=regular and bool(rng.integers(2)),
+    )
+    mantissas, exponent = bias_registers(rng.integers(-9000, min(9000, network.highest_bias) + 1, neurons))
+    return replace(network, bias=mantissas << exponent)
 
 
 def random_plans(count: int) -> Iterator[Plan]:
@@ -170,10 +191,9 @@ def too_large() -> dict[str, Any]:
     return {
         "weights": np.full((1184, 100), 200),
         "dense": np.ones(1184, bool),
-        **{"bits": 8, "exponent": 0, "inhibition": 0, "lateral_bits": 8, "lateral_exponent": 0, "own": 0},
-        **{"elsewhere": 0, "dense_lateral": True, "relays": 0, "relay_bits": 2, "relay_exponent": -6},
-        "compartments": 100,
-        **{name: np.full(100, 100, np.int32) for name in ("decay_u", "decay_v", "threshold")},
+        **{"signed": False, "bits": 8, "exponent": 0, "inhibition": 0, "inhibition_bits": 8, "inhibition_exponent": 0},
+        **{"to_inh": np.zeros(0, np.int64), "to_relays": np.zeros(0, np.int64), "compartments": 100},
+        **{name: np.full(100, 100, np.int32) for name in ("decay_u", "decay_v", "threshold", "bias")},
         "axons_out": np.zeros(0, np.int64),
     }
 
@@ -188,14 +208,14 @@ def main(count: int, real: bool) -> None:
         table.add_column(name, justify="right" if i else "left")
     failed: list[str] = []
     plans = [("random", plan) for plan in random_plans(count)] + (list(real_plans()) if real else [])
-    cores = [(name, core, made) for name, plan in plans for core, made in zip(plan.cores, problems(plan), strict=True)]
-    *answers, refused = ask([made for _, _, made in cores] + [too_large()])
+    cores = [(n, plan, *pair) for n, plan in plans for pair in zip(plan.cores, core_images(plan), strict=True)]
+    *answers, refused = ask([problem(plan, core, image) for _, plan, core, image in cores] + [too_large()])
     for name in dict.fromkeys(name for name, _ in plans):
-        pairs = [(core, theirs) for (label, core, _), theirs in zip(cores, answers, strict=True) if label == name]
-        wrong = [line for core, theirs in pairs for line in differences(core, theirs)]
+        of = [(core, image, said) for (n, _, core, image), said in zip(cores, answers, strict=True) if n == name]
+        wrong = [line for core, image, said in of for line in differences(core, image, said)]
         failed += [f"{name}: {line}" for line in wrong]
-        most = max((core.needs.synapse_words or 0) * WORD_BITS for core, _ in pairs)
-        figures = (len(pairs), len(pairs) * len(COUNTED), len(wrong), most)
+        most = max((core.needs.synapse_words or 0) * WORD_BITS for core, _, _ in of)
+        figures = (len(of), len(of) * len(COUNTED), len(wrong), most)
         table.add_row(name, *(f"{figure:,}" for figure in figures))
     console.print(table)
     refusal = refused["error"] or "nothing"

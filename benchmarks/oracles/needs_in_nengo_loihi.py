@@ -21,15 +21,14 @@ from nengo_loihi.hardware.allocators import Allocator
 from nengo_loihi.hardware.nxsdk_objects import Board
 from nengo_loihi.hardware.validate import validate_core
 
-EXCITATORY, INHIBITORY = 2, 3
+MIXED, EXCITATORY, INHIBITORY = 1, 2, 3
+TO_INHIBITORY = {"weight": 2, "bits": 2, "exponent": -6}
+"""The synapses to inhibitory neurons, and to relays."""
 
 
-def synapse(
-    label: str, rows: list[Any], indices: list[Any] | None, code: dict[str, int], shared: list[int] | None = None
-) -> Synapse:
-    """A group of rows in one format: dense without ``indices``; ``shared`` says which row each axon uses."""
-    made = Synapse(len(rows) if shared is None else len(shared), label=label)
-    made.axon_to_weight_map = shared
+def synapse(label: str, rows: list[Any], indices: list[Any] | None, code: dict[str, int]) -> Synapse:
+    """A group of rows in one format: dense without ``indices``."""
+    made = Synapse(len(rows), label=label)
     made._set_weights_indices(rows, indices=indices, weight_dtype=np.int32, compression=3 if indices is None else 0)
     made.format(**code)
     return made
@@ -41,11 +40,11 @@ def code(bits: int, exponent: int, sign: int) -> dict[str, int]:
 
 
 def groups(problem: Any) -> list[Synapse]:
-    """All synapses of the core: rows of the inputs, of the relays elsewhere, of its own, and those to its relays."""
+    """All synapses of the core: rows of the inputs and of the root, and those to inhibitory neurons and to relays."""
     scalar = {name: int(problem[name]) for name in problem.files if problem[name].ndim == 0}
     weights, dense = problem["weights"].astype(np.int32), problem["dense"]
     made = []
-    inputs = code(scalar["bits"], scalar["exponent"], EXCITATORY)
+    inputs = code(scalar["bits"], scalar["exponent"], MIXED if scalar["signed"] else EXCITATORY)
     used = weights.any(axis=1)
     if (used & dense).any():
         made.append(synapse("dense inputs", list(weights[used & dense]), None, inputs))
@@ -53,30 +52,16 @@ def groups(problem: Any) -> list[Synapse]:
         rows = weights[used & ~dense]
         columns = [np.flatnonzero(row) for row in rows]
         made.append(synapse("sparse inputs", [r[c] for r, c in zip(rows, columns)], columns, inputs))  # noqa: B905
-    exc, own = weights.shape[1], scalar["own"]
-    lateral = code(scalar["lateral_bits"], scalar["lateral_exponent"], INHIBITORY)
-    if scalar["inhibition"] and exc:
-        full = np.full(exc, scalar["inhibition"], np.int32)
-        if scalar["elsewhere"]:
-            made.append(synapse("relays elsewhere", [full], None, lateral, [0] * scalar["elsewhere"]))
-        rows, columns = [], []
-        for neuron in range(own):
-            others = np.delete(np.arange(exc), neuron)
-            row = full.copy()
-            row[neuron] = 0
-            rows.append(row if scalar["dense_lateral"] else full[others])
-            columns.append(others)
-        rows = [row for row in rows if row.size]
-        columns = [column for column in columns if column.size]
-        if rows:
-            made.append(synapse("own relays", rows, None if scalar["dense_lateral"] else columns, lateral))
-    relays = scalar["relays"]
-    if relays:
-        rows = [np.array([2], np.int32)] * relays
-        columns = [np.array([exc + i]) for i in range(relays)]
-        made.append(
-            synapse("to relays", rows, columns, code(scalar["relay_bits"], scalar["relay_exponent"], EXCITATORY))
-        )
+    if scalar["inhibition"]:
+        taken = np.full(weights.shape[1], -scalar["inhibition"], np.int32)
+        registers = code(scalar["inhibition_bits"], scalar["inhibition_exponent"], INHIBITORY)
+        made.append(synapse("the root", [taken], None, registers))
+    for name in ("to_inh", "to_relays"):
+        targets = problem[name]
+        if targets.size:
+            rows = [np.array([TO_INHIBITORY["weight"]], np.int32)] * targets.size
+            registers = code(TO_INHIBITORY["bits"], TO_INHIBITORY["exponent"], EXCITATORY)
+            made.append(synapse(name, rows, [np.array([target]) for target in targets], registers))
     return made
 
 
@@ -87,6 +72,7 @@ def needs(problem: Any) -> dict[str, Any]:
     registers = block.compartment
     registers.decay_u, registers.decay_v = problem["decay_u"], problem["decay_v"]
     registers.vth = problem["threshold"].astype(np.int64) << 6
+    registers.bias = problem["bias"].astype(np.int32)
     registers.refract_delay = np.ones(size, np.int32)
     registers.scale_u = registers.scale_v = False
     for group in groups(problem):
