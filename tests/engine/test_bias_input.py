@@ -106,7 +106,7 @@ def test_the_compiled_schedule_is_the_definition(rates: list[int], image: int, s
     assert starts[0] == 0
     assert starts[-1] == len(members) == expected.sum()
     for step in range(steps):
-        assert sorted(members[starts[step] : starts[step + 1]].tolist()) == np.flatnonzero(expected[step]).tolist()
+        assert members[starts[step] : starts[step + 1]].tolist() == np.flatnonzero(expected[step]).tolist()
     every = input_spikes(values[None], np.array([key], np.uint64), steps)
     assert np.array_equal(every, expected.sum(axis=0))
 

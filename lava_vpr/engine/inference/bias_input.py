@@ -83,63 +83,65 @@ def slopes() -> NDArray[np.int32]:
 
 
 @compiled(error_model="numpy")
-def _first_and_every(
+def _trains(
     bias: NDArray[np.int32], key: np.uint64, steps: int
-) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], np.int64]:
-    """The inputs with a bias, the first spike and the interval of each, and how many spikes there are at most.
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
+    """The inputs that spike, ascending, and the first spike, the interval and the number of spikes of each, int32 (k,).
 
     Quotients of whole numbers below 2^26 are exact in float64 once rounded down, and many are divided at a time.
     """
-    derived, level = mix((key ^ _CRC) + GOLDEN), np.float64(LEVEL)
+    derived, level, last = mix((key ^ _CRC) + GOLDEN), np.float64(LEVEL), np.int32(steps - 1)
     active, slope, n = np.empty(bias.size, np.int32), np.empty(bias.size, np.int32), np.uint64(0)
     for j in range(bias.size):
         active[n] = j
         slope[n] = bias[j]
         n += np.uint64(bias[j] > 0)
-    first, every = np.empty(n, np.int32), np.empty(n, np.int32)
+    first, every, many = np.empty(n, np.int32), np.empty(n, np.int32), np.empty(n, np.int32)
     for k in range(first.size):
         word = mix(derived + GOLDEN * np.uint64(active[k])) >> _S32
         first[k] = np.int32((word * _LEVEL) >> _S32)
-    most = np.int64(0)
     for k in range(first.size):
         first[k] = np.int32((level - np.float64(first[k])) / np.float64(slope[k]))
         every[k] = np.int32(level / np.float64(slope[k])) + np.int32(1)
-        most += np.int32(np.float64(steps) / np.float64(every[k])) + np.int32(2)
-    return active, first, every, most
+        many[k] = np.int32(np.float64(np.int32(last - first[k])) / np.float64(every[k])) + np.int32(1)
+    n = np.uint64(0)
+    for k in range(first.size):
+        active[n], first[n], every[n], many[n] = active[k], first[k], every[k], many[k]
+        n += np.uint64(first[k] <= last)
+    return active[:n], first[:n], every[:n], many[:n]
 
 
 @compiled()
 def schedule(bias: NDArray[np.int32], key: np.uint64, steps: int) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """`bias_input_spikes` as lists: those of step t are ``members[starts[t]:starts[t + 1]]``, in any order.
+    """`bias_input_spikes` as lists: those of step t are ``members[starts[t]:starts[t + 1]]``, ascending.
 
     Args:
         bias: In units of v, int32 (inputs,).
         key: Key of the presentation.
         steps: Steps with input.
     """
-    active, following, every, most = _first_and_every(bias, key, steps)
-    when, who = np.empty(most, np.int32), np.empty(most, np.int32)
-    starts, n, left = np.zeros(steps + 1, np.int64), np.uint64(0), np.uint64(every.size)
+    active, following, every, many = _trains(bias, key, steps)
+    total = np.int32(0)
+    for k in range(many.size):  # where each input's spikes begin in a list of all, by input
+        total, many[k] = total + many[k], total
+    when, who, place = np.empty(total, np.int32), np.empty(total, np.int32), many
+    starts, left = np.zeros(steps + 1, np.int64), np.uint64(active.size)
     # In every round all inputs that go on spiking spike once: no branch of the inner loop depends on an input.
     while left > np.uint64(0):
         kept = np.uint64(0)
         for k in range(left):
-            step, gap, member = following[k], every[k], active[k]
-            going = np.uint64(step < steps)
-            when[n] = step
-            who[n] = member
-            n += going
-            starts[np.uint64(min(step, steps - 1)) + np.uint64(1)] += np.int64(going)
-            following[kept] = step + gap
-            every[kept] = gap
-            active[kept] = member
-            kept += going
+            step, gap, member, position = following[k], every[k], active[k], place[k]
+            when[np.uint64(position)] = step
+            who[np.uint64(position)] = member
+            starts[np.uint64(step) + np.uint64(1)] += 1
+            following[kept], every[kept], active[kept], place[kept] = step + gap, gap, member, position + 1
+            kept += np.uint64(step + gap < steps)
         left = kept
     for step in range(steps):
         starts[step + 1] += starts[step]
-    members, place = np.empty(n, np.int32), starts[:steps].copy()
-    for s in range(n):
-        step = np.uint64(when[s])
-        members[np.uint64(place[step])] = who[s]
-        place[step] += 1
+    members, begin = np.empty(total, np.int32), starts[:steps].copy()
+    for s in range(total):
+        at = np.uint64(when[s])
+        members[np.uint64(begin[at])] = who[s]
+        begin[at] += 1
     return starts, members
