@@ -12,7 +12,7 @@ Brian2 and `paper` compute the same network; ``--parity`` (default) also gives b
 compares what comes out. All of them take turns, presentation by presentation, and the table holds medians, because
 other programs share the machine. Compilation is not counted. Learning is timed twice: at the start, when a
 hundred neurons answer every image, and after ``--epochs`` epochs. `loihi` learns and answers the same images in its own
-way: 100 neurons, 350 steps, one call for each presentation.
+way: 100 neurons, as many steps as its settings say, one call for each presentation.
 """
 
 from __future__ import annotations
@@ -39,16 +39,16 @@ from lava_vpr.bench.peers import run_peers
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Peer
 from lava_vpr.config import Config, preset
-from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse, rates16
+from lava_vpr.encoding import EncodedTraverse, Keep, activity_of, encode_traverse, query_rates16, rates16
 from lava_vpr.engine.conductance.kernels import draw_spikes
 from lava_vpr.engine.conductance.model import ConductanceState, count_spikes, initial_state, train_presentation
 from lava_vpr.engine.inference import fixed, quantise
+from lava_vpr.engine.inference.quantise import Shown
 from lava_vpr.engine.learning import stdp
 from lava_vpr.engine.random import image_keys, presentation_key, presentation_keys
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import LavaVprError
 from lava_vpr.gate import integer_config
-from lava_vpr.inputs.orientation import orientation_channels
 from lava_vpr.inputs.patches import patch_normalised
 from lava_vpr.model import Model
 from lava_vpr.synthetic.world import World, render, write_traverses
@@ -75,16 +75,16 @@ class Loihi:
 
     def __init__(self, images: list[NDArray[np.uint8]]) -> None:
         config = integer_config(preset("loihi"), "the peer")
-        activity = np.stack([orientation_channels(image) for image in images])
+        activity = np.stack([activity_of(image, config.encoder) for image in images])
         self.learning_rates = rates16(activity, config.encoder.train_spikes)
-        self.query_rates = rates16(activity, config.encoder.query_spikes)
+        self.query_rates = query_rates16(activity, config.encoder)
         self.keys = presentation_keys(config.seed, "query", image_keys(self.query_rates))
         start = stdp.initial_state(config.encoder.inputs, NEURONS, config.learning, config.seed)
-        self.trainer = stdp.Trainer(start, config.learning, config.encoder.train_spikes, config.network.drive)
+        self.trainer = stdp.Trainer(start, config.learning, config.encoder.train_spikes)
         for q in range(len(images)):
             self.train(q)
-        weights = quantise.equalise(start.weights)
-        self.network = quantise.quantise(weights, config.network, config.encoder.query_spikes)
+        weights = quantise.distinctive(start.weights, config.network)
+        self.network = quantise.quantise(weights, config.network, [Shown(self.query_rates, slice(0, NEURONS))])
 
     def train(self, q: int) -> None:
         """Shows an image to the network that learns."""
