@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from lava_vpr.config import StdpLearning
 from lava_vpr.engine.entry import check_array, check_rates
 from lava_vpr.engine.general.lif import LifParameters
-from lava_vpr.engine.inference.bias_input import biases
+from lava_vpr.engine.inference.bias_input import slopes
 from lava_vpr.engine.inference.quantise import mantissa_of
 from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS, KernelPhase, StepDraws, normalise_columns, train
 from lava_vpr.engine.learning.stdp import mean_trace
@@ -298,7 +298,7 @@ def present(
         state.weights,
         state.theta,
         rates,
-        np.left_shift(*biases(rates)),
+        slopes()[rates],
         np.uint64(key),
         _kernel_phase(learning),
         lateral,

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from lava_vpr.config import StdpLearning
 from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
 from lava_vpr.engine.entry import check_rates
-from lava_vpr.engine.inference.bias_input import biases, schedule
+from lava_vpr.engine.inference.bias_input import schedule, slopes
 from lava_vpr.engine.random import presentation_key, uniform
 from lava_vpr.kernelcache import compiled
 
@@ -268,6 +268,5 @@ class Trainer:
         counts = np.zeros(len(state.theta), np.int32)
         events = np.zeros(2, np.int64)
         normalise(state.weights, self.learning.mean_weight)
-        slopes = np.left_shift(*biases(rates))
-        _train(state.weights, state.theta, rates, slopes, np.uint64(key), self._phase, counts, events)
+        _train(state.weights, state.theta, rates, slopes()[rates], np.uint64(key), self._phase, counts, events)
         return counts, events
