@@ -76,7 +76,7 @@ def without(name: str) -> Forge:
 DEEP: list[Any] = []
 for _ in range(200):
     DEEP = [DEEP]
-STRETCHES = [[0, 4, 0, 4], [4, 4, 4, 4]]
+STRETCHES = [[0, 4, 0, 4, 0], [4, 4, 4, 4, 0]]
 NO_SETTINGS = ("encoder", "network", "learning", "decoder")
 FORGED: list[tuple[str, Forge, str]] = [
     # keys
@@ -111,20 +111,23 @@ FORGED: list[tuple[str, Forge, str]] = [
         for v in (
             5,
             [],
-            [[0, 99999, -5, 12]],
-            [[0, 8, 0, 8.0]],
+            [[0, 99999, -5, 12, 0]],
+            [[0, 8, 0, 8.0, 0]],
             [[0, 8, 0]],
-            [[0, 8, 0, 0]],
-            [[0, 8, 0, True]],
+            [[0, 8, 0, 0, 0]],
+            [[0, 8, 0, True, 0]],
             STRETCHES[:1],
             STRETCHES[::-1],
-            [*STRETCHES, [8, 1, 8, 1]],
-            [[0, 4, 0, 4], [4, 4, 3, 5]],
+            [*STRETCHES, [8, 1, 8, 1, 0]],
+            [*STRETCHES, [0, 8, 8, 8, 1]],
+            [[*STRETCHES[0][:4], 1], STRETCHES[1]],
+            [row[:4] for row in STRETCHES],
+            [[0, 4, 0, 4, 0], [4, 4, 3, 5, 0]],
             DEEP,
         )
     ),
-    ("paper", key("stretches", value=[[0, 4, 0, 6], [4, 4, 6, 6]]), "which learns in one"),
-    ("loihi", key("stretches", value=[[0, 4, 0, 3], [4, 4, 3, 5]]), "with 3, which must be in 4..4"),
+    ("paper", key("stretches", value=[[0, 4, 0, 6, 0], [4, 4, 6, 6, 0]]), "which learns in one"),
+    ("loihi", key("stretches", value=[[0, 4, 0, 3, 0], [4, 4, 3, 5, 0]]), "with 3, which must be in 4..4"),
     # settings
     *(("loihi", key("config", value=v), "the settings must be a table") for v in (5, [1], None, "loihi")),
     *(("loihi", key("config", "preset", value=v), "preset") for v in (5, [], "x" * 10**6)),
@@ -235,7 +238,7 @@ COMMANDS = {
     "steps": key("fixed", "steps", value=10**9),
     "indices": lambda header, arrays: arrays["place_indices"].fill(3),
     "NaN": first("activity", np.nan),
-    "stretches": key("stretches", value=[[0, 99999, -5, 12]]),
+    "stretches": key("stretches", value=[[0, 99999, -5, 12, 0]]),
     "names": key("place_names", value=5),
     "config": key("config", value=[1]),
 }

@@ -17,7 +17,7 @@ from lava_vpr.config import Config, preset
 from lava_vpr.configfile import to_toml, update
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.bundle.deployment import deploy
-from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse
+from lava_vpr.encoding import EncodedTraverse, Keep, encode_views
 from lava_vpr.model import Model, save
 from lava_vpr.training.checkpoint import Checkpoint, fingerprint
 from lava_vpr.training.loop import split, train
@@ -40,6 +40,7 @@ SETTINGS: dict[str, Config] = {
     "integer": update(update(preset("loihi"), BASE), {"learning": {"arithmetic": "integer", "mu": 1.0}}),
     "bias": update(update(preset("fast"), BASE), {"network": {"input_mode": "bias"}}),
     "pixels": update(update(preset("loihi"), BASE), {"encoder": {"kind": "pixels"}, "stretch": 0}),
+    "views": update(update(preset("fast"), BASE), {"views": {"shifts": 3, "shift": 0.1}, "network": {"signed": False}}),
     "paper": update(preset("paper"), PAPER),
 }
 """The settings of the models, by name."""
@@ -86,7 +87,11 @@ def make(folder: Path) -> Corpus:
         _draw(folder / name, seed)
     for name, config in SETTINGS.items():
         sources = ("reference",) if name == "paper" else ("reference", "second")
-        made.references[name] = [encode_traverse(open_traverse(folder / s), config.encoder, Keep.ALL) for s in sources]
+        made.references[name] = [
+            seen
+            for source in sources
+            for seen in encode_views(open_traverse(folder / source), config.encoder, config.views.views, Keep.ALL)
+        ]
         model = train(made.references[name], config, jobs=1)
         save(model, folder / f"{name}.lvpr")
         made.models[name] = (folder / f"{name}.lvpr").read_bytes()

@@ -179,7 +179,8 @@ def references(
             finite = type(value) in (int, float) and math.isfinite(value)
             findings.need(finite, "M12", f"figure {name!r:.20} is {value!r:.40}")
     places, neurons = len(names), shape[1] if len(shape) == 2 else -1
-    _stretches(header.get("stretches"), places, neurons, config["network"], findings)
+    views = settings.views_of(config)
+    _stretches(header.get("stretches"), places, neurons, views, config["network"], findings)
     route = header.get("route_images")
     findings.need(whole(route, places, 1 << 53), "M6", f"route_images is {route!r:.40}")
     indices = arrays.get("place_indices")
@@ -190,9 +191,9 @@ def references(
     good = labels is not None and labels.dtype == np.int64 and labels.ndim == 1
     if not findings.need(good, "M7", "no labels") or labels is None:
         return
-    traverses = len(labels) // places
-    told = labels.tolist()
-    findings.need(traverses >= 1 and told == [*range(places)] * traverses, "M7", f"labels {told[:9]}")
+    shown, told = len(labels) // places, labels.tolist()
+    whole_traverses = shown >= 1 and shown % views == 0
+    findings.need(whole_traverses and told == [*range(places)] * shown, "M7", f"labels {told[:9]}")
     _images(arrays, len(labels), places, settings.inputs_of(config), config, findings)
     responses = arrays.get("responses")
     if _is(responses, "i4", (neurons, places), "M9", "responses", findings) and responses is not None:
@@ -210,20 +211,23 @@ def _most_spikes(config: Any, traverses: int) -> int:
     return int(traverses * repeats * config["network"]["steps"])
 
 
-def _stretches(parts: Any, places: int, neurons: int, network: dict[str, Any], findings: Findings) -> None:
-    good = isinstance(parts, list) and len(parts) >= 1 and all(isinstance(p, list) and len(p) == 4 for p in parts)
+def _stretches(parts: Any, places: int, neurons: int, views: int, network: dict[str, Any], findings: Findings) -> None:
+    good = isinstance(parts, list) and len(parts) >= 1 and all(isinstance(p, list) and len(p) == 5 for p in parts)
     if not findings.need(good, "M5", f"stretches {parts!r:.40}"):
         return
-    place = neuron = 0
-    for first, size, first_neuron, count in parts:
-        sound = whole(first, place, place) and whole(size, 1, places)
+    place = neuron = view = 0
+    for first, size, first_neuron, count, seen in parts:
+        if place == places:
+            place, view = 0, view + 1
+        sound = whole(first, place, place) and whole(size, 1, places) and whole(seen, view, view)
         sound = sound and whole(first_neuron, neuron, neuron) and whole(count, 1, neurons)
         if not findings.need(sound, "M5", f"stretch {first!r:.20}, {size!r:.20}, {first_neuron!r:.20}, {count!r:.20}"):
             return
         wanted = network["neurons"] or max(1, round(network["neurons_per_place"] * size))
         findings.need(count == wanted, "M5", f"{count} neurons of {size} places, not {wanted}")
         place, neuron = place + size, neuron + count
-    findings.need((place, neuron) == (places, neurons), "M5", f"stretches of {place} places, {neuron} neurons")
+    found = (place, neuron, view)
+    findings.need(found == (places, neurons, views - 1), "M5", f"stretches to place, neuron and view {found}")
 
 
 def _is(

@@ -18,7 +18,9 @@ INVARIANTS = {
     ),
     "T1": "Every setting is one that there is, of its type; nothing is added and nothing read as something else.",
     "T2": "Every number is finite and within its range; every word is one of those allowed.",
-    "T3": "Settings that depend on each other fit: cells and image, network and learning, weights and their limit.",
+    "T3": (
+        "Settings that depend on each other fit: cells and image, network and learning, weights and their limit, views."
+    ),
     "T4": "What the reader returns is what the file says, and for the rest the preset.",
     "M1": "The settings satisfy T1 to T4.",
     "M2": (
@@ -34,10 +36,10 @@ INVARIANTS = {
         "Neither a neuron's weights above 0, nor those below with the inhibition, sum to 2^17, so that the 24 bits of "
         "u cannot wrap."
     ),
-    "M5": "Stretches follow each other without gap or overlap over all places and all neurons; none is empty, "
-    "and each has as many neurons as the settings make for its places.",
+    "M5": "Stretches follow each other without gap or overlap over all places, view after view, and all neurons; none "
+    "is empty, and each has as many neurons as the settings make for its places.",
     "M6": "Place indices are int64, distinct, 0 to 2^53; the route has at least as many images as places.",
-    "M7": "Labels are int64: 0 to places - 1 in order, once for every traverse.",
+    "M7": "Labels are int64: 0 to places - 1 in order, once for every view of every traverse.",
     "M8": "Activity is float32 (images, inputs), finite and at least 0; pixels are at most 255.",
     "M9": "Responses are int32 (neurons, places), at least 0, and at most one spike a step of what was presented.",
     "M10": "Patches are uint8 (images, 28, 28), thumbnails uint8 (places, 48, 64, 3).",

@@ -30,6 +30,12 @@ ENCODER: dict[str, Range | tuple[str, ...] | tuple[bool, ...]] = {
     "query_inputs": ("i", 0, 1_000_000),
     "max_rate_hz": ("f<", 0, 1000),
 }
+VIEWS: dict[str, Range | tuple[str, ...] | tuple[bool, ...]] = {
+    "shifts": ("i", 1, 99),
+    "shift": ("f", 0, 0.5),
+    "scales": ("i", 1, 99),
+    "scale": ("f", 1, 2),
+}
 LIF: dict[str, Range | tuple[str, ...] | tuple[bool, ...]] = {
     "model": ("lif",),
     "neurons": ("i", 0, 100_000),
@@ -114,6 +120,7 @@ def check(config: Any, findings: Findings) -> bool:
     conductance = isinstance(config.get("network"), dict) and config["network"].get("model") == "conductance"
     tables = {
         "encoder": ENCODER,
+        "views": VIEWS,
         "network": CONDUCTANCE if conductance else LIF,
         "learning": RULES if conductance else STDP,
         "decoder": DECODER,
@@ -155,7 +162,11 @@ def _together(config: dict[str, Any], conductance: bool, findings: Findings) -> 
     encoder, network, learning = config["encoder"], config["network"], config["learning"]
     findings.need(encoder["image_size"] % encoder["cell"] == 0, "T3", "cells that do not fill the image")
     findings.need(encoder["window"] % 2 == 1, "T3", "an even window")
+    views = config["views"]
+    findings.need(views["shifts"] % 2 == views["scales"] % 2 == 1, "T3", "views without the straight one")
+    findings.need(views["shift"] * ((views["shifts"] - 1) // 2) < 1, "T3", "views beyond the image")
     if conductance:
+        findings.need(views_of(config) == 1, "T3", "views of a conductance network")
         findings.need(encoder["kind"] == "pixels", "T3", "a conductance network of other inputs than pixels")
         return
     findings.need(learning["mean_weight"] < learning["w_max"], "T3", "mean_weight not below w_max")
@@ -166,6 +177,11 @@ def _together(config: dict[str, Any], conductance: bool, findings: Findings) -> 
     findings.need(
         network["trains"] == "regular" or network["input_mode"] == "injected", "T3", "biases of Poisson trains"
     )
+
+
+def views_of(config: dict[str, Any]) -> int:
+    """The number of views of a reference under sound settings."""
+    return int(config["views"]["shifts"] * config["views"]["scales"])
 
 
 def inputs_of(config: dict[str, Any]) -> int:
