@@ -98,7 +98,7 @@ def _refused(network: FixedNetwork) -> bool:
 def compare_places(seed: int, chosen: dict[int, Sequence[int]], *, timeout: float) -> Comparison:
     """Run networks of `fuzz_places` in Lava (composed, library, fused) and on the host, by both of its engines.
 
-    Lava presents in a row. Where inhibition wraps it excites, and spikes may still be under way when the three silent
+    Lava presents in a row. Where what is taken wraps it excites, and spikes may still be under way when the silent
     steps are over; then only presentations each by itself equal the engine's.
     """
     starts = [[start, list(numbers)] for start, numbers in chosen.items()]

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
-from unittest import mock
 
 import numpy as np
 from lava.magma.core.run_conditions import RunSteps
@@ -19,17 +18,16 @@ from lava.utils.weightutils import SignMode
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from support.fuzz.fuzz_networks import Block, Format, block_of, settings_of, steps_of
-from support.fuzz.fuzz_places import fused_of, input_of, place_of
+from support.fuzz.fuzz_places import SILENT, fused_of, input_of, place_of
 
-from lava_vpr.engine.inference.fixed import SILENT_STEPS
 from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.dense_synapses.process import DenseSynapses
 from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF
-from lava_vpr.processes.lateral_inhibition.process import LateralInhibition
 from lava_vpr.processes.networks.fused_place_network.process import FusedPlaceNetwork
 from lava_vpr.processes.networks.library_place_network.process import LibraryPlaceNetwork
 from lava_vpr.processes.networks.place_network.process import PlaceNetwork
 from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
+from lava_vpr.processes.regular_encoder.process import RegularEncoder
 from lava_vpr.processes.spike_counter.process import SpikeCounter
 
 Arrays = dict[str, NDArray[Any]]
@@ -109,8 +107,9 @@ def groups(arrays: Arrays, options: dict[str, Any]) -> Arrays:
 def _start_places(seed: int, start: int, numbers: Sequence[int]) -> Arrays:
     """The composed and the library's networks in one start of Lava, a fused one in its own: it has no ports."""
     given, networks = input_of(seed, start), {number: place_of(seed, start, number) for number in numbers}
-    encoder = PoissonEncoder(rates=given.rates, keys=given.keys, steps=given.steps)
-    n, interval = len(given.keys), given.steps + SILENT_STEPS
+    kind = RegularEncoder if given.regular else PoissonEncoder
+    encoder = kind(rates=given.rates, keys=given.keys, steps=given.steps, silent_steps=SILENT)
+    n, interval = len(given.keys), given.steps + SILENT
     wired: dict[str, Any] = {}
     results: Arrays = {}
     for number, network in networks.items():
@@ -131,10 +130,6 @@ def _start_places(seed: int, start: int, numbers: Sequence[int]) -> Arrays:
     return results
 
 
-def _accept(synapses: LateralInhibition, inhibition: NDArray[Any] | None = None) -> None:
-    """Whatever it overflows."""
-
-
 def places(arrays: Arrays, options: dict[str, Any]) -> Arrays:
     """Run the networks of `fuzz_places`, those too that would be refused because they can wrap.
 
@@ -146,7 +141,6 @@ def places(arrays: Arrays, options: dict[str, Any]) -> Arrays:
         S_N_K_u and S_N_K_v (neurons,) of exc after the last step; S_fused_spikes of the network `fused_of`.
     """
     results: Arrays = {}
-    with mock.patch.object(LateralInhibition, "check_fixed", _accept):
-        for start, numbers in options["starts"]:
-            results |= _start_places(options["seed"], start, numbers)
+    for start, numbers in options["starts"]:
+        results |= _start_places(options["seed"], start, numbers)
     return results

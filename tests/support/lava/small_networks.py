@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.neuron_bias import bias_registers
+from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT
 
 SMALL_LIMITS = {"FAN_IN": 4, "DIRECT": 3}
 """`limits` with which five neurons need leaves and relays."""
@@ -33,7 +34,8 @@ def limits(**numbers: int) -> Iterator[None]:
 
 def random_bias(rng: np.random.Generator, network: FixedNetwork) -> NDArray[np.int32]:
     """Biases of both signs that ``network`` may have."""
-    mantissas, exponent = bias_registers(rng.integers(-network.highest_bias, network.highest_bias + 1, network.neurons))
+    most = min(network.highest_bias, ((1 << BIAS_BITS) - 1) << BIAS_EXPONENT_LIMIT)
+    mantissas, exponent = bias_registers(rng.integers(-most, most + 1, network.neurons))
     return (mantissas << exponent).astype(np.int32)
 
 

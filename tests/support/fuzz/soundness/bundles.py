@@ -37,7 +37,10 @@ def check_bundle(path: Path, view: Mapping[str, Any]) -> Findings:
     said = manifest.get("network")
     if not models.numbers(said, findings) or not isinstance(said, dict):
         return findings
-    findings.need(said.get("silent_steps") == 3 and whole(said["silent_steps"], 3, 3), "B3", "other silent steps")
+    if not findings.need(all(whole(said.get(n), 1, (1 << 31) - 1) for n in ("inputs", "neurons")), "B3", "no sizes"):
+        return findings
+    silent = models.silence(said["neurons"], said["bias_input"])
+    findings.need(whole(said.get("silent_steps"), silent, silent), "B3", "other silent steps")
     weights = view["weights"]
     models.sums(weights, said, findings)
     own = {name: said.get(name) for name in models.NUMBERS}
