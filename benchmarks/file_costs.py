@@ -32,7 +32,7 @@ from lava_vpr import model as model_file
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2
-from lava_vpr.deploy.mapping.largest_map import largest, typical
+from lava_vpr.deploy.mapping.largest_map import largest, sizing_of
 from lava_vpr.model import Model
 from lava_vpr.storage.limits import limit
 from lava_vpr.training.loop import split
@@ -51,7 +51,7 @@ class Case(NamedTuple):
 
 def blank(config: Config, places: int) -> Model:
     """A model of so many places that has learned nothing, with the network that the planner takes for typical."""
-    network = typical(config, LOIHI_2, places)
+    network = sizing_of(config, LOIHI_2, places, "unknown", "every").network
     neurons, inputs = network.neurons, config.encoder.inputs
     thumbnails = np.zeros((places, 48, 64, 3), np.uint8)
     noisy = thumbnails[: -(-places // 8)]  # no smaller file may unpack to so much

@@ -182,11 +182,12 @@ def _at_most(config: Config, board: Board, rows: RowKind, weights: Fullness) -> 
     """Places that no map exceeds: what all cores hold if only excitatory neurons stand on them."""
     many = 1000
     neurons = sum(stretch.neurons for stretch in split(many, config))
-    sizing = _sizing(config, board, many * _MOST // max(many, neurons), rows, weights)
+    most = many * min(_MOST, board.chips * board.cores * board.compartments) // max(many, neurons)
+    sizing = _sizing(config, board, max(2, most), rows, weights)
     if isinstance(sizing, str):
         return 2
     reached = int(reach(sizing, board.chips * board.cores, sizing.largest)[-1])
-    return max(2, min(many * reached // neurons + 1 + config.stretch, many * _MOST // max(many, neurons)))
+    return max(2, min(many * reached // neurons + 1 + config.stretch, most))
 
 
 def _sizing(config: Config, board: Board, places: int, rows: RowKind, weights: Fullness) -> Sizing | str:

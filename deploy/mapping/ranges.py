@@ -33,7 +33,7 @@ def farthest(sizing: Sizing, first: int, most: int, about: int) -> int:
         sizes = np.arange(least, end + 1)
         fits = fitting(sizing, sizes, *sizing.growing(first, least, end))
         if not fits[0] and least > 1:
-            least, end = 1, least - 1
+            least, end, most = 1, least - 1, least - 1
         elif fits.all() and end < most:
             least, end = end + 1, min(most, 2 * end)
         else:

@@ -120,18 +120,30 @@ def _largest(
     chosen = {"weight_bits": weight_bits, "input_mode": input_mode, "neurons_per_place": neurons_per_place}
     changes = {name: value for name, value in chosen.items() if value is not None}
     config = update(preset("loihi"), {"network": changes})
-    rows = largest_map.table(config, board) if weight_bits is None else (largest_map.largest(config, board),)
+    rows = (largest_map.table if weight_bits is None else largest_map.capacities)(config, board)
     if json_path is not None:
-        write_json(json_path, {"target": board.name, "largest": [asdict(row) for row in rows]})
+        values = [asdict(row) | {"proven": row.proven} for row in rows]
+        write_json(json_path, {"target": board.name, "largest": values})
     print_whole(_capacities(board, rows))
 
 
 def _capacities(board: Board, rows: tuple[Capacity, ...]) -> Table:
-    """The table of the largest maps, with a row for each width of weights."""
-    table = Table(title=f"the largest maps that fit {board.title}", title_justify="left")
-    for name in ("bits a weight", "places", "neurons", "cores"):
-        table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("why not one place more", max_width=70)
+    """The table of the largest maps: for each width of weights and way of counting rows, two networks."""
+    notes = (
+        "places: with as many weights as real networks have; if every one: every input has a weight to every neuron",
+        "sparse: each weight with its index, as public sources count; dense: also rows without indices, which nobody "
+        "has shown on a board (unproven)",
+    )
+    table = Table(title=f"the largest maps that fit {board.title}", title_justify="left", caption_justify="left")
+    if board.synapse_words is not None:
+        table.caption = "\n".join(notes)
+    for name in ("bits a weight", "rows", "weights", "places", "neurons", "cores", "if every one"):
+        table.add_column(name, justify="left" if name == "rows" else "right", no_wrap=True)
+    table.add_column("what binds: one place more", max_width=50)
+    every = {(row.weight_bits, row.rows): row.places for row in rows if row.weights == "every"}
     for row in rows:
-        table.add_row(f"{row.weight_bits}", f"{row.places:,}", f"{row.neurons:,}", f"{row.cores:,}", row.limit)
+        if row.weights == "typical":
+            sizes = (f"{value:,}" for value in (row.places, row.neurons, row.cores, every[row.weight_bits, row.rows]))
+            kind = f"{row.rows} (unproven)" if row.rows == "dense" else row.rows
+            table.add_row(f"{row.weight_bits}", kind, f"{100 * row.share:.0f} %", *sizes, row.limit)
     return table

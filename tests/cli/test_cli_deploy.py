@@ -66,12 +66,15 @@ def test_fit_without_a_model_tells_the_largest_map(here: Path) -> None:
     text = run("fit", "--target", "kapoho-bay", "--weight-bits", 3, "--json", "c.json").stdout
     values = json.loads(Path("c.json").read_text())
     assert values["target"] == "kapoho-bay"
-    (row,) = values["largest"]
-    assert row["weight_bits"] == 3
-    assert row["neurons"] == row["places"] >= 400
-    assert re.search(rf"│ +3 │ +{row['places']} │ +{row['neurons']} │ +{row['cores']} │", text)
+    row, every, *others = values["largest"]
+    assert [(other["rows"], other["weights"]) for other in others] == [("dense", "typical"), ("dense", "every")]
+    assert (row["weight_bits"], row["rows"], row["proven"], every["weights"]) == (3, "sparse", True, "every")
+    assert row["neurons"] == row["places"] > every["places"] > 8000
+    assert re.search(rf"│ +3 │ sparse +│ +62 % │ +{row['places']:,} │ +{row['neurons']:,} │ +{row['cores']} │", text)
+    assert f"{every['places']:,} │" in text
+    assert "dense (unproven)" in text
     run("fit", "--target", "kapoho-bay", "--weight-bits", 3, "--neurons-per-place", 2, "--json", "d.json")
-    (twice,) = json.loads(Path("d.json").read_text())["largest"]
+    twice = json.loads(Path("d.json").read_text())["largest"][0]
     assert twice["neurons"] == 2 * twice["places"]
     assert twice["places"] < row["places"]
 
