@@ -18,26 +18,28 @@ DEVIATIONS = 6
 def host_spikes(network: FixedNetwork, rates: NDArray[np.float64]) -> float:
     """Spikes that the host sends to a chip in one step, mean plus `DEVIATIONS` standard deviations; 0 if it sends none.
 
-    Whatever the trains, an input with rate r spikes in a given step with probability r, independently of the others:
-    by a draw of its own, or by a regular train whose phase is drawn, uniform over the interval. So the variance of one
-    step is the sum of r (1 - r). That a train is regular makes its sum over many steps nearly constant, not one step's
-    sum over many inputs.
+    Whatever the trains, inputs spike in a given step independently of each other: by draws of their own, or by regular
+    trains whose phases are drawn. So where an input spikes with probability p, the variance is the sum of p (1 - p).
+    That a train is regular makes its sum over many steps nearly constant, not one step's sum over many inputs. p is the
+    rate r of a draw; of a regular train it is r / (1 - r / 2) in all steps of an interval but the last, since start
+    membranes, not phases, are uniform.
     """
-    return 0.0 if network.bias_input else _most_spikes(rates, 1.0)
+    return 0.0 if network.bias_input else _most_spikes(network, rates, 1.0)
 
 
-def _most_spikes(rates: NDArray[np.float64], scale: float) -> float:
+def _most_spikes(network: FixedNetwork, rates: NDArray[np.float64], scale: float) -> float:
     """Mean plus `DEVIATIONS` standard deviations of the spikes of inputs with ``scale`` times ``rates``."""
-    scaled = np.minimum(rates * scale, 1.0)
-    return float(scaled.sum() + DEVIATIONS * (scaled * (1 - scaled)).sum() ** 0.5)
+    p = np.minimum(rates * scale, 1.0)
+    p = np.minimum(p / (1 - p / 2), 1.0) if network.regular else p
+    return float(p.sum() + DEVIATIONS * (p * (1 - p)).sum() ** 0.5)
 
 
-def _allowed_spikes(rates: NDArray[np.float64], limit: int) -> float:
+def _allowed_spikes(network: FixedNetwork, rates: NDArray[np.float64], limit: int) -> float:
     """The largest sum of rates in proportion to ``rates`` that stays within ``limit``, rounded down to tenths."""
     low, high = 0.0, 1.0
     for _ in range(40):
         middle = (low + high) / 2
-        low, high = (middle, high) if _most_spikes(rates, middle) <= limit else (low, middle)
+        low, high = (middle, high) if _most_spikes(network, rates, middle) <= limit else (low, middle)
     return int(10 * low * float(rates.sum())) / 10
 
 
@@ -65,7 +67,7 @@ def check_without_weights(sizing: Sizing) -> None:
         )
     spikes = host_spikes(network, sizing.rates)
     if spikes > limit_of(board.host_spikes):
-        most = _allowed_spikes(sizing.rates, limit_of(board.host_spikes))
+        most = _allowed_spikes(network, sizing.rates, limit_of(board.host_spikes))
         raise NetworkLimitError(
             f"the host would have to send up to {spikes:.1f} input spikes a step, but {board.title} takes "
             f"{board.host_spikes} a chip; lower encoder.query_spikes to {most:g}, or use --input-mode bias"

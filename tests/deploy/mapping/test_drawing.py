@@ -27,7 +27,8 @@ def network(neurons: int, inputs: int = 120, bias_input: bool = False) -> FixedN
     rng = np.random.default_rng(neurons)
     weights = rng.integers(0, 8, (inputs, neurons)) * (rng.random((inputs, neurons)) < 0.3)
     weights[7] = 0
-    return FixedNetwork(weights.astype(np.uint8), 3, 0, 220, 20, 0, 137, 350, bias_input)
+    bias = np.zeros(neurons, np.int32)
+    return FixedNetwork(weights.astype(np.int16), bias, 3, False, 220, 20, 0, 137, 61, bias_input, bias_input)
 
 
 def needs(board: Board, compartments: int, axons_in: int, axons_out: int, words: int) -> Needs:
@@ -38,13 +39,14 @@ def needs(board: Board, compartments: int, axons_in: int, axons_out: int, words:
 
 @lru_cache(maxsize=16)
 def plan(neurons: int, board: Board = KAPOHO_BAY, bias_input: bool = False, each: int = 100, every: int = 1) -> Plan:
-    """A plain plan: ``each`` neurons on a core with their relays, then the inputs, on every ``every``-th core."""
+    """A plain plan: ``each`` neurons on every ``every``-th core, then inhibitory ones, then inputs."""
     net = network(neurons, bias_input=bias_input)
     parts: list[list[tuple[PopulationName, int, int]]] = []
     for first in range(0, neurons, each):
         size = min(each, neurons - first)
-        parts.append([("exc", first, size), ("inh", first, size)])
-    if bias_input:
+        parts.append([("exc", first, size)])
+    parts[-1].append(("inh", 0, net.inhibitory))
+    if net.input_compartments:
         parts[-1].append(("inputs", 0, 40))
         parts.append([("inputs", 40, net.inputs - 40)])
     cores = []
@@ -57,7 +59,7 @@ def plan(neurons: int, board: Board = KAPOHO_BAY, bias_input: bool = False, each
         total = sum(part.size for part in placed)
         taken = needs(board, total, net.inputs + neurons, 3 * total, words)
         load = Load(20.0, 300.0, 4.0, exc, 3.0, 2.0, 1000.0 + 10 * exc + number)
-        cores.append(CorePlan(chip, core, placed, np.arange(net.inputs) % 3 > 0, True, taken, load))
+        cores.append(CorePlan(chip, core, placed, np.arange(net.inputs) % 3 > 0, taken, load))
     hops = None if board.tile_cores is None else 12.5
     return Plan(net, board, tuple(cores), 3, 8, hops, 0.0 if bias_input else 46.83)
 
@@ -67,7 +69,8 @@ PLANS = {
     "six cores": lambda: plan(500, each=90),
     "bias": lambda: plan(150, bias_input=True),
     "many": lambda: plan(3000, each=40),
-    "both chips, all cores": lambda: plan(2560, each=10),
+    "both chips, all cores": lambda: plan(2550, each=10),
+    "leaves": lambda: plan(9000, each=50),
     "scattered": lambda: plan(300, every=50),
     "one neuron": lambda: plan(1),
     "loihi 2": lambda: plan(500, LOIHI_2),
@@ -131,7 +134,7 @@ def test_each_core_shows_what_stands_on_it_in_proportion(name: str) -> None:
 
 
 def test_tiles_run_down_the_columns_and_chips_stand_side_by_side() -> None:
-    shown = plan(2560, each=10)
+    shown = plan(1024, each=4)
     root = ElementTree.fromstring(draw(shown))
     place = {
         tuple(int(word) for word in group.attrib["id"].split("-")[1:]): extent(next(group.iter(f"{SVG}path")))[:2]
@@ -195,24 +198,24 @@ def test_a_row_says_what_a_core_holds_and_takes() -> None:
     dense = int((used & (np.arange(120) % 3 > 0)).sum())
     assert rows["0:1"] == [
         "0:1",
-        "exc 100..149, inh 100..149, inputs 0..39",
-        "140 of 1,024",
+        "exc 100..149, inh 0, inputs 0..39",
+        "91 of 1,024",
         "270 of 4,096",
-        "420 of 4,096",
+        "273 of 4,096",
         f"{100 * words / 16384:.1f} %",
         f"{dense}",
         f"{int(used.sum()) - dense}",
         "1.50 µs",
     ]
     assert rows["0:2"][1] == "inputs 40..119"
-    assert rows["all"][1:3] == ["3 of 256 cores", "420"]
+    assert rows["all"][1:3] == ["3 of 256 cores", "271"]
     assert rows["all"][8] == "2.00 µs"
     assert sum(rows_of(shown, core)[0] or 0 for core in shown.cores) == int(rows["all"][6])
 
 
 def test_limits_that_are_not_public_are_called_unknown() -> None:
     rows = {row[0]: row for row in lines(plan(500, LOIHI_2)) if len(row) == 9}
-    assert rows["0"][2:8] == ["200 of 8,192", *["unknown"] * 5]
+    assert rows["0"][2:8] == ["100 of 8,192", *["unknown"] * 5]
     assert rows["all"][3:8] == ["unknown"] * 5
     assert share(None, 3) == share(3, None) == "unknown"
 
@@ -220,20 +223,25 @@ def test_limits_that_are_not_public_are_called_unknown() -> None:
 def test_long_tables_leave_out_the_middle() -> None:
     rows = [row for row in lines(plan(3000, each=25), most=6) if len(row) == 9]
     names = [row[0] for row in rows]
-    assert names == ["core", "0:0", "0:1", "0:2", "...", "0:117", "0:118", "0:119", "all"]
-    assert rows[4][1] == "114 more cores"
+    assert names == ["core", "0:0", "0:1", "0:2", "...", "0:118", "0:119", "0:120", "all"]
+    assert rows[4][1] == "115 more cores"
     assert len([row for row in lines(plan(600), most=6) if len(row) == 9]) == 8
 
 
 def test_the_summary_says_what_limits_and_what_clears() -> None:
     text = " ".join(summary(plan(500)))
     assert text.startswith(
-        "5 of 256 cores, 3 bits a stored weight. Modelled: the busiest core (0:4) takes 2.00 µs a step, "
+        "5 of 256 cores, 3 bits a stored weight. "
+        "One inhibitory neuron takes from every neuron 2 steps after any has spiked. "
+        "Modelled: the busiest core (0:4) takes 2.00 µs a step, "
     )
-    assert "0.71 ms a query of 353 steps; messages cross 12.5 tiles a step." in text
+    assert "0.13 ms a query of 64 steps; messages cross 12.5 tiles a step." in text
     assert "The host sends up to 46.8 spikes a step to each chip (limit: 50)." in text
     assert "an embedded processor of each chip writes v = 0" in text
     assert busiest(plan(500)).core == 4
+    large = " ".join(summary(plan(5000, each=50)))
+    assert "2 inhibitory neurons and another that listens to them take from every neuron 3 steps after any" in large
+    assert "spikes a step to each chip (limit: 50), where relays pass them on." in large
     assert "The host sends no spikes: inputs integrate a bias" in " ".join(summary(plan(150, bias_input=True)))
     other = " ".join(summary(plan(500, LOIHI_2)))
     assert "Which cores they are, and how synapses are stored, is decided by Intel's compiler." in other
