@@ -17,7 +17,7 @@ from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.trains import Trains
-from lava_vpr.errors import BackendUnavailableError, ConfigError
+from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.model import Model, checked_network
 from lava_vpr.processes.base import lava_checks
@@ -100,8 +100,6 @@ class LavaBackend:
     def _run(self, model: Model, shown: Presentations, *, record: bool, timed: str = "") -> dict[str, NDArray[Any]]:
         """Run the job on every presentation."""
         network = checked_network(model, self.name)
-        if shown.bias is not None:
-            raise ConfigError(f"--adapt: the backend {self.name} has one bias a neuron; use --backend host")
         how: dict[str, Any] = {"tag": self.tag, "record": record, "board": self.board, "timed": timed}
         options = network.scalars | how
         rates = shown.rates.astype(np.uint16)
@@ -111,7 +109,10 @@ class LavaBackend:
             "rates": rates,
             "keys": shown.keys,
         }
-        steps = len(shown.rates) * network.interval
+        if shown.bias is not None:
+            network.check_presented(shown.bias, len(rates))
+            arrays["biases"] = shown.bias
+        steps = len(rates) * network.interval
         job = f"lava_vpr.processes.jobs.inference:{self.job}"
         return run_isolated(job, arrays, options, timeout=120 + steps / SLOWEST, progress=self.advance)
 

@@ -87,4 +87,4 @@ class Adaptation:
         """Biases of the next queries in units of v, int32 (n, neurons), of their rates uint16 (n, inputs)."""
         drives = rates.astype(np.float64) @ self._weights / RATE_UNIT  # whole numbers below 2^53: exact in any order
         means = self._mean.before(drives, self._motion.moving(rates))
-        return np.stack([biases_of(mean, self._highest) for mean in means]) if len(means) else drives.astype(np.int32)
+        return biases_of(means, self._highest)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from lava.proc.dense.process import Dense
 from lava.proc.lif.process import LIFReset
 from lava.proc.sparse.process import Sparse
@@ -11,12 +12,26 @@ from lava.utils.weightutils import SignMode
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from lava_vpr.loihi import NO_MEMORY_DECAY
+from lava_vpr.engine.inference.neuron_bias import bias_registers
+from lava_vpr.loihi import INPUT_SHIFT, NO_MEMORY_DECAY
 
 
 def reset_each(interval: int) -> dict[str, int]:
     """The arguments by which a LIFReset falls back to 0 in the steps 1, ``interval`` + 1, and so on."""
     return {"reset_interval": interval, "reset_offset": 1}
+
+
+def bias_vars(bias: NDArray[np.int32], floating: bool = False) -> dict[str, NDArray[Any]]:
+    """The Vars of a LIFReset that hold ``bias`` (neurons,) in units of v: ``bias_mant`` and ``bias_exp``.
+
+    Args:
+        bias: As `check_bias` allows.
+        floating: For a run with the tag ``floating_pt``, whose models ignore the exponent.
+    """
+    if floating:
+        return {"bias_mant": bias * 2.0**-INPUT_SHIFT}
+    mantissas, exponent = bias_registers(bias)
+    return {"bias_mant": mantissas, "bias_exp": exponent}
 
 
 def without_memory(neurons: int, interval: int, floating: bool = False) -> LIFReset:

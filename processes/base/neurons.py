@@ -9,7 +9,7 @@ clipping, and with u and v in the unit of the threshold (2^6 times the integer m
 from __future__ import annotations
 
 from functools import lru_cache, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from lava.magma.core.model.py.model import PyLoihiProcessModel
@@ -46,6 +46,30 @@ def check_state(name: str, value: NDArray[Any]) -> None:
     require(name, value, fits, f"a whole number in {low}..{STATE_LIMIT - 1}")
 
 
+def _check_table(table: BiasTable, neurons: int, interval: int) -> None:
+    """Refuse biases of presentations that do not fit the population, or its registers.
+
+    Raises:
+        NetworkLimitError: naming what does not.
+    """
+    need(interval > 0, "reset_interval", interval, "at least 1 where biases follow presentations")
+    shape = (len(table.exponents), neurons)
+    need(table.mantissas.shape == shape, "bias_table's mantissas", table.mantissas.shape, f"of the shape {shape}")
+    bias_of(table.mantissas, table.exponents[:, None])
+
+
+class BiasTable(NamedTuple):
+    """Biases of a population in each presentation: mantissas int32 (n, neurons) and exponents int32 (n,)."""
+
+    mantissas: NDArray[np.int32]
+    exponents: NDArray[np.int32]
+
+    def write(self, presentation: int, mantissa: NDArray[Any], exponent: NDArray[Any]) -> None:
+        """Write the biases of a presentation into these Vars; after the last one its own stay."""
+        if presentation < len(self.mantissas):
+            mantissa[:], exponent[:] = self.mantissas[presentation], self.exponents[presentation]
+
+
 class LifProcess(CheckedProcess):
     """A population of leaky integrate-and-fire neurons, the base of the Processes for exc and inh.
 
@@ -68,6 +92,7 @@ class LifProcess(CheckedProcess):
         hold_steps: int = 0,
         theta_plus: float = 0,
         reset_interval: int = 0,
+        bias_table: BiasTable | None = None,
         **kwargs: Any,
     ) -> None:
         """Make the population: its ports, and its Vars with their first values.
@@ -81,6 +106,7 @@ class LifProcess(CheckedProcess):
             hold_steps: Steps after a spike in which the membrane stays at 0.
             theta_plus: What a spike adds to its neuron's threshold.
             reset_interval: Steps of a presentation; 0: never reset.
+            bias_table: Biases that are written at the start of each presentation, in place of those above.
         Raises:
             NetworkLimitError: shapes that do not fit, or integers that Loihi's registers cannot hold; numbers of a
                 float type are checked when Lava picks the integer model for them.
@@ -88,7 +114,9 @@ class LifProcess(CheckedProcess):
         n = check_shape(type(self).__name__, shape)
         need(whole(hold_steps) and hold_steps >= 0, "hold_steps", hold_steps, "a whole number, at least 0")
         need(whole(reset_interval) and reset_interval >= 0, "reset_interval", reset_interval, "whole, at least 0")
-        super().__init__(shape=shape, reset_interval=int(reset_interval), **kwargs)
+        if bias_table is not None:
+            _check_table(bias_table, n, reset_interval)
+        super().__init__(shape=shape, reset_interval=int(reset_interval), bias_table=bias_table, **kwargs)
         first_values: dict[str, tuple[Any, int]] = {
             "du": (du, 1),
             "dv": (dv, 1),
@@ -156,6 +184,7 @@ class LifModelFixed(PyLoihiProcessModel):
     def __init__(self, proc_params: Any) -> None:
         super().__init__(proc_params)
         self.interval: int = proc_params["reset_interval"]
+        self.table: BiasTable | None = proc_params.get("bias_table")
         self.spikes = np.zeros(proc_params["shape"], bool)
         self.ready = False
 
@@ -183,6 +212,9 @@ class LifModelFixed(PyLoihiProcessModel):
         drive = self.a_in.recv()
         if self.interval and (self.time_step - 1) % self.interval == 0:
             self.u[:] = self.v[:] = self.held[:] = 0
+            if self.table is not None:
+                self.table.write((self.time_step - 1) // self.interval, self.bias_mant, self.bias_exp)
+                self.bias = bias_of(self.bias_mant, self.bias_exp)
         lif_step(self.u, self.v, self.vth, self.held, drive, self.bias, self.constants, self.spikes)
         self.s_out.send(self.spikes)
 
@@ -207,6 +239,7 @@ class LifModelFloat(PyLoihiProcessModel):
     def __init__(self, proc_params: Any) -> None:
         super().__init__(proc_params)
         self.interval: int = proc_params["reset_interval"]
+        self.table: BiasTable | None = proc_params.get("bias_table")
         self.ready = False
 
     def _prepare(self) -> None:
@@ -227,6 +260,9 @@ class LifModelFloat(PyLoihiProcessModel):
         drive = self.a_in.recv()
         if self.interval and (self.time_step - 1) % self.interval == 0:
             self.u[:] = self.v[:] = self.held[:] = 0
+            if self.table is not None:
+                self.table.write((self.time_step - 1) // self.interval, self.bias_mant, self.bias_exp)
+                self.bias = self.bias_mant * 2.0 ** (self.bias_exp - INPUT_SHIFT)
         self.u *= self.keep_u
         self.u += drive
         self.v *= self.keep_v

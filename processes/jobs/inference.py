@@ -1,7 +1,8 @@
 """Whole runs of Lava as functions of arrays and options, to be called in a process of their own.
 
 Each takes ``arrays``: ``weights`` int16 (inputs, neurons), ``bias`` int32 (neurons,), ``rates`` uint16 (n, inputs),
-``keys`` uint64 (n,); and ``options``: the numbers of `FixedNetwork.scalars`, ``tag`` (``fixed_pt`` or ``floating_pt``)
+``keys`` uint64 (n,), and maybe ``biases`` int32 (n, neurons), those of each presentation in place of the network's;
+and ``options``: the numbers of `FixedNetwork.scalars`, ``tag`` (``fixed_pt`` or ``floating_pt``)
 and ``record`` (bool). Each returns ``counts`` int32 (n, neurons), and how many spikes each input and each inhibitory
 neuron sent, ``input_spikes`` int64 (inputs,) and ``inh_spikes`` int64 (inhibitory,); with ``record`` also the rasters
 ``exc``, ``inh`` and ``inputs``, uint8 (n, interval, neurons or inhibitory or inputs). With option ``timed``, ``runs``
@@ -80,6 +81,11 @@ def network_of(arrays: Arrays, options: dict[str, Any]) -> FixedNetwork:
     return FixedNetwork.of_scalars(weights, bias, options)
 
 
+def _presented_biases(arrays: Arrays) -> NDArray[np.int32] | None:
+    """The biases of each presentation, int32 (n, neurons); None: always the network's."""
+    return np.ascontiguousarray(arrays["biases"], np.int32) if "biases" in arrays else None
+
+
 def _begin(process: AbstractProcess, tag: str, board: bool) -> RunConfig | None:
     """The way to run the models ``tag``; None on a board, for which the network is compiled and started here.
 
@@ -138,26 +144,51 @@ def play(
 
 
 def play_written(
-    inputs: LibraryBiasInputs, presentations: int, steps: int, tag: str, board: bool = False, clock: Clock | None = None
+    process: AbstractProcess,
+    network: LibraryPlaceNetwork,
+    presentations: int,
+    tag: str,
+    *,
+    inputs: LibraryBiasInputs | None = None,
+    biases: NDArray[np.int32] | None = None,
+    board: bool = False,
+    clock: Clock | None = None,
 ) -> None:
-    """Run Lava with a pause in each presentation, after its ``steps`` steps with input, to write to the inputs.
+    """Run Lava with pauses to write: to ``inputs`` after the steps with input, ``biases`` between two presentations.
 
+    Args:
+        process: Any of the Processes to run.
+        network: The network that is presented to.
+        presentations: Their number.
+        tag: Tag of the models to run.
+        inputs: Input compartments of Lava's own; None: inputs need no writing.
+        biases: Biases of each presentation, int32 (n, neurons), of which the network has the first; None: they stay.
+        board, clock: As in `play`.
     Raises:
         BackendUnavailableError: a part of the network would run on the CPU instead of the board.
     """
-    clock = clock or Clock({})
-    config = _begin(inputs.lif, tag, board)
-    began = time.monotonic()
-    inputs.lif.run(condition=RunSteps(num_steps=steps), run_cfg=config)
-    for done in range(1, presentations + 1):
-        inputs.write(min(done, presentations - 1))
-        onward = steps if done < presentations else 0
-        inputs.lif.run(condition=RunSteps(num_steps=inputs.silent_steps + onward), run_cfg=config)
-        clock.add(1, began)
+    spec, clock, waiting = network.network, clock or Clock({}), 0
+    config = _begin(process, tag, board)
+
+    def run(steps: int) -> int:
+        process.run(condition=RunSteps(num_steps=steps), run_cfg=config)
+        return 0
+
+    for following in range(1, presentations + 1):
         began = time.monotonic()
+        waiting += spec.steps
+        if inputs is not None:
+            waiting = run(waiting)
+            inputs.write(min(following, presentations - 1))
+        waiting += spec.silent_steps
+        if biases is not None or following == presentations:
+            waiting = run(waiting)
+        if biases is not None and following < presentations:
+            network.write_bias(biases[following])
+        clock.add(1, began)
         report(1)
     clock.look()
-    inputs.lif.stop()
+    process.stop()
 
 
 def across(source: OutPort, target: InPort, adapter: str | None) -> None:
@@ -212,6 +243,7 @@ def _wired(network: PlaceNetwork | LibraryPlaceNetwork, arrays: Arrays, options:
     source = _source(network, rates, keys, sent)
     written = source if isinstance(source, LibraryBiasInputs) else None
     inputs: OutPort = source.lif.s_out if isinstance(source, LibraryBiasInputs) else source.s_out
+    biases = _presented_biases(arrays)
     across(inputs, network.s_in, "PyToNxAdapter" if board and not written else None)
     ports = {"exc": network.s_out, "inh": network.s_out_inh}
     if record or (written and not board):
@@ -223,25 +255,29 @@ def _wired(network: PlaceNetwork | LibraryPlaceNetwork, arrays: Arrays, options:
             shape=port.shape, presentations=n, interval=interval, counts=counts[name], raster=result.get(name)
         )
         across(port, counter.s_in, "NxToPyAdapter" if board and (written or name != "inputs") else None)
-    if isinstance(source, LibraryBiasInputs):
-        play_written(source, n, spec.steps, tag, board=board, clock=clock)
+    runner = source.lif if isinstance(source, LibraryBiasInputs) else source
+    if isinstance(network, LibraryPlaceNetwork) and (written is not None or biases is not None):
+        play_written(runner, network, n, tag, inputs=written, biases=biases, board=board, clock=clock)
+    else:
+        play(runner, n, interval, tag, n, board=board, clock=clock)
+    if written is not None:
         counted = counts["inputs"].sum(axis=0) if "inputs" in counts else input_spikes(rates, keys, spec.steps)
         sent = counted.astype(np.int64)
-    else:
-        play(source, n, interval, tag, n, board=board, clock=clock)
     fired = counts["inh"].sum(axis=0, dtype=np.int64)
     return {"counts": counts["exc"], "input_spikes": sent, "inh_spikes": fired, **result, **clock.arrays()}
 
 
 def composed(arrays: Arrays, options: dict[str, Any]) -> Arrays:
     """The network composed of this project's Processes."""
-    return _wired(PlaceNetwork(network=network_of(arrays, options)), arrays, options)
+    return _wired(PlaceNetwork(network=network_of(arrays, options), bias=_presented_biases(arrays)), arrays, options)
 
 
 def library(arrays: Arrays, options: dict[str, Any]) -> Arrays:
     """The network wired from Lava's library."""
     floating = options.get("tag", FIXED_TAG) != FIXED_TAG
-    return _wired(LibraryPlaceNetwork(network=network_of(arrays, options), floating=floating), arrays, options)
+    network, biases = network_of(arrays, options), _presented_biases(arrays)
+    first = None if biases is None or not len(biases) else biases[0]
+    return _wired(LibraryPlaceNetwork(network=network, floating=floating, bias=first), arrays, options)
 
 
 def fused(arrays: Arrays, options: dict[str, Any]) -> Arrays:
@@ -266,6 +302,7 @@ def fused(arrays: Arrays, options: dict[str, Any]) -> Arrays:
             network=spec,
             rates=rates,
             keys=keys,
+            bias=_presented_biases(arrays),
             batch=batch,
             counts=result["counts"],
             raster=result.get("exc"),

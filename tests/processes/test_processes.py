@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from support.lava.model_harness import build, drive
-from support.lava.small_networks import SMALL_LIMITS, limits, random_network
+from support.lava.small_networks import SMALL_LIMITS, limits, random_bias, random_network
 
 from lava_vpr.backends.lava import events_of
 from lava_vpr.encoding import draw_spikes, draw_trains
 from lava_vpr.engine.general.lif import stored_weights
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes, inhibitory_spikes
+from lava_vpr.engine.inference.neuron_bias import bias_registers
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.processes.excitatory_lif.models import PyExcitatoryLIFFixed
@@ -61,8 +62,15 @@ def test_composed_and_library_networks_equal_the_host(small: dict[str, int]) -> 
                 assert np.array_equal(got[f"{name}_{side}_inh"], inhibitory_spikes(network, film)), (name, side)
 
 
-def run_every_job(network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.uint64], **options: Any) -> Any:
+def run_every_job(
+    network: FixedNetwork,
+    rates: NDArray[np.uint16],
+    keys: NDArray[np.uint64],
+    biases: NDArray[np.int32] | None = None,
+    **options: Any,
+) -> Any:
     """The results of all jobs in fixed point, and of those that have it in floating point."""
+    presented = {} if biases is None else {"biases": biases}
     runs = [
         ("fused", "fixed_pt"),
         *((job, tag) for job in ("composed", "library") for tag in ("fixed_pt", "floating_pt")),
@@ -70,7 +78,7 @@ def run_every_job(network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArra
     done: list[int] = []
     got = run_isolated(
         "support.lava.process_targets:every_job",
-        {"weights": network.weights, "bias": network.bias, "rates": rates, "keys": keys},
+        {"weights": network.weights, "bias": network.bias, "rates": rates, "keys": keys, **presented},
         {"runs": runs, "network": network.scalars | {"batch": 3}, **options},
         timeout=TIMEOUT,
         progress=done.append,
@@ -80,10 +88,14 @@ def run_every_job(network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArra
 
 
 def check_every_job(
-    network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.uint64], got: dict[str, NDArray[Any]]
+    network: FixedNetwork,
+    rates: NDArray[np.uint16],
+    keys: NDArray[np.uint64],
+    got: dict[str, NDArray[Any]],
+    biases: NDArray[np.int32] | None = None,
 ) -> None:
     """What the jobs recorded, against the host."""
-    counts, events, film = count_spikes(network, rates, keys, raster=True)
+    counts, events, film = count_spikes(network, rates, keys, bias=biases, raster=True)
     inputs = draw_trains(rates, keys, network.steps, network.interval, regular=network.regular)
     inh = inhibitory_spikes(network, film)
     assert counts.sum() > 30
@@ -119,6 +131,23 @@ def test_every_job_records_the_same_with_leaves_and_relays() -> None:
         network = random_network(3, seed=1, regular=True)
         rates, keys = some_input(network, 4)
         check_every_job(network, rates, keys, run_every_job(network, rates, keys, limits=SMALL_LIMITS))
+
+
+@pytest.mark.parametrize("case", ["injected", "leaves and relays", "input compartments"])
+def test_every_job_takes_the_biases_of_each_presentation(case: str) -> None:
+    small = SMALL_LIMITS if case == "leaves and relays" else {}
+    with limits(**small):
+        network = random_network(3, seed=1, signed=True, regular=case != "injected")
+        network = replace(network, bias_input=case == "input compartments")
+        rates, keys = some_input(network, 4)
+        rng = np.random.default_rng(3)
+        biases = np.stack([random_bias(rng, network) >> shift << shift for shift in (0, 1, 0, 2)])
+        biases[1] = np.minimum(biases[1], 0) << 5  # an exponent of its own
+        assert len(set(bias_registers(biases)[1].tolist())) > 1
+        got = run_every_job(network, rates, keys, biases, limits=small)
+        check_every_job(network, rates, keys, got, biases)
+        plain, _, _ = count_spikes(network, rates, keys)
+        assert (got["composed_fixed_pt_counts"] != plain).any(axis=1).all()
 
 
 def test_the_backend_counts_the_hosts_events() -> None:

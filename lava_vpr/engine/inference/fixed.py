@@ -230,7 +230,8 @@ class FixedNetwork:
     @property
     def bias_registers(self) -> tuple[NDArray[np.int32], int]:
         """Mantissas int32 (neurons,) and the one exponent of the biases, the least that holds them."""
-        return bias_registers(self.bias)
+        mantissas, exponent = bias_registers(self.bias)
+        return mantissas, int(exponent)
 
     @property
     def highest_bias(self) -> int:
@@ -279,6 +280,16 @@ class FixedNetwork:
         """Whether with ``bias``, any shape, no current can wrap and no membrane be clipped, whatever spikes."""
         most = (max(self.extremes) << INPUT_SHIFT) + int(np.abs(bias).max(initial=0))  # of a step; decay ends their sum
         return max(self.extremes) < INPUT_LIMIT and most * DECAY_UNITY < STATE_LIMIT * self.decay
+
+    def check_presented(self, bias: NDArray[np.int32], n: int) -> None:
+        """Refuse biases of ``n`` presentations that are not int32 (n, neurons), or that `check_bias` refuses.
+
+        Raises:
+            InputError: another type or shape.
+            NetworkLimitError: a bias out of its range.
+        """
+        check_array(bias, "biases", np.int32, (n, self.neurons), "give one row for each image")
+        check_bias(bias, self.highest_bias)
 
     def check(self, limit: int = INPUT_LIMIT, target: str = "Loihi's 24-bit current") -> None:
         """Refuse a network whose input sum of one step could overflow ``limit``, or that registers cannot hold.
@@ -378,8 +389,7 @@ def count_spikes(
     check_presentations(rates, keys, np.uint16, network.inputs)
     n = len(rates)
     if bias is not None:
-        check_array(bias, "biases", np.int32, (n, network.neurons), "give one row for each image")
-        check_bias(bias, network.highest_bias)
+        network.check_presented(bias, n)
     counts = np.zeros((n, network.neurons), np.int32)
     film = np.zeros((n, network.interval, network.neurons) if raster else (0, 0, 0), np.uint8)
     (weights, row_sizes, numbers), narrow = network.prepared, network.narrow

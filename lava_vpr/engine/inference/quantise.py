@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.config import LifNetwork
 from lava_vpr.engine.inference.fixed import FixedNetwork, silent_steps
-from lava_vpr.engine.inference.neuron_bias import bias_registers
+from lava_vpr.engine.inference.neuron_bias import held_biases
 from lava_vpr.errors import ConfigError
 from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT, DECAY_BITS, INPUT_SHIFT, WEIGHT_LIMIT
 
@@ -132,8 +132,7 @@ def biases_of(drives: NDArray[np.float64], highest: int) -> NDArray[np.int32]:
     """Biases in units of v that take ``drives`` (..., neurons) off, as registers hold them, none above ``highest``."""
     most = ((1 << BIAS_BITS) - 1) << BIAS_EXPONENT_LIMIT
     wanted = np.clip(np.round(-drives * (1 << INPUT_SHIFT)), -most, min(most, highest))
-    mantissas, exponent = bias_registers(wanted.astype(np.int64))
-    return mantissas << exponent
+    return held_biases(wanted.astype(np.int64))
 
 
 def check_steps(network: LifNetwork, neurons: int) -> int:

@@ -30,6 +30,7 @@ class PyFusedPlaceNetworkFixed(PyLoihiProcessModel):
         super().__init__(proc_params)
         self.network, self.batch = proc_params["network"], proc_params["batch"]
         self.rates, self.keys = proc_params["rates"], proc_params["keys"]
+        self.bias = proc_params["bias"]
         self.shared: dict[str, NDArray[Any] | None] = proc_params["shared"]
         self.look_ahead = bool(proc_params["ahead"])
         self.pool: ThreadPoolExecutor | None = None  # made in the forked process, which would not inherit its thread
@@ -37,8 +38,8 @@ class PyFusedPlaceNetworkFixed(PyLoihiProcessModel):
 
     def _present(self, part: slice) -> Any:
         """What `count_spikes` makes of the images ``part``."""
-        raster = self.shared["raster"] is not None
-        return count_spikes(self.network, self.rates[part], self.keys[part], raster=raster)
+        raster, bias = self.shared["raster"] is not None, None if self.bias is None else self.bias[part]
+        return count_spikes(self.network, self.rates[part], self.keys[part], bias=bias, raster=raster)
 
     def run_spk(self) -> None:
         """Present the next images, if any are left."""

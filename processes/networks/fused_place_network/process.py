@@ -28,6 +28,7 @@ class FusedPlaceNetwork(CheckedProcess):
         network: FixedNetwork,
         rates: NDArray[np.uint16],
         keys: NDArray[np.uint64],
+        bias: NDArray[np.int32] | None = None,
         batch: int = 64,
         ahead: bool = True,
         counts: NDArray[np.int32] | None = None,
@@ -41,12 +42,15 @@ class FusedPlaceNetwork(CheckedProcess):
             network: What to run.
             rates: Spike probabilities in units of 2^-16, uint16 (n, inputs).
             keys: One key per presentation, uint64 (n,).
+            bias: Biases in units of v of each presentation, int32 (n, neurons); None: always the network's.
             batch: Images of one Lava step.
             ahead: Compute the next step's images while Lava turns to it; else each step does its own, to be timed.
             counts, events: Shared arrays for the results, besides the Vars; the Vars' shapes and types.
             raster: Shared array for every excitatory spike, uint8 (n, interval, neurons).
         Raises:
-            NetworkLimitError: a network that could overflow Loihi's registers, or arrays of another type or shape.
+            NetworkLimitError: a network that could overflow Loihi's registers, biases that they cannot hold, or arrays
+                of another type or shape.
+            InputError: biases of another type or shape.
         """
         network.check()
         if rates.dtype != np.uint16 or rates.shape != (len(rates), network.inputs) or not len(rates):
@@ -57,6 +61,8 @@ class FusedPlaceNetwork(CheckedProcess):
             raise NetworkLimitError(
                 f"FusedPlaceNetwork: keys are {keys.dtype} {keys.shape}, but must be uint64 ({len(rates)},)"
             )
+        if bias is not None:
+            network.check_presented(bias, len(rates))
         need(whole(batch) and batch >= 1, "batch", batch, "a whole number, at least 1")
         n, shape = len(rates), (len(rates), network.neurons)
         check_outputs(
@@ -69,6 +75,7 @@ class FusedPlaceNetwork(CheckedProcess):
             network=network,
             rates=np.ascontiguousarray(rates),
             keys=keys,
+            bias=bias,
             batch=int(batch),
             ahead=bool(ahead),
             shared={"counts": counts, "raster": raster, "events": events},

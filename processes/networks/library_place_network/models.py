@@ -11,23 +11,22 @@ from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 from lava.proc.dense.process import Dense
 from lava.proc.lif.process import LIFReset
 from lava.utils.weightutils import SignMode
+from numpy.typing import NDArray
 
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.loihi import DECAY_UNITY, INPUT_SHIFT, NO_MEMORY_DECAY
-from lava_vpr.processes.base.library_parts import fixed_synapses, reset_each, without_memory
+from lava_vpr.loihi import DECAY_UNITY, NO_MEMORY_DECAY
+from lava_vpr.processes.base.library_parts import bias_vars, fixed_synapses, reset_each, without_memory
 from lava_vpr.processes.base.wiring import RELAY_WEIGHT, gathering, inhibiting, listening, wire
 from lava_vpr.processes.networks.library_place_network.process import LibraryPlaceNetwork
 
 
-def _neurons(network: FixedNetwork, floating: bool) -> dict[str, Any]:
+def _neurons(network: FixedNetwork, bias: NDArray[np.int32], floating: bool) -> dict[str, Any]:
     """The arguments of the excitatory LIFReset besides shape and resets."""
-    mantissas, exponent = network.bias_registers
     # The threshold stays int in both: other types cannot be read back.
-    if not floating:
-        numbers = {"du": NO_MEMORY_DECAY, "dv": network.decay, "bias_mant": mantissas, "bias_exp": exponent}
-        return {**numbers, "vth": network.threshold}
-    bias = network.bias * 2.0**-INPUT_SHIFT
-    return {"du": 1.0, "dv": network.decay / DECAY_UNITY, "bias_mant": bias, "vth": network.threshold}
+    numbers: dict[str, Any] = {**bias_vars(bias, floating), "vth": network.threshold}
+    if floating:
+        return numbers | {"du": 1.0, "dv": network.decay / DECAY_UNITY}
+    return numbers | {"du": NO_MEMORY_DECAY, "dv": network.decay}
 
 
 @implements(proc=LibraryPlaceNetwork, protocol=LoihiProtocol)
@@ -43,7 +42,8 @@ class SubLibraryPlaceNetwork(AbstractSubProcessModel):
             weight_exp=exponent,
             sign_mode=SignMode.MIXED if network.signed else SignMode.EXCITATORY,
         )
-        self.exc = LIFReset(shape=(network.neurons,), **_neurons(network, floating), **reset_each(interval))
+        numbers = _neurons(network, proc.first_bias, floating)
+        self.exc = LIFReset(shape=(network.neurons,), **numbers, **reset_each(interval))
         self.listen = fixed_synapses(listening(network), 0, floating)
         self.inh = without_memory(network.inhibitory, interval, floating)
         self.inhibit = fixed_synapses(
@@ -56,3 +56,5 @@ class SubLibraryPlaceNetwork(AbstractSubProcessModel):
             self.forward = fixed_synapses(one_to_one, 0, floating)
             self.relays = without_memory(network.inputs, interval, floating)
         wire(proc, self)
+        proc.vars.bias_mant.alias(self.exc.bias_mant)
+        proc.vars.bias_exp.alias(self.exc.bias_exp)

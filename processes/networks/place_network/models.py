@@ -6,6 +6,8 @@ from lava.magma.core.decorator import implements
 from lava.magma.core.model.sub.model import AbstractSubProcessModel
 from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 
+from lava_vpr.engine.inference.neuron_bias import bias_registers
+from lava_vpr.processes.base.neurons import BiasTable
 from lava_vpr.processes.base.wiring import RELAY_WEIGHT, gathering, inhibiting, listening, wire
 from lava_vpr.processes.dense_synapses.process import DenseSynapses
 from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF
@@ -35,6 +37,7 @@ class SubPlaceNetwork(AbstractSubProcessModel):
             bias_mant=bias,
             bias_exp=bias_exponent,
             reset_interval=interval,
+            bias_table=None if proc.bias is None else BiasTable(*bias_registers(proc.bias)),
         )
         self.listen = DenseSynapses(weights=listening(network))
         self.inh = InhibitoryLIF(shape=(network.inhibitory,), reset_interval=interval)

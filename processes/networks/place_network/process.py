@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from lava.magma.core.process.ports.ports import InPort, OutPort
 from lava.magma.core.process.variable import Var
+from numpy.typing import NDArray
 
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.processes.base.checked import CheckedProcess
@@ -20,17 +22,21 @@ class PlaceNetwork(CheckedProcess):
     (inhibitory,), ``lateral_weights`` (neurons, inhibitory), mantissas from inh (columns) to exc (rows), 0 or below.
     """
 
-    def __init__(self, *, network: FixedNetwork, **kwargs: Any) -> None:
+    def __init__(self, *, network: FixedNetwork, bias: NDArray[np.int32] | None = None, **kwargs: Any) -> None:
         """Make the network of the spec ``network``; its models wire the parts.
 
         Args:
             network: What to run.
+            bias: Biases in units of v of each presentation, int32 (n, neurons); None: always the network's.
         Raises:
-            NetworkLimitError: the network could overflow Loihi's registers.
+            NetworkLimitError: the network could overflow Loihi's registers, or they cannot hold the biases.
+            InputError: biases of another type or shape.
         """
         network.check()
-        super().__init__(network=network, **kwargs)
-        self.network = network
+        if bias is not None:
+            network.check_presented(bias, len(bias))
+        super().__init__(network=network, bias=bias, **kwargs)
+        self.network, self.bias = network, bias
         shape, inh = (network.neurons,), (network.inhibitory,)
         self.s_in = InPort(shape=(network.inputs,))
         self.s_out = OutPort(shape=shape)
