@@ -89,7 +89,7 @@ def test_a_bench_on_a_board_does_not_either(here: Path, seen: Path, monkeypatch:
     forge(Path("b"))
     model = open_bundle(Path("b"))
     with pytest.raises(LavaRunError, match="recorded in "):
-        board_power.measure(model, query_presentations(model, encoded(2), 0), "kapoho-bay")
+        board_power.measure(model, query_presentations(model, encoded(2, model.config.encoder.inputs), 0), "kapoho-bay")
     check_shipped(seen, Path("b"))
 
 
