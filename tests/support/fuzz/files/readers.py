@@ -45,6 +45,7 @@ def view(model: Model) -> dict[str, Any]:
         "config": to_dict(model.config),
         "arrays": arrays,
         "weights": model.network.weights,
+        "bias": getattr(model.network, "bias", None),
         "numbers": numbers,
         "names": model.place_names,
         "route_images": model.route_images,

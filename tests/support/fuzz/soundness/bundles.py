@@ -27,7 +27,7 @@ def check_bundle(path: Path, view: Mapping[str, Any]) -> Findings:
 
     Args:
         path: The folder.
-        view: What the reader made of it, as for `models.check_model`, with the rebuilt ``weights``.
+        view: What the reader made of it, as for `models.check_model`, with the rebuilt ``weights`` and ``bias``.
     """
     findings = Findings()
     manifest = _manifest(path, findings)
@@ -53,7 +53,7 @@ def check_bundle(path: Path, view: Mapping[str, Any]) -> Findings:
         return findings
     _host_files(files, header, said, findings)
     if manifest["target"] == "kapoho-bay":
-        cores.check_cores(files, said, weights, findings)
+        cores.check_cores(files, said, view, findings)
     else:
         loihi2.check_parameters(files, said, weights, findings)
         if "learning/learning.json" in files:

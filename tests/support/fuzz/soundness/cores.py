@@ -16,6 +16,7 @@ from support.fuzz.soundness.rules import Findings, whole
 
 WEIGHT_BITS, INDEX_BITS = (0, 1, 2, 3, 4, 5, 6, 8), (0, 6, 7, 8, 9, 10, 11, 12)
 CHIPS, CORES, COMPARTMENTS, AXONS, WORDS = 2, 128, 1024, 4096, 16_384
+DIRECT = 1024
 READ_OUT = -1
 TABLES = {"injection": 4, "inputs": 3, "exc": 3, "inh": 3}
 ARRAYS = {"compartments": ("i4", 4), "axons_in": ("i4", 3), "axons_out": ("i4", 4)}
@@ -24,9 +25,9 @@ Core = dict[str, Any]
 
 
 def check_cores(
-    files: Mapping[str, bytes], said: Mapping[str, Any], weights: NDArray[np.uint8], findings: Findings
+    files: Mapping[str, bytes], said: Mapping[str, Any], view: Mapping[str, Any], findings: Findings
 ) -> None:
-    """B5 to B8 of the cores in a bundle, whose reader returned ``weights``."""
+    """B5 to B8 of the cores in a bundle, whose reader returned the weights and biases of ``view``."""
     cores = _cores(files, findings)
     tables = {name: _array(files, f"host/{name}.npy", "i4", wide, findings) for name, wide in TABLES.items()}
     if findings:
@@ -40,12 +41,23 @@ def check_cores(
         content["rows"] = _rows(content, str(place), findings)
     if findings:
         return
+    weights, bias = view["weights"], view["bias"]
     decoded, owners = np.zeros(weights.shape, np.int64), _owners(tables["exc"])
     for number, place, axon in _ways(cores, tables):
         for compartment, current in cores[place]["rows"][axon]:
             if (*place, compartment) in owners:
                 decoded[number, owners[(*place, compartment)]] += current >> 6
     findings.need(np.array_equal(decoded, weights), "B8", "memory holds other weights than the reader returns")
+    settings = [cores[chip, core]["compartments"][k, 2:].tolist() for chip, core, k in tables["exc"].tolist()]
+    same = [mantissa << exponent for mantissa, exponent in settings] == bias.tolist()
+    findings.need(same, "B8", "compartments hold other biases than the reader returns")
+    elsewhere = [
+        core["compartments"][k, 2:].any()
+        for place, core in cores.items()
+        for k in range(len(core["compartments"]))
+        if (*place, k) not in owners
+    ]
+    findings.need(not any(elsewhere), "B8", "a bias of another compartment than a neuron's")
 
 
 def _cores(files: Mapping[str, bytes], findings: Findings) -> dict[tuple[int, int], Core]:
@@ -106,7 +118,7 @@ def _registers(core: Core, where: str, findings: Findings) -> None:
     findings.need(within and size > 0, "B5", f"{where}: more than a core holds")
     if not good:
         return
-    table, limits = core["compartments"], ((0, len(profiles)), (0, len(thresholds)), (-4096, 4096), (0, 8))
+    table, limits = core["compartments"], ((0, len(profiles)), (0, len(thresholds)), (-4095, 4096), (0, 8))
     inside = all(bool(((table[:, k] >= low) & (table[:, k] < high)).all()) for k, (low, high) in enumerate(limits))
     findings.need(inside, "B5", f"{where}: a compartment of no profile, threshold or bias")
 
@@ -119,7 +131,7 @@ def _format(form: Mapping[str, Any]) -> bool:
     rest = ("wgtBits", "idxBits", "wgtExp", "compression", "numSynapses", "fanoutType")
     unused = all(type(value) is int and value == 0 for name, value in form.items() if name not in rest)
     return bool(
-        good and (dense or sparse) and whole(form["numSynapses"], 63, 63) and form["fanoutType"] in (2, 3) and unused
+        good and (dense or sparse) and whole(form["numSynapses"], 63, 63) and form["fanoutType"] in (1, 2, 3) and unused
     )
 
 
@@ -135,7 +147,10 @@ def _places(
     findings: Findings,
 ) -> None:
     """B7."""
-    sizes = {"exc": said["neurons"], "inh": said["neurons"], "inputs": said["inputs"] if said["regular"] else 0}
+    neurons, biased = said["neurons"], said["bias_input"]
+    inhibitory = 1 if neurons <= AXONS else -(-neurons // AXONS) + 1
+    relayed = neurons > DIRECT and not biased
+    sizes = {"exc": neurons, "inh": inhibitory, "inputs": said["inputs"] if biased or relayed else 0}
     taken: set[tuple[int, ...]] = set()
     for name, size in sizes.items():
         rows = [tuple(row) for row in tables[name].tolist()]
@@ -148,7 +163,7 @@ def _places(
     findings.need(taken == everywhere, "B7", "compartments of nobody")
     for number, chip, core, axon in tables["injection"].tolist():
         inside = 0 <= number < said["inputs"] and (chip, core) in cores
-        inside = inside and 0 <= axon < len(cores[chip, core]["axons_in"]) and not said["regular"]
+        inside = inside and 0 <= axon < len(cores[chip, core]["axons_in"]) and not biased
         findings.need(inside, "B7", f"injection of input {number} leads nowhere")
     for place, content in cores.items():
         for source, chip, core, axon in content["axons_out"].tolist():
@@ -163,9 +178,9 @@ def _places(
 def _ways(
     cores: Mapping[tuple[int, int], Core], tables: Mapping[str, NDArray[Any]]
 ) -> list[tuple[int, tuple[int, int], int]]:
-    """Input, core and input axon of every way from the inputs."""
-    ways = [(number, (chip, core), axon) for number, chip, core, axon in tables["injection"].tolist()]
-    owners = _owners(tables["inputs"])
+    """Input, core and input axon of every way from the inputs to neurons; to relays is none."""
+    owners, sent = _owners(tables["inputs"]), tables["injection"].tolist()
+    ways = [] if owners else [(number, (chip, core), axon) for number, chip, core, axon in sent]
     for place, content in cores.items():
         for source, chip, core, axon in content["axons_out"].tolist():
             if (*place, source) in owners and core != READ_OUT:
@@ -210,11 +225,14 @@ def _row(memory: int, entry: tuple[int, ...], formats: list[Any], size: int) -> 
             return found, False
         form = formats[number]
         index, bits = INDEX_BITS[form["idxBits"]], WEIGHT_BITS[form["wgtBits"]]
-        shift = 8 - bits + 6 + form["wgtExp"]
+        mixed = form["fanoutType"] == 1
+        shift = 8 + mixed - bits + 6 + form["wgtExp"]
         for _ in range(block):
             compartment = take(index) if index else len(found)
-            magnitude = take(bits)
-            current = magnitude << shift if shift >= 0 else magnitude >> -shift
+            stored = take(bits)
+            if mixed and stored >> bits - 1:  # two's complement
+                stored -= 1 << bits
+            current = stored << shift if shift >= 0 else stored >> -shift
             found.append((compartment, -current if form["fanoutType"] == 3 else current))
         rest = -at % 64
         if take(rest):

@@ -75,9 +75,10 @@ INVARIANTS = {
         "has."
     ),
     "B7": (
-        "Every neuron, relay and input stands on one compartment of its own; every axon leads to an axon that there is."
+        "Every neuron, inhibitory neuron, and bias or relay of an input stands on one compartment of its own; every "
+        "axon leads to an axon that there is."
     ),
-    "B8": "The weights decoded from the board's files, bit by bit, are those of the network that the reader returns.",
+    "B8": "The weights and biases decoded from the board's files, bit by bit, are those that the reader returns.",
     "B9": "The parameters of a Loihi 2 bundle are those of one place network, and say the same numbers everywhere.",
     "B10": (
         "A network that learns has start weights uint8, thresholds in 1..2^17-1, and presentations that name an "
