@@ -219,7 +219,7 @@ def table(config: Config, board: Board) -> tuple[Capacity, ...]:
     """
     settings = integer_config(config, board.title)
     most = max(board.weight_bits) - settings.network.signed
-    found = []
+    found: list[Capacity] = []
     for bits in range(1, most + 1):
         own = replace(config, network=replace(settings.network, weight_bits=bits))
         found += capacities(own, board)

@@ -112,7 +112,8 @@ def _place_inputs(sizing: Sizing, counts: NDArray[np.int32], room: Integers, mos
     if sizing.network.input_compartments == 0:
         return np.zeros(len(room), np.int64)
     axons = np.concatenate([[0], np.cumsum(np.count_nonzero(counts, axis=1)[sizing.pattern.kind])])
-    empty, sizes, start = _empty(sizing), [], 0
+    empty, start = _empty(sizing), 0
+    sizes: list[int] = []
     while start < sizing.network.inputs or len(sizes) < len(room):
         if len(sizes) == most:
             return None
