@@ -70,7 +70,9 @@ def define_processes() -> None:
     globals().update(Spikes=Spikes, Counter=Counter, PySpikes=PySpikes, PyCounter=PyCounter)
 
 
-def wire(weights: NDArray[Any], bias: NDArray[Any], parameters: dict[str, Any], ends: tuple[Any, Any], simulate: bool):
+def wire(
+    weights: NDArray[Any], bias: NDArray[Any], parameters: dict[str, Any], ends: tuple[Any, Any], simulate: bool
+) -> None:
     """Inputs, or their relays, to exc; exc to inh, which takes from every exc; exc to the counter: the two ``ends``.
 
     Every arrow takes one step. Inh are the leaves, if there are any, and the root, the last.
