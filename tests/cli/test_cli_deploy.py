@@ -15,7 +15,7 @@ from lava_vpr import model
 from lava_vpr.cli import main
 from lava_vpr.deploy.bundle.folder import load as read
 
-ONE_CORE = r"│ 0:0 +│ exc 0\.\.7, inh 0\.\.7 +│ +16 of 1,024 │"
+ONE_CORE = r"│ 0:0 +│ exc 0\.\.7, inh 0 +│ +9 of 1,024 │"
 
 
 def fails(*words: object) -> Result:

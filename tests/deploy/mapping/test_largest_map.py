@@ -66,7 +66,7 @@ def test_what_fits_nowhere_says_why() -> None:
     chosen = update(config(), {"encoder": {"query_spikes": 40.0}})
     found = largest(chosen, KAPOHO_BAY)
     assert (found.places, found.neurons, found.cores) == (0, 0, 0)
-    assert found.limit.startswith("the host would have to send up to 71.5 input spikes a step, but Kapoho Bay")
+    assert found.limit.startswith("the host would have to send up to 80.2 input spikes a step, but Kapoho Bay")
     assert largest(update(chosen, {"network": {"input_mode": "bias"}}), KAPOHO_BAY).places > 100
 
 
