@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,8 +52,20 @@ class Spikes(NamedTuple):
     inputs: NDArray[np.uint8]
 
 
-Player = Callable[[NDArray[np.uint16], NDArray[np.uint64]], Spikes]
-"""Simulates a bundle: from rates uint16 (n, inputs) and keys uint64 (n,) to spikes."""
+class Player(Protocol):
+    """Simulates a bundle."""
+
+    def __call__(
+        self, rates: NDArray[np.uint16], keys: NDArray[np.uint64], bias: NDArray[np.int32] | None = None
+    ) -> Spikes:
+        """The spikes of presentations.
+
+        Args:
+            rates: Spikes a step in units of 2^-16, uint16 (n, inputs).
+            keys: One key per presentation, uint64 (n,).
+            bias: Biases of each presentation in units of v, int32 (n, neurons); None: always the bundle's.
+        """
+        ...
 
 
 def network_files(plan: Plan) -> dict[str, bytes]:
@@ -235,4 +247,4 @@ def player(bundle: Bundle) -> Player:
         regular=bool(numbers["regular"]),
         bias_input=bool(numbers["bias_input"]),
     )
-    return lambda rates, keys: Spikes(*chips.run(rates, keys))
+    return lambda rates, keys, bias=None: Spikes(*chips.run(rates, keys, bias))

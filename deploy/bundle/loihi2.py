@@ -25,6 +25,7 @@ from lava_vpr.engine.general.simulation import simulate as run_general
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.bias_input import LEVEL, THRESHOLD
 from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork
+from lava_vpr.engine.inference.neuron_bias import bias_registers
 from lava_vpr.errors import BundleError, NetworkLimitError, brief
 from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT, NO_MEMORY_DECAY, WEIGHT_BITS
 from lava_vpr.ranges import whole
@@ -149,7 +150,10 @@ def network_of(files: Mapping[str, bytes], path: Path = Path()) -> FixedNetwork:
 
 
 def general_network(
-    weights: NDArray[np.int16], bias: NDArray[np.int32], parameters: Mapping[str, Any]
+    weights: NDArray[np.int16],
+    bias: NDArray[np.int32],
+    parameters: Mapping[str, Any],
+    exponents: NDArray[np.int32] | None = None,
 ) -> GeneralNetwork:
     """The Processes of a bundle as populations 0 (exc), 1 (inh: leaves, then the root) and 2 (relays, if there are).
 
@@ -157,13 +161,15 @@ def general_network(
         weights: Weights as Dense takes them, int16 (neurons, inputs).
         bias: Mantissas of the biases, int32 (neurons,).
         parameters: The result of `parameters_of`; inputs are spikes, whether injected or those of input compartments.
+        exponents: Of presentations whose biases, (n, neurons), differ, int32 (n,); None: as the parameters say.
     """
     (n, inputs), leaves, one = weights.shape, parameters["leaves"], parameters["relay"]["weight"]
     inh = leaves + 1
     listen, gather, take = np.zeros((n, inh), np.int32), np.zeros((inh, inh), np.int32), np.zeros((inh, n), np.int32)
     listen[np.arange(n), np.arange(n) // parameters["fan_in"] if leaves else 0] = one
     gather[:leaves, -1], take[-1] = one, parameters["inhibit"]["weight"]
-    populations = [_population(n, parameters["exc"], bias), _population(inh, parameters["inh"])]
+    own = parameters["exc"] if exponents is None else {**parameters["exc"], "bias_exp": exponents[:, None]}
+    populations = [_population(n, own, bias), _population(inh, parameters["inh"])]
     synapses = [
         _synapses(RELAYS if parameters["relayed"] else INPUTS, EXC, weights.T, parameters["excite"]),
         _synapses(EXC, INH, listen, parameters["relay"]),
@@ -183,7 +189,7 @@ def _synapses(source: int, target: int, weights: NDArray[Any], described: Mappin
     return Synapses(source, target, weights, described["num_weight_bits"], described["weight_exp"], sign)
 
 
-def _population(n: int, lif: Mapping[str, int], bias: NDArray[np.int32] | int = 0) -> Population:
+def _population(n: int, lif: Mapping[str, Any], bias: NDArray[np.int32] | int = 0) -> Population:
     """A LIFReset of ``n`` neurons, whose step of reset is the first of each interval."""
     return Population(
         np.full(n, lif["vth"], np.int32),
@@ -194,7 +200,12 @@ def _population(n: int, lif: Mapping[str, int], bias: NDArray[np.int32] | int = 
     )
 
 
-def simulate(network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.uint64]) -> Spikes:
+def simulate(
+    network: FixedNetwork,
+    rates: NDArray[np.uint16],
+    keys: NDArray[np.uint64],
+    bias: NDArray[np.int32] | None = None,
+) -> Spikes:
     """Present every image to the network as a bundle holds it, by the general engine.
 
     Presentations follow each other in one run that LIFReset divides, as on the board.
@@ -203,6 +214,7 @@ def simulate(network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.
         network: From `network_of`, which sees that it is what the files say.
         rates: Spikes a step in units of 2^-16, uint16 (n, inputs).
         keys: One key per presentation, uint64 (n,).
+        bias: Biases of each presentation in units of v, int32 (n, neurons); None: always the bundle's.
     Returns:
         Spikes of exc, of inh (leaves, then the root) and of the inputs, uint8 (n, interval, each).
     Raises:
@@ -214,13 +226,17 @@ def simulate(network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.
         raise NetworkLimitError(
             f"rates are {rates.shape}, but the bundle's network has {network.inputs} inputs; encode them anew"
         )
-    general = general_network(network.stored[0].astype(np.int16), network.bias_registers[0], parameters_of(network))
+    weights, parameters = network.stored[0].astype(np.int16), parameters_of(network)
+    general = general_network(weights, network.bias_registers[0], parameters)
     n, interval = len(rates), network.interval
     exc = np.zeros((n, interval, network.neurons), np.uint8)
     inh = np.zeros((n, interval, network.inhibitory), np.uint8)
     inputs = draw_trains(rates, keys, network.steps, interval, regular=network.regular)
     for start in range(0, n, CHUNK):
         part = slice(start, start + CHUNK)
+        if bias is not None:
+            mantissas, exponents = bias_registers(bias[part])
+            general = general_network(weights, mantissas, parameters, exponents)
         recording = run_general(general, inputs[part].reshape(-1, network.inputs).astype(bool))
         exc[part] = recording.spikes[EXC].reshape(-1, interval, network.neurons)
         inh[part] = recording.spikes[INH].reshape(-1, interval, network.inhibitory)
@@ -230,4 +246,4 @@ def simulate(network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.
 def player(bundle: Bundle) -> Player:
     """A simulation of the Processes of a bundle; its files are read once."""
     network = network_of(bundle.files, bundle.path)
-    return lambda rates, keys: simulate(network, rates, keys)
+    return lambda rates, keys, bias=None: simulate(network, rates, keys, bias)

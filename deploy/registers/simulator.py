@@ -280,20 +280,27 @@ class Chips:
         )
 
     def run(
-        self, rates: NDArray[np.uint16], keys: NDArray[np.uint64]
+        self, rates: NDArray[np.uint16], keys: NDArray[np.uint64], bias: NDArray[np.int32] | None = None
     ) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8]]:
         """Every spike of exc, inh and inputs, uint8 (n, steps, width); see `present`."""
-        seen = self.present(rates, keys)
+        seen = self.present(rates, keys, bias=bias)
         return seen.exc, seen.inh, seen.inputs
 
     def present(
-        self, rates: NDArray[np.uint16], keys: NDArray[np.uint64], *, threads: int = 1, record: bool = True
+        self,
+        rates: NDArray[np.uint16],
+        keys: NDArray[np.uint64],
+        *,
+        bias: NDArray[np.int32] | None = None,
+        threads: int = 1,
+        record: bool = True,
     ) -> Presented:
         """Present images, as the host program does.
 
         Args:
             rates: Spike probabilities in units of 2^-16, uint16 (n, inputs).
             keys: One per presentation (`lava_vpr.engine.random.presentation_keys`), uint64 (n,).
+            bias: What is written to exc before each presentation, in units of v, int32 (n, neurons); None: nothing.
             threads: Threads that share the images; the result does not depend on it.
             record: Keep every spike; else ``exc``, ``inh`` and ``inputs`` are empty.
         Raises:
@@ -318,21 +325,12 @@ class Chips:
             for q in range(part.start, part.stop):
                 film[:] = 0
                 drawn = np.zeros((total, inputs), np.bool_)
-                self._write(state, rates[q], int(keys[q]))
+                self._write(state, rates[q], int(keys[q]), None if bias is None else bias[q])
                 if not self.bias_input:
                     drawn[: self.steps] = draw(rates[q], int(keys[q]), self.steps)
                 counters = np.zeros(self.exc.size, np.int64)
-                flying, overflow = present(
-                    self.wiring,
-                    state,
-                    self.threshold,
-                    written,
-                    self.steps,
-                    *self._sent(drawn),
-                    counters,
-                    events,
-                    film,
-                )
+                shown = self.threshold, written, self.steps, *self._sent(drawn)
+                flying, overflow = present(self.wiring, state, *shown, counters, events, film)
                 self._check(state, q, flying, overflow)
                 counts[q] = counters
                 if record:
@@ -347,12 +345,14 @@ class Chips:
         """The input compartments that the host writes to: they integrate a bias, relays do not."""
         return self.inputs if self.bias_input else self.inputs[:0]
 
-    def _write(self, state: State, rates: NDArray[np.uint16], key: int) -> None:
-        """What is written between presentations: v = 0 of exc; bias and start membrane of the inputs.
+    def _write(self, state: State, rates: NDArray[np.uint16], key: int, bias: NDArray[np.int32] | None) -> None:
+        """Write v = 0 of exc and, if there is one, their ``bias``; bias and start membrane of the inputs.
 
-        Nothing else is, but for the inputs' bias, which is 0 in the silent steps. The biases of exc stay.
+        Nothing else is written, but for the inputs' bias, which is 0 in the silent steps.
         """
         state.v[self.exc] = 0
+        if bias is not None:
+            state.bias[self.exc] = bias
         if self.bias_input:
             state.bias[self.inputs] = np.left_shift(*biases(rates))
             state.v[self.inputs] = start_membranes(key, len(rates))
@@ -378,17 +378,16 @@ class Chips:
         ``flying``: messages on their way after the last step (with an overflow: the step), see `present`.
         """
         if overflow >= 0:
-            need = abs(int(state.sums[overflow])) >> INPUT_SHIFT
+            need, where = abs(int(state.sums[overflow])) >> INPUT_SHIFT, self._name(overflow)
             raise NetworkLimitError(
-                f"{self._name(overflow)}: receives {need:,} in step {flying} of presentation {presentation}, but its "
-                f"accumulator holds less than {LOIHI_1_INPUT_LIMIT:,}; lower network.inhibition or use fewer weight "
-                "bits"
+                f"{where}: receives {need:,} in step {flying} of presentation {presentation}, but its accumulator "
+                f"holds less than {LOIHI_1_INPUT_LIMIT:,}; lower network.inhibition or use fewer weight bits"
             )
         if flying:
             raise _fault(f"presentation {presentation}", f"{flying} spikes are still on their way after its last step")
-        active = (abs(state.u) * self.wiring.keep_u >> DECAY_BITS != 0) | (state.held != 0)
         kept = state.v != 0
         kept[self.exc] = kept[self._written()] = False
-        if (active | kept).any():
+        active = kept | (abs(state.u) * self.wiring.keep_u >> DECAY_BITS != 0) | (state.held != 0)
+        if active.any():
             what = f"is not at rest after presentation {presentation}, and nothing clears it"
-            raise _fault(self._name(int(np.argmax(active | kept))), what)
+            raise _fault(self._name(int(np.argmax(active))), what)

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from lava_vpr.deploy.bundle.folder import MANIFEST, Bundle, json_bytes, sealed
 from lava_vpr.deploy.bundle.programs import FOLDER, program_files
 from lava_vpr.deploy.bundle.targets import TARGETS
+from lava_vpr.engine.inference.neuron_bias import bias_registers
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.isolated.child import started, waited
 from lava_vpr.storage.reading import parse_json, read_bytes
@@ -84,6 +85,7 @@ def run_program(
     keys: NDArray[np.uint64],
     words: Sequence[str | Path] = (),
     *,
+    bias: NDArray[np.int32] | None = None,
     python: str | None = None,
     patience: float,
     advance: Callable[[int], None] | None = None,
@@ -96,6 +98,7 @@ def run_program(
         rates: Spikes a step in units of 2^-16, uint16 (n, inputs).
         keys: Keys of the presentations, uint64 (n,).
         words: More words of its command line.
+        bias: Biases of each presentation in units of v, int32 (n, neurons); None: always the bundle's.
         python: See `interpreter`.
         patience: Seconds without progress after which it is stopped.
         advance: Told how many more queries are done.
@@ -106,6 +109,9 @@ def run_program(
     queries.mkdir()
     np.save(queries / "rates.npy", np.ascontiguousarray(rates, np.uint16), allow_pickle=False)
     np.save(queries / "keys.npy", np.ascontiguousarray(keys, np.uint64), allow_pickle=False)
+    if bias is not None:
+        for name, array in zip(("biases", "exponents"), bias_registers(bias), strict=True):
+            np.save(queries / f"{name}.npy", array, allow_pickle=False)
     chosen = interpreter(bundle, python)
     command = [chosen, lay_out(bundle, folder / "bundle"), "--queries", queries, "--out", out, *words]
     environment = {**os.environ, "TMPDIR": str(folder)}  # whatever it leaves is removed

@@ -92,6 +92,7 @@ def run_bundle(
     rates: NDArray[np.uint16],
     keys: NDArray[np.uint64],
     *,
+    bias: NDArray[np.int32] | None = None,
     python: str | None = None,
     timeout: float | None = None,
     advance: Callable[[int], None] | None = None,
@@ -103,6 +104,7 @@ def run_bundle(
         bundle: The bundle, whose data the shipped program gets (`lava_vpr.deploy.running.board_program`).
         rates: Spikes a step in units of 2^-16, uint16 (n, inputs).
         keys: Keys of the presentations, uint64 (n,).
+        bias: Biases of each presentation in units of v, int32 (n, neurons); None: always the bundle's.
         python: A Python that has the vendor's software (default: $NXSDK_PYTHON, else the running one).
         timeout: Seconds that one run of the board, 16 queries, may take (default: 220).
         advance: Told how many more queries are done.
@@ -118,7 +120,8 @@ def run_bundle(
     done = np.zeros(len(keys), bool)
     for attempt in range(ATTEMPTS):
         left = np.flatnonzero(~done)
-        outcome = _present(bundle, rates[left], keys[left], python, timeout or 0.0, advance)
+        own = None if bias is None else bias[left]
+        outcome = _present(bundle, rates[left], keys[left], own, python, timeout or 0.0, advance)
         if outcome.counts is not None:
             counts = np.full((len(keys), outcome.counts.shape[1]), -1, np.int32) if counts is None else counts
             counts[left[outcome.done]] = outcome.counts[outcome.done]
@@ -139,6 +142,7 @@ def _present(
     bundle: Bundle,
     rates: NDArray[np.uint16],
     keys: NDArray[np.uint64],
+    bias: NDArray[np.int32] | None,
     python: str | None,
     timeout: float,
     advance: Callable[[int], None] | None,
@@ -147,7 +151,15 @@ def _present(
     with temporary_folder() as folder:
         words = ("--timeout", str(timeout))
         ended = run_program(
-            bundle, folder, rates, keys, words, python=python, patience=timeout + PATIENCE, advance=advance
+            bundle,
+            folder,
+            rates,
+            keys,
+            words,
+            bias=bias,
+            python=python,
+            patience=timeout + PATIENCE,
+            advance=advance,
         )
         return _outcome(ended, folder / "out", (len(keys), scalars(bundle)["neurons"]))
 

@@ -24,7 +24,7 @@ from lava_vpr.deploy.running import host_program
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.trains import Trains
-from lava_vpr.errors import BackendUnavailableError, BundleError, ConfigError
+from lava_vpr.errors import BackendUnavailableError, BundleError
 from lava_vpr.model import Model, checked_network
 from lava_vpr.storage.temporary import temporary_folder
 from lava_vpr.storage.text import shown
@@ -92,14 +92,15 @@ class BundleBackend:
 
     def _play(self, model: Model, shown: Presentations) -> Iterator[tuple[slice, Spikes]]:
         """Simulate the presentations some at a time; yields which they are, and their spikes."""
-        if shown.bias is not None:
-            raise ConfigError("--adapt: a bundle has one bias a neuron; use --backend host")
-        keys, size = shown.keys, effort.together(checked_network(model, "bundle"), BATCH)
+        network, keys, bias = checked_network(model, "bundle"), shown.keys, shown.bias
+        if bias is not None:
+            network.check_presented(bias, len(keys))
+        size = effort.together(network, BATCH)
         with bundle_of(model) as bundle:
             play = TARGETS[bundle.target].player(bundle)
             for start in range(0, len(keys), size):
                 part = slice(start, min(start + size, len(keys)))
-                yield part, play(shown.rates[part], keys[part])
+                yield part, play(shown.rates[part], keys[part], None if bias is None else bias[part])
                 if self.advance is not None:
                     self.advance(part.stop - part.start)
 
@@ -119,10 +120,12 @@ class KapohoBayBackend:
     def count_spikes(self, model: Model, shown: Presentations) -> tuple[NDArray[np.int32], Events]:
         """See `lava_vpr.backends.interface.Backend.count_spikes`."""
         network = checked_network(model, self.board.name)
+        if shown.bias is not None:
+            network.check_presented(shown.bias, len(shown.rates))
         with bundle_of(model, self.board) as bundle:
-            counts = host_program.run_bundle(bundle, shown.rates, shown.keys, advance=self.advance)
+            counts = host_program.run_bundle(bundle, shown.rates, shown.keys, bias=shown.bias, advance=self.advance)
         # The board is sent what the host draws, so the host's engine can tell the events.
-        _, events, _ = fixed.count_spikes(network, shown.rates, shown.keys)
+        _, events, _ = fixed.count_spikes(network, shown.rates, shown.keys, bias=shown.bias)
         return counts, events
 
     def trains(self, model: Model, shown: Presentations) -> Trains:

@@ -58,6 +58,14 @@ def test_queries_are_answered_as_they_are_asked(here: Path, monkeypatch: pytest.
     assert told != answered("query")
 
 
+@pytest.mark.parametrize("backend", ["bundle", "lava-fused"])
+def test_backends_answer_alike_however_queries_are_asked(here: Path, backend: str) -> None:
+    words = ["query", "--query-views", 3, "--adapt", 4]
+    told = answered(*words)
+    assert answered(*words, "--backend", backend) == told
+    assert told != answered("query", "--query-views", 3)
+
+
 def test_eval_shows_adapted_figures_in_rows_of_their_own(here: Path) -> None:
     plain, adapted = figures("query"), figures("query", "--adapt", 5)
     assert plain["adapted"] == {}
@@ -116,7 +124,6 @@ def test_templates_of_views_are_the_views(here: Path) -> None:
         (("eval", "m.lvpr", "query", "--query-views", 98), "views.shifts is 98, but must be odd"),
         (("train", "reference", "-o", "x.lvpr", "--views", 4), "views.shifts is 4, but must be odd"),
         (("train", "reference", "-o", "x.lvpr", "--views", 3, "--preset", "paper"), "learns one view"),
-        (("eval", "m.lvpr", "query", "--adapt", 5, "--backend", "bundle"), "one bias a neuron"),
         (("eval", "plain.lvpr", "query", "--adapt", 5), "needs neurons with biases"),
     ],
 )

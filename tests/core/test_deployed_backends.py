@@ -29,6 +29,9 @@ from lava_vpr.deploy.bundle.folder import load
 from lava_vpr.deploy.bundle.opening import open_bundle
 from lava_vpr.deploy.running import host_program
 from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.inference.neuron_bias import held_biases
+from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import BackendUnavailableError, ConfigError, NetworkLimitError
 from lava_vpr.model import Model
 from lava_vpr.training.loop import train
@@ -82,6 +85,29 @@ def test_what_is_not_public_says_so(model: Model, tmp_path: Path) -> None:
 def three(model: Model, seed: int) -> Presentations:
     """Three queries."""
     return query_presentations(model, encoded(3, seed=5), seed)
+
+
+@pytest.mark.parametrize("board", BOARDS)
+def test_bundles_take_biases_of_each_presentation(model: Model, board: str, tmp_path: Path) -> None:
+    shown, spec = three(model, 3), model.network
+    assert isinstance(spec, FixedNetwork)
+    wanted = spec.bias - np.array([[0], [200], [60_000]])
+    biased = replace(shown, bias=held_biases(wanted))
+    deploy(model, BOARDS[board], tmp_path / "b", picture=False)
+    backend, used = backends.get("bundle"), open_bundle(tmp_path / "b")
+    counts, events = backend.count_spikes(used, biased)
+    expected, told = HostBackend().count_spikes(model, biased)
+    assert np.array_equal(counts, expected)
+    assert events == told
+    plain, _ = HostBackend().count_spikes(model, shown)
+    assert np.array_equal(counts[0], plain[0])
+    assert (counts[1:] != plain[1:]).any()
+    trains, hosts = backend.trains(used, biased), HostBackend().trains(model, biased)
+    for name in Trains.POPULATIONS:
+        assert np.array_equal(getattr(trains, name), getattr(hosts, name)), name
+    too_high = replace(shown, bias=np.full_like(wanted, spec.highest_bias + 1, np.int32))
+    with pytest.raises(NetworkLimitError, match="spike without input"):
+        backend.count_spikes(used, too_high)
 
 
 @pytest.mark.parametrize("source", ["file", "kapoho-bay", "loihi2"])

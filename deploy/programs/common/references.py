@@ -4,6 +4,8 @@ import numpy as np
 
 from refusals import Refused
 
+MANTISSA = 4095  # of a bias, in 12 bits and sign
+
 
 def check_queries(rates: np.ndarray, keys: np.ndarray, inputs: int, where: object) -> None:
     """Refuse queries that are not for this network.
@@ -15,6 +17,23 @@ def check_queries(rates: np.ndarray, keys: np.ndarray, inputs: int, where: objec
         raise Refused("input", f"{where}: rates.npy is {rates.dtype} {rates.shape}, but must be uint16 (n, {inputs})")
     if keys.dtype != np.uint64 or keys.shape != rates.shape[:1]:
         raise Refused("input", f"{where}: keys.npy is {keys.dtype} {keys.shape}, but must be uint64 ({len(rates)},)")
+
+
+def check_biases(mantissas: np.ndarray, exponents: np.ndarray, shape: tuple, where: object) -> None:
+    """Refuse biases of queries that are not for this network, ``shape`` (n, neurons), or that no register holds.
+
+    Raises:
+        Refused: wrong type, shape or size.
+    """
+    for name, array, wanted, low, high in (
+        ("biases", mantissas, shape, -MANTISSA, MANTISSA),
+        ("exponents", exponents, shape[:1], 0, 7),
+    ):
+        if array.dtype != np.int32 or array.shape != wanted:
+            found = f"{array.dtype} {array.shape}"
+            raise Refused("input", f"{where}: {name}.npy is {found}, but must be int32 {wanted}")
+        if array.size and not low <= array.min() <= array.max() <= high:
+            raise Refused("input", f"{where}: {name}.npy holds a value outside {low}..{high}, which no register takes")
 
 
 def first_places(labels: np.ndarray, n: int) -> tuple:

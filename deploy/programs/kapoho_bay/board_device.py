@@ -188,7 +188,10 @@ class Device:
             if network.bias_input:
                 for link in self.links:
                     link.send_settings(query, number)
-            else:
+            if network.adapted:
+                for link in self.links:
+                    link.send_biases(query, number)
+            if not network.bias_input:
                 for step in range(0, network.steps, CHUNK):  # chips step together: none may wait while another is sent
                     for link in self.links:
                         link.send_spikes(query, number, step)

@@ -9,6 +9,7 @@ from board_input import Query
 from chip_program import channel_names, write_program
 from packets import (
     BEGIN,
+    BIAS,
     CHUNK,
     COUNTS,
     FAULT,
@@ -94,6 +95,10 @@ class Link:
         words = query.settings[self.chip]
         self._send(SET, number, 0, [piece.reshape(-1) for piece in pieces(words, ROOM // 2)])
 
+    def send_biases(self, query: Query, number: int) -> None:
+        """Bias of every excitatory neuron of this chip."""
+        self._send(BIAS, number, 0, pieces(query.biases[self.chip], ROOM))
+
     def send_spikes(self, query: Query, number: int, step: int) -> None:
         """Input spikes of the steps from ``step`` on."""
         steps = range(step, min(step + CHUNK, self.network.steps))
@@ -132,11 +137,12 @@ class Link:
         """
         length = self.network.steps + self.network.silent
         sent = self.sources if self.network.bias_input else int(query.spikes[self.chip].sum())
+        sent += len(self.neurons) * self.network.adapted
         found = []
         for block in range(max(1, -(-len(self.neurons) // ROOM))):
             packet = self.expect(COUNTS, number, block, deadline)
             if packet[FIRST] != length or packet[SECOND] != sent:
-                took = f"{packet[SECOND]} of {sent} inputs after {packet[FIRST]} of {length} steps"
+                took = f"{packet[SECOND]} of {sent} values after {packet[FIRST]} of {length} steps"
                 raise Refused("run", f"query {number - 1}, chip {self.chip}: the chip took {took}")
             found.append(packet[PAYLOAD : PAYLOAD + packet[LENGTH]])
         counts = np.concatenate(found)

@@ -114,6 +114,7 @@ class Network:
             raise Refused("bundle", bundle.folder + ": its manifest does not describe the network; " + AGAIN) from None
         self.inputs, self.neurons, self.steps = numbers["inputs"], numbers["neurons"], numbers["steps"]
         self.silent = numbers["silent_steps"]
+        self.adapted = False  # whether each query brings biases of its own
         folders = sorted({name.rsplit("/", 1)[0] for name in bundle.files if name.startswith("cores/")})
         self.cores = [Core(bundle, folder) for folder in folders]
         self.exc, self.injection = bundle.array("host/exc.npy"), bundle.array("host/injection.npy")

@@ -49,6 +49,7 @@ def header(network: Network, chip: int, core_id: Callable[[int], int]) -> str:
         "STEPS": network.steps,
         "SILENT": network.silent,
         "BIAS_INPUT": int(network.bias_input),
+        "ADAPTED": int(network.adapted),
         "HOST_SPIKES": network.host_spikes,
         "INPUTS": network.inputs,
         "EXC": len(exc),

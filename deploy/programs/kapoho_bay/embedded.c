@@ -6,8 +6,9 @@
  * One run of the board is: a step of preparation, STEPS + SILENT steps for each query, and a last step in which nothing
  * happens (NxSDK may lose what a chip sends in the very last step of a run). Who says what, and when:
  *
- *   preparation       host: BEGIN, TABLE x TABLE_BLOCKS; chip: READY; then, if inputs integrate a bias, as below
+ *   preparation       host: BEGIN, TABLE x TABLE_BLOCKS; chip: READY; then what comes before a query
  *   before a query    host: SET x SET_BLOCKS (bias and membrane of each input compartment); only with BIAS_INPUT
+ *                     host: BIAS x BIAS_BLOCKS (bias of each excitatory neuron); only with ADAPTED
  *   step of a query   host: SPIKES (inputs that spike in this step), for each of STEPS steps; only without BIAS_INPUT
  *   end of a query    chip: COUNTS x COUNT_BLOCKS
  *
@@ -25,7 +26,7 @@
 #include "embedded.h"
 
 #define LV_MAGIC 0x4c560100 /* protocol 1; the low byte is the kind */
-enum { LV_BEGIN = 1, LV_TABLE, LV_SPIKES, LV_SET, LV_READY, LV_COUNTS, LV_FAULT };
+enum { LV_BEGIN = 1, LV_TABLE, LV_SPIKES, LV_SET, LV_READY, LV_COUNTS, LV_FAULT, LV_BIAS };
 
 /* Words of a packet. */
 enum { LV_KIND, LV_RUN, LV_QUERY, LV_NUMBER, LV_LENGTH, LV_FIRST, LV_SECOND, LV_SUM, LV_PAYLOAD, LV_WORDS = 64 };
@@ -36,6 +37,7 @@ enum { LV_KIND, LV_RUN, LV_QUERY, LV_NUMBER, LV_LENGTH, LV_FIRST, LV_SECOND, LV_
 #define LV_COUNT_BLOCKS LV_AT_LEAST_ONE(LV_BLOCKS(LV_EXC, LV_ROOM)) /* a chip without exc reports, too */
 #define LV_TABLE_BLOCKS LV_BLOCKS(LV_EXC, LV_ROOM)
 #define LV_SET_BLOCKS LV_BLOCKS(LV_SOURCES, LV_ROOM / 2)
+#define LV_BIAS_BLOCKS (LV_ADAPTED ? LV_TABLE_BLOCKS : 0)
 #define LV_PRESENTATION (LV_STEPS + LV_SILENT)
 
 #define LV_FIRST_COUNTER 0x20 /* spike counters below are NxSDK's own */
@@ -208,6 +210,29 @@ static void lv_set_source(int i, const int32_t *words)
         (CxState){.U = 0, .V = words[1]};
 }
 
+/* The biases of this query's excitatory neurons: mantissa (12 bits and sign) and exponent (3 bits) in a word. */
+static void lv_take_biases(void)
+{
+    for (int block = 0; block < LV_BIAS_BLOCKS; block++) {
+        int first = block * LV_ROOM;
+        int here = LV_EXC - first < LV_ROOM ? LV_EXC - first : LV_ROOM;
+        if (!lv_take(LV_BIAS, block, LV_ROOM) || !lv_same(LV_BAD_LENGTH, here, lv_packet[LV_LENGTH])) {
+            continue;
+        }
+        for (int i = 0; i < here; i++) {
+            NeuronCore *core = lv_neuron_core(lv_exc_places[first + i].core);
+            CxCfg own = core->cx_cfg[lv_exc_places[first + i].compartment]; /* it also names the profiles */
+            own.BiasExp = lv_packet[LV_PAYLOAD + i] & 7;
+            own.Bias = (lv_packet[LV_PAYLOAD + i] - own.BiasExp) / 8;
+            core->cx_cfg[lv_exc_places[first + i].compartment] = own;
+        }
+        lv_received += here;
+    }
+    if (LV_ADAPTED) {
+        lv_flush_exc();
+    }
+}
+
 /* Make ready for the query that begins with the next step. */
 static void lv_set_up(void)
 {
@@ -225,6 +250,7 @@ static void lv_set_up(void)
         }
     }
     lv_flush_sources(); /* inputs that were not set have no bias: they stay silent */
+    lv_take_biases();
 }
 
 /* Spikes of this step, to every core of this chip with a synapse or the relay of the input. They are felt in the next

@@ -4,7 +4,9 @@
     python run.py --check                    everything but the board: files, NxSDK, registers
     python run.py --self-test [N]            present the (first N) references; counts must be those of the bundle
     python run.py --queries Q --out R        Q/rates.npy uint16 (n, inputs) in units of 2^-16 spikes a step and
-                                             Q/keys.npy uint64 (n,) in; R/counts.npy int32 (n, neurons) out
+                                             Q/keys.npy uint64 (n,) in; R/counts.npy int32 (n, neurons) out;
+                                             if there are, Q/biases.npy int32 (n, neurons) and Q/exponents.npy int32
+                                             (n,): mantissas and exponent of each query's biases
     .. --power P                             and P, JSON: power in mW and time, all queries in one run
 
 R/counts.npy holds -1 in every row that was not answered, R/done.npy says which were, R/status.json how many. They are
@@ -34,7 +36,7 @@ try:
     from board_network import Bundle, Network
     from command_line import parsed, parser
     from outcome import GRACE, Results, Watchdog, fail
-    from references import check_queries, compare, first_places
+    from references import check_biases, check_queries, compare, first_places
     from refusals import Refused, interrupt, told
     from result_files import put
 except Exception as damage:
@@ -43,13 +45,20 @@ except Exception as damage:
 
 
 def present(
-    network: Network, rates: np.ndarray, keys: np.ndarray, results: Results, batch: int, timeout: float, power: str = ""
+    network: Network,
+    queries: tuple,
+    results: Results,
+    batch: int,
+    timeout: float,
+    power: str = "",
 ) -> None:
-    """Present all queries, ``batch`` in a run of the board, which may take ``timeout`` seconds (0: by its size); with
-    ``power``, all in one run, of which power is measured and written there."""
-    batch = len(keys) if power else batch
+    """Present all queries (rates, keys, and biases or None), ``batch`` in a run of the board, which may take
+    ``timeout`` seconds (0: by its size); with ``power``, all in one run, of which power is measured and written
+    there."""
+    rates, keys, biases = queries
+    batch, network.adapted = len(keys) if power else batch, biases is not None
     for i, key in enumerate(keys):  # before the board starts: nothing is begun that cannot be finished
-        Query(network, i, rates[i], int(key))
+        Query(network, i, rates[i], int(key), biases)
     load_nxsdk()
     check_environment()
     steps = 2 + len(keys) * (network.steps + network.silent)
@@ -62,8 +71,8 @@ def present(
             text = f"queries {part[0]} to {part[-1]}: the board did not finish within {seconds:g} s"
             with Watchdog(seconds + min(GRACE, seconds), "run", text):
                 try:
-                    queries = [Query(network, i, rates[i], int(keys[i])) for i in part]
-                    device.answer(queries, first + 1, time.monotonic() + seconds, results)
+                    sent = [Query(network, i, rates[i], int(keys[i]), biases) for i in part]
+                    device.answer(sent, first + 1, time.monotonic() + seconds, results)
                 except Refused:
                     raise
                 except Exception as error:
@@ -76,20 +85,25 @@ def present(
 
 
 def load_queries(folder: str, network: Network) -> tuple:
-    """Rates and keys in ``folder``.
+    """Rates, keys, and biases or None in ``folder``.
 
     Raises:
         Refused: they cannot be read or do not fit the network.
     """
     found = []
-    for name in ("rates.npy", "keys.npy"):
+    names = ["rates.npy", "keys.npy"]
+    if os.path.exists(os.path.join(folder, "biases.npy")):
+        names += ["biases.npy", "exponents.npy"]
+    for name in names:
         try:
             found.append(np.load(os.path.join(folder, name), allow_pickle=False))
         except (OSError, ValueError) as error:
             raise Refused("input", f"{os.path.join(folder, name)}: cannot be read ({told(error)})") from None
-    rates, keys = found
-    check_queries(rates, keys, network.inputs, folder)
-    return rates, keys
+    check_queries(found[0], found[1], network.inputs, folder)
+    if len(found) == 2:
+        return found[0], found[1], None
+    check_biases(found[2], found[3], (len(found[1]), network.neurons), folder)
+    return found[0], found[1], (found[2], found[3])
 
 
 def self_test(network: Network, n: int, options: argparse.Namespace) -> str:
@@ -103,7 +117,7 @@ def self_test(network: Network, n: int, options: argparse.Namespace) -> str:
     responses = array("host/responses.npy")
     n, places = first_places(labels, n)
     results = Results(n, network.neurons, options.out)
-    present(network, rates[:n], keys[:n], results, options.batch, options.timeout)
+    present(network, (rates[:n], keys[:n], None), results, options.batch, options.timeout)
     return compare(results.counts, labels[:n], places, responses)
 
 
@@ -128,10 +142,11 @@ def main(words: list) -> int:
         elif options.self_test is not None:
             print(self_test(network, options.self_test, options))
         else:
-            rates, keys = load_queries(options.queries, network)
-            results = Results(len(keys), network.neurons, options.out)
-            present(network, rates, keys, results, options.batch, options.timeout, options.power)
-            print(f"{len(keys)} of {len(keys)} queries answered")
+            queries = load_queries(options.queries, network)
+            n = len(queries[1])
+            results = Results(n, network.neurons, options.out)
+            present(network, queries, results, options.batch, options.timeout, options.power)
+            print(f"{n} of {n} queries answered")
         return 0
     except Refused as error:
         fail(error.stage, str(error), error.details)

@@ -70,12 +70,11 @@ def define_processes() -> None:
     globals().update(Spikes=Spikes, Counter=Counter, PySpikes=PySpikes, PyCounter=PyCounter)
 
 
-def wire(
-    weights: NDArray[Any], bias: NDArray[Any], parameters: dict[str, Any], ends: tuple[Any, Any], simulate: bool
-) -> None:
+def wire(weights: NDArray[Any], bias: Arrays, parameters: dict[str, Any], ends: tuple[Any, Any], simulate: bool) -> Any:
     """Inputs, or their relays, to exc; exc to inh, which takes from every exc; exc to the counter: the two ``ends``.
 
-    Every arrow takes one step. Inh are the leaves, if there are any, and the root, the last.
+    Every arrow takes one step. Inh are the leaves, if there are any, and the root, the last. Exc begin with the Vars
+    ``bias``, and are returned.
     """
     from lava.proc.dense.process import Dense
     from lava.proc.lif.process import LIF, LIFReset
@@ -104,7 +103,7 @@ def wire(
     (source, counter), (n, inputs), leaves = ends, weights.shape, parameters["leaves"]
     one, lateral = parameters["relay"]["weight"], parameters["inhibit"]["weight"]
     excite = synapses("excite", weights.astype(np.int32))
-    exc = LIFReset(shape=(n,), bias_mant=bias, **parameters["exc"])
+    exc = LIFReset(shape=(n,), **parameters["exc"] | bias)
     inh = LIFReset(shape=(leaves + 1,), **parameters["inh"])
     if leaves:
         own = np.arange(n) // parameters["fan_in"]
@@ -128,6 +127,7 @@ def wire(
     excite.a_out.connect(exc.a_in)
     across(source.s_out, entrance, None if isinstance(source, LIF) else "PyToNxAdapter")
     across(exc.s_out, counter.s_in, "NxToPyAdapter")
+    return exc
 
 
 def start_board(process: Any, callbacks: list[Any]) -> None:
@@ -152,6 +152,12 @@ def start_board(process: Any, callbacks: list[Any]) -> None:
             "missing", f"Loihi2HwCfg would run on the CPU: {', '.join(found)}; install lava-loihi for lava-nc 0.10"
         )
     process.create_runtime(executable=executable)
+
+
+def write(process: Any, values: Arrays) -> None:
+    """Set Vars of a Process while the run is paused."""
+    for name, value in values.items():
+        getattr(process, name).set(value)
 
 
 def on_cpu(process: Any, base: type) -> bool:
@@ -183,7 +189,10 @@ class Player:
         else:  # a Var cannot be set before the first step, so the first query's values are those it begins with
             self.source = LIF(shape=(inputs,), **self.registers(0), **self.inputs)
         counter = globals()["Counter"](self.counts, interval, self.seen)
-        wire(weights, arrays["bias"], parameters, (self.source, counter), self.simulate)
+        pairs = zip(arrays.get("biases", ()), arrays.get("exponents", ()), strict=True)
+        self.biases = [{"bias_mant": row, "bias_exp": np.full_like(row, exponent)} for row, exponent in pairs]
+        bias = self.biases[0] if self.biases else {"bias_mant": arrays["bias"]}
+        self.exc = wire(weights, bias, parameters, (self.source, counter), self.simulate)
         if not self.simulate:
             start_board(counter, self.profiler.callbacks if self.profiler else [])
         self.process = counter
@@ -219,14 +228,17 @@ class Player:
             for row, query in zip(train, range(start, end), strict=True):
                 row[: self.steps] = self.drawn(query)
             self.first[0] = start * interval
-            self.go((end - start) * interval)
-        else:
-            for query in range(start, end):
-                self.go(self.steps)
+            if not self.biases:
+                self.go((end - start) * interval)
+        for query in range(start, end) if self.biases or self.inputs else ():
+            following = min(query + 1, len(self.rates) - 1)
+            self.go(self.steps)
+            if self.inputs is not None:
                 # Phases are below the threshold, so in the silent steps nothing spikes, and one pause is enough.
-                for name, value in self.registers(min(query + 1, len(self.rates) - 1), self.silent).items():
-                    getattr(self.source, name).set(value)
-                self.go(self.silent)
+                write(self.source, self.registers(following, self.silent))
+            self.go(self.silent)
+            if self.biases:
+                write(self.exc, self.biases[following])
         if self.seen[0] != end * interval:
             raise Refused(
                 "run",

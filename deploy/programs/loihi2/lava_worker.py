@@ -80,7 +80,9 @@ def work(folder: Path) -> int:
     try:
         options = json.loads((folder / "options.json").read_bytes())
         parameters = json.loads((folder / "parameters.json").read_bytes())
-        arrays = {name: np.load(folder / f"{name}.npy") for name in ("weights", "bias", "rates", "keys")}
+        names = ["weights", "bias", "rates", "keys"]
+        names += [name for name in ("biases", "exponents") if (folder / f"{name}.npy").exists()]
+        arrays = {name: np.load(folder / f"{name}.npy") for name in names}
         queries = len(arrays["rates"])
         players: list[Player] = []
         threading.Thread(target=watch, args=(folder, options["caller"], players), daemon=True).start()

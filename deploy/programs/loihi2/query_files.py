@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bundle_files import array_of
 from lava_network import Arrays
-from references import check_queries, first_places
+from references import check_biases, check_queries, first_places
 from refusals import Refused
 from result_files import ResultFiles
 
@@ -23,16 +23,18 @@ def named_array(data: bytes, name: object) -> NDArray[Any]:
         raise Refused("input", f"{name}: is no array; write it with numpy.save") from None
 
 
-def load_queries(folder: Path, inputs: int) -> Arrays:
-    """Rates and keys in a folder."""
-    arrays = {}
-    for name in ("rates", "keys"):
+def load_queries(folder: Path, inputs: int, neurons: int) -> Arrays:
+    """Rates and keys in a folder; biases and exponents, if it has them."""
+    arrays, biases = {}, ("biases", "exponents") if (folder / "biases.npy").exists() else ()
+    for name in ("rates", "keys", *biases):
         path = folder / f"{name}.npy"
         try:
             arrays[name] = named_array(path.read_bytes(), path)
         except OSError as error:
             raise Refused("input", f"{path}: cannot be read ({error.strerror}); write the queries there") from None
     check_queries(arrays["rates"], arrays["keys"], inputs, folder)
+    if biases:
+        check_biases(arrays["biases"], arrays["exponents"], (len(arrays["keys"]), neurons), folder)
     return arrays
 
 

@@ -3,7 +3,9 @@
     python run.py --check                    everything but the board: files, Lava, lava-loihi, a configured host
     python run.py --self-test [N]            present the (first N) references; counts must be those of the bundle
     python run.py --queries Q --out R        Q/rates.npy uint16 (n, inputs) in units of 2^-16 spikes a step and
-                                             Q/keys.npy uint64 (n,) in; R/counts.npy int32 (n, neurons) out
+                                             Q/keys.npy uint64 (n,) in; R/counts.npy int32 (n, neurons) out;
+                                             if there are, Q/biases.npy int32 (n, neurons) and Q/exponents.npy int32
+                                             (n,): mantissas and exponent of each query's biases
     .. --power P                             and P, JSON: power in mW and time, all queries in one run
 
 With --simulate no board is needed. R/counts.npy holds -1 in every row that was not answered, R/done.npy says which
@@ -79,7 +81,9 @@ def require(simulate: bool) -> str:
 def answer(files: dict[str, bytes], network: dict[str, int], args: argparse.Namespace) -> str:
     """Present queries, or references; what was done."""
     if args.queries is not None:
-        arrays = load_queries(Path(args.queries), network["inputs"])
+        arrays = load_queries(Path(args.queries), network["inputs"], network["neurons"])
+        if args.power and "biases" in arrays:
+            raise Refused("input", "--power needs all queries in one run, which biases of each query interrupt")
     else:
         arrays, places = load_references(files, args.self_test, network["inputs"])
     n = len(arrays["keys"])

@@ -37,7 +37,8 @@ class Population:
 
     Attributes:
         threshold: Threshold of each neuron, in units of v >> 6, whole numbers (neurons,).
-        bias_mant, bias_exp: Bias mant 2^exp in units of v, one for all or one each.
+        bias_mant, bias_exp: Bias mant 2^exp in units of v, one for all or one each; or (presentations, neurons) and
+            (presentations, 1), of which each holds for one interval, and the last from then on.
         parameters: Settings that all its neurons share.
         reset_interval: Steps of a presentation: u, v and the hold are 0 at its start; 0: never reset.
     """
@@ -55,8 +56,9 @@ class Population:
 
     @property
     def bias(self) -> NDArray[np.int64]:
-        """Bias of each neuron in units of v, int64 (neurons,)."""
-        return np.broadcast_to(bias_of(self.bias_mant, self.bias_exp), (self.size,)).copy()
+        """Bias of each neuron in units of v, int64 (1 or presentations, neurons)."""
+        values = np.atleast_2d(bias_of(self.bias_mant, self.bias_exp))
+        return np.broadcast_to(values, (len(values), self.size)).copy()
 
     def check(self, name: str) -> None:
         """Refuse what the registers cannot hold.
@@ -66,12 +68,9 @@ class Population:
         """
         need(self.threshold.ndim == 1 and self.size > 0, f"{name}: threshold's shape", self.threshold.shape, "(n,)")
         for key, value in (("bias_mant", self.bias_mant), ("bias_exp", self.bias_exp)):
-            need(
-                np.shape(value) in ((), (1,), (self.size,)),
-                f"{name}: {key}'s shape",
-                np.shape(value),
-                f"({self.size},)",
-            )
+            each = self.reset_interval > 0 and np.ndim(value) == 2 and np.shape(value)[1] in (1, self.size)
+            fits = each or np.shape(value) in ((), (1,), (self.size,))
+            need(fits, f"{name}: {key}'s shape", np.shape(value), f"({self.size},)")
         need(self.reset_interval >= 0, f"{name}: reset_interval", self.reset_interval, "at least 0")
         self.parameters.check()
         check_thresholds(self.threshold)
@@ -169,7 +168,8 @@ class _State:
         self.u, self.v, self.held = np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros(n, np.int32)
         self.threshold = population.threshold.astype(np.int32)
         self.drive = np.zeros(n, np.int64)
-        self.bias, self.constants = population.bias, population.parameters.constants
+        self.biases, self.constants = population.bias, population.parameters.constants
+        self.bias = self.biases[0]
         self.fired, self.before = np.zeros(n, bool), np.zeros(n, bool)
         self.spikes = np.zeros((steps, n), bool)
         shape = (steps if record else 0, n)
@@ -179,6 +179,7 @@ class _State:
         """Integrate the input sums ``drive`` in step ``step``, and record what is to be recorded."""
         if self.interval and step % self.interval == 0:
             self.u[:] = self.v[:] = self.held[:] = 0
+            self.bias = self.biases[min(step // self.interval, len(self.biases) - 1)]
         lif_step(self.u, self.v, self.threshold, self.held, self.drive, self.bias, self.constants, self.fired)
         self.spikes[step] = self.fired
         if len(self.films[0]):

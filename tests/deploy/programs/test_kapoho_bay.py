@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from support.boards import host_programs, kapoho_board
 from support.boards.host_programs import SOURCES
 from support.boards.kapoho_board import Board, altered, answers, child, load_program, write_queries
@@ -24,6 +25,8 @@ from lava_vpr.deploy.registers.synapse_memory import unpack
 from lava_vpr.deploy.registers.synapses import Format
 from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.inference import bias_input, fixed
+from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
+from lava_vpr.engine.inference.neuron_bias import bias_registers, held_biases
 
 board = kapoho_board.board
 SLOW = settings(deadline=None, max_examples=8, derandomize=True)
@@ -118,6 +121,62 @@ def test_the_board_counts_as_the_host(
     ended = board.run(made, "--self-test", lag=lag)
     assert (ended.code, ended.err) == (0, "")
     assert ended.out == f"equal: 5 references, 50 counts, {made.counts.sum()} spikes\n"
+
+
+def presented_biases(network: FixedNetwork, n: int) -> NDArray[np.int32]:
+    """Biases of ``n`` queries, of both signs, with exponents that differ."""
+    rng = np.random.default_rng(7)
+    wanted = rng.integers(-network.highest_bias, network.highest_bias + 1, (n, network.neurons))
+    wanted[::2, 0] = -9001
+    return held_biases(wanted)
+
+
+def written_biases(folder: Path, biases: NDArray[np.int32]) -> None:
+    """The files of ``biases`` in a folder of queries."""
+    for name, array in zip(("biases", "exponents"), bias_registers(biases), strict=True):
+        np.save(folder / f"{name}.npy", array)
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("name", ["one core", "two chips"])
+def test_every_query_may_bring_biases(board: Board, tmp_path: Path, name: str, mode: str) -> None:
+    network = random_network(3, signed=True, threshold=30, **MODES[mode])
+    made = make(tmp_path, layout(name, network))
+    rates, keys = (np.load(made.path / "host" / f"{what}.npy") for what in ("rates", "keys"))
+    biases = presented_biases(network, len(keys))
+    assert len(set(bias_registers(biases)[1].tolist())) > 1
+    queries = write_queries(tmp_path / "queries", rates, keys)
+    written_biases(queries, biases)
+    ended = board.run(made, "--queries", queries, "--out", tmp_path / "out", "--batch", 2)
+    assert (ended.code, ended.err) == (0, "")
+    expected, _, _ = count_spikes(network, rates, keys, bias=biases)
+    counts, done, _ = answers(tmp_path / "out")
+    assert done.all()
+    assert np.array_equal(counts, expected)
+    assert expected.sum() > 10
+    assert not np.array_equal(expected, made.counts)
+    # Without them the neurons have their own again.
+    assert board.run(made, "--self-test").code == 0
+
+
+def test_biases_that_no_register_holds_are_refused(board: Board, tmp_path: Path) -> None:
+    network = random_network(3, signed=True, threshold=30)
+    made = make(tmp_path, layout("one core", network))
+    rates, keys = (np.load(made.path / "host" / f"{what}.npy") for what in ("rates", "keys"))
+    queries = write_queries(tmp_path / "queries", rates, keys)
+    written_biases(queries, presented_biases(network, len(keys)))
+    good = {name: np.load(queries / f"{name}.npy") for name in ("biases", "exponents")}
+    for name, wrong, said in (
+        ("biases", good["biases"][:, 1:], "biases.npy is int32 (5, 9), but must be int32 (5, 10)"),
+        ("biases", np.full_like(good["biases"], -4096), "biases.npy holds a value outside -4095..4095"),
+        ("exponents", good["exponents"] + 8, "exponents.npy holds a value outside 0..7"),
+        ("exponents", good["exponents"].astype(np.int64), "exponents.npy is int64 (5,), but must be int32 (5,)"),
+    ):
+        np.save(queries / f"{name}.npy", wrong)
+        ended = board.run(made, "--queries", queries, "--out", tmp_path / "out")
+        assert ended.code == 1
+        assert said in ended.err
+        np.save(queries / f"{name}.npy", good[name])
 
 
 def test_more_neurons_than_a_packet_holds(board: Board, tmp_path: Path) -> None:

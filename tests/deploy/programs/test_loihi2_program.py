@@ -46,6 +46,7 @@ from lava_vpr.deploy.bundle.folder import json_bytes
 from lava_vpr.encoding import draw_spikes, query_rates
 from lava_vpr.engine.inference import bias_input
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
+from lava_vpr.engine.inference.neuron_bias import bias_registers, held_biases
 from lava_vpr.errors import LavaRunError
 from lava_vpr.isolated.runner import run_isolated
 
@@ -210,6 +211,33 @@ def test_the_board_answers_as_the_host(made: dict[str, Path], way: str, tmp_path
     parts = [*["Dense"] * 3, *["LIFReset"] * 2, "LIF" if way == "bias" else "PyToNxAdapter", "NxToPyAdapter"]
     log = (tmp_path / "log").read_text(encoding="utf-8").splitlines()
     assert log == [f"placed {', '.join(sorted(parts))}", f"ran {5 * INTERVAL} steps"]
+
+
+@pytest.mark.parametrize(("way", "chip"), [("injected", False), ("injected", True), ("bias", True)])
+def test_every_query_may_bring_biases(made: dict[str, Path], way: str, chip: bool, tmp_path: Path) -> None:
+    net, (rates, keys) = network(**WAYS[way]), queries()
+    rng = np.random.default_rng(7)
+    wanted = rng.integers(-net.highest_bias, net.highest_bias + 1, (len(keys), net.neurons))
+    wanted[1] = np.minimum(wanted[1], -1) * 40
+    biases = held_biases(wanted)
+    (tmp_path / "queries").mkdir()
+    given = {"rates": rates, "keys": keys, **dict(zip(("biases", "exponents"), bias_registers(biases), strict=True))}
+    for name, array in given.items():
+        np.save(tmp_path / "queries" / f"{name}.npy", array)
+    words = ["--queries", tmp_path / "queries", "--out", tmp_path / "out", "--batch", 2]
+    env = environment(options=asked(tmp_path, log=str(tmp_path / "log"))) if chip else None
+    code, text = program(made[way], *words, *([] if chip else ["--simulate"]), env=env)
+    assert (code, text) == (0, "5 of 5 queries answered")
+    counts, done, _ = answers(tmp_path / "out")
+    expected, _, _ = count_spikes(net, rates, keys, bias=biases)
+    own, _, _ = count_spikes(net, rates, keys)
+    assert done.all()
+    assert np.array_equal(counts, expected)
+    assert not np.array_equal(expected, own)
+    if chip and way == "injected":
+        code, text = program(made[way], *words, "--power", tmp_path / "power.json", env=env)
+        assert code == 1
+        assert "biases of each query interrupt" in text
 
 
 def test_leaves_and_relays_stand_on_the_board(tmp_path: Path) -> None:
