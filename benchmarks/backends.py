@@ -3,7 +3,7 @@
     LAVA_VPR_DATA=... python -m benchmarks.backends [--backend lava-float] [--seed 0]
 
 The fixed-point backends give the host's very counts; the floating-point one runs the same network without truncation.
-Five hundred presentations of 353 steps take some minutes in Lava.
+Five hundred presentations take some minutes in Lava.
 """
 
 from __future__ import annotations
