@@ -20,7 +20,7 @@ from support.lava.small_networks import random_network
 from benchmarks.nordland import SECTIONS, learn, part
 from benchmarks.nordland import encoded as real
 from lava_vpr.backends import registry as backends
-from lava_vpr.backends.interface import Presentations
+from lava_vpr.backends.interface import Presentations, query_presentations
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import draw_trains, query_rates
@@ -278,10 +278,15 @@ def test_a_backend_counts_the_same_events() -> None:
 def test_twenty_real_queries_with_a_bias_on_every_backend(data_root: Path) -> None:
     config = update(preset("loihi"), {"network": {"input_mode": "bias"}})
     model = learn(SECTIONS[0], config)
+    assert isinstance(model.network, FixedNetwork)
     queries = part(real("winter", config.encoder), slice(0, 20))
     names = ("lava-fixed", "lava-fused", "lava-library")
+    host = backends.get("host").trains(model, query_presentations(model, queries))
+    assert host.exc.any(axis=(1, 2)).all()
+    every = sum(int(train.sum()) for train in (host.inputs, host.exc, host.inh) if train is not None)
+    assert every > 0.9 * 20 * config.encoder.query_spikes * model.network.steps  # as many inputs as were asked for
     for verdict in verify(model, queries, np.eye(20, 100, dtype=bool), names=names):
         print(f"{verdict.name}: {verdict.spikes:,} spikes of {verdict.queries} queries compared")
         assert verdict.reason is None
         assert verdict.equal, verdict.mismatch
-        assert verdict.spikes > (400 if verdict.name == "lava-fused" else 100_000)
+        assert verdict.spikes == (host.exc.sum() if verdict.name == "lava-fused" else every)

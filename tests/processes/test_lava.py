@@ -13,7 +13,7 @@ from support.lava.small_networks import random_bias
 
 from benchmarks.nordland import encoded, learn, part
 from lava_vpr.config import preset
-from lava_vpr.encoding import draw_trains, rates16
+from lava_vpr.encoding import draw_trains, query_rates16
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.isolated.runner import run_isolated
@@ -75,10 +75,11 @@ def test_the_trained_network_on_real_queries_equals_lavas_library(data_root: Pat
     config = preset("loihi")
     network = learn((0, 100), config).network
     assert isinstance(network, FixedNetwork)
-    queries = part(encoded("winter", config.encoder), slice(0, 4))
-    rates = rates16(queries.activity, config.encoder.query_spikes)
+    queries = part(encoded("winter", config.encoder), slice(0, 12))
+    rates = query_rates16(queries.activity, config.encoder)
     keys = presentation_keys(0, "query", image_keys(rates))
     counts, _, film = count_spikes(network, rates, keys, raster=True)
-    assert (counts.sum(axis=1) > 10).all()
+    assert counts.any(axis=1).all()
+    assert counts.sum() > 40
     spikes = draw_trains(rates, keys, network.steps, network.interval, regular=network.regular)
     assert np.array_equal(film, through_lava({"real": (network, spikes)})["real"])
