@@ -38,13 +38,13 @@ def test_fit_says_what_each_core_holds(here: Path) -> None:
     text = run("fit", "m.lvpr", "--target", "kapoho-bay").stdout
     assert re.search(ONE_CORE, text), text
     assert re.search(r"│ all +│ 1 of 256 cores +│", text)
-    assert "\n1 of 256 cores, 3 bits a stored weight.\n" in text
+    assert "\n1 of 256 cores, 4 bits a stored weight.\n" in text
     assert re.search(r"The host sends up to [\d.]+ spikes a step to each chip \(limit: 50\)\.", text)
     text = run("fit", "m.lvpr", "--target", "loihi2").stdout
     assert "unknown" in text
     assert "is decided by Intel's compiler" in text
     text = run("fit", "m.lvpr", "--target", "kapoho-bay", "--input-mode", "bias").stdout
-    assert re.search(r"inputs \d+\.\.1567", text)
+    assert re.search(r"inputs \d+\.\.2047", text)
     assert "The host sends no spikes" in text
 
 
@@ -80,9 +80,8 @@ def test_fit_without_a_model_tells_the_largest_map(here: Path) -> None:
 
 
 def test_what_does_not_fit_is_one_line(here: Path) -> None:
-    result = fails("fit", "m.lvpr", "--target", "kapoho-bay", "--weight-bits", 7)
-    assert "cannot take 7 bits a weight of this model" in result.stderr
-    assert re.search(r"use at most --weight-bits \d$", result.stderr.strip())
+    result = fails("fit", "m.lvpr", "--target", "kapoho-bay", "--weight-bits", 8)
+    assert "network.weight_bits is 8, but must be in [1, 7]" in result.stderr
     Path("many.toml").write_text("[encoder]\nquery_spikes = 60.0\n[learning]\nepochs = 1\n")
     run("train", "reference", "-o", "many.lvpr", "--config", "many.toml")
     result = fails("fit", "many.lvpr", "--target", "kapoho-bay")
@@ -196,10 +195,10 @@ DATA = [
     (nothing, f"{DEPLOY}/c", "b/c: the folder "),
     (someone_elses, DEPLOY, "b: "),
     (a_file, DEPLOY, "b: is no folder, and a bundle is one"),
-    (nothing, f"{DEPLOY} --weight-bits 7", "use at most --weight-bits"),
+    (nothing, f"{DEPLOY} --weight-bits 8", "network.weight_bits is 8, but must be in [1, 7]"),
     (nothing, f"{DEPLOY} --calibrate none", "none: cannot be opened"),
     (nothing, f"{DEPLOY} --calibrate query --places 4:99", "query: has 8 images; places 4:99 go beyond"),
-    (nothing, f"{DEPLOY} --calibrate query --weight-bits 7 --max-loss 0.1", "cannot take 7 bits"),
+    (nothing, f"{DEPLOY} --calibrate query --weight-bits 8 --max-loss 0.1", "network.weight_bits is 8, but must be"),
     (nothing, f"{DEPLOY} --calibrate query --prune 0.999 --max-loss 0", "keeps R@1 within 0 of "),
     (nothing, f"{DEPLOY} --calibrate query --json query/place_00001.png", "place_00001.png: is also an input"),
 ]

@@ -277,7 +277,7 @@ def test_rows_turn_dense_only_as_far_as_memory_demands() -> None:
     assert len(free.cores) == 1
     assert not free.cores[0].dense_inputs.any()
     operations, dense = [], []
-    for less in (0, 1, 250, 500, 600):
+    for less in (0, 1, 120, 240, 340):
         board = tiny(synapse_words=-(-(need - less) * 20 // 19), cores=1)
         plan = partition(made, board, rates / 20)
         load = plan.cores[0].load
