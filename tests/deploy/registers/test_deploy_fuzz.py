@@ -139,8 +139,8 @@ def test_every_spike_of_ten_networks_with_leaves_and_relays() -> None:
 
 
 @pytest.mark.slow
-def test_every_spike_of_fifty_random_networks() -> None:
-    spikes, several = simulated(50, 60_000)
+def test_every_spike_of_eighty_random_networks() -> None:
+    spikes, several = simulated(80, 60_000)
     print(spikes, several)
     assert spikes > 1000
     assert several > 10
