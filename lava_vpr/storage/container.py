@@ -128,6 +128,8 @@ _LOCAL_HEADER, _DIRECTORY_ENTRY, _DIRECTORY_END, _DIRECTORY_END_64 = 30, 46, 22,
 """Bytes of an archive's parts without names and extra fields (APPNOTE.TXT 4.3.7, 4.3.12, 4.3.16; 4.3.14 and 4.3.15)."""
 _LOCAL_LENGTHS = struct.Struct("<HH")
 """The end of a local header: bytes of the name and of the extra field."""
+_DIRECTORY_COUNTS = struct.Struct("<HHHH")
+"""In its end: number of this disk, of that with the directory, and how many entries are on this one and on all."""
 _UNSUSPICIOUS = 64 << 20
 """Bytes that a file may unpack to however small it is."""
 _ENTRY = re.compile(r"(header|a\.[a-z0-9_.]{1,60})\.npy")
@@ -215,6 +217,8 @@ def _packed(entries: list[zipfile.ZipInfo], directory: int, data: bytes, start: 
     place += _DIRECTORY_END + (_DIRECTORY_END_64 if directory > zipfile.ZIP64_LIMIT else 0)
     if place != len(data):
         raise ValueError("bytes behind its directory")
+    if _DIRECTORY_COUNTS.unpack_from(data, len(data) - _DIRECTORY_END + 4) != (0, 0, len(entries), len(entries)):
+        raise ValueError(f"a directory of {len(entries)} entries that tells another number")
     return packed
 
 

@@ -47,7 +47,8 @@ def check_encoded_references(references: Sequence[EncodedTraverse], config: Conf
     Returns:
         Images in the whole first traverse, as far as is known.
     Raises:
-        InputError: they are not of these settings, or of different numbers of places, or two are the same place.
+        InputError: they are not of these settings, or of different numbers of places, or two are the same place,
+            or all of them are blank.
     """
     check_references([len(reference) for reference in references])
     views = len(config.views.views)
@@ -65,6 +66,8 @@ def check_encoded_references(references: Sequence[EncodedTraverse], config: Conf
         raise InputError(f"the references have {error}; rename the file") from None
     if len(np.unique(first.indices)) != len(first):
         raise InputError("two references have the same index; give each place once")
+    if not any(reference.activity.any() for reference in references):
+        raise InputError("no input responds to any reference: they are blank; give images that show something")
     seen = int(first.indices.max()) + 1
     if route_images is not None and route_images < seen:
         raise InputError(

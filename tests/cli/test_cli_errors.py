@@ -216,7 +216,7 @@ DATA = [
     (
         overflowing,
         "train ref -o n.lvpr --config bad.toml",
-        "6 neurons are more than the 1 that",
+        "does not fit 0..7; lower network.inhibition",
     ),
     (nothing, "train ref -o n.lvpr --preset paper --input onoff", "takes encoder.kind 'pixels', not 'onoff'"),
     (nothing, "train ref -o n.lvpr --preset paper --stretch 3 --epochs 1", "in one network; use --stretch 0"),

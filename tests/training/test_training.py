@@ -181,10 +181,10 @@ def test_the_conductance_model_refuses_stretches_before_it_learns() -> None:
         train([encoded(inputs=784)], dataclasses.replace(tiny_paper(), stretch=3), progress=stop_after(1))
 
 
-def test_blank_images_learn_nothing_and_say_so() -> None:
+def test_blank_images_are_refused_before_anything_is_learned() -> None:
     blank = dataclasses.replace(encoded(), activity=np.zeros((8, 1568), np.float32))
-    with pytest.raises(ConfigError, match=r"no neuron is driven by its own place; .* and the reference images"):
-        train([blank], small_config())
+    with pytest.raises(InputError, match="no input responds to any reference: they are blank; give images"):
+        train([blank, blank], small_config(), progress=stop_after(1))
 
 
 def test_a_blank_place_stays_unknown_beside_others() -> None:

@@ -129,12 +129,23 @@ def webp_with_exif(image: NDArray[np.uint8], block: bytes) -> bytes:
     return b"RIFF" + struct.pack("<I", len(body)) + body
 
 
-def video(path: Path, frames: int, fps: float = 10.0, size: tuple[int, int] = (64, 48), codec: str = "MJPG") -> Path:
-    """A video, MJPG unless told otherwise, whose frame k is grey of level 3 k."""
+def video(
+    path: Path,
+    frames: int,
+    fps: float = 10.0,
+    size: tuple[int, int] = (64, 48),
+    codec: str = "MJPG",
+    *,
+    marked: bool = False,
+) -> Path:
+    """A video, MJPG unless told otherwise, whose frame k is grey of level 3 k, ``marked`` with a disk of its own."""
     writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*codec), fps, size)
     assert writer.isOpened()
     for k in range(frames):
-        writer.write(np.full((size[1], size[0], 3), 3 * k % 256, dtype=np.uint8))
+        picture = np.full((size[1], size[0], 3), 3 * k % 256, dtype=np.uint8)
+        if marked:
+            cv2.circle(picture, (7 * k % size[0], 11 * k % size[1]), 8, (255, 255, 255), -1)
+        writer.write(picture)
     writer.release()
     return path
 
