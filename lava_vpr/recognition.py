@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.asking import PLAINLY, Asker, Asking, adapted_scores, summed
 from lava_vpr.backends import registry as backends
+from lava_vpr.backends.asking import PLAINLY, Asker, Asking, adapted_scores, summed
 from lava_vpr.backends.interface import Advance, Backend, Events, Presentations, query_presentations
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.encoding import EncodedTraverse, encoded_batches, query_rates

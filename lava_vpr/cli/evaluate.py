@@ -9,8 +9,8 @@ import click
 import numpy as np
 from rich.table import Table
 
-from lava_vpr.asking import Asking
 from lava_vpr.backends import registry as backends
+from lava_vpr.backends.asking import Asking
 from lava_vpr.cli.choose import TruthOptions, open_model, open_queries, truth_options
 from lava_vpr.cli.common import (
     PATH,

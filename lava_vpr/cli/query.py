@@ -11,8 +11,8 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.asking import Asking
 from lava_vpr.backends import registry as backends
+from lava_vpr.backends.asking import Asking
 from lava_vpr.backends.interface import Advance
 from lava_vpr.cli.choose import open_model
 from lava_vpr.cli.common import (
