@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.asking import PLAINLY, Asker, Asking, summed
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.host import HostBackend
-from lava_vpr.backends.interface import Presentations, query_presentations
+from lava_vpr.backends.interface import Presentations
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.trains import Trains
@@ -130,9 +131,9 @@ def compare_counts(
 
 
 def recall_at_1(model: Model, counts: NDArray[np.int32], truth: NDArray[np.bool_]) -> float:
-    """R@1 of the model's default decoder on spike counts (n, neurons)."""
+    """R@1 of the model's default decoder on spike counts (views n, neurons) of the presentations of n queries."""
     name = model.config.decoder.default
-    scores = decode(model, counts, name)
+    scores = decode(model, summed(counts, len(counts) // len(truth)), name)
     return evaluate(scores, confidence(name, scores), truth).recall_at_1
 
 
@@ -142,6 +143,8 @@ def verify(
     truth: NDArray[np.bool_],
     *,
     names: Sequence[str] | None = None,
+    asking: Asking = PLAINLY,
+    further: Sequence[EncodedTraverse] = (),
     seed: int | None = None,
     threads: int = 1,
     begin: Callable[[str], Callable[[int], None] | None] | None = None,
@@ -153,25 +156,28 @@ def verify(
         queries: Encoded with the model's settings.
         truth: bool (n, places), for the recall of float backends.
         names: Backends; the host always comes first.
+        asking: How they are asked, checked (`Asking.check`).
+        further: The queries in the further views in which they are presented (`Asking.of`).
         seed: The seed of the queries' noise; None: the model's.
         threads: Threads of the host engine.
         begin: Told each backend before its run; returns what is told its presentations as they are done.
     Raises:
         InputError: a query without any spike of an excitatory neuron: its comparison would be empty.
     """
-    shown = query_presentations(model, queries, seed)
+    shown = Asker(model, asking, seed).presentations((queries, *further))
+    images = queries.names * asking.views
     host = HostBackend(threads)
     verdicts = []
     trains = None if as_integer(model) is None else host.trains(model, shown)
     counts, _ = host.count_spikes(model, shown)
-    silent = np.flatnonzero(counts.sum(axis=1) == 0)
+    silent = np.flatnonzero(summed(counts, asking.views).sum(axis=1) == 0)
     if len(silent):
         raise InputError(
             f"{queries.names[silent[0]]}: no neuron spikes for this query, so there is nothing to compare "
-            f"({len(silent)} of {len(counts)} such queries); choose others with --places"
+            f"({len(silent)} of {len(queries)} such queries); choose others with --places"
         )
-    spikes = compare(trains, trains, queries.names)[0] if trains else int(counts.sum())
-    reference = Verdict("host", None, True, len(counts), spikes, recall=recall_at_1(model, counts, truth))
+    spikes = compare(trains, trains, images)[0] if trains else int(counts.sum())
+    reference = Verdict("host", None, True, len(queries), spikes, recall=recall_at_1(model, counts, truth))
     for name in BACKENDS if names is None else names:
         if name == "host":
             verdicts.append(reference)
@@ -180,7 +186,7 @@ def verify(
         advance = begin(name) if begin and reason is None else None
         if reason is None:
             try:
-                verdicts.append(_verdict(name, model, shown, trains, queries.names, truth, reference, advance))
+                verdicts.append(_verdict(name, model, shown, trains, images, truth, reference, advance))
                 continue
             except (BackendUnavailableError, ConfigError, NetworkLimitError) as error:
                 reason = str(error)

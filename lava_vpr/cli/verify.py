@@ -9,14 +9,16 @@ from pathlib import Path
 import click
 from rich.table import Table
 
+from lava_vpr.asking import Asking
 from lava_vpr.backends import registry as backends
 from lava_vpr.cli.choose import open_model, open_queries
 from lava_vpr.cli.common import (
     PATH,
     OneSource,
     RegisteredName,
+    asking_options,
     console,
-    encode,
+    encode_in_views,
     every_option,
     places_option,
     print_whole,
@@ -46,6 +48,7 @@ from lava_vpr.verification import verify as verify_spikes
     multiple=True,
     help="Backend to compare with the host (default: all).",
 )
+@asking_options
 @click.option("--seed", type=seed_type, default=None, help="Seed of the queries' spikes (default: the model's).")
 @click.option("--json", "json_path", type=PATH, default=None, metavar="FILE", help="Write the verdicts as JSON.")
 def verify(
@@ -55,6 +58,8 @@ def verify(
     every: float,
     limit: int,
     names: tuple[str, ...],
+    query_views: int,
+    adapt: float | None,
     seed: int | None,
     json_path: Path | None,
 ) -> None:
@@ -64,22 +69,34 @@ def verify(
     own; its recall is printed.
     """
     outputs = Outputs((json_path,), model=model_path, images=(query,))
-    model = open_model(model_path)
+    model, asking = open_model(model_path), Asking(query_views, adapt)
+    asking.check(model)
     for name in names:  # asked for by name: not to run it is an error
         backends.require(name, model)
     traverse = open_queries(model, query, places, every, outputs=outputs)
     # The truth of all queries, then the first of them: fewer queries than places would be refused as not aligned.
     truth = aligned_truth(model, traverse)[:limit]
-    queries = encode(traverse.take(range(min(limit, len(traverse)))), model.config.encoder)
+    first = traverse.take(range(min(limit, len(traverse))))
+    queries, *further = encode_in_views(first, model.config.encoder, asking.of(model))
     chosen = ("host", *(name for name in names if name != "host")) if names else None
     with ExitStack() as bars:
 
         def begin(name: str) -> Callable[[int], None]:
             bars.close()
-            advance = bars.enter_context(progress_bar(f"running {name}", len(queries)))
+            advance = bars.enter_context(progress_bar(f"running {name}", len(queries) * asking.views))
             return lambda done: advance(done, "")
 
-        verdicts = verify_spikes(model, queries, truth, names=chosen, seed=seed, threads=cores(), begin=begin)
+        verdicts = verify_spikes(
+            model,
+            queries,
+            truth,
+            names=chosen,
+            asking=asking,
+            further=further,
+            seed=seed,
+            threads=cores(),
+            begin=begin,
+        )
     if json_path is not None:
         write_json(json_path, {"backends": {verdict.name: verdict.as_json() for verdict in verdicts}})
     print_whole(_table(verdicts))

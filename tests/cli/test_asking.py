@@ -66,6 +66,18 @@ def test_backends_answer_alike_however_queries_are_asked(here: Path, backend: st
     assert told != answered("query", "--query-views", 3)
 
 
+def test_verify_compares_every_spike_however_queries_are_asked(here: Path) -> None:
+    words = ["verify", "m.lvpr", "query", "--limit", 3, "--json", "v.json", "--backend", "bundle"]
+    seen = {}
+    for how in ((), ("--query-views", 3, "--adapt", 2)):
+        run(*words, *how)
+        seen[how] = json.loads(Path("v.json").read_text())["backends"]["bundle"]
+        assert seen[how]["equal"] is True
+        assert seen[how]["queries"] == 3
+    plain, asked = (told["spikes_compared"] for told in seen.values())
+    assert asked > 2 * plain  # every view is
+
+
 def test_eval_shows_adapted_figures_in_rows_of_their_own(here: Path) -> None:
     plain, adapted = figures("query"), figures("query", "--adapt", 5)
     assert plain["adapted"] == {}
