@@ -219,6 +219,11 @@ def _outside_steps(plan: Plan, constants: CostConstants) -> dict[str, Estimate]:
     return components
 
 
+def adaptation_microjoules(plan: Plan, constants: CostConstants) -> Estimate:
+    """Energy of the biases that are written for an adapted query, one register of every excitatory neuron."""
+    return _write_picojoules(plan, constants) * (plan.network.neurons / 1e6)
+
+
 def _write_picojoules(plan: Plan, constants: CostConstants) -> Estimate:
     """Energy of a register that an embedded processor writes: a message, its way, an access and an update."""
     east_west, north_south = entry_hops(plan)

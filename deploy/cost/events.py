@@ -169,13 +169,20 @@ def _bits(trains: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.ascontiguousarray(trains).view(np.uint8)
 
 
-def count_events(plan: Plan, trains: Trains, *, entry: tuple[int, int] | None = None) -> EventCounts:
+def count_events(
+    plan: Plan,
+    trains: Trains,
+    *,
+    entry: tuple[int, int] | None = None,
+    bias: NDArray[np.int32] | None = None,
+) -> EventCounts:
     """Count what the cores of ``plan`` do while these spikes happen.
 
     Args:
         plan: Where the network stands.
         trains: Every spike of exc and inputs, uint8 (n, interval, width); those of inh follow from exc.
         entry: Column and row of the tile from which input spikes are injected; None: tile 0 of the chip they go to.
+        bias: Biases of each presentation, int32 (n, neurons); None: always the network's.
     Raises:
         ValueError: the trains are not those of this network.
     An input compartment whose start membrane and bias are both exactly 0 counts as updated (a start membrane has
@@ -189,7 +196,8 @@ def count_events(plan: Plan, trains: Trains, *, entry: tuple[int, int] | None = 
     counted = np.zeros((*shape, len(KINDS)), np.int64)
     inh = fixed.inhibitory_spikes(network, _bits(exc))
     for query, (spikes, fired, pulled) in enumerate(zip(_bits(inputs), _bits(exc), inh, strict=True)):
-        replayed = membranes(network, spikes, pulled)
+        own = network.bias if bias is None else np.ascontiguousarray(bias[query])
+        replayed, where = membranes(network, spikes, pulled, own), where._replace(biased=(own != 0).astype(np.uint8))
         differ = (replayed.fired != (fired != 0)).any(axis=1)
         if differ.any():
             step = int(differ.argmax())

@@ -67,6 +67,16 @@ def host_milliseconds(plan: Plan, events: EventCounts, constants: CostConstants)
     return by_mode if events.injected else dict(reversed(by_mode.items()))
 
 
+def bias_milliseconds(plan: Plan, constants: CostConstants) -> Estimate:
+    """Time of the biases of an adapted query: packets to each chip, a word a neuron, and what its processor writes."""
+    sizes = counts_on_chips(plan, "exc").values()
+    packets = sum(_packets(size, PACKET_WORDS) for size in sizes)
+    messages = Estimate(packets, packets, sum(sizes))
+    return messages * (constants.host_message.nominal / 1e3) + constants.write_time.estimate * (
+        max(sizes, default=0) / 1e6
+    )
+
+
 def _injected(plan: Plan, events: EventCounts, chips: Sequence[int]) -> tuple[list[float], float]:
     """Spikes of a query that the host sends each of ``chips``, and messages that the busiest makes of its own.
 

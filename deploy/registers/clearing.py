@@ -22,17 +22,22 @@ def rest_steps(network: FixedNetwork) -> int | None:
     return steps
 
 
-def clearing(network: FixedNetwork, board: Board) -> dict[str, Any]:
-    """Which mechanism ``board`` uses for ``network``, and what it costs in a query."""
+def clearing(network: FixedNetwork, board: Board, *, adapted: bool = False) -> dict[str, Any]:
+    """Which mechanism ``board`` uses for ``network``, and what it costs in a query.
+
+    With ``adapted`` each query brings biases, one more register of every excitatory neuron.
+    """
+    bias = network.neurons if adapted else 0
     neurons, inputs = network.neurons, network.inputs if network.bias_input else 0
-    alternative = {"rest_steps_instead": rest_steps(network), "silent_steps": network.silent_steps}
+    alternative: dict[str, Any] = {"bias_writes_per_query": bias} if adapted else {}
+    alternative |= {"rest_steps_instead": rest_steps(network), "silent_steps": network.silent_steps}
     if board.clearing == "reset":
         return {
             "mechanism": "LIFReset",
             "what": "Lava's LIFReset sets u and v of exc and inh to 0 in the first step of each presentation",
             "reset_interval": network.interval,
             "reset_offset": 1,
-            "writes_per_query": 3 * inputs,
+            "writes_per_query": 3 * inputs + bias,
             **alternative,
         }
     return {
@@ -41,6 +46,6 @@ def clearing(network: FixedNetwork, board: Board) -> dict[str, Any]:
         "currents have no memory, and inhibitory neurons and relays are at 0 by then",
         "exc_writes_per_query": neurons,
         "input_writes_per_query": 3 * inputs,
-        "writes_per_query": neurons + 3 * inputs,
+        "writes_per_query": neurons + 3 * inputs + bias,
         **alternative,
     }

@@ -67,6 +67,54 @@ class Workload:
 
 
 @dataclass(frozen=True)
+class AskedOn:
+    """A query on a board, asked in several views or adapted; energies and times modelled, None where there are none.
+
+    Attributes:
+        target: Name of the board.
+        presentations: Of a query, one a view.
+        steps: In all presentations.
+        registers: Registers that are written for a query between presentations.
+        dynamic_microjoules: Dynamic energy, host I/O not included.
+        milliseconds: Time on the chip.
+        io_milliseconds: Time of the host's traffic, apart.
+    """
+
+    target: str
+    presentations: int
+    steps: int
+    registers: int
+    dynamic_microjoules: Estimate | None = None
+    milliseconds: Estimate | None = None
+    io_milliseconds: Estimate | None = None
+
+
+@dataclass(frozen=True)
+class Asked:
+    """Queries asked in several views, or adapted to those before.
+
+    Attributes:
+        views: Views of a query.
+        adapt: Time constant of adaptation in queries; None: not adapted.
+        recall: Figures of the default decoder, not adapted, on these views.
+        adapted: They where the network adapts; None: it does not.
+        events: What the host engine counted, per query.
+        multiply_adds: Of the product of weights and rates that the host forms for a query's biases; 0: not adapted.
+        host_milliseconds: Time of a query's biases on this machine, median; None: not adapted.
+        boards: What a query takes on each board that the network fits.
+    """
+
+    views: int
+    adapt: float | None
+    recall: Metrics
+    adapted: Metrics | None
+    events: dict[str, float]
+    multiply_adds: int
+    host_milliseconds: float | None
+    boards: tuple[AskedOn, ...] = ()
+
+
+@dataclass(frozen=True)
 class Peer:
     """Another matcher on the same images, in the same run.
 
@@ -152,6 +200,7 @@ class Bench:
         constants: Constants of the cost model: objects with name, what, low, nominal, high, unit, source.
         step_times: Times of each step on the targets that have times.
         command: How to repeat the run.
+        asked: Recall and costs with views or adaptation; None: not asked for, or failed.
         failed: What was asked for and could not be done, by stage, with the reason.
     """
 
@@ -168,4 +217,5 @@ class Bench:
     constants: tuple[Any, ...] = ()
     step_times: tuple[StepTimes, ...] = ()
     command: str = ""
+    asked: Asked | None = None
     failed: dict[str, str] = field(default_factory=dict)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import platform
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeVar
@@ -13,12 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr import __version__
+from lava_vpr.asking import PLAINLY, Asking
 from lava_vpr.backends.registry import timed_by_default
+from lava_vpr.bench.measure.asked import asked
 from lava_vpr.bench.measure.timing import measure, measure_encoding
 from lava_vpr.bench.measure.workload import workload
 from lava_vpr.bench.peers import run_peers
 from lava_vpr.bench.query_set import QuerySet
-from lava_vpr.bench.results import Bench, Candidate, Measured, Modelled, Peer, StepTimes, Workload
+from lava_vpr.bench.results import Asked, Bench, Candidate, Measured, Modelled, Peer, StepTimes, Workload
 from lava_vpr.bench.sweep.sweep import BUDGET, sweep
 from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.deploy.boards.constants import Constant, CostConstants
@@ -56,6 +58,7 @@ class Request:
         sweep, peers: Whether to search settings, and to run other matchers.
         limit: Most queries that a backend is timed on; None: by backend.
         seed: The seed of the queries' noise; None: the model's.
+        asking: How queries are asked besides once and plainly.
     """
 
     targets: tuple[str, ...] = field(default_factory=lambda: tuple(BOARDS))
@@ -64,6 +67,7 @@ class Request:
     peers: bool = False
     limit: int | None = None
     seed: int | None = None
+    asking: Asking = PLAINLY
 
 
 @dataclass
@@ -92,6 +96,7 @@ def run(
     truth: NDArray[np.bool_],
     request: Request,
     *,
+    further: Sequence[EncodedTraverse] = (),
     command: str = "",
     begin: Begin = lambda text, parts: lambda done: None,
 ) -> Bench:
@@ -103,6 +108,7 @@ def run(
         images: The query images, encoded with the model's settings.
         truth: bool (queries, places).
         request: What to find out.
+        further: The query images in the further views that it asks for (`Asking.of`).
         command: How to repeat the run, for the report.
         begin: Told what begins.
     Raises:
@@ -131,6 +137,7 @@ def run(
         constants=constants_of(BOARDS.values()),
         step_times=tuple(times for _, times in costs.values() if times is not None),
         command=command,
+        asked=attempts.result("asking", lambda: _asked(queries, further, truth, request, plans, begin), None),
         failed=attempts.failed,
     )
 
@@ -145,6 +152,21 @@ def _recall(queries: QuerySet, truth: NDArray[np.bool_], request: Request) -> Re
         threads=cores(),
         shown=queries.shown,
     )
+
+
+def _asked(
+    queries: QuerySet,
+    further: Sequence[EncodedTraverse],
+    truth: NDArray[np.bool_],
+    request: Request,
+    plans: dict[str, Plan | str],
+    begin: Begin,
+) -> Asked | None:
+    """Recall and costs with views or adaptation, if they were asked for."""
+    if request.asking == PLAINLY:
+        return None
+    begin("asking in views, or adapted", 1)
+    return asked(queries, further, truth, request.asking, plans, COUNTED)
 
 
 def plans_of(model: Model, targets: tuple[str, ...]) -> dict[str, Plan | str]:

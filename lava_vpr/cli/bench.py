@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING
 
 import click
 
+from lava_vpr.asking import Asking
 from lava_vpr.backends import registry as backends
 from lava_vpr.cli.choose import open_model, open_queries, truth_in_order
 from lava_vpr.cli.common import (
     PATH,
     OneSource,
     RegisteredName,
+    asking_options,
     console,
-    encode,
+    encode_in_views,
     every_option,
     places_option,
     print_whole,
@@ -65,6 +67,7 @@ DEFAULT = backends.timed_by_default()
     metavar="N",
     help="Queries that each backend is timed on, from the first (default: all; fewer of slow ones).",
 )
+@asking_options
 @click.option("--seed", type=seed_type, default=None, help="Seed of the queries' spikes (default: the model's).")
 @click.option("--json", "json_path", type=PATH, default=None, metavar="FILE", help="Write the figures as JSON.")
 @click.option("--report", "report_folder", type=PATH, default=None, metavar="DIR", help="Write DIR/bench.html.")
@@ -80,6 +83,8 @@ def bench(
     sweep: bool,
     peers: bool,
     limit: int | None,
+    query_views: int,
+    adapt: float | None,
     seed: int | None,
     json_path: Path | None,
     report_folder: Path | None,
@@ -94,11 +99,13 @@ def bench(
     # The cost model and what it needs take a second to import: --help does not wait for them.
     from lava_vpr.bench.run import Request, run
 
-    model = open_model(model_path)
+    model, asking = open_model(model_path), Asking(query_views, adapt)
+    asking.check(model)
     _refuse(model, model_path, targets, names, sweep)
     traverse = open_queries(model, query, places, every, outputs=outputs)
     truth = truth_in_order(model, traverse)
-    queries = encode(traverse, model.config.encoder, Keep.PATCHES if peers else Keep.NOTHING)
+    kept = Keep.PATCHES if peers else Keep.NOTHING
+    queries, *further = encode_in_views(traverse, model.config.encoder, asking.of(model), kept)
     request = Request(
         targets=tuple(dict.fromkeys(targets)) or tuple(BOARDS),
         backends=tuple(dict.fromkeys(names)) or backends.timed_by_default(),
@@ -106,6 +113,7 @@ def bench(
         peers=peers,
         limit=limit,
         seed=seed,
+        asking=asking,
     )
     with ExitStack() as bars:
 
@@ -114,7 +122,8 @@ def bench(
             advance = bars.enter_context(progress_bar(text, parts))
             return lambda done: advance(done, "")
 
-        results = run(model, traverse, queries, truth, request, command=command_line(ctx), begin=begin)
+        words = command_line(ctx)
+        results = run(model, traverse, queries, truth, request, further=further, command=words, begin=begin)
     _tell(results, json_path, page)
 
 

@@ -51,6 +51,13 @@ if TYPE_CHECKING:
     help="Without MODEL: excitatory neurons for each place (default: 1).",
 )
 @click.option(
+    "--views",
+    type=click.IntRange(1, 99),
+    default=None,
+    metavar="N",
+    help="Without MODEL: sideways views of each place, an odd number, with neurons of their own (default: 1).",
+)
+@click.option(
     "--picture", type=PATH, default=None, metavar="FILE.svg", help="With MODEL: draw the chips and what cores hold."
 )
 @click.option("--json", "json_path", type=PATH, default=None, metavar="FILE", help="Write the figures as JSON.")
@@ -60,18 +67,20 @@ def fit(
     weight_bits: int | None,
     input_mode: str | None,
     neurons_per_place: float | None,
+    views: int | None,
     picture: Path | None,
     json_path: Path | None,
 ) -> None:
     """Say whether MODEL fits a board, and what each core holds; without MODEL, the largest map that fits."""
-    if model is not None and neurons_per_place is not None:
-        raise click.UsageError("--neurons-per-place is for fit without MODEL; a model has its neurons")
+    for name, value in (("--neurons-per-place", neurons_per_place), ("--views", views)):
+        if model is not None and value is not None:
+            raise click.UsageError(f"{name} is for fit without MODEL; a model has its neurons")
     if model is None and picture is not None:
         raise click.UsageError("--picture draws the cores of a model; give MODEL")
     Outputs((json_path, picture), model=model)
     board = BOARDS[target]
     if model is None:
-        _largest(board, weight_bits, input_mode, neurons_per_place, json_path)
+        _largest(board, weight_bits, input_mode, neurons_per_place, views or 1, json_path)
     else:
         _model(board, model, weight_bits, input_mode, picture, json_path)
 
@@ -112,6 +121,7 @@ def _largest(
     weight_bits: int | None,
     input_mode: str | None,
     neurons_per_place: float | None,
+    views: int,
     json_path: Path | None,
 ) -> None:
     """The largest maps that fit the board."""
@@ -119,22 +129,23 @@ def _largest(
 
     chosen = {"weight_bits": weight_bits, "input_mode": input_mode, "neurons_per_place": neurons_per_place}
     changes = {name: value for name, value in chosen.items() if value is not None}
-    config = update(preset("loihi"), {"network": changes})
+    config = update(preset("loihi"), {"network": changes, "views": {"shifts": views}})
     rows = (largest_map.table if weight_bits is None else largest_map.capacities)(config, board)
     if json_path is not None:
         values = [asdict(row) | {"proven": row.proven} for row in rows]
-        write_json(json_path, {"target": board.name, "largest": values})
-    print_whole(_capacities(board, rows))
+        write_json(json_path, {"target": board.name, "views": views, "largest": values})
+    print_whole(_capacities(board, rows, views))
 
 
-def _capacities(board: Board, rows: tuple[Capacity, ...]) -> Table:
+def _capacities(board: Board, rows: tuple[Capacity, ...], views: int) -> Table:
     """The table of the largest maps: for each width of weights and way of counting rows, two networks."""
     notes = (
         "places: with as many weights as real networks have; if every one: every input has a weight to every neuron",
         "sparse: each weight with its index, as public sources count; dense: also rows without indices, which nobody "
         "has shown on a board (unproven)",
     )
-    table = Table(title=f"the largest maps that fit {board.title}", title_justify="left", caption_justify="left")
+    seen = f", each place in {views} views" if views > 1 else ""
+    table = Table(title=f"the largest maps that fit {board.title}{seen}", title_justify="left", caption_justify="left")
     if board.synapse_words is not None:
         table.caption = "\n".join(notes)
     for name in ("bits a weight", "rows", "weights", "places", "neurons", "cores", "if every one"):

@@ -76,8 +76,8 @@ def verify(
     traverse = open_queries(model, query, places, every, outputs=outputs)
     # The truth of all queries, then the first of them: fewer queries than places would be refused as not aligned.
     truth = aligned_truth(model, traverse)[:limit]
-    first = traverse.take(range(min(limit, len(traverse))))
-    queries, *further = encode_in_views(first, model.config.encoder, asking.of(model))
+    compared = traverse.take(range(min(limit, len(traverse))))
+    queries, *further = encode_in_views(compared, model.config.encoder, asking.of(model))
     chosen = ("host", *(name for name in names if name != "host")) if names else None
     with ExitStack() as bars:
 

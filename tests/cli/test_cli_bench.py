@@ -80,6 +80,38 @@ def test_counts_and_recall_are_those_of_the_run(quick: Path) -> None:
     assert text.index("R@1") < text.index("measured here") < text.index("modelled for Kapoho Bay")
 
 
+def test_views_and_adaptation_have_rows_and_costs_of_their_own(quick: Path) -> None:
+    how = ("--query-views", 3, "--adapt", 4)
+    plain, told = written()
+    assert plain["asked"] is None
+    values, text = written(*how)
+    asked = values["asked"]
+    run("eval", "m.lvpr", "query", *how, "--json", "e.json")
+    figures = json.loads(Path("e.json").read_text())
+    assert asked["recall"] == figures["decoders"]["contrast"]
+    assert asked["adapted"] == figures["adapted"]["contrast"]
+    assert (asked["views"], asked["adapt"]) == (3, 4.0)
+    network = model_file.load("m.lvpr").network
+    assert isinstance(network, FixedNetwork)
+    assert asked["multiply_adds"] == network.weights.size
+    assert asked["host_milliseconds"] > 0
+    assert asked["events"]["steps"] == 3 * network.interval
+    board, once = asked["boards"]["kapoho-bay"], plain["modelled"]["kapoho-bay"]
+    assert (board["presentations"], board["steps"]) == (3, 3 * network.interval)
+    # Before each presentation: a membrane and a bias of every neuron.
+    assert board["registers"] == 3 * 2 * PLACES
+    for name in ("dynamic_microjoules", "milliseconds", "io_milliseconds"):
+        assert 2.5 * once[name]["nominal"] < board[name]["nominal"] < 5 * once[name]["nominal"], name
+    other = asked["boards"]["loihi2"]
+    assert (other["registers"], other["dynamic_microjoules"]) == (3 * PLACES, None)
+    assert "contrast, in 3 views, adapted" in text
+    assert "adapted over 4 queries" in text
+    assert "adapted" not in told
+    # Everything else is of queries that are presented once.
+    assert values["modelled"] == plain["modelled"]
+    assert values["recall"] == plain["recall"]
+
+
 def test_boards_without_published_figures_are_counted_only(quick: Path) -> None:
     values, text = written()
     second = values["modelled"]["loihi2"]

@@ -77,6 +77,12 @@ def test_fit_without_a_model_tells_the_largest_map(here: Path) -> None:
     twice = json.loads(Path("d.json").read_text())["largest"][0]
     assert twice["neurons"] == 2 * twice["places"]
     assert twice["places"] < row["places"]
+    text = run("fit", "--target", "kapoho-bay", "--weight-bits", 3, "--views", 3, "--json", "v.json").stdout
+    seen = json.loads(Path("v.json").read_text())
+    assert seen["views"] == 3
+    assert "each place in 3 views" in text
+    assert seen["largest"][0]["neurons"] == 3 * seen["largest"][0]["places"]
+    assert seen["largest"][0]["neurons"] == pytest.approx(row["neurons"], rel=0.1)
 
 
 def test_what_does_not_fit_is_one_line(here: Path) -> None:
@@ -151,6 +157,7 @@ USAGE = [
     ("fit m.lvpr", "Missing option '--target'"),
     ("fit m.lvpr --target loihi1", "'loihi1' is not one of 'kapoho-bay', 'loihi2'"),
     ("fit m.lvpr --target loihi2 --neurons-per-place 2", "--neurons-per-place is for fit without MODEL"),
+    ("fit m.lvpr --target loihi2 --views 3", "--views is for fit without MODEL"),
     ("fit --target loihi2 --picture p.svg", "--picture draws the cores of a model; give MODEL"),
     ("fit --target loihi2 --weight-bits 9", "9 is not in the range 1<=x<=8"),
     ("fit --target loihi2 --input-mode spikes", "'spikes' is not one of 'injected', 'bias'"),

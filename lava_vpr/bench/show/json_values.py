@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lava_vpr.bench.anchors import ANCHORS
-from lava_vpr.bench.results import Bench, Candidate, Measured, Peer
+from lava_vpr.bench.results import Asked, Bench, Candidate, Measured, Peer
 from lava_vpr.deploy.boards.estimate import Estimate
 from lava_vpr.matching.evaluation import Metrics
 
@@ -75,6 +75,7 @@ def as_json(bench: Bench) -> dict[str, Any]:
         "modelled": {name: row.as_json() for name, row in bench.targets.items()},
         "counts": counts(bench),
         "workload": None if bench.workload is None else asdict(bench.workload),
+        "asked": _asked(bench.asked),
         "peers": {row.name: _row(row, metrics="recall") for row in bench.peers} or None,
         "sweep": [_row(row, **_CANDIDATE) for row in bench.sweep] or None,
         "constants": {row.name: _constant(row) for row in bench.constants},
@@ -85,6 +86,19 @@ def as_json(bench: Bench) -> dict[str, Any]:
         "command": bench.command,
     }
     return dict(_plain(values))
+
+
+def _asked(row: Asked | None) -> dict[str, Any] | None:
+    """Queries in views or adapted; None: not asked for."""
+    if row is None:
+        return None
+    values = {item.name: getattr(row, item.name) for item in fields(row)}
+    return values | {
+        "boards": {
+            board.target: {item.name: getattr(board, item.name) for item in fields(board) if item.name != "target"}
+            for board in row.boards
+        }
+    }
 
 
 def assumptions(bench: Bench) -> list[str]:

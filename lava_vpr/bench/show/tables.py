@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from lava_vpr.bench.anchors import ANCHORS
-from lava_vpr.bench.results import Bench, Candidate, Measured, Modelled, Peer, Workload
+from lava_vpr.bench.results import Asked, Bench, Candidate, Measured, Modelled, Peer, Workload
 from lava_vpr.bench.show.json_values import PERCENTILES, counts, percentiles
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.boards.estimate import Estimate
@@ -90,14 +90,41 @@ def figures_of(metrics: Metrics | None) -> tuple[str, ...]:
 
 def recall(bench: Bench) -> Table:
     """What the answers are worth, before what they cost."""
-    model = bench.model
+    model, decoder = bench.model, str(bench.model.get("decoder", "default"))
+    rows = [(decoder, *figures_of(bench.recall))]
+    if bench.asked is not None:
+        views = f", in {bench.asked.views} views" if bench.asked.views > 1 else ""
+        rows += [(decoder + views, *figures_of(bench.asked.recall))] if views else []
+        if bench.asked.adapted is not None:
+            rows.append((f"{decoder}{views}, adapted", *figures_of(bench.asked.adapted)))
     return Table(
         title=f"recall of {bench.images} queries, {model.get('places')} places, percent",
         columns=("decoder", *FIGURES),
-        rows=((str(model.get("decoder", "default")), *figures_of(bench.recall)),),
+        rows=tuple(rows),
         strong=frozenset({0}),
         note="R@100P: the largest recall without a single wrong match. P@100R: precision when every query is answered.",
     )
+
+
+def asked(row: Asked | None) -> Table:
+    """What a query takes that is asked in several views, or adapted."""
+    cells: list[tuple[str, ...]] = []
+    for board in () if row is None else row.boards:
+        title = title_of(board.target)
+        cells.append((f"{title}: presentations", NONE, f"{board.presentations:,}", NONE))
+        cells.append((f"{title}: registers written", NONE, f"{board.registers:,}", NONE))
+        if board.dynamic_microjoules is not None:
+            cells.append(_three(f"{title}: dynamic energy, uJ, modelled", board.dynamic_microjoules))
+            cells.append(_three(f"{title}: time on the chip, ms, modelled", board.milliseconds))
+            cells.append(_three(f"{title}: host I/O, apart, ms, modelled", board.io_milliseconds))
+    if row is not None and row.adapt is not None:
+        cells.append(("this machine: multiply-adds for biases", NONE, f"{row.multiply_adds:,}", NONE))
+        cells.append(("this machine: time of biases, ms, measured", NONE, figure(row.host_milliseconds), NONE))
+    how = "" if row is None else f"in {row.views} views" if row.views > 1 else "in one view"
+    if row is not None and row.adapt is not None:
+        how += f", adapted over {row.adapt:g} queries"
+    note = "Each view is a presentation. All other tables are of queries that are presented once, not adapted."
+    return Table(f"a query {how}", ("what", "low", "nominal", "high"), tuple(cells), note=note)
 
 
 def measured(rows: Sequence[Measured]) -> Table:
@@ -342,10 +369,11 @@ def anchors() -> Table:
 
 def sections(bench: Bench) -> dict[str, tuple[Table, ...]]:
     """All tables that have anything to say, by section, in the terminal's order."""
+    on_board = (modelled(costs) for costs in bench.targets.values() if not costs.unavailable)
     tables_of = {
         "recall": (recall(bench),),
         "measured": (measured(bench.measured), on_boards(bench.measured), timed(bench.measured)),
-        "modelled": (*(modelled(costs) for costs in bench.targets.values() if not costs.unavailable), counted(bench)),
+        "modelled": (*on_board, counted(bench), asked(bench.asked)),
         "workload": () if bench.workload is None else (workload(bench.workload),),
         "peers": (peers(bench.peers),),
         "sweep": (sweep(bench.sweep),),

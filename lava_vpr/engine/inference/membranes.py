@@ -62,13 +62,19 @@ def _replay(
         after[step] = v
 
 
-def membranes(network: FixedNetwork, inputs: NDArray[np.uint8], inh: NDArray[np.uint8]) -> Membranes:
+def membranes(
+    network: FixedNetwork,
+    inputs: NDArray[np.uint8],
+    inh: NDArray[np.uint8],
+    bias: NDArray[np.int32] | None = None,
+) -> Membranes:
     """Membranes and spikes of exc in one presentation, from what reaches them; recorded spikes of exc are not asked.
 
     Args:
         network: The network, checked.
         inputs: Spikes of the inputs, uint8 (interval, inputs).
         inh: Spikes of the inhibitory neurons, the root the last, uint8 (interval, inhibitory).
+        bias: Biases of the neurons in this presentation, int32 (neurons,); None: the network's.
     Raises:
         InputError: spikes of another shape.
     """
@@ -84,7 +90,7 @@ def membranes(network: FixedNetwork, inputs: NDArray[np.uint8], inh: NDArray[np.
     )
     _replay(
         network.weights,
-        network.bias,
+        network.bias if bias is None else bias,
         np.int32(network.threshold << INPUT_SHIFT),
         np.int32(network.lateral),
         np.int32((1 << DECAY_BITS) - network.decay),

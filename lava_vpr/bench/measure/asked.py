@@ -1,0 +1,121 @@
+"""What it brings and costs to ask queries in several views, or adapted to the queries before.
+
+Each view is a presentation. Where the network adapts, the host multiplies weights and rates of each query once, and
+before each presentation a register of every excitatory neuron is written.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.asking import Asker, Asking
+from lava_vpr.backends.host import HostBackend
+from lava_vpr.backends.interface import Presentations
+from lava_vpr.bench.query_set import QuerySet
+from lava_vpr.bench.results import Asked, AskedOn
+from lava_vpr.deploy.boards.estimate import Estimate
+from lava_vpr.deploy.boards.plan import Plan
+from lava_vpr.deploy.cost.costs import adaptation_microjoules, modelled
+from lava_vpr.deploy.cost.events import count_events
+from lava_vpr.deploy.cost.host_traffic import bias_milliseconds
+from lava_vpr.deploy.registers.clearing import clearing
+from lava_vpr.encoding import EncodedTraverse
+from lava_vpr.engine.adaptation import Adaptation
+from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.threads import cores
+from lava_vpr.model import as_integer
+from lava_vpr.recognition import Comparison, recognise
+
+TIMED = 20
+"""Queries whose biases are timed, at most."""
+
+
+def asked(
+    queries: QuerySet,
+    further: Sequence[EncodedTraverse],
+    truth: NDArray[np.bool_],
+    asking: Asking,
+    plans: Mapping[str, Plan | str],
+    most: int,
+) -> Asked:
+    """Recall and costs of ``queries`` that are asked as ``asking`` says.
+
+    Args:
+        queries: The queries, and the model that is asked.
+        further: They in the further views (`Asking.of`).
+        truth: bool (queries, places).
+        asking: How they are asked, checked.
+        plans: Where the network stands on each board, or why it cannot.
+        most: Presentations whose every spike is counted, at most.
+    Raises:
+        LavaVprError: recall cannot be computed.
+    """
+    model, n = queries.model, len(queries)
+    shown = Asker(model, seed=queries.shown.seed).presentations((queries.images, *further))
+    comparison = Comparison(rivals=(), keep_scores=False, asking=asking)
+    result = recognise(model, queries.images, truth, comparison, threads=cores(), shown=shown)
+    integer, milliseconds, products = as_integer(model), None, 0
+    boards: tuple[AskedOn, ...] = ()
+    if integer is not None:
+        network = integer.network
+        if asking.adapt is not None:
+            bias = Adaptation(network, asking.adapt).biases(shown.rates[:n])
+            shown = replace(shown, bias=np.tile(bias, (asking.views, 1)))
+            milliseconds, products = _bias_milliseconds(network, asking.adapt, shown.rates[:n]), network.weights.size
+        boards = _boards(plans, network, asking, queries, _some(shown, n, asking.views, most))
+    _, events = HostBackend(cores()).count_spikes(model, shown)
+    return Asked(
+        views=asking.views,
+        adapt=asking.adapt,
+        recall=result.metrics[result.default],
+        adapted=result.adapted.get(result.default),
+        events={name: value / max(1, n) for name, value in events.items()},
+        multiply_adds=products,
+        host_milliseconds=milliseconds,
+        boards=boards,
+    )
+
+
+def _bias_milliseconds(network: FixedNetwork, tau: float, rates: NDArray[np.uint16]) -> float | None:
+    """The median time of a query's biases on this machine; None: there is no query."""
+    adaptation, taken = Adaptation(network, tau), []
+    for i in range(min(TIMED, len(rates))):
+        began = time.perf_counter()
+        adaptation.biases(rates[i : i + 1])
+        taken.append(1e3 * (time.perf_counter() - began))
+    return float(np.median(taken)) if taken else None
+
+
+def _some(shown: Presentations, n: int, views: int, most: int) -> Presentations:
+    """At most ``most`` presentations, or those of one query: all views of queries, of ``n``, that are evenly spread."""
+    some = np.unique(np.linspace(0, max(0, n - 1), min(n, max(1, most // views))).round().astype(np.int64))
+    chosen = np.concatenate([some + view * n for view in range(views)])
+    return shown.part(chosen)
+
+
+def _boards(
+    plans: Mapping[str, Plan | str], network: FixedNetwork, asking: Asking, queries: QuerySet, shown: Presentations
+) -> tuple[AskedOn, ...]:
+    """What a query takes on each board that the network fits."""
+    rows, trains = [], HostBackend(cores()).trains(queries.model, shown)
+    for name, plan in plans.items():
+        if isinstance(plan, str):
+            continue
+        adapted = asking.adapt is not None
+        writes = asking.views * clearing(network, plan.board, adapted=adapted)["writes_per_query"]
+        costs, constants = modelled(plan, count_events(plan, trains, bias=shown.bias)), plan.board.constants
+        row = AskedOn(name, asking.views, asking.views * costs.steps, writes)
+        energy, chip, traffic = costs.dynamic_microjoules, costs.milliseconds, costs.io_milliseconds
+        if constants is not None and energy is not None and chip is not None and traffic is not None:
+            nothing = Estimate(0.0, 0.0, 0.0)
+            energy = energy + (adaptation_microjoules(plan, constants) if adapted else nothing)
+            traffic = traffic + (bias_milliseconds(plan, constants) if adapted else nothing)
+            in_all = (part * asking.views for part in (energy, chip, traffic))
+            row = AskedOn(name, asking.views, asking.views * costs.steps, writes, *in_all)
+        rows.append(row)
+    return tuple(rows)
