@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.asking import PLAINLY, Asker, Asking, summed
 from lava_vpr.backends import registry as backends
+from lava_vpr.backends.asking import PLAINLY, Asker, Asking, summed
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Presentations
 from lava_vpr.backends.registry import BACKENDS

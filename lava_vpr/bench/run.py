@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr import __version__
-from lava_vpr.asking import PLAINLY, Asking
+from lava_vpr.backends.asking import PLAINLY, Asking
 from lava_vpr.backends.registry import timed_by_default
 from lava_vpr.bench.measure.asked import asked
 from lava_vpr.bench.measure.timing import measure, measure_encoding

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from lava_vpr.asking import Asking
 from lava_vpr.backends import registry as backends
+from lava_vpr.backends.asking import Asking
 from lava_vpr.cli.choose import open_model, open_queries, truth_in_order
 from lava_vpr.cli.common import (
     PATH,

@@ -9,8 +9,8 @@ from pathlib import Path
 import click
 from rich.table import Table
 
-from lava_vpr.asking import Asking
 from lava_vpr.backends import registry as backends
+from lava_vpr.backends.asking import Asking
 from lava_vpr.cli.choose import open_model, open_queries
 from lava_vpr.cli.common import (
     PATH,

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.asking import Asker, Asking
+from lava_vpr.backends.asking import Asker, Asking
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Presentations
 from lava_vpr.bench.query_set import QuerySet
