@@ -33,7 +33,8 @@ not lava-vpr.
     export KAPOHOBAY=1                         NxSDK looks for this board then
     python program/run.py --check              everything but the board: the files, NxSDK, its version
     python program/run.py --self-test          the reference images; counts must equal host/responses.npy
-    python program/run.py --queries Q --out R  Q/rates.npy and Q/keys.npy in, R/counts.npy out
+    python program/run.py --queries Q --out R  Q/rates.npy and Q/keys.npy in, R/counts.npy out; Q/biases.npy and
+                                               Q/exponents.npy, if there are: biases of each query
     .. --power P                               P, JSON: power in mW and time of a step, idle subtracted
 
 With lava-vpr on the same machine, images go in and places come out:
@@ -49,7 +50,8 @@ temporary folder and their paths must be short: if TMPDIR has over 59 characters
     python program/run.py --check                 everything but the board
     python program/run.py --simulate --self-test  Lava's bit-accurate simulation, no board
     python program/run.py --self-test             the reference images; counts must equal host/responses.npy
-    python program/run.py --queries Q --out R     Q/rates.npy and Q/keys.npy in, R/counts.npy out
+    python program/run.py --queries Q --out R     Q/rates.npy and Q/keys.npy in, R/counts.npy out; Q/biases.npy
+                                                  and Q/exponents.npy, if there are: biases of each query
     .. --power P                                  P, JSON: power in mW and time of a step, idle subtracted
 
 With lava-vpr on the same machine, images go in and places come out:
