@@ -23,7 +23,8 @@ DECODERS = ["standard", "weighted", "probability", "weighted_probability", "cont
 
 def test_the_json_has_these_keys_in_this_order(here: Path) -> None:
     values = figures("query")
-    assert list(values) == ["places", "queries", "network", "default_decoder", "decoders", "baselines"]
+    assert list(values) == ["places", "queries", "network", "default_decoder", "decoders", "baselines", "adapted"]
+    assert values["adapted"] == {}
     assert (values["places"], values["queries"], values["default_decoder"]) == (8, 8, "contrast")
     assert values["network"] == {"neurons": 8, "weight_bits": 3, "steps": 256}
     assert list(values["decoders"]) == DECODERS
@@ -219,12 +220,12 @@ def test_a_blank_image_matches_no_place(here: Path) -> None:
 
 def test_a_backend_that_was_named_and_could_not_run_is_a_failure(here: Path) -> None:
     """It is found out only when the network is shown to it; those that nobody named are merely told of."""
-    quick = ["--epochs", "1", "--weight-bits", "7", "-o", "seven.lvpr"]
-    run("train", "reference", *quick)
-    words = ["verify", "seven.lvpr", "query", "--limit", "2", "--backend", "bundle", "--json", "v.json"]
+    Path("many.toml").write_text("[encoder]\nquery_spikes = 60.0\n[learning]\nepochs = 1\n")
+    run("train", "reference", "--config", "many.toml", "-o", "many.lvpr")
+    words = ["verify", "many.lvpr", "query", "--limit", "2", "--backend", "bundle", "--json", "v.json"]
     done = CliRunner().invoke(main, words)
     assert done.exit_code == 1
-    assert "weights of 7 bits need their sum shifted right" in " ".join(done.stdout.split())
+    assert "takes 50 a chip; lower encoder.query_spikes to" in " ".join(done.stdout.split())
     assert done.stderr.splitlines()[-1] == (
         "lava-vpr: error: bundle: was not compared; see above, or choose another --backend"
     )
