@@ -56,9 +56,9 @@ class Population:
 
     @property
     def bias(self) -> NDArray[np.int64]:
-        """Bias of each neuron in units of v, int64 (1 or presentations, neurons)."""
-        values = np.atleast_2d(bias_of(self.bias_mant, self.bias_exp))
-        return np.broadcast_to(values, (len(values), self.size)).copy()
+        """Bias of each neuron in units of v, int64 (neurons,), or (presentations, neurons)."""
+        values = bias_of(self.bias_mant, self.bias_exp)
+        return np.broadcast_to(values, (*values.shape[:-1], self.size)).copy()
 
     def check(self, name: str) -> None:
         """Refuse what the registers cannot hold.
@@ -168,7 +168,7 @@ class _State:
         self.u, self.v, self.held = np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros(n, np.int32)
         self.threshold = population.threshold.astype(np.int32)
         self.drive = np.zeros(n, np.int64)
-        self.biases, self.constants = population.bias, population.parameters.constants
+        self.biases, self.constants = np.atleast_2d(population.bias), population.parameters.constants
         self.bias = self.biases[0]
         self.fired, self.before = np.zeros(n, bool), np.zeros(n, bool)
         self.spikes = np.zeros((steps, n), bool)
