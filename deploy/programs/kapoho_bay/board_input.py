@@ -4,9 +4,8 @@ from typing import Optional
 
 import numpy as np
 
-import input_draws
 from board_network import Network
-from input_draws import draw_spikes, phases, regular_spikes
+from input_draws import biases, draw_spikes, phases, regular_spikes
 from refusals import Refused
 
 LEVEL = 8000 << 6  # threshold of input compartments, in units of the membrane
@@ -19,13 +18,13 @@ class Query:
         Refused: more input spikes in a step than the host can send a chip.
     """
 
-    def __init__(self, network: Network, number: int, rates: np.ndarray, key: int, biases: Optional[tuple]) -> None:
+    def __init__(self, network: Network, number: int, rates: np.ndarray, key: int, given: Optional[tuple]) -> None:
         self.spikes, self.settings, self.biases, self.chips = {}, {}, {}, network.chips  # type: dict, dict, dict, list
-        if biases is not None:
-            words = biases[0][number] * 8 + biases[1][number]
+        if given is not None:  # mantissas and exponents of all queries
+            words = given[0][number] * 8 + given[1][number]
             self.biases = {chip: words[network.exc[:, 0] == chip] for chip in network.chips}
         if network.bias_input:
-            (mantissa, exponent), membrane = input_draws.biases(rates, LEVEL), phases(key, network.inputs, LEVEL)
+            (mantissa, exponent), membrane = biases(rates, LEVEL), phases(key, network.inputs, LEVEL)
             words = np.stack([mantissa | exponent << 12, membrane], axis=1)
             self.settings = {chip: words[network.sources[:, 0] == chip] for chip in network.chips}
             return
