@@ -313,11 +313,11 @@ def _loihi() -> Config:
 
 
 def _fast() -> Config:
-    """The default's learning, and queries in half the steps with fewer inputs."""
+    """The default's learning, and queries in half the steps with fewer spikes from fewer inputs."""
     return Config(
         preset="fast",
-        encoder=EncoderConfig(query_spikes=20.0, query_inputs=330),
-        network=LifNetwork(steps=32, threshold=1.0, inhibition=0.33),
+        encoder=EncoderConfig(query_spikes=12.0, query_inputs=420),
+        network=LifNetwork(steps=32, threshold=0.5, inhibition=0.67, tau_membrane=20.0),
     )
 
 

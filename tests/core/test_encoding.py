@@ -15,6 +15,7 @@ from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse, encoded_ba
 from lava_vpr.errors import InputError
 from lava_vpr.images.videos import video_frames
 from lava_vpr.inputs.patches import patch_normalised
+from lava_vpr.inputs.views import STRAIGHT
 from lava_vpr.recognition import Comparison, recognise
 from lava_vpr.report.build import report_data
 from lava_vpr.training import train
@@ -56,7 +57,8 @@ def test_what_is_kept_is_what_was_asked_for(traverse: Traverse, kind: str, keep:
 
 @pytest.mark.parametrize("size", [1, 2, 3, IMAGES - 1, IMAGES, IMAGES + 1, 100])
 def test_batches_are_the_whole(traverse: Traverse, size: int) -> None:
-    whole, batches = encode_traverse(traverse, EncoderConfig()), list(encoded_batches(traverse, EncoderConfig(), size))
+    whole = encode_traverse(traverse, EncoderConfig())
+    batches = [batch for (batch,) in encoded_batches(traverse, EncoderConfig(), (STRAIGHT,), size)]
     assert [len(batch) for batch in batches] == [min(size, IMAGES - start) for start in range(0, IMAGES, size)]
     assert sum((batch.names for batch in batches), ()) == whole.names
     np.testing.assert_array_equal(np.concatenate([batch.indices for batch in batches]), np.arange(3, IMAGES + 3))
@@ -71,7 +73,7 @@ def test_batches_of_a_video_are_decoded_in_one_pass(tmp_path: Path, monkeypatch:
     video = open_traverse(tmp_path / "drive.avi", every=0.1).between(2, 11)
     whole, passes = encode_traverse(video, EncoderConfig()), []
     monkeypatch.setattr(traverses, "video_frames", lambda *given: passes.append(given) or video_frames(*given))
-    batches = list(encoded_batches(video, EncoderConfig(), 4))
+    batches = [batch for (batch,) in encoded_batches(video, EncoderConfig(), (STRAIGHT,), 4)]
     assert [batch.names for batch in batches] == [whole.names[:4], whole.names[4:8], whole.names[8:]]
     np.testing.assert_array_equal(np.concatenate([batch.activity for batch in batches]), whole.activity)
     assert len(np.unique(whole.activity, axis=0)) == 9
@@ -80,8 +82,8 @@ def test_batches_of_a_video_are_decoded_in_one_pass(tmp_path: Path, monkeypatch:
 
 def test_a_batch_is_encoded_when_it_is_asked_for(traverse: Traverse) -> None:
     missing = Traverse("list", traverse.indices, (*traverse.paths[:4], "missing.png", *traverse.paths[5:]))
-    batches = encoded_batches(missing, EncoderConfig(), 2)
-    assert [next(batches).names, next(batches).names] == [traverse.names[:2], traverse.names[2:4]]
+    batches = encoded_batches(missing, EncoderConfig(), (STRAIGHT,), 2)
+    assert [next(batches)[0].names, next(batches)[0].names] == [traverse.names[:2], traverse.names[2:4]]
     with pytest.raises(InputError, match=r"missing\.png"):
         next(batches)
 

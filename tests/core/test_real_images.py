@@ -15,6 +15,7 @@ from lava_vpr.config import preset
 from lava_vpr.encoding import Keep, encode_traverse, encoded_batches
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.threads import cores
+from lava_vpr.inputs.views import STRAIGHT
 from lava_vpr.matching.baselines import sad_distances
 from lava_vpr.matching.evaluation import Metrics, evaluate
 from lava_vpr.matching.matchers import confidence
@@ -78,8 +79,8 @@ def test_an_images_answer_is_its_own(kind: str) -> None:
     reverse = encode_traverse(whole.take(range(n)[::-1]), config.encoder)
     np.testing.assert_array_equal(count_query_spikes(model, reverse)[0], counts[::-1])
     for size in (7, 64):
-        batches = encoded_batches(whole.take(range(n)), config.encoder, size)
-        parts = [count_query_spikes(model, batch, threads=2)[0] for batch in batches]
+        batches = encoded_batches(whole.take(range(n)), config.encoder, (STRAIGHT,), size)
+        parts = [count_query_spikes(model, batch, threads=2)[0] for (batch,) in batches]
         np.testing.assert_array_equal(np.concatenate(parts), counts)
 
 
