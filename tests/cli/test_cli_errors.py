@@ -242,7 +242,7 @@ DATA = [
     (nothing, "eval m.lvpr query --json m.lvpr", "m.lvpr: is also an input, which would be replaced"),
     (conflicting_presets, "train ref -o n.lvpr --preset paper --config bad.toml", "give one of them"),
     (endless_theta, "train ref -o n.lvpr --config bad.toml", "learning.tau_theta_ms is inf"),
-    (nothing, "train ref -o n.lvpr --neurons 100000", "100,000 neurons are more than the"),
+    (nothing, "train ref -o n.lvpr --neurons 100000 --stretch 1", "a model of 6 places and 600,000 neurons takes"),
     (nothing, "eval m.lvpr query --gt none.txt", "none.txt: "),
     (garbled_gt, "eval m.lvpr query --gt gt.txt", "gt.txt line 2: 'two' is no index"),
     (gt_of_nobody, "eval m.lvpr query --gt gt.json", "gt.json: "),
