@@ -19,7 +19,7 @@ from lava_vpr.bench.results import Candidate
 from lava_vpr.bench.sweep.early_stopping import leads, stops
 from lava_vpr.bench.sweep.points import Case, Run, configured, current, fast_settings, figures, runs_of
 from lava_vpr.bench.sweep.sweep import FAST, MODEL, on_front, sweep
-from lava_vpr.config import LifNetwork
+from lava_vpr.config import LifNetwork, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.boards.constants import LOIHI_1
