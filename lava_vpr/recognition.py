@@ -219,6 +219,7 @@ def recognise(
             default_answers = answers
         if comparison.keep_scores and (name == default or name not in DECODERS):
             kept[name] = matrix
+        del scores, matrix  # before the next are made
     adapted = {}
     for name, scores in _adapted_matchers(model, queries, shown, comparison, backend, threads, advance):
         matrix, answers = _answers(name, scores, comparison.sequence)
