@@ -55,6 +55,18 @@ console = Console(highlight=False, width=120)
 Views = tuple[EncodedTraverse, ...]
 
 
+def folder_of(dataset: str) -> Path:
+    """The folder of a dataset.
+
+    Raises:
+        InputError: LAVA_VPR_DATA does not name it.
+    """
+    root = Path(os.environ.get("LAVA_VPR_DATA", "")) / "data" / dataset
+    if not root.is_dir():
+        raise InputError(f"{root}: no images; set LAVA_VPR_DATA to the folder that holds data/{dataset}")
+    return root
+
+
 @lru_cache(maxsize=24)
 def images(dataset: str, which: int, encoder: EncoderConfig, views: ViewsConfig = ViewsConfig()) -> Views:  # noqa: B008
     """References (0) or queries (1) of a dataset in each view, all that settings of queries leave as it is.
@@ -62,10 +74,7 @@ def images(dataset: str, which: int, encoder: EncoderConfig, views: ViewsConfig 
     Raises:
         InputError: LAVA_VPR_DATA does not name them.
     """
-    root = Path(os.environ.get("LAVA_VPR_DATA", "")) / "data" / dataset
-    if not root.is_dir():
-        raise InputError(f"{root}: no images; set LAVA_VPR_DATA to the folder that holds data/{dataset}")
-    return encode_views(open_traverse(root / FOLDERS[dataset][which]), encoder, views.views, Keep.ALL)
+    return encode_views(open_traverse(folder_of(dataset) / FOLDERS[dataset][which]), encoder, views.views, Keep.ALL)
 
 
 def of_pixels(encoder: EncoderConfig) -> EncoderConfig:

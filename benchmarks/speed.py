@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.nordland import encoded, folder, learn, part
-from benchmarks.versions import beside
+from benchmarks.versions.beside import beside
 from lava_vpr.config import preset
 from lava_vpr.encoding import activity_of, query_rates
 from lava_vpr.engine.inference import fixed

@@ -16,15 +16,15 @@ from pathlib import Path
 
 from rich.table import Table
 
-from benchmarks.versions_worker import Case
+from benchmarks.versions.worker import Case
 from lava_vpr.config import preset
 from lava_vpr.configfile import to_dict
 from lava_vpr.engine.inference.fixed import silent_steps
 from lava_vpr.errors import InputError
 from lava_vpr.gate import integer_config
 
-ROOT = Path(__file__).resolve().parents[1]
-SCRIPT = Path(__file__).with_name("versions_worker.py")
+ROOT = Path(__file__).resolve().parents[2]
+SCRIPT = Path(__file__).with_name("worker.py")
 
 
 def cases() -> list[Case]:

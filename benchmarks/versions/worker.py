@@ -1,4 +1,4 @@
-"""Times the host engine of a checkout when it is told to: python versions_worker.py CASES (`benchmarks.versions`).
+"""Times the host engine of a checkout when it is told to: python worker.py CASES (`benchmarks.versions.beside`).
 
 It runs in the Python of this checkout or of an older one, whose folder is on its path, and asks only for what both
 have. A line with the number of a case is read, and what it took is printed as JSON.

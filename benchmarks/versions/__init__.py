@@ -1,0 +1,1 @@
+"""The host engine of this checkout beside that of another."""
