@@ -2,8 +2,8 @@
 
     LAVA_VPR_DATA=... python -m benchmarks.learning_pays [--seeds 0,1,2]
 
-Templates are the mean rates of what a place's references show, by their labels; STDP sees no label: a neuron learns what
-makes it spike, and the responses to all references label it afterwards. Real scenarios are three Nordland sections
+Templates are the mean rates of what a place's references show, by their labels; STDP sees no label: a neuron learns
+what makes it spike, and the responses to all references label it afterwards. Real scenarios are three Nordland sections
 (200:500, on which no setting was chosen), synthetic ones the built-in world in four conditions. ``cosine`` compares a
 query's rates with those of every reference, under its label.
 """
@@ -234,7 +234,9 @@ def _learned_from(result: Recognition, queries: EncodedTraverse, first: EncodedT
 
 def print_drift(config: Config, seeds: Sequence[int]) -> None:
     """Print what learning from the network's own surest answers brings, drive after drive."""
-    table = Table(title="synthetic drives one after another, learned in summer: R@1 / R@100P / AUC", title_justify="left")
+    table = Table(
+        title="synthetic drives one after another, learned in summer: R@1 / R@100P / AUC", title_justify="left"
+    )
     for column in ("", "rain", "night", "winter"):
         table.add_column(column)
     for name, learning in LEARNERS.items():

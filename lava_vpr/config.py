@@ -52,7 +52,7 @@ class LifNetwork:
     model: Literal["lif"] = "lif"
     neurons: int = 0
     neurons_per_place: float = 1.0
-    steps: int = 64
+    steps: int = 128
     signed: bool = True
     weight_bits: int = 3
     prune: float = 0.0
@@ -127,9 +127,9 @@ class StdpLearning:
     eta: float = 0.1
     tau_trace: float = 20.0
     x_target: float = 0.9
-    consolidation_eta: float = 0.012
+    consolidation_eta: float = 0.03
     consolidation_tau_trace: float = 10.0
-    consolidation_x_target: float = 0.6
+    consolidation_x_target: float = 0.0
     w_max: float = 2.0
     mu: float = 0.0
     threshold: float = 10.0
@@ -312,12 +312,21 @@ def _loihi() -> Config:
     return Config()
 
 
-def _fast() -> Config:
+def _balanced() -> Config:
     """The default's learning, and queries in half the steps with fewer spikes from fewer inputs."""
     return Config(
+        preset="balanced",
+        encoder=EncoderConfig(query_spikes=16.0, query_inputs=420),
+        network=LifNetwork(steps=64, threshold=0.7),
+    )
+
+
+def _fast() -> Config:
+    """The default's learning, and queries in a quarter of the steps, with coarser weights."""
+    return Config(
         preset="fast",
-        encoder=EncoderConfig(query_spikes=12.0, query_inputs=420),
-        network=LifNetwork(steps=32, threshold=0.5, inhibition=0.67, tau_membrane=20.0),
+        encoder=EncoderConfig(query_spikes=16.0, query_inputs=420),
+        network=LifNetwork(steps=32, weight_bits=2, threshold=0.35, tau_membrane=20.0),
     )
 
 
@@ -332,7 +341,12 @@ def _paper() -> Config:
     )
 
 
-PRESETS: dict[str, typing.Callable[[], Config]] = {"loihi": _loihi, "fast": _fast, "paper": _paper}
+PRESETS: dict[str, typing.Callable[[], Config]] = {
+    "loihi": _loihi,
+    "balanced": _balanced,
+    "fast": _fast,
+    "paper": _paper,
+}
 
 
 def preset(name: str) -> Config:

@@ -45,8 +45,8 @@ from lava_vpr.traverse import open_traverses
     "preset_name",
     type=click.Choice(list(PRESETS)),
     default=None,
-    help="loihi: integer network for the chip (default); fast: the same with the least energy and time; "
-    "paper: VPRSNN's conductance model.",
+    help="loihi: integer network for the chip (default); balanced, fast: the same with half and a quarter of the "
+    "steps, and less energy; paper: VPRSNN's conductance model.",
 )
 @click.option("--config", "config_file", type=PATH, default=None, metavar="FILE", help="Settings in TOML.")
 @places_option("Images A..B-1 of each REFERENCE (default: all).")

@@ -18,7 +18,7 @@ from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Measured
 
 STEPS = 400
-SMALL = 64  # steps of a presentation of the small model
+SMALL = 128  # steps of a presentation of the small model
 
 
 @pytest.fixture
@@ -45,7 +45,7 @@ def on_loihi2(bench: pytest.MonkeyPatch, options: Path | None = None) -> Measure
 
 def test_kapoho_bay(bench: pytest.MonkeyPatch) -> None:
     found = on_kapoho_bay(bench)
-    steps = 2 + 9 * SMALL  # three queries, repeated until there are enough; the program runs two more
+    steps = 2 + 6 * SMALL  # three queries, repeated until there are enough; the program runs two more
     assert found.absent == ""
     assert found.board == {
         "steps": steps,
@@ -64,14 +64,14 @@ def test_kapoho_bay(bench: pytest.MonkeyPatch) -> None:
 def test_a_board_without_sensors(bench: pytest.MonkeyPatch) -> None:
     found = on_kapoho_bay(bench, sensors=False)
     assert found.absent.startswith("NxSDK measured no power (")
-    assert found.absent.endswith("the board may have no sensors (9 of 9 queries answered)")
+    assert found.absent.endswith("the board may have no sensors (6 of 6 queries answered)")
     assert found.board is None
 
 
 def test_loihi_2(bench: pytest.MonkeyPatch) -> None:
     found = on_loihi2(bench)
     assert found.absent == ""
-    assert found.board["steps"] == 9 * SMALL
+    assert found.board["steps"] == 6 * SMALL
     assert found.board["dynamic_milliwatts"] == pytest.approx(250)
     assert found.board["dynamic_microjoules_per_query"] == pytest.approx(250e-3 * SMALL * 8.0)
 

@@ -131,7 +131,7 @@ def test_memory_and_time_of_a_simulation_are_bounded(
     model: Model, board: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     deploy(model, BOARDS[board], tmp_path / "b", picture=False)
-    used, shown, one = open_bundle(tmp_path / "b"), three(model, 3), 64 * (8 + 1 + 1568)
+    used, shown, one = open_bundle(tmp_path / "b"), three(model, 3), 128 * (8 + 1 + 1568)
     expected, _ = HostBackend().count_spikes(model, shown)
     seen: list[int] = []
     monkeypatch.setenv("LAVA_VPR_MAX_SIMULATION_BYTES", str(2 * one))
@@ -144,12 +144,12 @@ def test_memory_and_time_of_a_simulation_are_bounded(
         backends.get("bundle").trains(used, shown)
     monkeypatch.setenv("LAVA_VPR_MAX_SIMULATION_BYTES", str(2 * one - 1))
     said = (
-        r"^to simulate a query of 61 steps to 8 neurons takes .*; if the file is sound, set .*, or run it on --backend"
+        r"^to simulate a query of 125 steps to 8 neurons takes .*; if the file is sound, set .*, or run it on --backend"
     )
     with pytest.raises(NetworkLimitError, match=said):
         backends.get("bundle").count_spikes(used, shown)
     monkeypatch.delenv("LAVA_VPR_MAX_SIMULATION_BYTES")
-    monkeypatch.setenv("LAVA_VPR_MAX_SIMULATION_OPERATIONS", str(64 * (8 * (1568 + 2) + 1568) - 1))
+    monkeypatch.setenv("LAVA_VPR_MAX_SIMULATION_OPERATIONS", str(128 * (8 * (1568 + 2) + 1568) - 1))
     with pytest.raises(NetworkLimitError, match=said):
         backends.get("bundle").count_spikes(used, shown)
 

@@ -143,8 +143,8 @@ FORGED: list[tuple[str, Forge, str]] = [
     ("loihi", key("config", "network", "trains", value="poisson"), "regular 1 where the settings say 0"),
     ("loihi", key("config", "network", "signed", value=False), "signed 1 where the settings say 0"),
     *(("loihi", key("config", "network", "signed", value=v), "network.signed") for v in (0, 1, "true", None)),
-    ("loihi", key("config", "network", "steps", value=32), "presentations of steps 64 where the settings say 32"),
-    ("references", key("config", "network", "steps", value=32), "presentations of steps 64 where the settings say 32"),
+    ("loihi", key("config", "network", "steps", value=32), "presentations of steps 128 where the settings say 32"),
+    ("references", key("config", "network", "steps", value=32), "presentations of steps 128 where the settings say 32"),
     ("loihi", key("config", "network", "steps", value=61), "network.steps is 61, but must be a power of two"),
     # the integer network
     *(("loihi", key("fixed", value=v), "fixed") for v in (5, {}, [], {"bits": 3}, DEEP)),
@@ -187,7 +187,7 @@ FORGED: list[tuple[str, Forge, str]] = [
     # the other arrays
     *(("loihi", first("activity", v), "activity with values") for v in (np.nan, np.inf, -1)),
     *(("loihi", first("learned", v), "learned with values") for v in (np.nan, np.inf, -1)),
-    *(("loihi", first("responses", v), "responses with values") for v in (-1, 65)),
+    *(("loihi", first("responses", v), "responses with values") for v in (-1, 129)),
     ("loihi", instead("place_indices", np.zeros(8, np.int64)), "place_indices of which two are equal"),
     ("loihi", first("place_indices", -1), "place_indices with values"),
     ("loihi", instead("labels", np.zeros(8, np.int64)), "labels that are not the places"),
@@ -225,7 +225,7 @@ def test_what_training_writes_is_taken(kind: str) -> None:
 
 
 def test_what_a_query_costs_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name, amount in (("presentation_operations", 64 * 8 * 21), ("presentation_bytes", 4 * 64 * 20 + 40 * 1576)):
+    for name, amount in (("presentation_operations", 128 * 8 * 21), ("presentation_bytes", 4 * 128 * 20 + 40 * 1576)):
         monkeypatch.setenv(variable(name), str(amount))
         assert assembled("loihi", lambda header, arrays: None).places == 8
         monkeypatch.setenv(variable(name), str(amount - 1))
