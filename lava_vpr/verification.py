@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -53,8 +53,8 @@ class Verdict:
         reason: Why it cannot run here; None if it did.
         equal: Whether every spike equals the host's; None for a float backend.
         queries: Number of queries that were compared.
-        spikes: Spikes of the host that were compared, in every population that the backend has (and every step
-            without one).
+        compared: Spikes of the host that were compared (and every step without one), by population; those that the
+            backend has.
         differing: (step, neuron) pairs in which spikes differ.
         mismatch: The first spike that differs.
         recall: R@1 of the default decoder on these queries.
@@ -64,10 +64,25 @@ class Verdict:
     reason: str | None = None
     equal: bool | None = None
     queries: int = 0
-    spikes: int = 0
+    compared: dict[str, int] = field(default_factory=dict)
     differing: int = 0
     mismatch: Mismatch | None = None
     recall: float | None = None
+
+    @property
+    def spikes(self) -> int:
+        """All spikes of the host that were compared, those of inputs included."""
+        return sum(self.compared.values())
+
+    @property
+    def decided(self) -> int:
+        """Those of them that the network decided: of exc and inh."""
+        return sum(self.compared.get(population, 0) for population in Trains.DECIDED)
+
+    @property
+    def hosts_kernel(self) -> bool:
+        """Whether the backend calls the host's own kernel."""
+        return self.name in BACKENDS and BACKENDS[self.name].hosts_kernel
 
     def as_json(self) -> dict[str, Any]:
         """The layout that scripts rely on."""
@@ -76,16 +91,23 @@ class Verdict:
         values: dict[str, Any] = {"available": True, "equal": self.equal, "queries": self.queries}
         if self.equal is None:
             return values | {"recall_at_1": self.recall}
-        return values | {"spikes_compared": self.spikes}
+        return values | {
+            "spikes_compared": self.spikes,
+            "spikes_decided": self.decided,
+            "spikes_by_population": self.compared,
+            "hosts_kernel": self.hosts_kernel,
+        }
 
 
-def compare(host: Trains, other: Trains, names: Sequence[str]) -> tuple[int, int, Mismatch | None]:
-    """Spikes of the host that were compared, how many (query, step, neuron) differ, and the first by query and step.
+def compare(host: Trains, other: Trains, names: Sequence[str]) -> tuple[dict[str, int], int, Mismatch | None]:
+    """Spikes of the host that were compared, by population; how many (query, step, neuron) differ, and the first by
+    query and step.
 
     Raises:
         InputError: the trains are of different shapes, so nothing can be compared.
     """
-    spikes, differing, first = 0, 0, None
+    compared: dict[str, int] = {}
+    differing, first = 0, None
     for order, population in enumerate(Trains.POPULATIONS):
         ours, theirs = getattr(host, population), getattr(other, population)
         if ours is None or theirs is None:
@@ -94,7 +116,7 @@ def compare(host: Trains, other: Trains, names: Sequence[str]) -> tuple[int, int
             raise InputError(
                 f"{population} trains of shape {theirs.shape} instead of {ours.shape}; the backend runs another network"
             )
-        spikes += int(ours.sum())
+        compared[population] = int(ours.sum(dtype=np.int64))
         where = np.argwhere(ours != theirs)
         differing += len(where)
         if len(where):
@@ -109,7 +131,7 @@ def compare(host: Trains, other: Trains, names: Sequence[str]) -> tuple[int, int
                 int(theirs[query, step, neuron]),
             )
             first = min(first, (key, mismatch), key=lambda pair: pair[0]) if first else (key, mismatch)
-    return spikes, differing, first[1] if first else None
+    return compared, differing, first[1] if first else None
 
 
 def compare_counts(
@@ -176,8 +198,8 @@ def verify(
             f"{queries.names[silent[0]]}: no neuron spikes for this query, so there is nothing to compare "
             f"({len(silent)} of {len(queries)} such queries); choose others with --places"
         )
-    spikes = compare(trains, trains, images)[0] if trains else int(counts.sum())
-    reference = Verdict("host", None, True, len(queries), spikes, recall=recall_at_1(model, counts, truth))
+    compared = compare(trains, trains, images)[0] if trains else {"exc": int(counts.sum())}
+    reference = Verdict("host", None, True, len(queries), compared, recall=recall_at_1(model, counts, truth))
     for name in BACKENDS if names is None else names:
         if name == "host":
             verdicts.append(reference)
@@ -212,17 +234,17 @@ def _verdict(
         return replace(reference, name=name, equal=None, recall=recall)
     if row.counts_only:
         counts, _ = backend.count_spikes(model, shown)
-        spikes = int(host.exc.sum())
+        compared = {"exc": int(host.exc.sum(dtype=np.int64))}
         differing, mismatch = compare_counts(host.exc.sum(axis=1, dtype=np.int32), counts, images)
     else:
         trains = backend.trains(model, shown)
         counts = trains.exc.sum(axis=1, dtype=np.int32)
-        spikes, differing, mismatch = compare(host, trains, images)
+        compared, differing, mismatch = compare(host, trains, images)
     return replace(
         reference,
         name=name,
         equal=mismatch is None,
-        spikes=spikes,
+        compared=compared,
         differing=differing,
         mismatch=mismatch,
         recall=recall_at_1(model, counts, truth),

@@ -102,6 +102,8 @@ class BackendRow:
         unavailable: Why it cannot run here, and what to do; None if it can.
         exact: Its spikes are the host's, bit for bit; otherwise it computes in floating point, and its recall is
             compared instead.
+        hosts_kernel: Its model calls the host engine's own kernel, so that equal spikes prove the way there and back,
+            and say nothing of the arithmetic.
         float_model: It runs the float conductance model, too.
         counts_only: It tells spike counts, but no single spikes.
         board: Name of the board whose bundles it runs; None: it asks for no board.
@@ -119,6 +121,7 @@ class BackendRow:
     make: Callable[[int, Advance | None], Backend]
     unavailable: Callable[[], str | None]
     exact: bool = True
+    hosts_kernel: bool = False
     float_model: bool = False
     counts_only: bool = False
     board: str | None = None

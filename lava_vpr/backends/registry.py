@@ -42,6 +42,7 @@ BACKENDS.register(
     BackendRow(
         "host",
         "compiled engine on this machine's processor, bit-exact integers",
+        hosts_kernel=True,
         make=lambda threads, advance: HostBackend(threads),
         unavailable=lambda: None,
         float_model=True,
@@ -76,7 +77,8 @@ BACKENDS.register(
 BACKENDS.register(
     BackendRow(
         "lava-fused",
-        "one Lava Process with the compiled engine, a presentation of many queries a step",
+        "one Lava Process that calls the host's own kernel, a presentation of many queries a step",
+        hosts_kernel=True,
         make=maker("lava-fused", "fused"),
         unavailable=lava_missing,
         timing="lava",

@@ -66,7 +66,7 @@ def verify(
     """Run the first images of QUERY through MODEL on every backend and compare every spike with the host's.
 
     Exits with 1 if a single spike differs, or a backend that was named cannot run. A float backend has spikes of its
-    own; its recall is printed.
+    own; its recall is printed. Spikes that the network decides (exc, inh) are counted apart from those of inputs.
     """
     outputs = Outputs((json_path,), model=model_path, images=(query,))
     model, asking = open_model(model_path), Asking(query_views, adapt)
@@ -116,18 +116,23 @@ def verify(
 
 def _table(verdicts: list[Verdict]) -> Table:
     """The table of the verdicts, with a row for each backend."""
-    table = Table()
+    table = Table(
+        caption="Spikes compared: of exc and inh, which the network decides, and of inputs, which rates and key do.",
+        caption_justify="left",
+    )
     table.add_column("backend", no_wrap=True)
     table.add_column("result", no_wrap=True)
-    for name in ("queries", "spikes compared", "R@1"):
+    for name in ("queries", "exc, inh", "inputs", "R@1"):
         table.add_column(name, justify="right")
     for verdict in verdicts:
         if verdict.reason is not None:
             table.add_row(verdict.name, "not available")
             continue
-        result = {None: "floating point", True: "every spike equal", False: f"{verdict.differing:,} differ"}
-        compared = f"{verdict.spikes:,}" if verdict.equal is not None else ""
+        equal = "equal, host's kernel" if verdict.hosts_kernel else "every spike equal"
+        result = {None: "floating point", True: equal, False: f"{verdict.differing:,} differ"}
+        numbers = (verdict.decided, verdict.compared.get("inputs", 0))
+        compared = (f"{number:,}" if verdict.equal is not None else "" for number in numbers)
         recall = "" if verdict.recall is None else f"{100 * verdict.recall:.1f}"
         shown = "compared with" if verdict.name == "host" else result[verdict.equal]
-        table.add_row(verdict.name, shown, f"{verdict.queries}", compared, recall)
+        table.add_row(verdict.name, shown, f"{verdict.queries}", *compared, recall)
     return table

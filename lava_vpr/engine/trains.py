@@ -18,6 +18,8 @@ class Trains:
     inh: NDArray[np.uint8] | None = field(default=None, repr=False)
 
     POPULATIONS: ClassVar[tuple[str, ...]] = ("inputs", "exc", "inh")
+    DECIDED: ClassVar[tuple[str, ...]] = ("exc", "inh")
+    """The populations whose spikes the network decides; those of inputs are drawn from rates and key."""
 
     def part(self, presentations: slice) -> Trains:
         """The spikes of some of the presentations."""

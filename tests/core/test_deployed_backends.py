@@ -230,6 +230,7 @@ def test_commands_take_bundles(here: Path) -> None:
     assert verdict["equal"] is True
     assert verdict["queries"] == 3
     assert verdict["spikes_compared"] > 1000
+    assert verdict["spikes_compared"] == sum(verdict["spikes_by_population"].values())
 
 
 def test_an_altered_bundle_is_refused_by_every_command(here: Path) -> None:
@@ -259,7 +260,8 @@ def test_a_hundred_real_queries_on_both_bundles(places: int, mode: str, data_roo
         deploy(model, board, tmp_path / board.name)
         own = open_bundle(tmp_path / board.name)
         (_, verdict) = verify(own, queries, np.eye(100, places, dtype=bool), names=("host", "bundle"))
-        print(f"{places} places, {mode}, {board.name}: {verdict.spikes:,} spikes, {verdict.differing} differ")
+        print(f"{places} places, {mode}, {board.name}: {verdict.spikes:,} spikes, {verdict.decided:,} of exc and inh")
         assert verdict.equal, verdict.mismatch
         assert verdict.queries == 100
         assert verdict.spikes > 120_000  # 61 steps of about 20 input spikes a query, and the neurons' own
+        assert verdict.decided == verdict.spikes - verdict.compared["inputs"] > 1000

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,18 +16,21 @@ from support.common.small_models import encoded, small_model, tiny_paper
 from benchmarks.backends import figures as recall_of
 from benchmarks.nordland import SECTIONS, learn, part
 from benchmarks.nordland import encoded as real
+from lava_vpr import model as model_file
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Presentations, query_presentations
 from lava_vpr.cli import main
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
+from lava_vpr.encoding import encode_traverse
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.model import Model, integer_model
 from lava_vpr.processes.base import lava_checks
 from lava_vpr.training.loop import train
+from lava_vpr.traverse import open_traverse
 from lava_vpr.verification import Verdict, compare, verify
 
 FIXED = ("lava-fixed", "lava-fused", "lava-library")
@@ -41,10 +45,12 @@ def trains() -> Trains:
 def test_every_spike_is_compared() -> None:
     host = trains()
     spikes, differing, mismatch = compare(host, host, ("a", "b"))
-    assert spikes == int(host.exc.sum() + host.inh.sum() + host.inputs.sum())  # type: ignore[union-attr]
+    assert host.inputs is not None
+    assert host.inh is not None
+    assert spikes == {"inputs": host.inputs.sum(), "exc": host.exc.sum(), "inh": host.inh.sum()}
     assert (differing, mismatch) == (0, None)
     only = Trains(host.exc)
-    assert compare(host, only, ("a", "b"))[0] == int(host.exc.sum())
+    assert compare(host, only, ("a", "b"))[0] == {"exc": host.exc.sum()}
 
 
 @pytest.mark.parametrize("population", Trains.POPULATIONS)
@@ -109,15 +115,34 @@ def test_every_backend_on_a_synthetic_route(here: Path, monkeypatch: pytest.Monk
     result = run("verify", "m.lvpr", "query", "--limit", 2, "--json", "v.json")
     values = json.loads(Path("v.json").read_text())["backends"]
     assert list(values) == list(backends.BACKENDS)
-    spikes = values["host"]["spikes_compared"]
-    assert values["host"] == {"available": True, "equal": True, "queries": 2, "spikes_compared": spikes}
-    assert values["lava-fixed"] == values["lava-library"] == values["host"]
-    assert 0 < values["lava-fused"]["spikes_compared"] < spikes  # its inputs and relays have no trains of their own
-    assert values["lava-fused"]["equal"] is True
+    model = model_file.load(Path("m.lvpr"))
+    queries = encode_traverse(open_traverse("query"), model.config.encoder)
+    own = HostBackend().trains(model, query_presentations(model, queries).part(slice(2)))
+    assert own.inputs is not None
+    assert own.inh is not None
+    parts = {"inputs": int(own.inputs.sum()), "exc": int(own.exc.sum()), "inh": int(own.inh.sum())}
+    decided = parts["exc"] + parts["inh"]
+    assert 0 < decided < parts["inputs"]
+    assert values["host"] == {
+        "available": True,
+        "equal": True,
+        "queries": 2,
+        "spikes_compared": decided + parts["inputs"],
+        "spikes_decided": decided,
+        "spikes_by_population": parts,
+        "hosts_kernel": True,
+    }
+    assert (
+        values["lava-fixed"] == values["lava-library"] == values["bundle"] == values["host"] | {"hosts_kernel": False}
+    )
+    assert 0 < values["lava-fused"]["spikes_compared"] < decided  # its inputs and relays have no trains of their own
+    assert values["lava-fused"]["equal"] is values["lava-fused"]["hosts_kernel"] is True
+    assert values["lava-fused"]["spikes_decided"] == parts["exc"]
     assert set(values["lava-float"]) == {"available", "equal", "queries", "recall_at_1"}
     assert values["lava-float"]["equal"] is None
     assert set(values["loihi2"]) == {"available", "reason"}
-    assert "every spike equal" in result.stdout
+    assert re.search(rf"lava-library │ every spike equal +│ +2 │ +{decided} │ +{parts['inputs']:,} │", result.stdout)
+    assert re.search(rf"lava-fused +│ equal, host's kernel +│ +2 │ +{parts['exc']} │ +0 │", result.stdout)
     assert "not available" in result.stdout
 
 
@@ -164,7 +189,7 @@ def test_what_is_missing_is_said_before_any_work(here: Path, monkeypatch: pytest
 def test_verdicts_as_json() -> None:
     assert [name for name, row in backends.BACKENDS.items() if not row.exact] == ["lava-float"]
     assert Verdict("x", "no board").as_json() == {"available": False, "reason": "no board"}
-    assert Verdict("x", None, None, 3, 9, recall=0.5).as_json() == {
+    assert Verdict("x", None, None, 3, {"exc": 9}, recall=0.5).as_json() == {
         "available": True,
         "equal": None,
         "queries": 3,
@@ -189,7 +214,7 @@ def test_twenty_real_queries_on_every_backend(bits: int, data_root: Path) -> Non
     assert host.inputs.sum(dtype=np.int64) > 0.9 * wanted
     verdicts = verify(model, queries, np.eye(20, 100, dtype=bool), names=FIXED)
     for verdict in verdicts:
-        print(f"{bits} bits, {verdict.name}: {verdict.spikes:,} spikes of {verdict.queries} queries compared")
+        print(f"{bits} bits, {verdict.name}: {verdict.decided:,} spikes of exc and inh, {verdict.spikes:,} in all")
         assert verdict.reason is None
         assert verdict.equal, verdict.mismatch
         assert verdict.queries == 20

@@ -286,7 +286,7 @@ def test_twenty_real_queries_with_a_bias_on_every_backend(data_root: Path) -> No
     every = sum(int(train.sum()) for train in (host.inputs, host.exc, host.inh) if train is not None)
     assert every > 0.9 * 20 * config.encoder.query_spikes * model.network.steps  # as many inputs as were asked for
     for verdict in verify(model, queries, np.eye(20, 100, dtype=bool), names=names):
-        print(f"{verdict.name}: {verdict.spikes:,} spikes of {verdict.queries} queries compared")
+        print(f"{verdict.name}: {verdict.decided:,} spikes of exc and inh, {verdict.spikes:,} in all")
         assert verdict.reason is None
         assert verdict.equal, verdict.mismatch
         assert verdict.spikes == (host.exc.sum() if verdict.name == "lava-fused" else every)

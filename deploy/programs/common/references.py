@@ -67,4 +67,4 @@ def compare(counts: np.ndarray, labels: np.ndarray, places: np.ndarray, response
             f"self-test: neuron {neuron} counts {found[neuron, place]} spikes for place {place} instead of "
             f"{responses[neuron, place]}; {int(wrong.sum())} of {wrong.size} counts differ",
         )
-    return f"equal: {len(counts)} references, {wrong.size} counts, {int(found[:, places].sum())} spikes"
+    return f"equal: {len(counts)} references, {wrong.size} counts, {int(found[:, places].sum())} spikes of exc"

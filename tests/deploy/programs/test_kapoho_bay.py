@@ -120,7 +120,7 @@ def test_the_board_counts_as_the_host(
     assert made.counts.sum() > 20
     ended = board.run(made, "--self-test", lag=lag)
     assert (ended.code, ended.err) == (0, "")
-    assert ended.out == f"equal: 5 references, 50 counts, {made.counts.sum()} spikes\n"
+    assert ended.out == f"equal: 5 references, 50 counts, {made.counts.sum()} spikes of exc\n"
 
 
 def presented_biases(network: FixedNetwork, n: int) -> NDArray[np.int32]:

@@ -207,7 +207,7 @@ def test_the_board_answers_as_the_host(made: dict[str, Path], way: str, tmp_path
     env = environment(options=asked(tmp_path, weights=weights, log=str(tmp_path / "log")))
     code, text = program(made[way], "--self-test", "--batch", 3, env=env)
     wanted, _, _ = count_spikes(network(**WAYS[way]), *queries())
-    assert (code, text) == (0, f"equal: 5 references, 40 counts, {wanted.sum()} spikes")
+    assert (code, text) == (0, f"equal: 5 references, 40 counts, {wanted.sum()} spikes of exc")
     parts = [*["Dense"] * 3, *["LIFReset"] * 2, "LIF" if way == "bias" else "PyToNxAdapter", "NxToPyAdapter"]
     log = (tmp_path / "log").read_text(encoding="utf-8").splitlines()
     assert log == [f"placed {', '.join(sorted(parts))}", f"ran {5 * INTERVAL} steps"]
@@ -248,7 +248,10 @@ def test_leaves_and_relays_stand_on_the_board(tmp_path: Path) -> None:
     direct, _, _ = count_spikes(network(), *queries())
     assert not np.array_equal(wanted, direct)
     env = environment(options=asked(tmp_path, log=str(tmp_path / "log")))
-    assert program(bundle, "--self-test", env=env) == (0, f"equal: 5 references, 40 counts, {wanted.sum()} spikes")
+    assert program(bundle, "--self-test", env=env) == (
+        0,
+        f"equal: 5 references, 40 counts, {wanted.sum()} spikes of exc",
+    )
     parts = ["Dense", *["LIFReset"] * 3, "NxToPyAdapter", "PyToNxAdapter", *["Sparse"] * 4]
     log = (tmp_path / "log").read_text(encoding="utf-8").splitlines()
     assert log == [f"placed {', '.join(parts)}", f"ran {5 * INTERVAL} steps"]
@@ -360,10 +363,13 @@ def test_counts_that_differ_fail_the_self_test(run: Any) -> None:
     responses = np.array([[6, 3, 9], [8, 4, 9]], np.int32)
     assert (
         run.references.compare(counts, labels, np.array([0, 1]), responses)
-        == "equal: 3 references, 4 counts, 21 spikes"
+        == "equal: 3 references, 4 counts, 21 spikes of exc"
     )
     responses[1, 0] = 7
-    assert run.references.compare(counts, labels, np.array([1]), responses) == "equal: 3 references, 2 counts, 7 spikes"
+    assert (
+        run.references.compare(counts, labels, np.array([1]), responses)
+        == "equal: 3 references, 2 counts, 7 spikes of exc"
+    )
     with pytest.raises(run.refusals.Refused) as caught:
         run.references.compare(counts, labels, np.array([0, 1]), responses)
     assert str(caught.value) == ("self-test: neuron 1 counts 8 spikes for place 0 instead of 7; 1 of 4 counts differ")
