@@ -123,8 +123,14 @@ TILE_CORES, MESH_COLUMNS, MESH_ROWS = 4, 8, 4
 """Cores of a tile, and the mesh of tiles of a Loihi 1 chip; tile t is at column t // 4, row t % 4. Source: SANA-FE
 2.2.9, ``arch/loihi.yaml``."""
 
-LOIHI_2_COMPARTMENTS, LOIHI_2_CORES = 8192, 120
-"""Neurons of a Loihi 2 core and its cores. Source: Intel, Loihi 2 technology brief, 2021 (about 8,000; 120 to 128)."""
+LOIHI_2_COMPARTMENTS, LOIHI_2_CORES = 8192, 128
+"""Neurons of a Loihi 2 core and its cores, at most. Source: Intel, Loihi 2 technology brief, 2021."""
+
+LOIHI_2_SYNAPSES, LOIHI_2_CORE_BYTES = 120_000_000, 192 * 1024
+"""Synapses of a Loihi 2 chip and bytes of memory of a core, for everything on it, at most. Source: as above."""
+
+LOIHI_2_RESET_LIMIT = 1 << 16
+"""The longest interval between two resets of a LIFReset; each is a power of two. Unproven: no text has a limit."""
 
 AXON_IN_NS, SYNAPSE_DENSE_NS, SYNAPSE_SPARSE_NS, ACCESS_NS, UPDATE_NS, SPIKE_NS, MESSAGE_NS = (
     16,

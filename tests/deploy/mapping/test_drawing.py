@@ -182,7 +182,7 @@ def test_many_cores_are_drawn_small_and_the_busiest_large() -> None:
     cards = [word for word in many if word.startswith("chip 0, core ")]
     assert cards == [f"chip 0, core {core}" for core in range(MOST_CARDS - 4, MOST_CARDS)]
     other = words(plan(500, LOIHI_2))
-    assert "the chip: 5 of 120 cores; Intel's compiler decides which" in other
+    assert "the chip: 5 of 128 cores; Intel's compiler decides which" in other
     assert other.count("other limits are not public") == 5
 
 

@@ -1,0 +1,1 @@
+"""What this project believes about hardware, row by row: value, unit, public source or none, and what breaks."""

@@ -1,0 +1,133 @@
+"""One belief about hardware: a limit, an arithmetic, a register, a call or a figure, with its source or without one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from lava_vpr import loihi
+
+Kind = Literal["limit", "arithmetic", "register", "call", "figure"]
+"""What a belief is about. A ``limit`` is the most there is of something; a ``figure`` an energy, a time or a power."""
+
+
+@dataclass(frozen=True)
+class Span:
+    """Whole numbers from ``low`` to ``high``, both included."""
+
+    low: int
+    high: int
+
+    def __str__(self) -> str:
+        return f"{self.low:,} to {self.high:,}"
+
+
+@dataclass(frozen=True)
+class Given:
+    """The value of a belief that is not one of `lava_vpr.loihi`'s constants, as people read it."""
+
+    text: str
+
+    def __str__(self) -> str:
+        return self.text
+
+
+Value = int | float | str | Span | Given | tuple[int, ...] | dict[int, float]
+
+
+@dataclass(frozen=True)
+class Belief:
+    """A row of the table of hardware.
+
+    Attributes:
+        name: The register, limit or call.
+        on: The chip, board or software that it is about.
+        kind: What it is about.
+        value: What is believed; `constants` where it is a constant's.
+        unit: The unit of the value; None where it has none.
+        breaks: What goes wrong if the belief is wrong.
+        source: The public text that shows it; None: unproven.
+        why: Of an unproven one, why it is believed all the same, or what is missing; None where there is a source.
+        constants: The names in `lava_vpr.loihi` that hold the value, so that it stands once.
+    """
+
+    name: str
+    on: str
+    kind: Kind
+    value: Value
+    unit: str | None
+    breaks: str
+    source: str | None = None
+    why: str | None = None
+    constants: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if (self.source is None) == (self.why is None):
+            raise TypeError(f"{self.name}: give a source, or why it is believed without one")
+
+    @property
+    def proven(self) -> bool:
+        """Whether a public text shows it."""
+        return self.source is not None
+
+    @property
+    def shown(self) -> str:
+        """The value as people read it."""
+        return _text(self.value)
+
+    @property
+    def evidence(self) -> str:
+        """The source, or the word unproven and why it is believed."""
+        return self.source or f"**unproven**: {self.why}"
+
+    def allows(self, value: int) -> bool:
+        """Whether the chip takes ``value`` here: one of those believed in, or at most a limit."""
+        if isinstance(self.value, Span):
+            return self.value.low <= value <= self.value.high
+        if isinstance(self.value, tuple):
+            return value in self.value
+        if isinstance(self.value, bool) or not isinstance(self.value, int):
+            raise TypeError(f"{self.name} is {self.shown}, which no number can be compared with")
+        return 0 <= value <= self.value if self.kind == "limit" else value == self.value
+
+    def refusal(self, value: int) -> str:
+        """Why ``value`` is refused; empty if it is not."""
+        if self.allows(value):
+            return ""
+        most = "more than" if self.kind == "limit" else "not"
+        return f"{self.name} {value:,} is {most} {self.shown} ({self.source or f'unproven: {self.why}'})"
+
+
+def _text(value: object) -> str:
+    """A value, or several, as people read it."""
+    if isinstance(value, dict):
+        return ", ".join(f"{key}: {_text(number)}" for key, number in value.items())
+    if isinstance(value, (Span, Given)):
+        return str(value)
+    if isinstance(value, tuple):
+        return ", ".join(map(_text, value))
+    if isinstance(value, int):
+        return f"{value:,}"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def of_constants(
+    name: str,
+    on: str,
+    kind: Kind,
+    at: str,
+    unit: str | None,
+    breaks: str,
+    source: str | None = None,
+    why: str | None = None,
+) -> Belief:
+    """A belief whose value is that of the constants ``at``, names in `lava_vpr.loihi` with blanks between them.
+
+    One number, or several widths, are the value itself; the numbers of several constants are a list for people.
+    """
+    names = tuple(at.split())
+    values = [getattr(loihi, each) for each in names]
+    value: Value = values[0] if len(values) == 1 else Given(", ".join(map(_text, values)))
+    if isinstance(value, range):
+        value = Span(value.start, value.stop - 1)
+    return Belief(name, on, kind, value, unit, breaks, source, why, names)
