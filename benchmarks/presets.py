@@ -29,7 +29,7 @@ from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError, LavaVprError
 from lava_vpr.inputs.views import ViewsConfig
 
-SEEDS = (3, 4, 5, 6, 7)
+SEEDS = tuple(range(3, 11))
 ENERGY_OF = 2
 """So many sections decide about energy, those of 100 places: what presets promise is per query of 100 places."""
 PLACES = (("nordland", 0, 100, 0), ("nordland", 100, 200, 0), ("nordland", 0, 200, 0), ("gardens", 0, 50, 2))
@@ -55,6 +55,7 @@ LEARNING: Mapping[str, Sequence[Any]] = {
     ),
     "consolidation_tau_trace": (5.0, 10.0, 20.0),
     "epochs": (6, 8, 12),
+    "threshold": (2.0, 3.0, 5.0, 7.0, 10.0),
     "theta_plus": (0.2, 0.3, 0.5),
 }
 NETWORK: Mapping[str, Sequence[float]] = {
@@ -85,7 +86,7 @@ class Goal(NamedTuple):
 START = {
     "encoder": {"query_inputs": 520, "query_spikes": 20},
     "network": {"steps": 128, "threshold": 1.0, "inhibition": 0.67, "tau_membrane": 12, "weight_bits": 3, "prune": 0},
-    "learning": {"consolidation_x_target": 0.0, "consolidation_eta": 0.03},
+    "learning": {"consolidation_x_target": 0.0, "consolidation_eta": 0.03, "threshold": 10.0},
 }
 """The network that chooses encoder and learning, and where their search and those of the presets start."""
 GOALS = {
