@@ -3,8 +3,10 @@
     LAVA_VPR_DATA=... python -m benchmarks.recall [--seeds 0,1,2] [--bits] [--learning] [--inputs] [--input-mode]
         [--preset loihi]
 
-Places 0:200 chose the settings, 200:500 did not: they are printed apart. Every row is the mean over its sections and
-seeds; each seed draws its own start weights and its own noise in training, in the references' responses and in queries.
+Places 0:200 chose the settings, 200:500 did not: they are printed apart. The paper's decoders are those of its release
+(`lava_vpr.matching.equations`); what its printed equations give in this project's reading stands beside. Every row is
+the mean over its sections and seeds; each seed draws its own start weights and its own noise in training, in the
+references' responses and in queries.
 """
 
 from __future__ import annotations
@@ -24,12 +26,15 @@ from lava_vpr.config import INPUT_MODES, Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.engine.threads import cores
 from lava_vpr.inputs.encoder import INPUTS
-from lava_vpr.matching.evaluation import Metrics
+from lava_vpr.matching.decoders import decode
+from lava_vpr.matching.evaluation import Metrics, evaluate
+from lava_vpr.matching.matchers import confidence
 from lava_vpr.model import Model, integer_model
 from lava_vpr.recognition import DECODERS_ONLY, Recognition, recognise
 from lava_vpr.training.references import reference_responses
 
 Figures = dict[str, Metrics]
+PAPERS = ("standard", "weighted", "probability", "weighted_probability")
 console = Console(highlight=False, width=110)
 
 
@@ -54,8 +59,20 @@ def sections(config: Config, seeds: Sequence[int]) -> dict[tuple[int, int], list
     for section in SECTIONS:
         for seed in seeds:
             model = learn(section, dataclasses.replace(config, seed=seed))
-            results.setdefault(section, []).append(answer(model, section))
+            result = answer(model, section)
+            metrics = result.metrics | as_printed(model, result)
+            results.setdefault(section, []).append(dataclasses.replace(result, metrics=metrics))
     return results
+
+
+def as_printed(model: Model, result: Recognition) -> Figures:
+    """Figures of the paper's decoders read as its equations are printed, on the spikes of ``result``."""
+    figures = {}
+    for name in PAPERS:
+        gamma = model.config.decoder.gamma
+        scores = decode(name, model.responses, result.counts, variant="printed", gamma=gamma)
+        figures[f"{name}, as printed"] = evaluate(scores, confidence(name, scores), result.truth)
+    return figures
 
 
 def _row(table: Table, name: str, figures: Iterable[Metrics]) -> None:

@@ -19,7 +19,7 @@ from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import LavaVprError, ModelFileError
 from lava_vpr.gate import IntegerConfig, as_integer_config, not_integer
 from lava_vpr.matching import decoders
-from lava_vpr.matching.equations import Variant, assign
+from lava_vpr.matching.equations import assign
 from lava_vpr.modelfile import LEARNED, UnfitError, checked
 from lava_vpr.storage import container
 from lava_vpr.storage.text import shown
@@ -137,24 +137,15 @@ def checked_network(model: Model, purpose: str) -> FixedNetwork:
     return network
 
 
-def decoder_variant(config: Config) -> Variant:
-    """Which reading of the four decoders a preset uses: ``paper`` the released code's, others the printed equations."""
-    return "vprsnn2022" if config.preset == "paper" else "paper"
-
-
 def decode(model: Model, counts: NDArray[np.int32], name: str) -> NDArray[np.float64]:
     """Scores float64 (n, places) of spike counts (n, neurons) by the decoder ``name``."""
-    return decoders.decode(
-        name, model.responses, counts, variant=decoder_variant(model.config), gamma=model.config.decoder.gamma
-    )
+    return decoders.decode(name, model.responses, counts, gamma=model.config.decoder.gamma)
 
 
 def prepare(model: Model) -> Callable[[NDArray[np.int32]], NDArray[np.float64]]:
     """The model's own decoder for query after query: from spike counts (n, neurons) to scores (n, places)."""
     decoder = model.config.decoder
-    return decoders.prepare(
-        decoder.default, model.responses, variant=decoder_variant(model.config), gamma=decoder.gamma
-    )
+    return decoders.prepare(decoder.default, model.responses, gamma=decoder.gamma)
 
 
 def content(model: Model, network: bool = True) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:

@@ -5,6 +5,9 @@ and the spikes s of a query (int, (n_exc,)) and nothing else. `matching.equation
 the default, ``contrast``, as functions; the rows here say which function serves which variant, how sure an answer is,
 and what reports call the decoder. A new decoder is a function and a row: settings, commands, files and reports ask
 `DECODERS`.
+
+The paper's four mean what its release computes (variant ``vprsnn2022``) in every command, table and preset; the other
+variants are for who asks for them by name. `matching.equations` says what they are.
 """
 
 from __future__ import annotations
@@ -18,7 +21,7 @@ from numpy.typing import NDArray
 from lava_vpr.errors import ConfigError
 from lava_vpr.matching import certainty, equations
 from lava_vpr.matching.certainty import Matcher
-from lava_vpr.matching.equations import VARIANTS, Counts, Scores, ScoresOf, Variant, check_variant
+from lava_vpr.matching.equations import RELEASED, VARIANTS, Counts, Scores, ScoresOf, Variant, check_variant
 from lava_vpr.registry import Registry
 
 
@@ -32,7 +35,7 @@ class Reading:
         assignments: Labels of the neurons, int64 (n_exc,), to use instead of `equations.assign` (responses).
     """
 
-    variant: Variant = "paper"
+    variant: Variant = RELEASED
     gamma: float = 0.02
     assignments: NDArray[np.int64] | None = field(default=None, repr=False)
 
@@ -79,7 +82,7 @@ def _weighted(responses: Counts, reading: Reading) -> ScoresOf:
     return equations.weighted(responses, gamma=reading.gamma, variant=reading.variant, assignments=reading.assignments)
 
 
-def _paper_probability(responses: Counts, reading: Reading) -> ScoresOf:
+def _printed_probability(responses: Counts, reading: Reading) -> ScoresOf:
     return equations.standard_probability(responses, reading.assignments)
 
 
@@ -88,7 +91,7 @@ def _released_probability(responses: Counts, reading: Reading) -> ScoresOf:
     return lambda spikes: equations.probability(scores_of(spikes))
 
 
-def _paper_weighted_probability(responses: Counts, reading: Reading) -> ScoresOf:
+def _printed_weighted_probability(responses: Counts, reading: Reading) -> ScoresOf:
     return equations.weighted_probability(responses, reading.gamma)
 
 
@@ -116,7 +119,7 @@ DECODERS.register(
         "probability",
         title="probability",
         confidence=certainty.highest,
-        scores={**in_every_variant(_released_probability), "paper": _paper_probability},
+        scores={**in_every_variant(_released_probability), "printed": _printed_probability},
     )
 )
 DECODERS.register(
@@ -124,7 +127,7 @@ DECODERS.register(
         "weighted_probability",
         title="weighted + probability",
         confidence=certainty.highest,
-        scores={**in_every_variant(_released_weighted_probability), "paper": _paper_weighted_probability},
+        scores={**in_every_variant(_released_weighted_probability), "printed": _printed_weighted_probability},
     )
 )
 
@@ -134,7 +137,7 @@ def decode(
     responses: Counts,
     spikes: Counts,
     *,
-    variant: Variant = "paper",
+    variant: Variant = RELEASED,
     gamma: float = 0.02,
     assignments: NDArray[np.int64] | None = None,
 ) -> Scores:
@@ -158,7 +161,7 @@ def prepare(
     name: str,
     responses: Counts,
     *,
-    variant: Variant = "paper",
+    variant: Variant = RELEASED,
     gamma: float = 0.02,
     assignments: NDArray[np.int64] | None = None,
 ) -> ScoresOf:

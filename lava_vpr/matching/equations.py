@@ -3,9 +3,13 @@
 The functions see the responses S^R (int, (n_exc, n_places): spikes of each neuron on the reference images of each
 place) and the spikes s of a query (int, (n_exc,)) and nothing else. A decoder's function works out once what the
 responses say, and returns the function of queries' spikes. Source of the paper's four: Hussaini, Milford,
-Fischer, RA-L 2022 (doi 10.1109/LRA.2022.3149030), equations (4) to (9), and its released code (variants
-``vprsnn2022``, the release of the paper, and ``vprsnn``, its later head). How the paper's notation is read here
-(variant ``paper``):
+Fischer, RA-L 2022 (doi 10.1109/LRA.2022.3149030), equations (4) to (9), and its released code.
+
+A decoder of that name is, everywhere, what the release of the paper computes: variant ``vprsnn2022``, the default.
+``vprsnn`` is the later head of that code; it counts a neuron as involved in many places from gamma on, not above it.
+``printed`` is this project's own reading of the equations as they stand in the paper, to compare with: no figure of the
+paper was made by it, and its probabilities rank right before wrong badly where each place has one neuron, because the
+best score is then about one over the spikes of a query and says nothing of the match. How ``printed`` reads them:
 
 * (4) ``N_i = argmax_l S^R[i, l]``; equal counts go to the lowest label; a neuron silent on all references gets none.
 * (5) the score of l is the sum of s over M_l, the neurons assigned to l. (The released code takes their mean.)
@@ -38,8 +42,10 @@ Counts = NDArray[np.integer[Any]]
 Scores = NDArray[np.float64]
 ScoresOf = Callable[[Counts], Scores]
 """A function from spikes (n_queries, n_exc) to scores (n_queries, n_places)."""
-Variant = Literal["paper", "vprsnn2022", "vprsnn"]
+Variant = Literal["vprsnn2022", "vprsnn", "printed"]
 VARIANTS: tuple[str, ...] = typing.get_args(Variant)
+RELEASED: Variant = "vprsnn2022"
+"""What the paper's decoders are unless another variant is asked for by name."""
 
 SHARE_UNIT = 2.0**-30
 # Shares are at most 2^30 units, so a query of this many spikes still adds up below 2^53.
@@ -157,19 +163,19 @@ def _members(responses: Counts, assignments: NDArray[np.int64] | None) -> Scores
 
 
 def standard(
-    responses: Counts, *, variant: Variant = "paper", assignments: NDArray[np.int64] | None = None
+    responses: Counts, *, variant: Variant = RELEASED, assignments: NDArray[np.int64] | None = None
 ) -> ScoresOf:
     """Standard assignments, equation (5): spikes of the neurons assigned to a place.
 
     Args:
         responses: S^R, int (n_exc, n_places).
-        variant: ``paper`` sums over M_l, the released code takes the mean (0 where M_l is empty).
+        variant: The released code takes the mean over M_l (0 where it is empty), ``printed`` sums.
         assignments: Labels to use instead of `assign` (responses), e.g. of `assign_from_presentations`.
     """
     _check_responses(responses)
     check_variant(variant)
     members = _members(responses, assignments)
-    if variant == "paper":
+    if variant == "printed":
         return lambda spikes: _products(spikes, members)
     sizes = np.maximum(members.sum(axis=0), 1.0)
     return lambda spikes: _products(spikes, members) / sizes
@@ -181,7 +187,7 @@ def _weighted_table(
     """What one spike of neuron i is worth at place l before the penalty, in `SHARE_UNIT`; and which i learned l."""
     n_places = responses.shape[1]
     totals = responses.sum(axis=1, dtype=np.int64)[:, None]
-    learned = responses > 0 if variant == "paper" else responses.astype(np.int64) * 10 > totals
+    learned = responses > 0 if variant == "printed" else responses.astype(np.int64) * 10 > totals
     table = np.where(learned, _shares(responses) if strength else 1.0, 0.0)
     if involvement:
         omega = np.count_nonzero(responses, axis=1)
@@ -198,7 +204,7 @@ def weighted(
     involvement: bool = True,
     strength: bool = True,
     penalty: bool = True,
-    variant: Variant = "paper",
+    variant: Variant = RELEASED,
     assignments: NDArray[np.int64] | None = None,
 ) -> ScoresOf:
     """Weighted assignments, equations (6) to (8), summed over the neurons; scores are at least 0.
@@ -209,15 +215,15 @@ def weighted(
         involvement: Equation (6): spikes divided by omega_i if omega_i > gamma n_places (``vprsnn``: >=).
         strength: Equation (7): times the share of the neuron's spikes that place l got.
         penalty: Equation (8): times the share of l's spikes that came from neurons which fire at the query, too.
-        variant: ``paper``; the released code counts, at l, neurons with more than 0.1 of their spikes there, and
-            scores only places that are some neuron's label.
+        variant: The released code counts, at l, neurons with more than 0.1 of their spikes there, and scores only
+            places that are some neuron's label; ``printed`` counts all neurons, at all places.
         assignments: Labels to use instead of `assign` (responses); they matter to the released code only.
     """
     _check_responses(responses)
     check_variant(variant)
     table, learned = _weighted_table(responses, gamma, involvement, strength, variant)
     scores_of = _weighted_by(table, _penalties(responses, learned) if penalty else None)
-    if variant == "paper":
+    if variant == "printed":
         return scores_of
     scored = _members(responses, assignments).any(axis=0)
     return lambda spikes: np.where(scored, scores_of(spikes), 0.0)
@@ -287,8 +293,8 @@ def _scaled(scores: Scores, size: NDArray[Any] | int, low: Scores, high: Scores,
 
 
 def standard_probability(responses: Counts, assignments: NDArray[np.int64] | None = None) -> ScoresOf:
-    """Equation (9) after (5): neurons scaled by the least, the most and all spikes of any neuron at the query."""
-    unscaled = standard(responses, assignments=assignments)
+    """Equation (9) after (5), ``printed``: neurons scaled by the least, the most and all spikes at the query."""
+    unscaled = standard(responses, variant="printed", assignments=assignments)
     size = _members(responses, assignments).sum(axis=0)
 
     def scores_of(spikes: Counts) -> Scores:
@@ -300,9 +306,9 @@ def standard_probability(responses: Counts, assignments: NDArray[np.int64] | Non
 
 
 def weighted_probability(responses: Counts, gamma: float = 0.02) -> ScoresOf:
-    """Equation (9) after (8): neuron-label pairs scaled by the least, the most and the sum of the query's pairs."""
+    """Equation (9) after (8), ``printed``: neuron-label pairs scaled by least, most and sum of the query's pairs."""
     _check_responses(responses)
-    table, learned = _weighted_table(responses, gamma, True, True, "paper")
+    table, learned = _weighted_table(responses, gamma, True, True, "printed")
     penalties = _penalties(responses, learned)
     unscaled = _weighted_by(table, penalties)
 

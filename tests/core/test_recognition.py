@@ -16,7 +16,6 @@ from support.common.small_models import encoded, small_model, tiny_paper
 from lava_vpr import model
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.interface import Presentations
-from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse, query_rates
 from lava_vpr.engine.inference import fixed
@@ -27,7 +26,7 @@ from lava_vpr.matching.certainty import best
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.matching.evaluation import evaluate
 from lava_vpr.matching.matchers import confidence
-from lava_vpr.model import Model, decode, decoder_variant
+from lava_vpr.model import Model, decode, prepare
 from lava_vpr.recognition import BASELINES, Comparison, as_json, count_query_spikes, recognise
 from lava_vpr.report.build import report_data
 from lava_vpr.training.loop import train
@@ -179,14 +178,17 @@ def test_queries_of_another_encoding_are_refused() -> None:
         count_query_spikes(small_model(PLACES), encoded(PLACES, inputs=784))
 
 
-def test_the_decoders_read_the_preset() -> None:
-    assert decoder_variant(preset("loihi")) == "paper"
-    assert decoder_variant(preset("paper")) == "vprsnn2022"
-    learned, _, counts, _ = case("paper")
+@pytest.mark.parametrize("kind", ["loihi", "paper"])
+def test_a_decoder_means_the_same_with_every_preset(kind: str) -> None:
+    """The paper's four are its release, in figures, answers and streams."""
+    learned, _, counts, _ = case(kind)
     for name in ("standard", "weighted", "probability", "weighted_probability"):
         expected = decoders.decode(name, learned.responses, counts, variant="vprsnn2022")
         np.testing.assert_array_equal(decode(learned, counts, name), expected)
-    assert (decode(learned, counts, "standard") != decoders.decode("standard", learned.responses, counts)).any()
+        config = dataclasses.replace(learned.config, decoder=dataclasses.replace(learned.config.decoder, default=name))
+        np.testing.assert_array_equal(prepare(dataclasses.replace(learned, config=config))(counts), expected)
+        if name == "probability":
+            assert (expected != decoders.decode(name, learned.responses, counts, variant="printed")).any()
 
 
 @pytest.mark.parametrize("kind", ["loihi", "paper"])

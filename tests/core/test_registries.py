@@ -108,8 +108,8 @@ def test_removed_rows_are_unknown_again() -> None:
         ({"confidence": None}, "confidence is None, but must be a function"),
         ({"title": ""}, "title is '', but must be a text that is not empty"),
         ({"confidence": "contrast"}, "confidence is 'contrast', but must be a function"),
-        ({"scores": {}}, "no score function for the variant paper, vprsnn2022, vprsnn"),
-        ({"scores": {"paper": overlap}}, "no score function for the variant vprsnn2022, vprsnn"),
+        ({"scores": {}}, "no score function for the variant vprsnn2022, vprsnn, printed"),
+        ({"scores": {"vprsnn2022": overlap}}, "no score function for the variant vprsnn, printed"),
     ],
 )
 def test_a_decoder_without_a_part_is_refused(part: dict[str, Any], message: str) -> None:

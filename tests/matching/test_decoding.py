@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -12,13 +13,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from support.common.small_models import small_model
 
+from lava_vpr.config import preset
 from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.matching import decoders, equations
 from lava_vpr.matching.certainty import best
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.matching.evaluation import evaluate, truth_from_indices
 from lava_vpr.matching.matchers import confidence
+from lava_vpr.model import decode as model_decode
 
 quick = settings(deadline=None, max_examples=60, derandomize=True)
 
@@ -54,7 +58,7 @@ def literal_pairs(
     pairs = [[Fraction(0)] * places for _ in range(neurons)]
     labels = [literal_label(row) for row in responses]
     for place in range(places):
-        if variant == "paper":
+        if variant == "printed":
             learned = [i for i in range(neurons) if responses[i][place] > 0]
         else:
             learned = [i for i in range(neurons) if sum(responses[i]) and responses[i][place] / sum(responses[i]) > 0.1]
@@ -80,7 +84,7 @@ def literal_standard(responses: list[list[int]], s: list[int], variant: str) -> 
     scores = []
     for place in range(len(responses[0])):
         own = [s[i] for i, row in enumerate(responses) if literal_label(row) == place]
-        scores.append(Fraction(sum(own), 1 if variant == "paper" else max(1, len(own))))
+        scores.append(Fraction(sum(own), 1 if variant == "printed" else max(1, len(own))))
     return scores
 
 
@@ -93,14 +97,14 @@ def literal_decode(name: str, responses: list[list[int]], s: list[int], variant:
     neurons, places = len(responses), len(responses[0])
     pairs = literal_pairs(responses, s, gamma, (True, True, True), variant)
     if name == "contrast":
-        pairs = literal_pairs(responses, s, gamma, (False, True, False), "paper")
-    if name == "standard" or (name == "probability" and variant != "paper"):
+        pairs = literal_pairs(responses, s, gamma, (False, True, False), "printed")
+    if name == "standard" or (name == "probability" and variant != "printed"):
         scores = literal_standard(responses, s, variant)
     elif name == "probability":
         shares = literal_min_max([Fraction(v) for v in s], Fraction(sum(s)))
         labels = [literal_label(row) for row in responses]
         return [sum((shares[i] for i in range(neurons) if labels[i] == m), Fraction(0)) for m in range(places)]
-    elif name == "weighted_probability" and variant == "paper":
+    elif name == "weighted_probability" and variant == "printed":
         flat = [value for row in pairs for value in row]
         shares = literal_min_max(flat, sum(flat, Fraction(0)))
         return [sum((shares[i * places + m] for i in range(neurons)), Fraction(0)) for m in range(places)]
@@ -213,7 +217,8 @@ def test_assignments_without_presentations_are_none() -> None:
 def test_given_assignments_are_used() -> None:
     responses, spikes = np.array([[3, 1], [3, 1]]), np.array([[2, 5]])
     own = np.array([1, 1])
-    assert decoders.decode("standard", responses, spikes, assignments=own).tolist() == [[0.0, 7.0]]
+    assert decoders.decode("standard", responses, spikes, variant="printed", assignments=own).tolist() == [[0.0, 7.0]]
+    assert decoders.decode("standard", responses, spikes, assignments=own).tolist() == [[0.0, 3.5]]
     released = decoders.decode("weighted", responses, spikes, variant="vprsnn", assignments=own)
     assert released[0, 0] == 0
     assert released[0, 1] > 0
@@ -306,7 +311,7 @@ def test_unknown_names_are_refused() -> None:
     one = np.ones((1, 1), int)
     with pytest.raises(ConfigError, match=r"there is no decoder 'best'; choose from contrast, standard"):
         decoders.decode("best", one, one)
-    with pytest.raises(ConfigError, match="decoder variant '2023' is unknown; choose from paper, vprsnn2022, vprsnn"):
+    with pytest.raises(ConfigError, match="decoder variant '2023' is unknown; choose from vprsnn2022, vprsnn, printed"):
         decoders.decode("contrast", one, one, variant="2023")  # type: ignore[arg-type]
     with pytest.raises(ConfigError, match="there is no matcher 'best'; choose from contrast"):
         confidence("best", np.ones((1, 1)))
@@ -384,13 +389,33 @@ def test_released_decoders_on_the_released_responses(
     assert sums["weighted"] == pytest.approx(weighted_sums[variant == "vprsnn"], abs=5e-7)
 
 
+@pytest.mark.data
+@pytest.mark.parametrize("preset_name", ["loihi", "fast", "paper"])
+def test_every_preset_means_the_release_of_the_paper(
+    released: tuple[NDArray[Any], NDArray[Any]], preset_name: str
+) -> None:
+    """What `eval` shows of the released spikes are the released sums, whatever the preset."""
+    counts, labels = released
+    config = preset(preset_name)
+    model = replace(small_model(), config=config, responses=responses_of(counts[:400], labels[:400]))
+    spikes = counts[400:500].astype(np.int32)
+    assert model_decode(model, spikes, "standard").sum() == pytest.approx(425.25, abs=5e-7)
+    assert model_decode(model, spikes, "weighted").sum() == pytest.approx(594.741284, abs=5e-7)
+    truth = truth_from_indices(labels[400:500], np.arange(100))
+    scores = model_decode(model, spikes, "probability")
+    result = evaluate(scores, confidence("probability", scores), truth, pr="vprsnn")
+    assert round(result.recall_at_100_precision, 2) == 0.87
+
+
 @pytest.mark.parametrize("most", [1 << 22, 1 << 24, 1 << 30])
 def test_the_penalty_is_exact_whatever_the_counts(most: int) -> None:
     """Sums of counts beyond what a float of 32 bits holds are those of whole numbers, too."""
     rng = np.random.default_rng(most)
     responses = rng.integers(0, most, (6, 4)).astype(np.int32)
     spikes = rng.integers(0, 3, (5, 6)).astype(np.int32)
-    with_penalty, without = (equations.weighted(responses, penalty=on)(spikes) for on in (True, False))
+    with_penalty, without = (
+        equations.weighted(responses, penalty=on, variant="printed")(spikes) for on in (True, False)
+    )
     for query, (penalised, plain) in enumerate(zip(with_penalty, without, strict=True)):
         for place in range(4):
             heard = sum(int(responses[i, place]) for i in range(6) if spikes[query, i])

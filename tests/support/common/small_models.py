@@ -1,6 +1,6 @@
 """Small made-up traverses, settings and models.
 
-Used by bench, benchmarks, core, deploy, engine and training.
+Used by bench, benchmarks, core, deploy, engine, matching and training.
 """
 
 from __future__ import annotations
