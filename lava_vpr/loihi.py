@@ -155,12 +155,12 @@ BARRIER_US = {1: 0.6, 2: 1.0, 4: 1.4, 29: 1.8}
 """Time of the barrier at the end of a step, in us, by tiles in use: the entry of the largest number that is not above
 it. Source: as the times above."""
 
-DAVIES_SYNAPSE_PJ, DAVIES_ACTIVE_PJ, DAVIES_INACTIVE_PJ, DAVIES_MESSAGE_PJ = 23.6, 81.0, 52.0, 1.7
+DAVIES_SYNAPSE_PJ, DAVIES_ACTIVE_PJ, DAVIES_INACTIVE_PJ, DAVIES_WITHIN_TILE_PJ = 23.6, 81.0, 52.0, 1.7
 DAVIES_HOP_EAST_WEST_PJ, DAVIES_HOP_NORTH_SOUTH_PJ = 3.0, 4.0
 """Energy of a synaptic operation (at least), a neuron's update (active, inactive), a spike within a tile, and a tile
 crossed, in pJ. Source: Davies et al., IEEE Micro 38(1), 2018, table 2, doi 10.1109/MM.2018.112130359."""
 
-DAVIES_SYNAPSE_NS, DAVIES_ACTIVE_NS, DAVIES_INACTIVE_NS, DAVIES_MESSAGE_NS = 3.5, 8.4, 5.3, 2.1
+DAVIES_SYNAPSE_NS, DAVIES_ACTIVE_NS, DAVIES_INACTIVE_NS, DAVIES_WITHIN_TILE_NS = 3.5, 8.4, 5.3, 2.1
 """Times of those events, in ns. Source: as above."""
 
 DAVIES_BARRIER_US = {1: 0.113, 32: 0.465}
@@ -180,3 +180,7 @@ KAPOHO_BAY_MESSAGE_US = 13.9
 EMBEDDED_WRITE_NS = 100.0
 """A register that an embedded processor writes, in ns, at most. An assumption: some tens of cycles at some hundreds of
 MHz; no figure is public."""
+
+HOST_MILLIWATTS = (5_000.0, 10_000.0, 20_000.0)
+"""Power of a robot's computer while one thread of it works, low, nominal and high: an assumption. Source: as
+`lava_vpr.deploy.boards.constants.HOST_POWER` says."""

@@ -1,7 +1,8 @@
 """Every constant of the cost model, by chip: low, nominal and high, with its source.
 
 Two columns are public for Loihi 1: SANA-FE's, fitted to silicon, and Intel's own of 2018. Low is the lower of the two,
-nominal SANA-FE's, high the higher. What only one column knows is its value in all three.
+nominal SANA-FE's, high the higher, and only where both speak of the same quantity. What only one column knows is its
+value in all three: then low and high bound nothing.
 """
 
 from __future__ import annotations
@@ -75,7 +76,6 @@ def _one(name: str, what: str, unit: str, value: float, source: str = SANA_FE) -
 
 _ACCESS = " (there an inactive neuron's update)"
 _UPDATE = " (there what an active neuron's update takes more than an inactive one's)"
-_MESSAGE = " (there a spike within a tile)"
 _MORE_PJ = loihi.DAVIES_ACTIVE_PJ - loihi.DAVIES_INACTIVE_PJ
 _MORE_NS = round(loihi.DAVIES_ACTIVE_NS - loihi.DAVIES_INACTIVE_NS, 1)
 
@@ -152,8 +152,15 @@ LOIHI_1 = CostConstants(
     access=_both("access", "access to a neuron, every step", "pJ", loihi.ACCESS_PJ, loihi.DAVIES_INACTIVE_PJ, _ACCESS),
     update=_both("update", "update of a neuron that has a reason to", "pJ", loihi.UPDATE_PJ, _MORE_PJ, _UPDATE),
     spike=_one("spike", "spike of a neuron", "pJ", loihi.SPIKE_PJ),
-    message=_both(
-        "message", "message, one for each core it goes to", "pJ", loihi.MESSAGE_PJ, loihi.DAVIES_MESSAGE_PJ, _MESSAGE
+    message=Constant(
+        "message",
+        "message, one for each core it goes to",
+        "pJ",
+        loihi.MESSAGE_PJ,
+        loihi.MESSAGE_PJ,
+        loihi.MESSAGE_PJ + loihi.DAVIES_WITHIN_TILE_PJ,
+        f"low and nominal: sending one, {SANA_FE}, the only source of it; high: and its way within a tile, which takes "
+        f"nothing there, {DAVIES}",
     ),
     hop_east_west=_both(
         "hop_east_west", "tile crossed east-west", "pJ", loihi.HOP_EAST_WEST_PJ, loihi.DAVIES_HOP_EAST_WEST_PJ
@@ -175,7 +182,7 @@ LOIHI_1 = CostConstants(
     access_time=_both("access_time", "access to a neuron", "ns", loihi.ACCESS_NS, loihi.DAVIES_INACTIVE_NS, _ACCESS),
     update_time=_both("update_time", "update of a neuron", "ns", loihi.UPDATE_NS, _MORE_NS, _UPDATE),
     spike_time=_one("spike_time", "spike of a neuron", "ns", loihi.SPIKE_NS),
-    message_time=_both("message_time", "message sent", "ns", loihi.MESSAGE_NS, loihi.DAVIES_MESSAGE_NS, _MESSAGE),
+    message_time=_one("message_time", "message sent", "ns", loihi.MESSAGE_NS),
     barrier=_barrier,
     barrier_tiles=tuple(loihi.BARRIER_US),
     step=Constant(
@@ -218,11 +225,21 @@ LOIHI_1 = CostConstants(
         "write_time",
         "register written, or spike injected, by an embedded processor",
         "ns",
-        loihi.DAVIES_MESSAGE_NS,
+        loihi.DAVIES_WITHIN_TILE_NS,
         loihi.AXON_IN_NS,
         loihi.EMBEDDED_WRITE_NS,
-        f"an assumption, no figure is public; low: a spike within a tile, {DAVIES}; nominal: a message received, "
-        "SANA-FE 2.2.9; high: some tens of cycles of a processor at some hundreds of MHz",
+        f"an assumption, no figure is public; low: no shorter than a message's way within a tile, {DAVIES}; nominal: a "
+        "message received, SANA-FE 2.2.9; high: some tens of cycles of a processor at some hundreds of MHz",
     ),
 )
 """The constants of Loihi 1, and of Kapoho Bay, a board with two of it."""
+
+HOST_POWER = Constant(
+    "host_power",
+    "power of a processor while one thread of it works: a board's host, or what needs no board",
+    "mW",
+    *loihi.HOST_MILLIWATTS,
+    "an assumption, not verified: a robot's computer. Low and nominal: the power modes of 5 and 10 W of NVIDIA's "
+    "Jetson Nano (github.com/NVIDIA-AI-IOT/jetbot, wiki, Battery Tips); high: twice that, a laptop's",
+)
+"""Power of the processor that encodes images, serves a board, or matches without one; no board's own."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from lava_vpr.bench.energy import Way
 from lava_vpr.deploy.boards.estimate import Estimate as Estimate
 from lava_vpr.deploy.cost.costs import Modelled as Modelled
 from lava_vpr.matching.evaluation import Metrics
@@ -201,6 +202,7 @@ class Bench:
         step_times: Times of each step on the targets that have times.
         command: How to repeat the run.
         asked: Recall and costs with views or adaptation; None: not asked for, or failed.
+        energy: All the energy of a query by every way to answer it: boards, the host engine, cosine.
         failed: What was asked for and could not be done, by stage, with the reason.
     """
 
@@ -218,4 +220,5 @@ class Bench:
     step_times: tuple[StepTimes, ...] = ()
     command: str = ""
     asked: Asked | None = None
+    energy: tuple[Way, ...] = ()
     failed: dict[str, str] = field(default_factory=dict)

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from lava_vpr import __version__
 from lava_vpr.backends.asking import PLAINLY, Asking
 from lava_vpr.backends.registry import timed_by_default
+from lava_vpr.bench.energy import Way, on_board
+from lava_vpr.bench.measure import alone
 from lava_vpr.bench.measure.asked import asked
 from lava_vpr.bench.measure.timing import measure, measure_encoding
 from lava_vpr.bench.measure.workload import workload
@@ -23,7 +25,7 @@ from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Asked, Bench, Candidate, Measured, Modelled, Peer, StepTimes, Workload
 from lava_vpr.bench.sweep.sweep import BUDGET, sweep
 from lava_vpr.deploy.boards.board import BOARDS, Board
-from lava_vpr.deploy.boards.constants import Constant, CostConstants
+from lava_vpr.deploy.boards.constants import HOST_POWER, Constant, CostConstants
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.cost.closed_form import step_nanoseconds
@@ -123,6 +125,7 @@ def run(
     costs = {name: _costs(model, name, plan, trains, len(queries)) for name, plan in plans.items()}
     measured = _measured(traverse, queries, request, begin)
     attempts = _Attempts()
+    boards = [modelled_costs for modelled_costs, _ in costs.values()]
     return Bench(
         model=_model(model, answers),
         machine=machine(),
@@ -138,20 +141,38 @@ def run(
         step_times=tuple(times for _, times in costs.values() if times is not None),
         command=command,
         asked=attempts.result("asking", lambda: _asked(queries, further, truth, request, plans, begin), None),
+        energy=attempts.result("energy", lambda: _energy(queries, answers, boards, measured, begin), ()),
         failed=attempts.failed,
     )
 
 
 def _recall(queries: QuerySet, truth: NDArray[np.bool_], request: Request) -> Recognition:
-    """The answers of the model, and of the baselines if peers are to be run."""
+    """The answers of the model and of cosine, and of all baselines if peers are to be run."""
     return recognise(
         queries.model,
         queries.images,
         truth,
-        Comparison(rivals=BASELINES if request.peers else (), keep_scores=False),
+        Comparison(rivals=BASELINES if request.peers else ("cosine",), keep_scores=False),
         threads=cores(),
         shown=queries.shown,
     )
+
+
+def _energy(
+    queries: QuerySet, answers: Recognition, boards: Iterable[Modelled], measured: Sequence[Measured], begin: Begin
+) -> tuple[Way, ...]:
+    """All the energy of a query on every board, by the host engine if it was timed, and by cosine."""
+    begin("timing the host's part, and cosine", 1)
+    medians = {row.name: float(np.median(row.milliseconds)) for row in measured if row.milliseconds}
+    encoding, own = medians.get("encoding"), answers.metrics[answers.default].recall_at_1
+    if encoding is None:
+        return ()
+    part = alone.beside_board(queries) if as_integer(queries.model) is not None else 0.0
+    ways = [on_board(costs, own, part, encoding) for costs in boards]
+    if "host" in medians:
+        ways.append(Way("host", own, medians["host"], encoding))
+    ways.append(Way("cosine", answers.metrics["cosine"].recall_at_1, alone.cosine(queries), encoding))
+    return tuple(way for way in ways if way is not None)
 
 
 def _asked(
@@ -207,8 +228,9 @@ def _costs(
 
 
 def constants_of(boards: Iterable[Board]) -> tuple[Constant, ...]:
-    """Every constant of the cost model of ``boards``, each once."""
+    """Every constant of the cost model of ``boards``, each once, and the power of a processor."""
     listed = [constant for board in boards if board.constants is not None for constant in board.constants.listed()]
+    listed.append(HOST_POWER)
     return tuple({constant.name: constant for constant in listed}.values())
 
 

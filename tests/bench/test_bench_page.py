@@ -15,6 +15,7 @@ import pytest
 from support.common.browser import visit
 
 from lava_vpr.bench.anchors import ANCHORS
+from lava_vpr.bench.energy import Way, on_board
 from lava_vpr.bench.results import (
     Bench,
     Candidate,
@@ -24,7 +25,7 @@ from lava_vpr.bench.results import (
     StepTimes,
     Workload,
 )
-from lava_vpr.bench.show import plots
+from lava_vpr.bench.show import energy, plots
 from lava_vpr.bench.show import tables as described
 from lava_vpr.bench.show.json_values import COUNTS, as_json
 from lava_vpr.bench.show.page import page
@@ -65,12 +66,20 @@ def modelled(**changes: Any) -> Modelled:
         "milliseconds": Estimate(0.15, 0.23, 0.41),
         "step_microseconds": Estimate(1.8, 2.2, 5.8),
         "static_millijoules": Estimate(0.013, 0.078, 0.11),
+        "wall_static_millijoules": Estimate(0.013, 1.078, 7.11),
         "io_milliseconds_by_way": {"injected": Estimate(1.0, 13.9, 20.0), "bias": Estimate(0.1, 2.0, 4.0)},
         "io_microjoules_by_way": {"injected": Estimate(0.1, 0.1, 0.2), "bias": Estimate(5.0, 6.1, 8.0)},
         "clearing": {"mechanism": "embedded writes", "writes": 100, "microjoules": Estimate(0.01, 0.02, 0.2)},
         "assumptions": ("Every message pays for its own <packet>.",),
     }
     return Modelled(**values | changes)
+
+
+def ways() -> tuple[Way | None, ...]:
+    """Kapoho Bay, a board without energies, the host engine, and cosine."""
+    second = Modelled("loihi2", 1, 1, None, 53, "injected", unavailable="no energy is public")
+    boards = (on_board(modelled(), 0.8, 0.03, 0.7), on_board(second, 0.8, 0.03, 0.7))
+    return (*boards, Way("host", 0.8, 0.1, 0.7), Way("cosine", 0.9, 0.015, 0.7))
 
 
 def bench(**changes: Any) -> Bench:
@@ -122,6 +131,7 @@ def bench(**changes: Any) -> Bench:
         ),
         "step_times": (StepTimes("kapoho-bay", *(tuple(x + 0.3 * rng.random(53)) for x in (1.0, 0.7, 1.1)), 0.6),),
         "command": "lava-vpr bench m.lvpr query --sweep",
+        "energy": tuple(way for way in ways() if way is not None),
     }
     return Bench(**values | changes)
 
@@ -147,6 +157,45 @@ def test_json_has_the_keys_that_scripts_rely_on() -> None:
     assert set(COUNTS) <= set(values["counts"])
     assert values["counts"]["hops"] == 1812.0
     assert values["recall"] == metrics().as_json()
+
+
+def test_all_the_energy_of_a_query() -> None:
+    board, unknown, host, cosine = ways()
+    assert unknown is None
+    assert board is not None
+    assert host is not None
+    assert cosine is not None
+    assert (board.dynamic, board.static) == (modelled().dynamic_microjoules, Estimate(13.0, 78.0, 110.0))
+    # Static energy while host I/O goes on after the chips' work: 0, 1 and 7 mJ.
+    io = board.io_static
+    assert io is not None
+    assert (io.low, io.nominal, io.high) == pytest.approx((0.0, 1000.0, 7000.0))
+    # Milliseconds at 5, 10 and 20 W.
+    assert (board.work.low, board.work.nominal, board.work.high) == pytest.approx((150.0, 300.0, 600.0))
+    assert board.encoding.nominal == host.encoding.nominal == cosine.encoding.nominal == pytest.approx(7000.0)
+    assert board.without_encoding.low == pytest.approx(2.2315 + 13 + 0 + 150)
+    assert board.without_encoding.nominal == pytest.approx(3.0374 + 78 + 1000 + 300)
+    assert board.whole.high == pytest.approx(4.0174 + 110 + 7000 + 600 + 14_000)
+    assert host.whole.nominal == pytest.approx(1000 + 7000)
+    assert cosine.whole.nominal == pytest.approx(150 + 7000)
+    assert cosine.dynamic is cosine.static is cosine.io_static is None
+
+
+def test_the_whole_energy_in_json() -> None:
+    values = json.loads(json.dumps(as_json(bench())))["energy"]
+    assert list(values) == ["kapoho-bay", "host", "cosine"]
+    board = values["kapoho-bay"]
+    assert board["dynamic_microjoules"] == as_json(bench())["modelled"]["kapoho-bay"]["dynamic_microjoules"]
+    parts = ("dynamic", "static", "io_static", "work", "encoding")
+    for level in ("low", "nominal", "high"):
+        whole = sum(board[f"{part}_microjoules"][level] for part in parts)
+        assert board["total_microjoules"][level] == pytest.approx(whole)
+        assert board["without_encoding_microjoules"][level] == pytest.approx(
+            whole - board["encoding_microjoules"][level]
+        )
+    assert (board["recall_at_1"], board["work_milliseconds"], board["encoding_milliseconds"]) == (0.8, 0.03, 0.7)
+    assert values["cosine"]["static_microjoules"] is None
+    assert as_json(bench(energy=()))["energy"] is None
 
 
 def test_json_says_null_and_why() -> None:
@@ -200,8 +249,12 @@ def printed(found: Bench) -> str:
 
 def test_recall_comes_first_and_what_is_modelled_says_so() -> None:
     text = printed(bench())
-    order = [text.index(part) for part in ("R@1", "measured here", "modelled for Kapoho Bay", "counted events")]
+    parts = ("R@1", "energy of a query, all", "measured here", "modelled for Kapoho Bay", "counted events")
+    order = [text.index(part) for part in parts]
     assert order == sorted(order)
+    assert re.search(r"energy, uJ +┃ +Kapoho Bay ┃ +this network, no board ┃ +cosine, no network ┃", text)
+    assert re.search(r"static in host I/O after that, modelled │ +1,000 \(0 to 7,000\) │ +- │ +- │", text), text
+    assert re.search(r"all of it +│ +8,380 \([\d,]+ to [\d,]+\) │ +8,000 \(4,000 to 16,000\) │ +7,150 \(", text), text
     assert re.search(r"dynamic energy, uJ +│ +2\.23 │ +3\.04 │ +4\.02 │", text), text
     assert re.search(r"host I/O, apart, ms: injected \(in use\) +│ +1\.00 │ +13\.9 │", text)
     assert "absent: loihi2, modelled energy and time: no energy per operation" in text
@@ -210,6 +263,8 @@ def test_recall_comes_first_and_what_is_modelled_says_so() -> None:
 def test_every_modelled_figure_stands_below_the_word() -> None:
     energies = ("uJ", "mJ", "pJ")
     run = bench()
+    whole = energy.table(run.energy)
+    assert all(("modelled" in row[0]) == (row[0].startswith("board")) for row in whole.rows)
     shown = [described.modelled(run.targets["kapoho-bay"]), described.sweep(run.sweep)]
     for grid in shown:
         for column in grid.columns:

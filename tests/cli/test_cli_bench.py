@@ -77,7 +77,36 @@ def test_counts_and_recall_are_those_of_the_run(quick: Path) -> None:
     assert counts["exc_spikes"] > 1
     # A dense row also meets the weights that are 0.
     assert counts["synaptic_operations"] >= events["synaptic_operations"] / len(queries)
-    assert text.index("R@1") < text.index("measured here") < text.index("modelled for Kapoho Bay")
+    parts = ("R@1", "energy of a query, all of it", "measured here", "modelled for Kapoho Bay")
+    order = [text.index(part) for part in parts]
+    assert order == sorted(order)
+
+
+def test_the_whole_energy_leads(quick: Path) -> None:
+    values, _ = written("--report", "r")
+    run("eval", "m.lvpr", "query", "--json", "e.json")
+    figures = json.loads(Path("e.json").read_text())
+    ways, costs = values["energy"], values["modelled"]["kapoho-bay"]
+    assert list(ways) == ["kapoho-bay", "host", "cosine"]  # of Loihi 2 no energies are public
+    board = ways["kapoho-bay"]
+    assert board["dynamic_microjoules"] == costs["dynamic_microjoules"]
+    for level in ("low", "nominal", "high"):
+        assert board["static_microjoules"][level] == pytest.approx(1e3 * costs["static_millijoules"][level])
+        static = board["static_microjoules"][level] + board["io_static_microjoules"][level]
+        assert static == pytest.approx(1e3 * costs["wall_static_millijoules"][level])
+    assert board["recall_at_1"] == ways["host"]["recall_at_1"] == values["recall"]["recall_at_1"]
+    assert ways["cosine"]["recall_at_1"] == figures["baselines"]["cosine"]["recall_at_1"]
+    assert ways["host"]["work_milliseconds"] == 1.0  # the median of what was made up
+    encoding = values["measured"]["encoding"]["milliseconds_per_query"]["p50"]
+    assert {way["encoding_milliseconds"] for way in ways.values()} == {encoding}
+    power = values["constants"]["host_power"]
+    for way in ways.values():
+        for level in ("low", "nominal", "high"):
+            assert way["work_microjoules"][level] == pytest.approx(power[level] * way["work_milliseconds"])
+    text = Path("r/bench.html").read_text()
+    assert text.index('<section id="energy"') < text.index('<section id="modelled"')
+    values, _ = written("--backend", "bundle", "--target", "loihi2")
+    assert list(values["energy"]) == ["cosine"]
 
 
 def test_views_and_adaptation_have_rows_and_costs_of_their_own(quick: Path) -> None:
@@ -134,9 +163,9 @@ def test_what_is_modelled_repeats_to_the_byte(quick: Path) -> None:
     page = Path("r/bench.html").read_bytes()
     assert text.endswith("report: r/bench.html\n")
     before = Path("b.json").read_bytes()
-    encoding = re.compile(rb'"encoding": .*?"board"', re.DOTALL)
+    timed = re.compile(rb'"encoding": .*?"board"|"energy": .*?"measured"', re.DOTALL)
     second, _ = written("--target", "kapoho-bay")
-    assert encoding.sub(b"", Path("b.json").read_bytes()) == encoding.sub(b"", before)
+    assert timed.sub(b"", Path("b.json").read_bytes()) == timed.sub(b"", before)
     assert list(first["modelled"]) == ["kapoho-bay"] == list(second["modelled"])
     assert b"<script" not in page
     assert first["command"] == "lava-vpr bench m.lvpr query --target kapoho-bay"
@@ -202,6 +231,7 @@ def test_a_float_model_has_recall_and_nothing_modelled(quick: Path) -> None:
     text = run("bench", "p.lvpr", "query", "--json", "b.json", "--report", "r").stdout
     values = json.loads(Path("b.json").read_text())
     assert values["recall"]["recall_at_1"] is not None
+    assert list(values["energy"]) == ["host", "cosine"]
     assert values["workload"] is None
     for one in values["modelled"].values():
         assert one["dynamic_microjoules"] is None

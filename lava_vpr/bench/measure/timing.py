@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -189,6 +189,25 @@ def _lava(model: Model, shown: Presentations, made: Measured, least: int, rapl_r
     )
 
 
+def each_image(traverse: Traverse, work: Callable[[NDArray[np.uint8]], object], limit: int = 200) -> list[float]:
+    """Milliseconds in which each of at most ``limit`` images is read from its file, and ``work`` done with it.
+
+    Raises:
+        InputError: an image cannot be read.
+    """
+    taken = []
+    for image in traverse.take([0]).images():
+        work(image)  # compiled now
+    images = traverse.take(range(min(limit, len(traverse)))).images()
+    began = time.perf_counter()
+    for image in images:
+        work(image)
+        now = time.perf_counter()
+        taken.append(1e3 * (now - began))
+        began = now
+    return taken
+
+
 def measure_encoding(traverse: Traverse, config: Config, limit: int = 200) -> Measured:
     """The figures of the stage before: an image file read and turned into input rates, one after another.
 
@@ -199,16 +218,7 @@ def measure_encoding(traverse: Traverse, config: Config, limit: int = 200) -> Me
     def encode(image: NDArray[np.uint8]) -> None:
         query_rates(activity_of(image, config.encoder)[None], config)
 
-    taken = []
-    images = traverse.take(range(min(limit, len(traverse)))).images()
-    for image in traverse.take([0]).images():
-        encode(image)  # compiled now
-    began = time.perf_counter()
-    for image in images:
-        encode(image)
-        now = time.perf_counter()
-        taken.append(1e3 * (now - began))
-        began = now
+    taken = each_image(traverse, encode, limit)
     return Measured(
         "encoding",
         "an image file read, its channels computed, to input rates; one thread",

@@ -8,7 +8,8 @@ from collections.abc import Iterable
 from lava_vpr.bench.results import Bench, Modelled
 from lava_vpr.bench.show import plots
 from lava_vpr.bench.show.json_values import absent, assumptions, percentiles
-from lava_vpr.bench.show.tables import NONE, Table, counted, figure, modelled, named, sections, title_of
+from lava_vpr.bench.show.sections import sections
+from lava_vpr.bench.show.tables import NONE, Table, counted, figure, modelled, named, title_of
 from lava_vpr.report.frame import document
 from lava_vpr.report.templates import render, text
 from lava_vpr.report.text import fraction, safe
@@ -192,6 +193,7 @@ def page(bench: Bench) -> str:
     peers_note = "The same images, the same machine, the same run."
     parts = {
         "Recall": _section("recall", "Recall", "", _html_tables(tables["recall"])),
+        "Energy": _section("energy", "All the energy of a query", "", _html_tables(tables["energy"])),
         "Modelled": _modelled(bench),
         "Measured": _measured(bench, tables["measured"]),
         "Sweep": _sweep(bench, tables["sweep"]),

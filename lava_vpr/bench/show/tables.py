@@ -365,19 +365,3 @@ def anchors() -> Table:
     return Table(
         "published figures, none of them the same task", heads, tuple(rows), long=frozenset({3, 4}), page_only=True
     )
-
-
-def sections(bench: Bench) -> dict[str, tuple[Table, ...]]:
-    """All tables that have anything to say, by section, in the terminal's order."""
-    on_board = (modelled(costs) for costs in bench.targets.values() if not costs.unavailable)
-    tables_of = {
-        "recall": (recall(bench),),
-        "measured": (measured(bench.measured), on_boards(bench.measured), timed(bench.measured)),
-        "modelled": (*on_board, counted(bench), asked(bench.asked)),
-        "workload": () if bench.workload is None else (workload(bench.workload),),
-        "peers": (peers(bench.peers),),
-        "sweep": (sweep(bench.sweep),),
-        "anchors": (anchors(),),
-        "model": (constants(bench),),
-    }
-    return {name: tuple(table for table in tables if table.rows) for name, tables in tables_of.items()}

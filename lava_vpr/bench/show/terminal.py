@@ -8,7 +8,8 @@ import rich.table
 
 from lava_vpr.bench.results import Bench
 from lava_vpr.bench.show.json_values import absent
-from lava_vpr.bench.show.tables import Table, sections
+from lava_vpr.bench.show.sections import sections
+from lava_vpr.bench.show.tables import Table
 
 WIDEST = 60
 """Characters of a column of long text before it wraps."""

@@ -15,7 +15,7 @@ from support.boards.small_boards import network as small_network
 from lava_vpr import loihi
 from lava_vpr.bench import results
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2
-from lava_vpr.deploy.boards.constants import LOIHI_1, Constant
+from lava_vpr.deploy.boards.constants import HOST_POWER, LOIHI_1, Constant
 from lava_vpr.deploy.boards.estimate import LEVELS, Estimate, total
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.cost import costs, host_traffic
@@ -54,13 +54,15 @@ def test_the_published_counts_digit_for_digit() -> None:
         loihi.DAVIES_SYNAPSE_PJ * 2_249_600
         + loihi.DAVIES_INACTIVE_PJ * 800 * 350
         + (loihi.DAVIES_ACTIVE_PJ - loihi.DAVIES_INACTIVE_PJ) * 139_616
-        + loihi.DAVIES_MESSAGE_PJ * 28_136
+        + loihi.DAVIES_WITHIN_TILE_PJ * 28_136
         + loihi.DAVIES_HOP_NORTH_SOUTH_PJ * 11_273
     )
     assert round(davies / 1e6) == 72
     low = sum(float(part.sum()) for part in step_picojoules(counted, LOIHI_1, "low", "touched").values()) / 1e6
-    assert low == pytest.approx(davies / 1e6, rel=0.02)
-    assert low < davies / 1e6
+    # Davies has no energy of sending a message, only of its way within a tile: low does not take one for the other.
+    sending = (loihi.MESSAGE_PJ - loihi.DAVIES_WITHIN_TILE_PJ) * 28_136
+    assert low == pytest.approx((davies + sending) / 1e6, rel=0.02)
+    assert low < (davies + sending) / 1e6
 
 
 MODES = ("injected", "relayed", "bias")
@@ -191,6 +193,13 @@ def test_what_a_query_costs(input_mode: str) -> None:
     assert set(found.io_milliseconds_by_way) == set(found.io_microjoules_by_way) == {"injected", "bias"}
     assert found.wall_milliseconds is not None
     assert found.wall_milliseconds.high == max(found.milliseconds.high, found.io_milliseconds_by_way[mode].high)
+    # Static energy of that time, not of the chips' work alone.
+    assert found.wall_static_millijoules is not None
+    for level, milliwatts in zip(LEVELS, (29, 169, 169), strict=True):
+        wall, own_time = found.wall_milliseconds.at(level), found.milliseconds.at(level)
+        assert wall == max(own_time, found.io_milliseconds_by_way[mode].at(level))
+        assert found.wall_static_millijoules.at(level) == pytest.approx(2 * milliwatts * wall / 1e3)
+    assert found.wall_static_millijoules.high > 2 * found.static_millijoules.high
     assert found.io_milliseconds == found.io_milliseconds_by_way[mode]
     assert found.dynamic_microjoules == whole
     assert found.busiest is not None
@@ -325,7 +334,13 @@ def test_every_constant_has_its_source() -> None:
         assert set(one.as_json()) == {"name", "what", "unit", "low", "nominal", "high", "source"}
     assert LOIHI_1.synapse_dense.estimate == Estimate(23.6, 35.5, 35.5)
     assert LOIHI_1.update.estimate == Estimate(21.6, 21.6, 29.0)
-    assert LOIHI_1.message.estimate == Estimate(1.7, 111.0, 111.0)
+    # Sending a message is known from one source; its way within a tile from another, and no bound of the first.
+    assert LOIHI_1.message.estimate == Estimate(111.0, 111.0, 112.7)
+    assert LOIHI_1.message_time.estimate == Estimate(5.1, 5.1, 5.1)
+    assert LOIHI_1.write_time.estimate == Estimate(2.1, 16.0, 100.0)
+    assert LOIHI_1.static.estimate + LOIHI_1.embedded.estimate == Estimate(29.0, 169.0, 169.0)
+    assert HOST_POWER.estimate == Estimate(5e3, 10e3, 20e3)
+    assert (HOST_POWER.unit, "assumption" in HOST_POWER.source) == ("mW", True)
     assert LOIHI_1.access_time.estimate == Estimate(5.3, 6.0, 6.0)
 
 
