@@ -1,6 +1,6 @@
 """All the energy of a query: every preset on Kapoho Bay with its host, the same network on a processor, cosine and SAD.
 
-    LAVA_VPR_DATA=... python -m benchmarks.whole_energy [--rounds 5]
+    LAVA_VPR_DATA=... python -m benchmarks.energy.whole [--rounds 5]
 
 Nordland, summer learned, winter recognised, exact matches, seed 0. Recall is the mean of five sections of 100 places,
 energy that of the first. What the board takes is modelled; what the processor does is timed here, single queries on one

@@ -1,0 +1,1 @@
+"""All the energy of a query, on a board and without one."""
