@@ -132,6 +132,12 @@ LOIHI_2_SYNAPSES, LOIHI_2_CORE_BYTES = 120_000_000, 192 * 1024
 LOIHI_2_RESET_LIMIT = 1 << 16
 """The longest interval between two resets of a LIFReset; each is a power of two. Unproven: no text has a limit."""
 
+
+def reset_interval(steps: int) -> int:
+    """The shortest interval, in steps, at which a Loihi 2 chip resets and which is not shorter than ``steps``."""
+    return 1 << max(0, steps - 1).bit_length()
+
+
 AXON_IN_NS, SYNAPSE_DENSE_NS, SYNAPSE_SPARSE_NS, ACCESS_NS, UPDATE_NS, SPIKE_NS, MESSAGE_NS = (
     16,
     3.8,

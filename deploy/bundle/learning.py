@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from lava_vpr.deploy.bundle.core_files import within
 from lava_vpr.deploy.bundle.folder import AGAIN, Bundle, array_bytes, json_bytes, same_json
 from lava_vpr.deploy.compression.compression import requantised
+from lava_vpr.deploy.registers.clearing import check_reset
 from lava_vpr.encoding import rates16
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.inference.quantise import mantissa_of
@@ -38,7 +39,7 @@ from lava_vpr.engine.learning.lava_order import (
 from lava_vpr.engine.random import presentation_key
 from lava_vpr.errors import BundleError, ConfigError, NetworkLimitError, brief
 from lava_vpr.gate import integer_config
-from lava_vpr.loihi import INPUT_LIMIT, THRESHOLD_LIMIT, TRACE_LIMIT, WEIGHT_LIMIT
+from lava_vpr.loihi import INPUT_LIMIT, LOIHI_2_RESET_LIMIT, THRESHOLD_LIMIT, TRACE_LIMIT, WEIGHT_LIMIT
 from lava_vpr.model import Model, Stretch
 from lava_vpr.ranges import real, whole
 from lava_vpr.storage.limits import excess
@@ -150,7 +151,7 @@ def _phase_json(phase: FoldedPhase) -> dict[str, Any]:
         "inhibit": {"mantissa": mantissa, "weight_exp": exponent},
         "trains": "regular" if chip.regular else "poisson",
         "steps": chip.steps,
-        "silent_steps": SILENT_STEPS,
+        "silent_steps": chip.silent_steps,
         "epochs": phase.epochs,
         "host": {
             "weight_sum": phase.weight_sum,
@@ -185,6 +186,7 @@ def _phase(described: Any, inputs: int) -> FoldedPhase:
             weight_sum=0,
             steps=_whole(described, "steps", _MOST_STEPS, 1),
             regular=described["trains"] == "regular",
+            silent_steps=_whole(described, "silent_steps", LOIHI_2_RESET_LIMIT, SILENT_STEPS),
         ),
         weight_sum=_whole(host, "weight_sum", WEIGHT_LIMIT * inputs),
         theta_plus=_whole(host, "theta_plus"),
@@ -192,6 +194,7 @@ def _phase(described: Any, inputs: int) -> FoldedPhase:
         epochs=_whole(described, "epochs", _MOST_EPOCHS),
     )
     phase.chip.check()
+    check_reset(phase.chip.interval, "learning.steps")
     if inhibition >= INPUT_LIMIT:
         raise ValueError(f"inhibition {inhibition}")
     if phase.chip.rule.microcode() != rule["dw"]:
@@ -263,8 +266,7 @@ def read_learning(bundle: Bundle) -> tuple[ChipLearning, ...]:
     except (KeyError, TypeError, ValueError, IndexError, NetworkLimitError) as error:
         raise BundleError(f"{bundle.at(SETTINGS)}: lacks or garbles {error}; {AGAIN}") from None
     operations = sum(
-        len(part.keys) * (max(phase.chip.steps for phase in part.phases) + SILENT_STEPS) * part.start.weights.size
-        for part in parts
+        len(part.keys) * (max(phase.chip.interval for phase in part.phases)) * part.start.weights.size for part in parts
     )
     beyond = excess("training_operations", operations)
     if beyond is not None:

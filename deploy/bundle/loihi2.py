@@ -18,6 +18,7 @@ from lava_vpr.deploy.boards.plan import RELAY_THRESHOLD, RELAY_WEIGHT
 from lava_vpr.deploy.bundle import effort
 from lava_vpr.deploy.bundle.core_files import Player, Spikes, within
 from lava_vpr.deploy.bundle.folder import AGAIN, Bundle, array_bytes, json_bytes, same_json
+from lava_vpr.deploy.registers.clearing import check_reset
 from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.general.simulation import INPUTS, GeneralNetwork, Population, Synapses
@@ -48,9 +49,10 @@ def parameters_of(network: FixedNetwork) -> dict[str, Any]:
     through one relay an input. ``level`` is the membrane beyond which inputs of regular trains spike, None for others.
 
     Raises:
-        NetworkLimitError: the network overflows Loihi's registers.
+        NetworkLimitError: the network overflows Loihi's registers, or cannot be reset after each presentation.
     """
     network.check()
+    check_reset(network.interval, "network.steps")
     if network.decay > NO_MEMORY_DECAY:
         raise NetworkLimitError(
             f"decay {network.decay} does not fit Loihi 2's 0..{NO_MEMORY_DECAY}; train with network.tau_membrane "

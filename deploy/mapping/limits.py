@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.deploy.mapping.sizing import Sizing, limit_of
+from lava_vpr.deploy.registers.clearing import check_reset
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import NetworkLimitError
@@ -60,6 +61,8 @@ def check_without_weights(sizing: Sizing) -> None:
         NetworkLimitError: naming resource, need, limit and remedy.
     """
     network, board = sizing.network, sizing.board
+    if board.clearing == "reset":
+        check_reset(network.interval, "network.steps")
     _ = sizing.weight_bits, sizing.inhibition_bits  # refuse what they cannot hold
     if sizing.indexable == 0:
         raise NetworkLimitError(

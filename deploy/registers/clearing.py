@@ -6,7 +6,8 @@ from typing import Any
 
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.loihi import DECAY_BITS, DECAY_UNITY, STATE_LIMIT
+from lava_vpr.errors import NetworkLimitError
+from lava_vpr.loihi import DECAY_BITS, DECAY_UNITY, LOIHI_2_RESET_LIMIT, STATE_LIMIT, reset_interval
 
 
 def rest_steps(network: FixedNetwork) -> int | None:
@@ -20,6 +21,25 @@ def rest_steps(network: FixedNetwork) -> int | None:
     while v:
         v, steps = v * keep >> DECAY_BITS, steps + 1
     return steps
+
+
+def check_reset(interval: int, setting: str) -> None:
+    """Refuse a presentation after which Loihi 2 cannot clear its neurons: LIFReset's intervals are powers of two.
+
+    Args:
+        interval: Steps of a presentation, the silent ones included.
+        setting: The setting that it follows from, for the remedy.
+    Raises:
+        NetworkLimitError: naming the intervals that it can.
+    """
+    above = reset_interval(interval)
+    if interval != above or interval > LOIHI_2_RESET_LIMIT:
+        below, above = min(above // 2, LOIHI_2_RESET_LIMIT), min(above, LOIHI_2_RESET_LIMIT)
+        able = f"{below:,}" if below == above else f"{below:,} or {above:,}"
+        raise NetworkLimitError(
+            f"a presentation takes {interval:,} steps, but Loihi 2 resets neurons at powers of two of at most "
+            f"{LOIHI_2_RESET_LIMIT:,}; train with {setting} such that it takes {able}, the silent steps included"
+        )
 
 
 def clearing(network: FixedNetwork, board: Board, *, adapted: bool = False) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, Rule
-from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS, StepDraws
+from lava_vpr.engine.learning.integer_kernels import StepDraws
 from lava_vpr.engine.learning.lava_order import FoldedPhase, FoldedTrainer
 from lava_vpr.isolated.worker import report
 from lava_vpr.processes.base.encoders import EncoderProcess
@@ -42,7 +42,7 @@ def learning_of(options: Mapping[str, Any]) -> IntegerLearning:
 def _encoder(phase: IntegerLearning, rates: NDArray[np.uint16], keys: NDArray[np.uint64]) -> EncoderProcess:
     """What sends the input spikes of the presentations of ``phase``."""
     kind = RegularEncoder if phase.regular else PoissonEncoder
-    return kind(rates=rates, keys=keys, steps=phase.steps, silent_steps=SILENT_STEPS)
+    return kind(rates=rates, keys=keys, steps=phase.steps, silent_steps=phase.silent_steps)
 
 
 def learning(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
@@ -54,11 +54,11 @@ def learning(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> 
     Args:
         arrays: ``weights`` uint8 (inputs, neurons) and ``theta`` int32 (neurons,), the state at the start; ``rates``
             uint16 (n, inputs); ``keys`` uint64 (n,); optionally ``trace_draws`` and ``weight_draws`` uint64
-            (n (steps + 3),).
+            (n interval,).
         options: ``learning``: `options_of` the phase; optionally ``tag``: ``floating_pt`` instead of ``fixed_pt``.
     Returns:
         After each presentation ``weights`` (n, inputs, neurons) and ``traces`` (n, inputs), uint8 or float64, and
-        ``theta`` (n, neurons), int64 or float64; ``raster`` uint8 (n, steps + 3, neurons).
+        ``theta`` (n, neurons), int64 or float64; ``raster`` uint8 (n, interval, neurons).
     """
     phase, tag = learning_of(options["learning"]), options.get("tag", "fixed_pt")
     state = IntegerState(arrays["weights"], arrays["theta"])
@@ -97,7 +97,7 @@ def library(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> d
             ``keys`` uint64 (1,).
         options: ``learning``: `options_of` the phase; ``rng_seed``.
     Returns:
-        ``weights`` (inputs, neurons) and ``traces`` (inputs,) after it; ``raster`` uint8 (steps + 3, neurons).
+        ``weights`` (inputs, neurons) and ``traces`` (inputs,) after it; ``raster`` uint8 (interval, neurons).
     """
     phase = learning_of(options["learning"])
     state = IntegerState(arrays["weights"], arrays["theta"])
@@ -129,7 +129,7 @@ def folded(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> di
             Lava's ``rng_seed`` of each epoch; ``epoch``.
     Returns:
         Of each presentation the chip's ``weights`` (n, inputs, neurons) and ``traces`` (n, inputs) after it and the
-        ``raster`` uint8 (n, steps + 3, neurons); the host's ``host_weights`` and ``host_theta`` at the end.
+        ``raster`` uint8 (n, interval, neurons); the host's ``host_weights`` and ``host_theta`` at the end.
     """
     phases = [FoldedPhase(**{**part, "chip": learning_of(part["chip"])}) for part in options["phases"]]
     state = IntegerState(arrays["weights"].copy(), arrays["theta"].copy())

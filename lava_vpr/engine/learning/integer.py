@@ -122,7 +122,8 @@ class IntegerLearning:
             the input sum.
         neurons: As in `LifParameters`: membrane decay, floor, hold, and what a spike adds to its neuron's threshold.
         weight_sum: What the host normalises each neuron's weights to, before a presentation; 0: it does not.
-        steps: Steps with input in one presentation; `SILENT_STEPS` follow.
+        steps: Steps with input in one presentation.
+        silent_steps: Steps without input that follow, at least `SILENT_STEPS`.
         late_theta: Thresholds rise after a presentation, by the host, instead of at each spike.
         regular: Inputs spike regularly (`engine.inference.bias_input`), not by Poisson draws.
     """
@@ -134,6 +135,12 @@ class IntegerLearning:
     steps: int
     late_theta: bool = False
     regular: bool = False
+    silent_steps: int = SILENT_STEPS
+
+    @property
+    def interval(self) -> int:
+        """Steps of one presentation, the silent ones included."""
+        return self.steps + self.silent_steps
 
     def check(self) -> None:
         """Refuse a phase that the chip cannot hold.
@@ -237,6 +244,7 @@ def _kernel_phase(learning: IntegerLearning) -> KernelPhase:
     lif = replace(learning.neurons, theta_plus=0) if learning.late_theta else learning.neurons
     return KernelPhase(
         steps=learning.steps,
+        silent_steps=learning.silent_steps,
         regular=learning.regular,
         lif=lif.constants,
         target=rule.target,
@@ -277,7 +285,7 @@ def present(
         InputError: an array of another type or shape, or traces beyond 7 bits.
     """
     inputs, neurons = state.weights.shape
-    total = learning.steps + SILENT_STEPS
+    total = learning.interval
     check_rates(rates, np.uint16, (inputs,))
     check_array(state.theta, "thresholds", np.int32, (neurons,), AGAIN)
     if traces is not None:

@@ -15,8 +15,8 @@ from lava_vpr.kernelcache import compiled
 from lava_vpr.loihi import TRACE_LIMIT, WEIGHT_LIMIT
 
 SILENT_STEPS = 3
-"""Steps after the last input of a training presentation: its spikes reach exc, exc's the inhibitory neuron, whose the
-others."""
+"""Steps, at least, after the last input of a training presentation: its spikes reach exc, exc's the inhibitory neuron,
+whose the others."""
 
 _S32 = np.uint64(32)
 _ACCUMULATOR = (1 << 15) - 1
@@ -32,11 +32,13 @@ class StepDraws(NamedTuple):
 class KernelPhase(NamedTuple):
     """One phase of learning as the kernel reads it.
 
-    ``steps`` and ``regular`` are those of `lava_vpr.engine.learning.integer.IntegerLearning`, ``lif`` its neurons; the
-    rest is its rule: ``target``, ``mu``, ``products`` (`Rule.table`), and ``whole`` and ``fraction`` (`Rule.decay`).
+    ``steps``, ``silent_steps`` and ``regular`` are those of `lava_vpr.engine.learning.integer.IntegerLearning`, ``lif``
+    its neurons; the rest is its rule: ``target``, ``mu``, ``products`` (`Rule.table`), and ``whole`` and ``fraction``
+    (`Rule.decay`).
     """
 
     steps: int
+    silent_steps: int
     regular: bool
     lif: LifConstants
     target: int
@@ -187,7 +189,7 @@ def train(
     value = np.arange(classes + steps).astype(np.uint8)  # of traces at the start, then of those set in each step
     last = x.astype(np.int32)  # where in ``value`` each trace is
     warm = x.max() > 0
-    for step in range(steps + SILENT_STEPS):
+    for step in range(steps + phase.silent_steps):
         now, before = step % 3, (step + 1) % 3  # (step - 2) mod 3
         for i in range(neurons):
             drive[i] = buffer[i]

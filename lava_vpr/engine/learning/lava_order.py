@@ -43,9 +43,9 @@ from lava_vpr.engine.learning.integer import (
 )
 from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS, StepDraws
 from lava_vpr.engine.random import GOLDEN, derived_key, mix, presentation_key
-from lava_vpr.errors import ConfigError, InputError
+from lava_vpr.errors import ConfigError, InputError, NetworkLimitError
 from lava_vpr.kernelcache import compiled
-from lava_vpr.loihi import THRESHOLD_LIMIT, WEIGHT_LIMIT
+from lava_vpr.loihi import LOIHI_2_RESET_LIMIT, THRESHOLD_LIMIT, WEIGHT_LIMIT, reset_interval
 
 FACTOR_BITS = 8
 """`FoldedPhase.threshold_factor` is in units of 2^-8."""
@@ -58,7 +58,8 @@ class FoldedPhase:
     """One phase of folded learning.
 
     Attributes:
-        chip: What the chip runs: no floor, no hold, thresholds that stay, weights that are not normalised.
+        chip: What the chip runs: no floor, no hold, thresholds that stay, weights that are not normalised, silent steps
+            that make a presentation as long as the chip can reset.
         weight_sum: What the host normalises each neuron's weights to.
         theta_plus: What the host adds to a neuron's threshold for each of its spikes.
         threshold_factor: All thresholds are multiplied by it / 256 when the phase begins.
@@ -83,6 +84,22 @@ def settings(learning: StdpLearning) -> StdpLearning:
     )
 
 
+def silent_steps(steps: int) -> int:
+    """Steps without input after so many with: at least `SILENT_STEPS`, and as many as make an interval of Loihi 2.
+
+    Raises:
+        NetworkLimitError: no interval between two resets is so long.
+    """
+    interval = reset_interval(steps + SILENT_STEPS)
+    if interval > LOIHI_2_RESET_LIMIT:
+        raise NetworkLimitError(
+            f"presentations of {steps:,} steps and {SILENT_STEPS} silent ones are longer than the "
+            f"{LOIHI_2_RESET_LIMIT:,} between two resets on Loihi 2; train with learning.steps of at most "
+            f"{LOIHI_2_RESET_LIMIT - SILENT_STEPS:,}"
+        )
+    return interval - steps
+
+
 ETA, THETA_PLUS = 0.6, 1.0
 """Factors on ``learning.eta`` (first phase) and ``learning.theta_plus``. Chosen on Nordland 0:500, seeds 0 to 2: recall
 there is optimistic. Without the step of rest after a spike, and with a threshold that stays where it is during a
@@ -104,7 +121,13 @@ def folded_phases(learning: StdpLearning, inputs: int, spikes_per_step: float) -
             raise ConfigError(f"learning.{name} is {tau!r}, but must be a whole number of steps to learn on the chip")
     first, second = (
         FoldedPhase(
-            chip=replace(part, neurons=LifParameters(dv=part.neurons.dv), weight_sum=0, late_theta=False),
+            chip=replace(
+                part,
+                neurons=LifParameters(dv=part.neurons.dv),
+                weight_sum=0,
+                late_theta=False,
+                silent_steps=silent_steps(part.steps),
+            ),
             weight_sum=part.weight_sum,
             theta_plus=part.neurons.theta_plus,
             threshold_factor=factor,
@@ -267,7 +290,7 @@ class FoldedTrainer:
     def record(
         self, rates: NDArray[np.uint16], key: int, raster: bool = False
     ) -> tuple[NDArray[np.int32], dict[str, NDArray[np.uint8]], NDArray[np.uint8]]:
-        """`present`; also the chip's ``weights`` and ``traces`` after it, and the raster (steps + 3, neurons)."""
+        """`present`; also the chip's ``weights`` and ``traces`` after it, and the raster (interval, neurons)."""
         boundary = self.begin(key)
         chip = IntegerState(boundary.weights.copy(), np.full(len(self._state.theta), self.common, np.int32))
         traces = np.zeros(len(chip.weights), np.uint8)
@@ -276,7 +299,7 @@ class FoldedTrainer:
             self.phase.chip,
             rates,
             key,
-            draws=self.draws.next(self.phase.chip.steps + SILENT_STEPS),
+            draws=self.draws.next(self.phase.chip.interval),
             traces=traces,
             inhibition=boundary.mantissas << boundary.exponent,
             raster=raster,

@@ -53,6 +53,8 @@ class LearningPlaceNetwork(CheckedProcess):
         """
         inputs, neurons = state.weights.shape
         learning.check()
+        silent = learning.silent_steps
+        need(silent == SILENT_STEPS, "LearningPlaceNetwork: silent_steps", silent, f"{SILENT_STEPS}")
         need(state.theta.shape == (neurons,), "LearningPlaceNetwork: theta", state.theta.shape, f"({neurons},)")
         check_thresholds(state.theta)
         plasticity: dict[str, Any] = {
@@ -80,7 +82,7 @@ class LearningPlaceNetwork(CheckedProcess):
     @property
     def interval(self) -> int:
         """Steps of one presentation, the silent ones included."""
-        return self.learning.steps + SILENT_STEPS
+        return self.learning.interval
 
     def raise_thresholds(self, counts: NDArray[np.int32]) -> None:
         """Raise the thresholds as the host does after a presentation with ``late_theta``; the run must pause.

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import LifParameters, need
 from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState
-from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS
 from lava_vpr.loihi import DECAY_BITS
 from lava_vpr.processes.base.checked import CheckedProcess
 from lava_vpr.processes.base.wiring import exact_mantissa
@@ -78,7 +77,7 @@ class LibraryLearningNetwork(CheckedProcess):
     @property
     def interval(self) -> int:
         """Steps of one presentation, the silent ones included."""
-        return self.learning.steps + SILENT_STEPS
+        return self.learning.interval
 
     def set_laterals(self, mantissas: NDArray[np.int64]) -> None:
         """Write what inh takes from each neuron, and what its relay gives back; the run must pause.

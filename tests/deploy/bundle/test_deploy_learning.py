@@ -17,7 +17,6 @@ from lava_vpr.deploy.bundle.learning import ChipLearning, chip_learning, learned
 from lava_vpr.encoding import EncodedTraverse, draw_spikes
 from lava_vpr.engine.inference.bias_input import bias_input_spikes
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS
 from lava_vpr.engine.learning.lava_order import FoldedPhase, LibraryDraws, fold, laterals, unfold
 from lava_vpr.engine.random import GOLDEN, derived_key
 from lava_vpr.errors import BundleError, ConfigError
@@ -147,14 +146,14 @@ def slow_presentation(
     chip, rule = phase.chip, phase.chip.rule
     draws = LibraryDraws(part.seeds[0])
     for _ in range(k + 1):
-        trace_draws, weight_draws = draws.next(chip.steps + SILENT_STEPS)
+        trace_draws, weight_draws = draws.next(chip.interval)
     spikes_of = bias_input_spikes if chip.regular else draw_spikes
     spikes = spikes_of(part.rates[part.images[k]], int(part.keys[k]), chip.steps)
     w, neurons = weights.astype(np.int64), weights.shape[1]
     v, x = np.zeros(neurons, np.int64), np.zeros(len(w), np.int64)
     arrived, fired, relayed = np.zeros(neurons, np.int64), np.zeros(neurons, bool), np.zeros(neurons, bool)
     counts = np.zeros(neurons, np.int64)
-    for step in range(chip.steps + SILENT_STEPS):
+    for step in range(chip.interval):
         drive = arrived - lateral * (relayed.any() & ~relayed)
         v = np.sign(v) * (np.abs(v) * (4096 - chip.neurons.dv) >> 12) + (drive << 6)
         relayed, fired = fired, v > common << 6

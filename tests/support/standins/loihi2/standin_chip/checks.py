@@ -11,38 +11,33 @@ from lava.proc.lif.process import LIF, LIFReset
 from lava.proc.sparse.process import Sparse
 from lava.utils.weightutils import SignMode
 
+from lava_vpr.deploy.hardware.loihi_2 import LIF as HELD
+from lava_vpr.deploy.hardware.table import BELIEFS
 from standin_chip.options import options
 
-RANGES = {
-    "u": (-(1 << 23) + 1, (1 << 23) - 1),
-    "v": (-(1 << 23) + 1, (1 << 23) - 1),
-    "du": (0, 4095),
-    "dv": (0, 4095),
-    "vth": (0, (1 << 17) - 1),
-    "bias_mant": (-4096, 4095),
-    "bias_exp": (0, 7),
-}
-"""Of the Vars of a neuron, both ends included."""
+VARS = tuple(row.name for row in HELD)
+"""The Vars of a neuron that the table of hardware knows."""
 
 
 class StandinError(Exception):
     """What the chip cannot hold."""
 
 
-def check_range(what: str, value: Any, low: int, high: int) -> None:
-    """Refuse what are no whole numbers in ``low`` .. ``high``."""
+def check(name: str, value: Any) -> None:
+    """Refuse what are no whole numbers, or not what the row ``name`` of the table of hardware allows."""
     array = np.asarray(value)
     if array.dtype.kind not in "iu":
-        raise StandinError(f"{what} is {array.dtype}, not a whole number")
-    outside = array[(array < low) | (array > high)]
-    if outside.size:
-        raise StandinError(f"{what} {outside.flat[0]} is outside {low}..{high}")
+        raise StandinError(f"{name} is {array.dtype}, not a whole number")
+    for number in (int(array.min(initial=0)), int(array.max(initial=0))) if array.size > 1 else (int(array.flat[0]),):
+        said = BELIEFS[name].refusal(number)
+        if said:
+            raise StandinError(said)
 
 
-def check_var(process: str, name: str, value: Any) -> None:
+def check_var(name: str, value: Any) -> None:
     """Refuse a value of a neuron's Var."""
-    if name in RANGES:
-        check_range(f"{process}.{name}", value, *RANGES[name])
+    if name in VARS:
+        check(name, value)
 
 
 def check_process(process: AbstractProcess) -> None:
@@ -50,15 +45,22 @@ def check_process(process: AbstractProcess) -> None:
     kind = type(process)
     if kind in (LIF, LIFReset):
         for var in process.vars:
-            check_var(kind.__name__, var.name, var.init)
+            check_var(var.name, var.init)
         if kind is LIFReset:
-            interval = process.proc_params["reset_interval"]
-            check_range("reset_interval", interval, 1, 1 << 16)
-            check_range("reset_offset", process.proc_params["reset_offset"], 0, interval - 1)
+            check_reset(process.proc_params["reset_interval"], process.proc_params["reset_offset"])
     elif kind in (Dense, Sparse):
         _check_synapses(process)
     else:
         raise StandinError(f"{kind.__name__} is not a Process of Lava's library that the stand-in knows")
+
+
+def check_reset(interval: int, offset: int) -> None:
+    """Refuse an interval between resets that the chip does not have."""
+    row = BELIEFS["steps between two resets of LIFReset"]
+    if interval < 1 or interval & (interval - 1):
+        raise StandinError(f"reset_interval {interval} is not {row.shown} ({row.source})")
+    check("the longest interval between two resets", interval)
+    check("step of the first reset (reset_offset)", offset)
 
 
 def _check_synapses(process: Any) -> None:
@@ -66,13 +68,12 @@ def _check_synapses(process: Any) -> None:
     params, weights = process.proc_params, process.weights.init
     values = weights if isinstance(weights, np.ndarray) else weights.toarray()
     bits, exponent, sign = params.get("num_weight_bits", 8), params.get("weight_exp", 0), params.get("sign_mode")
-    check_range("num_weight_bits", bits, 1, 8)
-    check_range("weight_exp", exponent, -7, 7)
-    check_range("num_message_bits", process.num_message_bits.init, 0, 0)
-    ranges = {SignMode.EXCITATORY: (0, 255), SignMode.INHIBITORY: (-255, 0), SignMode.MIXED: (-256, 255)}
-    if sign not in ranges:
+    check("num_weight_bits", bits)
+    check("weight_exp", exponent)
+    check("num_message_bits", process.num_message_bits.init)
+    if sign not in (SignMode.EXCITATORY, SignMode.INHIBITORY, SignMode.MIXED):
         raise StandinError(f"sign mode {sign} leaves it to Lava to choose")
-    check_range("weight", values, *ranges[sign])
+    check(f"weights of sign mode {sign.name}", values)
     spare = 8 - bits + (sign is SignMode.MIXED)  # one bit is the sign
     if np.any(np.abs(values) & ((1 << spare) - 1)):
         raise StandinError(f"weights have more than {bits} bits, the lowest would be lost")

@@ -91,7 +91,7 @@ class Chip:
         if np.any(value != np.floor(value)):
             raise StandinError(f"{name} is written with fractions")
         whole = value.astype(np.int64)
-        check_var(part.builder.kind, name, whole)
+        check_var(name, whole)
         if isinstance(getattr(part.model, name), np.ndarray):
             getattr(part.model, name).flat[:] = whole
         else:

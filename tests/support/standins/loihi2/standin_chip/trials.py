@@ -23,10 +23,14 @@ def refusals(arrays: dict[str, NDArray[Any]], options: dict[str, Any]) -> dict[s
     made = {
         "a good neuron": LIF(shape=(2,), du=4095, dv=0, vth=8000, v=np.array([1, -2])),
         "du": LIF(shape=(1,), du=4096, vth=3),
-        "vth": LIFReset(shape=(1,), vth=1 << 17, reset_interval=3, reset_offset=1),
+        "vth": LIFReset(shape=(1,), vth=1 << 17, reset_interval=32, reset_offset=1),
         "fraction": LIF(shape=(1,), dv=0.5),
         "bias": LIF(shape=(1,), bias_mant=np.array([4096])),
-        "offset": LIFReset(shape=(1,), vth=1, reset_interval=3, reset_offset=3),
+        "offset": LIFReset(shape=(1,), vth=1, reset_interval=4, reset_offset=3),
+        "353 steps": LIFReset(shape=(1,), vth=1, reset_interval=353, reset_offset=1),
+        "33 steps": LIFReset(shape=(1,), vth=1, reset_interval=33, reset_offset=1),
+        "131072 steps": LIFReset(shape=(1,), vth=1, reset_interval=1 << 17, reset_offset=1),
+        "256 steps": LIFReset(shape=(1,), vth=1, reset_interval=256, reset_offset=1),
         "good synapses": Sparse(weights=ONE, **BOTH),
         "sign": Dense(weights=ONE),
         "weight": Dense(weights=ONE * 64, **BOTH),
@@ -35,7 +39,7 @@ def refusals(arrays: dict[str, NDArray[Any]], options: dict[str, Any]) -> dict[s
         "foreign": RingBuffer(data=ONE),
     }
     said = {name: _said(check_process, process) for name, process in made.items()}
-    said["written"] = _said(check_var, "LIF", "v", np.array([1 << 23]))
+    said["written"] = _said(check_var, "v", np.array([1 << 23]))
     return {name: np.array(text) for name, text in said.items()}
 
 
