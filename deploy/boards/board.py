@@ -23,6 +23,8 @@ class Board:
         tile_cores, columns, rows: Cores of a tile, and the mesh of tiles of a chip; None: not public.
         input_limit: What one neuron can receive in one step stays below, in weight units.
         compartments, axons_in, axons_out, synapse_words: Limits.
+        synapses, core_bytes: Synapses of a chip, and bytes of a core for all that it holds: what bounds a network where
+            ``synapse_words`` are not public; else None.
         profiles, thresholds, formats: Distinct ones that a core can hold.
         weight_bits, index_bits: Widths that a stored synapse can have.
         host_spikes: Spikes that the host can send to one chip in one step.
@@ -43,6 +45,8 @@ class Board:
     axons_in: int | None
     axons_out: int | None
     synapse_words: int | None
+    synapses: int | None
+    core_bytes: int | None
     profiles: int | None
     thresholds: int | None
     formats: int | None
@@ -62,9 +66,19 @@ class Board:
         """Words of a core's synapse memory that a plan fills (`loihi.SYNAPSE_SLACK`); None: not public."""
         return None if self.synapse_words is None else int(self.synapse_words * (1 - loihi.SYNAPSE_SLACK))
 
+    @property
+    def known(self) -> str:
+        """What is public of a board whose way of storing synapses is not, and what is not; else empty."""
+        if self.synapses is None or self.core_bytes is None:
+            return ""
+        return (
+            f"Public: {self.chips * self.cores} cores, {self.compartments:,} neurons and {self.core_bytes:,} bytes a "
+            f"core, {self.synapses:,} synapses a chip. Unknown: what axons, indices and states take of these bytes."
+        )
+
     def as_json(self) -> dict[str, Any]:
         """Limits and mesh by name, as a bundle's manifest has them; None: not public."""
-        left_out = ("clearing", "constants")
+        left_out = ("synapses", "core_bytes", "clearing", "constants")
         values = {item.name: getattr(self, item.name) for item in fields(self) if item.name not in left_out}
         return values | {"timed": self.timed}
 
@@ -86,6 +100,8 @@ KAPOHO_BAY = BOARDS.register(
         axons_in=loihi.CORE_AXONS,
         axons_out=loihi.CORE_AXONS,
         synapse_words=loihi.CORE_SYNAPSE_WORDS,
+        synapses=None,
+        core_bytes=None,
         profiles=loihi.CORE_PROFILES,
         thresholds=loihi.CORE_THRESHOLDS,
         formats=loihi.CORE_FORMATS,
@@ -111,6 +127,8 @@ LOIHI_2 = BOARDS.register(
         axons_in=None,
         axons_out=None,
         synapse_words=None,
+        synapses=loihi.LOIHI_2_SYNAPSES,
+        core_bytes=loihi.LOIHI_2_CORE_BYTES,
         profiles=None,
         thresholds=None,
         formats=None,

@@ -14,6 +14,7 @@ import numpy as np
 
 from lava_vpr.config import Config
 from lava_vpr.deploy.boards.board import Board
+from lava_vpr.deploy.mapping.bounds import least_cores
 from lava_vpr.deploy.mapping.limits import check, check_without_weights
 from lava_vpr.deploy.mapping.partition import fewest_cores
 from lava_vpr.deploy.mapping.ranges import reach
@@ -171,7 +172,7 @@ def largest(config: Config, board: Board, rows: RowKind = "sparse", weights: Ful
     beyond = _sizing(config, board, low + 1, rows, weights)
     if isinstance(beyond, str):
         limit = beyond
-    elif fewest_cores(beyond):
+    elif _cores(beyond):
         limit = f"more than {_MOST:,} neurons are not looked for"
     else:
         limit = cause(beyond, fewest_cores)
@@ -183,6 +184,8 @@ def _at_most(config: Config, board: Board, rows: RowKind, weights: Fullness) -> 
     many = 1000
     neurons = sum(stretch.neurons for stretch in split(many, config))
     most = many * min(_MOST, board.chips * board.cores * board.compartments) // max(many, neurons)
+    if board.core_bytes is not None:
+        return max(2, most)
     sizing = _sizing(config, board, max(2, most), rows, weights)
     if isinstance(sizing, str):
         return 2
@@ -207,8 +210,13 @@ def _neurons_and_cores(
 ) -> tuple[int, int] | None:
     """Neurons and cores of so many places; None if they do not fit."""
     sizing = _sizing(config, board, places, rows, weights)
-    cores = None if isinstance(sizing, str) else fewest_cores(sizing)
+    cores = None if isinstance(sizing, str) else _cores(sizing)
     return None if isinstance(sizing, str) or cores is None else (sizing.network.neurons, cores)
+
+
+def _cores(sizing: Sizing) -> int | None:
+    """Cores of a network; the least, where little of the board is public. None: it does not fit."""
+    return fewest_cores(sizing) if sizing.board.core_bytes is None else least_cores(sizing)
 
 
 def table(config: Config, board: Board) -> tuple[Capacity, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.deploy.mapping.bounds import exceeded
 from lava_vpr.deploy.mapping.sizing import Sizing, limit_of
 from lava_vpr.deploy.registers.clearing import check_reset
 from lava_vpr.engine.inference import fixed
@@ -68,6 +69,9 @@ def check_without_weights(sizing: Sizing) -> None:
         raise NetworkLimitError(
             f"synapses to inhibitory neurons need index bits, but {board.title} has none; use another --target"
         )
+    beyond = exceeded(sizing)
+    if beyond:
+        raise NetworkLimitError(f"{beyond}; use fewer --weight-bits, --prune, or fewer places")
     spikes = host_spikes(network, sizing.rates)
     if spikes > limit_of(board.host_spikes):
         most = _allowed_spikes(network, sizing.rates, limit_of(board.host_spikes))

@@ -44,6 +44,11 @@ def cause(sizing: Sizing, solve: Solve) -> str:
         what = "neurons and inputs" if network.input_compartments else "neurons"
         have = cores * board.compartments
         return f"{what} need {total:,} compartments, but the {cores:,} cores of {board.title} have {have:,}"
+    if board.core_bytes is not None:
+        return (
+            f"the weights of {network.neurons:,} neurons, some of which stand on a core together, need more than the "
+            f"{cores:,} cores of {board.core_bytes:,} bytes of {board.title}"
+        )
     listened = int(sizing.listened.max())
     for name, limit in (("axons_in", limit_of(board.axons_in)), ("synapse_words", sizing.words)):
         if listened > limit:

@@ -155,13 +155,41 @@ class Sizing:
 
     @cached_property
     def words(self) -> int:
-        """Words of synapse memory that a core's rows may take."""
+        """Words of synapse memory that a core's rows may take; bits, where a core's bytes are all that is public."""
+        if self.board.core_bytes is not None:
+            return 8 * self.board.core_bytes
         return limit_of(self.board.usable_words)
 
     @cached_property
     def largest(self) -> int:
         """Most excitatory neurons that a core is ever asked about."""
         return min(self.network.neurons, limit_of(self.board.compartments))
+
+    @cached_property
+    def stored(self) -> Integers:
+        """Bits of the weights to each excitatory neuron, and of nothing else, int64 (neurons,)."""
+        return self._drawn * self.weight_bits + self._lateral_bits
+
+    @cached_property
+    def _drawn(self) -> Integers:
+        """Weights from inputs to each excitatory neuron that are not 0, int64 (neurons,)."""
+        return np.asarray(self.pattern.members @ self.pattern.mask, np.int64)
+
+    @property
+    def _lateral_bits(self) -> int:
+        """Bits of a synapse of the root; 0 if it takes nothing."""
+        return self.inhibition_bits if self.inhibits else 0
+
+    @cached_property
+    def synapses(self) -> int:
+        """All synapses whose weight is not 0: from inputs, to and from inhibitory neurons, and to relays."""
+        network = self.network
+        return (
+            int(self._drawn.sum())
+            + (1 + self.inhibits) * network.neurons
+            + network.leaves
+            + network.relayed * network.inputs
+        )
 
     @cached_property
     def indexable(self) -> int:
@@ -233,6 +261,8 @@ class Sizing:
         """What ranges of ``sizes`` neurons (ranges,) take whose kinds have ``counts`` weights (kinds, ranges)."""
         members = self.pattern.members
         active = members @ (counts > 0)
+        if self.board.core_bytes is not None:
+            return active, members @ counts * self.weight_bits + sizes * self._lateral_bits
         if self.board.synapse_words is None:
             return active, np.zeros_like(active)
         _, words = self.row_tables

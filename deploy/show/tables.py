@@ -116,9 +116,10 @@ def _totals(plan: Plan) -> list[str]:
     needs = [core.needs for core in plan.cores]
     rows = [rows_of(plan, core) for core in plan.cores]
     words = _sum([need.synapse_words for need in needs])
+    least = "at least " if plan.board.synapse_words is None else ""
     return [
         "all",
-        f"{len(plan.cores)} of {plan.board.chips * plan.board.cores} cores",
+        f"{least}{len(plan.cores)} of {plan.board.chips * plan.board.cores} cores",
         f"{sum(need.compartments for need in needs):,}",
         *(_of(_sum(values), None) for values in ([n.axons_in for n in needs], [n.axons_out for n in needs])),
         UNKNOWN if words is None else f"{words * 8 / 1024:,.1f} KiB",
@@ -145,10 +146,15 @@ def _inhibitory(plan: Plan) -> str:
 def summary(plan: Plan) -> list[str]:
     """What matters of a plan, a sentence each."""
     board, network, core = plan.board, plan.network, busiest(plan)
-    lines = [f"{len(plan.cores)} of {board.chips * board.cores} cores, {_bits(plan.weight_bits)} a stored weight."]
+    least = "At least " if board.synapse_words is None else ""
+    lines = [
+        f"{least}{len(plan.cores)} of {board.chips * board.cores} cores, {_bits(plan.weight_bits)} a stored weight."
+    ]
     lines.append(f"{_inhibitory(plan)} from every neuron {network.inhibition_delay} steps after any has spiked.")
     if board.tile_cores is None:
         lines.append("Which cores they are, and how synapses are stored, is decided by Intel's compiler.")
+    if board.known:
+        lines.append(f"{board.known} Whether the network fits is unknown: it is beyond none of the public numbers.")
     if board.timed:
         lines.append(
             f"Modelled: the busiest core ({core_name(board, core)}) takes {step_time(board, core)} a step, "

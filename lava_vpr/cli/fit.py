@@ -103,7 +103,8 @@ def _model(
     plan = plan_of(compressed.model, board)
     if json_path is not None:  # files first: whoever reads the table may go away
         values = {"places": model.places, "neurons": model.neurons, "weight_bits": compressed.model.weight_bits}
-        write_json(json_path, {"target": board.name, "fits": True, **values, "mapping": mapping(plan)})
+        fits = None if board.synapse_words is None else True
+        write_json(json_path, {"target": board.name, "fits": fits, **values, "mapping": mapping(plan)})
     if picture is not None:
         from lava_vpr.deploy.show.drawing import draw  # matplotlib takes a second to import
 
@@ -132,7 +133,8 @@ def _largest(
     config = update(preset("loihi"), {"network": changes, "views": {"shifts": views}})
     rows = (largest_map.table if weight_bits is None else largest_map.capacities)(config, board)
     if json_path is not None:
-        values = [asdict(row) | {"proven": row.proven} for row in rows]
+        bound = board.synapse_words is None
+        values = [asdict(row) | {"proven": row.proven, "at_most": bound} for row in rows]
         write_json(json_path, {"target": board.name, "views": views, "largest": values})
     print_whole(_capacities(board, rows, views))
 
@@ -145,10 +147,15 @@ def _capacities(board: Board, rows: tuple[Capacity, ...], views: int) -> Table:
         "has shown on a board (unproven)",
     )
     seen = f", each place in {views} views" if views > 1 else ""
-    table = Table(title=f"the largest maps that fit {board.title}{seen}", title_justify="left", caption_justify="left")
-    if board.synapse_words is not None:
-        table.caption = "\n".join(notes)
-    for name in ("bits a weight", "rows", "weights", "places", "neurons", "cores", "if every one"):
+    unknown = board.synapse_words is None
+    title = f"no larger maps can fit {board.title}" if unknown else f"the largest maps that fit {board.title}"
+    table = Table(title=f"{title}{seen}", title_justify="left", caption_justify="left")
+    least, most = (" at least", " at most") if unknown else ("", "")
+    if unknown:
+        notes = (f"{board.known} Whether maps of these sizes fit is unknown.", notes[0])
+    table.caption = "\n".join(notes)
+    names = (f"places{most}", f"neurons{most}", f"cores{least}")
+    for name in ("bits a weight", "rows", "weights", *names, "if every one"):
         table.add_column(name, justify="left" if name == "rows" else "right", no_wrap=True)
     table.add_column("what binds: one place more", max_width=50)
     every = {(row.weight_bits, row.rows): row.places for row in rows if row.weights == "every"}

@@ -17,9 +17,11 @@ from lava_vpr.deploy.bundle.learning import ChipLearning, chip_learning, learned
 from lava_vpr.encoding import EncodedTraverse, draw_spikes
 from lava_vpr.engine.inference.bias_input import bias_input_spikes
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.engine.learning.lava_order import FoldedPhase, LibraryDraws, fold, laterals, unfold
+from lava_vpr.engine.learning.integer import IntegerState, present
+from lava_vpr.engine.learning.integer_kernels import StepDraws
+from lava_vpr.engine.learning.lava_order import FoldedPhase, LibraryDraws, fold, folded_phases, laterals, unfold
 from lava_vpr.engine.random import GOLDEN, derived_key
-from lava_vpr.errors import BundleError, ConfigError
+from lava_vpr.errors import BundleError, ConfigError, NetworkLimitError
 from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.loihi import INPUT_LIMIT
 from lava_vpr.model import Model
@@ -221,6 +223,37 @@ def test_lavas_library_learns_the_same(model: Model, epoch: int) -> None:
     assert np.array_equal(got["host_theta"], trainer.state()["theta"])
 
 
+@pytest.mark.parametrize(("steps", "interval"), [(STEPS, 64), (61, 64), (62, 128), (350, 512), (65533, 65536)])
+def test_presentations_are_as_long_as_the_chip_can_reset(steps: int, interval: int) -> None:
+    for phase in folded_phases(small_config(steps=steps).learning, 128, 5.0):  # type: ignore[arg-type]
+        assert (phase.chip.steps, phase.chip.interval) == (steps, interval)
+        assert phase.chip.silent_steps >= 3
+
+
+def test_presentations_that_are_too_long_to_reset_are_refused() -> None:
+    with pytest.raises(NetworkLimitError, match=r"65,534 steps .* train with learning.steps of at most 65,533$"):
+        folded_phases(small_config(steps=65534).learning, 128, 5.0)  # type: ignore[arg-type]
+
+
+def test_silent_steps_change_nothing_but_what_is_drawn(model: Model) -> None:
+    """Nothing is in flight after three silent steps: with as many and with more, the same spikes, the same weights."""
+    part = chip_learning(model)[0]
+    chip = part.phases[0].chip
+    results = []
+    for silent in (3, chip.silent_steps + 64):
+        state = IntegerState(part.start.weights.copy(), part.start.theta.copy())
+        learned = replace(chip, silent_steps=silent)
+        draws = LibraryDraws(1).next(chip.steps + 3 + 64 + chip.silent_steps)
+        own = StepDraws(draws.traces[: learned.interval], draws.weights[: learned.interval])
+        counts, _, film = present(state, learned, part.rates[0], int(part.keys[0]), draws=own, raster=True)
+        assert film.shape[0] == learned.interval
+        assert not film[chip.steps + 3 :].any()
+        results.append((counts, state.weights))
+    assert results[0][0].sum() > 0
+    for one, other in zip(*results, strict=True):
+        assert np.array_equal(one, other)
+
+
 def test_what_is_learned_recognises_its_places(model: Model) -> None:
     learned = learned_on_chip(model, read_learning(bundle_of(model)), 1)
     assert isinstance(learned.network, FixedNetwork)
@@ -247,6 +280,12 @@ def test_a_bundle_without_or_with_garbled_learning(model: Model) -> None:
     told = bundle_of(model).json("learning/learning.json")
     told["stretches"][0]["phases"][0]["learning_rule"]["dw"] = "2^-1*y0*(x1-1)"
     with pytest.raises(BundleError, match=r"learning.json: lacks or garbles dw .* not the sum of its products"):
+        read_learning(Bundle(Path("memory"), {}, {**files, "learning/learning.json": json_bytes(told)}))
+    told = bundle_of(model).json("learning/learning.json")
+    told["stretches"][0]["phases"][0]["silent_steps"] = 3
+    with pytest.raises(
+        BundleError, match=r"lacks or garbles a presentation takes 63 steps, but Loihi 2 resets .* 32 or 64"
+    ):
         read_learning(Bundle(Path("memory"), {}, {**files, "learning/learning.json": json_bytes(told)}))
     del told["stretches"][0]["phases"]
     with pytest.raises(BundleError, match=r"learning.json: lacks or garbles 'phases'; deploy"):
