@@ -50,6 +50,8 @@ FOLDERS = {
 TEMPLATES = {"rule": "template", "epochs": 1}
 STANDING = 20
 TAU = 30.0
+RIVALS = ("cosine", "hog", "sad")
+"""Baselines beside the rows that stand for networks without learning (``templates``)."""
 console = Console(highlight=False, width=120)
 
 Views = tuple[EncodedTraverse, ...]
@@ -105,6 +107,7 @@ def _joined(one: EncodedTraverse, two: EncodedTraverse) -> EncodedTraverse:
         np.concatenate([one.activity, two.activity]),
         np.concatenate([one.patches_for("a list"), two.patches_for("a list")]),
         np.concatenate([one.thumbnails_for("a list"), two.thumbnails_for("a list")]),
+        np.concatenate([one.hog_for("a list"), two.hog_for("a list")]),
     )
 
 
@@ -115,7 +118,7 @@ def learn(dataset: str, config: Config, first: int, end: int) -> Model:
 
 def ask(model: Model, dataset: str, first: int, end: int, tolerance: int = 0, **options: Any) -> Recognition:
     """What a model makes of the queries of its places; ``options`` are fields of `Comparison`."""
-    comparison = Comparison(keep_scores=False, **options)
+    comparison = Comparison(keep_scores=False, **{"rivals": RIVALS, **options})
     views = dataclasses.replace(model.config.views, shifts=comparison.asking.views, scales=1)
     queries, *further = places(dataset, 1, model.config, first, end, views)
     numbers = np.arange(end - first)
@@ -162,14 +165,14 @@ def print_sections(config: Config, seeds: Sequence[int]) -> None:
         for where in sections_of("nordland", 500):
             for seed in seeds:
                 model = learn(where[0], update(config, changes | {"seed": seed}), *where[1:])
-                results.append(ask(model, *where, rivals=() if name != "as the preset learns" else ("sad", "cosine")))
+                results.append(ask(model, *where, rivals=() if name != "as the preset learns" else RIVALS))
                 joules.append(energy(model, *where) if seed == seeds[0] else np.nan)
         default, half = results[0].default, 2 * len(seeds)
         _row(table, name, [r.metrics[default] for r in results], f"{np.nanmean(joules):.2f}")
         if name == "as the preset learns":
             _row(table, "  0:200, which chose the settings", [r.metrics[default] for r in results[:half]])
             _row(table, "  200:500, which did not", [r.metrics[default] for r in results[half:]])
-            for rival in ("sad", "cosine"):
+            for rival in RIVALS:
                 _row(table, f"  {rival}", [r.metrics[rival] for r in results])
     console.print(table)
 
@@ -185,10 +188,10 @@ def print_long(config: Config, seeds: Sequence[int]) -> None:
                 started = time.perf_counter()
                 model = learn("nordland_all", update(config, changes | {"seed": seed}), 0, end)
                 seconds.append(time.perf_counter() - started)
-                results.append(ask(model, "nordland_all", 0, end, rivals=("sad", "cosine")))
+                results.append(ask(model, "nordland_all", 0, end, rivals=RIVALS))
             metrics = [r.metrics[r.default] for r in results]
             _row(table, f"{end:,} places, {name}", metrics, f"{np.mean(seconds):.1f}")
-        for rival in ("sad", "cosine"):
+        for rival in RIVALS:
             _row(table, f"{end:,} places, {rival}", [r.metrics[rival] for r in results])
     console.print(table)
 
@@ -213,7 +216,7 @@ def print_views(config: Config, seeds: Sequence[int]) -> None:
                 for seed in seeds:
                     model = learn(where[0], update(config, {"views": views, "seed": seed}), *where[1:])
                     results.append(ask(model, *where, tolerance, asking=Asking(query_views)))
-            for matcher in (results[0].default, "cosine", "sad"):
+            for matcher in (results[0].default, *RIVALS):
                 _row(table, f"{dataset}, {name}, {matcher}", [r.metrics[matcher] for r in results])
     console.print(table)
 
@@ -234,7 +237,7 @@ def print_adapted(config: Config, seeds: Sequence[int]) -> None:
                 for name, metrics in _standing(model, *section).items():
                     standing[name].append(metrics)
         default = results[0].default
-        for matcher in (default, "cosine", "sad"):
+        for matcher in (default, *RIVALS):
             _row(table, f"{title}, {matcher}", [r.metrics[matcher] for r in results])
             _row(table, f"{title}, {matcher}, adapted", [r.adapted[matcher] for r in results])
         for name, every in standing.items():
@@ -256,6 +259,7 @@ def _standing(model: Model, dataset: str, first: int, end: int) -> dict[str, Met
         activity=noisy.astype(np.float32),
         patches=None,
         thumbnails=None,
+        hog=None,
     )
     truth: NDArray[np.bool_] = order[:, None] == np.arange(len(queries))
     comparison = Comparison(rivals=(), keep_scores=False, asking=Asking(adapt=TAU))

@@ -51,6 +51,7 @@ def part(traverse: EncodedTraverse, chosen: slice | NDArray[np.int64]) -> Encode
         patches=traverse.patches_for("a part")[order],
         activity=traverse.activity[order],
         thumbnails=traverse.thumbnails_for("a part")[order],
+        hog=None if traverse.hog is None else traverse.hog[order],
     )
 
 

@@ -22,6 +22,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.nordland import SECTIONS, answer, encoded, learn, part
+from lava_vpr.backends.rivals import BASELINES
 from lava_vpr.config import INPUT_MODES, Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.engine.threads import cores
@@ -130,7 +131,7 @@ def print_joined(config: Config, seeds: Sequence[int]) -> None:
         for length in (1, 5, 10):
             result = answer(model, (0, 500), sequence=length)
             label = "" if length == 1 else f", sequences of {length}"
-            for name in (result.default, "sad", "cosine"):
+            for name in (result.default, *BASELINES):
                 collected.setdefault(name + label, []).append(result.metrics[name])
     for name, figures in collected.items():
         _row(table, name, figures)

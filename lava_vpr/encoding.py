@@ -21,6 +21,7 @@ from lava_vpr.engine.inference.bias_input import bias_input_spikes
 from lava_vpr.engine.random import draws
 from lava_vpr.errors import InputError
 from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
+from lava_vpr.inputs.hog import HOG_VALUES, hog
 from lava_vpr.inputs.patches import PATCH_SIDE, patch_normalised
 from lava_vpr.inputs.views import STRAIGHT, View, seen_as
 from lava_vpr.traverse import Traverse
@@ -34,12 +35,13 @@ _BLOCK = 64
 
 
 class Keep(Flag):
-    """What is kept of images beside their activity: what SAD compares, what reports show."""
+    """What is kept of images beside their activity: what SAD and HOG compare, what reports show."""
 
     NOTHING = 0
     PATCHES = auto()
     THUMBNAILS = auto()
-    ALL = PATCHES | THUMBNAILS
+    HOG = auto()
+    ALL = PATCHES | THUMBNAILS | HOG
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,7 @@ class EncodedTraverse:
         activity: Responses of the input channels, float32 (n, inputs), at least 0.
         patches: Patch-normalised images, uint8 (n, 28, 28); None unless they were to be kept.
         thumbnails: Small BGR images for reports, uint8 (n, 48, 64, 3); None unless they were to be kept.
+        hog: HOG descriptors, uint8 (n, 1764); None unless they were to be kept.
     """
 
     names: tuple[str, ...]
@@ -59,6 +62,7 @@ class EncodedTraverse:
     activity: NDArray[np.float32]
     patches: NDArray[np.uint8] | None = None
     thumbnails: NDArray[np.uint8] | None = None
+    hog: NDArray[np.uint8] | None = None
 
     def __len__(self) -> int:
         return len(self.names)
@@ -78,6 +82,14 @@ class EncodedTraverse:
             InputError: they were not kept.
         """
         return _seen(self.thumbnails, "thumbnails", Keep.THUMBNAILS, purpose)
+
+    def hog_for(self, purpose: str) -> NDArray[np.uint8]:
+        """The HOG descriptors, seen to be there; ``purpose`` is who needs them, and the message begins with it.
+
+        Raises:
+            InputError: they were not kept.
+        """
+        return _seen(self.hog, "HOG descriptors", Keep.HOG, purpose)
 
 
 def _seen(kept: NDArray[np.uint8] | None, what: str, keep: Keep, purpose: str) -> NDArray[np.uint8]:
@@ -110,6 +122,7 @@ def check_encoded(encoded: EncodedTraverse, encoder: EncoderConfig, what: str) -
         ("indices", encoded.indices, np.int64, (n,)),
         ("patches", encoded.patches, np.uint8, (n, PATCH_SIDE, PATCH_SIDE)),
         ("thumbnails", encoded.thumbnails, np.uint8, (n, THUMBNAIL[1], THUMBNAIL[0], 3)),
+        ("hog", encoded.hog, np.uint8, (n, HOG_VALUES)),
     ]
     for name, array, dtype, shape in parts:
         if array is not None and (array.dtype != dtype or array.shape != shape):
@@ -211,6 +224,7 @@ def _encoded(
     activity = np.empty((v, n, encoder.inputs), np.float32)
     patches = np.empty((v, n, PATCH_SIDE, PATCH_SIDE), np.uint8) if Keep.PATCHES in keep else None
     thumbnails = np.empty((v, n, THUMBNAIL[1], THUMBNAIL[0], 3), np.uint8) if Keep.THUMBNAILS in keep else None
+    hogs = np.empty((v, n, HOG_VALUES), np.uint8) if Keep.HOG in keep else None
     for i, whole in enumerate(islice(images, n)):
         for k, view in enumerate(views):
             image, patch = seen_as(whole, view), None
@@ -219,6 +233,8 @@ def _encoded(
             activity[k, i] = activity_of(image, encoder, patch)
             if thumbnails is not None:
                 thumbnails[k, i] = thumbnail(image)
+            if hogs is not None:
+                hogs[k, i] = hog(image)
         if progress is not None:
             progress(1)
     return tuple(
@@ -228,6 +244,7 @@ def _encoded(
             activity[k],
             None if patches is None else patches[k],
             None if thumbnails is None else thumbnails[k],
+            None if hogs is None else hogs[k],
         )
         for k in range(v)
     )

@@ -55,6 +55,8 @@ class Model:
         activity: Input responses to the reference images, float32 (images, inputs).
         thumbnails: First traverse's images, small, uint8 (places, 48, 64, 3) BGR.
         training: Figures of the training run: spikes per image, neurons used, places covered.
+        hog: HOG descriptors of the reference images, uint8 (images, 1764); None where a model was learned without them,
+            as all were before there was this baseline.
         bundle: Folder of the deployed bundle that it was read from; None for a model file.
     """
 
@@ -71,6 +73,7 @@ class Model:
     activity: NDArray[np.float32]
     thumbnails: NDArray[np.uint8]
     training: dict[str, float]
+    hog: NDArray[np.uint8] | None = None
     bundle: Path | None = None
 
     @property
@@ -164,6 +167,8 @@ def content(model: Model, network: bool = True) -> tuple[dict[str, Any], dict[st
         "route_images": model.route_images,
         "training": model.training,
     }
+    if model.hog is not None:
+        arrays["hog"] = model.hog
     if not network:
         arrays["learned"] = np.zeros((0, 0), np.float32)
     elif isinstance(model.network, FixedNetwork):
@@ -229,4 +234,5 @@ def assemble(
         patches=arrays["patches"],
         activity=arrays["activity"],
         thumbnails=arrays["thumbnails"],
+        hog=arrays.get("hog"),
     )

@@ -14,10 +14,10 @@ traverses, I inputs (of the settings), N neurons:
     fixed          `FixedNetwork.scalars`, whole numbers as its ``check`` allows; interval, ``bits``, ``signed``,
                    ``regular`` and ``bias_input`` are those of the settings. Not with preset ``paper``, not in a bundle
 
-and no other key. The arrays are those of `_arrays`, and no other: each of its type and shape, its least and most value
-within its range, none of them NaN. Beyond that, place_indices differ from each other and are below route_images, and
-labels are 0..P-1, T times over. What a query to it costs is within the limits ``presentation_operations`` and
-``presentation_bytes``.
+and no other key. The arrays are those of `_rules`, all but ``hog``, which may be missing, and no other: each of its
+type and shape, its least and most value within its range, none of them NaN. Beyond that, place_indices differ from each
+other and are below route_images, and labels are 0..P-1, T times over. What a query to it costs is within the limits
+``presentation_operations`` and ``presentation_bytes``.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork
 from lava_vpr.errors import ConfigError, brief
 from lava_vpr.inputs.encoder import INPUTS
+from lava_vpr.inputs.hog import HOG_VALUES
 from lava_vpr.loihi import WEIGHT_LIMIT
 from lava_vpr.ranges import real, whole
 from lava_vpr.storage.limits import excess
@@ -121,6 +122,8 @@ def checked(
         0,
     ):  # a bundle's model saved has none either
         rules["learned"] = rules["learned"]._replace(shape=(0, 0))
+    if "hog" not in kept:  # learned before there was this baseline, or from activity alone
+        del rules["hog"]
     check_arrays(kept, rules)
     route_images = count(header["route_images"], "route_images", sizes.places)
     _check_places(kept, sizes, route_images)
@@ -321,6 +324,7 @@ def _rules(config: Config, sizes: Sizes) -> dict[str, Rule]:
             most=255 if INPUTS[config.encoder.kind].grey_levels else _MOST_FLOAT,
         ),
         "thumbnails": Rule("uint8", (places, 48, 64, 3), most=255),
+        "hog": Rule("uint8", (images, HOG_VALUES), most=255),
     }
 
 

@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.backends import registry as backends
-from lava_vpr.backends.asking import PLAINLY, Asker, Asking, adapted_scores, summed
+from lava_vpr.backends.asking import PLAINLY, Asker, Asking, summed
 from lava_vpr.backends.interface import Advance, Backend, Events, Presentations, query_presentations
 from lava_vpr.backends.registry import BACKENDS
-from lava_vpr.encoding import EncodedTraverse, encoded_batches, query_rates
+from lava_vpr.backends.rivals import Rivals, Scored
+from lava_vpr.backends.rivals import chosen as rivals_of
+from lava_vpr.encoding import EncodedTraverse, encoded_batches
 from lava_vpr.engine.adaptation import Adaptation
 from lava_vpr.matching import baselines, sequences
 from lava_vpr.matching.answers import Answers, LookingBack, answers_of
@@ -24,7 +26,6 @@ from lava_vpr.matching.evaluation import Metrics, evaluate
 from lava_vpr.model import Model, decode, integer_model, prepare
 from lava_vpr.traverse import Traverse
 
-BASELINES = ("sad", "cosine")
 BATCH = 256
 """Queries of a stream that are encoded together, and decoded together: enough for the threads of a large machine."""
 
@@ -154,21 +155,22 @@ class Comparison:
 
     Attributes:
         sequence: Queries that are matched together; 1: each alone.
-        rivals: Baselines to compute, of `BASELINES`.
+        rivals: Baselines to compute, of `lava_vpr.backends.rivals.BASELINES`; None: all that
+            the model can be compared with.
         descriptors: .npy files of reference and query descriptors, one row per image in use; None: no such matcher.
         keep_scores: Whether the result holds matrices of scores, which a report draws.
         asking: How queries are asked; where the network adapts, figures without that stand beside.
     """
 
     sequence: int = 1
-    rivals: Sequence[str] = BASELINES
+    rivals: Sequence[str] | None = None
     descriptors: tuple[Path, Path] | None = None
     keep_scores: bool = True
     asking: Asking = PLAINLY
 
 
 EVERYTHING = Comparison()
-"""Each query alone, with every baseline."""
+"""Each query alone, with every baseline that the model can be compared with."""
 DECODERS_ONLY = Comparison(rivals=(), keep_scores=False)
 """Each query alone, no baseline, nothing kept that a report draws."""
 
@@ -196,24 +198,27 @@ def recognise(
         backend, seed, threads, advance, shown: As in `count_query_spikes`.
         further: The queries in the further views in which they are presented (`Asking.of`).
     Raises:
-        LavaVprError: the queries, the descriptors or the sequence do not fit the model, or the backend cannot run.
+        LavaVprError: the queries, the descriptors, the baselines or the sequence do not fit the model, or the backend
+            cannot run.
     """
     # What files or options can be wrong about comes first, before the work.
     if comparison.sequence > 1:
         truth = sequences.sequence_truth(truth, comparison.sequence)
+    names = rivals_of(model, comparison.rivals)
     others = _descriptor_scores(model, queries, comparison.descriptors)
     comparison.asking.check(model)
     shown = Asker(model, seed=seed).presentations((queries, *further)) if shown is None else shown
     shown_counts, events = count_query_spikes(
         model, queries, backend=backend, threads=threads, advance=advance, shown=shown
     )
-    counts, rates = summed(shown_counts, comparison.asking.views), shown.rates[: len(queries)]
+    counts = summed(shown_counts, comparison.asking.views)
     default = model.config.decoder.default
+    rivals = Rivals(model, queries, shown, names, comparison.asking, threads)
     kept: dict[str, NDArray[np.float64]] = {}
     metrics = {}
     # One matrix at a time: of long routes, all of them together would not fit small memories.
-    for name, scores in _every_matcher(model, queries, rates, counts, comparison.rivals, others):
-        matrix, answers = _answers(name, scores, comparison.sequence)
+    for name, matcher, scores in _every_matcher(model, counts, rivals, others):
+        matrix, answers = _answers(matcher, scores, comparison.sequence)
         metrics[name] = evaluate(matrix, answers.confidence, truth)
         if name == default:
             default_answers = answers
@@ -221,8 +226,8 @@ def recognise(
             kept[name] = matrix
         del scores, matrix  # before the next are made
     adapted = {}
-    for name, scores in _adapted_matchers(model, queries, shown, comparison, backend, threads, advance):
-        matrix, answers = _answers(name, scores, comparison.sequence)
+    for name, matcher, scores in _adapted_matchers(rivals, backend, advance):
+        matrix, answers = _answers(matcher, scores, comparison.sequence)
         adapted[name] = evaluate(matrix, answers.confidence, truth)
         if name == default:
             default_answers = answers
@@ -247,33 +252,19 @@ def _answers(name: str, scores: NDArray[np.float64], sequence: int) -> tuple[NDA
     return together, answers_of("sequence", together)
 
 
-def _adapted_matchers(
-    model: Model,
-    queries: EncodedTraverse,
-    shown: Presentations,
-    comparison: Comparison,
-    backend: str | Backend,
-    threads: int,
-    advance: Advance | None,
-) -> Iterator[tuple[str, NDArray[np.float64]]]:
-    """Name and scores (n, places) of the default decoder and the baselines, all adapted; none unless that is asked."""
-    asking = comparison.asking
+def _adapted_matchers(rivals: Rivals, backend: str | Backend, advance: Advance | None) -> Iterator[Scored]:
+    """The scores of the default decoder and the baselines, all adapted; none unless that is asked."""
+    model, shown, asking, threads = rivals.model, rivals.shown, rivals.asking, rivals.threads
     if asking.adapt is None:
         return
-    rates = shown.rates[: len(queries)]
+    default, rates = model.config.decoder.default, shown.rates[: len(rivals.queries)]
     bias = Adaptation(integer_model(model, "--adapt").network, asking.adapt).biases(rates)
     adapting = replace(shown, bias=np.tile(bias, (asking.views, 1)))
-    counts, _ = count_query_spikes(model, queries, backend=backend, threads=threads, advance=advance, shown=adapting)
-    yield model.config.decoder.default, decode(model, summed(counts, asking.views), model.config.decoder.default)
-    references = query_rates(model.activity, model.config)
-    if "sad" in comparison.rivals:
-        scores = -baselines.sad_distances(model.patches, queries.patches_for("SAD"), model.labels)
-        start = -baselines.sad_distances(model.patches, model.patches, model.labels).mean(axis=0)
-        yield "sad", adapted_scores(scores, start, rates, asking.adapt)
-    if "cosine" in comparison.rivals:
-        scores = baselines.cosine_similarities(references, rates, model.labels)
-        start = baselines.cosine_similarities(references, references, model.labels).mean(axis=0)
-        yield "cosine", adapted_scores(scores, start, rates, asking.adapt)
+    counts, _ = count_query_spikes(
+        model, rivals.queries, backend=backend, threads=threads, advance=advance, shown=adapting
+    )
+    yield Scored(default, default, decode(model, summed(counts, asking.views), default))
+    yield from rivals.adapted(asking.adapt)
 
 
 def _descriptor_scores(
@@ -289,23 +280,15 @@ def _descriptor_scores(
 
 
 def _every_matcher(
-    model: Model,
-    queries: EncodedTraverse,
-    rates: NDArray[Any],
-    counts: NDArray[np.int32],
-    rivals: Sequence[str],
-    others: dict[str, NDArray[np.float64]],
-) -> Iterator[tuple[str, NDArray[np.float64]]]:
-    """Name and scores (n, places) of every decoder, of the baselines ``rivals`` and of ``others``, one by one."""
+    model: Model, counts: NDArray[np.int32], rivals: Rivals, others: dict[str, NDArray[np.float64]]
+) -> Iterator[Scored]:
+    """The scores (n, places) of every decoder, of the baselines and of ``others``, one by one."""
     # The default's matrix is kept, so it comes last.
     for name in sorted(DECODERS, key=lambda name: name == model.config.decoder.default):
-        yield name, decode(model, counts, name)
-    if "sad" in rivals:
-        yield "sad", -baselines.sad_distances(model.patches, queries.patches_for("SAD"), model.labels)
-    if "cosine" in rivals:
-        references = query_rates(model.activity, model.config)
-        yield "cosine", baselines.cosine_similarities(references, rates, model.labels)
-    yield from others.items()
+        yield Scored(name, name, decode(model, counts, name))
+    yield from rivals.plain()
+    for name, scores in others.items():
+        yield Scored(name, name, scores)
 
 
 def as_json(model: Model, result: Recognition) -> dict[str, Any]:

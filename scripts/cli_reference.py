@@ -12,11 +12,11 @@ from pathlib import Path
 
 import click
 
+from lava_vpr.backends.rivals import BASELINES
 from lava_vpr.cli import main
 from lava_vpr.cli.query import COLUMNS
 from lava_vpr.config import DecoderConfig
 from lava_vpr.matching.decoders import DECODERS
-from lava_vpr.recognition import BASELINES
 
 TARGET = Path(__file__).resolve().parent.parent / "docs" / "cli.md"
 WIDTH = 100_000  # click breaks lines at the width of a terminal; here nothing is to be broken
@@ -59,8 +59,11 @@ M = {{"recall_at_1": x, "recall_at_n": {{"5": x, "10": x}}, "recall_at_100_preci
      "precision_at_100_recall": x, "auc": x}}
 ```
 
-The first four decoders are those of the paper. `baselines` holds those that were computed: `sad` compares images,
-`cosine` the network's own input rates, `descriptors` those given with `--descriptors`.
+The first four decoders are those of the paper. `baselines` holds those that were computed: `sad` compares
+patch-normalised images of 28 x 28 pixels, `hog` HOG descriptors of 64 x 64 pixels, `cosine` the network's own input
+rates, `descriptors` those given with `--descriptors`; `template` is the network without learning, the references'
+rates as its weights. A model that was learned before there was `hog` keeps no descriptors of its references, and
+preset `paper` has no templates: such a baseline is left out, and an error if it is asked for by name.
 
 ## The matches of `query`
 

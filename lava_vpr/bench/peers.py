@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.backends.rivals import chosen
 from lava_vpr.bench.measure.child import host_answer
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Peer
@@ -27,7 +28,8 @@ from lava_vpr.errors import InputError
 from lava_vpr.kernelcache import compiled
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.model import Model
-from lava_vpr.recognition import BASELINES, Comparison, Recognition, recognise
+from lava_vpr.recognition import Comparison, Recognition, recognise
+from lava_vpr.training.templates import template_of
 
 Places = NDArray[np.int64]
 Advance = Callable[[str], None]
@@ -116,9 +118,21 @@ def _unit(rows: NDArray[np.float32]) -> NDArray[np.float32]:
 
 def cosine_answer(model: Model, rates: NDArray[Any]) -> tuple[Callable[[slice], Places], int]:
     """Nearest place of the queries' input ``rates`` (n, inputs) by cosine, and bytes kept."""
+    return _nearest_by_cosine(query_rates(model.activity, model.config), rates, model)
+
+
+def hog_answer(model: Model, hog: NDArray[np.uint8]) -> tuple[Callable[[slice], Places], int]:
+    """Nearest place of HOG descriptors ``hog`` (n, 1764) by cosine, and bytes kept."""
+    return _nearest_by_cosine(np.asarray(model.hog), hog, model)
+
+
+def _nearest_by_cosine(
+    references: NDArray[Any], queries: NDArray[Any], model: Model
+) -> tuple[Callable[[slice], Places], int]:
+    """Nearest place of ``queries`` by cosine to the model's ``references``, both (images, n), and bytes kept."""
     order, starts = _grouped(model.labels, model.places)
-    kept = _unit(query_rates(model.activity, model.config)[order].astype(np.float32))
-    asked = rates.astype(np.float32)
+    kept = _unit(references[order].astype(np.float32))
+    asked = queries.astype(np.float32)
 
     def answer(part: slice) -> Places:
         values = asked[part] @ kept.T  # a query's own length does not move its maximum
@@ -136,16 +150,16 @@ def _kept(model: Model) -> int:
 
 
 def _matchers(queries: QuerySet, known: Recognition) -> list[TimedMatcher]:
-    """This model, SAD and cosine."""
+    """This model, and every baseline that it can be compared with."""
     model, times = queries.model, repeats(queries)
     rates = np.tile(queries.shown.rates, (times, 1))
     host = host_answer(model, queries.shown.seed)
     sad, sad_bytes = sad_answer(model, np.tile(queries.images.patches_for("SAD"), (times, 1, 1)))
     cosine, cosine_bytes = cosine_answer(model, rates)
-    return [
+    found = [
         TimedMatcher(
             "lava-vpr",
-            "this model on the host engine: input spikes drawn, network run, spikes decoded",
+            "this model on the host engine: input spikes drawn, network run, spikes decoded; sees the input rates",
             _kept(model),
             lambda part: host(rates[part]),
             known.metrics[known.default],
@@ -165,6 +179,27 @@ def _matchers(queries: QuerySet, known: Recognition) -> list[TimedMatcher]:
             known.metrics["cosine"],
         ),
     ]
+    for name in chosen(model, None):
+        if name == "hog":
+            hog, hog_bytes = hog_answer(model, np.tile(queries.images.hog_for("HOG"), (times, 1)))
+            what = "cosine of OpenCV's HOG of 64x64 grey images, its own settings (Dalal and Triggs 2005), float32"
+            found.append(TimedMatcher("hog", what, hog_bytes, hog, known.metrics["hog"]))
+        elif name == "template":
+            found.append(_template(queries, rates, known))
+    return found
+
+
+def _template(queries: QuerySet, rates: NDArray[Any], known: Recognition) -> TimedMatcher:
+    """The network without learning, timed as the model is."""
+    template = template_of(queries.model, cores())
+    host = host_answer(template, queries.shown.seed)
+    return TimedMatcher(
+        "template",
+        "the same network without learning, the references' rates as weights, one neuron a place; as lava-vpr",
+        _kept(template),
+        lambda part: host(rates[part]),
+        known.metrics["template"],
+    )
 
 
 def _round(matcher: TimedMatcher, queries: int, repeats: int, threads: int) -> float:
@@ -204,7 +239,7 @@ def run_peers(
     others: Sequence[TimedMatcher] = (),
     advance: Advance | None = None,
 ) -> tuple[Peer, ...]:
-    """Recall and speed of lava-vpr, SAD and cosine on the same places and queries.
+    """Recall and speed of lava-vpr and the baselines on the same places and queries.
 
     Args:
         queries: Queries to a trained model.
@@ -225,9 +260,9 @@ def run_peers(
         raise InputError(f"{len(queries)} queries, {model.places} places, but ground truth of shape {truth.shape}")
     workers = threads if threads is not None else cores()
     tell: Advance = advance or (lambda text: None)
-    tell("recall of lava-vpr, SAD and cosine")
+    tell("recall of lava-vpr and the baselines")
     known = recognition
-    if known is None or not {*BASELINES, known.default} <= set(known.metrics):
+    if known is None or not {*chosen(model, None), known.default} <= set(known.metrics):
         known = recognise(
             model,
             queries.images,

@@ -120,7 +120,8 @@ class Peer:
     """Another matcher on the same images, in the same run.
 
     Attributes:
-        name: ``sad``, ``cosine``, ``lava-vpr`` itself, or that of another matcher that took turns with them.
+        name: ``lava-vpr`` itself, a baseline (``sad``, ``cosine``, ``hog``, ``template``), or that of another matcher
+            that took turns with them.
         what: The matcher in words, with citation.
         metrics: Recall on the same queries; None if not computed.
         queries_per_second: From preprocessed input to match, all queries in one batch, on ``threads`` threads.

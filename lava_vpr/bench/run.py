@@ -37,7 +37,7 @@ from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import ConfigError, LavaVprError, NetworkLimitError
 from lava_vpr.gate import not_integer
 from lava_vpr.model import Model, as_integer
-from lava_vpr.recognition import BASELINES, Comparison, Recognition, recognise
+from lava_vpr.recognition import Comparison, Recognition, recognise
 from lava_vpr.traverse import Traverse
 
 T = TypeVar("T")
@@ -152,7 +152,7 @@ def _recall(queries: QuerySet, truth: NDArray[np.bool_], request: Request) -> Re
         queries.model,
         queries.images,
         truth,
-        Comparison(rivals=BASELINES if request.peers else ("cosine",), keep_scores=False),
+        Comparison(rivals=None if request.peers else ("cosine",), keep_scores=False),
         threads=cores(),
         shown=queries.shown,
     )

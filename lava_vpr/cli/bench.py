@@ -11,6 +11,7 @@ import click
 
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import Asking
+from lava_vpr.backends.rivals import chosen, kept_for
 from lava_vpr.cli.choose import open_model, open_queries, truth_in_order
 from lava_vpr.cli.common import (
     PATH,
@@ -104,7 +105,7 @@ def bench(
     _refuse(model, model_path, targets, names, sweep)
     traverse = open_queries(model, query, places, every, outputs=outputs)
     truth = truth_in_order(model, traverse)
-    kept = Keep.PATCHES if peers else Keep.NOTHING
+    kept = kept_for(chosen(model, None)) if peers else Keep.NOTHING
     queries, *further = encode_in_views(traverse, model.config.encoder, asking.of(model), kept)
     request = Request(
         targets=tuple(dict.fromkeys(targets)) or tuple(BOARDS),

@@ -11,6 +11,8 @@ from rich.table import Table
 
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import Asking
+from lava_vpr.backends.rivals import BASELINES, kept_for, missing
+from lava_vpr.backends.rivals import chosen as rivals_of
 from lava_vpr.cli.choose import TruthOptions, open_model, open_queries, truth_options
 from lava_vpr.cli.common import (
     PATH,
@@ -29,7 +31,7 @@ from lava_vpr.encoding import Keep
 from lava_vpr.engine.threads import cores
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.model import Model
-from lava_vpr.recognition import BASELINES, Comparison, Recognition, as_json, recognise
+from lava_vpr.recognition import Comparison, Recognition, as_json, recognise
 from lava_vpr.storage.text import shown
 
 
@@ -43,7 +45,11 @@ from lava_vpr.storage.text import shown
     "--sequence", type=click.IntRange(min=1), default=1, show_default=True, help="Consecutive queries matched together."
 )
 @click.option(
-    "--baseline", "rivals", type=click.Choice(BASELINES), multiple=True, help="Baseline to compute (default: all)."
+    "--baseline",
+    "rivals",
+    type=click.Choice(list(BASELINES)),
+    multiple=True,
+    help="Baseline to compute (default: all that MODEL allows).",
 )
 @click.option(
     "--descriptors",
@@ -86,8 +92,10 @@ def evaluate(
     backends.require(backend, model)
     traverse = open_queries(model, query, places, every, aligned=truth.aligned, outputs=outputs)
     correct = truth.of(model, traverse)
-    comparison = Comparison(sequence, rivals or BASELINES, descriptors, keep_scores=page is not None, asking=asking)
-    queries, *further = encode_in_views(traverse, model.config.encoder, asking.of(model), _kept(comparison))
+    names = rivals_of(model, rivals or None)
+    comparison = Comparison(sequence, names, descriptors, keep_scores=page is not None, asking=asking)
+    kept = kept_for(names) | (Keep.THUMBNAILS if page is not None else Keep.NOTHING)
+    queries, *further = encode_in_views(traverse, model.config.encoder, asking.of(model), kept)
     with backend_progress(backend, len(queries)) as advance:
         result = recognise(
             model,
@@ -109,14 +117,10 @@ def evaluate(
 
         write_report(report_data(model, queries, result, command_line(ctx), sequence, seed), page.parent)
     print_table(model, result, sequence)
+    for name, reason in missing(model).items() if not rivals else ():
+        console.print(f"no {name}: {reason}")
     if page is not None:
         console.print(f"report: {shown(page)}")
-
-
-def _kept(comparison: Comparison) -> Keep:
-    """What the comparison, and a report of it, need of the images beside their activity."""
-    patches = Keep.PATCHES if "sad" in comparison.rivals else Keep.NOTHING
-    return patches | (Keep.THUMBNAILS if comparison.keep_scores else Keep.NOTHING)
 
 
 def _percent(value: float) -> str:
@@ -128,9 +132,10 @@ def print_table(model: Model, result: Recognition, sequence: int = 1) -> None:
     """The figures of every matcher in percent, the default decoder first and marked."""
     what = "queries" if sequence == 1 else f"sequences of {sequence} queries"
     title = f"{len(result.matches)} {what}, {model.places} places, {model.neurons} neurons"
-    table = Table(
-        title=title, title_justify="left", caption="percent; * the decoder that answers", caption_justify="left"
-    )
+    caption = "percent; * the decoder that answers"
+    for name in (name for name in result.metrics if name in BASELINES):
+        caption += f"\n{name} sees {BASELINES[name]}"
+    table = Table(title=title, title_justify="left", caption=caption, caption_justify="left")
     table.add_column("matcher", no_wrap=True)
     for name in ("R@1", "R@5", "R@10", "R@100P", "P@100R", "AUC"):
         table.add_column(name, justify="right", no_wrap=True)

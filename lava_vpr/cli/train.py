@@ -110,7 +110,9 @@ def train(
             seen
             # A model keeps the thumbnails of its first traverse.
             for number, traverse in enumerate(chosen)
-            for seen in encode_in_views(traverse, config.encoder, views, Keep.PATCHES if number else Keep.ALL)
+            for seen in encode_in_views(
+                traverse, config.encoder, views, Keep.PATCHES | Keep.HOG if number else Keep.ALL
+            )
         ]
         started = time.perf_counter()
         try:

@@ -13,6 +13,8 @@ MATCHERS: Registry[Matcher] = Registry("matcher", ConfigError)
 """The baselines of `matching.baselines`, and ``sequence``: the scores of any matcher, added up over a sequence."""
 MATCHERS.register(Matcher("sad", title="SAD", confidence=certainty.highest))  # distances, negated
 MATCHERS.register(Matcher("cosine", title="cosine of the inputs", confidence=certainty.margin))
+MATCHERS.register(Matcher("hog", title="HOG", confidence=certainty.margin))
+MATCHERS.register(Matcher("template", title="no learning", confidence=certainty.contrast))
 MATCHERS.register(Matcher("descriptors", title="descriptors", confidence=certainty.margin))
 MATCHERS.register(Matcher("sequence", title="sequence", confidence=certainty.margin))
 

@@ -5,15 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.backends.rivals import BASELINES
 from lava_vpr.configfile import to_toml
 from lava_vpr.encoding import EncodedTraverse, query_rates16
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.model import Model, as_integer
-from lava_vpr.recognition import BASELINES, Recognition
+from lava_vpr.recognition import Recognition
 from lava_vpr.report.data import Raster, ReportData
 
+PICTURED = ("sad", "cosine")
+"""Baselines whose scores are drawn beside the default decoder's; figures and curves are of all."""
 RASTERS = 2
 """Rasters of right answers, and as many of wrong ones."""
 
@@ -43,7 +46,7 @@ def report_data(
         summary=summary,
         default_decoder=result.default,
         metrics=result.metrics,
-        matrices={name: result.scores[name] for name in (result.default, *BASELINES) if name in result.scores},
+        matrices={name: result.scores[name] for name in (result.default, *PICTURED) if name in result.scores},
         truth=result.truth,
         matches=result.matches,
         confidence=result.confidence,
@@ -59,6 +62,7 @@ def report_data(
         rasters=_rasters(model, queries, result, config.seed if seed is None else seed),
         events={name: value / max(1, len(queries)) for name, value in result.events.items()},
         config_toml=to_toml(config),
+        seen={name: sees for name, sees in BASELINES.items() if name in result.metrics},
         place_numbers=tuple(int(k) for k in model.place_indices[:places]),
         query_numbers=tuple(int(k) for k in queries.indices[:n]),
     )

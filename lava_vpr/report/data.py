@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
 
 import numpy as np
@@ -64,7 +64,8 @@ class ReportData:
         command: Command line that reproduces the figures.
         summary: Short facts by name ("neurons": "100"), in order.
         default_decoder: Key of `metrics` and of `matrices` whose matches the report is about.
-        metrics: Figures by matcher: the decoders, and the baselines ``sad``, ``cosine``, ``descriptors``.
+        metrics: Figures by matcher: the decoders, and the baselines ``sad``, ``cosine``, ``hog``,
+            ``template``, ``descriptors``.
         matrices: Scores by matcher, shape (n_queries, n_places), higher is better.
         truth: Where each query was taken, bool, shape (n_queries, n_places).
         matches: Place that the default decoder gives each query, -1 for none, int, shape (n_queries,).
@@ -79,6 +80,7 @@ class ReportData:
         rasters: Spikes of a few queries.
         events: Counted events per query, by the names of ``lava-vpr bench``.
         config_toml: The model's configuration.
+        seen: What each baseline among `metrics` sees of an image, by its name.
         place_numbers, query_numbers: Absolute index of each image in its own sequence; empty: counted from 0.
     """
 
@@ -103,6 +105,7 @@ class ReportData:
     rasters: tuple[Raster, ...]
     events: Mapping[str, float]
     config_toml: str
+    seen: Mapping[str, str] = field(default_factory=dict)
     place_numbers: tuple[int, ...] = ()
     query_numbers: tuple[int, ...] = ()
 

@@ -20,7 +20,7 @@ _COLUMNS = ("R@1", "R@5", "R@10", "R@100P", "P@100R", "AUC")
 
 
 def is_baseline(name: str, default: str) -> bool:
-    """Whether matcher ``name`` works without the network's spikes."""
+    """Whether matcher ``name`` is none that decodes the network's spikes."""
     return name != default and name not in DECODERS
 
 
@@ -59,7 +59,7 @@ def _header(data: ReportData) -> str:
     others = ", ".join(
         f"{label(n)} {fraction(data.metrics[n].recall_at_1, 2)}" for n in compared if n != data.default_decoder
     )
-    against = f"; without spikes: {safe(others)}" if others else ""
+    against = f"; beside it: {safe(others)}" if others else ""
     return render(
         "report_header.html",
         title=safe(data.title),
@@ -92,7 +92,8 @@ def _table(data: ReportData) -> str:
             f'{safe(label(name))}<span class="tag{" default" if default else ""}">{kind}</span></th>{cells}</tr>'
         )
     heads = "".join(f'<th scope="col"><button type="button">{c}</button></th>' for c in ("Matcher", *_COLUMNS))
-    return render("report_figures.html", heads=heads, rows="".join(body))
+    sees = " ".join(f"{label(name)}: sees {what}." for name, what in data.seen.items())
+    return render("report_figures.html", heads=heads, rows="".join(body), sees=safe(sees))
 
 
 def _curves(data: ReportData) -> str:

@@ -267,7 +267,7 @@ def _finish(
         learned, network, responses = np.zeros((0, 0), np.float32), trainers[0].network, trainers[0].responses
     used, covered = coverage(responses)
     places = len(references[0])
-    patches, thumbnails = _kept(references)
+    patches, thumbnails, hog = _kept(references)
     return Model(
         config=config,
         network=network,
@@ -281,6 +281,7 @@ def _finish(
         patches=patches,
         activity=activity,
         thumbnails=thumbnails,
+        hog=hog,
         training={
             "spikes_per_image": float(responses.sum() / (places * _response_presentations(config, references))),
             "neurons_used": used,
@@ -289,14 +290,18 @@ def _finish(
     )
 
 
-def _kept(references: Sequence[EncodedTraverse]) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """What a model keeps of its references' looks: every patch, and the first traverse's thumbnails.
+def _kept(
+    references: Sequence[EncodedTraverse],
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8] | None]:
+    """What a model keeps of its references' looks: every patch, the first traverse's thumbnails, every HOG if it can.
 
     Raises:
         InputError: they were encoded without.
     """
     patches = [reference.patches_for("training") for reference in references]
-    return np.concatenate(patches), references[0].thumbnails_for("training")
+    hogs = [reference.hog for reference in references if reference.hog is not None]
+    hog = np.concatenate(hogs) if len(hogs) == len(references) else None
+    return np.concatenate(patches), references[0].thumbnails_for("training"), hog
 
 
 def _response_presentations(config: Config, references: Sequence[EncodedTraverse]) -> int:

@@ -23,6 +23,24 @@ def expected_rates(model: Model) -> NDArray[np.float64]:
     return np.asarray(rates.mean(axis=0) / 65536.0)
 
 
+def references_of(model: Model) -> list[EncodedTraverse]:
+    """The reference traverses, each in every view, as far as a model keeps them; thumbnails are those of the first."""
+    parts = []
+    for start in range(0, len(model.labels), model.places):
+        images = slice(start, start + model.places)
+        parts.append(
+            EncodedTraverse(
+                model.place_names,
+                model.place_indices,
+                model.activity[images],
+                model.patches[images],
+                model.thumbnails,
+                None if model.hog is None else model.hog[images],
+            )
+        )
+    return parts
+
+
 def response_keys(rates: NDArray[np.uint16], seed: int) -> NDArray[np.uint64]:
     """Keys of the presentations that measure S^R, one for each reference image with ``rates`` (n, inputs)."""
     return presentation_keys(seed, "response", image_keys(rates))

@@ -50,10 +50,12 @@ def test_all_in_one_run(monkeypatch: pytest.MonkeyPatch) -> None:
     found = peers.run_peers(
         QuerySet.of(model, queries), truth, threads=2, rounds=2, fill=0.0, others=[other], advance=told.append
     )
-    ours, sad, cosine, last = found
-    assert [one.name for one in found] == ["lava-vpr", "sad", "cosine", "other"]
+    ours, sad, cosine, hog, template, last = found
+    assert [one.name for one in found] == ["lava-vpr", "sad", "cosine", "hog", "template", "other"]
     assert ours.metrics == known.metrics[known.default]
     assert (sad.metrics, cosine.metrics) == (known.metrics["sad"], known.metrics["cosine"])
+    assert (hog.metrics, template.metrics) == (known.metrics["hog"], known.metrics["template"])
+    assert hog.bytes == 4 * 1764 * 8
     assert (last.what, last.bytes, last.metrics) == (other.what, 5, other.metrics)
     for one in found:
         assert one.queries_per_second is not None

@@ -21,8 +21,8 @@ def test_all_in_one_run(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rivals, "interpreter", lambda: None)
     model, queries, truth = small_model(), encoded(noise=0.1), np.eye(8, dtype=bool)
     found = side_by_side.all_peers(model, queries, truth, threads=2, rounds=2, fill=0.0)
-    assert [one.name for one in found] == ["lava-vpr", "sad", "cosine", "vprtempo", "brian2"]
-    tempo, brian = found[3:]
+    assert [one.name for one in found] == ["lava-vpr", "sad", "cosine", "hog", "template", "vprtempo", "brian2"]
+    tempo, brian = found[5:]
     assert tempo.queries_per_second is not None
     assert tempo.queries_per_second > 0
     assert (tempo.threads, tempo.queries, tempo.absent) == (2, 8, "")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import re
 import shutil
@@ -12,6 +13,8 @@ import numpy as np
 from click.testing import CliRunner
 from support.common.commands import figures, images, listed, matches, recall, run
 
+from lava_vpr import model
+from lava_vpr.backends.rivals import BASELINES
 from lava_vpr.cli import main
 
 FIGURES = {"recall_at_1", "recall_at_n", "recall_at_100_precision", "precision_at_100_recall", "auc"}
@@ -28,7 +31,7 @@ def test_the_json_has_these_keys_in_this_order(here: Path) -> None:
     assert (values["places"], values["queries"], values["default_decoder"]) == (8, 8, "contrast")
     assert values["network"] == {"neurons": 8, "weight_bits": 3, "steps": 256}
     assert list(values["decoders"]) == DECODERS
-    assert list(values["baselines"]) == ["sad", "cosine"]
+    assert list(values["baselines"]) == ["sad", "cosine", "hog", "template"]
     for matcher in (*values["decoders"].values(), *values["baselines"].values()):
         assert set(matcher) == FIGURES
         assert set(matcher["recall_at_n"]) == {"5", "10"}
@@ -128,17 +131,29 @@ def test_sequences(here: Path) -> None:
 
 def test_one_baseline_only(here: Path) -> None:
     everything = figures("query")
-    for name in ("sad", "cosine"):
+    for name in BASELINES:
         assert figures("query", "--baseline", name)["baselines"] == {name: everything["baselines"][name]}
-    both = figures("query", "--baseline", "sad", "--baseline", "cosine")
-    assert both == everything
+    all_named = figures("query", *(word for name in BASELINES for word in ("--baseline", name)))
+    assert all_named == everything
+
+
+def test_a_model_of_before_hog_is_compared_with_what_it_keeps(here: Path) -> None:
+    old = dataclasses.replace(model.load("m.lvpr"), hog=None)
+    model.save(old, Path("old.lvpr"))
+    done = run("eval", "old.lvpr", "query", "--json", "f.json")
+    assert "no hog: the model keeps no HOG descriptors of its references; train it again" in done.stdout
+    assert list(json.loads(Path("f.json").read_text())["baselines"]) == ["sad", "cosine", "template"]
+    refused = CliRunner().invoke(main, ["eval", "old.lvpr", "query", "--baseline", "hog"])
+    assert refused.exit_code == 1
+    assert refused.stderr.count("\n") == 1
+    assert "baseline hog: the model keeps no HOG descriptors of its references; train it again" in refused.stderr
 
 
 def test_descriptors_of_another_method(here: Path) -> None:
     np.save("r.npy", np.eye(8, dtype=np.float32))
     np.save("q.npy", np.roll(np.eye(8, dtype=np.float32), 1, axis=0))
     right = figures("query", "--descriptors", "r.npy", "r.npy")
-    assert list(right["baselines"]) == ["sad", "cosine", "descriptors"]
+    assert list(right["baselines"]) == ["sad", "cosine", "hog", "template", "descriptors"]
     assert recall(right, "descriptors") == 1
     assert recall(figures("query", "--descriptors", "r.npy", "q.npy"), "descriptors") == 0
 

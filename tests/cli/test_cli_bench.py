@@ -270,7 +270,7 @@ def test_every_backend_is_timed(here: Path) -> None:
     for name in timed_by_default():
         assert values["measured"][name]["absent"] is None, name
         assert values["measured"][name]["milliseconds_per_query"]["p50"] > 0
-    assert list(values["peers"]) == ["lava-vpr", "sad", "cosine"]
+    assert list(values["peers"]) == ["lava-vpr", "sad", "cosine", "hog", "template"]
     assert all(one["queries_per_second"] > 0 for one in values["peers"].values())
 
 

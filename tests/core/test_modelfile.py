@@ -196,6 +196,9 @@ FORGED: list[tuple[str, Forge, str]] = [
     ("loihi", instead("labels", np.array(3)), "labels of shape ()"),
     ("loihi", without("labels"), "'labels'"),
     ("loihi", instead("patches", np.zeros((8, 28, 27), np.uint8)), "patches of shape"),
+    ("loihi", instead("hog", np.zeros((8, 1763), np.uint8)), "hog of shape (8, 1763)"),
+    ("references", instead("hog", np.zeros((7, 1764), np.uint8)), "hog of shape (7, 1764)"),
+    ("paper", of_type("hog", "float32"), "hog of type float32"),
     ("loihi", instead("thumbnails", np.zeros((7, 48, 64, 3), np.uint8)), "thumbnails of shape"),
     ("references", instead("learned", np.zeros((1568, 8), np.float32)), "learned of shape"),
     ("references", instead("responses", np.zeros((7, 8), np.int32)), "responses of shape"),
@@ -255,3 +258,9 @@ def test_commands_refuse_it_in_one_line(change: str, here: Path) -> None:
     assert result.stderr.startswith("lava-vpr: error: forged.lvpr: the model ")
     assert result.stderr.count("\n") == 1
     assert not Path("q.csv").exists()
+
+
+@pytest.mark.parametrize("kind", ["loihi", "paper", "references"])
+def test_a_file_of_before_hog_is_read(kind: str) -> None:
+    assert assembled(kind, without("hog")).hog is None
+    assert assembled(kind, lambda header, arrays: None).hog is not None

@@ -15,21 +15,24 @@ from support.common.small_models import encoded, small_model, tiny_paper
 
 from lava_vpr import model
 from lava_vpr.backends import registry as backends
+from lava_vpr.backends import rivals
+from lava_vpr.backends.asking import Asking
 from lava_vpr.backends.interface import Presentations
 from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse, query_rates
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.random import image_keys, presentation_keys
-from lava_vpr.errors import BackendUnavailableError, InputError
+from lava_vpr.errors import BackendUnavailableError, ConfigError, InputError
 from lava_vpr.matching import decoders, sequences
 from lava_vpr.matching.certainty import best
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.matching.evaluation import evaluate
 from lava_vpr.matching.matchers import confidence
 from lava_vpr.model import Model, decode, prepare
-from lava_vpr.recognition import BASELINES, Comparison, as_json, count_query_spikes, recognise
+from lava_vpr.recognition import Comparison, as_json, count_query_spikes, recognise
 from lava_vpr.report.build import report_data
 from lava_vpr.training.loop import train
+from lava_vpr.training.templates import template_of
 
 PLACES = 8
 TRUTH = np.eye(PLACES, dtype=bool)
@@ -45,6 +48,7 @@ def taken(traverse: EncodedTraverse, order: NDArray[np.int64] | list[int]) -> En
         patches=traverse.patches[chosen],
         activity=traverse.activity[chosen],
         thumbnails=traverse.thumbnails[chosen],
+        hog=traverse.hog[chosen],
     )
 
 
@@ -197,7 +201,7 @@ def test_everything_is_computed_from_the_counts(kind: str) -> None:
     result = recognise(learned, queries, TRUTH)
     default = "contrast" if kind == "loihi" else "weighted_probability"
     assert result.default == default
-    assert set(result.metrics) == {*DECODERS, *BASELINES}
+    assert set(result.metrics) == {*DECODERS, *rivals.chosen(learned, None)}
     assert result.events == events
     scores = decode(learned, counts, default)
     np.testing.assert_array_equal(result.matches, best(scores))
@@ -226,6 +230,33 @@ def test_a_silent_query_matches_no_place() -> None:
         assert result.metrics[name].recall_at_1 == np.count_nonzero(right & others) / PLACES, name
 
 
+@pytest.mark.parametrize("asking", [Asking(), Asking(views=3), Asking(adapt=4.0)])
+def test_the_network_without_learning_is_asked_as_the_model_is(asking: Asking) -> None:
+    """The baseline is what the template model answers to the same presentations, adapted, too."""
+    learned, queries, _, _ = case("loihi")
+    views = [queries] + [encoded(PLACES, seed=view, noise=0.2) for view in range(1, asking.views)]
+    comparison = Comparison(asking=asking)
+    ours = recognise(learned, queries, TRUTH, comparison, further=views[1:])
+    alone = recognise(template_of(learned), queries, TRUTH, comparison, further=views[1:])
+    assert ours.metrics["template"] == alone.metrics[alone.default]
+    np.testing.assert_array_equal(ours.scores["template"], alone.scores[alone.default])
+    if asking.adapt is not None:
+        assert ours.adapted["template"] == alone.adapted[alone.default]
+        assert ours.adapted["hog"] == alone.adapted["hog"]
+
+
+def test_baselines_that_a_model_does_not_allow_are_refused() -> None:
+    learned, queries, _, _ = case("loihi")
+    with pytest.raises(ConfigError, match=r"^baseline hog: the model keeps no HOG descriptors of its references"):
+        recognise(dataclasses.replace(learned, hog=None), queries, TRUTH, Comparison(rivals=("sad", "hog")))
+    with pytest.raises(InputError, match=r"^HOG: needs the images' HOG descriptors, which were not kept"):
+        recognise(learned, dataclasses.replace(queries, hog=None), TRUTH)
+    paper, queries, _, _ = case("paper")
+    assert set(recognise(paper, queries, TRUTH).metrics) == {*DECODERS, "sad", "cosine", "hog"}
+    with pytest.raises(ConfigError, match=r"^baseline template: preset paper is the float conductance model"):
+        recognise(paper, queries, TRUTH, Comparison(rivals=("template",)))
+
+
 def test_only_the_wanted_rivals_and_descriptors(tmp_path: Path) -> None:
     learned, queries, _, _ = case("loihi")
     assert set(recognise(learned, queries, TRUTH, Comparison(rivals=())).metrics) == set(DECODERS)
@@ -237,7 +268,7 @@ def test_only_the_wanted_rivals_and_descriptors(tmp_path: Path) -> None:
     files = (tmp_path / "r.npy", tmp_path / "q.npy")
     result = recognise(learned, queries, TRUTH, Comparison(descriptors=files))
     assert result.metrics["descriptors"].recall_at_1 == 1
-    assert list(as_json(learned, result)["baselines"]) == ["sad", "cosine", "descriptors"]
+    assert list(as_json(learned, result)["baselines"]) == ["sad", "cosine", "hog", "template", "descriptors"]
     two = train([encoded(PLACES), encoded(PLACES, noise=0.1)], learned.config)
     with pytest.raises(InputError, match=r"r\.npy: has 8 rows for 16 images"):
         recognise(two, queries, TRUTH, Comparison(descriptors=files))

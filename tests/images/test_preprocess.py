@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from lava_vpr.inputs.hog import hog
 from lava_vpr.inputs.orientation import edge_energy, orientation_channels
 from lava_vpr.inputs.patches import on_off, patch_normalised, window_z_score
 
@@ -156,3 +157,25 @@ def test_on_off_channels_split_the_sign() -> None:
     assert channels.shape == (1, 8)
     assert np.allclose(channels[0, :4] - channels[0, 4:], patches.reshape(-1) - 127.5)
     assert np.all(np.minimum(channels[0, :4], channels[0, 4:]) == 0)
+
+
+def test_hog_is_opencvs_with_the_settings_that_it_comes_with() -> None:
+    image, its = picture(3, 64, 64), cv2.HOGDescriptor()
+    own = cv2.HOGDescriptor((64, 64), its.blockSize, its.blockStride, its.cellSize, its.nbins)
+    assert (own.L2HysThreshold, own.derivAperture) == (its.L2HysThreshold, its.derivAperture)
+    expected = own.compute(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)).ravel()
+    np.testing.assert_array_equal(hog(image), np.rint(255 * expected))
+
+
+def test_hog_of_edges() -> None:
+    """Nothing without contrast; the bins of an edge's direction alone, however strong its contrast."""
+    assert not hog(np.full((30, 40, 3), 90, np.uint8)).any()
+    step = np.zeros((64, 64), np.uint8)
+    step[:, 32:] = 200
+    across, down = hog(step).reshape(-1, 9), hog(np.ascontiguousarray(step.T)).reshape(-1, 9)
+    assert across.shape == (196, 9)
+    assert set(np.flatnonzero(across.any(axis=0))) == {0, 8}  # gradients at 0 degrees lie between two bins
+    assert set(np.flatnonzero(down.any(axis=0))) == {4}
+    np.testing.assert_allclose(hog(step // 2).astype(int), hog(step), atol=2)
+    colour = np.repeat(step[:, :, None], 3, axis=2)
+    np.testing.assert_array_equal(hog(colour), hog(step))

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
+from lava_vpr.inputs.hog import hog
 from lava_vpr.inputs.patches import patch_normalised
 from lava_vpr.matching import baselines
 from lava_vpr.matching.baselines import cosine_similarities, descriptor_similarities, load_descriptors, sad_distances
@@ -260,6 +261,27 @@ def test_sad_on_sections_of_nordland(nordland_distances: NDArray[np.float64]) ->
     assert np.mean([m.recall_at_1 for m in sections]) == pytest.approx(0.578, abs=5e-4)
     assert np.mean([m.recall_at_100_precision for m in sections]) == pytest.approx(0.154, abs=5e-4)
     assert np.mean([m.auc for m in sections]) == pytest.approx(0.487, abs=5e-4)
+
+
+@pytest.mark.data
+def test_hog_on_sections_of_nordland(data_root: Path) -> None:
+    """OpenCV's HOG of 64x64 pixels with its own settings, and no better with values that are not rounded."""
+    found, unrounded = [], []
+    for season in ("summer", "winter"):
+        paths = sorted((data_root / "data" / "nordland" / season).glob("*.png"))[:500]
+        pictures = [cv2.imread(str(path)) for path in paths]
+        found.append(np.stack([hog(picture) for picture in pictures]))
+        small = [cv2.cvtColor(cv2.resize(picture, (64, 64)), cv2.COLOR_BGR2GRAY) for picture in pictures]
+        descriptor = cv2.HOGDescriptor((64, 64), (16, 16), (8, 8), (8, 8), 9)
+        unrounded.append(np.stack([descriptor.compute(one).ravel() for one in small]))
+    for summer, winter in (found, unrounded):
+        sections = []
+        for k in range(0, 500, 100):
+            scores = cosine_similarities(summer[k : k + 100], winter[k : k + 100])
+            sections.append(evaluate(scores, confidence("hog", scores), np.eye(100, dtype=bool)))
+        assert np.mean([m.recall_at_1 for m in sections]) == pytest.approx(0.880, abs=3e-3)
+        assert np.mean([m.recall_at_100_precision for m in sections]) == pytest.approx(0.726, abs=2e-2)
+        assert np.mean([m.auc for m in sections]) == pytest.approx(0.873, abs=3e-3)
 
 
 @pytest.mark.data

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from support.common.small_models import encoded, small_config
+from support.common.small_models import encoded, small_config, tiny_paper
 
 from lava_vpr import model
 from lava_vpr.cli import main
@@ -20,6 +20,7 @@ from lava_vpr.engine.inference.quantise import unit_norm
 from lava_vpr.errors import ConfigError
 from lava_vpr.synthetic import write_traverses
 from lava_vpr.training.loop import check_size, train
+from lava_vpr.training.templates import template_of
 
 
 def templates(**changes: object) -> Config:
@@ -72,3 +73,24 @@ def test_the_command_line_knows_the_word(tmp_path: Path, monkeypatch: pytest.Mon
     assert rule_of("--learning", "template") == ("template", "float", 1)
     assert rule_of("--config", "t.toml", "--epochs", "2") == ("template", "float", 2)
     assert rule_of("--config", "t.toml", "--learning", "integer", "--epochs", "1") == ("stdp", "integer", 1)
+
+
+@pytest.mark.parametrize("views", [1, 3])
+def test_any_model_gives_the_one_that_learned_nothing(views: int) -> None:
+    """From what a model keeps, bit for bit what ``--learning template`` makes of the same images."""
+    traverses = [encoded(seed=view) for view in range(views)] + [encoded(seed=view, noise=0.5) for view in range(views)]
+    traverses = [dataclasses.replace(one, names=traverses[0].names) for one in traverses]
+    settings = {"views": {"shifts": views}, "network": {"neurons_per_place": 2.0}}
+    made = template_of(train(traverses, small_config(**settings)), threads=2)
+    wanted = train(traverses, update(templates(), {"views": {"shifts": views}}))
+    assert made.neurons == 8 * views
+    np.testing.assert_array_equal(made.network.weights, wanted.network.weights)
+    np.testing.assert_array_equal(made.network.bias, wanted.network.bias)
+    np.testing.assert_array_equal(made.responses, wanted.responses)
+    assert made.network.scalars == wanted.network.scalars
+    assert made.stretches == wanted.stretches
+
+
+def test_the_conductance_model_has_no_templates() -> None:
+    with pytest.raises(ConfigError, match=r"^the baseline template needs an integer network"):
+        template_of(train([encoded(inputs=784)], tiny_paper()))

@@ -29,6 +29,7 @@ from lava_vpr.matching.evaluation import Metrics, evaluate
 from lava_vpr.matching.matchers import confidence
 from lava_vpr.model import Model, decode, integer_model
 from lava_vpr.training.loop import train
+from lava_vpr.training.references import references_of
 
 Settings = dict[str, float]
 
@@ -117,19 +118,6 @@ def configured(config: Config, settings: Settings) -> Config:
     plain: dict[str, float] = {name: int(value) if name in WHOLE else value for name, value in settings.items()}
     network = {name: plain[name] for name in NETWORK}
     return update(config, {"encoder": {name: plain[name] for name in ENCODER}, "network": network})
-
-
-def references_of(model: Model) -> list[EncodedTraverse]:
-    """The reference traverses, as far as a model keeps them; thumbnails are those of the first."""
-    parts = []
-    for start in range(0, len(model.labels), model.places):
-        images = slice(start, start + model.places)
-        parts.append(
-            EncodedTraverse(
-                model.place_names, model.place_indices, model.activity[images], model.patches[images], model.thumbnails
-            )
-        )
-    return parts
 
 
 def _source(case: Case, settings: Settings, threads: int) -> Model:

@@ -13,6 +13,7 @@ import numpy as np
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse
+from lava_vpr.inputs.hog import HOG_VALUES
 from lava_vpr.model import Model
 from lava_vpr.training.loop import train
 
@@ -31,6 +32,7 @@ def encoded(places: int = 8, inputs: int = 1568, seed: int = 0, noise: float = 0
         patches=rng.integers(0, 256, (places, 28, 28)).astype(np.uint8),
         activity=activity.astype(np.float32),
         thumbnails=rng.integers(0, 256, (places, 48, 64, 3)).astype(np.uint8),
+        hog=rng.integers(0, 256, (places, HOG_VALUES)).astype(np.uint8),
     )
 
 
@@ -63,4 +65,5 @@ def two_images_a_place() -> Model:
         labels=np.tile(np.arange(8), 2)[order],
         patches=np.concatenate([model.patches, more.patches])[order],
         activity=np.concatenate([model.activity, more.activity])[order],
+        hog=np.concatenate([array for array in (model.hog, more.hog) if array is not None])[order],
     )

@@ -1,0 +1,152 @@
+"""Rivals: the baselines that the decoder which answers is compared with, on the same queries.
+
+* ``sad`` and ``hog`` compare the images themselves, patch-normalised ones of 28 x 28 pixels and HOG descriptors of 64 x
+  64; ``cosine`` compares the network's own input rates (`lava_vpr.matching.baselines`).
+* ``template`` is the network without learning: the references' rates as weights, one neuron a place, the same inputs,
+  spikes, integers and decoder (`lava_vpr.training.templates`), on the host engine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.backends.asking import PLAINLY, Asking, adapted_scores, summed
+from lava_vpr.backends.host import HostBackend
+from lava_vpr.backends.interface import Presentations
+from lava_vpr.encoding import EncodedTraverse, Keep, query_rates
+from lava_vpr.engine.adaptation import Adaptation
+from lava_vpr.errors import ConfigError
+from lava_vpr.matching import baselines
+from lava_vpr.model import IntegerModel, Model, as_integer, decode
+from lava_vpr.training.templates import template_of
+
+BASELINES = {
+    "sad": "patch-normalised images of 28x28 pixels",
+    "cosine": "the network's own input rates",
+    "hog": "grey images of 64x64 pixels",
+    "template": "the network's own input spikes, without learning",
+}
+"""What each baseline sees of an image, by its name."""
+
+
+def missing(model: Model) -> dict[str, str]:
+    """Why ``model`` cannot be compared with a baseline, by the names of those with which it cannot."""
+    reasons = {}
+    if model.hog is None:
+        reasons["hog"] = "the model keeps no HOG descriptors of its references; train it again"
+    if as_integer(model) is None:
+        reasons["template"] = "preset paper is the float conductance model, templates are an integer network's"
+    return reasons
+
+
+def chosen(model: Model, wanted: Sequence[str] | None) -> tuple[str, ...]:
+    """The baselines to compare ``model`` with.
+
+    Args:
+        model: The model that answers.
+        wanted: Names in `BASELINES`; None: all that it can be compared with.
+    Raises:
+        ConfigError: it cannot be compared with one that is wanted.
+    """
+    reasons = missing(model)
+    if wanted is None:
+        return tuple(name for name in BASELINES if name not in reasons)
+    for name in wanted:
+        if name in reasons:
+            raise ConfigError(f"baseline {name}: {reasons[name]}")
+    return tuple(wanted)
+
+
+def kept_for(names: Sequence[str]) -> Keep:
+    """What the baselines ``names`` need of query images beside their activity."""
+    return (Keep.PATCHES if "sad" in names else Keep.NOTHING) | (Keep.HOG if "hog" in names else Keep.NOTHING)
+
+
+class Scored(NamedTuple):
+    """Scores of a rival.
+
+    Attributes:
+        name: Its name in `BASELINES`.
+        matcher: Name of the decoder or matcher whose confidence its answers have.
+        scores: Scores float64 (n, places), higher is better.
+    """
+
+    name: str
+    matcher: str
+    scores: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Rivals:
+    """The baselines of a model and its queries; every matrix of scores is made when it is asked for.
+
+    Attributes:
+        model: The model that answers.
+        queries: The query images.
+        shown: The queries as backends are shown them, in every view.
+        names: Names of the baselines, as `chosen` returns them.
+        asking: How queries are asked.
+        threads: Threads of the host engine.
+    """
+
+    model: Model = field(repr=False)
+    queries: EncodedTraverse = field(repr=False)
+    shown: Presentations = field(repr=False)
+    names: tuple[str, ...]
+    asking: Asking = PLAINLY
+    threads: int = 1
+
+    @cached_property
+    def template(self) -> IntegerModel:
+        """The model without learning."""
+        return template_of(self.model, self.threads)
+
+    @property
+    def _rates(self) -> NDArray[Any]:
+        """Input rates of the queries in the straight view, (n, inputs)."""
+        return self.shown.rates[: len(self.queries)]
+
+    def plain(self) -> Iterator[Scored]:
+        """The scores of each baseline, one by one."""
+        for name in self.names:
+            if name == "template":
+                yield self._of_template(self.shown)
+            else:
+                yield Scored(name, name, self._similarities(name)[0])
+
+    def adapted(self, tau: float) -> Iterator[Scored]:
+        """The scores of each baseline, adapted to the queries before with a time constant of ``tau`` queries."""
+        for name in self.names:
+            if name == "template":
+                bias = Adaptation(self.template.network, tau).biases(self._rates)
+                yield self._of_template(replace(self.shown, bias=np.tile(bias, (self.asking.views, 1))))
+            else:
+                scores, own = self._similarities(name, own=True)
+                yield Scored(name, name, adapted_scores(scores, own.mean(axis=0), self._rates, tau))
+
+    def _of_template(self, shown: Presentations) -> Scored:
+        """What the network without learning makes of the queries, by the model's own decoder."""
+        counts, _ = HostBackend(self.threads).count_spikes(self.template, shown)
+        decoder = self.template.config.decoder.default
+        return Scored("template", decoder, decode(self.template, summed(counts, self.asking.views), decoder))
+
+    def _similarities(self, name: str, own: bool = False) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Scores (n, places) of the queries, and with ``own`` those of the references themselves (images, places)."""
+        model, labels = self.model, self.model.labels
+        references: NDArray[Any]
+        if name == "sad":
+            queries, references = self.queries.patches_for("SAD"), model.patches
+            of = [-baselines.sad_distances(references, some, labels) for some in (queries, references)[: 1 + own]]
+        else:
+            if name == "hog":
+                queries, references = self.queries.hog_for("HOG"), np.asarray(model.hog)
+            else:
+                queries, references = self._rates, query_rates(model.activity, model.config)
+            of = [baselines.cosine_similarities(references, some, labels) for some in (queries, references)[: 1 + own]]
+        return of[0], of[-1]

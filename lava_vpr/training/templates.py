@@ -1,0 +1,29 @@
+"""The network that learned nothing: what learning is held against, made from the references that a model keeps."""
+
+from __future__ import annotations
+
+from lava_vpr.configfile import update
+from lava_vpr.model import IntegerModel, Model, integer_model
+from lava_vpr.training.loop import train
+from lava_vpr.training.references import references_of
+
+
+def template_of(model: Model, threads: int = 1) -> IntegerModel:
+    """The model of the same references and settings whose weights are the references' mean rates, one neuron a place.
+
+    It is the one that ``train --learning template`` makes, bit for bit: same inputs, same integers, S^R measured anew.
+
+    Args:
+        model: A model with an integer network, of a bundle, too.
+        threads: Threads that measure S^R; they change nothing.
+    Raises:
+        ConfigError: the model is the float conductance model, or so many neurons cost more than the limits allow.
+        NetworkLimitError: the network could overflow.
+    """
+    config = integer_model(model, "the baseline template").config
+    changes = {
+        "learning": {"rule": "template", "epochs": 1},
+        "network": {"neurons": 0, "neurons_per_place": 1},
+    }
+    made = train(references_of(model), update(config, changes), route_images=model.route_images, jobs=threads)
+    return integer_model(made, "the baseline template")
