@@ -28,6 +28,7 @@ class Board:
         profiles, thresholds, formats: Distinct ones that a core can hold.
         weight_bits, index_bits: Widths that a stored synapse can have.
         host_spikes: Spikes that the host can send to one chip in one step.
+        input_mode: Where input spikes come from unless a user says otherwise; None: as the model says.
         clearing: How states return to 0 between two queries: ``reset`` by Lava's LIFReset, or ``writes`` of the chips'
             embedded processors.
         constants: Energies and times of its operations; None: none are public.
@@ -53,6 +54,7 @@ class Board:
     weight_bits: tuple[int, ...]
     index_bits: tuple[int, ...]
     host_spikes: int | None
+    input_mode: Literal["injected", "bias"] | None
     clearing: Literal["reset", "writes"]
     constants: CostConstants | None
 
@@ -78,7 +80,7 @@ class Board:
 
     def as_json(self) -> dict[str, Any]:
         """Limits and mesh by name, as a bundle's manifest has them; None: not public."""
-        left_out = ("synapses", "core_bytes", "clearing", "constants")
+        left_out = ("synapses", "core_bytes", "input_mode", "clearing", "constants")
         values = {item.name: getattr(self, item.name) for item in fields(self) if item.name not in left_out}
         return values | {"timed": self.timed}
 
@@ -108,6 +110,7 @@ KAPOHO_BAY = BOARDS.register(
         weight_bits=loihi.LOIHI_1_WEIGHT_BITS,
         index_bits=loihi.LOIHI_1_INDEX_BITS,
         host_spikes=loihi.HOST_SPIKES,
+        input_mode=None,
         clearing="writes",
         constants=LOIHI_1,
     )
@@ -135,6 +138,7 @@ LOIHI_2 = BOARDS.register(
         weight_bits=tuple(range(1, 9)),
         index_bits=(),
         host_spikes=None,
+        input_mode="bias",
         clearing="reset",
         constants=None,
     )

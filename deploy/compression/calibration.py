@@ -20,6 +20,7 @@ from lava_vpr.deploy.compression.compression import (
     distinctive,
     fitting,
     for_board,
+    for_inputs,
     with_settings,
 )
 from lava_vpr.encoding import EncodedTraverse, query_rates16
@@ -71,7 +72,7 @@ def candidates(model: Model, board: Board, changes: Changes = UNCHANGED) -> list
     Bits go up to the model's own, unless ``changes`` fixes them. Points that save nothing against less pruning are left
     out.
     """
-    rates = expected_rates(model)
+    rates, changes = expected_rates(model), for_inputs(model, board, changes)
     most = integer_model(model, PURPOSE).network.bits
     widths = range(1, most + 1) if changes.weight_bits is None else (changes.weight_bits,)
     cheapest: dict[int, float] = {}

@@ -217,14 +217,16 @@ def for_board(model: Model, board: Board, changes: Changes = UNCHANGED, *, threa
 def adapted(model: Model, board: Board, changes: Changes = UNCHANGED) -> Compressed:
     """``model`` as ``board`` can run it, its responses still the old ones.
 
-    Where ``changes.weight_bits`` is not given, weights have the most bits up to the model's own.
+    Where ``changes.weight_bits`` is not given, weights have the most bits up to the model's own; where
+    ``changes.input_mode`` is not, inputs are as `for_inputs` says.
 
     Raises:
         ConfigError: the model cannot be quantised anew where it has to be, or a value is outside its range.
         NetworkLimitError: the board cannot run so many bits; the message names the most that it can.
     """
     integer = integer_model(model, PURPOSE)
-    own = integer.config.network
+    own, asked = integer.config.network, changes.input_mode
+    changes = for_inputs(model, board, changes)
     most = integer.network.bits if changes.weight_bits is None else changes.weight_bits
     same = changes.input_mode in (None, own.input_mode) and changes.prune in (None, own.prune)
     if most == integer.network.bits and same and _runs(integer, board):
@@ -238,10 +240,27 @@ def adapted(model: Model, board: Board, changes: Changes = UNCHANGED) -> Compres
             f"--weight-bits {network.bits}"
         )
     notes = []
+    if asked is None and changes.input_mode not in (None, own.input_mode):
+        notes.append(
+            f"inputs integrate a bias, as {board.title} is given them unless --input-mode injected asks for spikes "
+            "that Python sends step by step"
+        )
     if network.bits != most:
         notes.append(f"{network.bits} bits a weight instead of {most}, the most that {board.title} can take: {reason}")
     result = replace(with_settings(source, Changes(network.bits)), network=network)
     return Compressed(result, model, prune, tuple(notes))
+
+
+def for_inputs(model: Model, board: Board, changes: Changes) -> Changes:
+    """``changes`` with the input mode that ``board`` is given where none is asked for (`Board.input_mode`).
+
+    It stays the model's where that cannot be another: of Poisson trains, and of a bundle, which keeps no float weights.
+    """
+    own = integer_model(model, PURPOSE).config.network
+    fixed = own.trains != "regular" or model.learned.size == 0
+    if changes.input_mode is not None or board.input_mode is None or fixed:
+        return changes
+    return changes._replace(input_mode=board.input_mode)
 
 
 def _runs(model: IntegerModel, board: Board) -> bool:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from lava_vpr.deploy.boards.constants import LOIHI_1, Constant
+from lava_vpr.deploy.boards.constants import HOST_POWER, LOIHI_1, Constant
 from lava_vpr.deploy.hardware import loihi_1, loihi_2, nxsdk_calls, nxsdk_registers
 from lava_vpr.deploy.hardware.belief import Belief, Given
 from lava_vpr.registry import Registry
 
-ASSUMED = frozenset({"host_message", "write_time"})
+ASSUMED = frozenset({"host_message", "host_power", "write_time"})
 """Constants of the cost model that no public text shows."""
 
 SECTIONS: dict[str, tuple[Belief, ...]] = {
@@ -33,7 +33,7 @@ def _figure(constant: Constant) -> Belief:
     assumed = constant.name in ASSUMED
     return Belief(
         f"{constant.name}: {constant.what}",
-        "Loihi 1",
+        "host" if constant is HOST_POWER else "Loihi 1",
         "figure",
         Given(f"{constant.low:g} / {constant.nominal:g} / {constant.high:g}"),
         constant.unit,
@@ -43,7 +43,7 @@ def _figure(constant: Constant) -> Belief:
     )
 
 
-SECTIONS["Cost model of Loihi 1: low / nominal / high"] = tuple(map(_figure, LOIHI_1.listed()))
+SECTIONS["Cost model of Loihi 1: low / nominal / high"] = tuple(map(_figure, (*LOIHI_1.listed(), HOST_POWER)))
 
 BELIEFS: Registry[Belief] = Registry("belief about hardware")
 """Every row by its name."""

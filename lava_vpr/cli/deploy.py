@@ -71,7 +71,7 @@ from lava_vpr.truth.alignment import aligned_truth
     "--input-mode",
     type=click.Choice(INPUT_MODES),
     default=None,
-    help="Inputs' spikes are injected by the host, or inputs integrate a bias (default: the model's).",
+    help="The host injects inputs' spikes, or inputs integrate a bias (default: the model's; on Loihi 2: bias).",
 )
 @click.option(
     "--learning",

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     "--input-mode",
     type=click.Choice(INPUT_MODES),
     default=None,
-    help="Inputs' spikes are injected by the host, or inputs integrate a bias (default: the model's).",
+    help="The host injects inputs' spikes, or inputs integrate a bias (default: the model's; on Loihi 2: bias).",
 )
 @click.option(
     "--neurons-per-place",
@@ -128,7 +128,8 @@ def _largest(
     """The largest maps that fit the board."""
     from lava_vpr.deploy.mapping import largest_map
 
-    chosen = {"weight_bits": weight_bits, "input_mode": input_mode, "neurons_per_place": neurons_per_place}
+    mode = input_mode or board.input_mode
+    chosen = {"weight_bits": weight_bits, "input_mode": mode, "neurons_per_place": neurons_per_place}
     changes = {name: value for name, value in chosen.items() if value is not None}
     config = update(preset("loihi"), {"network": changes, "views": {"shifts": views}})
     rows = (largest_map.table if weight_bits is None else largest_map.capacities)(config, board)

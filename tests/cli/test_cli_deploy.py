@@ -14,6 +14,7 @@ from support.common.commands import PLACES, run
 from lava_vpr import model
 from lava_vpr.cli import main
 from lava_vpr.deploy.bundle.folder import load as read
+from lava_vpr.engine.inference import bias_input
 
 ONE_CORE = r"│ 0:0 +│ exc 0\.\.7, inh 0 +│ +9 of 1,024 │"
 
@@ -101,7 +102,8 @@ def test_what_does_not_fit_is_one_line(here: Path) -> None:
 
 @pytest.mark.parametrize("target", ["kapoho-bay", "loihi2"])
 def test_deploy_writes_a_bundle(target: str, here: Path) -> None:
-    text = run("deploy", "m.lvpr", "--target", target, "-o", "b", "--json", "d.json").stdout
+    words = ("--target", target, "-o", "b", "--input-mode", "injected")
+    text = run("deploy", "m.lvpr", *words, "--json", "d.json").stdout
     assert text.endswith("bundle: b\n")
     bundle = read(Path("b"))
     assert bundle.target == target
@@ -120,11 +122,41 @@ def test_deploy_writes_a_bundle(target: str, here: Path) -> None:
         "learning": None,
     }
     # Once more, over the old one: the same bytes.
-    run("deploy", "m.lvpr", "--target", target, "-o", "b")
+    run("deploy", "m.lvpr", *words)
     assert read(Path("b")).files == bundle.files
     # A bundle is a model, too, but for its float weights.
     run("fit", "b", "--target", target)
     assert "no float weights to quantise anew" in fails("fit", "b", "--target", target, "--weight-bits", 2).stderr
+
+
+def test_on_loihi_2_inputs_integrate_a_bias_unless_asked(here: Path) -> None:
+    words = ("m.lvpr", "--target", "loihi2")
+    done = run("deploy", *words, "-o", "b")
+    assert "note: inputs integrate a bias, as Loihi 2 is given them unless --input-mode injected asks" in done.stderr
+    bundle = read(Path("b"))
+    assert bundle.manifest["input"] == {"mode": "bias", "trains": "regular", "host_spikes_per_step": 0.0}
+    assert bundle.json("network/parameters.json")["inputs"] == {"du": 4095, "dv": 0, "vth": bias_input.THRESHOLD}
+    assert "The host sends no spikes: inputs integrate a bias" in run("fit", *words).stdout
+    assert "The host sends up to" in run("fit", *words, "--input-mode", "injected").stdout
+    assert read(Path("b")).manifest["clearing"]["reset_interval"] == model.load("m.lvpr").config.network.steps
+    # A bundle stays as it is: it has no float weights to quantise anew.
+    run("deploy", *words, "-o", "i", "--input-mode", "injected")
+    run("deploy", "i", "--target", "loihi2", "-o", "again")
+    assert read(Path("again")).manifest["input"]["mode"] == "injected"
+
+
+def test_fit_for_loihi_2_promises_nothing(here: Path) -> None:
+    text = run("fit", "--target", "loihi2", "--weight-bits", 7, "--json", "f.json").stdout
+    assert "no larger maps can fit Loihi 2" in text
+    assert "places at most" in text
+    assert "cores at least" in text
+    assert "Whether maps of these sizes fit is unknown." in " ".join(text.split())
+    assert [row["at_most"] for row in json.loads(Path("f.json").read_text())["largest"]] == [True, True]
+    text = " ".join(run("fit", "m.lvpr", "--target", "loihi2", "--json", "m.json").stdout.split())
+    assert "At least 1 of 128 cores" in text
+    assert "Whether the network fits is unknown: it is beyond none of the public numbers." in text
+    assert json.loads(Path("m.json").read_text())["fits"] is None
+    assert "no larger maps" not in run("fit", "--target", "kapoho-bay", "--weight-bits", 7).stdout
 
 
 def test_deploy_compresses_and_tells_recall_before_and_after(here: Path) -> None:

@@ -22,6 +22,7 @@ from lava_vpr.deploy.compression import calibration, compression
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse
 from lava_vpr.engine.conductance.model import initial_state
 from lava_vpr.engine.inference import quantise
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.loihi import LOIHI_1_INPUT_LIMIT
 from lava_vpr.model import Model
@@ -29,6 +30,8 @@ from lava_vpr.training.loop import train
 from lava_vpr.training.references import expected_rates
 from lava_vpr.traverse import open_traverse
 from lava_vpr.truth.alignment import aligned_truth
+
+INJECTED = compression.Changes(input_mode="injected")
 
 
 def assert_equal(first: Any, second: Any, name: str = "model") -> None:
@@ -153,11 +156,29 @@ def test_expected_rates_are_the_references_mean() -> None:
 def test_what_a_board_can_run_is_left_alone() -> None:
     model = trained(bits=1)
     for board in (KAPOHO_BAY, LOIHI_2):
-        result = compression.for_board(model, board)
+        result = compression.for_board(model, board, INJECTED)
         assert result.model is model
         assert (result.notes, result.as_json()) == ((), None)
     for bits, board in ((5, KAPOHO_BAY), (7, LOIHI_2)):
-        assert compression.for_board(trained(bits=bits), board).model is trained(bits=bits)
+        assert compression.for_board(trained(bits=bits), board, INJECTED).model is trained(bits=bits)
+
+
+def test_where_inputs_come_from_is_the_models_but_on_loihi_2() -> None:
+    model = trained(bits=1)
+    assert compression.for_board(model, KAPOHO_BAY).model is model
+    result = compression.for_board(model, LOIHI_2)
+    network = result.model.network
+    assert isinstance(network, FixedNetwork)
+    assert (network.bias_input, network.interval) == (True, model.config.network.steps)
+    (note,) = result.notes
+    assert note.startswith("inputs integrate a bias, as Loihi 2 is given them unless --input-mode injected asks")
+    asked = compression.for_board(model, LOIHI_2, compression.Changes(input_mode="bias"))
+    assert asked.notes == ()
+    assert np.array_equal(asked.model.network.weights, network.weights)
+    poisson = replace(model, config=update(model.config, {"network": {"trains": "poisson"}}))
+    assert compression.for_inputs(poisson, LOIHI_2, compression.UNCHANGED) == compression.UNCHANGED
+    bundled = replace(model, learned=np.zeros((0, 0), np.float32))
+    assert compression.for_inputs(bundled, LOIHI_2, compression.UNCHANGED) == compression.UNCHANGED
 
 
 @pytest.mark.parametrize(
