@@ -112,9 +112,14 @@ COMPRESSION_SPARSE, COMPRESSION_DENSE = 0, 3
 """Values of its register compression. Source: as `FANOUT_EXCITATORY`. That synapses of compression 3 have no index is
 unproven: nengo-loihi 1.1.0 counts none (``block.py:530``), but does so for sparse matrices, too (``block.py:766``)."""
 
-HOST_SPIKES = 50
-"""Spikes that the host sends to one chip in one step. Source: nengo-loihi 1.1.0, ``hardware/interface.py:71``, where
-it is a setting, by which packets are sized; more are dropped there."""
+PACKET_WORDS, PACKET_HEADER_WORDS = 64, 8
+"""Words of 32 bits of a packet between host and embedded processor, and those of them that say what it is. Source: our
+own host program (``deploy/programs/kapoho_bay/packets.py``); channels of any message size: nengo-loihi 1.1.0,
+``hardware/interface.py``, where the size is a setting (``snip_max_spikes_per_step``)."""
+
+HOST_SPIKES = PACKET_WORDS - PACKET_HEADER_WORDS
+"""Spikes that the host sends to one chip in one step: those of a packet, a word each. No source has a limit of
+the chip."""
 
 KAPOHO_BAY_CHIPS, LOIHI_1_CORES = 2, 128
 """Kapoho Bay: two chips of 128 cores. Source: Davies et al., IEEE Micro 2018 (cores), and Intel's description."""
@@ -166,7 +171,7 @@ DAVIES_HOP_EAST_WEST_PJ, DAVIES_HOP_NORTH_SOUTH_PJ = 3.0, 4.0
 """Energy of a synaptic operation (at least), a neuron's update (active, inactive), a spike within a tile, and a tile
 crossed, in pJ. Source: Davies et al., IEEE Micro 38(1), 2018, table 2, doi 10.1109/MM.2018.112130359."""
 
-DAVIES_SYNAPSE_NS, DAVIES_ACTIVE_NS, DAVIES_INACTIVE_NS, DAVIES_WITHIN_TILE_NS = 3.5, 8.4, 5.3, 2.1
+DAVIES_SYNAPSE_NS, DAVIES_ACTIVE_NS, DAVIES_INACTIVE_NS = 3.5, 8.4, 5.3
 """Times of those events, in ns. Source: as above."""
 
 DAVIES_BARRIER_US = {1: 0.113, 32: 0.465}
@@ -183,9 +188,9 @@ POHOIKI_STEP_US = 5.8
 KAPOHO_BAY_MESSAGE_US = 13.9
 """A message between host and Kapoho Bay over USB, in us. Source: one public log; not verified."""
 
-EMBEDDED_WRITE_NS = 100.0
-"""A register that an embedded processor writes, in ns, at most. An assumption: some tens of cycles at some hundreds of
-MHz; no figure is public."""
+EMBEDDED_MHZ, REGISTER_CYCLES, WORD_CYCLES = (400.0, 200.0, 100.0), (10, 20, 40), (2, 4, 8)
+"""An embedded processor's clock, its cycles for a register of a core and for a word of its own memory: low, nominal and
+high. Unproven, all of it: an in-order x86 core that waits for the mesh; no figure is public."""
 
 HOST_MILLIWATTS = (5_000.0, 10_000.0, 20_000.0)
 """Power of a robot's computer while one thread of it works, low, nominal and high: an assumption. Source: as

@@ -5,9 +5,8 @@
 Every core of every plan is described by the neurons on it and the weights that lead to them, nothing that we counted.
 nengo-loihi (1.1.0, in an environment of its own) builds its own block of it and counts synapse bits, axons, formats,
 decays and thresholds with the functions that it uses before it writes a board, and validates the core. Everything must
-be equal. Two differences are known and subtracted here: nengo-loihi reads spikes out by looking at compartments, we
-send them to the embedded processor, which takes one output axon for each excitatory neuron; and nengo-loihi lets
-populations share equal registers, of which we write one each.
+be equal. One difference is known and subtracted here: nengo-loihi lets populations share equal registers, of which we
+write one each.
 """
 
 from __future__ import annotations
@@ -49,11 +48,12 @@ console = Console(highlight=False, width=118)
 
 def problem(plan: Plan, core: CorePlan, image: CoreImage) -> dict[str, Any]:
     """A core as the oracle takes it; formats and compartments' registers are those of its ``image``."""
-    network, exc, inh, inputs = plan.network, core.part("exc"), core.part("inh"), core.part("inputs")
+    network, inputs = plan.network, core.part("inputs")
+    exc, counters, inh = core.part("exc"), core.part("counters"), core.part("inh")
     targets = [other.part("exc") for other in plan.cores if other.part("exc").size]
     leaves = min(network.leaves, inh.first + inh.size) - min(network.leaves, inh.first)
     root = inh.size - leaves
-    out = [exc.size, leaves]  # to their inhibitory neuron, to the root
+    out = [exc.size, exc.size, leaves]  # to their inhibitory neuron, to their counters, to the root
     out += [root] * len(targets) if network.lateral else []
     used = [network.weights[inputs.first : inputs.first + inputs.size, t.first : t.first + t.size] for t in targets]
     out += [int(weights.any(axis=1).sum()) for weights in used if inputs.size]
@@ -70,6 +70,7 @@ def problem(plan: Plan, core: CorePlan, image: CoreImage) -> dict[str, Any]:
         "inhibition_bits": plan.inhibition_bits,
         "inhibition_exponent": exponent,
         "to_inh": np.repeat(inh.compartment + np.arange(inh.size), np.array(heard, np.int64)),
+        "to_counters": counters.compartment + np.arange(counters.size),
         "to_relays": inputs.compartment + np.arange(inputs.size if network.relayed else 0),
         "compartments": len(compartments),
         "decay_u": np.array([profiles[i]["decayU"] for i in compartments[:, 0]], np.int32),
@@ -100,7 +101,7 @@ def planned(core: CorePlan, image: CoreImage) -> dict[str, int | None]:
     return {
         "compartments": needs.compartments,
         "axons_in": needs.axons_in,
-        "axons_out": None if needs.axons_out is None else needs.axons_out - core.part("exc").size,
+        "axons_out": needs.axons_out,
         "synapse_bits": None if needs.synapse_words is None else needs.synapse_words * WORD_BITS,
         "profiles": None if needs.profiles is None else needs.profiles - profiles,
         "thresholds": None if needs.thresholds is None else needs.thresholds - thresholds,
@@ -192,7 +193,12 @@ def too_large() -> dict[str, Any]:
         "weights": np.full((1184, 100), 200),
         "dense": np.ones(1184, bool),
         **{"signed": False, "bits": 8, "exponent": 0, "inhibition": 0, "inhibition_bits": 8, "inhibition_exponent": 0},
-        **{"to_inh": np.zeros(0, np.int64), "to_relays": np.zeros(0, np.int64), "compartments": 100},
+        **{
+            "to_counters": np.zeros(0, np.int64),
+            "to_inh": np.zeros(0, np.int64),
+            "to_relays": np.zeros(0, np.int64),
+            "compartments": 100,
+        },
         **{name: np.full(100, 100, np.int32) for name in ("decay_u", "decay_v", "threshold", "bias")},
         "axons_out": np.zeros(0, np.int64),
     }

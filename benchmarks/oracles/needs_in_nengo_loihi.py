@@ -23,7 +23,7 @@ from nengo_loihi.hardware.validate import validate_core
 
 MIXED, EXCITATORY, INHIBITORY = 1, 2, 3
 TO_INHIBITORY = {"weight": 2, "bits": 2, "exponent": -6}
-"""The synapses to inhibitory neurons, and to relays."""
+"""The synapses to counters, to inhibitory neurons, and to relays."""
 
 
 def synapse(label: str, rows: list[Any], indices: list[Any] | None, code: dict[str, int]) -> Synapse:
@@ -40,7 +40,8 @@ def code(bits: int, exponent: int, sign: int) -> dict[str, int]:
 
 
 def groups(problem: Any) -> list[Synapse]:
-    """All synapses of the core: rows of the inputs and of the root, and those to inhibitory neurons and to relays."""
+    """All synapses of the core: rows of the inputs and of the root, and those to counters,
+    inhibitory neurons and relays."""
     scalar = {name: int(problem[name]) for name in problem.files if problem[name].ndim == 0}
     weights, dense = problem["weights"].astype(np.int32), problem["dense"]
     made = []
@@ -56,7 +57,7 @@ def groups(problem: Any) -> list[Synapse]:
         taken = np.full(weights.shape[1], -scalar["inhibition"], np.int32)
         registers = code(scalar["inhibition_bits"], scalar["inhibition_exponent"], INHIBITORY)
         made.append(synapse("the root", [taken], None, registers))
-    for name in ("to_inh", "to_relays"):
+    for name in ("to_counters", "to_inh", "to_relays"):
         targets = problem[name]
         if targets.size:
             rows = [np.array([TO_INHIBITORY["weight"]], np.int32)] * targets.size

@@ -20,7 +20,8 @@ imported here. SANA-FE gets the input spikes (or the bias of input compartments)
 - ``detailed`` time puts single messages on links and queues: hops, waiting receivers and blocked routes count.
 
 SANA-FE has no host: injected spikes come from one more core on tile 0 (`benchmarks.sanafe.worker`), whose neurons are
-free and whose messages and hops are charged. It knows no read-out, static power, clearing or learning.
+free and whose messages and hops are charged. It is asked about
+the network without its counters (`benchmarks.sanafe.problem`), and knows no static power, clearing or learning.
 
 Both sides sum the same products in another order: differences of about 1e-14 are rounding.
 """
@@ -38,7 +39,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.sanafe.problem import group_name, problem_of
+from benchmarks.sanafe.problem import group_name, problem_of, without_counters
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.cost.closed_form import closed_form, step_microseconds, step_picojoules
 from lava_vpr.deploy.cost.events import EventCounts, count_events
@@ -258,6 +259,7 @@ def compare(plan: Plan, trains: Trains, answer: dict[str, Any], *, input_core: b
     Raises:
         BackendUnavailableError: it is no answer to this problem.
     """
+    plan = without_counters(plan)
     theirs = _read(answer, plan, trains)
     events, constants = count_events(plan, trains, entry=(0, 0)), plan.board.constants
     ours = closed_form(events, constants, tiles=tiles, updates="touched", input_core=input_core)
@@ -265,10 +267,8 @@ def compare(plan: Plan, trains: Trains, answer: dict[str, Any], *, input_core: b
     energy = {**ours.microjoules, "dendrite": nothing, "total": ours.total_microjoules}
     counts = _our_counts(events)
     picojoules = step_picojoules(events, constants, "nominal", "touched")
-    step_energy = sum(values for name, values in picojoules.items() if name != "read-out")
-    step_time = step_microseconds(
-        events, constants, "nominal", tiles, updates="touched", read_out=False, input_core=input_core
-    )
+    step_energy = sum(picojoules.values())
+    step_time = step_microseconds(events, constants, "nominal", tiles, updates="touched", input_core=input_core)
     energies = {name: (energy[name], values.sum(axis=1)) for name, values in theirs.microjoules.items()}
     pairs = [
         *energies.values(),

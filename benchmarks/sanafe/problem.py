@@ -19,6 +19,7 @@ bits: the floats handed over have at most 24 digits.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -51,6 +52,17 @@ def refuse(plan: Plan, trains: Trains) -> None:
         raise BackendUnavailableError(f"SANA-FE's architecture is Loihi 1, not {plan.board.title}")
     if trains.inputs is None or trains.inh is None:
         raise BackendUnavailableError("a cross-check needs the spikes of inputs and inhibitory neurons, too")
+
+
+def without_counters(plan: Plan) -> Plan:
+    """``plan`` without the counters of its excitatory neurons, which SANA-FE is not asked about.
+
+    It would send one message to a core for both synapses of a spike, where Loihi sends one for each axon.
+    """
+    cores = tuple(
+        replace(core, parts=tuple(part for part in core.parts if part.population != "counters")) for core in plan.cores
+    )
+    return replace(plan, board=replace(plan.board, counters=False), cores=cores)
 
 
 def _attributes(plan: Plan, part: Part) -> dict[str, float]:
@@ -208,6 +220,7 @@ def problem_of(plan: Plan, trains: Trains, *, input_core: bool = True) -> dict[s
         BackendUnavailableError: SANA-FE cannot be asked this.
     """
     refuse(plan, trains)
+    plan = without_counters(plan)
     groups = _groups(plan)
     return {
         "columns": plan.board.chips * (plan.board.columns or 0),

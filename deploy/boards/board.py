@@ -29,6 +29,8 @@ class Board:
         weight_bits, index_bits: Widths that a stored synapse can have.
         host_spikes: Spikes that the host can send to one chip in one step.
         input_mode: Where input spikes come from unless a user says otherwise; None: as the model says.
+        counters: Whether each excitatory neuron has a compartment beside it that counts its spikes, and is read once
+            a query; else the vendor's library reads spikes out.
         clearing: How states return to 0 between two queries: ``reset`` by Lava's LIFReset, or ``writes`` of the chips'
             embedded processors.
         constants: Energies and times of its operations; None: none are public.
@@ -55,6 +57,7 @@ class Board:
     index_bits: tuple[int, ...]
     host_spikes: int | None
     input_mode: Literal["injected", "bias"] | None
+    counters: bool
     clearing: Literal["reset", "writes"]
     constants: CostConstants | None
 
@@ -80,7 +83,7 @@ class Board:
 
     def as_json(self) -> dict[str, Any]:
         """Limits and mesh by name, as a bundle's manifest has them; None: not public."""
-        left_out = ("synapses", "core_bytes", "input_mode", "clearing", "constants")
+        left_out = ("synapses", "core_bytes", "input_mode", "counters", "clearing", "constants")
         values = {item.name: getattr(self, item.name) for item in fields(self) if item.name not in left_out}
         return values | {"timed": self.timed}
 
@@ -111,6 +114,7 @@ KAPOHO_BAY = BOARDS.register(
         index_bits=loihi.LOIHI_1_INDEX_BITS,
         host_spikes=loihi.HOST_SPIKES,
         input_mode=None,
+        counters=True,
         clearing="writes",
         constants=LOIHI_1,
     )
@@ -139,6 +143,7 @@ LOIHI_2 = BOARDS.register(
         index_bits=(),
         host_spikes=None,
         input_mode="bias",
+        counters=False,
         clearing="reset",
         constants=None,
     )

@@ -93,7 +93,8 @@ class CostConstants:
         step: The least time of a step, us.
         static, embedded: Power of a chip and of its embedded processors, mW.
         host_message: Time of a message between host and board, us.
-        write_time: Time of a register that an embedded processor writes, ns.
+        register_time, word_time: Times of an embedded processor's accesses, ns: to a register of a core (read, written,
+            or a spike sent), and to a word of its own memory.
     """
 
     synapse_dense: Constant
@@ -117,7 +118,8 @@ class CostConstants:
     static: Constant
     embedded: Constant
     host_message: Constant
-    write_time: Constant
+    register_time: Constant
+    word_time: Constant
 
     def listed(self) -> tuple[Constant, ...]:
         """All constants in the order of the fields, with the barriers of `barrier_tiles`, as a report has them."""
@@ -140,6 +142,18 @@ def _barrier(tiles: int) -> Constant:
     what = f"barrier at the end of a step, {'1 tile' if tiles == 1 else f'{tiles} tiles'} in use"
     note = f" ({fast:g} us with {few} tile, {slow:g} us with {many}; between them a straight line, an assumption)"
     return _both(f"barrier_{tiles}", what, "us", nominal, davies, note)
+
+
+_REGISTER, _WORD = loihi.REGISTER_CYCLES, loihi.WORD_CYCLES
+
+
+def _cycles(name: str, what: str, cycles: tuple[int, int, int]) -> Constant:
+    """An access of an embedded processor, which takes so many cycles at its clock."""
+    times = [1e3 * count / clock for count, clock in zip(cycles, loihi.EMBEDDED_MHZ, strict=True)]
+    stated = ", ".join(f"{count} at {clock:g} MHz" for count, clock in zip(cycles, loihi.EMBEDDED_MHZ, strict=True))
+    return Constant(
+        name, what, "ns", times[0], times[1], times[2], f"an assumption, no figure is public; cycles: {stated}"
+    )
 
 
 LOIHI_1 = CostConstants(
@@ -221,16 +235,10 @@ LOIHI_1 = CostConstants(
         loihi.KAPOHO_BAY_MESSAGE_US,
         "one public log of Kapoho Bay, not verified",
     ),
-    write_time=Constant(
-        "write_time",
-        "register written, or spike injected, by an embedded processor",
-        "ns",
-        loihi.DAVIES_WITHIN_TILE_NS,
-        loihi.AXON_IN_NS,
-        loihi.EMBEDDED_WRITE_NS,
-        f"an assumption, no figure is public; low: no shorter than a message's way within a tile, {DAVIES}; nominal: a "
-        "message received, SANA-FE 2.2.9; high: some tens of cycles of a processor at some hundreds of MHz",
+    register_time=_cycles(
+        "register_time", "register of a core read or written, or spike injected, by an embedded processor", _REGISTER
     ),
+    word_time=_cycles("word_time", "word of its own memory that an embedded processor handles", _WORD),
 )
 """The constants of Loihi 1, and of Kapoho Bay, a board with two of it."""
 

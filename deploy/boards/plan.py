@@ -10,12 +10,17 @@ from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.loihi import THRESHOLD_LIMIT
 
-PopulationName = Literal["exc", "inh", "inputs"]
+PopulationName = Literal["exc", "counters", "inh", "inputs"]
 
 RELAY_WEIGHT, RELAY_THRESHOLD = 2, 1
 """A spike brings an inhibitory neuron, or an input's relay, 2 << 6, which is above 1 << 6; the chip takes no threshold
 of 0."""
+
+COUNTER_WEIGHT, COUNTER_THRESHOLD = 2, THRESHOLD_LIMIT - 1
+"""A spike of an excitatory neuron adds 2 << 6 to the membrane of its counter, which keeps it, far below its threshold:
+the longest presentation adds less than a hundredth of that."""
 
 
 @dataclass(frozen=True)
@@ -68,8 +73,8 @@ class CorePlan:
 
     Attributes:
         chip, core: Number of the chip and of its core, from 0.
-        parts: What stands on it, in the order of its compartments: exc, inh (leaves, then the root), and inputs, which
-            integrate a bias or relay injected spikes.
+        parts: What stands on it, in the order of its compartments: exc, the counters of these, inh (leaves, then
+            the root), and inputs, which integrate a bias or relay injected spikes.
         dense_inputs: bool (inputs,): the row of this input is stored dense (every compartment of exc here, without
             indices); else sparse: the weights that are not 0. A row without any weight is not stored.
         needs: What the content takes of the core's limits.

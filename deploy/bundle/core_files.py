@@ -32,7 +32,7 @@ CORE_ARRAYS: dict[str, tuple[type, Shape]] = {
 }
 """The arrays of a core: type and shape of each."""
 
-HOST_TABLES = {"injection": 4, "inputs": 3, "exc": 3, "inh": 3}
+HOST_TABLES = {"injection": 4, "inputs": 3, "exc": 3, "counters": 3, "inh": 3}
 """The host's tables, and how many columns each has."""
 
 HOST_TABLE = "host/{}.npy"
@@ -86,8 +86,7 @@ def core_images(bundle: Bundle) -> tuple[CoreImage, ...]:
     Raises:
         BundleError: a file is missing, too much, of the wrong kind, or holds more than a core does.
     """
-    board, neurons = BOARDS[bundle.target], scalars(bundle)["neurons"]
-    images, names = [], {}
+    board, images, names = BOARDS[bundle.target], [], {}
     for folder, files in sorted(_core_folders(bundle).items()):
         known = _CORE.fullmatch(folder)
         chip, core = (int(known[1]), int(known[2])) if known is not None else (-1, -1)
@@ -111,11 +110,8 @@ def core_images(bundle: Bundle) -> tuple[CoreImage, ...]:
     axons = _sizes(images, "axons_in")
     for image in images:
         out, file = image.axons_out, f"{names[image.chip, image.core]}/axons_out.npy"
-        counted = out[:, 2] == registers.READ_OUT
         within(bundle, file, "source", out[:, 0], len(image.compartments))
-        within(bundle, file, "chip of a counter", out[counted, 1], image.chip + 1, image.chip)
-        within(bundle, file, "counter", out[counted, 3], neurons)
-        _lead(bundle, file, out[~counted, 1:], axons)
+        _lead(bundle, file, out[:, 1:], axons)
     return tuple(images)
 
 
@@ -173,6 +169,7 @@ def host_tables(bundle: Bundle, images: Sequence[CoreImage]) -> HostTables:
         "injection": "axons",
         "inputs": network.input_compartments,
         "exc": network.neurons,
+        "counters": network.neurons,
         "inh": network.inhibitory,
     }
     tables = {
@@ -180,9 +177,9 @@ def host_tables(bundle: Bundle, images: Sequence[CoreImage]) -> HostTables:
         for name, columns in HOST_TABLES.items()
     }
     compartments = _sizes(images, "compartments")
-    for name in ("inputs", "exc", "inh"):
+    for name in ("inputs", "exc", "counters", "inh"):
         _lead(bundle, HOST_TABLE.format(name), tables[name], compartments)
-    taken = np.concatenate([tables[name] for name in ("inputs", "exc", "inh")])
+    taken = np.concatenate([tables[name] for name in ("inputs", "exc", "counters", "inh")])
     if len(np.unique(taken, axis=0)) < len(taken):
         raise BundleError(f"{bundle.at(HOST_TABLE.format('exc'))}: shares a compartment with another table; {AGAIN}")
     injection, file = tables["injection"], HOST_TABLE.format("injection")

@@ -62,8 +62,8 @@ With lava-vpr on the same machine, images go in and places come out:
 CORES = """\
 - `cores/chipC-coreNNN/`: registers, compartments (profile, threshold, bias mantissa, bias exponent), synapse
   memory in 64-bit words, input axons (first word, words, synapses), output axons (source, chip, core, axon).
-- `host/injection.npy` (input, chip, core, axon), `host/inputs.npy`, `host/exc.npy`, `host/inh.npy` (chip,
-  core, compartment): where spikes go in and out.
+- `host/injection.npy` (input, chip, core, axon), `host/inputs.npy`, `host/exc.npy`, `host/counters.npy`,
+  `host/inh.npy` (chip, core, compartment): where spikes go in, and where they are counted.
 - `mapping.json`, `mapping.svg`: what each core holds.
 """
 

@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ClosedForm:
-    """SANA-FE's column only, without clearing, read-out and static energy: what SANA-FE itself computes.
+    """SANA-FE's column only, without clearing and static energy: what SANA-FE itself computes.
 
     Attributes:
         microjoules: The energy of each query by SANA-FE's components ``synapse``, ``soma`` and ``network``, float64
@@ -61,6 +61,7 @@ def step_picojoules(
 
     from_inputs = energy(constants.message, "input_messages")
     messages = energy(constants.message, "messages_out") + energy(constants.message, "injected_messages")
+    counted = energy(constants.message, "read_outs")
     hops = energy(constants.hop_east_west, "hops_east_west") + energy(constants.hop_north_south, "hops_north_south")
     hops = hops + energy(constants.hop_east_west, "injected_hops_east_west")
     hops = hops + energy(constants.hop_north_south, "injected_hops_north_south")
@@ -71,8 +72,8 @@ def step_picojoules(
         "neuron updates": energy(constants.update, updates),
         "spikes": energy(constants.spike, "spikes"),
         "input messages": from_inputs,
-        "other messages": messages - from_inputs,
-        "read-out": energy(constants.message, "read_outs"),
+        "other messages": messages - from_inputs - counted,
+        "read-out": counted,
         "hops": hops,
     }
 
@@ -83,21 +84,20 @@ def step_nanoseconds(
     level: Level,
     *,
     updates: str = "updates",
-    read_out: bool = True,
     input_core: bool = False,
 ) -> tuple[Floats, Floats]:
     """Time in ns of what arrives and of the neurons' part on the busiest core in every step, float64 (n, steps) each.
 
     Args:
         events, constants, level, updates: As in `step_picojoules`.
-        read_out: Spikes sent to the embedded processor count.
         input_core: One more core sends the injected spikes (as a simulator must that knows no host).
     """
     arrivals = arrival_nanoseconds(
         constants, level, events.messages_in, events.operations_dense, events.operations_sparse
     )
-    sent = events.messages_out + events.read_outs if read_out else events.messages_out
-    neurons = neuron_nanoseconds(constants, level, events.accesses, getattr(events, updates), events.spikes, sent)
+    neurons = neuron_nanoseconds(
+        constants, level, events.accesses, getattr(events, updates), events.spikes, events.messages_out
+    )
     busiest = neurons.max(axis=2)
     if input_core:
         sending = constants.message_time.at(level) * events.injected_messages
@@ -112,18 +112,15 @@ def step_microseconds(
     tiles: int | None = None,
     *,
     updates: str = "updates",
-    read_out: bool = True,
     input_core: bool = False,
 ) -> Floats:
     """Time in us of every step, float64 (n, steps).
 
     Args:
-        events, constants, level, updates, read_out, input_core: As in `step_nanoseconds`.
+        events, constants, level, updates, input_core: As in `step_nanoseconds`.
         tiles: In use; None: those of the plan.
     """
-    arrivals, neurons = step_nanoseconds(
-        events, constants, level, updates=updates, read_out=read_out, input_core=input_core
-    )
+    arrivals, neurons = step_nanoseconds(events, constants, level, updates=updates, input_core=input_core)
     used = events.tiles if tiles is None else tiles
     longest = np.maximum(arrivals, neurons) / 1e3 + constants.barrier(used or 1).at(level)
     return np.maximum(longest, constants.step.at(level))
@@ -148,14 +145,12 @@ def closed_form(
     """
     picojoules = step_picojoules(events, constants, "nominal", updates)
     energy = {name: values.sum(axis=1) / 1e6 for name, values in picojoules.items()}
-    microseconds = step_microseconds(
-        events, constants, "nominal", tiles, updates=updates, read_out=False, input_core=input_core
-    )
+    microseconds = step_microseconds(events, constants, "nominal", tiles, updates=updates, input_core=input_core)
     return ClosedForm(
         {
             "synapse": energy["synaptic operations"],
             "soma": energy["neuron accesses"] + energy["neuron updates"] + energy["spikes"],
-            "network": energy["input messages"] + energy["other messages"] + energy["hops"],
+            "network": energy["input messages"] + energy["other messages"] + energy["read-out"] + energy["hops"],
         },
         microseconds.sum(axis=1) / 1e3,
     )

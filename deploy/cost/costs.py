@@ -17,6 +17,7 @@ from lava_vpr.deploy.boards.constants import CostConstants
 from lava_vpr.deploy.boards.estimate import Estimate, Level, total
 from lava_vpr.deploy.boards.plan import CorePlan, Plan
 from lava_vpr.deploy.boards.step_time import neuron_nanoseconds
+from lava_vpr.deploy.cost import embedded
 from lava_vpr.deploy.cost.closed_form import step_microseconds, step_nanoseconds, step_picojoules
 from lava_vpr.deploy.cost.events import EventCounts
 from lava_vpr.deploy.cost.host_traffic import (
@@ -55,8 +56,9 @@ class Modelled:
         steps: Steps of a presentation, the silent ones included.
         input_mode: ``injected`` or ``bias``.
         dynamic_by_component: Microjoules of a query, clearing of states included, host I/O not.
-        milliseconds: Time of a query on the chip: all its steps and the clearing of states.
-        step_microseconds: Time of one step, mean over the steps.
+        milliseconds: Time of a query on the chip: all its steps, and what is read, cleared and set between two.
+        step_microseconds: Time of one step, mean over the steps: cores, barrier, and the program on the chips'
+            processors.
         static_millijoules: Energy that all chips and embedded processors draw during ``milliseconds``.
         io_milliseconds_by_way: Time of the host's traffic for the query, apart: both input modes, the one in use first.
         io_microjoules_by_way: Dynamic energy on the chips that input takes, by input mode, the one in use first.
@@ -67,6 +69,9 @@ class Modelled:
         wall_static_millijoules: Static energy during ``wall_milliseconds``.
         busiest: Whose part made a step that long, as share of the steps (nominal): ``receive`` or ``neurons``.
         busiest_core: What a step waits for: events of the core that has most of them, mean over the steps, by name.
+        embedded: What the program on the chips' processors does: accesses a step and between queries on the busiest
+            chip, and their times, which are part of ``step_microseconds`` and ``milliseconds``
+            (`deploy.cost.embedded`).
         clearing: How states are cleared and what it takes: writes, microjoules, milliseconds; what rest would
             take (None: no rest clears them).
         counts: Events of a query, mean over the queries, by name; None: unknown.
@@ -90,6 +95,7 @@ class Modelled:
     wall_static_millijoules: Estimate | None = None
     busiest: dict[str, float] | None = None
     busiest_core: dict[str, float] | None = None
+    embedded: dict[str, Any] | None = None
     clearing: dict[str, Any] = field(default_factory=dict)
     counts: dict[str, float | None] = field(default_factory=dict)
     unavailable: str | None = None
@@ -141,8 +147,8 @@ def modelled(plan: Plan, events: EventCounts) -> Modelled:
 def _with_figures(counted: Modelled, plan: Plan, events: EventCounts, constants: CostConstants) -> Modelled:
     """``counted`` with the estimates of energies and times."""
     cleared = _clearing(plan, events, constants)
-    steps = Estimate.of(lambda level: float(step_microseconds(events, constants, level).mean()))
-    milliseconds = steps * (events.steps / 1e3) + cleared["milliseconds"]
+    steps = Estimate.of(lambda level: float(all_microseconds(plan, events, constants, level).mean()))
+    milliseconds = steps * (events.steps / 1e3) + outside_steps(plan, constants)[1]
     traffic = host_milliseconds(plan, events, constants)
     in_use = traffic[counted.input_mode]
     wall = Estimate.of(lambda level: max(milliseconds.at(level), in_use.at(level)))
@@ -158,6 +164,7 @@ def _with_figures(counted: Modelled, plan: Plan, events: EventCounts, constants:
         io_microjoules_by_way=_input_microjoules(plan, events, constants),
         wall_milliseconds=wall,
         wall_static_millijoules=_static(plan, wall, constants),
+        embedded=embedded.as_json(plan, events, constants),
         busiest={"receive": share, "neurons": 1 - share},
         clearing=cleared,
         assumptions=assumptions(events),
@@ -182,7 +189,7 @@ def counts_of(events: EventCounts, plan: Plan) -> dict[str, float | None]:
         "inh_spikes": mean("inh_spikes"),
         "messages": mean("messages_out", "injected_messages"),
         "input_messages": mean("input_messages"),
-        "read_outs": mean("read_outs"),
+        "read_outs": mean("exc_spikes"),
         "chip_crossings": mean("crossings"),
         "hops": None if plan.board.tile_cores is None else mean(*hops),
         "steps": float(events.steps),
@@ -213,7 +220,11 @@ def _dynamic(plan: Plan, events: EventCounts, constants: CostConstants) -> dict[
 
 def _outside_steps(plan: Plan, constants: CostConstants) -> dict[str, Estimate]:
     """Microjoules of what is written for a query between presentations, by component."""
-    components = {"clearing of states": _write_picojoules(plan, constants) * (plan.network.neurons / 1e6)}
+    write = _write_picojoules(plan, constants)
+    components = {
+        "clearing of states": write * (CLEARED * plan.network.neurons / 1e6),
+        "reading of counts": write * (plan.network.neurons / 1e6),
+    }
     if plan.network.bias_input:
         components["settings of the inputs"] = _settings_microjoules(plan, constants)
     return components
@@ -225,7 +236,7 @@ def adaptation_microjoules(plan: Plan, constants: CostConstants) -> Estimate:
 
 
 def _write_picojoules(plan: Plan, constants: CostConstants) -> Estimate:
-    """Energy of a register that an embedded processor writes: a message, its way, an access and an update."""
+    """Energy of a register that an embedded processor reads or writes: a message, its way, an access and an update."""
     east_west, north_south = entry_hops(plan)
     return total(
         (
@@ -238,6 +249,9 @@ def _write_picojoules(plan: Plan, constants: CostConstants) -> Estimate:
     )
 
 
+CLEARED = 2
+"""Membranes that are cleared for each excitatory neuron: its own, and its counter's."""
+
 _MESSAGES = ("messages", "hops_east_west", "hops_north_south")
 
 
@@ -249,13 +263,20 @@ def _settings_microjoules(plan: Plan, constants: CostConstants) -> Estimate:
 def _clearing_milliseconds(plan: Plan, constants: CostConstants) -> Estimate:
     """Time of the writes that clear the membranes; each chip's processor writes its own."""
     most = max(counts_on_chips(plan, "exc").values(), default=0)
-    return constants.write_time.estimate * (most / 1e6)
+    return constants.register_time.estimate * (CLEARED * most / 1e6)
 
 
 def outside_steps(plan: Plan, constants: CostConstants) -> tuple[Estimate, Estimate]:
-    """Microjoules and milliseconds that a query takes besides its steps: states cleared, and inputs set if they are
-    compartments (their time is the host's traffic)."""
-    return total(_outside_steps(plan, constants).values()), _clearing_milliseconds(plan, constants)
+    """Microjoules and milliseconds that a query takes besides its steps: counts read and sent, states cleared, and
+    inputs set if they are compartments."""
+    between = embedded.milliseconds(embedded.between_queries(plan), constants)
+    return total(_outside_steps(plan, constants).values()), between
+
+
+def all_microseconds(plan: Plan, events: EventCounts, constants: CostConstants, level: Level) -> Floats:
+    """Time of every step, us, float64 (n, steps): of the cores and the barrier, then of the embedded program."""
+    on_cores = step_microseconds(events, constants, level)
+    return np.asarray(on_cores + embedded.step_microseconds(plan, events, constants, level))
 
 
 def _input_microjoules(plan: Plan, events: EventCounts, constants: CostConstants) -> dict[str, Estimate]:
@@ -338,7 +359,9 @@ def assumptions(events: EventCounts) -> tuple[str, ...]:
         "A step lasts as long as its busiest core, plus a barrier by tiles in use (SANA-FE's simple timing): no "
         "contention on the mesh; the high bound takes no step as shorter than the 5.8 us measured on 32 chips (Frady "
         "et al. 2020).",
-        "The embedded processor's own work in each step is not in the low and nominal time: no figure is public.",
+        "The embedded processors' program runs while the cores wait; its accesses are counted and take 10, 20 or 40 "
+        "cycles each for a core's register and 2, 4 or 8 for a word of memory, at 400, 200 or 100 MHz: no figure is "
+        "public.",
         "Clearing: each membrane is one write of an embedded processor, taken as one message, its way, an access and "
         "an update; no figure is public.",
     ]

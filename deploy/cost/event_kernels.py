@@ -41,6 +41,7 @@ class Routes(NamedTuple):
 
     Attributes:
         exc_core, listener_core: Where each neuron stands, and the inhibitory neuron that listens to it, (N,).
+        counted: Whether a counter beside each neuron takes its spikes; else the vendor's library reads them.
         leaf_core: Where each leaf stands, (L,).
         root_core: Where the root stands.
         input_core: Where each input's compartment stands, (J,); -1: it has none.
@@ -56,6 +57,7 @@ class Routes(NamedTuple):
 
     exc_core: Counts
     listener_core: Counts
+    counted: bool
     leaf_core: Counts
     root_core: int
     input_core: Counts
@@ -143,13 +145,26 @@ def _fire(events: Counts, home: int) -> None:
 
 
 @compiled(inline="always")
+def _count_on(routes: Routes, counting: NDArray[np.bool_], fired: NDArray[np.uint8], now: Counts) -> None:
+    """Count the updates of the counters that took a spike before this step (``counting``): their membrane stays. Those
+    whose neurons fire now join them."""
+    for i in range(fired.size):
+        if counting[i]:
+            now[routes.exc_core[i], _UPDATES] += 1
+            now[routes.exc_core[i], _TOUCHED] += 1
+        counting[i] |= fired[i] != 0
+
+
+@compiled(inline="always")
 def _exc_spikes(routes: Routes, fired: NDArray[np.uint8], single: Counts, now: Counts) -> None:
-    """Count the messages of excitatory spikes: to who listens, and to the read-out."""
+    """Count the messages of excitatory spikes: to their counters, and to who listens."""
     for i in range(fired.size):
         if fired[i]:
             home = routes.exc_core[i]
             now[home, _SPIKES] += 1
-            now[home, _READ_OUTS] += 1
+            if routes.counted:
+                now[home, _READ_OUTS] += 1
+                _send(now, home, home, single, routes.ways)
             _send(now, home, routes.listener_core[i], single, routes.ways)
 
 
@@ -220,6 +235,7 @@ def count_presentation(
     (total, width), cores = inputs.shape, routes.entry.shape[0]
     single, at_rest, no_input = np.array([0, 1]), np.zeros(exc.shape[1], np.int32), np.zeros(width, np.uint8)
     mapped, pulled = np.zeros(cores, np.int64), np.zeros(cores, np.bool_)
+    counting = np.zeros(exc.shape[1], np.bool_)
     arrived, count = np.zeros(width, np.int64), 0
     integrating = width > 0 and routes.input_core[0] >= 0 and not routes.relayed
     for j in range(width):
@@ -229,6 +245,8 @@ def count_presentation(
         now = events[step]
         before = membranes[step - 1] if step > 0 else at_rest
         _updates(routes, before, membranes[step], exc[step], arrived[:count], pulled, now)
+        if routes.counted:
+            _count_on(routes, counting, exc[step], now)
         _exc_spikes(routes, exc[step], single, now)
         _inhibitory_spikes(routes, inh[step], single, pulled, now)
         if integrating:

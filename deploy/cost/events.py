@@ -48,7 +48,7 @@ class EventCounts:
         updates, touched: Compartments updated, by two definitions; see the module.
         spikes: Spikes of compartments.
         messages_out: Spikes sent to cores, one message for each core that they go to, the own one included.
-        read_outs: Spikes sent to the spike counters of the embedded processor (those of exc).
+        read_outs: The messages out that go to counters; 0 where the vendor's library reads spikes out.
         crossings: Messages out to another chip.
         hops_east_west, hops_north_south: Tiles that messages out cross; 0 where the mesh is not public.
         input_hops_east_west, input_hops_north_south: Tiles that input messages cross, by destination.
@@ -118,7 +118,7 @@ def mapped_tiles(plan: Plan) -> int | None:
 def routes(plan: Plan, entry: tuple[int, int] | None = None) -> Routes:
     """Where every spike goes and what it meets there; see `count_events`."""
     network, total = plan.network, len(plan.cores)
-    homes = {"exc": network.neurons, "inh": network.inhibitory, "inputs": network.inputs}
+    homes = {"exc": network.neurons, "counters": network.neurons, "inh": network.inhibitory, "inputs": network.inputs}
     home = {name: np.full(size, -1, np.int64) for name, size in homes.items()}
     for k, core in enumerate(plan.cores):
         for part in core.parts:
@@ -138,6 +138,7 @@ def routes(plan: Plan, entry: tuple[int, int] | None = None) -> Routes:
     return Routes(
         home["exc"],
         np.repeat(home["inh"], fixed.FAN_IN)[: network.neurons],
+        plan.board.counters,
         home["inh"][:-1],
         int(home["inh"][-1]),
         home["inputs"],

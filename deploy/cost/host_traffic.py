@@ -1,6 +1,6 @@
 """The host's traffic for a query, as the host program of a Kapoho Bay bundle sends it, and bounds around it.
 
-Spikes or settings go to each chip's embedded processor in packets of `PACKET_WORDS` words, and counts come back in such
+Spikes or settings go to each chip's embedded processor in packets of `ROOM` words, and counts come back in such
 packets (``programs/kapoho_bay/packets.py``). Nominal: those packets, one message over USB each. Low: the spikes of a
 whole query packed one after another. High: every spike, setting and count a message of its own.
 """
@@ -15,10 +15,12 @@ import numpy as np
 from lava_vpr.deploy.boards.constants import CostConstants
 from lava_vpr.deploy.boards.estimate import Estimate
 from lava_vpr.deploy.boards.plan import Plan, PopulationName
+from lava_vpr.deploy.cost import embedded
 from lava_vpr.deploy.cost.events import EventCounts, routes
 from lava_vpr.engine.inference import fixed
+from lava_vpr.loihi import PACKET_HEADER_WORDS, PACKET_WORDS
 
-PACKET_WORDS = 56
+ROOM = PACKET_WORDS - PACKET_HEADER_WORDS
 """Payload of a packet, in words."""
 
 SETTING_WORDS, SETTING_WRITES = 2, 3
@@ -51,46 +53,42 @@ def host_milliseconds(plan: Plan, events: EventCounts, constants: CostConstants)
     exc = {chip: size for chip, size in counts_on_chips(plan, "exc").items() if size + compartments[chip]}
     if not plan.network.input_compartments:
         compartments = {chip: -(-inputs // len(exc)) for chip in exc}
-    back = sum(max(1, _packets(size, PACKET_WORDS)) for size in exc.values())
+    back = sum(max(1, _packets(size, ROOM)) for size in exc.values())
     counts = Estimate(back, back, max(back, sum(exc.values())))
-    sent, written = _injected(plan, events, list(exc))
-    low, packets = sum(max(1, _packets(spikes, PACKET_WORDS)) for spikes in sent), steps * len(exc)
+    sent = _injected(plan, events, list(exc))
+    low, packets = sum(max(1, _packets(spikes, ROOM)) for spikes in sent), steps * len(exc)
     injected = Estimate(min(low, packets), packets, max(packets, sum(sent)))
-    few = sum(_packets(size, PACKET_WORDS // SETTING_WORDS) for size in compartments.values())
+    few = sum(_packets(size, ROOM // SETTING_WORDS) for size in compartments.values())
     bias = Estimate(few, few, SETTING_WRITES * inputs)
-    work = {"injected": written, "bias": SETTING_WRITES * max(compartments.values(), default=0)}
     by_mode = {}
     for mode, messages in (("injected", injected), ("bias", bias)):
         usb = messages + counts
         time = Estimate(*(number * constants.host_message.nominal / 1e3 for number in (usb.low, usb.nominal, usb.high)))
-        by_mode[mode] = time + constants.write_time.estimate * (work[mode] / 1e6)
+        by_mode[mode] = time
     return by_mode if events.injected else dict(reversed(by_mode.items()))
 
 
 def bias_milliseconds(plan: Plan, constants: CostConstants) -> Estimate:
-    """Time of the biases of an adapted query: packets to each chip, a word a neuron, and what its processor writes."""
+    """Time of the biases of an adapted query: packets to each chip, a word a neuron, and what its processor does."""
     sizes = counts_on_chips(plan, "exc").values()
-    packets = sum(_packets(size, PACKET_WORDS) for size in sizes)
+    packets = sum(_packets(size, ROOM) for size in sizes)
     messages = Estimate(packets, packets, sum(sizes))
-    return messages * (constants.host_message.nominal / 1e3) + constants.write_time.estimate * (
-        max(sizes, default=0) / 1e6
+    return messages * (constants.host_message.nominal / 1e3) + embedded.milliseconds(
+        embedded.of_biases(plan), constants
     )
 
 
-def _injected(plan: Plan, events: EventCounts, chips: Sequence[int]) -> tuple[list[float], float]:
-    """Spikes of a query that the host sends each of ``chips``, and messages that the busiest makes of its own.
+def _injected(plan: Plan, events: EventCounts, chips: Sequence[int]) -> list[float]:
+    """Spikes of a query that the host sends each of ``chips``.
 
     The host sends a spike once to each chip, or to that of its relay; how many messages it becomes there is the
     embedded processor's work.
     """
-    queries = max(1, events.queries)
-    spikes, where = float(events.input_spikes.sum() / queries), np.array([core.chip for core in plan.cores])
+    spikes = float(events.input_spikes.sum() / max(1, events.queries))
     if through_relays(plan):
         relays = counts_on_chips(plan, "inputs")
-        sent = [spikes * relays[chip] / max(1, plan.network.inputs) for chip in chips]
-        return sent, max(sent, default=0.0)
-    arrivals = events.input_messages.sum(axis=(0, 1)) / queries
-    return [spikes] * len(chips), max((float(arrivals[where == chip].sum()) for chip in chips), default=0.0)
+        return [spikes * relays[chip] / max(1, plan.network.inputs) for chip in chips]
+    return [spikes] * len(chips)
 
 
 def through_relays(plan: Plan) -> bool:

@@ -217,6 +217,15 @@ ARITHMETIC: tuple[Belief, ...] = (
         source=f"{LAVA}proc/lif/models.py:278; {NENGO}emulator/interface.py:330-331",
     ),
     Belief(
+        "a membrane with decayV 0 keeps what it sums up",
+        "Loihi 1",
+        "arithmetic",
+        Given("v' = v + u, whatever the steps between"),
+        None,
+        "counts are too small: counters forget, which the self-test finds",
+        source=f"{NENGO}emulator/interface.py:326 (decay_int with a decay of 0), builder/discretize.py:364 (vmax)",
+    ),
+    Belief(
         "rounding of decays",
         "Loihi 1",
         "arithmetic",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from lava_vpr.deploy.hardware.belief import Belief, Given, Value, of_constants
+from lava_vpr.deploy.hardware.belief import Belief, Given, of_constants
 from lava_vpr.deploy.hardware.loihi_1 import NENGO
 
 MODELS = "intel-nrc-ecosystem/models at 3dc53bf, nxsdk_modules_contrib/"
@@ -20,11 +20,6 @@ def _call(name: str, form: str, breaks: str, source: str | None, why: str | None
 
 
 _embedded = partial(_call, on="NxSDK, embedded processor")
-
-
-def _limit(name: str, value: Value, unit: str, breaks: str, source: str | None, why: str | None = None) -> Belief:
-    """The most that there is of something."""
-    return Belief(name, "NxSDK", "limit", value, unit, breaks, source, why)
 
 
 HOST: tuple[Belief, ...] = (
@@ -60,35 +55,6 @@ HOST: tuple[Belief, ...] = (
         f"{NENGO}hardware/builder.py:444-449",
     ),
     _call(
-        "monitor.probe",
-        'board.monitor.probe(core.cxState, compartments, "spike")',
-        _START,
-        f"{NENGO}hardware/builder.py:511",
-    ),
-    _call(
-        "monitor.probe with a condition",
-        'board.monitor.probe(core.cxState, compartments, "spike", SpikeProbeCondition(tStart=10^8))',
-        "NxSDK refuses the call; or its probes empty the counters that the embedded program reads",
-        None,
-        f"{MODELS}pcritical/modules/pcritical.py:533-535 gives such a condition to probes of NxNet, one layer above; "
-        "no public program gives one to N2Board's monitor",
-    ),
-    _call(
-        "probe.counterId",
-        "the number of the counter, 32 or above, once the board has started",
-        "counts of the wrong neurons, which the self-test finds",
-        f"{MODELS}pcritical/modules/pcritical.py:541-546 (of prb.n2Probe)",
-    ),
-    _limit(
-        "spike counters of a chip",
-        512,
-        "counters",
-        'NxSDK refuses probes: "All the Spike Counters are being Used"',
-        None,
-        "that they are limited is public (nengo-loihi pull request #281), the number is not; pcritical reads 512 on "
-        "one chip, pelenet's snip has a loop over 4,500 (snips/readspikes.c:20)",
-    ),
-    _call(
         "createSnip",
         "createSnip(name, cFilePath, includeDir, funcName, guardName, phase=Phase.EMBEDDED_MGMT, lmtId=0, chipId)",
         _START,
@@ -120,13 +86,22 @@ HOST: tuple[Belief, ...] = (
         "no public program of Loihi 1 calls it",
     ),
     of_constants(
+        "words of a packet, and those that say what it is",
+        "host program",
+        "limit",
+        "PACKET_WORDS PACKET_HEADER_WORDS",
+        "words",
+        "no packet arrives: the host program says so",
+        source=f"{NENGO}hardware/interface.py:287-289, 649-663 (a channel's message may be of any size)",
+    ),
+    of_constants(
         "spikes that the host sends to a chip in one step",
         "host program",
         "limit",
         "HOST_SPIKES",
         "spikes",
-        "models are refused that the chip could take: it is no limit of the chip",
-        source=f"{NENGO}hardware/interface.py:70, docs/configuration.rst:53 (a setting, there shown with 300)",
+        "models are refused that the chip could take: it is what a packet of ours holds, no limit of the chip",
+        source=f"{NENGO}hardware/interface.py:70, docs/configuration.rst:53 (a setting there, 50 if unset; 300 shown)",
     ),
     _call("start", "board.start(), board.executor.hasStarted()", _START, f"{NENGO}hardware/interface.py:148, 181"),
     _call(
@@ -209,12 +184,6 @@ EMBEDDED: tuple[Belief, ...] = (
         "core->cx_cfg[i].Bias and .BiasExp, the other fields as read",
         "inputs spike at other rates, which the self-test finds",
         f"{MODELS}spytorch2loihi/ioProcess/ioSnips/iomgmt.c:80-81, 193-194",
-    ),
-    _embedded(
-        "SPIKE_COUNT",
-        "SPIKE_COUNT[4][32 + counter], 8 bits, of the last four steps",
-        "counts differ, which the self-test finds",
-        f"{MODELS}pcritical/modules/snips/runmgmt.c:21-26, pelenet/pelenet/snips/readspikes.c:22-24",
     ),
     _embedded(
         "a spike is injected in the management phase",

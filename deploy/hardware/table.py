@@ -9,7 +9,7 @@ from lava_vpr.deploy.hardware import loihi_1, loihi_2, nxsdk_calls, nxsdk_regist
 from lava_vpr.deploy.hardware.belief import Belief, Given
 from lava_vpr.registry import Registry
 
-ASSUMED = frozenset({"host_message", "host_power", "write_time"})
+ASSUMED = frozenset({"host_message", "host_power", "register_time", "word_time"})
 """Constants of the cost model that no public text shows."""
 
 SECTIONS: dict[str, tuple[Belief, ...]] = {

@@ -183,7 +183,8 @@ def _at_most(config: Config, board: Board, rows: RowKind, weights: Fullness) -> 
     """Places that no map exceeds: what all cores hold if only excitatory neurons stand on them."""
     many = 1000
     neurons = sum(stretch.neurons for stretch in split(many, config))
-    most = many * min(_MOST, board.chips * board.cores * board.compartments) // max(many, neurons)
+    held = board.chips * board.cores * board.compartments // (1 + board.counters)
+    most = many * min(_MOST, held) // max(many, neurons)
     if board.core_bytes is not None:
         return max(2, most)
     sizing = _sizing(config, board, max(2, most), rows, weights)

@@ -96,7 +96,9 @@ class Layout:
             root = float(sizing.inh_spikes[-1]) if sizing.inhibits else 0.0
             arriving += float(sizing.grains[self.reached[number]].sum()) + root
             dense, sparse = self.rows[number].dense + root * size, sparse + self.rows[number].sparse
-        updates = size + heard + (relayed if sizing.network.relayed else input_spikes.size)
+        counted = sizing.counters * spikes
+        arriving, sparse = arriving + counted, sparse + counted
+        updates = (1 + sizing.counters) * size + heard + (relayed if sizing.network.relayed else input_spikes.size)
         fired = spikes + float(inh_spikes.sum() + input_spikes.sum())
         leaving = 2 * spikes + float(inh_spikes @ self._inh_axons(inh) + input_spikes @ self.input_axons[inputs])
         time = arrival_nanoseconds(LOIHI_1, "nominal", arriving, dense, sparse)
@@ -111,21 +113,22 @@ class Layout:
         listened = int(sizing.listened[inh].sum())
         count = inputs.stop - inputs.start
         relays = count if sizing.network.relayed else 0
-        axons_in = words = listened + relays
-        formats = int(listened > 0) + int(relays > 0)
+        counters = sizing.counters * size
+        axons_in = listened + relays + counters
+        words, formats = listened + relays, int(listened > 0) + int(relays > 0) + int(counters > 0)
         if size:
             rows, reached = self.rows[number], self.reached[number]
-            words += rows.words
+            words += rows.words  # with those of the counters
             axons_in += int(reached.sum()) + sizing.inhibits
             formats += np.unique(rows.dense_inputs[reached]).size + sizing.inhibits
         axons_out = 2 * size + int(self._inh_axons(inh).sum() + self.input_axons[inputs].sum())
-        populations = np.count_nonzero([size, inh.stop - inh.start, count])
+        populations = np.count_nonzero([size, counters, inh.stop - inh.start, count])
 
         def if_public(limit: int | None, value: int) -> int | None:
             return None if limit is None else value
 
         return Needs(
-            compartments=size + inh.stop - inh.start + count,
+            compartments=size + counters + inh.stop - inh.start + count,
             axons_in=if_public(board.axons_in, axons_in),
             axons_out=if_public(board.axons_out, axons_out),
             synapse_words=if_public(board.synapse_words, words),
@@ -143,6 +146,7 @@ class Layout:
             dense_inputs = self.rows[number].dense_inputs
         members: list[tuple[PopulationName, list[int]]] = [
             ("exc", exc),
+            ("counters", exc if self.sizing.counters else [0, 0]),
             ("inh", placed.inh[number].tolist()),
             ("inputs", placed.inputs[number].tolist()),
         ]

@@ -79,11 +79,16 @@ def check_without_weights(sizing: Sizing) -> None:
             f"the host would have to send up to {spikes:.1f} input spikes a step, but {board.title} takes "
             f"{board.host_spikes} a chip; lower encoder.query_spikes to {most:g}, or use --input-mode bias"
         )
-    populations = 3 if network.input_compartments else 2
-    kinds = 2 + sizing.inhibits + network.relayed
+    populations = 2 + sizing.counters + bool(network.input_compartments)
+    kinds = 2 + sizing.counters + sizing.inhibits + network.relayed
     for name, need in (("profiles", populations), ("thresholds", populations), ("formats", kinds)):
         limit = limit_of(getattr(board, name))
         if need > limit:
-            injected_helps = network.bias_input and network.neurons <= fixed.DIRECT and name != "formats" and limit >= 2
+            injected_helps = (
+                network.bias_input
+                and network.neurons <= fixed.DIRECT
+                and name != "formats"
+                and limit >= 2 + sizing.counters
+            )
             remedy = "--input-mode injected" if injected_helps else "another --target"
             raise NetworkLimitError(f"a core needs {need} {name}, but {board.title} has {limit}; use {remedy}")

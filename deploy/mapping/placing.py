@@ -51,7 +51,8 @@ def place(sizing: Sizing, bounds: Integers, most: int) -> Placed | None:
     size = np.diff(bounds)
     counts = counts_of(sizing, bounds)
     active, words = sizing.taken(size, counts)
-    room -= np.stack([size, size, active + sizing.inhibits, 2 * size, words], axis=1)
+    places, axons = (1 + sizing.counters) * size, active + sizing.inhibits + sizing.counters * size
+    room -= np.stack([places, places, axons, 2 * size, words], axis=1)
     if room.min() < 0:
         return None
     placed = _place_inhibitory(sizing, room, most)
@@ -147,7 +148,8 @@ def _busy(sizing: Sizing, size: Integers, counts: NDArray[np.int32]) -> Floats:
     """About how long a step keeps each core with excitatory neurons busy, in ns: their updates and arriving spikes."""
     spikes = np.bincount(sizing.pattern.kind, weights=sizing.grains, minlength=len(counts))
     arriving = arrival_nanoseconds(LOIHI_1, "nominal", spikes @ (counts > 0), 0.0, spikes @ counts)
-    return np.asarray(arriving + neuron_nanoseconds(LOIHI_1, "nominal", size, size, 0.0, 0.0))
+    mapped = (1 + sizing.counters) * size
+    return np.asarray(arriving + neuron_nanoseconds(LOIHI_1, "nominal", mapped, size, 0.0, 0.0))
 
 
 def consecutive(sizes: Integers) -> Integers:

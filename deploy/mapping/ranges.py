@@ -18,8 +18,8 @@ def fitting(sizing: Sizing, sizes: Integers, active: Integers, words: Integers) 
     """Whether a core holds ranges of ``sizes`` neurons that take so many inputs and words, bool (ranges,)."""
     board = sizing.board
     return np.asarray(
-        (sizes <= limit_of(board.compartments))
-        & (active + sizing.inhibits <= limit_of(board.axons_in))
+        ((1 + sizing.counters) * sizes <= limit_of(board.compartments))
+        & (active + sizing.inhibits + sizing.counters * sizes <= limit_of(board.axons_in))
         & (2 * sizes <= limit_of(board.axons_out))
         & (words <= sizing.words)
     )

@@ -39,9 +39,10 @@ def cause(sizing: Sizing, solve: Solve) -> str:
     """The resource that a network lacks, its need and its limit."""
     network, board = sizing.network, sizing.board
     cores = board.chips * board.cores
-    total = network.neurons + network.inhibitory + network.input_compartments
+    total = (1 + sizing.counters) * network.neurons + network.inhibitory + network.input_compartments
     if total > cores * board.compartments:
-        what = "neurons and inputs" if network.input_compartments else "neurons"
+        members = ["neurons"] + ["their counters"] * sizing.counters + ["inputs"] * bool(network.input_compartments)
+        what = ", ".join(members[:-1]) + " and " * (len(members) > 1) + members[-1]
         have = cores * board.compartments
         return f"{what} need {total:,} compartments, but the {cores:,} cores of {board.title} have {have:,}"
     if board.core_bytes is not None:
@@ -93,7 +94,7 @@ def _least_needs(sizing: Sizing, neurons: int) -> dict[str, int]:
         part = np.concatenate([np.zeros((len(mask), 1), np.int32), part], axis=1)
         counts = part[:, neurons:] - part[:, :-neurons]
         active, words = sizing.taken(np.full(counts.shape[1], neurons), counts)
-        least["axons_in"] = min(least["axons_in"], int(active.min()) + sizing.inhibits)
+        least["axons_in"] = min(least["axons_in"], int(active.min()) + sizing.inhibits + sizing.counters * neurons)
         least["synapse_words"] = min(least["synapse_words"], int(words.min()))
     return least
 

@@ -16,7 +16,7 @@ class StoredRows:
 
     Attributes:
         dense_inputs: Rows of the inputs that are dense, bool (inputs,).
-        words: Words of these rows and of the root's.
+        words: Words of these rows, of the root's and of the counters'.
         added: Synaptic operations in a step that dense rows cost more than sparse ones, summed.
         dense, sparse: Synaptic operations of the inputs in a step.
     """
@@ -40,7 +40,7 @@ def choose_formats(sizing: Sizing, first: int, end: int, words: int) -> StoredRo
     used = 0
     if sizing.board.synapse_words is not None:
         operations, least = (table[size, counts] for table in sizing.row_tables)
-        used = int(operations.sum() + sizing.root_row[size])
+        used = int(operations.sum() + sizing.root_row[size]) + sizing.counters * size
         if used > words:
             added = np.maximum(sizing.grains * (size - counts), 0.5 / GRAIN)
             saved = operations - least

@@ -27,9 +27,9 @@ EXC_SPIKES = 0.2
 UNLIMITED = 1 << 40
 """A limit that nothing reaches, for what is not public or does not count."""
 
-MIXED_FORMATS = 5
-"""Rows of inputs dense and sparse, the root's row, rows to inhibitory neurons, and to relays. A core with fewer formats
-stores all rows of inputs dense."""
+MIXED_FORMATS = 6
+"""Rows of inputs dense and sparse, the root's row, rows to counters, to inhibitory neurons, and to relays. A core with
+fewer formats stores all rows of inputs dense."""
 
 GRAIN = 1 << 20
 """Expected spikes are rounded to multiples of 1 / GRAIN: their sums are exact, so equal on every machine and in any
@@ -160,10 +160,16 @@ class Sizing:
             return 8 * self.board.core_bytes
         return limit_of(self.board.usable_words)
 
+    @property
+    def counters(self) -> int:
+        """Counters of an excitatory neuron: 1, or 0 if the vendor's library reads spikes out. One takes a compartment,
+        an input axon and a word of synapse memory."""
+        return int(self.board.counters)
+
     @cached_property
     def largest(self) -> int:
         """Most excitatory neurons that a core is ever asked about."""
-        return min(self.network.neurons, limit_of(self.board.compartments))
+        return min(self.network.neurons, limit_of(self.board.compartments) // (1 + self.counters))
 
     @cached_property
     def stored(self) -> Integers:
@@ -250,7 +256,7 @@ class Sizing:
         """What the ranges of ``least``, least + 1 .. ``most`` neurons from ``first`` on take, int64 each.
 
         Returns:
-            Inputs with a weight to them, and the fewest words of all their rows.
+            Inputs with a weight to them, and the fewest words of all their rows and of the counters'.
         """
         mask = self.pattern.mask[:, first : first + most]
         counts = np.cumsum(mask[:, least - 1 :], axis=1, dtype=np.int32)
@@ -266,4 +272,4 @@ class Sizing:
         if self.board.synapse_words is None:
             return active, np.zeros_like(active)
         _, words = self.row_tables
-        return active, members @ words[sizes, counts] + self.root_row[sizes]
+        return active, members @ words[sizes, counts] + self.root_row[sizes] + self.counters * sizes

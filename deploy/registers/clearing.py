@@ -62,10 +62,12 @@ def clearing(network: FixedNetwork, board: Board, *, adapted: bool = False) -> d
         }
     return {
         "mechanism": "embedded writes",
-        "what": "an embedded processor of each chip writes v = 0 of its exc compartments after the last silent step; "
-        "currents have no memory, and inhibitory neurons and relays are at 0 by then",
+        "what": "an embedded processor of each chip writes v = 0 of its exc compartments and of their counters after "
+        "the last silent step; currents have no memory, and inhibitory neurons and relays are at 0 by then",
         "exc_writes_per_query": neurons,
+        "counter_reads_per_query": neurons,
+        "counter_writes_per_query": neurons,
         "input_writes_per_query": 3 * inputs,
-        "writes_per_query": neurons + 3 * inputs + bias,
+        "writes_per_query": 2 * neurons + 3 * inputs + bias,
         **alternative,
     }

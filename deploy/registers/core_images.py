@@ -9,7 +9,15 @@ from typing import Any, NamedTuple, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.deploy.boards.plan import RELAY_THRESHOLD, RELAY_WEIGHT, CorePlan, Plan, PopulationName
+from lava_vpr.deploy.boards.plan import (
+    COUNTER_THRESHOLD,
+    COUNTER_WEIGHT,
+    RELAY_THRESHOLD,
+    RELAY_WEIGHT,
+    CorePlan,
+    Plan,
+    PopulationName,
+)
 from lava_vpr.deploy.registers.synapse_memory import pack
 from lava_vpr.deploy.registers.synapses import Format, Formats, Rows, index_bits, joined, lateral_synapse
 from lava_vpr.engine.inference import bias_input, fixed
@@ -18,6 +26,7 @@ from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import (
     CEILING_EXPONENT_LIMIT,
     FLOOR_EXPONENT_LIMIT,
+    INPUT_SHIFT,
     LEAST_REFRACTORY_STEPS,
     NO_MEMORY_DECAY,
     UPDATE_GROUP,
@@ -25,8 +34,8 @@ from lava_vpr.loihi import (
 )
 
 POPULATIONS: tuple[PopulationName, ...] = get_args(PopulationName)
-READ_OUT = -1
-"""Instead of a core: the axon goes to the embedded processor of its chip, to the spike counter of neuron ``axon``."""
+COUNTER_UNIT = COUNTER_WEIGHT << INPUT_SHIFT
+"""What a spike of a neuron adds to the membrane of its counter, in units of v."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +48,7 @@ class CoreImage:
         compartments: Profile, threshold register, bias mantissa and bias exponent of each, int32 (compartments, 4).
         synapses: Memory as `lava_vpr.deploy.registers.synapses` has it, uint64 (words,).
         axons_in: The synapse map: first word, words and synapses of each input axon, int32 (axons, 3).
-        axons_out: Source compartment, chip, core (or `READ_OUT`) and input axon there, int32 (axons, 4), by source.
+        axons_out: Source compartment, chip, core and input axon there, int32 (axons, 4), by source.
     """
 
     chip: int
@@ -64,12 +73,14 @@ class HostTables:
         injection: Input, chip, core and input axon that its spikes are injected into, int32 (axons, 4), by input: to
             every core with a weight of its, or to its relay; empty if inputs integrate a bias.
         inputs: Chip, core and compartment of each input's bias or relay, int32 (inputs, 3); empty if there are none.
-        exc, inh: Chip, core and compartment of each excitatory and each inhibitory neuron, int32 (neurons, 3).
+        exc, counters, inh: Chip, core and compartment of each excitatory neuron, of its counter, and of each inhibitory
+            neuron, int32 (neurons, 3).
     """
 
     injection: NDArray[np.int32]
     inputs: NDArray[np.int32]
     exc: NDArray[np.int32]
+    counters: NDArray[np.int32]
     inh: NDArray[np.int32]
 
 
@@ -79,6 +90,7 @@ class _Axons(NamedTuple):
     Attributes:
         of_input: Of each input, to exc, int64 (inputs,).
         of_root: Of the inhibitory root, to exc.
+        of_counted: Of each excitatory neuron, to its counter, int64 (neurons,).
         of_neuron, of_leaf: Of each excitatory neuron and each leaf, to the inhibitory neuron here that listens to it,
             int64 (neurons,), (leaves,).
         of_relay: Of each input, to its relay, int64 (inputs,).
@@ -86,6 +98,7 @@ class _Axons(NamedTuple):
 
     of_input: NDArray[np.int64]
     of_root: int
+    of_counted: NDArray[np.int64]
     of_neuron: NDArray[np.int64]
     of_leaf: NDArray[np.int64]
     of_relay: NDArray[np.int64]
@@ -108,12 +121,15 @@ def listening(network: FixedNetwork) -> tuple[NDArray[np.int64], NDArray[np.int6
 
 def _axons(network: FixedNetwork, core: CorePlan) -> _Axons:
     """The input axons of ``core``."""
-    neurons, inh, inputs = (members_of(core, name)[0] for name in POPULATIONS)
+    neurons, counted, inh, inputs = (members_of(core, name)[0] for name in POPULATIONS)
     active = network.weights[:, neurons].any(axis=1)
     of_input = np.where(active, np.cumsum(active) - 1, -1)
     end = int(active.sum())
     of_root = end if network.inhibition and neurons.size else -1
     end += of_root >= 0
+    of_counted = np.full(network.neurons, -1)
+    of_counted[counted] = end + np.arange(counted.size)
+    end += counted.size
     # First whom the leaves listen to, leaf after leaf, or the root if it listens itself; then the leaves.
     heard, heard_leaves = (np.isin(listener, inh) for listener in listening(network))
     of_neuron = np.where(heard, end + np.cumsum(heard) - 1, -1)
@@ -123,7 +139,7 @@ def _axons(network: FixedNetwork, core: CorePlan) -> _Axons:
     of_relay = np.full(network.inputs, -1)
     if network.relayed:
         of_relay[inputs] = end + np.arange(inputs.size)
-    return _Axons(of_input, of_root, of_neuron, of_leaf, of_relay)
+    return _Axons(of_input, of_root, of_counted, of_neuron, of_leaf, of_relay)
 
 
 def _rows(plan: Plan, core: CorePlan, axons: _Axons) -> tuple[Rows, list[Format | None]]:
@@ -137,6 +153,8 @@ def _rows(plan: Plan, core: CorePlan, axons: _Axons) -> tuple[Rows, list[Format 
         magnitude, exponent = lateral_synapse(network, plan.inhibition_bits)
         form = Format(plan.inhibition_bits, form.index_bits, exponent, "inhibitory")
         parts.append(formats.rows(np.full((1, neurons.size), magnitude), compartments, np.ones(1, np.bool_), form))
+    counted, of_counters = members_of(core, "counters")
+    parts.append(_single(formats, of_counters, np.arange(counted.size), COUNTER_WEIGHT))
     inh, of_inh = members_of(core, "inh")
     heard = [listener[np.isin(listener, inh)] for listener in listening(network)]
     parts.append(_single(formats, of_inh, np.searchsorted(inh, np.concatenate(heard))))
@@ -145,11 +163,13 @@ def _rows(plan: Plan, core: CorePlan, axons: _Axons) -> tuple[Rows, list[Format 
     return joined(parts), formats
 
 
-def _single(formats: Formats, compartments: NDArray[np.int64], targets: NDArray[np.int64]) -> Rows:
-    """Rows of one synapse, by which a spike makes the compartment ``compartments[target]`` spike."""
-    bits = RELAY_WEIGHT.bit_length()
+def _single(
+    formats: Formats, compartments: NDArray[np.int64], targets: NDArray[np.int64], weight: int = RELAY_WEIGHT
+) -> Rows:
+    """Rows of one synapse, by which a spike brings ``weight`` to the compartment ``compartments[target]``."""
+    bits = weight.bit_length()
     form = Format(bits, index_bits(compartments), bits - WEIGHT_BITS, "excitatory")
-    ones = np.full((targets.size, 1), RELAY_WEIGHT)
+    ones = np.full((targets.size, 1), weight)
     rows = formats.rows(ones, np.zeros(1, np.int64), np.zeros(targets.size, np.bool_), form)
     return replace(rows, compartments=compartments[targets].astype(np.int32))
 
@@ -158,6 +178,7 @@ def _settings(network: FixedNetwork) -> dict[PopulationName, tuple[int, int]]:
     """decayV and threshold of each population."""
     return {
         "exc": (network.decay, network.threshold),
+        "counters": (0, COUNTER_THRESHOLD),
         "inh": (NO_MEMORY_DECAY, RELAY_THRESHOLD),
         "inputs": (NO_MEMORY_DECAY, RELAY_THRESHOLD) if network.relayed else (0, bias_input.THRESHOLD),
     }
@@ -188,20 +209,20 @@ def _registers(network: FixedNetwork, names: Sequence[PopulationName], size: int
 def _axons_out(plan: Plan, core: CorePlan, axons: Sequence[_Axons]) -> NDArray[np.int32]:
     """Where the spikes of ``core`` go, by source compartment; ``axons``: the input axons of all cores."""
     targets = np.array([(other.chip, other.core) for other in plan.cores], np.int64)
-    numbers, compartments = members_of(core, "exc")
-    to_counter = np.broadcast_to([core.chip, READ_OUT], (numbers.size, 2))
-    read_out = np.column_stack([compartments, to_counter, numbers])
     to_inputs = np.stack([own.of_input for own in axons])
     to_neurons = np.stack([own.of_neuron for own in axons])
+    to_counters = np.stack([own.of_counted for own in axons])
     to_inh = np.full((len(axons), plan.network.inhibitory), -1)
     to_inh[:, :-1] = np.stack([own.of_leaf for own in axons])
     to_inh[:, -1] = [own.of_root for own in axons]
     found = []
-    for population, table in zip(POPULATIONS, (to_neurons, to_inh, to_inputs), strict=True):
+    tables: tuple[tuple[PopulationName, NDArray[np.int64]], ...]
+    tables = (("exc", to_neurons), ("exc", to_counters), ("inh", to_inh), ("inputs", to_inputs))
+    for population, table in tables:
         members, places = members_of(core, population)
         source, target = np.nonzero(table.T[members] >= 0)
         found.append(np.column_stack([places[source], targets[target], table[target, members[source]]]))
-    rows = np.concatenate([found[0], read_out, *found[1:]])
+    rows = np.concatenate(found)
     return rows[np.argsort(rows[:, 0], kind="stable")].astype(np.int32)
 
 
@@ -257,4 +278,4 @@ def host_tables(plan: Plan) -> HostTables:
         injection.append(np.column_stack([inputs, where, into[inputs]]))
     table = np.concatenate(injection).astype(np.int32)
     by_input = table[np.argsort(table[:, 0], kind="stable")]
-    return HostTables(by_input, *(locations(plan, name) for name in ("inputs", "exc", "inh")))
+    return HostTables(by_input, *(locations(plan, name) for name in ("inputs", "exc", "counters", "inh")))

@@ -105,7 +105,7 @@ def _differences(
         for name in ("compartments", "synapses", "axons_in", "axons_out"):
             if not np.array_equal(getattr(image, name), getattr(other, name)):
                 differences.append(f"{name} of {image.name}")
-    for name in ("injection", "inputs", "exc", "inh"):
+    for name in ("injection", "inputs", "exc", "counters", "inh"):
         if not np.array_equal(getattr(tables, name), getattr(tables_again, name)):
             differences.append(f"the host's table {name}")
     return differences

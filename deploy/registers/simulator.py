@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.deploy.registers.core_images import READ_OUT, CoreImage, HostTables
+from lava_vpr.deploy.registers.core_images import COUNTER_UNIT, CoreImage, HostTables
 from lava_vpr.deploy.registers.simulator_kernels import EVENTS, State, Wiring, present
 from lava_vpr.deploy.registers.synapse_memory import stored_rows, unpack
 from lava_vpr.deploy.registers.synapses import Format, Rows, joined
@@ -55,7 +55,7 @@ class Presented:
     """What the chips made of some presentations: spikes and events.
 
     Attributes:
-        counts: Spikes of each exc neuron, as the spike counters read them out, int32 (n, neurons).
+        counts: Spikes of each exc neuron, as the membrane of its counter holds them, int32 (n, neurons).
         exc, inh, inputs: Every spike, uint8 (n, steps, width).
         events: `EVENTS` by name, summed, int64 (cores,) in the order of `Chips.cores`.
     """
@@ -170,7 +170,7 @@ def _located(
 
 
 def _wire(
-    images: Sequence[CoreImage], read: Sequence[_Core], cores: Cores, neurons: int, positions: NDArray[np.int64] | None
+    images: Sequence[CoreImage], read: Sequence[_Core], cores: Cores, positions: NDArray[np.int64] | None
 ) -> Wiring:
     """The cores and their axons as the kernel takes them; see `Chips.of`."""
     first, axons = _starts([len(i.compartments) for i in images]), _starts([len(i.axons_in) for i in images])
@@ -178,18 +178,15 @@ def _wire(
     rows = joined([core.rows for core in read])
     owner = np.repeat(np.arange(len(cores)), [len(i.axons_out) for i in images])
     out = np.concatenate([np.zeros((0, 4), np.int32), *(image.axons_out for image in images)]).astype(np.int64)
-    counted = out[:, 2] == READ_OUT
     chips = np.array([chip for chip, _ in cores], np.int64)
     lost = (out[:, 0] < 0) | (out[:, 0] >= np.diff(first)[owner])
-    lost |= counted & ((out[:, 1] != chips[owner]) | (out[:, 3] < 0) | (out[:, 3] >= neurons))
     if lost.any():
-        raise _fault(images[owner[lost][0]].name, "an output axon comes from no compartment or goes to no counter")
-    target, axon = out[:, 2].copy(), out[:, 3].copy()
-    target[~counted], axon[~counted] = _located("an output axon", out[~counted, 1:3], axon[~counted], axons, cores)
+        raise _fault(images[owner[lost][0]].name, "an output axon comes from no compartment")
+    target, axon = _located("an output axon", out[:, 1:3], out[:, 3], axons, cores)
     hops = np.zeros((len(out), 3), np.int64)
-    hops[~counted, 0] = chips[target[~counted]] != chips[owner[~counted]]
+    hops[:, 0] = chips[target] != chips[owner]
     if positions is not None:
-        hops[~counted, 1:] = abs(positions[target[~counted]] - positions[owner[~counted]])
+        hops[:, 1:] = abs(positions[target] - positions[owner])
     order = np.argsort(first[owner] + out[:, 0], kind="stable")
     row_starts = _starts(sizes)[:-1]
     return Wiring(
@@ -221,6 +218,7 @@ class Chips:
     bias: NDArray[np.int64] = field(repr=False)
     injection: tuple[NDArray[np.int64], ...] = field(repr=False)
     exc: NDArray[np.int64] = field(repr=False)
+    counters: NDArray[np.int64] = field(repr=False)
     inh: NDArray[np.int64] = field(repr=False)
     inputs: NDArray[np.int64] = field(repr=False)
     steps: int
@@ -256,9 +254,9 @@ class Chips:
         if not cores or len(set(cores)) != len(cores):
             raise _fault("the images", "hold no core, or one twice")
         read = [_read(image) for image in images]
-        wiring = _wire(images, read, cores, len(tables.exc), positions)
+        wiring = _wire(images, read, cores, positions)
         compartments = {}
-        for name in ("exc", "inh", "inputs"):
+        for name in ("exc", "counters", "inh", "inputs"):
             table = getattr(tables, name)
             compartments[name] = _located(f"the host's table {name}", table[:, :2], table[:, 2], wiring.first, cores)[1]
         axons = _starts([len(image.axons_in) for image in images])
@@ -328,11 +326,10 @@ class Chips:
                 self._write(state, rates[q], int(keys[q]), None if bias is None else bias[q])
                 if not self.bias_input:
                     drawn[: self.steps] = draw(rates[q], int(keys[q]), self.steps)
-                counters = np.zeros(self.exc.size, np.int64)
                 shown = self.threshold, written, self.steps, *self._sent(drawn)
-                flying, overflow = present(self.wiring, state, *shown, counters, events, film)
+                flying, overflow = present(self.wiring, state, *shown, events, film)
                 self._check(state, q, flying, overflow)
-                counts[q] = counters
+                counts[q] = state.v[self.counters] // COUNTER_UNIT
                 if record:
                     exc[q], inh[q] = film[:, self.exc], film[:, self.inh]
                     sent[q] = film[:, self.inputs] if self.bias_input else drawn
@@ -346,11 +343,11 @@ class Chips:
         return self.inputs if self.bias_input else self.inputs[:0]
 
     def _write(self, state: State, rates: NDArray[np.uint16], key: int, bias: NDArray[np.int32] | None) -> None:
-        """Write v = 0 of exc and, if there is one, their ``bias``; bias and start membrane of the inputs.
+        """Write v = 0 of exc and counters and, if there is one, the ``bias`` of exc; bias and membrane of the inputs.
 
         Nothing else is written, but for the inputs' bias, which is 0 in the silent steps.
         """
-        state.v[self.exc] = 0
+        state.v[self.exc] = state.v[self.counters] = 0
         if bias is not None:
             state.bias[self.exc] = bias
         if self.bias_input:
@@ -386,7 +383,7 @@ class Chips:
         if flying:
             raise _fault(f"presentation {presentation}", f"{flying} spikes are still on their way after its last step")
         kept = state.v != 0
-        kept[self.exc] = kept[self._written()] = False
+        kept[self.exc] = kept[self.counters] = kept[self._written()] = False
         active = kept | (abs(state.u) * self.wiring.keep_u >> DECAY_BITS != 0) | (state.held != 0)
         if active.any():
             what = f"is not at rest after presentation {presentation}, and nothing clears it"

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.deploy.registers.core_images import READ_OUT
 from lava_vpr.kernelcache import compiled
 from lava_vpr.loihi import DECAY_BITS, INPUT_SHIFT, LOIHI_1_INPUT_LIMIT, STATE_LIMIT
 
@@ -18,15 +17,14 @@ EVENTS = (
     "updates",
     "spikes",
     "messages_out",
-    "read_outs",
     "crossings",
     "hops_east_west",
     "hops_north_south",
 )
-"""What is counted for each core. An update: a compartment with an input, a bias or a state. Messages out go to cores,
-read outs to the embedded processor; crossings are messages to another chip; hops are tiles, 0 without positions."""
+"""What is counted for each core. An update: a compartment with an input, a bias or a state. Crossings are messages to
+another chip; hops are tiles, 0 without positions."""
 
-_IN, _OPERATIONS, _UPDATES, _SPIKES, _OUT, _READ_OUTS, _CROSSINGS, _HOPS = 0, 1, 3, 4, 5, 6, 7, 8
+_IN, _OPERATIONS, _UPDATES, _SPIKES, _OUT, _CROSSINGS, _HOPS = 0, 1, 3, 4, 5, 6, 7
 _BOUND = LOIHI_1_INPUT_LIMIT << INPUT_SHIFT
 
 
@@ -37,8 +35,8 @@ class Wiring(NamedTuple):
         first: Compartments of core k are ``first[k]`` to ``first[k + 1] - 1``, (K + 1,).
         keep_u, keep_v, refract: Decays and refractory steps of each compartment, (C,).
         floor, ceiling: Bounds of the membranes of a core, (K,).
-        out_start, out_core, out_axon: Output axons by source (C + 1,); core and input axon of each, or `READ_OUT` and
-            counter, (O,).
+        out_start, out_core, out_axon: Output axons by source (C + 1,); core and input axon of each,
+            (O,).
         hops: Whether an output axon leaves its chip, and its tiles east-west and north-south, (O, 3).
         row_of: The row of each input axon, (A,).
         row_start, row_target, row_value, row_sparse: The rows' synapses; whether they are sparse.
@@ -140,14 +138,13 @@ def present(
     sent_start: NDArray[np.int64],
     sent_core: NDArray[np.int64],
     sent_axon: NDArray[np.int64],
-    counters: NDArray[np.int64],
     events: NDArray[np.int64],
     film: NDArray[np.uint8],
 ) -> tuple[int, int]:
     """Run one presentation and fill ``film`` (all steps, C) with its spikes.
 
     ``inputs``: input compartments whose bias is written to 0 before the silent steps. ``sent_*``: core and input axon
-    of what is injected in each step. ``counters``: what is read out.
+    of what is injected in each step.
 
     Returns:
         Messages in flight at the end and -1; or how many steps went well, and the compartment that overflowed.
@@ -167,10 +164,6 @@ def present(
                 core += 1
             for a in range(wiring.out_start[i], wiring.out_start[i + 1]):
                 target = wiring.out_core[a]
-                if target == READ_OUT:
-                    counters[wiring.out_axon[a]] += 1
-                    events[core, _READ_OUTS] += 1
-                    continue
                 flying += 1
                 events[core, _OUT] += 1
                 for k in range(3):

@@ -23,10 +23,15 @@ from matplotlib.textpath import TextPath
 from lava_vpr.deploy.boards.plan import CorePlan, Part, Plan
 from lava_vpr.deploy.show.tables import step_time, summary
 
-COLOURS = {"exc": "#0067a8", "inh": "#c24a00", "inputs": "#00805c"}
+COLOURS = {"exc": "#0067a8", "counters": "#7a5ea8", "inh": "#c24a00", "inputs": "#00805c"}
 """Colours of the populations, as the report's curves have them."""
 
-_NAMES = {"exc": "excitatory neurons", "inh": "inhibitory neurons", "inputs": "inputs that integrate a bias"}
+_NAMES = {
+    "exc": "excitatory neurons",
+    "counters": "their counters",
+    "inh": "inhibitory neurons",
+    "inputs": "inputs that integrate a bias",
+}
 _RELAYS = "relays of inputs"
 _INK, _MUTED, _LINE, _PALE, _PAPER = "#1a2127", "#55616b", "#d5dbe0", "#edf1f4", "#ffffff"
 

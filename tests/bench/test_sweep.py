@@ -25,8 +25,8 @@ from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.boards.constants import LOIHI_1
 from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.compression.compression import requantised
-from lava_vpr.deploy.cost.closed_form import step_microseconds, step_picojoules
-from lava_vpr.deploy.cost.costs import modelled, outside_steps
+from lava_vpr.deploy.cost.closed_form import step_picojoules
+from lava_vpr.deploy.cost.costs import all_microseconds, modelled, outside_steps
 from lava_vpr.deploy.cost.events import count_events
 from lava_vpr.encoding import query_rates
 from lava_vpr.errors import ConfigError
@@ -94,7 +94,7 @@ def test_early_stopping_against_spike_by_spike(margin: float) -> None:
     assert result.metrics.recall_at_1 == pytest.approx(np.mean(np.array(answers) == np.arange(8)))
     events, constants = count_events(run.plan, run.trains), LOIHI_1
     energy = sum(step_picojoules(events, constants, "nominal").values())
-    time = step_microseconds(events, constants, "nominal")
+    time = all_microseconds(run.plan, events, constants, "nominal")
     microjoules, milliseconds = (cost.nominal for cost in outside_steps(run.plan, constants))
     microjoules += np.mean([energy[q, :ran].sum() for q, ran in enumerate(steps)]) / 1e6
     milliseconds += np.mean([time[q, :ran].sum() for q, ran in enumerate(steps)]) / 1e3

@@ -19,14 +19,12 @@ from outcome import GRACE, Results, Watchdog
 from packets import CHUNK, READY
 from refusals import Refused, told
 
-READ_OUT = -1  # as core of an output axon: the spike counter of its chip's embedded processor
 IDLE = 2  # phase in which a compartment integrates
-NEVER = 10**8  # step at which NxSDK's own spike probes begin; until then their counters are ours
 ATTEMPTS, PAUSE, START_SECONDS = 3, 0.5, 120.0
 
 
 def load_nxsdk() -> tuple:
-    """NxSDK's classes N2Board, Phase and SpikeProbeCondition.
+    """NxSDK's classes N2Board and Phase.
 
     Raises:
         Refused: it is not here, or of another version.
@@ -47,11 +45,10 @@ def load_nxsdk() -> tuple:
             from nxsdk.arch.n2a.n2board import N2Board  # type: ignore[import-not-found]  # 1.0
         except ImportError:
             from nxsdk.graph.nxboard import N2Board  # type: ignore[import-not-found]  # 0.9
-        from nxsdk.graph.monitor.probes import SpikeProbeCondition  # type: ignore[import-not-found]
         from nxsdk.graph.processes.phase_enums import Phase  # type: ignore[import-not-found]
     except ImportError as error:
         raise Refused("missing", f"nxsdk {version} is incomplete ({told(error)}); install it again") from None
-    return N2Board, Phase, SpikeProbeCondition
+    return N2Board, Phase
 
 
 def check_environment() -> None:
@@ -72,7 +69,7 @@ class Device:
     """The network on the board: configured when made, running after `start`."""
 
     def __init__(self, network: Network, power_steps: int = 0) -> None:
-        board_class, self.phase, self.condition = load_nxsdk()
+        board_class, self.phase = load_nxsdk()
         self.network, self.run_number = network, 0
         self.folder = tempfile.mkdtemp(prefix="kapoho-bay-")
         last = max(core.chip for core in network.cores)
@@ -87,7 +84,6 @@ class Device:
                 self._configure(core)
             for core in network.cores:
                 self._connect(core)
-            self.probes = self._probes()
             if power_steps:
                 board_power.attach(self.board, power_steps)
             self.links = [Link(self, chip) for chip in network.chips]
@@ -132,22 +128,12 @@ class Device:
         """Output axons of one core to others."""
         own = self.core(core.chip, core.core)
         for source, chip, target, axon in core.axons_out.tolist():
-            if target != READ_OUT:
-                own.createDiscreteAxon(
-                    srcCxId=source,
-                    dstChipId=self.board.n2Chips[chip].id,
-                    dstCoreId=self.core(chip, target).id,
-                    dstSynMapId=axon,
-                )
-
-    def _probes(self) -> list:
-        """A spike probe for each excitatory neuron. It makes NxSDK connect the neuron to a spike counter of its chip's
-        embedded processor; as it begins never, it leaves the counter to `embedded.c`."""
-        condition, probes = self.condition(tStart=NEVER), []
-        for chip, core, compartment in self.network.exc.tolist():
-            state = self.core(chip, core).cxState
-            probes.append(self.board.monitor.probe(state, [compartment], "spike", condition)[0])
-        return probes
+            own.createDiscreteAxon(
+                srcCxId=source,
+                dstChipId=self.board.n2Chips[chip].id,
+                dstCoreId=self.core(chip, target).id,
+                dstSynMapId=axon,
+            )
 
     def start(self) -> None:
         """Start the board.
@@ -173,8 +159,6 @@ class Device:
                 "module (ftdi_sio) holds it and that nobody else uses it",
                 details,
             )
-        for link in self.links:
-            link.learn_counters()
 
     def answer(self, queries: list, first: int, deadline: float, results: Results) -> None:
         """Present ``queries``, numbered from ``first``, in one run of the board."""

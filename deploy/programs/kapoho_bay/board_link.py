@@ -27,15 +27,12 @@ from packets import (
     SLACK,
     SPIKES,
     SUM,
-    TABLE,
     WORDS,
     checksums,
     packed,
     pieces,
 )
 from refusals import Refused
-
-FIRST_COUNTER = 0x20
 
 
 class Link:
@@ -45,7 +42,6 @@ class Link:
         self.device, self.network, self.chip = device, device.network, chip
         self.neurons = np.flatnonzero(self.network.exc[:, 0] == chip)
         self.sources = int((self.network.sources[:, 0] == chip).sum())
-        self.counters = np.zeros(0, np.int64)
         source, folder = write_program(self.network, chip, lambda core: int(device.core(chip, core).id), device.folder)
         snip = device.board.createSnip(
             name=f"lava_vpr_{chip}",
@@ -65,19 +61,6 @@ class Link:
         self.channel.connect(None, snip)
         self.back.connect(snip, None)
 
-    def learn_counters(self) -> None:
-        """Which spike counter NxSDK gave each neuron of this chip.
-
-        Raises:
-            Refused: it does not tell, or the same to two.
-        """
-        found = [getattr(self.device.probes[i], "counterId", None) for i in self.neurons]
-        if any(not isinstance(x, (int, np.integer)) or x < FIRST_COUNTER for x in found) or len(set(found)) < len(
-            found
-        ):
-            raise Refused("run", f"chip {self.chip}: NxSDK does not tell the spike counters of the neurons (counterId)")
-        self.counters = np.array(found, np.int64)
-
     def _send(self, kind: int, query: int, first_number: int, payloads: list, words: tuple = (0, 0)) -> None:
         """A packet for each of ``payloads``, numbered from ``first_number``."""
         numbers = range(first_number, first_number + len(payloads))
@@ -86,9 +69,8 @@ class Link:
             self.channel.write(len(packets), packets.reshape(-1).tolist())
 
     def begin(self, queries: int, first: int) -> None:
-        """Announce a run and say which spike counters are whose."""
+        """Announce a run."""
         self._send(BEGIN, 0, 0, [[self.network.bundle.fingerprint]], (queries, first))
-        self._send(TABLE, first, 0, pieces(self.counters, ROOM))
 
     def send_settings(self, query: Query, number: int) -> None:
         """Bias and membrane of every input compartment of this chip."""
@@ -121,6 +103,8 @@ class Link:
         if packet[KIND] == MAGIC + FAULT:
             fault, step, wanted, got = packet[PAYLOAD : PAYLOAD + 4].tolist()
             text = FAULTS[fault] if 0 < fault < len(FAULTS) else str(fault)
+            if text == "count":
+                raise Refused("run", f"{where}: a counter holds {got}, which is no count of spikes of {wanted} each")
             raise Refused("run", f"{where}: in step {step} a packet came with {text} {got} instead of {wanted}")
         wanted = [MAGIC + kind, self.device.run_number, query, number]
         if packet[:LENGTH].tolist() != wanted:

@@ -12,6 +12,7 @@ from refusals import Refused
 TITLE, TARGET = "Kapoho Bay", "kapoho-bay"
 WEIGHT_CODES, INDEX_CODES = (0, 1, 2, 3, 4, 5, 6, 8), (0, 6, 7, 8, 9, 10, 11, 12)
 WEIGHT_BITS, MIXED, INHIBITORY = 8, 1, 3
+COUNTER_UNIT = 128  # what a spike adds to the membrane of its counter: a weight of 2, in units of 2^6
 
 
 class Bundle:
@@ -117,7 +118,8 @@ class Network:
         self.adapted = False  # whether each query brings biases of its own
         folders = sorted({name.rsplit("/", 1)[0] for name in bundle.files if name.startswith("cores/")})
         self.cores = [Core(bundle, folder) for folder in folders]
-        self.exc, self.injection = bundle.array("host/exc.npy"), bundle.array("host/injection.npy")
+        self.exc, self.counters = bundle.array("host/exc.npy"), bundle.array("host/counters.npy")
+        self.injection = bundle.array("host/injection.npy")
         inputs = bundle.array("host/inputs.npy")
         self.sources = inputs if self.bias_input else inputs[:0]  # nobody writes to relays
         chips = [self.exc[:, 0], self.sources[:, 0], self.injection[:, 1]]

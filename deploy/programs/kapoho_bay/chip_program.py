@@ -6,7 +6,7 @@ from typing import Callable
 
 import numpy as np
 
-from board_network import Network
+from board_network import COUNTER_UNIT, Network
 
 NO_AXON = 0xFFFF
 
@@ -38,6 +38,7 @@ def write_program(network: Network, chip: int, core_id: Callable[[int], int], fo
 def header(network: Network, chip: int, core_id: Callable[[int], int]) -> str:
     """Numbers and tables of one chip, in C."""
     exc = network.exc[network.exc[:, 0] == chip, 1:]
+    counters = network.counters[network.exc[:, 0] == chip, 1:]
     sources = network.sources[network.sources[:, 0] == chip, 1:]
     injection = network.injection[network.injection[:, 1] == chip]
     exc_cores, source_cores, targets = (np.unique(x).tolist() for x in (exc[:, 0], sources[:, 0], injection[:, 2]))
@@ -52,6 +53,7 @@ def header(network: Network, chip: int, core_id: Callable[[int], int]) -> str:
         "ADAPTED": int(network.adapted),
         "HOST_SPIKES": network.host_spikes,
         "INPUTS": network.inputs,
+        "COUNTER_UNIT": COUNTER_UNIT,
         "EXC": len(exc),
         "EXC_CORES": len(exc_cores),
         "SOURCES": len(sources),
@@ -63,7 +65,7 @@ def header(network: Network, chip: int, core_id: Callable[[int], int]) -> str:
     lines += [f"#define LV_{name} ({value})" for name, value in numbers.items()]
     lines += [f'#define LV_TO_CHIP "{to_chip}"', f'#define LV_FROM_CHIP "{from_chip}"']
     lines += ["int lava_vpr_guard(runState *s);", "void lava_vpr_manage(runState *s);", "#ifdef LV_EMBEDDED_TABLES"]
-    for name, places in (("exc", exc), ("source", sources)):
+    for name, places in (("exc", exc), ("counter", counters), ("source", sources)):
         lines += [table(place, name + "_places", [(core_id(core), cx) for core, cx in places.tolist()])]
     for name, cores in (("exc", exc_cores), ("source", source_cores), ("target", targets)):
         lines += [table("uint16_t", name + "_cores", [core_id(core) for core in cores])]

@@ -1,12 +1,14 @@
 /* Runs on the embedded processor of a Loihi 1 chip, after the neurons of every step (NxSDK's EMBEDDED_MGMT).
  *
- * It brings input to this chip, counts the spikes of its excitatory neurons and sets it to rest between two queries.
+ * It brings input to this chip, reads the counts of its excitatory neurons once a query and sets it to rest between two.
+ * Beside every excitatory neuron stands a compartment, its counter, which nothing makes spike or decay: each spike of the
+ * neuron adds LV_COUNTER_UNIT to its membrane.
  * The host program writes the header beside it, with the tables and numbers of one chip, and is its only partner.
  *
  * One run of the board is: a step of preparation, STEPS + SILENT steps for each query, and a last step in which nothing
  * happens (NxSDK may lose what a chip sends in the very last step of a run). Who says what, and when:
  *
- *   preparation       host: BEGIN, TABLE x TABLE_BLOCKS; chip: READY; then what comes before a query
+ *   preparation       host: BEGIN; chip: READY; then what comes before a query
  *   before a query    host: SET x SET_BLOCKS (bias and membrane of each input compartment); only with BIAS_INPUT
  *                     host: BIAS x BIAS_BLOCKS (bias of each excitatory neuron); only with ADAPTED
  *   step of a query   host: SPIKES (inputs that spike in this step), for each of STEPS steps; only without BIAS_INPUT
@@ -26,7 +28,7 @@
 #include "embedded.h"
 
 #define LV_MAGIC 0x4c560100 /* protocol 1; the low byte is the kind */
-enum { LV_BEGIN = 1, LV_TABLE, LV_SPIKES, LV_SET, LV_READY, LV_COUNTS, LV_FAULT, LV_BIAS };
+enum { LV_BEGIN = 1, LV_SPIKES, LV_SET, LV_READY, LV_COUNTS, LV_FAULT, LV_BIAS };
 
 /* Words of a packet. */
 enum { LV_KIND, LV_RUN, LV_QUERY, LV_NUMBER, LV_LENGTH, LV_FIRST, LV_SECOND, LV_SUM, LV_PAYLOAD, LV_WORDS = 64 };
@@ -35,16 +37,13 @@ enum { LV_KIND, LV_RUN, LV_QUERY, LV_NUMBER, LV_LENGTH, LV_FIRST, LV_SECOND, LV_
 #define LV_AT_LEAST_ONE(n) ((n) > 0 ? (n) : 1) /* C has no empty arrays */
 
 #define LV_COUNT_BLOCKS LV_AT_LEAST_ONE(LV_BLOCKS(LV_EXC, LV_ROOM)) /* a chip without exc reports, too */
-#define LV_TABLE_BLOCKS LV_BLOCKS(LV_EXC, LV_ROOM)
 #define LV_SET_BLOCKS LV_BLOCKS(LV_SOURCES, LV_ROOM / 2)
-#define LV_BIAS_BLOCKS (LV_ADAPTED ? LV_TABLE_BLOCKS : 0)
+#define LV_BIAS_BLOCKS (LV_ADAPTED ? LV_BLOCKS(LV_EXC, LV_ROOM) : 0)
 #define LV_PRESENTATION (LV_STEPS + LV_SILENT)
 
-#define LV_FIRST_COUNTER 0x20 /* spike counters below are NxSDK's own */
-#define LV_SLOTS 4            /* a counter has one slot for each of four consecutive steps */
 #define LV_NO_AXON 0xffff
 
-/* What was wrong with a packet; the host has the same list. */
+/* What was wrong with a packet, or with a counter; the host has the same list. */
 enum {
     LV_SOUND,
     LV_BAD_SUM,
@@ -54,7 +53,8 @@ enum {
     LV_BAD_NUMBER,
     LV_BAD_LENGTH,
     LV_BAD_VALUE,
-    LV_BAD_BUNDLE
+    LV_BAD_BUNDLE,
+    LV_BAD_COUNT
 };
 
 enum { LV_BEFORE_RUN, LV_IN_QUERY, LV_AFTER_RUN };
@@ -66,15 +66,17 @@ static int32_t lv_run, lv_query; /* as the host numbers them */
 static int32_t lv_left, lv_step; /* queries of this run that are left, step of this query */
 static int32_t lv_fault, lv_fault_step, lv_fault_expected, lv_fault_found;
 static int32_t lv_received; /* spikes or settings taken over in this query */
-static int32_t lv_counters[LV_AT_LEAST_ONE(LV_EXC)], lv_counts[LV_AT_LEAST_ONE(LV_EXC)];
+static int32_t lv_counts[LV_AT_LEAST_ONE(LV_EXC)];
 
 static NeuronCore *lv_neuron_core(int id) { return NEURON_PTR(((CoreId){.id = (uint16_t)id})); }
 
-/* A weighted sum; odd weights, so that no change of a single word goes unseen. */
+/* A weighted sum; odd weights, so that no change of a single word goes unseen. Words beyond the length are 0, which add
+ * nothing, so they are not looked at. */
 static int32_t lv_checksum(const int32_t *words)
 {
     uint32_t sum = 0;
-    for (uint32_t i = 0; i < LV_WORDS; i++) {
+    uint32_t used = words[LV_LENGTH] < 0 || words[LV_LENGTH] > LV_ROOM ? LV_ROOM : (uint32_t)words[LV_LENGTH];
+    for (uint32_t i = 0; i < LV_PAYLOAD + used; i++) {
         if (i != LV_SUM) {
             sum += (uint32_t)words[i] * (2 * i + 1);
         }
@@ -146,14 +148,15 @@ static void lv_give_fault(int32_t number)
     lv_give(LV_FAULT, number, 4);
 }
 
-/* Add what the counters have and empty them. All four slots, every step: whichever slot a spike of this step is in, it
- * is counted once, and no slot (8 bits) can overflow. */
+/* What the counters hold after the last silent step: the last spike that input can cause has reached them by then. A
+ * membrane that is no whole number of spikes, or more than one a step, is a fault. */
 static void lv_collect(void)
 {
     for (int i = 0; i < LV_EXC; i++) {
-        for (int slot = 0; slot < LV_SLOTS; slot++) {
-            lv_counts[i] += SPIKE_COUNT[slot][lv_counters[i]];
-            SPIKE_COUNT[slot][lv_counters[i]] = 0;
+        int32_t held = lv_neuron_core(lv_counter_places[i].core)->cx_state[lv_counter_places[i].compartment].V;
+        lv_counts[i] = held / LV_COUNTER_UNIT;
+        if (held < 0 || held % LV_COUNTER_UNIT != 0 || lv_counts[i] > LV_PRESENTATION) {
+            lv_note(LV_BAD_COUNT, LV_COUNTER_UNIT, held);
         }
     }
 }
@@ -173,12 +176,14 @@ static void lv_flush_sources(void)
     }
 }
 
-/* Membranes to 0; currents have no memory; inhibitory neurons and relays are at 0 by the last silent step. */
+/* Membranes of neurons and counters to 0, which stand on the same cores; currents have no memory; inhibitory neurons and
+ * relays are at 0 by the last silent step. */
 static void lv_clear(void)
 {
     for (int i = 0; i < LV_EXC; i++) {
         lv_neuron_core(lv_exc_places[i].core)->cx_state[lv_exc_places[i].compartment] = (CxState){.U = 0, .V = 0};
-        lv_counts[i] = 0;
+        lv_neuron_core(lv_counter_places[i].core)->cx_state[lv_counter_places[i].compartment] =
+            (CxState){.U = 0, .V = 0};
     }
     lv_flush_exc();
 }
@@ -295,24 +300,6 @@ static void lv_report(void)
     }
 }
 
-/* Which spike counter is whose is known only once the board has started, so the host sends it. */
-static void lv_take_table(void)
-{
-    for (int block = 0; block < LV_TABLE_BLOCKS; block++) {
-        int first = block * LV_ROOM;
-        int here = LV_EXC - first < LV_ROOM ? LV_EXC - first : LV_ROOM;
-        if (!lv_take(LV_TABLE, block, LV_ROOM) || !lv_same(LV_BAD_LENGTH, here, lv_packet[LV_LENGTH])) {
-            continue;
-        }
-        for (int i = 0; i < here; i++) {
-            lv_counters[first + i] = lv_packet[LV_PAYLOAD + i];
-            if (lv_counters[first + i] < LV_FIRST_COUNTER) {
-                lv_note(LV_BAD_VALUE, LV_FIRST_COUNTER, lv_counters[first + i]);
-            }
-        }
-    }
-}
-
 static void lv_begin_run(void)
 {
     lv_to_chip = getChannelID(LV_TO_CHIP);
@@ -324,13 +311,11 @@ static void lv_begin_run(void)
         lv_query = lv_packet[LV_SECOND];
         lv_left = lv_packet[LV_FIRST];
     }
-    lv_take_table();
     if (lv_fault != LV_SOUND) {
         lv_left = 0;
         lv_give_fault(0);
     } else {
-        lv_collect(); /* spikes from before this run are nobody's */
-        lv_clear();
+        lv_clear(); /* spikes from before this run are nobody's */
         lv_empty_packet();
         lv_packet[LV_FIRST] = LV_EXC;
         lv_packet[LV_SECOND] = LV_SOURCES;
@@ -344,7 +329,6 @@ static void lv_begin_run(void)
 
 static void lv_present(runState *s)
 {
-    lv_collect();
     if (!LV_BIAS_INPUT && lv_step < LV_STEPS) {
         lv_inject(s);
     }
@@ -354,6 +338,7 @@ static void lv_present(runState *s)
     if (++lv_step < LV_PRESENTATION) {
         return;
     }
+    lv_collect();
     lv_report();
     lv_clear();
     lv_query++;

@@ -5,8 +5,8 @@ import numpy as np
 WORDS, PAYLOAD, MAGIC = 64, 8, 0x4C560100
 ROOM = WORDS - PAYLOAD
 KIND, RUN, QUERY, NUMBER, LENGTH, FIRST, SECOND, SUM = range(PAYLOAD)
-BEGIN, TABLE, SPIKES, SET, READY, COUNTS, FAULT, BIAS = range(1, 9)
-FAULTS = ("", "checksum", "kind", "run", "query", "number", "length", "value", "bundle")
+BEGIN, SPIKES, SET, READY, COUNTS, FAULT, BIAS = range(1, 8)
+FAULTS = ("", "checksum", "kind", "run", "query", "number", "length", "value", "bundle", "count")
 MESSAGE_BYTES, SLACK = 4 * WORDS, 16
 CHUNK = SLACK // 2  # packets sent to one chip while another waits: they must fit the channel
 

@@ -16,7 +16,7 @@ stderr that says why.
 
 This needs Python 3.6 with numpy 1.17 or later and the files beside it, not lava-vpr. `embedded.c` runs on the chips and
 says how the two talk. All names of NxSDK are those that public programs use: nengo-loihi 1.1.0 (hardware/builder.py,
-interface.py) and https://github.com/intel-nrc-ecosystem/models (spike counters, packets to and from Python).
+interface.py) and https://github.com/intel-nrc-ecosystem/models (packets to and from Python).
 """
 
 import argparse

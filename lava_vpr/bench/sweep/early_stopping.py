@@ -1,8 +1,8 @@
 """Early stopping of a query: as soon as the best place leads the second by a margin, the rest of the steps is spared.
 
-Whoever stops must read the spike counters and decode after every step: the board's embedded processors, to which every
-excitatory spike goes anyway (`deploy.cost.events`: read-outs). Energy and time are those of the steps that were
-run and of the clearing of states; the processors' own arithmetic is not in them: no figure is public. No backend stops
+Whoever stops must read the counts and decode after every step, which would be the work of the board's embedded
+processors. Energy and time are those of the steps that were run and of what is done between two queries; reading and
+decoding after every step is not in them. No backend stops
 early yet: this is what it would bring.
 """
 

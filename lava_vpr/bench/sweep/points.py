@@ -18,8 +18,8 @@ from lava_vpr.deploy.boards.constants import CostConstants
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.compression.compression import requantised
-from lava_vpr.deploy.cost.closed_form import step_microseconds, step_picojoules
-from lava_vpr.deploy.cost.costs import outside_steps
+from lava_vpr.deploy.cost.closed_form import step_picojoules
+from lava_vpr.deploy.cost.costs import all_microseconds, outside_steps
 from lava_vpr.deploy.cost.events import count_events
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.trains import Trains
@@ -168,7 +168,7 @@ def figures(run: Run, margins: Sequence[float]) -> list[Measurement]:
     events = count_events(run.plan, run.trains)
     constants = constants_of(run.plan.board)
     energy = np.cumsum(np.sum(list(step_picojoules(events, constants, "nominal").values()), axis=0), axis=1) / 1e6
-    time = np.cumsum(step_microseconds(events, constants, "nominal"), axis=1) / 1e3
+    time = np.cumsum(all_microseconds(run.plan, events, constants, "nominal"), axis=1) / 1e3
     outside_microjoules, outside_milliseconds = outside_steps(run.plan, constants)
     total = np.cumsum(run.trains.exc, axis=1, dtype=np.int32)
     name = run.model.config.decoder.default

@@ -119,8 +119,8 @@ KAPOHO: dict[str, tuple[Callable[[Told, Files], Any], str, str]] = {
     "other neurons": (number("neurons", 9), "host/exc.npy", "is int32 (8, 3), but must be int32 (9, 3)"),
     "other places": (number("places", 3), MANIFEST, "says places 3, but holds 8"),
     "no network": (lambda told, files: told.update(network=[]), MANIFEST, "does not describe the network"),
-    "host spikes": (lambda told, files: told["limits"].update(host_spikes=99), MANIFEST, "host_spikes 99, of 0..50"),
-    "no limits": (lambda told, files: told.pop("limits"), MANIFEST, "has host_spikes None, of 0..50"),
+    "host spikes": (lambda told, files: told["limits"].update(host_spikes=99), MANIFEST, "host_spikes 99, of 0..56"),
+    "no limits": (lambda told, files: told.pop("limits"), MANIFEST, "has host_spikes None, of 0..56"),
     "a core of no chip": (
         lambda told, files: [
             files.__setitem__(name.replace(CORE, "cores/chip7-core000"), files.pop(name))

@@ -63,7 +63,7 @@ def test_counts_are_those_of_the_registers(deep: bool, monkeypatch: pytest.Monke
 @pytest.mark.parametrize("signed", [False, True])
 def test_counts_on_a_partitioned_network(bias_input: bool, signed: bool) -> None:
     made = small_network(90, 90, inhibition=20, bias_input=bias_input, signed=signed, seed=3)
-    plan = partition(made, tiny(synapse_words=240), even(made))
+    plan = partition(made, tiny(synapse_words=300, counters=True), even(made))
     assert len(plan.cores) > 2
     assert any(core.dense_inputs.any() and not core.dense_inputs.all() for core in plan.cores) or signed
     counted, expected = count_events(plan, trains_of(made, 3, 1)), simulated(plan, 3, 1)
@@ -99,6 +99,8 @@ class Literal:
         if name == "exc":
             target = ("leaf", number // fixed.FAN_IN) if network.leaves else last
             return False, {target: 2} if self.home[target] == k else {}
+        if name == "counted":  # what goes to its counter, besides
+            return False, {("counters", number): 2} if self.home["counters", number] == k else {}
         if name == "leaf":
             return False, {last: 2} if self.home[last] == k else {}
         if name == "root":
@@ -128,18 +130,19 @@ class Literal:
                     touched = reason
                 else:
                     bias = int(network.bias[number]) if name == "exc" else 0
-                    keep = 4096 - network.decay if name == "exc" else 0
+                    keep = {"exc": 4096 - network.decay, "counters": 4096}.get(name, 0)
                     reason = before != 0 or a != 0 or bias != 0
                     touched = reason or neuron in sums
                     size = abs(before) * keep >> 12
                     after = max(-(2**23) + 1, (size if before >= 0 else -size) + (a << 6) + bias)
-                    fires = after > (network.threshold if name == "exc" else 1) << 6
+                    fires = after > {"exc": network.threshold, "counters": 131071}.get(name, 1) << 6
                     v[neuron] = 0 if fires else after
                     self.count(q, t, k, input_updates=reason and name == "inputs")
                     if name == "exc":
                         assert fires == bool(self.trains.exc[q, t, number])
                 self.count(q, t, k, updates=reason, touched=touched, spikes=fires, read_outs=fires and name == "exc")
                 spikes += [neuron] if fires else []
+                spikes += [("counted", number)] if fires and name == "exc" else []
             if not network.bias_input:
                 spikes += [("source", int(j)) for j in np.flatnonzero(self.trains.inputs[q, t])]
             for neuron in spikes:
@@ -152,7 +155,8 @@ class Literal:
             dense, row = self.row(source, k)
             if not row:
                 continue
-            start = self.where[self.home[source]] if source in self.home else self.entry or (8 * core.chip, 0)
+            sender = ("exc", source[1]) if source[0] == "counted" else source
+            start = self.where[self.home[sender]] if sender in self.home else self.entry or (8 * core.chip, 0)
             east_west, north_south = (int(tile) for tile in abs(self.where[k] - np.array(start)))
             own = {"east_west": east_west, "north_south": north_south}
             self.count(q, t, k, messages_in=1, **{"operations_dense" if dense else "operations_sparse": len(row)})
@@ -161,7 +165,7 @@ class Literal:
             if source[0] == "source":
                 self.count(q, t, k, injected_messages=1, **{f"injected_hops_{way}": far for way, far in own.items()})
             else:
-                home = self.home[source]
+                home = self.home[sender]
                 self.count(q, t, home, messages_out=1, crossings=core.chip != cores[home].chip)
                 self.count(q, t, home, **{f"hops_{way}": far for way, far in own.items()})
             for neuron, weight in row.items():
@@ -228,15 +232,15 @@ def first_spike(network: FixedNetwork) -> Trains:
 def test_one_spike_from_input_to_inhibition() -> None:
     network = eye()
     found = count_events(one_core(network), first_spike(network))
-    # Step 0: the input's message; 1: its neuron spikes; 2: the inhibitory neuron does; 3: it takes from all four, which
-    # forget that in the step after.
+    # Step 0: the input's message; 1: its neuron spikes, which its counter keeps from then on; 2: the inhibitory neuron
+    # spikes; 3: it takes from all four, which forget that in the step after.
     expected = {
-        "messages_in": [1, 1, 1, 0, 0, 0],
-        "operations_sparse": [1, 1, 0, 0, 0, 0],
+        "messages_in": [1, 2, 1, 0, 0, 0],
+        "operations_sparse": [1, 2, 0, 0, 0, 0],
         "operations_dense": [0, 0, 4, 0, 0, 0],
         "spikes": [0, 1, 1, 0, 0, 0],
         "read_outs": [0, 1, 0, 0, 0, 0],
-        "updates": [0, 1, 1, 4, 4, 0],
+        "updates": [0, 1, 2, 5, 5, 1],
     }
     for name, values in expected.items():
         assert getattr(found, name)[0, :6, 0].tolist() == values, name
@@ -247,7 +251,13 @@ def test_a_neuron_with_a_bias_is_updated_in_every_step() -> None:
     network = eye(bias=np.array([-64, 0, 5, 0], np.int32), inhibition=0)
     plan = one_core(network)
     found = count_events(plan, first_spike(network))
-    assert found.updates[0, :5, 0].tolist() == [2, 3, 3, 2, 2]  # neuron 1 in step 1, the inhibitory one in step 2
+    assert found.updates[0, :5, 0].tolist() == [
+        2,
+        3,
+        4,
+        3,
+        3,
+    ]  # neuron 1 in step 1, the inhibitory one in step 2, the counter from then on
     assert (found.touched == found.updates).all()
 
 
@@ -268,7 +278,7 @@ def test_parts_and_what_is_mapped() -> None:
     trains = trains_of(plan.network, 4, 2)
     whole = count_events(plan, trains)
     assert (whole.queries, whole.steps, whole.injected) == (4, plan.network.interval, False)
-    assert whole.accesses[0, 0].sum() == 20 + 1 + 30
+    assert whole.accesses[0, 0].sum() == 20 + 20 + 1 + 30
     assert whole.input_accesses[3, 7].sum() == 30
     assert whole.tiles == len({(core.chip, core.core // 4) for core in plan.cores}) > 1
     for q in range(4):
@@ -299,7 +309,7 @@ def test_injected_spikes_enter_where_they_are_said_to(monkeypatch: pytest.Monkey
 
 
 def test_a_board_whose_mesh_is_not_public() -> None:
-    made = replace(small_network(12, 20), steps=20, threshold=20)
+    made = replace(small_network(12, 20), steps=29, threshold=20)
     plan = partition(made, LOIHI_2, even(made))
     counted = count_events(plan, trains_of(made, 2, 0))
     assert counted.tiles is None

@@ -97,10 +97,3 @@ def test_values_that_no_source_shows_are_refused_unless_asked_for() -> None:
     assert "fanoutType 4 is not 1" in refusal("synapseFmt.fanoutType", 4, ["one sign for all"])
     assert "rows without indices" in refusal("synapseFmt.compression", loihi.COMPRESSION_DENSE)
     assert refusal("synapseFmt.compression", loihi.COMPRESSION_SPARSE) == ""
-
-
-def test_more_spike_counters_than_the_row_has_are_refused() -> None:
-    row = BELIEFS["spike counters of a chip"]
-    assert not row.proven
-    assert row.refusal(512) == ""
-    assert "513 is more than 512 (unproven: " in row.refusal(513)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.boards.small_boards import check_plan, even, network, tiny
+from support.boards.small_boards import LIMITS, check_images, check_plan, even, network, tiny
 
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
 from lava_vpr.deploy.mapping.limits import host_spikes
@@ -167,3 +167,20 @@ def test_rates_of_other_inputs_are_a_mistake_of_the_caller() -> None:
     for rates in (np.ones(4), np.full(5, -1.0), np.full(5, np.nan)):
         with pytest.raises(ValueError, match="rates"):
             partition(made, KAPOHO_BAY, rates)
+
+
+def test_counters_take_a_compartment_an_axon_and_a_word_each() -> None:
+    made = network(12, 30)
+    without, beside = (partition(made, tiny(counters=counters), even(made)).cores[0] for counters in (False, True))
+    more = {name: getattr(beside.needs, name) - getattr(without.needs, name) for name in LIMITS}
+    assert more == {
+        **{"compartments": 12, "axons_in": 12, "axons_out": 0, "synapse_words": 12},
+        **{"profiles": 1, "thresholds": 1, "formats": 1},
+    }
+    for limits in ({"compartments": 8}, {"axons_in": 40}, {"axons_out": 9}):
+        plan = partition(made, tiny(counters=True, **limits), even(made))
+        assert len(plan.cores) > 1
+        check_plan(plan)
+        check_images(plan)
+    said = refused(made, tiny(counters=True, compartments=6))
+    assert "neurons and their counters need 25 compartments, but the 4 cores of Kapoho Bay" in said

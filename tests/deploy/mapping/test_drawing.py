@@ -236,12 +236,12 @@ def test_the_summary_says_what_limits_and_what_clears() -> None:
         "Modelled: the busiest core (0:4) takes 2.00 µs a step, "
     )
     assert "0.13 ms a query of 64 steps; messages cross 12.5 tiles a step." in text
-    assert "The host sends up to 46.8 spikes a step to each chip (limit: 50)." in text
+    assert "The host sends up to 46.8 spikes a step to each chip (limit: 56)." in text
     assert "an embedded processor of each chip writes v = 0" in text
     assert busiest(plan(500)).core == 4
     large = " ".join(summary(plan(5000, each=50)))
     assert "2 inhibitory neurons and another that listens to them take from every neuron 3 steps after any" in large
-    assert "spikes a step to each chip (limit: 50), where relays pass them on." in large
+    assert "spikes a step to each chip (limit: 56), where relays pass them on." in large
     assert "The host sends no spikes: inputs integrate a bias" in " ".join(summary(plan(150, bias_input=True)))
     other = " ".join(summary(plan(500, LOIHI_2)))
     assert "Which cores they are, and how synapses are stored, is decided by Intel's compiler." in other

@@ -88,12 +88,10 @@ def literal_hops(plan: Plan, exc_spikes: float, rates: np.ndarray) -> float:
     for core, image in zip(plan.cores, core_images(plan), strict=True):
         exc, inh, inputs = (core.part(name) for name in ("exc", "inh", "inputs"))
         for source, chip, other, _ in image.axons_out.tolist():
-            if other < 0:
-                continue
             rate = spiking
-            if source >= exc.size:
+            if source >= 2 * exc.size:  # behind the neurons and their counters
                 rate = min(1.0, exc_spikes)
-            if source >= exc.size + inh.size:
+            if source >= 2 * exc.size + inh.size:
                 rate = rates[inputs.first + source - inputs.compartment]
             (x, y), (other_x, other_y) = (
                 (8 * c + n // 4 // 4, n // 4 % 4) for c, n in ((core.chip, core.core), (chip, other))
@@ -106,7 +104,7 @@ def literal_hops(plan: Plan, exc_spikes: float, rates: np.ndarray) -> float:
 def test_hops_are_those_of_every_output_axon(bias_input: bool) -> None:
     made = network(40, 60, bias_input=bias_input)
     rates = np.random.default_rng(5).random(60) / 5
-    board = replace(KAPOHO_BAY, compartments=9)
+    board = replace(KAPOHO_BAY, compartments=18)
     plan = partition(made, board, rates, exc_spikes=0.5)
     check_plan(plan)
     assert plan.hops == pytest.approx(literal_hops(plan, 0.5, rates), rel=1e-4)
@@ -116,8 +114,8 @@ def test_hops_are_those_of_every_output_axon(bias_input: bool) -> None:
 def test_two_chips_only_when_one_is_full() -> None:
     made = network(30, 20)
     rates = even(made)
-    one = partition(made, replace(KAPOHO_BAY, compartments=6, cores=6), rates)
-    two = partition(made, replace(KAPOHO_BAY, compartments=6, cores=4), rates)
+    one = partition(made, replace(KAPOHO_BAY, compartments=12, cores=6), rates)
+    two = partition(made, replace(KAPOHO_BAY, compartments=12, cores=4), rates)
     assert {core.chip for core in one.cores} == {0}
     assert [sum(core.chip == chip for core in two.cores) for chip in (0, 1)] == [4, 2]
     for plan in (one, two):
@@ -133,7 +131,7 @@ def test_two_chips_only_when_one_is_full() -> None:
 
 def test_real_chips_fill_in_order() -> None:
     made = network(299, 30, inhibition=0)
-    plan = partition(made, replace(KAPOHO_BAY, compartments=2), even(made))
+    plan = partition(made, replace(KAPOHO_BAY, compartments=4), even(made))
     check_plan(plan)
     assert [sum(core.chip == chip for core in plan.cores) for chip in (0, 1)] == [128, 22]
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from support.boards.plans import busy_plan, chips_of, pictures, random_biases, random_network, simple_plan
 
 from lava_vpr.deploy.boards.plan import Plan
-from lava_vpr.deploy.registers.core_images import READ_OUT, CoreImage, HostTables, core_images, host_tables
+from lava_vpr.deploy.registers.core_images import CoreImage, HostTables, core_images, host_tables
 from lava_vpr.deploy.registers.simulator import Chips
 from lava_vpr.deploy.registers.simulator_kernels import EVENTS, State, Wiring, update
 from lava_vpr.deploy.registers.synapses import Format
@@ -114,9 +114,6 @@ def test_what_is_counted(bias_input: bool) -> None:
             k, times = place[chip, core], int(spikes[number])
             expected["spikes"][k] += times
             for _, target_chip, target_core, axon in images[k].axons_out[images[k].axons_out[:, 0] == compartment]:
-                if target_core == READ_OUT:
-                    expected["read_outs"][k] += times
-                    continue
                 target = place[target_chip, target_core]
                 expected["messages_out"][k] += times
                 expected["crossings"][k] += times * (target_chip != chip)
@@ -288,8 +285,8 @@ def test_what_does_not_come_to_rest_is_an_error() -> None:
         ):
             chips_of(plan, (*images[:last], image, *images[last + 1 :])).run(rates, keys)
 
-    slow = with_registers(images[last], "cxProfileCfg", 1, decayV=0)
-    refused(with_registers(slow, "vthProfileCfg", 1, vth=100000))  # an inhibitory neuron that only adds up
+    slow = with_registers(images[last], "cxProfileCfg", 2, decayV=0)
+    refused(with_registers(slow, "vthProfileCfg", 2, vth=100000))  # an inhibitory neuron that only adds up
     refused(with_registers(images[last], "cxProfileCfg", 0, decayU=0))
     refused(with_registers(images[last], "cxProfileCfg", 0, refractDelay=63))
 
@@ -327,9 +324,8 @@ def test_images_and_tables_that_contradict_each_other() -> None:
     refused("the images: hold no core, or one twice", rest[0])
     out = replace(one, axons_out=table_with(one.axons_out, 0, 0, 1, 4000))
     refused("an output axon: names 4000 of chip 0 core 1, which is not there", out)
-    for row in ((99, 0, 1, 0), (0, 1, READ_OUT, 0), (0, 0, READ_OUT, 20)):
-        lost = replace(one, axons_out=table_with(one.axons_out, *row))
-        refused("chip 0 core 1: an output axon comes from no compartment or goes to no counter", lost)
+    lost = replace(one, axons_out=table_with(one.axons_out, 99, 0, 1, 0))
+    refused("chip 0 core 1: an output axon comes from no compartment", lost)
     text = "the host's table exc: names 77 of chip 0 core 1, which is not there"
     refused(text, own=replace(tables, exc=table_with(tables.exc, 0, 1, 77)))
     text = "the host's table injection: names 0 of chip 1 core 9, which is not there"

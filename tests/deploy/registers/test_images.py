@@ -13,7 +13,6 @@ from support.boards.plans import random_network, simple_plan, small_plan
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.boards.plan import Part
 from lava_vpr.deploy.registers.core_images import (
-    READ_OUT,
     CoreImage,
     HostTables,
     core_images,
@@ -52,39 +51,42 @@ def test_the_network_comes_back_out_of_its_images(seed: int, small: bool, monkey
 
 def test_a_small_network_word_by_word() -> None:
     one, two = core_images(small_plan())
-    # Format ids: 1 inputs dense, 2 inputs sparse, 3 of the root, 4 to the root.
+    # Format ids: 1 inputs dense, 2 inputs sparse, 3 of the root, 4 to the counters, 5 to the root.
     index = 6
     words = [
         1 | 1 << 4 | 5 << 10 | 6 << 13,
         2 | 0 << 4 | 1 << 10 | 7 << 10 + index,
         3 | 1 << 4 | 10 << 10 | 10 << 14,
-        *(4 | 0 << 4 | 2 << 10 | 2 << 10 + index for _ in range(3)),
+        *(4 | 0 << 4 | counter << 10 | 2 << 10 + index for counter in (2, 3)),
+        *(5 | 0 << 4 | 4 << 10 | 2 << 10 + index for _ in range(3)),
     ]
     assert one.synapses.tolist() == words
-    assert one.axons_in.tolist() == [[0, 1, 2], [1, 1, 1], [2, 1, 2], [3, 1, 1], [4, 1, 1], [5, 1, 1]]
-    assert two.synapses.tolist() == [1 | 0 << 4 | 10 << 10]  # a lone neuron without input: the root's row
-    assert two.axons_in.tolist() == [[0, 1, 1]]
+    assert one.axons_in.tolist() == [[0, 1, 2], [1, 1, 1], [2, 1, 2], *([row, 1, 1] for row in range(3, 8))]
+    # A lone neuron without input: the root's row, and its counter's.
+    assert two.synapses.tolist() == [1 | 0 << 4 | 10 << 10, 2 | 0 << 4 | 1 << 10 | 2 << 16]
+    assert two.axons_in.tolist() == [[0, 1, 1], [1, 1, 1]]
     assert one.axons_out.tolist() == [
+        [0, 0, 4, 5],
         [0, 0, 4, 3],
-        [0, 0, READ_OUT, 0],
+        [1, 0, 4, 6],
         [1, 0, 4, 4],
-        [1, 0, READ_OUT, 1],
-        [2, 0, 4, 2],
-        [2, 1, 0, 0],
+        [4, 0, 4, 2],
+        [4, 1, 0, 0],
     ]
-    assert two.axons_out.tolist() == [[0, 0, 4, 5], [0, 1, READ_OUT, 2]]
-    assert one.compartments.tolist() == [[0, 0, 0, 0]] * 2 + [[1, 1, 0, 0]]
+    assert two.axons_out.tolist() == [[0, 0, 4, 7], [0, 1, 0, 1]]
+    assert one.compartments.tolist() == [[0, 0, 0, 0]] * 2 + [[1, 1, 0, 0]] * 2 + [[2, 2, 0, 0]]
     registers = one.registers
     assert [(p["decayU"], p["decayV"], p["refractDelay"]) for p in registers["cxProfileCfg"]] == [
         (4095, 130, 1),
+        (4095, 0, 1),
         (4095, 4095, 1),
     ]
-    assert registers["vthProfileCfg"] == [{"vth": 9}, {"vth": 1}]
+    assert registers["vthProfileCfg"] == [{"vth": 9}, {"vth": 131071}, {"vth": 1}]
     shown = [None if f is None else (f["wgtBits"], f["idxBits"], f["wgtExp"]) for f in registers["synapseFmt"]]
     # Of the root: mantissa 10 2^1; its 4 bits are the upper ones of 8.
-    assert shown == [None, (3, 0, -5), (3, 1, -5), (4, 0, -3), (2, 1, -6)]
+    assert shown == [None, (3, 0, -5), (3, 1, -5), (4, 0, -3), (2, 1, -6), (2, 1, -6)]
     assert registers["dendriteSharedCfg"] == {"posVmLimit": 7, "negVmLimit": 23}
-    assert registers["numUpdates"]["numUpdates"] == 1
+    assert registers["numUpdates"]["numUpdates"] == 2
     types = {name: getattr(one, name).dtype.name for name in ("compartments", "synapses", "axons_in", "axons_out")}
     assert types == {"compartments": "int32", "synapses": "uint64", "axons_in": "int32", "axons_out": "int32"}
 
@@ -99,8 +101,8 @@ def test_signs_and_biases_of_a_small_network() -> None:
     shown = [(f["wgtBits"], f["wgtExp"], f["fanoutType"]) for f in one.registers["synapseFmt"][1:3]]
     assert shown == [(3, -6, 1), (3, -6, 1)]  # -3 2^6 in the register's 9 bits, which is worth that 2^-6
     # Profile, threshold, mantissa and the one exponent of all.
-    assert one.compartments.tolist() == [[0, 0, 9, 1], [0, 0, -4095, 1], [1, 1, 0, 0]]
-    assert two.compartments.tolist() == [[0, 0, 0, 1]]
+    assert one.compartments.tolist() == [[0, 0, 9, 1], [0, 0, -4095, 1], *[[1, 1, 0, 0]] * 2, [2, 2, 0, 0]]
+    assert two.compartments.tolist() == [[0, 0, 0, 1], [1, 1, 0, 0]]
     told = scalars_of(plan.network)
     assert equal(network_of((one, two), host_tables(plan), told, KAPOHO_BAY), plan.network)
     wide = replace(plan, weight_bits=8)  # more bits than it needs
@@ -113,44 +115,46 @@ def test_leaves_and_relays_word_by_word(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setattr(fixed, "DIRECT", 2)
     nothing = small_plan()
     assert (nothing.network.leaves, nothing.network.input_compartments) == (2, 2)
-    one = replace(nothing.cores[0], parts=(Part("exc", 0, 3, 0), Part("inh", 2, 1, 3)))
+    one = replace(nothing.cores[0], parts=(Part("exc", 0, 3, 0), Part("counters", 0, 3, 3), Part("inh", 2, 1, 6)))
     two = replace(nothing.cores[1], parts=(Part("inh", 0, 2, 0), Part("inputs", 0, 2, 2)))
     plan = replace(nothing, cores=(one, two))
     first, second = core_images(plan)
-    # To exc: input 0 dense, input 1 sparse, the root; then leaf 0 and leaf 1 to the root.
-    assert first.axons_in[:, 2].tolist() == [3, 1, 3, 1, 1]
-    assert (first.synapses[-2:] >> np.uint64(10)).tolist() == [3 | 2 << 6] * 2
+    # To exc: input 0 dense, input 1 sparse, the root; to the counters; then leaf 0 and leaf 1 to the root.
+    assert first.axons_in[:, 2].tolist() == [3, 1, 3, *[1] * 5]
+    assert (first.synapses[-5:] >> np.uint64(10)).tolist() == [target | 2 << 6 for target in (3, 4, 5, 6, 6)]
     # Neurons 0 and 1 to leaf 0, neuron 2 to leaf 1, then the inputs to their relays.
     assert (second.synapses >> np.uint64(10)).tolist() == [target | 2 << 6 for target in (0, 0, 1, 2, 3)]
-    to_leaves = [[0, 1, 0, 0], [0, 0, READ_OUT, 0], [1, 1, 0, 1], [1, 0, READ_OUT, 1]]
-    assert first.axons_out.tolist() == [*to_leaves, [2, 1, 0, 2], [2, 0, READ_OUT, 2], [3, 0, 4, 2]]
-    assert second.axons_out.tolist() == [[0, 0, 4, 3], [1, 0, 4, 4], [2, 0, 4, 0], [3, 0, 4, 1]]
+    to_leaves = [[0, 1, 0, 0], [0, 0, 4, 3], [1, 1, 0, 1], [1, 0, 4, 4]]
+    assert first.axons_out.tolist() == [*to_leaves, [2, 1, 0, 2], [2, 0, 4, 5], [6, 0, 4, 2]]
+    assert second.axons_out.tolist() == [[0, 0, 4, 6], [1, 0, 4, 7], [2, 0, 4, 0], [3, 0, 4, 1]]
     profiles = [(p["decayU"], p["decayV"]) for p in second.registers["cxProfileCfg"]]
     assert (profiles, second.registers["vthProfileCfg"]) == ([(4095, 4095)] * 2, [{"vth": 1}] * 2)
     tables = host_tables(plan)
     assert tables.injection.tolist() == [[0, 1, 0, 3], [1, 1, 0, 4]]
     assert tables.inputs.tolist() == [[1, 0, 2], [1, 0, 3]]
-    assert tables.inh.tolist() == [[1, 0, 0], [1, 0, 1], [0, 4, 3]]
+    assert tables.inh.tolist() == [[1, 0, 0], [1, 0, 1], [0, 4, 6]]
+    assert tables.counters.tolist() == [[0, 4, 3], [0, 4, 4], [0, 4, 5]]
 
 
 def test_tables_of_a_small_network() -> None:
     tables = host_tables(small_plan())
     assert tables.injection.tolist() == [[0, 0, 4, 0], [1, 0, 4, 1]]
     assert tables.exc.tolist() == [[0, 4, 0], [0, 4, 1], [1, 0, 0]]
-    assert tables.inh.tolist() == [[0, 4, 2]]
+    assert tables.counters.tolist() == [[0, 4, 2], [0, 4, 3], [1, 0, 1]]
+    assert tables.inh.tolist() == [[0, 4, 4]]
     assert tables.inputs.shape == (0, 3)
     plan = small_plan(regular=True, bias_input=True)
     tables, image = host_tables(plan), core_images(plan)[0]
     assert tables.injection.shape == (0, 4)
-    assert tables.inputs.tolist() == [[0, 4, 3], [0, 4, 4]]
-    assert image.axons_out[-2:].tolist() == [[3, 0, 4, 0], [4, 0, 4, 1]]
-    assert image.registers["cxProfileCfg"][2]["decayV"] == 0
-    assert image.registers["vthProfileCfg"][2]["vth"] == 8000
+    assert tables.inputs.tolist() == [[0, 4, 5], [0, 4, 6]]
+    assert image.axons_out[-2:].tolist() == [[5, 0, 4, 0], [6, 0, 4, 1]]
+    assert image.registers["cxProfileCfg"][3]["decayV"] == 0
+    assert image.registers["vthProfileCfg"][3]["vth"] == 8000
 
 
 def test_without_inhibition_there_is_a_root_without_axons() -> None:
     one, two = core_images(small_plan(inhibition=0))
-    assert (len(one.axons_in), len(two.axons_in), len(two.synapses)) == (5, 0, 0)
+    assert (len(one.axons_in), len(two.axons_in), len(two.synapses)) == (7, 1, 1)
     assert one.axons_out[:, 0].tolist() == [0, 0, 1, 1]
 
 
@@ -177,7 +181,11 @@ def test_what_loihi_1_cannot_do_is_refused() -> None:
 def altered(images: tuple[CoreImage, ...], tables: HostTables, seed: int) -> tuple[Any, HostTables, str]:
     """Images and tables with one number changed, and where."""
     rng = np.random.default_rng(seed)
-    where = str(rng.choice(["compartments", "synapses", "axons_in", "axons_out", "injection", "inputs", "exc", "inh"]))
+    where = str(
+        rng.choice(
+            ["compartments", "synapses", "axons_in", "axons_out", "injection", "inputs", "exc", "counters", "inh"]
+        )
+    )
     k = int(rng.integers(len(images)))
     source = images[k] if hasattr(images[k], where) else tables
     array = getattr(source, where).copy()
@@ -211,7 +219,7 @@ def test_one_wrong_number_is_refused_or_is_another_network(bias_input: bool) -> 
             refused.add(where)
         assert "\n" not in text
         assert text.endswith("deploy the model again") or not text
-    expected = {"compartments", "synapses", "axons_in", "axons_out", "exc", "inh"}
+    expected = {"compartments", "synapses", "axons_in", "axons_out", "exc", "counters", "inh"}
     assert refused == expected | {"inputs" if bias_input else "injection"}
 
 
@@ -254,7 +262,7 @@ def test_registers_that_are_not_as_written() -> None:
 def test_input_axons_that_change_places_are_refused() -> None:
     plan = small_plan()
     one, two = core_images(plan)
-    order = [0, 1, 2, 4, 3, 5]  # of neurons 0 and 1 to the root
+    order = [0, 1, 2, 3, 4, 6, 5, 7]  # of neurons 0 and 1 to the root
     with pytest.raises(ModelFileError, match=r"^axons_in of chip 0 core 4 contradict the rest of the network; deploy"):
         network_of(
             (replace(one, axons_in=one.axons_in[order]), two), host_tables(plan), scalars_of(plan.network), KAPOHO_BAY

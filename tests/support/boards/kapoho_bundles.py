@@ -50,14 +50,22 @@ Place = tuple[PopulationName, int, int]
 """A population, its first neuron on a core, and how many."""
 
 
+def with_counters(members: list[Place]) -> list[Part]:
+    """The parts of a core whose excitatory neurons have their counters behind them."""
+    parts, compartment = [], 0
+    for population, first, size in members:
+        for name in ("exc", "counters") if population == "exc" else (population,):
+            parts.append(Part(name, first, size, compartment))  # type: ignore[arg-type]
+            compartment += size
+    return parts
+
+
 def plan_by_hand(network: FixedNetwork, cores: dict[tuple[int, int], list[Place]], dense: float = 0.5) -> Plan:
-    """Neurons where ``cores`` (chip, core) says; a part ``dense`` of the inputs' rows."""
+    """Neurons where ``cores`` (chip, core) says, counters behind them; a part ``dense`` of the inputs' rows."""
     made = []
     for (chip, core), members in cores.items():
-        parts, compartment = [], 0
-        for population, first, size in members:
-            parts.append(Part(population, first, size, compartment))
-            compartment += size
+        parts = with_counters(members)
+        compartment = sum(part.size for part in parts)
         rows = np.arange(network.inputs) % 8 < 8 * dense
         nothing = Load(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         needs = Needs(compartment, None, None, None, None, None, None)
@@ -109,7 +117,7 @@ def make(folder: Path, plan: Plan, images: int = 5, traverses: int = 1, seed: in
     np.add.at(responses.T, labels, counts)
     files = {"host/rates.npy": rates, "host/keys.npy": keys, "host/responses.npy": responses, "host/labels.npy": labels}
     tables = host_tables(plan)
-    files |= {f"host/{name}.npy": getattr(tables, name) for name in ("injection", "inputs", "exc", "inh")}
+    files |= {f"host/{name}.npy": getattr(tables, name) for name in ("injection", "inputs", "exc", "counters", "inh")}
     registers = {}
     for image in core_images(plan):
         name = f"cores/chip{image.chip}-core{image.core:03d}"

@@ -40,9 +40,10 @@ def simple_plan(network: FixedNetwork, cores: int, seed: int = 0, chips: int = 2
     positions = [(k % chips, 3 * (k // chips) + 1) for k in range(2 * cores)]
     found = []
     for k, (first, last) in enumerate(pairwise(edges)):
-        parts = [Part("exc", int(first), int(last - first), 0)]
+        own = int(last - first)
+        parts = [Part("exc", int(first), own, 0), Part("counters", int(first), own, own)]
         begin, end = inh_edges[(k + 1) % cores :][:2]
-        parts.append(Part("inh", int(begin), int(end - begin), parts[0].size))
+        parts.append(Part("inh", int(begin), int(end - begin), 2 * own))
         dense = rng.random(network.inputs) < rng.choice([0.0, 0.5, 1.0])
         chip, core = positions[k]
         found.append(CorePlan(chip, core, tuple(p for p in parts if p.size), dense, NEEDS, LOAD))
@@ -102,15 +103,15 @@ def small_plan(**changes: Any) -> Plan:
     weights = np.array([[5, 6, 0], [0, 7, 0]], np.int16)
     network = replace(FixedNetwork(weights, np.zeros(3, np.int32), 3, False, 9, 10, 1, 130, 20), **changes)
     dense = np.array([True, False])
-    parts = [Part("exc", 0, 2, 0), Part("inh", 0, 1, 2)]
+    parts = [Part("exc", 0, 2, 0), Part("counters", 0, 2, 2), Part("inh", 0, 1, 4)]
     if network.bias_input:
-        parts.append(Part("inputs", 0, 2, 3))
+        parts.append(Part("inputs", 0, 2, 5))
     return Plan(
         network,
         KAPOHO_BAY,
         (
             CorePlan(0, 4, tuple(parts), dense, NEEDS, LOAD),
-            CorePlan(1, 0, (Part("exc", 2, 1, 0),), dense, NEEDS, LOAD),
+            CorePlan(1, 0, (Part("exc", 2, 1, 0), Part("counters", 2, 1, 1)), dense, NEEDS, LOAD),
         ),
         3,
         4,

@@ -20,7 +20,7 @@ from lava_vpr.engine.inference.fixed import FixedNetwork
 LIMITS = ("compartments", "axons_in", "axons_out", "synapse_words", "profiles", "thresholds", "formats")
 
 
-ORDER = ["exc", "inh", "inputs"].index
+ORDER = ["exc", "counters", "inh", "inputs"].index
 
 
 def network(
@@ -59,8 +59,8 @@ def even(made: FixedNetwork, spikes: float = 20.0) -> np.ndarray:
 
 
 def tiny(**limits: int) -> Board:
-    """Kapoho Bay as one chip of four cores, with smaller limits."""
-    return replace(KAPOHO_BAY, **{"chips": 1, "cores": 4, **limits})  # type: ignore[arg-type]
+    """Kapoho Bay as one chip of four cores without counters, with smaller limits."""
+    return replace(KAPOHO_BAY, **{"chips": 1, "cores": 4, "counters": False, **limits})  # type: ignore[arg-type]
 
 
 def words(synapses: int, bits: int) -> int:
@@ -113,6 +113,12 @@ def literal_needs(plan: Plan, core: CorePlan) -> dict[str, int]:
         axons_in += 1
         formats.add(("root", True))
         total += words(len(exc), plan.inhibition_bits)
+    counters = exc if board.counters else []
+    assert numbers(core, "counters") == counters  # beside their neurons
+    if counters:
+        formats.add(("counters", False))
+        axons_in += len(counters)
+        total += len(counters)
     for number in inh:
         formats.add(("inh", False))
         axons_in += len(listened(made, number))
@@ -125,9 +131,9 @@ def literal_needs(plan: Plan, core: CorePlan) -> dict[str, int]:
             axons_in += 1
             total += 1
         axons_out += sum(bool(made.weights[number, numbers(other, "exc")].any()) for other in with_exc)
-    populations = sum(bool(own) for own in (exc, inh, inputs))
+    populations = sum(bool(own) for own in (exc, counters, inh, inputs))
     return {
-        "compartments": len(exc) + len(inh) + len(inputs),
+        "compartments": len(exc) + len(counters) + len(inh) + len(inputs),
         "axons_in": axons_in,
         "axons_out": axons_out,
         "synapse_words": total,
@@ -140,7 +146,12 @@ def literal_needs(plan: Plan, core: CorePlan) -> dict[str, int]:
 def check_plan(plan: Plan) -> None:
     """Every neuron stands once, every need is what is counted anew, and every limit holds."""
     made, board = plan.network, plan.board
-    sizes = {"exc": made.neurons, "inh": made.inhibitory, "inputs": made.input_compartments}
+    sizes = {
+        "exc": made.neurons,
+        "counters": made.neurons * board.counters,
+        "inh": made.inhibitory,
+        "inputs": made.input_compartments,
+    }
     for name, size in sizes.items():
         assert sorted(i for core in plan.cores for i in numbers(core, name)) == list(range(size))
     where = [(core.chip, core.core) for core in plan.cores]

@@ -24,8 +24,8 @@ from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.model import Model, Stretch
 
 WEIGHT_BITS = (0, 1, 2, 3, 4, 5, 6, 8)
-READ_OUT = -1
-"""Core of an output axon that leads to the embedded processor."""
+COUNTED = 128
+"""What a spike brings the counter of its neuron, in units of u."""
 Row = tuple[NDArray[np.int64], NDArray[np.int64]]
 """Compartments of a row's synapses, and the currents they bring, in units of u."""
 INDEX_BITS = (0, 6, 7, 8, 9, 10, 11, 12)
@@ -176,7 +176,6 @@ def violations(cores: list[Core], board: Board, tables: dict[str, NDArray[Any]])
         if limit is not None and value > limit:
             found.append(f"{what}: {value} > {limit}")
 
-    exc = {tuple(row) for row in tables["exc"].tolist()}
     numbers = {(core.chip, core.number) for core in cores}
     if len(numbers) < len(cores):
         found.append("two cores with one number")
@@ -187,11 +186,6 @@ def violations(cores: list[Core], board: Board, tables: dict[str, NDArray[Any]])
         need(f"{name} compartments", len(core.compartments), board.compartments)
         need(f"{name} input axons", len(core.axons_in), board.axons_in)
         need(f"{name} output axons", len(core.axons_out), board.axons_out)
-        readout = sorted(source for source, _, number, _ in core.axons_out.tolist() if number == READ_OUT)
-        if readout != sorted(
-            compartment for chip, number, compartment in exc if (chip, number) == (core.chip, core.number)
-        ):
-            found.append(f"{name}: not every neuron is read out once")
         spans = sorted({(first, words) for first, words, _ in core.axons_in.tolist()})
         need(f"{name} words", max((a + b for a, b in spans), default=0), board.synapse_words)
         need(f"{name} words stored", len(core.words), board.synapse_words)
@@ -217,8 +211,6 @@ def violations(cores: list[Core], board: Board, tables: dict[str, NDArray[Any]])
             received[1, targets] += np.maximum(-currents, 0)
         need(f"{name} received", int(received.max(initial=0)) >> 6, board.input_limit - 1)
         for source, chip, number, axon in core.axons_out.tolist():
-            if number == READ_OUT:
-                continue
             target = next((other for other in cores if (other.chip, other.number) == (chip, number)), None)
             if not 0 <= source < len(core.compartments) or target is None or not 0 <= axon < len(target.axons_in):
                 found.append(f"{name}: an axon leads to chip {chip} core {number} axon {axon}, which is not there")
@@ -232,7 +224,7 @@ Ways = dict[tuple[str, str], NDArray[np.int64]]
 def matrices(cores: list[Core], tables: dict[str, NDArray[Any]], inputs: int) -> Ways:
     """Currents followed from axon to axon; spikes that the host sends are of the population ``injected``."""
     by_number = {(core.chip, core.number): core for core in cores}
-    names = ("exc", "inh", "inputs")
+    names = ("exc", "counters", "inh", "inputs")
     whose = {(core.chip, core.number): [("", -1)] * len(core.compartments) for core in cores}
     for name in names:
         for number, (chip, core_number, compartment) in enumerate(tables[name].tolist()):
@@ -252,8 +244,7 @@ def matrices(cores: list[Core], tables: dict[str, NDArray[Any]], inputs: int) ->
         follow("injected", source, chip, core, axon)
     for core in cores:
         for compartment, chip, number, axon in core.axons_out.tolist():
-            if number != READ_OUT:
-                follow(*whose[core.chip, core.number][compartment], chip, number, axon)
+            follow(*whose[core.chip, core.number][compartment], chip, number, axon)
     return found
 
 
@@ -266,7 +257,8 @@ def wanted(network: FixedNetwork) -> Ways:
     takes[root] = -64 * network.lateral
     for neuron in range(network.neurons):
         listens[neuron, neuron // fixed.FAN_IN if network.leaves else root] = 128
-    found = {("exc", "inh"): listens, ("inh", "exc"): takes}
+    counted = COUNTED * np.eye(network.neurons, dtype=np.int64)
+    found = {("exc", "inh"): listens, ("exc", "counters"): counted, ("inh", "exc"): takes}
     if network.leaves:
         found["inh", "inh"] = 128 * (np.arange(root + 1)[:, None] < root) * (np.arange(root + 1) == root)
     if network.relayed:
@@ -276,7 +268,7 @@ def wanted(network: FixedNetwork) -> Ways:
 
 def tables_of(bundle: Bundle) -> dict[str, NDArray[Any]]:
     """The host's tables."""
-    return {name: bundle.array(f"host/{name}.npy") for name in ("injection", "inputs", "exc", "inh")}
+    return {name: bundle.array(f"host/{name}.npy") for name in ("injection", "inputs", "exc", "counters", "inh")}
 
 
 def memory_bundle(manifest: dict[str, Any], files: dict[str, bytes]) -> Bundle:

@@ -17,8 +17,7 @@ from support.fuzz.soundness.rules import Findings, whole
 WEIGHT_BITS, INDEX_BITS = (0, 1, 2, 3, 4, 5, 6, 8), (0, 6, 7, 8, 9, 10, 11, 12)
 CHIPS, CORES, COMPARTMENTS, AXONS, WORDS = 2, 128, 1024, 4096, 16_384
 DIRECT = 1024
-READ_OUT = -1
-TABLES = {"injection": 4, "inputs": 3, "exc": 3, "inh": 3}
+TABLES = {"injection": 4, "inputs": 3, "exc": 3, "counters": 3, "inh": 3}
 ARRAYS = {"compartments": ("i4", 4), "axons_in": ("i4", 3), "axons_out": ("i4", 4)}
 PROFILE = {"decayU": 4095, "decayV": 4095, "refractDelay": 63, "enableNoise": 1, "bapAction": 1}
 Core = dict[str, Any]
@@ -150,7 +149,12 @@ def _places(
     neurons, biased = said["neurons"], said["bias_input"]
     inhibitory = 1 if neurons <= AXONS else -(-neurons // AXONS) + 1
     relayed = neurons > DIRECT and not biased
-    sizes = {"exc": neurons, "inh": inhibitory, "inputs": said["inputs"] if biased or relayed else 0}
+    sizes = {
+        "exc": neurons,
+        "counters": neurons,
+        "inh": inhibitory,
+        "inputs": said["inputs"] if biased or relayed else 0,
+    }
     taken: set[tuple[int, ...]] = set()
     for name, size in sizes.items():
         rows = [tuple(row) for row in tables[name].tolist()]
@@ -168,10 +172,7 @@ def _places(
     for place, content in cores.items():
         for source, chip, core, axon in content["axons_out"].tolist():
             inside = 0 <= source < len(content["compartments"])
-            if core == READ_OUT:
-                inside = inside and chip == place[0] and 0 <= axon < said["neurons"]
-            else:
-                inside = inside and (chip, core) in cores and 0 <= axon < len(cores[chip, core]["axons_in"])
+            inside = inside and (chip, core) in cores and 0 <= axon < len(cores[chip, core]["axons_in"])
             findings.need(inside, "B7", f"{place}: an output axon leads nowhere")
 
 
@@ -183,7 +184,7 @@ def _ways(
     ways = [] if owners else [(number, (chip, core), axon) for number, chip, core, axon in sent]
     for place, content in cores.items():
         for source, chip, core, axon in content["axons_out"].tolist():
-            if (*place, source) in owners and core != READ_OUT:
+            if (*place, source) in owners:
                 ways.append((owners[(*place, source)], (chip, core), axon))
     return ways
 

@@ -15,10 +15,6 @@ typedef struct {
     CxCfg cx_cfg[1024];
 } NeuronCore;
 
-#define STANDIN_COUNTERS 4096
-extern uint8_t standin_spike_count[4][STANDIN_COUNTERS];
-#define SPIKE_COUNT standin_spike_count
-
 NeuronCore *standin_neuron_core(CoreId core);
 #define NEURON_PTR(core) standin_neuron_core(core)
 

@@ -4,7 +4,6 @@
 #define CORES 256
 
 static NeuronCore cores[CORES];
-uint8_t standin_spike_count[4][STANDIN_COUNTERS];
 
 static int (*channel_id)(const char *);
 static void (*read_messages)(int, void *, int), (*write_messages)(int, const void *, int);

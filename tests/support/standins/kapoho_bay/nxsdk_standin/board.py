@@ -9,45 +9,16 @@ from types import SimpleNamespace
 from typing import Any
 
 from nxsdk.api.enums.api_enums import ProbeParameter
-from nxsdk.graph.monitor.probes import PerformanceProbeCondition, SpikeProbeCondition
+from nxsdk.graph.monitor.probes import PerformanceProbeCondition
 from nxsdk.graph.processes.phase_enums import Phase
 
 from nxsdk_standin.channels import Channel, Traffic
-from nxsdk_standin.cores import Chip, Core, CxState
+from nxsdk_standin.cores import Chip
 from nxsdk_standin.faults import FAULTS, StandinError
 from nxsdk_standin.simulation import Machine, check_axons
 from nxsdk_standin.snips import Snip
 
 FOREVER = 3600.0
-
-
-class Probe:
-    """A spike probe; its counter is known once the board has started."""
-
-    def __init__(self, core: Core, compartment: int) -> None:
-        self.core, self.compartment = core, compartment
-        self.counterId: int | None = None
-
-
-class Monitor:
-    """Makes probes."""
-
-    def __init__(self) -> None:
-        self.probes: list[Probe] = []
-
-    def probe(self, state: CxState, places: list[int], key: str, probeCondition: Any = None) -> list[Probe]:
-        """A probe for each compartment."""
-        if not isinstance(state, CxState) or key != "spike" or not isinstance(probeCondition, SpikeProbeCondition):
-            raise StandinError(f"probe({state}, {places}, {key}, {probeCondition})")
-        if probeCondition.tStart < 10**7:
-            raise StandinError("a spike probe that begins empties the counters that the embedded program reads")
-        for place in places:
-            if place in state.core.probed:
-                raise StandinError(f"{state.core.where}compartment {place} is probed twice")
-            state.core.probed.append(place)
-        made = [Probe(state.core, place) for place in places]
-        self.probes += made
-        return made
 
 
 class Executor:
@@ -72,7 +43,7 @@ class N2Board:
         if not 1 <= n_chips <= 2 or max(n_cores_per_chip) > 128:
             raise StandinError("Kapoho Bay has two chips of 128 cores")
         self.n2Chips = [Chip(i, row) for i, row in enumerate(n_synapses_per_core)]
-        self.monitor, self.executor = Monitor(), Executor()
+        self.executor = Executor()
         self.snips: list[Snip] = []
         self.channels: list[Channel] = []
         self.traffic = Traffic()

@@ -26,13 +26,6 @@ class Axon(NamedTuple):
     axon: int
 
 
-class CxState:
-    """What a probe is put on."""
-
-    def __init__(self, core: Core) -> None:
-        self.core = core
-
-
 class Core:
     """One core."""
 
@@ -52,9 +45,7 @@ class Core:
         self.numUpdates = Register(where + "numUpdates", names.UPDATES)
         self.dendriteTimeState = Array(where + "dendriteTimeState", 1, names.EPOCH)
         self.timeState = Array(where + "timeState", 1, names.EPOCH)
-        self.cxState = CxState(self)
         self.axons: list[Axon] = []
-        self.probed: list[int] = []
 
     def createDiscreteAxon(self, srcCxId: int, dstChipId: int, dstCoreId: int, dstSynMapId: int) -> None:
         """An output axon."""
@@ -156,7 +147,7 @@ class Core:
             taken += length
         if taken != self.synapses.size or sum(words for _, words in spans.values()) > WORDS:
             raise StandinError(f"{self.where}synapses are left over, or need more than {WORDS} words")
-        if len(self.axons) + len(self.probed) > AXONS or any(not 0 <= axon.source < n for axon in self.axons):
+        if len(self.axons) > AXONS or any(not 0 <= axon.source < n for axon in self.axons):
             raise StandinError(f"{self.where}output axons are too many, or of no compartment")
         return {
             "decays": np.array([profiles[i] for i in table[:, 1]]),

@@ -25,8 +25,6 @@ class Faults:
     lose, damage, repeat: Number of the packet to chip 0 (from 0) that is lost, changed, or sent twice in place of the
         next; -1: none.
     wrong_query: Number of the packet from chip 0 that carries another query's number; -1: none.
-    lag: Steps until a spike is seen in its counter: 0 or 1.
-    no_counters: Probes do not tell their counters.
     sensors: The board measures its power.
     once: File that the first fault creates; none happens while it exists.
     log: File to which starts, runs and disconnections are appended.
@@ -42,8 +40,6 @@ class Faults:
     damage: int = -1
     repeat: int = -1
     wrong_query: int = -1
-    lag: int = 0
-    no_counters: bool = False
     sensors: bool = True
     once: str = ""
     log: str = ""
@@ -62,7 +58,7 @@ class Faults:
 def _given() -> Faults:
     given = Faults(**json.loads(os.environ.get("STANDIN", "{}")))
     if given.once and Path(given.once).exists():
-        return Faults(version=given.version, lag=given.lag, log=given.log)
+        return Faults(version=given.version, log=given.log)
     if given.once:
         Path(given.once).touch()
     return given

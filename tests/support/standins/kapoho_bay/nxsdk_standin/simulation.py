@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from nxsdk_standin.cores import Axon, Chip, Core
-from nxsdk_standin.faults import FAULTS, StandinError
+from nxsdk_standin.faults import StandinError
 
 ACCUMULATOR = 1 << 15  # weight units of one step
 TOP = 1 << 23
@@ -28,7 +28,6 @@ class Running:
         self.out: dict[int, list[Axon]] = {}
         for axon in core.axons:
             self.out.setdefault(axon.source, []).append(axon)
-        self.counter: dict[int, int] = {}
         self.arrived: list[int] = []
 
     def receive(self, axon: int) -> None:
@@ -81,28 +80,16 @@ class Machine:
             for core in chip.n2CoresAsList:
                 if core.used:
                     self.cores[chip.id, core.id] = Running(core, memory[core.id])
-        for chip in self.chips:
-            probes = [probe for probe in board.monitor.probes if probe.core.parent is chip]
-            for i, probe in enumerate(reversed(probes)):  # no program may count on the order
-                self.cores[chip.id, probe.core.id].counter[probe.compartment] = 0x20 + i
-                probe.counterId = None if FAULTS.no_counters else 0x20 + i
-        self.counted: list[tuple[int, int]] = []
 
     def step(self, call: Any) -> None:
         """One step; ``call`` runs all embedded programs."""
         self.time += 1
-        sent, before, self.counted = [], self.counted, []
-        for (chip, _), running in self.cores.items():
+        sent = []
+        for running in self.cores.values():
             for source in running.step():
                 sent += running.out.get(source, [])
-                if source in running.counter:
-                    self.counted.append((chip, running.counter[source]))
         for axon in sent:
             self.cores[axon.chip, axon.core].receive(axon.axon)
-        for chip, counter in before if FAULTS.lag else self.counted:
-            for snip in self.snips:
-                if snip.chip.id == chip:
-                    snip.counters[self.time & 3, counter] += 1
         call(self.time)
         for snip in self.snips:
             for core, axon in snip.injected:

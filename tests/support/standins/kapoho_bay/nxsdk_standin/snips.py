@@ -27,7 +27,7 @@ STRICT = [
     "-Wundef",
     "-Werror",
 ]
-CORES, COUNTERS = 256, 4096
+CORES = 256
 STATE = np.dtype([("U", "<i4"), ("V", "<i4")])
 CONFIG = np.dtype([(name, "<i4") for name in ("Bias", "BiasExp", "VthProfile", "CxProfile")])
 CORE = np.dtype([("state", STATE, 1024), ("config", CONFIG, 1024)])
@@ -55,6 +55,7 @@ class Snip:
         self.injected: list[tuple[int, int]] = []
         self.before: dict[int, Any] = {}
         self.flushed: dict[int, Any] = {}
+        self.calls = {"touch": 0, "flush": 0, "spike": 0}
 
     def compile(self) -> None:
         """Build and load the program.
@@ -85,8 +86,6 @@ class Snip:
         self.library.standin_memory.restype = ctypes.c_void_p
         raw = (ctypes.c_char * (CORE.itemsize * CORES)).from_address(self.library.standin_memory())
         self.memory = np.frombuffer(raw, CORE)
-        counters = (ctypes.c_uint8 * (4 * COUNTERS)).in_dll(self.library, "standin_spike_count")
-        self.counters = np.frombuffer(counters, np.uint8).reshape(4, COUNTERS)
         self._install()
 
     def _install(self) -> None:
@@ -133,9 +132,11 @@ class Snip:
     def _spike(self, time: int, core: int, axon: int) -> None:
         if time != self.step & 0xFFFF:
             raise StandinError(f"a spike is sent in step {self.step} for {time}")
+        self.calls["spike"] += 1
         self.injected.append((core, axon))
 
     def _touch(self, core: int) -> None:
+        self.calls["touch"] += 1
         if core not in {own.id for own in self.chip.n2CoresAsList if own.used}:
             raise StandinError(f"chip {self.chip.number} has no core with id {core} in use")
         if core not in self.before:
@@ -143,6 +144,8 @@ class Snip:
 
     def _flush(self, core: int) -> None:
         self._touch(core)
+        self.calls["touch"] -= 1
+        self.calls["flush"] += 1
         self.flushed[core] = self.memory[core].copy()
 
     def run(self, step: int) -> None:

@@ -1,0 +1,137 @@
+"""The time of the program on a chip's embedded processor: its accesses, counted, times stated cycles.
+
+What it accesses is read off ``programs/kapoho_bay/embedded.c``: registers of cores (a state or setting read or
+written, a spike sent to a core, a core flushed), which lie beyond the mesh, and words of its own memory (packets
+copied, summed and filled, tables looked up). It runs after the neurons of every step, while the cores wait: its time
+adds to theirs, and chips, which step together, wait for the busiest. How long an access takes is not public
+(`loihi.REGISTER_CYCLES`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.deploy.boards.constants import CostConstants
+from lava_vpr.deploy.boards.estimate import Estimate, Level
+from lava_vpr.deploy.boards.plan import Plan, PopulationName
+from lava_vpr.deploy.cost.events import EventCounts
+from lava_vpr.loihi import PACKET_HEADER_WORDS, PACKET_WORDS
+
+Floats = NDArray[np.float64]
+
+CALL_WORDS = 8
+"""Words that a call of the program takes by itself: guard, state, and the step of the query."""
+
+ROOM = PACKET_WORDS - PACKET_HEADER_WORDS
+SETTING_WORDS, SETTING_ACCESSES, SILENCING_ACCESSES, BIAS_ACCESSES, NEURON_ACCESSES = 2, 3, 2, 2, 3
+"""Words that set an input compartment; accesses to set it (bias read and written, membrane written), to take its bias
+away, to set a neuron's bias (read and written), and of a neuron between queries (counter read; counter and membrane
+cleared)."""
+
+
+@dataclass(frozen=True)
+class Accesses:
+    """Accesses of one chip's processor: ``registers`` of cores, and ``words`` of its own memory."""
+
+    registers: float
+    words: float
+
+    def __add__(self, other: Accesses) -> Accesses:
+        return Accesses(self.registers + other.registers, self.words + other.words)
+
+    def nanoseconds(self, constants: CostConstants) -> Estimate:
+        """How long they take."""
+        return constants.register_time.estimate * self.registers + constants.word_time.estimate * self.words
+
+
+def _received(words: float) -> float:
+    """Words of memory for packets with so many words of payload: copied whole, summed up and used."""
+    return -(-words // ROOM) * (PACKET_WORDS + PACKET_HEADER_WORDS) + 2 * words
+
+
+def _sent(words: float) -> float:
+    """Words of memory for packets of counts, at least one: emptied and copied whole, filled and summed up."""
+    return max(1, -(-words // ROOM)) * (2 * PACKET_WORDS + PACKET_HEADER_WORDS) + 2 * words
+
+
+def _chips(plan: Plan) -> list[int]:
+    """The chips in use."""
+    return sorted({core.chip for core in plan.cores})
+
+
+def _members(plan: Plan, chip: int, population: PopulationName) -> tuple[int, int]:
+    """Neurons of ``population`` on a chip, and the cores that they stand on."""
+    sizes = [core.part(population).size for core in plan.cores if core.chip == chip]
+    return sum(sizes), sum(size > 0 for size in sizes)
+
+
+def between_queries(plan: Plan) -> dict[int, Accesses]:
+    """Accesses of each chip's processor between two queries: counts read and sent, states cleared, inputs set and, at
+    the end, silenced."""
+    found = {}
+    for chip in _chips(plan):
+        exc, exc_cores = _members(plan, chip, "exc")
+        accesses = Accesses(NEURON_ACCESSES * exc + exc_cores, _sent(exc) + 2 * exc)
+        if plan.network.bias_input:
+            inputs, cores = _members(plan, chip, "inputs")
+            set_up = (SETTING_ACCESSES + SILENCING_ACCESSES) * inputs + 2 * cores
+            accesses += Accesses(set_up, _received(SETTING_WORDS * inputs) + inputs)
+        found[chip] = accesses
+    return found
+
+
+def of_biases(plan: Plan) -> dict[int, Accesses]:
+    """Accesses of each chip's processor for the biases of an adapted query."""
+    sizes = {chip: _members(plan, chip, "exc") for chip in _chips(plan)}
+    return {chip: Accesses(BIAS_ACCESSES * exc + cores, _received(exc)) for chip, (exc, cores) in sizes.items()}
+
+
+def milliseconds(accesses: dict[int, Accesses], constants: CostConstants) -> Estimate:
+    """The time of what every chip's processor does by itself: that of the busiest."""
+    times = [own.nanoseconds(constants) for own in accesses.values()]
+    return Estimate.of(lambda level: max((time.at(level) for time in times), default=0.0) / 1e6)
+
+
+def _in_steps(plan: Plan, events: EventCounts) -> list[tuple[Floats, Floats]]:
+    """Accesses to registers and words of each chip's processor in every step, float64 (n, steps) each."""
+    where = np.array([core.chip for core in plan.cores])
+    with_input = np.arange(events.steps) < plan.network.steps
+    found = []
+    for chip in _chips(plan):
+        registers = events.injected_messages[:, :, where == chip].sum(axis=2).astype(np.float64)
+        words = np.full(registers.shape, float(CALL_WORDS))
+        if events.injected:
+            spikes = registers if plan.network.relayed else events.input_spikes.astype(np.float64)
+            targets = sum(_members(plan, chip, "inputs" if plan.network.relayed else "exc")[1:])
+            packet = PACKET_WORDS + PACKET_HEADER_WORDS
+            words = words + np.where(with_input, packet + (2 + targets) * spikes, 0.0)
+        found.append((registers, words))
+    return found
+
+
+def step_microseconds(plan: Plan, events: EventCounts, constants: CostConstants, level: Level) -> Floats:
+    """Time of the program in every step, us, float64 (n, steps): that of the busiest chip."""
+    register, word = constants.register_time.at(level), constants.word_time.at(level)
+    times = [register * registers + word * words for registers, words in _in_steps(plan, events)]
+    return np.asarray(np.max(times, axis=0) / 1e3)
+
+
+def as_json(plan: Plan, events: EventCounts, constants: CostConstants) -> dict[str, object]:
+    """The program's work by name: accesses of the busiest chip in a step (mean) and between queries; their times."""
+    steps, queries = _in_steps(plan, events), between_queries(plan)
+
+    def most(values: Callable[[tuple[Floats, Floats]], Floats]) -> float:
+        return max(float(values(own).mean()) for own in steps)
+
+    return {
+        "registers_per_step": most(lambda own: own[0]),
+        "words_per_step": most(lambda own: own[1]),
+        "registers_per_query": max(own.registers for own in queries.values()),
+        "words_per_query": max(own.words for own in queries.values()),
+        "step_microseconds": Estimate.of(lambda level: float(step_microseconds(plan, events, constants, level).mean())),
+        "query_milliseconds": milliseconds(queries, constants),
+    }
