@@ -1,4 +1,4 @@
-"""All the energy of a query: every preset on Kapoho Bay with its host, the same network on a processor, cosine and SAD.
+"""All the energy of a query: every preset on Kapoho Bay with its host, on a processor alone, and cosine, HOG and SAD.
 
     LAVA_VPR_DATA=... python -m benchmarks.energy.whole [--rounds 5]
 
@@ -28,10 +28,11 @@ from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.cost.costs import Modelled, modelled
 from lava_vpr.deploy.cost.events import count_events
+from lava_vpr.inputs.hog import hog
 from lava_vpr.inputs.patches import patch_normalised
-from lava_vpr.recognition import BASELINES
 from lava_vpr.traverse import open_traverse
 
+RIVALS = ("cosine", "hog", "sad")
 INTEGER = tuple(name for name in PRESETS if name != "paper")
 
 
@@ -39,8 +40,8 @@ def recalls(name: str) -> dict[str, float]:
     """R@1 of preset ``name`` (under its own name) and of the baselines, mean over the sections."""
     found: dict[str, list[float]] = {}
     for section in SECTIONS:
-        result = answer(learn(section, preset(name)), section, rivals=BASELINES, keep_scores=False)
-        for matcher in (result.default, *BASELINES):
+        result = answer(learn(section, preset(name)), section, rivals=RIVALS, keep_scores=False)
+        for matcher in (result.default, *RIVALS):
             own = name if matcher == result.default else matcher
             found.setdefault(own, []).append(result.metrics[matcher].recall_at_1)
     return {matcher: float(np.mean(values)) for matcher, values in found.items()}
@@ -72,29 +73,28 @@ def main(rounds: int) -> None:
     every = {name: asked(name) for name in INTEGER}
     timed: dict[str, Callable[[], float]] = {
         "encoding": lambda: float(np.median(measure_encoding(images, preset(first)).milliseconds)),
+        "descriptors": lambda: float(np.median(each_image(images, hog))),
         "patches": lambda: float(np.median(each_image(images, patch_normalised))),
         "cosine": lambda: alone.cosine(every[first][0]),
+        "hog": lambda: alone.hog(every[first][0]),
         "sad": lambda: alone.sad(every[first][0]),
     }
     for name, (queries, _) in every.items():
         timed[f"{name}, part"] = lambda queries=queries: alone.beside_board(queries)  # type: ignore[misc]
         timed[f"{name}, host"] = lambda queries=queries: alone.host(queries)  # type: ignore[misc]
     ms = quickest(timed, rounds)
-    ways: list[Way] = []
-    titles: list[str] = []
+    boards, alone_titles = [], [f"{name}, no board" for name in every]
     for name, (_, costs) in every.items():
         way = on_board(costs, found[name][name], ms[f"{name}, part"], ms["encoding"])
         if way is None:
             raise SystemExit(f"{name}: {costs.unavailable}")
-        ways += [way, Way("host", found[name][name], ms[f"{name}, host"], ms["encoding"])]
-        titles += [f"{name}, Kapoho Bay", f"{name}, no board"]
-    ways.append(Way("cosine", found[first]["cosine"], ms["cosine"], ms["encoding"]))
-    ways.append(Way("sad", found[first]["sad"], ms["sad"], ms["patches"]))
-    console = Console(highlight=False, width=320)
-    titles += ["cosine", "SAD"]
-    half = len(ways) // 2
-    for some in (slice(half), slice(half, None)):
-        console.print(rendered(table(ways[some], titles[some])))
+        boards.append(way)
+    ways = [Way("host", found[name][name], ms[f"{name}, host"], ms["encoding"]) for name in every]
+    before = {"cosine": "encoding", "hog": "descriptors", "sad": "patches"}
+    ways += [Way(name, found[first][name], ms[name], ms[before[name]]) for name in RIVALS]
+    console = Console(highlight=False, width=220)
+    console.print(rendered(table(boards, [f"{name}, Kapoho Bay" for name in every])))
+    console.print(rendered(table(ways, [*alone_titles, "cosine", "HOG", "SAD"])))
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ class Way:
     """A way to answer a query, with all the energy that it takes, in uJ.
 
     Attributes:
-        name: The board, or what the processor runs instead: ``host`` (this network), ``cosine``, ``sad``.
+        name: The board, or what the processor runs instead: ``host`` (this network), ``cosine``, ``hog``, ``sad``.
         recall: R@1 on the same queries, 0..1.
         work_milliseconds: The processor's time after the encoding, median: beside a board input spikes drawn and counts
             decoded, without one the whole match.

@@ -81,7 +81,9 @@ def test_queries_are_asked_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
     assert chosen == [0, *range(4), *range(4), 0, 1]
 
 
-@pytest.mark.parametrize(("maker", "timed"), [("cosine_answer", alone.cosine), ("sad_answer", alone.sad)])
+@pytest.mark.parametrize(
+    ("maker", "timed"), [("cosine_answer", alone.cosine), ("sad_answer", alone.sad), ("hog_answer", alone.hog)]
+)
 def test_matchers_that_are_timed_find_the_places(
     maker: str, timed: Callable[[QuerySet], float], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -264,6 +264,10 @@ def test_every_modelled_figure_stands_below_the_word() -> None:
     energies = ("uJ", "mJ", "pJ")
     run = bench()
     whole = energy.table(run.energy)
+    assert [whole.rows[k][0] for k in sorted(whole.strong)] == ["all but the encoding", "all of it"]
+    alone = energy.table(run.energy[1:])
+    assert [row[0] for row in alone.rows if "board" in row[0]] == []
+    assert [alone.rows[k][0] for k in sorted(alone.strong)] == ["all but the encoding", "all of it"]
     assert all(("modelled" in row[0]) == (row[0].startswith("board")) for row in whole.rows)
     shown = [described.modelled(run.targets["kapoho-bay"]), described.sweep(run.sweep)]
     for grid in shown:

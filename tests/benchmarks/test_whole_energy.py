@@ -32,6 +32,6 @@ def test_a_column_for_every_preset_and_matcher(data_root: Path) -> None:
         assert f"{name}, no board" in result.output
     first, second = re.findall(r"R@1, percent +│(.*)│", result.output)
     recalls = [float(cell) for cell in f"{first}│{second}".split("│")]
-    assert len(recalls) == 2 * len(whole.INTEGER) + 2
-    assert min(recalls[:-1]) > 90
-    assert recalls[-2:] == [92.6, 57.8]  # cosine and SAD, as `python -m benchmarks.maps` prints them
+    assert len(recalls) == 2 * len(whole.INTEGER) + 3
+    assert min(recalls[:-2]) > 90
+    assert recalls[-3:] == [92.6, 88.0, 57.8]  # cosine, HOG and SAD, as `python -m benchmarks.maps` prints them

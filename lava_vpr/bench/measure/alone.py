@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.backends.host import HostBackend
+from lava_vpr.backends.rivals import chosen
 from lava_vpr.bench.measure.child import decoder_of, host_answer, singles
-from lava_vpr.bench.peers import Places, cosine_answer, one_blas_thread, sad_answer
+from lava_vpr.bench.peers import Places, cosine_answer, hog_answer, one_blas_thread, sad_answer
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.engine.draw import LANES, draw_block, prepare_draws, scratch
 from lava_vpr.engine.inference.bias_input import biases, schedule, slopes, start_membranes
@@ -92,3 +93,17 @@ def sad(queries: QuerySet) -> float:
     patches = queries.images.patches_for("SAD")[:SINGLES]
     answer, _ = sad_answer(queries.model, patches)
     return _median(lambda k: answer(slice(k, k + 1)), len(patches))
+
+
+def hog(queries: QuerySet) -> float:
+    """Median time in ms of a query from its HOG descriptor to the place of the nearest reference by cosine, float32.
+
+    Raises:
+        InputError: the queries were encoded without HOG descriptors.
+        ConfigError: the model keeps none.
+    """
+    chosen(queries.model, ("hog",))
+    descriptors = queries.images.hog_for("HOG")[:SINGLES]
+    answer, _ = hog_answer(queries.model, descriptors)
+    with one_blas_thread():
+        return _median(lambda k: answer(slice(k, k + 1)), len(descriptors))

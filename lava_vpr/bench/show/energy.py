@@ -9,7 +9,12 @@ from lava_vpr.bench.show.tables import NONE, Table, figure, percent, title_of
 from lava_vpr.deploy.boards.constants import HOST_POWER
 from lava_vpr.deploy.boards.estimate import LEVELS, Estimate
 
-TITLES = {"host": "this network, no board", "cosine": "cosine, no network", "sad": "SAD, no network"}
+TITLES = {
+    "host": "this network, no board",
+    "cosine": "cosine, no network",
+    "sad": "SAD, no network",
+    "hog": "HOG, no network",
+}
 WATTS = ", ".join(f"{HOST_POWER.at(level) / 1e3:g}" for level in LEVELS)
 
 ROWS: tuple[tuple[str, Callable[[Way], Estimate | None]], ...] = (
@@ -21,7 +26,7 @@ ROWS: tuple[tuple[str, Callable[[Way], Estimate | None]], ...] = (
     ("processor, encoding of the image, timed here", lambda way: way.encoding),
     ("all of it", lambda way: way.whole),
 )
-STRONG = frozenset({5, 7})
+STRONG = ("all but the encoding", "all of it")
 
 NOTE = (
     "Nominal (low to high). Board: modelled, all its chips, used or not. Processor: median time of single queries on "
@@ -39,7 +44,7 @@ def ranged(value: Estimate | None) -> str:
 
 
 def table(ways: Sequence[Way], titles: Sequence[str] | None = None) -> Table:
-    """The table, a column for each way; without ways it has no rows.
+    """The table, a column for each way; without ways it has no rows, without a board none of boards.
 
     Args:
         ways: Every way to answer a query.
@@ -47,13 +52,13 @@ def table(ways: Sequence[Way], titles: Sequence[str] | None = None) -> Table:
     """
     heads = titles or [TITLES.get(way.name, title_of(way.name).partition(" (")[0]) for way in ways]
     rows = [("R@1, percent", *(percent(way.recall) for way in ways))]
-    rows += [(name, *(ranged(of(way)) for way in ways)) for name, of in ROWS]
+    rows += [(name, *(ranged(of(way)) for way in ways)) for name, of in ROWS if any(of(way) for way in ways)]
     times = (("processor's time, ms: match or its part", "work"), ("processor's time, ms: encoding", "encoding"))
     rows += [(text, *(figure(getattr(way, f"{name}_milliseconds")) for way in ways)) for text, name in times]
     return Table(
         title="energy of a query, all of it, uJ",
         columns=("energy, uJ", *heads),
         rows=tuple(rows) if ways else (),
-        strong=STRONG,
+        strong=frozenset(k for k, row in enumerate(rows) if row[0] in STRONG),
         note=NOTE,
     )
