@@ -55,6 +55,23 @@ HOST: tuple[Belief, ...] = (
         f"{NENGO}hardware/builder.py:444-449",
     ),
     _call(
+        "monitor.probe",
+        'board.monitor.probe(core.cxState, compartments, "spike"), without a condition',
+        "nothing: the host program makes no probes, whose number is limited",
+        f"{NENGO}hardware/builder.py:511",
+    ),
+    Belief(
+        "spike counters of a chip",
+        "NxSDK",
+        "limit",
+        512,
+        "counters",
+        "nothing: neurons are counted by compartments; NxSDK refuses probes beyond it",
+        None,
+        "that they are limited is public (nengo-loihi pull request #281), the number is not; pcritical reads 512 on "
+        "one chip, pelenet's snip has a loop over 4,500 (snips/readspikes.c:20)",
+    ),
+    _call(
         "createSnip",
         "createSnip(name, cFilePath, includeDir, funcName, guardName, phase=Phase.EMBEDDED_MGMT, lmtId=0, chipId)",
         _START,

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.boards.kapoho_board import ASKED
 from support.boards.kapoho_board import STANDIN as NXSDK
 from support.boards.loihi2_bundles import STANDIN as LAVA_LOIHI
 from support.boards.loihi2_bundles import asked, environment, network, program, queries, write_bundle
@@ -33,7 +34,7 @@ def on_kapoho_bay(bench: pytest.MonkeyPatch, **faults: object) -> Measured:
     bench.setenv("PYTHONPATH", str(NXSDK))
     bench.setenv("KAPOHOBAY", "1")
     bench.delenv("NXSDK_PYTHON", raising=False)
-    bench.setenv("STANDIN", json.dumps(faults))
+    bench.setenv("STANDIN", json.dumps({"asked": ASKED, **faults}))
     return measure(QuerySet.of(small_model(), encoded(noise=0.4)), "kapoho-bay", limit=3)
 
 

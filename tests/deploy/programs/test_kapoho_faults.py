@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from support.boards import kapoho_board
-from support.boards.kapoho_board import SEEDS, STANDIN, Board, altered, answers, child, start, write_queries
+from support.boards.kapoho_board import ASKED, SEEDS, STANDIN, Board, altered, answers, child, start, write_queries
 from support.boards.kapoho_bundles import Made, layout, make, random_network
 
 from lava_vpr.deploy.bundle.folder import load
@@ -267,7 +267,7 @@ def seeds(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
 
 def choose(seeds: pytest.MonkeyPatch, **faults: Any) -> None:
     """Faults for the child."""
-    seeds.setenv("STANDIN", json.dumps(faults))
+    seeds.setenv("STANDIN", json.dumps({"asked": ASKED, **faults}))
 
 
 def test_run_bundle(seeds: pytest.MonkeyPatch, made: Made) -> None:

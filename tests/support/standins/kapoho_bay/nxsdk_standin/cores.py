@@ -9,12 +9,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from nxsdk_standin import registers as names
+from lava_vpr.deploy.hardware.table import BELIEFS
 from nxsdk_standin.faults import StandinError
-from nxsdk_standin.registers import Array, Register
+from nxsdk_standin.registers import Array, Register, fields_of, held
 
-WEIGHT_BITS, INDEX_BITS = (0, 1, 2, 3, 4, 5, 6, 8), (0, 6, 7, 8, 9, 10, 11, 12)
-AXONS, WORDS, DENSE, SPARSE, MIXED, EXCITATORY, INHIBITORY = 4096, 16384, 3, 0, 1, 2, 3
+WEIGHT_BITS: tuple[int, ...] = (0, *BELIEFS["widths of a weight, by wgtBits from 1 on"].value)  # type: ignore[misc]
+INDEX_BITS: tuple[int, ...] = (0, *BELIEFS["widths of an index, by idxBits from 1 on"].value)  # type: ignore[misc]
+AXONS, WORDS = held("input axons of a core; output axons, too"), held("words of synapse memory of a core")
+COMPARTMENTS, GROUP = held("compartments of a core"), held("compartments that are updated together")
+PROFILES, THRESHOLDS = held("distinct pairs of decays of a core"), held("distinct thresholds of a core")
+FORMATS, BLOCK = held("synapse formats of a core, number 0 unused"), held("synapses of a block of synapse memory")
+WORD, HEADER = held("bits of a word of synapse memory"), held("bits before the synapses of a block")
+SPARSE, MIXED = held("synapseFmt.compression"), held("synapseFmt.fanoutType")
+INHIBITORY = 3  # of two that are unproven; 2 is excitatory
 
 
 class Axon(NamedTuple):
@@ -26,6 +33,13 @@ class Axon(NamedTuple):
     axon: int
 
 
+class CxState:
+    """What a probe is put on."""
+
+    def __init__(self, core: Core) -> None:
+        self.core = core
+
+
 class Core:
     """One core."""
 
@@ -33,18 +47,26 @@ class Core:
         self.parent, self.number, self.id = chip, number, 4 + 3 * number % 128  # no program may count on the order
         where = f"chip {chip.number} core {number}: "
         self.where = where
-        self.cxProfileCfg = Array(where + "cxProfileCfg", 32, names.PROFILE)
-        self.vthProfileCfg = Array(where + "vthProfileCfg", 8, {}, {"staticCfg": names.THRESHOLD})
-        self.synapseFmt = Array(where + "synapseFmt", 16, names.FORMAT)
-        self.dendriteSharedCfg = Register(where + "dendriteSharedCfg", names.SHARED)
-        self.dendriteAccumCfg = Register(where + "dendriteAccumCfg", {"delayBits": (0, 3)})
-        self.cxCfg = Array(where + "cxCfg", 1024, names.COMPARTMENT)
-        self.cxMetaState = Array(where + "cxMetaState", 256, names.PHASES)
-        self.synapses = Array(where + "synapses", synapses, names.SYNAPSE)
-        self.synapseMap = Array(where + "synapseMap", AXONS, names.MAP, {"discreteMapEntry": {"cxBase": (0, 255)}})
-        self.numUpdates = Register(where + "numUpdates", names.UPDATES)
-        self.dendriteTimeState = Array(where + "dendriteTimeState", 1, names.EPOCH)
-        self.timeState = Array(where + "timeState", 1, names.EPOCH)
+        self.cxProfileCfg = Array(where + "cxProfileCfg", PROFILES, fields_of("cxProfileCfg"))
+        self.vthProfileCfg = Array(
+            where + "vthProfileCfg", THRESHOLDS, {}, {"staticCfg": fields_of("vthProfileCfg.staticCfg")}
+        )
+        self.synapseFmt = Array(where + "synapseFmt", FORMATS, fields_of("synapseFmt"))
+        self.dendriteSharedCfg = Register(where + "dendriteSharedCfg", fields_of("dendriteSharedCfg"))
+        self.dendriteAccumCfg = Register(where + "dendriteAccumCfg", fields_of("dendriteAccumCfg"))
+        self.cxCfg = Array(where + "cxCfg", COMPARTMENTS, fields_of("cxCfg"))
+        self.cxMetaState = Array(where + "cxMetaState", COMPARTMENTS // GROUP, fields_of("cxMetaState"))
+        self.synapses = Array(where + "synapses", synapses, fields_of("synapses"))
+        self.synapseMap = Array(
+            where + "synapseMap",
+            AXONS,
+            fields_of("synapseMap"),
+            {"discreteMapEntry": fields_of("synapseMap.discreteMapEntry")},
+        )
+        self.numUpdates = Register(where + "numUpdates", fields_of("numUpdates"))
+        self.dendriteTimeState = Array(where + "dendriteTimeState", 1, fields_of("dendriteTimeState"))
+        self.timeState = Array(where + "timeState", 1, fields_of("timeState"))
+        self.cxState = CxState(self)
         self.axons: list[Axon] = []
 
     def createDiscreteAxon(self, srcCxId: int, dstChipId: int, dstCoreId: int, dstSynMapId: int) -> None:
@@ -64,20 +86,16 @@ class Core:
     def formats(self) -> dict[int, Register]:
         """Synapse formats by number, whole and of the kinds that are public."""
         for number, form in self.synapseFmt.used.items():
-            for field in names.FORMAT:
+            for field in fields_of("synapseFmt"):
                 getattr(form, field)
-            dense = form.compression == DENSE
-            if number == 0 or form.compression not in (DENSE, SPARSE) or dense != (form.idxBits == 0):
+            if number == 0 or (form.compression == SPARSE) != (form.idxBits > 0):
                 raise StandinError(f"{form.where}: not a usable format")
-            if form.fanoutType not in (MIXED, EXCITATORY, INHIBITORY) or form.numSynapses != 63:
-                raise StandinError(f"{form.where}: not a format with a sign and counted synapses")
         return self.synapseFmt.used
 
     def row(self, entry: Register, compartments: int) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
         """Compartments, weights in units of u and words of the row of an input axon."""
         formats = self.formats()
-        if entry.discreteMapEntry.cxBase != 0:  # type: ignore[attr-defined]
-            raise StandinError(f"{entry.where}: cxBase is not 0")
+        _ = entry.discreteMapEntry.cxBase  # type: ignore[attr-defined]
         if entry.synapsePtr + entry.synapseLen > self.synapses.size:
             raise StandinError(f"{entry.where}: beyond the synapses of the core")
         own = [self.synapses[entry.synapsePtr + i] for i in range(entry.synapseLen)]
@@ -104,8 +122,8 @@ class Core:
             raise StandinError(f"{entry.where}: two synapses lead to one compartment")
         shift = 6 + form.wgtExp
         values = np.sign(weights) * (sizes << shift if shift >= 0 else sizes >> -shift)
-        blocks = [min(64, len(own) - i) for i in range(0, len(own), 64)]
-        return places, values, sum(math.ceil((n * (bits + index_bits) + 10) / 64) for n in blocks)
+        blocks = [min(BLOCK, len(own) - i) for i in range(0, len(own), BLOCK)]
+        return places, values, sum(math.ceil((n * (bits + index_bits) + HEADER) / WORD) for n in blocks)
 
     @cached_property
     def network(self) -> dict[str, Any]:
@@ -116,8 +134,8 @@ class Core:
         """
         n = self.cxCfg.contiguous()
         self.synapseMap.contiguous()
-        if n == 0 or self.numUpdates.numUpdates != -(-n // 4) or self.numUpdates.numStdp != 0:
-            raise StandinError(f"{self.where}{n} compartments need {-(-n // 4)} updates")
+        if n == 0 or self.numUpdates.numUpdates != -(-n // GROUP) or self.numUpdates.numStdp != 0:
+            raise StandinError(f"{self.where}{n} compartments need {-(-n // GROUP)} updates")
         if len(self.synapses.used) != self.synapses.size:
             raise StandinError(f"{self.where}{len(self.synapses.used)} of {self.synapses.size} synapses are configured")
         if self.dendriteAccumCfg.delayBits != 3 or [x.tepoch for x in (*self.timeState, *self.dendriteTimeState)] != [

@@ -26,6 +26,7 @@ class Faults:
         next; -1: none.
     wrong_query: Number of the packet from chip 0 that carries another query's number; -1: none.
     sensors: The board measures its power.
+    asked: Kinds of unproven values of registers that are taken all the same (`deploy.hardware.table.kind_of`).
     once: File that the first fault creates; none happens while it exists.
     log: File to which starts, runs and disconnections are appended.
     """
@@ -41,6 +42,7 @@ class Faults:
     repeat: int = -1
     wrong_query: int = -1
     sensors: bool = True
+    asked: tuple[str, ...] = ()
     once: str = ""
     log: str = ""
 
@@ -58,7 +60,7 @@ class Faults:
 def _given() -> Faults:
     given = Faults(**json.loads(os.environ.get("STANDIN", "{}")))
     if given.once and Path(given.once).exists():
-        return Faults(version=given.version, log=given.log)
+        return Faults(version=given.version, asked=given.asked, log=given.log)
     if given.once:
         Path(given.once).touch()
     return given

@@ -1,4 +1,4 @@
-"""Registers that can be written once, by their names, within their ranges, and not read before."""
+"""Registers that can be written once, by their names, as the table of hardware allows, and not read before."""
 
 from __future__ import annotations
 
@@ -7,20 +7,22 @@ from typing import Any
 
 import numpy as np
 
-from nxsdk_standin.faults import StandinError
+from lava_vpr.deploy.hardware.table import BELIEFS, refusal
+from nxsdk_standin.faults import FAULTS, StandinError
 
-Ranges = Mapping[str, tuple[int, int]]
+Rows = Mapping[str, str]
+"""The row of the table of hardware that each field of a register has, by the field's name."""
 
 
 class Register:
     """One register with named fields."""
 
-    def __init__(self, where: str, fields: Ranges, inner: Mapping[str, Ranges] | None = None) -> None:
+    def __init__(self, where: str, fields: Rows, inner: Mapping[str, Rows] | None = None) -> None:
         object.__setattr__(self, "where", where)
         object.__setattr__(self, "fields", fields)
         object.__setattr__(self, "values", {})
-        for name, ranges in (inner or {}).items():
-            object.__setattr__(self, name, Register(f"{where}.{name}", ranges))
+        for name, rows in (inner or {}).items():
+            object.__setattr__(self, name, Register(f"{where}.{name}", rows))
 
     def configure(self, **values: Any) -> None:
         """Write fields."""
@@ -32,9 +34,9 @@ class Register:
             raise StandinError(f"{self.where} has no field {name}")
         if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
             raise StandinError(f"{self.where}.{name} is a {type(value).__name__}, not an integer")
-        low, high = self.fields[name]
-        if not low <= value <= high:
-            raise StandinError(f"{self.where}.{name} {value} is not in {low}..{high}")
+        said = refusal(self.fields[name], int(value), FAULTS.asked)
+        if said:
+            raise StandinError(f"{self.where}: {said}")
         if name in self.values:
             raise StandinError(f"{self.where}.{name} is written twice")
         self.values[name] = int(value)
@@ -50,7 +52,7 @@ class Register:
 class Array:
     """Registers by number; those that were touched."""
 
-    def __init__(self, where: str, size: int, fields: Ranges, inner: Mapping[str, Ranges] | None = None) -> None:
+    def __init__(self, where: str, size: int, fields: Rows, inner: Mapping[str, Rows] | None = None) -> None:
         self.where, self.size, self.fields, self.inner = where, size, fields, inner
         self.used: dict[int, Register] = {}
 
@@ -71,26 +73,15 @@ class Array:
         return len(self.used)
 
 
-PROFILE = {
-    "decayU": (0, 4095),
-    "decayV": (0, 4095),
-    "refractDelay": (1, 63),
-    "enableNoise": (0, 1),
-    "bapAction": (0, 1),
-}
-THRESHOLD = {"vth": (1, (1 << 17) - 1)}
-FORMAT = {
-    **dict.fromkeys(
-        ("wgtLimitMant", "wgtLimitExp", "discMaxWgt", "learningCfg", "skipBits", "synType", "stdpProfile"), (0, 15)
-    ),
-    **{"wgtExp": (-7, 7), "tagBits": (0, 3), "dlyBits": (0, 7), "wgtBits": (1, 7), "reuseSynData": (0, 1)},
-    **{"numSynapses": (0, 63), "cIdxOffset": (0, 15), "cIdxMult": (0, 15), "idxBits": (0, 7), "fanoutType": (1, 3)},
-    **{"compression": (0, 3), "ignoreDly": (0, 1)},
-}
-SHARED = {"posVmLimit": (0, 7), "negVmLimit": (0, 23)}
-COMPARTMENT = {"bias": (-4095, 4095), "biasExp": (0, 7), "vthProfile": (0, 7), "cxProfile": (0, 31)}
-PHASES = dict.fromkeys(("phase0", "phase1", "phase2", "phase3"), (0, 3))
-SYNAPSE = {"CIdx": (0, 1023), "Wgt": (-256, 255), "synFmtId": (1, 15), "LrnEn": (0, 1)}
-MAP = {"synapsePtr": (0, 1 << 20), "synapseLen": (1, 1 << 12)}
-UPDATES = {"numUpdates": (0, 256), "numStdp": (0, 0)}
-EPOCH = {"tepoch": (0, 63)}
+def fields_of(register: str) -> Rows:
+    """The rows of the fields of ``register`` that a public program writes."""
+    found = {name.removeprefix(f"{register}."): name for name in BELIEFS if name.startswith(f"{register}.")}
+    return {field: name for field, name in found.items() if field.isidentifier()}
+
+
+def held(limit: str) -> int:
+    """The value of a limit."""
+    value = BELIEFS[limit].value
+    if not isinstance(value, int):
+        raise StandinError(f"{limit} is no number")
+    return value

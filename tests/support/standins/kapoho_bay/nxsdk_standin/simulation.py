@@ -8,9 +8,10 @@ import numpy as np
 
 from nxsdk_standin.cores import Axon, Chip, Core
 from nxsdk_standin.faults import StandinError
+from nxsdk_standin.registers import held
 
-ACCUMULATOR = 1 << 15  # weight units of one step
-TOP = 1 << 23
+ACCUMULATOR = held("sum of the weights of one step, on Loihi 1")  # weight units
+TOP = held("u wraps beyond, v is clipped to this less 1")
 
 
 class Running:

@@ -1,0 +1,103 @@
+"""The stand-in for NxSDK refuses as the chip would: what no row of the table of hardware has."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from support.boards import kapoho_board
+from support.boards.kapoho_board import Board
+
+from lava_vpr.deploy.hardware.table import BELIEFS
+
+board = kapoho_board.board
+
+
+@pytest.fixture
+def nxsdk(board: Board) -> Any:
+    """The stand-in's board class, its error and what it is told; the fixture ``board`` has it on the path."""
+    from nxsdk_standin.board import N2Board
+    from nxsdk_standin.faults import FAULTS, StandinError
+
+    FAULTS.choose()
+    return SimpleNamespace(N2Board=N2Board, faults=FAULTS, error=StandinError)
+
+
+def core_of(nxsdk: Any, synapses: int = 4) -> Any:
+    made = nxsdk.N2Board(1, 2, [2, 1], [[synapses, synapses], [synapses]])
+    return made, made.n2Chips[0].n2CoresAsList[0]
+
+
+def test_more_probes_than_a_chip_has_counters_are_refused(nxsdk: Any) -> None:
+    made, core = core_of(nxsdk)
+    most = BELIEFS["spike counters of a chip"].value
+    made.monitor.probe(core.cxState, list(range(most)), "spike")
+    made.monitor.probe(made.n2Chips[1].n2CoresAsList[0].cxState, [0], "spike")  # another chip has its own
+    with pytest.raises(nxsdk.error, match=r"All the Spike Counters are being Used: .* 513 is more than 512 \(unproven"):
+        made.monitor.probe(made.n2Chips[0].n2CoresAsList[1].cxState, [0], "spike")
+
+
+def test_a_probe_takes_the_arguments_that_public_programs_give(nxsdk: Any) -> None:
+    made, core = core_of(nxsdk)
+    for more in ((), {"probeCondition": object()}):
+        with pytest.raises(nxsdk.error, match=r"takes three arguments \(nengo-loihi 1.1.0 .*builder.py:511\)"):
+            made.monitor.probe(core.cxState, [0], "spike", **more) if more else made.monitor.probe(
+                core.cxState, [0], "spike", object()
+            )
+    assert made.monitor.probes == []
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "said"),
+    [
+        ("fanoutType", 2, "fanoutType 2: one sign for all is shown by no public source; ask for it by name"),
+        ("fanoutType", 3, "fanoutType 3: one sign for all is shown by no public source; ask for it by name"),
+        ("fanoutType", 0, "fanoutType 0 is not 1 (nengo-loihi 1.1.0 "),
+        ("compression", 3, "compression 3: rows without indices is shown by no public source; ask for it by name"),
+        ("idxBits", 0, "idxBits 0: rows without indices is shown by no public source; ask for it by name"),
+        ("idxBits", 8, "idxBits 8 is not 1 to 7 (nengo-loihi 1.1.0 "),
+        ("wgtExp", 8, "wgtExp 8 is not -7 to 7 (nengo-loihi 1.1.0 "),
+        ("numSynapses", 62, "numSynapses 62 is not 63 (nengo-loihi 1.1.0 "),
+        ("learningCfg", 1, "learningCfg 1 is not 0 (nengo-loihi 1.1.0 "),
+    ],
+)
+def test_a_synapse_format_that_no_source_shows_is_refused(nxsdk: Any, field: str, value: int, said: str) -> None:
+    _, core = core_of(nxsdk)
+    with pytest.raises(nxsdk.error) as caught:
+        setattr(core.synapseFmt[1], field, value)
+    assert said in str(caught.value)
+
+
+def test_what_is_unproven_is_taken_where_it_is_asked_for(nxsdk: Any) -> None:
+    nxsdk.faults.choose(asked=["one sign for all"])
+    _, core = core_of(nxsdk)
+    core.synapseFmt[1].fanoutType = 3
+    with pytest.raises(nxsdk.error, match="rows without indices is shown by no public source"):
+        core.synapseFmt[1].idxBits = 0
+    core.synapseFmt[1].idxBits = 1
+
+
+@pytest.mark.parametrize(
+    ("register", "values", "said"),
+    [
+        ("cxProfileCfg", {"decayU": 4096}, "decayU 4,096 is not 0 to 4,095"),
+        ("cxProfileCfg", {"refractDelay": 0}, "refractDelay 0 is not 1 to 63"),
+        ("cxCfg", {"bias": 4096}, "bias 4,096 is not -4,095 to 4,095"),
+        ("cxMetaState", {"phase0": 1}, "phase0 1 is not 2"),
+        ("synapses", {"Wgt": 256}, "Wgt 256 is not -256 to 255"),
+        ("synapses", {"synFmtId": 0}, "synFmtId 0 is not 1 to 15"),
+    ],
+)
+def test_registers_hold_what_their_rows_say(nxsdk: Any, register: str, values: dict[str, int], said: str) -> None:
+    _, core = core_of(nxsdk)
+    with pytest.raises(nxsdk.error) as caught:
+        getattr(core, register)[0].configure(**values)
+    assert said in str(caught.value)
+
+
+def test_a_core_has_as_many_registers_as_the_rows_say(nxsdk: Any) -> None:
+    _, core = core_of(nxsdk)
+    for register, limit in (("cxProfileCfg", 32), ("vthProfileCfg", 8), ("synapseFmt", 16), ("synapseMap", 4096)):
+        with pytest.raises(nxsdk.error, match=rf"{limit}\] is not in 0..{limit - 1}"):
+            getattr(core, register)[limit]
