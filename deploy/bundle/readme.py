@@ -31,7 +31,8 @@ that has it, with numpy. NxSDK compiles `program/embedded.c` for the chips' embe
 not lava-vpr.
 
     export KAPOHOBAY=1                         NxSDK looks for this board then
-    python program/run.py --check              everything but the board: the files, NxSDK, its version
+    python program/run.py --check              everything but the board: the files (without numpy or NxSDK), NxSDK
+    python program/run.py --simulate --self-test 5  the registers in numpy, no board and no NxSDK needed
     python program/run.py --self-test          the reference images; counts must equal host/responses.npy
     python program/run.py --queries Q --out R  Q/rates.npy and Q/keys.npy in, R/counts.npy out; Q/biases.npy and
                                                Q/exponents.npy, if there are: biases of each query

@@ -10,6 +10,7 @@ def parser(board: str) -> argparse.ArgumentParser:
     what.add_argument("--check", action="store_true", help="everything but the board")
     what.add_argument("--self-test", nargs="?", type=int, const=0, metavar="N", help="present the (first N) references")
     what.add_argument("--queries", metavar="DIR", help="folder with rates.npy and keys.npy")
+    own.add_argument("--simulate", action="store_true", help="without a board")
     own.add_argument("--out", metavar="DIR", default="", help="folder for counts.npy, done.npy and status.json")
     own.add_argument("--batch", type=int, default=16, metavar="N", help="queries in one run of the board (16)")
     own.add_argument(

@@ -1,13 +1,14 @@
 """Runs the network of the bundle around it on Kapoho Bay (two Loihi 1 chips), by Intel's NxSDK and numpy alone.
 
     export KAPOHOBAY=1                       NxSDK looks for this board then
-    python run.py --check                    everything but the board: files, NxSDK, registers
+    python run.py --check                    everything but the board: files (without numpy or NxSDK), NxSDK, registers
     python run.py --self-test [N]            present the (first N) references; counts must be those of the bundle
     python run.py --queries Q --out R        Q/rates.npy uint16 (n, inputs) in units of 2^-16 spikes a step and
                                              Q/keys.npy uint64 (n,) in; R/counts.npy int32 (n, neurons) out;
                                              if there are, Q/biases.npy int32 (n, neurons) and Q/exponents.npy int32
                                              (n,): mantissas and exponent of each query's biases
     .. --power P                             and P, JSON: power in mW and time, all queries in one run
+    .. --simulate                            the registers in numpy, without a board and without NxSDK
 
 R/counts.npy holds -1 in every row that was not answered, R/done.npy says which were, R/status.json how many. They are
 replaced, each in one step, after every batch and when anything goes wrong: what was answered is kept, nothing is
@@ -26,19 +27,25 @@ import sys
 import time
 import traceback
 
-import numpy as np
-
 sys.dont_write_bytecode = True  # nothing is added to the bundle
 try:
+    from first_look import bundle_of, look
+
+    if __name__ == "__main__":
+        look(__file__, "kapoho-bay", sys.argv[1:])
+    import numpy as np
+
     import board_power
     from board_device import Device, check_environment, load_nxsdk
     from board_input import Query
-    from board_network import Bundle, Network
+    from board_network import TARGET, Bundle, Network
+    from bundle_files import intact
     from command_line import parsed, parser
     from outcome import GRACE, Results, Watchdog, fail
     from references import check_biases, check_queries, compare, first_places
     from refusals import Refused, interrupt, told
     from result_files import put
+    from simulated import Simulation
 except Exception as damage:
     place = os.path.dirname(os.path.abspath(__file__))
     sys.exit(f"{place}: is damaged ({damage}); deploy the model again or fetch an intact copy")
@@ -51,14 +58,21 @@ def present(
     batch: int,
     timeout: float,
     power: str = "",
+    simulate: bool = False,
 ) -> None:
     """Present all queries (rates, keys, and biases or None), ``batch`` in a run of the board, which may take
     ``timeout`` seconds (0: by its size); with ``power``, all in one run, of which power is measured and written
-    there."""
+    there. With ``simulate`` no board is asked."""
     rates, keys, biases = queries
     batch, network.adapted = len(keys) if power else batch, biases is not None
     for i, key in enumerate(keys):  # before the board starts: nothing is begun that cannot be finished
         Query(network, i, rates[i], int(key), biases)
+    if simulate:
+        simulation = Simulation(network)
+        for i, key in enumerate(keys):
+            results.put(i, simulation.counts(Query(network, i, rates[i], int(key), biases)))
+        results.save()
+        return
     load_nxsdk()
     check_environment()
     steps = 2 + len(keys) * (network.steps + network.silent)
@@ -117,15 +131,17 @@ def self_test(network: Network, n: int, options: argparse.Namespace) -> str:
     responses = array("host/responses.npy")
     n, places = first_places(labels, n)
     results = Results(n, network.neurons, options.out)
-    present(network, (rates[:n], keys[:n], None), results, options.batch, options.timeout)
+    present(network, (rates[:n], keys[:n], None), results, options.batch, options.timeout, simulate=options.simulate)
     return compare(results.counts, labels[:n], places, responses)
 
 
-def check(network: Network) -> str:
+def check(network: Network, simulate: bool) -> str:
     """Everything but the board."""
-    device = Device(network)
-    device.close()
     synapses = sum(core.synapses for core in network.cores)
+    if simulate:
+        Simulation(network)
+        return f"ready to simulate: {len(network.cores)} cores, {synapses} synapses, {network.neurons} neurons"
+    Device(network).close()
     text = f"ready: {len(network.cores)} cores, {synapses} synapses, {network.neurons} neurons"
     return text if os.environ.get("KAPOHOBAY") == "1" else text + "; set KAPOHOBAY=1 to run on the board"
 
@@ -133,19 +149,25 @@ def check(network: Network) -> str:
 def main(words: list) -> int:
     """The command line; 0 if all was done."""
     options = parsed(parser("Kapoho Bay"), words)
+    if options.simulate and options.power:
+        sys.stderr.write("--power needs the board, without --simulate\n")
+        return 1
     signal.signal(signal.SIGTERM, interrupt)
     try:
-        Results(0, 0, options.out)  # what stands there from an earlier run is gone, whatever happens now
-        network = Network(Bundle(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))))
+        folder = bundle_of(__file__)
         if options.check:
-            print(check(network))
+            print(intact(folder, TARGET), flush=True)
+        Results(0, 0, options.out)  # what stands there from an earlier run is gone, whatever happens now
+        network = Network(Bundle(folder))
+        if options.check:
+            print(check(network, options.simulate))
         elif options.self_test is not None:
             print(self_test(network, options.self_test, options))
         else:
             queries = load_queries(options.queries, network)
             n = len(queries[1])
             results = Results(n, network.neurons, options.out)
-            present(network, queries, results, options.batch, options.timeout, options.power)
+            present(network, queries, results, options.batch, options.timeout, options.power, options.simulate)
             print(f"{n} of {n} queries answered")
         return 0
     except Refused as error:

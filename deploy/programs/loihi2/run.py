@@ -29,11 +29,13 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import numpy as np  # noqa: F401 (without it nothing beside this file is to blame)
-
 sys.dont_write_bytecode = True  # nothing is added to the bundle, though Lava executes these files again
 try:
-    from bundle_files import read_files, read_manifest
+    from first_look import bundle_of, look
+
+    if __name__ == "__main__":
+        look(__file__, "loihi2", sys.argv[1:])
+    from bundle_files import intact, read_files, read_manifest
     from command_line import parsed, parser
     from lava_network import VENDOR
     from lava_worker import work
@@ -104,12 +106,13 @@ def answer(files: dict[str, bytes], network: dict[str, int], args: argparse.Name
 
 def main(words: list[str]) -> int:
     """Do what the command line says; the exit code."""
-    options = parser("Loihi 2")
-    options.add_argument("--simulate", action="store_true", help="in Lava's bit-accurate simulation, without a board")
-    args = parsed(options, words)
+    args = parsed(parser("Loihi 2"), words)
     signal.signal(signal.SIGTERM, interrupt)
     try:
-        manifest, files = read_bundle(str(Path(__file__).absolute().parent.parent))
+        folder = bundle_of(__file__)
+        if args.check:
+            print(intact(folder, TARGET), flush=True)
+        manifest, files = read_bundle(folder)
         if args.power and (args.simulate or manifest["network"].get("bias_input")):
             text = "--power needs the board, without --simulate, and injected input, of which all queries are one run"
             raise Refused("input", text)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -55,7 +57,7 @@ def two_chips(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathF
 def test_the_program_needs_python_3_6_and_numpy_only() -> None:
     known = {"argparse", "contextlib", "hashlib", "io", "json", "os", "re", "shutil", "signal", "sys", "tempfile"}
     others = host_programs.imported("kapoho_bay", (3, 6)) - known
-    assert others == {"math", "numpy", "nxsdk", "threading", "time", "traceback", "typing", "zlib"}
+    assert others == {"importlib", "math", "numpy", "nxsdk", "threading", "time", "traceback", "typing", "zlib"}
 
 
 def test_the_chips_program_and_the_host_number_alike(program: Any) -> None:
@@ -250,7 +252,84 @@ def test_check_needs_no_board(two_chips: Made) -> None:
     without = {name: value for name, value in kapoho_board.SEEDS.items() if name != "KAPOHOBAY"}
     ended = child(two_chips, "--check", env=without | {"KAPOHOBAY": ""}, version="0.9.9", start_hangs=True)
     assert (ended.code, ended.err) == (0, "")
-    assert ended.out == "ready: 3 cores, 265 synapses, 10 neurons; set KAPOHOBAY=1 to run on the board\n"
+    intact, ready = ended.out.splitlines()
+    assert re.fullmatch(r"intact: \d+ files, \d+ bytes, all as their checksums say", intact)
+    assert ready == "ready: 3 cores, 265 synapses, 10 neurons; set KAPOHOBAY=1 to run on the board"
+
+
+def alone(made: Made, *words: str, bare: bool = False) -> tuple[int, str, str]:
+    """The program without NxSDK and, if ``bare``, without numpy or anything else that is installed."""
+    flags = ["-E", "-S"] if bare else ["-E"]
+    command = [sys.executable, *flags, str(made.path / "program" / "run.py"), *words]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    return done.returncode, done.stdout, done.stderr
+
+
+@pytest.mark.parametrize("two_chips", ["injected"], indirect=True)
+def test_check_sees_to_the_files_before_it_says_what_is_missing(two_chips: Made) -> None:
+    code, out, err = alone(two_chips, "--check")
+    assert (code, out.split(":")[0]) == (1, "intact")
+    assert err.startswith(f"{sys.executable} has no nxsdk; ")
+    code, out, err = alone(two_chips, "--check", bare=True)
+    assert (code, out.split(":")[0]) == (1, "intact")
+    assert err == f"{sys.executable} has no numpy; install it for this Python: pip install numpy\n"
+    assert alone(two_chips, "--self-test", bare=True) == (code, "", err)
+
+
+@pytest.mark.parametrize("bare", [False, True])
+def test_check_finds_what_was_altered_without_anything(tmp_path: Path, bare: bool) -> None:
+    made = make(tmp_path, layout("one core", random_network(1)), images=2)
+    path = made.path / "cores" / "chip0-core000" / "synapses.npy"
+    path.write_bytes(path.read_bytes()[:-1] + b"?")
+    code, out, err = alone(made, "--check", bare=bare)
+    assert (code, out) == (1, "")
+    assert err == f"{path}: was altered (checksum differs); deploy the model again or fetch an intact copy\n"
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+@pytest.mark.parametrize("mode", MODES)
+def test_the_registers_in_numpy_count_as_the_host(
+    board: Board, tmp_path: Path, name: str, mode: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if name == "leaves":
+        monkeypatch.setattr(fixed, "FAN_IN", 4)
+        monkeypatch.setattr(fixed, "DIRECT", 9)
+    network = random_network(3, signed=mode == "regular" or name == "leaves", threshold=30, **MODES[mode])
+    made = make(tmp_path, layout(name, network))
+    monkeypatch.setitem(sys.modules, "nxsdk", None)  # there is none
+    ended = board.run(made, "--simulate", "--self-test")
+    assert (ended.code, ended.err) == (0, "")
+    assert ended.out == f"equal: 5 references, 50 counts, {made.counts.sum()} spikes of exc\n"
+    biases = presented_biases(network, 5)
+    queries = write_queries(tmp_path / "queries", made.rates, made.keys)
+    written_biases(queries, biases)
+    assert board.run(made, "--simulate", "--queries", queries, "--out", tmp_path / "out").code == 0
+    expected, _, _ = count_spikes(network, made.rates, made.keys, bias=biases)
+    counts, done, _ = answers(tmp_path / "out")
+    assert done.all()
+    assert np.array_equal(counts, expected)
+    ended = board.run(made, "--simulate", "--check")
+    assert ended.out.splitlines()[1].startswith("ready to simulate: ")
+
+
+WRONG: dict[str, tuple[str, str]] = {
+    "decay": ("4096 - np", "4095 - np"),
+    "threshold": ("np.int64) << 6", "np.int64) << 5"),
+    "no reset": ("self.v[spikes] = 0", "self.v[spikes] -= self.level[spikes]"),
+    "early": ("for place, axon in sent:", "for place, axon in sent[1:]:"),
+    "sign": ("np.sign(values) * worth", "worth"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_simulation_is_seen(board: Board, tmp_path: Path, name: str) -> None:
+    old, new = WRONG[name]
+    made = make(tmp_path, layout("one core", random_network(3, signed=True, threshold=30)))
+    altered(made, "program/simulated.py", lambda content: content.replace(old.encode(), new.encode()))
+    edited = replace(board, program=load_program(made.path / "program"))
+    ended = edited.run(made, "--simulate", "--self-test")
+    assert ended.code == 1
+    assert "instead of" in ended.err or "a counter holds" in ended.err
 
 
 MUTATIONS: dict[str, tuple[str, str, bool, str]] = {
