@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +17,8 @@ from lava_vpr.deploy.bundle.programs import program_files
 from lava_vpr.deploy.bundle.readme import readme
 from lava_vpr.deploy.bundle.references import reference_files
 from lava_vpr.deploy.bundle.targets import TARGETS
+from lava_vpr.deploy.hardware.loihi_2 import WRITTEN_WHILE_PAUSED
+from lava_vpr.deploy.hardware.table import relied_on
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.deploy.registers.clearing import clearing
 from lava_vpr.engine.threads import cores
@@ -67,7 +71,21 @@ def contents(
         from lava_vpr.deploy.show.drawing import draw  # matplotlib takes a second to import
 
         files["mapping.svg"] = draw(plan)
-    return _manifest(model, plan, compression), files, plan
+    return _manifest(model, plan, compression) | {"unproven": unproven(plan, files)}, files, plan
+
+
+def unproven(plan: Plan, files: Mapping[str, bytes]) -> list[str]:
+    """What a bundle relies on that no public source shows, in the words of docs/hardware.md; what all bundles for its
+    board rely on is left out.
+
+    Args:
+        plan: The plan of the network.
+        files: The bundle's files, by name.
+    """
+    if plan.board.clearing == "reset":
+        return [WRITTEN_WHILE_PAUSED] if plan.network.bias_input else []
+    tables = [json.loads(content) for name, content in files.items() if name.endswith("/registers.json")]
+    return relied_on(form for table in tables for form in table["synapseFmt"] if form is not None)
 
 
 def deploy(

@@ -21,6 +21,9 @@ LAVA_DL = "lava-dl at d825ac5, "
 """Where paths of lava-dl begin."""
 
 BRIEF = "Intel Labs, Taking Neuromorphic Computing to the Next Level with Loihi 2, technology brief, 2021"
+WRITTEN_WHILE_PAUSED = "bias_mant, bias_exp and v are written while the run is paused"
+"""The name of the belief that inputs that integrate a bias rest on."""
+
 _LIMITS = "fit says that maps are possible which the chip cannot hold"
 _TESTS = f"{LAVA_DL}tests/lava/lib/dl/netx/test_hdf5_nx.py"
 _chip = partial(of_constants, on="Loihi 2", kind="limit")
@@ -258,7 +261,7 @@ INPUT: tuple[Belief, ...] = (
         source=f"{_TESTS}:49-51, 103-104",
     ),
     Belief(
-        "bias_mant, bias_exp and v are written while the run is paused",
+        WRITTEN_WHILE_PAUSED,
         "Lava's LIF on Loihi 2",
         "call",
         Given("Var.set between two calls of run"),

@@ -126,10 +126,13 @@ def deploy(
             "cores": len(deployed.plan.cores),
             "compression": compressed.as_json(),
             "learning": asdict(learned) if learned is not None else None,
+            "unproven": deployed.bundle.manifest["unproven"],
         }
         write_json(json_path, {"target": board.name, **values})
     for note in compressed.notes:
         stderr.print(f"note: {note}")
+    for belief in deployed.bundle.manifest["unproven"]:
+        stderr.print(f"note: relies on what no public source shows (docs/hardware.md): {belief}")
     if compressed.before is not None:
         print_whole(_figures(compressed, learned))
     print_whole(core_table(deployed.plan))

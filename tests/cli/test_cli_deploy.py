@@ -120,6 +120,7 @@ def test_deploy_writes_a_bundle(target: str, here: Path) -> None:
         "cores": 1,
         "compression": None,
         "learning": None,
+        "unproven": bundle.manifest["unproven"],
     }
     # Once more, over the old one: the same bytes.
     run("deploy", "m.lvpr", *words)
@@ -134,6 +135,8 @@ def test_on_loihi_2_inputs_integrate_a_bias_unless_asked(here: Path) -> None:
     done = run("deploy", *words, "-o", "b")
     assert "note: inputs integrate a bias, as Loihi 2 is given them unless --input-mode injected asks" in done.stderr
     bundle = read(Path("b"))
+    assert bundle.manifest["unproven"] == ["bias_mant, bias_exp and v are written while the run is paused"]
+    assert "no public source shows (docs/hardware.md): bias_mant, bias_exp and v are written while" in done.stderr
     assert bundle.manifest["input"] == {"mode": "bias", "trains": "regular", "host_spikes_per_step": 0.0}
     assert bundle.json("network/parameters.json")["inputs"] == {"du": 4095, "dv": 0, "vth": bias_input.THRESHOLD}
     assert "The host sends no spikes: inputs integrate a bias" in run("fit", *words).stdout
@@ -143,6 +146,17 @@ def test_on_loihi_2_inputs_integrate_a_bias_unless_asked(here: Path) -> None:
     run("deploy", *words, "-o", "i", "--input-mode", "injected")
     run("deploy", "i", "--target", "loihi2", "-o", "again")
     assert read(Path("again")).manifest["input"]["mode"] == "injected"
+
+
+def test_what_a_bundle_relies_on_without_a_source_is_said(here: Path) -> None:
+    done = run("deploy", "m.lvpr", "--target", "kapoho-bay", "-o", "b")
+    told = ["one sign for all", "rows without indices"]
+    assert read(Path("b")).manifest["unproven"] == told
+    for kind in told:
+        assert f"note: relies on what no public source shows (docs/hardware.md): {kind}\n" in done.stderr
+    done = run("deploy", "m.lvpr", "--target", "loihi2", "-o", "c", "--input-mode", "injected")
+    assert read(Path("c")).manifest["unproven"] == []
+    assert "no public source" not in done.stderr
 
 
 def test_fit_for_loihi_2_promises_nothing(here: Path) -> None:

@@ -13,7 +13,7 @@ import pytest
 from lava_vpr import loihi
 from lava_vpr.deploy.boards.constants import HOST_POWER, LOIHI_1
 from lava_vpr.deploy.hardware.belief import Belief, Given, Span
-from lava_vpr.deploy.hardware.table import ASSUMED, BELIEFS, kind_of, refusal, unproven_values
+from lava_vpr.deploy.hardware.table import ASSUMED, BELIEFS, kind_of, refusal, relied_on, unproven_values
 
 ROOT = Path(__file__).resolve().parents[3]
 PAGE = ROOT / "docs" / "hardware.md"
@@ -81,6 +81,14 @@ def test_what_a_row_allows(value: object, kind: str, allowed: tuple[int, ...], r
 def test_a_text_cannot_be_compared() -> None:
     with pytest.raises(TypeError, match="no number can be compared with"):
         Belief("call", "a library", "call", Given("f(x)"), None, "all", "a paper").allows(1)
+
+
+def test_what_synapse_formats_rely_on() -> None:
+    shown = {"fanoutType": loihi.FANOUT_MIXED, "compression": loihi.COMPRESSION_SPARSE, "idxBits": 4, "wgtBits": 3}
+    assert relied_on([shown]) == []
+    assert relied_on([shown, shown | {"fanoutType": loihi.FANOUT_EXCITATORY}]) == ["one sign for all"]
+    dense = shown | {"compression": loihi.COMPRESSION_DENSE, "idxBits": 0}
+    assert relied_on([dense, shown]) == ["rows without indices"]
 
 
 def test_values_that_no_source_shows_are_refused_unless_asked_for() -> None:
