@@ -7,8 +7,8 @@ words. Fields follow each other from the least significant bit on:
 - as many bits as the format has for indices: compartment; a dense format has none, and goes 0, 1, 2 .. through the row
 - as many bits as the format has for weights: magnitude; with mixed signs in two's complement.
 
-Sizes, limits and registers' names are those of nengo-loihi 1.1.0 (``block.py:414-549``, ``hardware/builder.py``); the
-order of the fields within a block is not public, so it is ours: whoever writes a board sets synapse by synapse.
+Sizes, limits and registers' names have their sources in docs/hardware.md; the order of the fields within a block is not
+public, so it is ours: whoever writes a board sets synapse by synapse.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ Sign = Literal["excitatory", "inhibitory", "mixed"]
 COUNT_BITS = (BLOCK_SYNAPSES - 1).bit_length()
 ID_BITS = BLOCK_HEADER_BITS - COUNT_BITS
 WEIGHT_CODES, INDEX_CODES = (0, *LOIHI_1_WEIGHT_BITS), (0, *LOIHI_1_INDEX_BITS)
-"""Widths by the value of registers wgtBits and idxBits; 0: none. Source: nengo-loihi 1.1.0, ``block.py:427-545``."""
+"""Widths by the value of registers wgtBits and idxBits; 0: none."""
 
 FANOUT_TYPES: dict[Sign, int] = {
     "mixed": FANOUT_MIXED,

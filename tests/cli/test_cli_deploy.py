@@ -16,7 +16,7 @@ from lava_vpr.cli import main
 from lava_vpr.deploy.bundle.folder import load as read
 from lava_vpr.engine.inference import bias_input
 
-ONE_CORE = r"│ 0:0 +│ exc 0\.\.7, inh 0 +│ +9 of 1,024 │"
+ONE_CORE = r"│ 0:0 +│ exc 0\.\.7, counters 0\.\.7, inh 0 +│ +17 of 1,024 │"
 
 
 def fails(*words: object) -> Result:
@@ -40,7 +40,7 @@ def test_fit_says_what_each_core_holds(here: Path) -> None:
     assert re.search(ONE_CORE, text), text
     assert re.search(r"│ all +│ 1 of 256 cores +│", text)
     assert "\n1 of 256 cores, 4 bits a stored weight.\n" in text
-    assert re.search(r"The host sends up to [\d.]+ spikes a step to each chip \(limit: 50\)\.", text)
+    assert re.search(r"The host sends up to [\d.]+ spikes a step to each chip \(limit: 56\)\.", text)
     text = run("fit", "m.lvpr", "--target", "loihi2").stdout
     assert "unknown" in text
     assert "is decided by Intel's compiler" in text
