@@ -183,7 +183,10 @@ class StdpLearning:
 
 @dataclass(frozen=True)
 class ConductanceNetwork:
-    """VPRSNN's conductance model as coded; times in ms, potentials in mV, conductances without unit.
+    """VPRSNN's conductance model; times in ms, potentials in mV, conductances without unit.
+
+    It is as coded but for three things: every presentation starts from rest, delays of training are kept for testing,
+    and spikes of the rest are not carried over to the next image (`lava_vpr.engine.conductance.model`).
 
     Attributes:
         neurons: Excitatory neurons (as many inhibitory ones).

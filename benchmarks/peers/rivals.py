@@ -30,6 +30,7 @@ from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.isolated.child import run_child
 from lava_vpr.matching.evaluation import evaluate
 from lava_vpr.model import Model
+from lava_vpr.traverse import Traverse
 
 PYTHON = "LAVA_VPR_PEERS"
 """Environment variable that names a Python with Brian2 and lava-vpr."""
@@ -37,37 +38,81 @@ REMEDY = f"run make peers, or let {PYTHON} name a Python that has both Brian2 an
 TIMEOUT = 600.0
 MODULE = 500
 """Places of one of VPRTempo's modules, which are trained apart (default of the released code)."""
+OwnImages = tuple[NDArray[np.uint8], NDArray[np.uint8]]
+"""References and queries as VPRTempo preprocesses them."""
 NETWORK = Path(__file__).with_name("brian2_network.py")
 
 
-def train_modules(model: Model, seed: int = 0) -> tuple[vprtempo.VprTempo, ...]:
-    """VPRTempo on the model's references, in modules of at most `MODULE` places, in order."""
-    spikes = vprtempo.input_spikes(model.patches)
+def train_modules(images: NDArray[np.uint8], labels: NDArray[np.int64], seed: int = 0) -> tuple[vprtempo.VprTempo, ...]:
+    """VPRTempo on reference ``images`` (n, side, side) of the places ``labels``, in modules of `MODULE` places."""
+    spikes = vprtempo.input_spikes(images)
     modules = []
-    for first in range(0, model.places, MODULE):
-        inside = (model.labels >= first) & (model.labels < first + MODULE)
-        modules.append(vprtempo.train(spikes[inside], model.labels[inside] - first, seed=seed))
+    for first in range(0, int(labels.max()) + 1, MODULE):
+        inside = (labels >= first) & (labels < first + MODULE)
+        modules.append(vprtempo.train(spikes[inside], labels[inside] - first, seed=seed))
     return tuple(modules)
 
 
-def vprtempo_matcher(model: Model, queries: EncodedTraverse, truth: NDArray[np.bool_]) -> TimedMatcher:
-    """VPRTempo, trained now on the model's references; the best amplitude is the confidence."""
-    modules = train_modules(model)
-    patches = np.tile(queries.patches_for("VPRTempo"), (repeats(queries), 1, 1))
+def vprtempo_matcher(
+    name: str,
+    what: str,
+    references: NDArray[np.uint8],
+    labels: NDArray[np.int64],
+    queries: NDArray[np.uint8],
+    truth: NDArray[np.bool_],
+) -> TimedMatcher:
+    """VPRTempo, trained now on the references; the best amplitude is the confidence.
+
+    Args:
+        name, what: As in `lava_vpr.bench.results.Peer`; ``what`` says which images it sees.
+        references, queries: Images uint8 (n, side, side), preprocessed alike.
+        labels: Place of each reference, int64 (n,).
+        truth: bool (n_queries, places).
+    """
+    modules = train_modules(references, labels)
+    shown = np.tile(queries, (repeats(queries), 1, 1))
 
     def scores_of(images: NDArray[np.uint8]) -> NDArray[np.float32]:
         spikes = vprtempo.input_spikes(images)
         return np.concatenate([module.scores(spikes) for module in modules], axis=1)
 
-    scores = scores_of(queries.patches_for("VPRTempo")).astype(np.float64)
+    scores = scores_of(queries).astype(np.float64)
     return TimedMatcher(
-        "vprtempo",
-        "VPRTempo (Hines et al. 2024) from its equations, its settings, trained here on the model's 28x28 "
-        "patch-normalised images; float32 matrix products",
+        name,
+        f"VPRTempo (Hines et al. 2024) from its equations, its settings, trained here on {what}; float32 matrix "
+        "products",
         sum(module.nbytes for module in modules),
-        lambda part: scores_of(patches[part]).argmax(axis=1),
+        lambda part: scores_of(shown[part]).argmax(axis=1),
         evaluate(scores, scores.max(axis=1), truth),
     )
+
+
+def vprtempo_matchers(
+    model: Model, queries: EncodedTraverse, truth: NDArray[np.bool_], own: OwnImages | None = None
+) -> list[TimedMatcher]:
+    """VPRTempo on its own images, if they are given, and on the smaller ones that a model keeps.
+
+    Args:
+        model, queries, truth: As in `lava_vpr.bench.peers.run_peers`.
+        own: References and queries as VPRTempo preprocesses them (`own_images`).
+    """
+    found = []
+    if own is not None:
+        seen = "its own 56x56 images, gamma-corrected and patch-normalised"
+        found.append(vprtempo_matcher("vprtempo_own", seen, own[0], model.labels, own[1], truth))
+    seen = "the model's 28x28 patch-normalised images, which VPRSNN and SAD see"
+    patches = queries.patches_for("VPRTempo")
+    return [*found, vprtempo_matcher("vprtempo", seen, model.patches, model.labels, patches, truth)]
+
+
+def own_images(references: Traverse, queries: Traverse) -> OwnImages:
+    """The images of two traverses as VPRTempo preprocesses them, each uint8 (n, 56, 56)."""
+    side, window = vprtempo.SIDE, vprtempo.WINDOW
+    first, second = (
+        np.stack([vprtempo.preprocess(image, side, window) for image in traverse.images()])
+        for traverse in (references, queries)
+    )
+    return first, second
 
 
 def interpreter() -> str | None:

@@ -10,7 +10,8 @@ memory, real images where LAVA_VPR_DATA names them (Nordland 0:100), else the sy
 
 Brian2 and `paper` compute the same network; ``--parity`` (default) also gives both the very same input spikes and
 compares what comes out. All of them take turns, presentation by presentation, and the table holds medians, because
-other programs share the machine. Compilation is not counted. Learning is timed twice: at the start, when a
+other programs share the machine. Compilation is not counted, nor what Brian2's garbage collection makes of a process as
+large as this one (`benchmarks.peers.brian2_network.spare_collection`). Learning is timed twice: at the start, when a
 hundred neurons answer every image, and after ``--epochs`` epochs. `loihi` learns and answers the same images in its own
 way: 100 neurons, as many steps as its settings say, one call for each presentation.
 """
@@ -33,8 +34,8 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.nordland import folder
-from benchmarks.peers.brian2_network import Brian2Network
-from benchmarks.peers.rivals import brian2_peer, vprtempo_matcher
+from benchmarks.peers.brian2_network import Brian2Network, spare_collection
+from benchmarks.peers.rivals import OwnImages, brian2_peer, own_images, vprtempo_matchers
 from lava_vpr.bench.peers import run_peers
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Peer
@@ -126,6 +127,7 @@ def measure(
     for k in range(repeats + 1):
         if k == 1:  # the first round compiles, or loads what was compiled before
             times.clear()
+            spare_collection()
         q = k % len(images)
         timed(times, f"{label}/brian2", lambda q=q: learning.present(hertz[q]))  # type: ignore[misc]
         timed(times, f"{label}/paper", lambda q=q, k=k: train_presentation(ours, rates[q], 1000 + k, config))  # type: ignore[misc]
@@ -153,46 +155,53 @@ def parity(config: Config, state: ConductanceState, images: NDArray[np.uint8], n
     return {"presentations": n, "equal": equal, "spikes": spikes, "largest_weight_difference": difference}
 
 
-def section() -> tuple[str, EncodedTraverse, EncodedTraverse]:
-    """References and queries of `PLACES`, and what they are."""
+def section() -> tuple[str, EncodedTraverse, EncodedTraverse, OwnImages]:
+    """What images they are, references and queries of `PLACES`, and both as VPRTempo preprocesses them."""
     encoder = preset("loihi").encoder
     if os.environ.get("LAVA_VPR_DATA"):
-        pair = [
-            encode_traverse(open_traverse(folder(name), places=PLACES), encoder, Keep.ALL)
-            for name in ("summer", "winter")
-        ]
-        return f"Nordland, summer to winter, places {PLACES[0]}:{PLACES[1]}", pair[0], pair[1]
+        images = [open_traverse(folder(name), places=PLACES) for name in ("summer", "winter")]
+        pair = [encode_traverse(traverse, encoder, Keep.ALL) for traverse in images]
+        return f"Nordland, summer to winter, places {PLACES[0]}:{PLACES[1]}", pair[0], pair[1], own_images(*images)
     with tempfile.TemporaryDirectory(prefix="lava-vpr-") as name:
         root = Path(name) / "world"
         write_traverses(root, PLACES[1] - PLACES[0], 0)
-        pair = [encode_traverse(open_traverse(root / kind), encoder, Keep.ALL) for kind in ("reference", "query")]
-    return "the synthetic world (set LAVA_VPR_DATA for real images)", pair[0], pair[1]
+        images = [open_traverse(root / kind) for kind in ("reference", "query")]
+        pair = [encode_traverse(traverse, encoder, Keep.ALL) for traverse in images]
+        own = own_images(*images)
+    return "the synthetic world (set LAVA_VPR_DATA for real images)", pair[0], pair[1], own
 
 
 def all_peers(
-    model: Model, queries: EncodedTraverse, truth: NDArray[np.bool_], brian2_queries: int = 3, **options: Any
+    model: Model,
+    queries: EncodedTraverse,
+    truth: NDArray[np.bool_],
+    own: OwnImages | None = None,
+    brian2_queries: int = 3,
+    **options: Any,
 ) -> tuple[Peer, ...]:
-    """lava-vpr, SAD, cosine and VPRTempo in turns, then VPRSNN's network in Brian2 on a few queries.
+    """lava-vpr, its baselines and VPRTempo in turns, then VPRSNN's network in Brian2 on a few queries.
 
     Args:
         model, queries, truth, options: As in `lava_vpr.bench.peers.run_peers`.
+        own: The images as VPRTempo preprocesses them; None: it is run on the model's alone.
         brian2_queries: The number of queries that Brian2 is given.
     """
-    peers = run_peers(QuerySet.of(model, queries), truth, others=[vprtempo_matcher(model, queries, truth)], **options)
+    others = vprtempo_matchers(model, queries, truth, own)
+    peers = run_peers(QuerySet.of(model, queries), truth, others=others, **options)
     return (*peers, brian2_peer(model, queries, brian2_queries))
 
 
 def side_by_side() -> tuple[str, tuple[Peer, ...]]:
     """Every matcher on the same places and queries, and what images those were."""
-    name, references, queries = section()
+    name, references, queries, own = section()
     config = preset("loihi")
     model = train([references], config, jobs=cores())
-    return name, all_peers(model, queries, np.eye(len(queries), dtype=bool))
+    return name, all_peers(model, queries, np.eye(len(queries), dtype=bool), own)
 
 
 def print_peers(name: str, peers: tuple[Peer, ...]) -> None:
     """Print the table of all peers; ratios are of speed, to this project's."""
-    console = Console(highlight=False)
+    console = Console(highlight=False, width=140)
     table = Table(title=f"{name}; exact matches, percent", title_justify="left")
     table.add_column("matcher", no_wrap=True)
     for head in ("queries/s", "of lava-vpr", "threads", "R@1", "R@5", "R@10", "R@100P", "AUC", "kB kept"):

@@ -46,7 +46,8 @@ from lava_vpr.traverse import open_traverses
     type=click.Choice(list(PRESETS)),
     default=None,
     help="loihi: integer network for the chip (default); balanced, fast: the same with half and a quarter of the "
-    "steps, and less energy; paper: VPRSNN's conductance model.",
+    "steps, and less energy; paper: VPRSNN's conductance model, as coded but that every presentation "
+    "starts from rest, delays are kept for testing, and spikes of the rest are not carried over.",
 )
 @click.option("--config", "config_file", type=PATH, default=None, metavar="FILE", help="Settings in TOML.")
 @places_option("Images A..B-1 of each REFERENCE (default: all).")

@@ -14,6 +14,8 @@ from benchmarks.peers import rivals, side_by_side, vprtempo
 from lava_vpr.bench import peers
 from lava_vpr.engine.conductance.model import initial_state
 from lava_vpr.errors import BackendUnavailableError
+from lava_vpr.synthetic.world import write_traverses
+from lava_vpr.traverse import open_traverse
 
 
 def test_all_in_one_run(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -22,7 +24,7 @@ def test_all_in_one_run(monkeypatch: pytest.MonkeyPatch) -> None:
     model, queries, truth = small_model(), encoded(noise=0.1), np.eye(8, dtype=bool)
     found = side_by_side.all_peers(model, queries, truth, threads=2, rounds=2, fill=0.0)
     assert [one.name for one in found] == ["lava-vpr", "sad", "cosine", "hog", "template", "vprtempo", "brian2"]
-    tempo, brian = found[5:]
+    tempo, brian = found[-2:]
     assert tempo.queries_per_second is not None
     assert tempo.queries_per_second > 0
     assert (tempo.threads, tempo.queries, tempo.absent) == (2, 8, "")
@@ -36,15 +38,29 @@ def test_all_in_one_run(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_what_is_timed_of_vprtempo_is_what_recall_counts() -> None:
     model, queries, truth = small_model(), encoded(noise=0.1), np.eye(8, dtype=bool)
-    matcher = rivals.vprtempo_matcher(model, queries, truth)
-    correct = float((matcher.answer(slice(0, 8)) == np.arange(8)).mean())
-    assert correct == matcher.metrics.recall_at_1
+    rng = np.random.default_rng(4)
+    own = rng.integers(0, 256, (8, 56, 56), np.uint8), rng.integers(0, 256, (8, 56, 56), np.uint8)
+    matchers = rivals.vprtempo_matchers(model, queries, truth, own)
+    assert [matcher.name for matcher in matchers] == ["vprtempo_own", "vprtempo"]
+    assert ["56x56" in matcher.what for matcher in matchers] == [True, False]
+    assert matchers[0].bytes == 4 * (2 * 3136 * 3136 + 8 * 2 * 3136)
+    for matcher in matchers:
+        correct = float((matcher.answer(slice(0, 8)) == np.arange(8)).mean())
+        assert correct == matcher.metrics.recall_at_1
+
+
+def test_vprtempo_sees_its_own_images(tmp_path: Path) -> None:
+    write_traverses(tmp_path, 3, 0)
+    pair = [open_traverse(tmp_path / kind) for kind in ("reference", "query")]
+    for images, traverse in zip(rivals.own_images(*pair), pair, strict=True):
+        assert images.shape == (3, 56, 56)
+        np.testing.assert_array_equal(images[1], vprtempo.preprocess(traverse.load(1), 56, 15))
 
 
 def test_modules_of_vprtempo_share_the_places(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rivals, "MODULE", 3)
     model = two_images_a_place()
-    modules = rivals.train_modules(model)
+    modules = rivals.train_modules(model.patches, model.labels)
     assert [module.output.weights.shape[0] for module in modules] == [3, 3, 2]
     last = model.labels >= 6
     alone = vprtempo.train(vprtempo.input_spikes(model.patches[last]), model.labels[last] - 6)

@@ -1,4 +1,4 @@
-"""VPRSNN's conductance-based network as coded: training with STDP, and frozen responses.
+"""VPRSNN's conductance-based network, as coded but for three things: training with STDP, and frozen responses.
 
 Excitatory neurons (potentials in mV, conductances without unit), Euler with ``dt_ms``::
 
@@ -9,7 +9,7 @@ Excitatory neurons (potentials in mV, conductances without unit), Euler with ``d
 Inhibitory neurons: rest -60, tau 10 ms, threshold -40, reset -45, refractory 2 ms. Input to exc all-to-all with delays;
 exc to inh one-to-one, 10.4; inh to every exc but its own, 17. Input spikes read a weight when they *arrive*.
 
-Differences from the released code, all of them on purpose: every presentation starts with membranes, conductances,
+The three differences from the released code are on purpose: every presentation starts with membranes, conductances,
 traces and spikes in flight at rest, and with timers run out (theta and weights persist), so that an answer depends on
 its query alone; delays are drawn once and belong to the model; a presentation's counts are the spikes of its own steps
 with input (the released code adds what spikes during the rest to the *next* image's counts).
