@@ -42,6 +42,8 @@ def check_parameters(
         same = told.get(name) == value and _whole_numbers(told.get(name))
         findings.need(same, "B9", f"{name} is {told.get(name)!r:.60}")
     findings.need(set(told) == set(_expected(said, exponent)), "B9", f"parameters {sorted(told)}")
+    interval = said["steps"] + silence(said["neurons"], said["bias_input"])
+    findings.need(interval in RESETS, "B9", f"{interval} steps, no power of two")
 
 
 def _bias(mantissas: NDArray[Any], exponent: Any, said: Mapping[str, Any], findings: Findings) -> None:
@@ -54,6 +56,10 @@ def _bias(mantissas: NDArray[Any], exponent: Any, said: Mapping[str, Any], findi
     findings.need(largest < 4096 and (exponent == 0 or largest >= 2048), "B9", f"mantissas up to {largest}")
     highest = said["threshold"] * 64 * said["decay"] // 4096
     findings.need(max(values, default=0) << exponent <= highest, "B9", f"a bias above {highest}")
+
+
+RESETS = {1 << exponent for exponent in range(17)}
+"""Steps between two resets of a Loihi 2: powers of two."""
 
 
 def _expected(said: Mapping[str, Any], bias_exponent: Any) -> dict[str, Any]:
@@ -171,7 +177,8 @@ def _phase(phase: Any) -> bool:
         good = good and whole(phase["exc"]["du"], 0, 4096) and whole(phase["exc"]["dv"], 0, 4096)
         good = good and whole(inhibit["mantissa"], 0, 255) and whole(inhibit["weight_exp"], 0, 10)
         good = good and inhibit["mantissa"] << inhibit["weight_exp"] < 1 << 17
-        good = good and whole(phase["steps"], 1, 100_000) and whole(phase["silent_steps"], 3, 3)
+        good = good and whole(phase["steps"], 1, 100_000) and whole(phase["silent_steps"], 3, 65_536)
+        good = good and phase["steps"] + phase["silent_steps"] in RESETS
         good = good and all(whole(host[name], 0, 1 << 31) for name in ("weight_sum", "theta_plus", "threshold_factor"))
         return bool(good and re.fullmatch(r"[0-9xyw()*+^ -]*", rule["dw"]))
     except (KeyError, TypeError, ValueError, AttributeError):

@@ -79,10 +79,14 @@ INVARIANTS = {
         "axon leads to an axon that there is."
     ),
     "B8": "The weights and biases decoded from the board's files, bit by bit, are those that the reader returns.",
-    "B9": "The parameters of a Loihi 2 bundle are those of one place network, and say the same numbers everywhere.",
+    "B9": (
+        "The parameters of a Loihi 2 bundle are those of one place network, and say the same numbers everywhere; the "
+        "steps of a presentation are a power of two."
+    ),
     "B10": (
         "A network that learns has start weights uint8, thresholds in 1..2^17-1, and presentations that name an "
-        "epoch, an image and a key that there are; its rule is within the engine's bits."
+        "epoch, an image and a key that there are; its rule is within the engine's bits; the steps of a presentation "
+        "are a power of two."
     ),
     "L1": (
         "A list yields one file for every line or row that names one, in its order; no name has a NUL, every file is "
