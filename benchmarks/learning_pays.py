@@ -37,13 +37,15 @@ from lava_vpr.traverse import open_traverse
 Images = list[NDArray[np.uint8]]
 PLACES = 100
 SECTIONS = (200, 300, 400)
-NOISE = 40.0
+NOISE = 25.0
 """Standard deviation of a noisy reference's pixels, in grey levels."""
-HIDDEN = 0.4
+HIDDEN = 0.25
 """Share of the width that something hides in a noisy reference."""
 MISLABELLED = 0.3
 """Share of the images of each traverse that stand under another place's label."""
 SHIFT = 0.142
+SPACING = 5.0
+"""Metres between places of the synthetic world: closer than its usual ones, so that neighbours look alike."""
 SURE = 0.5
 """Share of the answers, the surest ones, that a robot learns from while it drives."""
 LEARNERS: dict[str, dict[str, Any]] = {
@@ -80,7 +82,7 @@ def _nordland(which: int, first: int) -> tuple[NDArray[np.uint8], ...]:
 
 @lru_cache(maxsize=16)
 def _synthetic(condition: str, seed: int) -> tuple[NDArray[np.uint8], ...]:
-    world = World(seed=seed, places=PLACES)
+    world = World(seed=seed, places=PLACES, spacing_m=SPACING)
     return tuple(render(world, place, condition) for place in range(PLACES))
 
 
@@ -161,7 +163,7 @@ def _one_season(first: int, rng: np.random.Generator) -> Scenario:
 
 SCENARIOS: dict[str, tuple[Callable[[int, np.random.Generator], Scenario], Sequence[int]]] = {
     "one clean traverse": (_clean, SECTIONS),
-    "one noisy traverse, 40 % hidden": (_noisy_one, SECTIONS),
+    "one noisy traverse, 25 % hidden": (_noisy_one, SECTIONS),
     "five noisy traverses": (_noisy_five, SECTIONS),
     "five traverses, 30 % mislabelled": (_mislabelled_five, SECTIONS),
     "five traverses from three lanes, nobody says which": (_lanes, SECTIONS),

@@ -44,18 +44,11 @@ from lava_vpr.loihi import (
     WEIGHT_LIMIT,
 )
 
-SCALARS = {
-    "bits": "bits",
-    "signed": "signed",
-    "threshold": "threshold",
-    "inhibition": "inhibition",
-    "inhibition_exponent": "inhibition_exponent",
-    "decay": "decay",
-    "steps": "steps",
-    "regular": "regular",
-    "bias_input": "bias_input",
-}
-"""The numbers of a `FixedNetwork` besides its weights and biases: their keys in files, and their attributes."""
+SCALARS = (
+    *("bits", "signed", "threshold", "inhibition", "inhibition_exponent"),
+    *("decay", "steps", "regular", "bias_input"),
+)
+"""The attributes of a `FixedNetwork` besides its weights and biases, which have these names in files, too."""
 
 EVENTS = (
     "synaptic_operations",
@@ -140,7 +133,7 @@ class FixedNetwork:
             KeyError: a number is missing.
             NetworkLimitError: a truth value is none.
         """
-        numbers: dict[str, Any] = {attribute: int(scalars[key]) for key, attribute in SCALARS.items()}
+        numbers: dict[str, Any] = {name: int(scalars[name]) for name in SCALARS}
         for name in ("signed", "regular", "bias_input"):
             if numbers[name] not in (0, 1):
                 raise NetworkLimitError(f"{name} {numbers[name]} is neither 0 nor 1; train the model again")
@@ -149,8 +142,8 @@ class FixedNetwork:
 
     @property
     def scalars(self) -> dict[str, int]:
-        """The numbers besides weights and biases, by their keys in files (`SCALARS`)."""
-        return {key: int(getattr(self, attribute)) for key, attribute in SCALARS.items()}
+        """The numbers besides weights and biases, by name (`SCALARS`)."""
+        return {name: int(getattr(self, name)) for name in SCALARS}
 
     @property
     def inputs(self) -> int:
