@@ -9,6 +9,7 @@ def parser(board: str) -> argparse.ArgumentParser:
     what = own.add_mutually_exclusive_group(required=True)
     what.add_argument("--check", action="store_true", help="everything but the board")
     what.add_argument("--self-test", nargs="?", type=int, const=0, metavar="N", help="present the (first N) references")
+    what.add_argument("--ladder", metavar="FILE", help="all self-tests, smallest first; write one file to send back")
     what.add_argument("--queries", metavar="DIR", help="folder with rates.npy and keys.npy")
     own.add_argument("--simulate", action="store_true", help="without a board")
     own.add_argument("--out", metavar="DIR", default="", help="folder for counts.npy, done.npy and status.json")

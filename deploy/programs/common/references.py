@@ -50,6 +50,11 @@ def first_places(labels: np.ndarray, n: int) -> tuple:
     return n, places
 
 
+def fewest(labels: np.ndarray) -> int:
+    """How many references, from the first on, hold all images of one place."""
+    return int(min(np.flatnonzero(labels == label)[-1] for label in np.unique(labels))) + 1
+
+
 def compare(counts: np.ndarray, labels: np.ndarray, places: np.ndarray, responses: np.ndarray) -> str:
     """What was compared.
 

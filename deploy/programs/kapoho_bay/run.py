@@ -3,6 +3,8 @@
     export KAPOHOBAY=1                       NxSDK looks for this board then
     python run.py --check                    everything but the board: files (without numpy or NxSDK), NxSDK, registers
     python run.py --self-test [N]            present the (first N) references; counts must be those of the bundle
+    python run.py --ladder FILE              all self-tests: networks of a few neurons, each of which shows one thing,
+                                             then references; FILE, JSON, is what to send back
     python run.py --queries Q --out R        Q/rates.npy uint16 (n, inputs) in units of 2^-16 spikes a step and
                                              Q/keys.npy uint64 (n,) in; R/counts.npy int32 (n, neurons) out;
                                              if there are, Q/biases.npy int32 (n, neurons) and Q/exponents.npy int32
@@ -26,6 +28,7 @@ import signal
 import sys
 import time
 import traceback
+from typing import Any, Callable
 
 sys.dont_write_bytecode = True  # nothing is added to the bundle
 try:
@@ -38,14 +41,17 @@ try:
     import board_power
     from board_device import Device, check_environment, load_nxsdk
     from board_input import Query
-    from board_network import TARGET, Bundle, Network
+    from board_network import TARGET, TITLE, Bundle, Network
     from bundle_files import intact
     from command_line import parsed, parser
+    from ladder import climb, keep
     from outcome import GRACE, Results, Watchdog, fail
-    from references import check_biases, check_queries, compare, first_places
+    from references import check_biases, check_queries, compare, fewest, first_places
     from refusals import Refused, interrupt, told
     from result_files import put
+    from rungs import Rung, rungs
     from simulated import Simulation
+    from small_network import dense_rungs, small_network, small_queries
 except Exception as damage:
     place = os.path.dirname(os.path.abspath(__file__))
     sys.exit(f"{place}: is damaged ({damage}); deploy the model again or fetch an intact copy")
@@ -73,19 +79,35 @@ def present(
             results.put(i, simulation.counts(Query(network, i, rates[i], int(key), biases)))
         results.save()
         return
+    device = ask_board(
+        network, lambda i: Query(network, i, rates[i], int(keys[i]), biases), len(keys), results, batch, timeout, power
+    )
+    if power:
+        put(power, board_power.figures(device.board, 2 + len(keys) * (network.steps + network.silent)))
+
+
+def ask_board(
+    network: Network,
+    query: Callable[[int], Any],
+    n: int,
+    results: Results,
+    batch: int,
+    timeout: float,
+    power: str = "",
+) -> Device:
+    """Present ``n`` queries of a network, as `present` does, each made by ``query``; the board, let go."""
     load_nxsdk()
     check_environment()
-    steps = 2 + len(keys) * (network.steps + network.silent)
-    device = Device(network, steps if power else 0)
+    device = Device(network, 2 + n * (network.steps + network.silent) if power else 0)
     try:
         device.start()
-        for first in range(0, len(keys), batch):
-            part = range(first, min(first + batch, len(keys)))
+        for first in range(0, n, batch):
+            part = range(first, min(first + batch, n))
             seconds = timeout or 60.0 + 10.0 * len(part)
             text = f"queries {part[0]} to {part[-1]}: the board did not finish within {seconds:g} s"
             with Watchdog(seconds + min(GRACE, seconds), "run", text):
                 try:
-                    sent = [Query(network, i, rates[i], int(keys[i]), biases) for i in part]
+                    sent = [query(i) for i in part]
                     device.answer(sent, first + 1, time.monotonic() + seconds, results)
                 except Refused:
                     raise
@@ -94,8 +116,7 @@ def present(
                     raise Refused("run", text, traceback.format_exc()) from None
     finally:
         device.close()
-    if power:
-        put(power, board_power.figures(device.board, steps))
+    return device
 
 
 def load_queries(folder: str, network: Network) -> tuple:
@@ -135,6 +156,39 @@ def self_test(network: Network, n: int, options: argparse.Namespace) -> str:
     return compare(results.counts, labels[:n], places, responses)
 
 
+def ladder(network: Network, options: argparse.Namespace) -> str:
+    """Climb the ladder, and write the file; what was found.
+
+    Raises:
+        Refused: a rung failed, or there is no board.
+    """
+    scalars = network.bundle.manifest["network"]
+    lateral = int(scalars["inhibition"]) << int(scalars["inhibition_exponent"])
+    if not options.simulate:
+        load_nxsdk()
+        check_environment()
+
+    def ask(rung: Rung) -> np.ndarray:
+        small = small_network(network, rung)
+        queries = small_queries(small, rung)
+        if options.simulate:
+            return np.array([Simulation(small).counts(query) for query in queries])
+        results = Results(len(queries), small.neurons)
+        ask_board(small, queries.__getitem__, len(queries), results, options.batch, options.timeout)
+        return results.counts
+
+    climbed = rungs(int(scalars["bits"]), bool(scalars["signed"]), lateral, network.steps)
+    climbed += dense_rungs(network)
+    about = {"board": TITLE, "bundle": network.bundle.manifest["sha256"], "simulated": options.simulate}
+    about["nxsdk"] = getattr(sys.modules.get("nxsdk"), "__version__", None)
+    shape = network.steps, network.silent
+    references = {
+        "one reference": lambda: self_test(network, fewest(network.bundle.array("host/labels.npy")), options),
+        "all references": lambda: self_test(network, 0, options),
+    }
+    return keep(options.ladder, climb(climbed, ask, shape, references, about))
+
+
 def check(network: Network, simulate: bool) -> str:
     """Everything but the board."""
     synapses = sum(core.synapses for core in network.cores)
@@ -161,6 +215,8 @@ def main(words: list) -> int:
         network = Network(Bundle(folder))
         if options.check:
             print(check(network, options.simulate))
+        elif options.ladder:
+            print(ladder(network, options))
         elif options.self_test is not None:
             print(self_test(network, options.self_test, options))
         else:

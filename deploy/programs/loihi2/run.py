@@ -2,6 +2,8 @@
 
     python run.py --check                    everything but the board: files, Lava, lava-loihi, a configured host
     python run.py --self-test [N]            present the (first N) references; counts must be those of the bundle
+    python run.py --ladder FILE              all self-tests: networks of a few neurons, each of which shows one thing,
+                                             then references; FILE, JSON, is what to send back
     python run.py --queries Q --out R        Q/rates.npy uint16 (n, inputs) in units of 2^-16 spikes a step and
                                              Q/keys.npy uint64 (n,) in; R/counts.npy int32 (n, neurons) out;
                                              if there are, Q/biases.npy int32 (n, neurons) and Q/exponents.npy int32
@@ -23,6 +25,7 @@ import argparse
 import contextlib
 import importlib.metadata
 import importlib.util
+import json
 import os
 import signal
 import sys
@@ -37,11 +40,14 @@ try:
         look(__file__, "loihi2", sys.argv[1:])
     from bundle_files import intact, read_files, read_manifest
     from command_line import parsed, parser
+    from ladder import climb, keep
     from lava_network import VENDOR
     from lava_worker import work
     from query_files import Results, load_queries, load_references, named_array
-    from references import compare
+    from references import compare, fewest
     from refusals import Refused, interrupt
+    from rungs import Rung, rungs
+    from small_network import small_network
     from worker_process import run
 except Exception as damage:
     place = os.path.dirname(os.path.abspath(__file__))
@@ -104,21 +110,47 @@ def answer(files: dict[str, bytes], network: dict[str, int], args: argparse.Name
         raise Refused(stage, text) from None
 
 
+def ladder(files: dict[str, bytes], network: dict[str, int], args: argparse.Namespace, about: dict[str, Any]) -> str:
+    """Climb the ladder of self-tests, and write the file; what was found."""
+
+    def ask(rung: Rung) -> Any:
+        small, arrays = small_network(files, rung)
+        results = Results(rung.presentations, len(rung.weights[0]), "")
+        run(small, arrays, args, results)
+        return results.counts
+
+    def self_test(n: int) -> str:
+        return answer(files, network, argparse.Namespace(**{**vars(args), "self_test": n}))
+
+    lateral = int(network["inhibition"]) << int(network["inhibition_exponent"])
+    climbed = rungs(int(network["bits"]), bool(network["signed"]), lateral, int(network["steps"]))
+    references = {
+        "one reference": lambda: self_test(fewest(named_array(files["host/labels.npy"], "labels"))),
+        "all references": lambda: self_test(0),
+    }
+    parameters = json.loads(files["network/parameters.json"])
+    shape = int(parameters["steps"]), int(parameters["silent_steps"])
+    return keep(args.ladder, climb(climbed, ask, shape, references, about))
+
+
 def main(words: list[str]) -> int:
     """Do what the command line says; the exit code."""
     args = parsed(parser("Loihi 2"), words)
     signal.signal(signal.SIGTERM, interrupt)
     try:
         folder = bundle_of(__file__)
+        manifest, files = read_bundle(folder)
         if args.check:
             print(intact(folder, TARGET), flush=True)
-        manifest, files = read_bundle(folder)
         if args.power and (args.simulate or manifest["network"].get("bias_input")):
             text = "--power needs the board, without --simulate, and injected input, of which all queries are one run"
             raise Refused("input", text)
         found, network = require(args.simulate), manifest["network"]
         if args.check:
             print(f"ready: {network['neurons']} neurons, {network['inputs']} inputs; {found}")
+        elif args.ladder:
+            about = {"board": "Loihi 2", "bundle": manifest["sha256"], "simulated": args.simulate, "lava": found}
+            print(ladder(files, network, args, about))
         else:
             print(answer(files, network, args))
     except Refused as error:
