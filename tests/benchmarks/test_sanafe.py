@@ -209,7 +209,9 @@ def test_no_bias_for_other_trains() -> None:
 def test_what_cannot_be_asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     own = case(0)
     python = interpreter(tmp_path, "exit 9")
-    other = partition(own.plan.network, LOIHI_2, np.full(own.plan.network.inputs, 0.01))
+    network = own.plan.network
+    resettable = replace(network, steps=64 - network.silent_steps)
+    other = partition(resettable, LOIHI_2, np.full(network.inputs, 0.01))
     for plan, trains, why in (
         (other, own.trains, "Loihi 1, not Loihi 2"),
         (own.plan, Trains(own.trains.exc), "inputs and inhibitory neurons"),
