@@ -22,7 +22,7 @@ from nengo_loihi.hardware.nxsdk_objects import Board
 from nengo_loihi.hardware.validate import validate_core
 
 MIXED, EXCITATORY, INHIBITORY = 1, 2, 3
-TO_INHIBITORY = {"weight": 2, "bits": 2, "exponent": -6}
+TO_INHIBITORY = {"weight": 2, "bits": 3, "exponent": -6}
 """The synapses to counters, to inhibitory neurons, and to relays."""
 
 
@@ -61,7 +61,7 @@ def groups(problem: Any) -> list[Synapse]:
         targets = problem[name]
         if targets.size:
             rows = [np.array([TO_INHIBITORY["weight"]], np.int32)] * targets.size
-            registers = code(TO_INHIBITORY["bits"], TO_INHIBITORY["exponent"], EXCITATORY)
+            registers = code(TO_INHIBITORY["bits"], TO_INHIBITORY["exponent"], MIXED)
             made.append(synapse(name, rows, [np.array([target]) for target in targets], registers))
     return made
 

@@ -167,8 +167,8 @@ def _single(
     formats: Formats, compartments: NDArray[np.int64], targets: NDArray[np.int64], weight: int = RELAY_WEIGHT
 ) -> Rows:
     """Rows of one synapse, by which a spike brings ``weight`` to the compartment ``compartments[target]``."""
-    bits = weight.bit_length()
-    form = Format(bits, index_bits(compartments), bits - WEIGHT_BITS, "excitatory")
+    bits = weight.bit_length() + 1  # with its sign, as nengo-loihi writes all synapses
+    form = Format(bits, index_bits(compartments), bits - WEIGHT_BITS - 1, "mixed")
     ones = np.full((targets.size, 1), weight)
     rows = formats.rows(ones, np.zeros(1, np.int64), np.zeros(targets.size, np.bool_), form)
     return replace(rows, compartments=compartments[targets].astype(np.int32))

@@ -84,7 +84,7 @@ def test_a_small_network_word_by_word() -> None:
     assert registers["vthProfileCfg"] == [{"vth": 9}, {"vth": 131071}, {"vth": 1}]
     shown = [None if f is None else (f["wgtBits"], f["idxBits"], f["wgtExp"]) for f in registers["synapseFmt"]]
     # Of the root: mantissa 10 2^1; its 4 bits are the upper ones of 8.
-    assert shown == [None, (3, 0, -5), (3, 1, -5), (4, 0, -3), (2, 1, -6), (2, 1, -6)]
+    assert shown == [None, (3, 0, -5), (3, 1, -5), (4, 0, -3), (3, 1, -6), (3, 1, -6)]
     assert registers["dendriteSharedCfg"] == {"posVmLimit": 7, "negVmLimit": 23}
     assert registers["numUpdates"]["numUpdates"] == 2
     types = {name: getattr(one, name).dtype.name for name in ("compartments", "synapses", "axons_in", "axons_out")}
