@@ -40,7 +40,7 @@ PLACES = (("nordland", 0, 100, 0), ("nordland", 100, 200, 0), ("nordland", 0, 20
 WEIGHTS = np.array(((0.25,), (0.25,), (0.35,), (0.15,))) * (0.6, 0.15, 0.25)
 """What R@1, R@100P and AUC of each of `PLACES` count in the score."""
 CEILING = 0.1
-"""What R@1 of `cosine` of the same inputs counts in the score: what the inputs carry, which a longer map would need."""
+"""What R@1 of `cosine` of the same inputs counts where networks are chosen: what the inputs carry, for longer maps."""
 MARGIN = 0.2
 """Points of score below which a difference is noise."""
 MOST_INPUTS = 2048
@@ -225,7 +225,7 @@ def choose_encoder(base: Config, log: Log) -> Config:
         if config.encoder.inputs > MOST_INPUTS:
             raise InputError(f"{config.encoder.inputs:,} inputs; choose at most {MOST_INPUTS:,}")
         cases = cases_of(config)
-        return measured(cases, current(cases[0].model))
+        return measured(cases, current(cases[0].model))._replace(ceiling=0.0)
 
     return configured_by(descend(held(base.encoder, ENCODER), ENCODER, measure, np.inf, log))
 
@@ -238,7 +238,7 @@ def choose_learning(base: Config, log: Log) -> Config:
 
     def measure(settings: Mapping[str, Any]) -> Result:
         cases = cases_of(configured_by(settings))
-        return measured(cases, current(cases[0].model))
+        return measured(cases, current(cases[0].model))._replace(ceiling=0.0)
 
     return configured_by(descend(held(base.learning, LEARNING), LEARNING, measure, np.inf, log))
 

@@ -319,8 +319,8 @@ def _balanced() -> Config:
     """The default's learning, and queries in half the steps with fewer spikes from fewer inputs."""
     return Config(
         preset="balanced",
-        encoder=EncoderConfig(query_spikes=16.0, query_inputs=420),
-        network=LifNetwork(steps=64, threshold=0.7),
+        encoder=EncoderConfig(query_spikes=14.0, query_inputs=420),
+        network=LifNetwork(steps=64, threshold=0.7, inhibition=0.35),
     )
 
 
