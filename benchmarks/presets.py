@@ -33,6 +33,8 @@ from lava_vpr.matching.baselines import cosine_similarities
 from lava_vpr.model import Model
 
 SEEDS = tuple(range(3, 11))
+FRESH = tuple(range(11, 19))
+"""Seeds with which a network that won must win again: the luckiest of many is not the best."""
 ENERGY_OF = 2
 """So many sections decide about energy, those of 100 places: what presets promise is per query of 100 places."""
 PLACES = (("nordland", 0, 100, 0), ("nordland", 100, 200, 0), ("nordland", 0, 200, 0), ("gardens", 0, 50, 2))
@@ -41,8 +43,8 @@ WEIGHTS = np.array(((0.25,), (0.25,), (0.35,), (0.15,))) * (0.6, 0.15, 0.25)
 """What R@1, R@100P and AUC of each of `PLACES` count in the score."""
 CEILING = 0.1
 """What R@1 of `cosine` of the same inputs counts where networks are chosen: what the inputs carry, for longer maps."""
-MARGIN = 0.2
-"""Points of score below which a difference is noise."""
+MARGIN = 0.5
+"""Points of score below which a difference is noise: a query in 200, about twice the standard error over the seeds."""
 MOST_INPUTS = 2048
 
 ENCODER: Mapping[str, Sequence[Any]] = {
@@ -69,7 +71,7 @@ NETWORK: Mapping[str, Sequence[Any]] = {
     "tau_membrane": (8, 12, 20, 40),
     "query_inputs": (420, 520, 800, 1200, 2048),
     "weight_bits, query_spikes": tuple((bits, spikes) for bits in (2, 3) for spikes in (12, 14, 16, 18, 20)),
-    "prune, query_spikes": tuple((share, spikes) for share in (0.25, 0.5) for spikes in (16, 20)),
+    "prune, query_spikes": tuple((share, spikes) for share in (0.25, 0.5) for spikes in (16, 18, 20)),
 }
 """Names and the values that they take in turn; names with a comma between them take values together."""
 
@@ -143,14 +145,14 @@ class Log:
         self.write(f"  {name:44s} {figures}  {rest}")
 
 
-def cases_of(config: Config) -> list[Case]:
-    """A model of each of `PLACES` for each of `SEEDS`, with its queries."""
+def cases_of(config: Config, seeds: Sequence[int] = SEEDS) -> list[Case]:
+    """A model of each of `PLACES` for each of ``seeds``, with its queries."""
     cases = []
     for dataset, first, end, tolerance in PLACES:
         numbers = np.arange(end - first)
         truth = np.abs(numbers[:, None] - numbers) <= tolerance
         (queries,) = places(dataset, 1, config, first, end, ViewsConfig())
-        for seed in SEEDS:
+        for seed in seeds:
             model = learn(dataset, dataclasses.replace(config, seed=seed), first, end)
             cases.append(Case(model, queries, truth))
     return cases
@@ -180,8 +182,18 @@ def descend(
     measure: Callable[[Mapping[str, Any]], Result],
     most: float,
     log: Log,
+    again: Callable[[Mapping[str, Any]], Result] | None = None,
 ) -> dict[str, Any]:
-    """The settings that a coordinate descent ends at; none of the energy ``most`` or above is kept."""
+    """The settings that a coordinate descent ends at.
+
+    Args:
+        start: Where it starts.
+        values: What settings take in turn.
+        measure: What a setting brings.
+        most: No setting that takes more energy is kept.
+        log: Told of all that is tried.
+        again: What a setting brings with fresh seeds, by which it must win, too; None: that is not asked.
+    """
     best = dict(start)
     top = measure(best)
     log.result("start", top, True)
@@ -204,6 +216,11 @@ def descend(
                 dear = top.microjoules > most
                 kept = result.microjoules <= most and (dear or result.score > top.score + MARGIN)
                 log.result(f"{names} = {option}", result, kept)
+                if kept and again is not None:
+                    ours, standing = again(trial).score, again(best).score
+                    kept = dear or ours > standing + MARGIN / 2
+                    said = "stands" if kept else "does not stand"
+                    log.write(f"    with fresh seeds {ours:.2f} against {standing:.2f}: {said}")
                 if kept:
                     best, top, moved = trial, result, True
     return best
@@ -243,11 +260,17 @@ def choose_learning(base: Config, log: Log) -> Config:
     return configured_by(descend(held(base.learning, LEARNING), LEARNING, measure, np.inf, log))
 
 
-def choose_network(base: Config, cases: Sequence[Case], goal: Goal, log: Log) -> Config:
-    """``base`` with the network of the best recall within ``goal``."""
+def choose_network(base: Config, cases: Sequence[Case], fresh: Sequence[Case], goal: Goal, log: Log) -> Config:
+    """``base`` with the network of the best recall within ``goal``; ``fresh`` are cases of other seeds."""
     start = {**current(cases[0].model), **goal.start, "steps": float(goal.steps)}
-    best = descend(start, NETWORK, lambda settings: measured(cases, settings), goal.microjoules, log)
-    return configured(base, best)
+
+    def measure(settings: Mapping[str, Any]) -> Result:
+        return measured(cases, settings)
+
+    def again(settings: Mapping[str, Any]) -> Result:
+        return measured(fresh, settings)
+
+    return configured(base, descend(start, NETWORK, measure, goal.microjoules, log, again))
 
 
 STAGES = ("encoder", "learning", "network")
@@ -272,10 +295,10 @@ def main(path: Path, stages: Sequence[str], names: Sequence[str]) -> None:
             config = choose_learning(update(config, {"learning": START["learning"]}), log)
         if "network" not in stages:
             return
-        cases = cases_of(config)
+        cases, fresh = cases_of(config), cases_of(config, FRESH)
         for name in names or GOALS:
             log.write(f"network of {name}: {GOALS[name].steps} steps, at most {GOALS[name].microjoules:g} uJ")
-            chosen = choose_network(config, cases, GOALS[name], log)
+            chosen = choose_network(config, cases, fresh, GOALS[name], log)
             log.write(f"{name}: {chosen.encoder} {chosen.network} {chosen.learning}")
 
 

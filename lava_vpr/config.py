@@ -316,11 +316,11 @@ def _loihi() -> Config:
 
 
 def _balanced() -> Config:
-    """The default's learning, and queries in half the steps with fewer spikes from fewer inputs."""
+    """The default's learning, and queries in half the steps with fewer spikes from fewer inputs to half the weights."""
     return Config(
         preset="balanced",
-        encoder=EncoderConfig(query_spikes=14.0, query_inputs=420),
-        network=LifNetwork(steps=64, threshold=0.7, inhibition=0.35),
+        encoder=EncoderConfig(query_spikes=16.0, query_inputs=420),
+        network=LifNetwork(steps=64, threshold=0.7, prune=0.5),
     )
 
 
@@ -329,7 +329,7 @@ def _fast() -> Config:
     return Config(
         preset="fast",
         encoder=EncoderConfig(query_spikes=16.0, query_inputs=420),
-        network=LifNetwork(steps=32, weight_bits=2, threshold=0.35, tau_membrane=20.0),
+        network=LifNetwork(steps=32, weight_bits=2, threshold=0.35),
     )
 
 
