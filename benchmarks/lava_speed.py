@@ -32,7 +32,6 @@ from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.processes.base.checked import FIXED_TAG
 from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.networks.fused_place_network.process import FusedPlaceNetwork
-from lava_vpr.processes.networks.library_place_network.process import LibraryPlaceNetwork
 from lava_vpr.processes.networks.place_network.process import PlaceNetwork
 from lava_vpr.processes.regular_encoder.process import RegularEncoder
 
@@ -43,7 +42,7 @@ Arrays = dict[str, NDArray[Any]]
 SPIKES_PER_STEP = 20.0
 ACTIVE = 0.45
 """Share of the inputs that have a rate, as in real images."""
-CONFIG = {"select_tag": FIXED_TAG, "select_sub_proc_model": True}
+CONFIG = {"select_tag": FIXED_TAG}
 
 console = Console(highlight=False, width=100)
 
@@ -86,11 +85,11 @@ def start_composed(network: FixedNetwork, n: int) -> tuple[Any, PlaceNetwork]:
     return encoder, composed
 
 
-def start_library(network: FixedNetwork, n: int) -> tuple[Any, LibraryPlaceNetwork]:
+def start_library(network: FixedNetwork, n: int) -> tuple[Any, PlaceNetwork]:
     """The Process to run, and the network behind it, of nothing but Lava's library; trains are made beforehand."""
     rates, keys = some_input(network, n)
     trains = draw_trains(rates, keys, network.steps, network.interval, regular=network.regular).astype(np.int32)
-    source, library = RingBuffer(data=trains.reshape(n * network.interval, -1).T), LibraryPlaceNetwork(network=network)
+    source, library = RingBuffer(data=trains.reshape(n * network.interval, -1).T), PlaceNetwork(network=network)
     source.s_out.connect(library.s_in)
     return source, library
 
@@ -114,7 +113,7 @@ def composed_and_library(arrays: Arrays, options: dict[str, Any]) -> Arrays:
     step = {"condition": RunSteps(num_steps=interval)}
     times = alternate(
         lambda: source.run(**step, run_cfg=Loihi2SimCfg(**CONFIG)),
-        lambda: theirs.run(**step, run_cfg=Loihi2SimCfg(**CONFIG)),
+        lambda: theirs.run(**step, run_cfg=Loihi2SimCfg(**CONFIG, select_sub_proc_model=True)),
         rounds,
     )
     equal = np.array_equal(ours.v.get(), library.v.get())

@@ -212,13 +212,34 @@ SYNAPSES: tuple[Belief, ...] = (
         source=f"{_TESTS}:40-133 (run with Loihi2HwCfg on a board)",
     ),
     Belief(
+        "LIF has a model for the chip",
+        "lava-loihi",
+        "call",
+        Given("found by Loihi2HwCfg"),
+        None,
+        "inputs that integrate a bias do not start: the host program sees it before the first query and says so",
+        source='lava-nc issue #829 ("The Loihi 2 process model for LIF", which scales its parameters)',
+    ),
+    Belief(
         "Sparse has a model for the chip",
         "lava-loihi",
         "call",
         Given("found by Loihi2HwCfg"),
         None,
         "the network does not start: the host program sees it before the first query and says so",
-        source='lava-nc issue #436 (closed: "Implement NcVar for scipy.csr_matrix") and pull request #672',
+        source='lava-nc issue #436 (closed: "Implement NcVar for scipy.csr_matrix") and pull request #672; '
+        "lava-optimization at 609342b, src/lava/lib/optimization/solvers/generic/solver.py imports NcModelSparse from "
+        "lava.proc.sparse.ncmodel",
+    ),
+    Belief(
+        "LearningDense has a model for the chip",
+        "lava-loihi",
+        "call",
+        Given("found by Loihi2HwCfg"),
+        None,
+        "the network that learns does not start",
+        source='lava-nc pull request #528 ("to enable 2F on-chip learning for Lava-Loihi") and issue #658, by which '
+        "LearningDense is to work in hardware, too",
     ),
     Belief(
         "LearningDense with LIFReset runs on the chip",
@@ -227,7 +248,8 @@ SYNAPSES: tuple[Belief, ...] = (
         Given("found by Loihi2HwCfg"),
         None,
         "the network that learns does not start",
-        why="no public text shows the two together on a board; bundles hold the network, no program starts it there",
+        why="no public text shows the two together on a board, and lava-nc pull request #528, which prepared learning "
+        "there, brought a LearningLIF; bundles hold the network, no program starts it there",
     ),
     of_constants(
         "largest trace of a learning rule",

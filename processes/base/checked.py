@@ -127,7 +127,13 @@ class CheckedProcess(AbstractProcess):
 
 
 class RegisterVar(Var):
-    """A Var whose new values are checked when it is set, while the integer model runs."""
+    """A Var whose new values are checked when it is set, while the integer model runs.
+
+    Attributes:
+        constant: Lava's library runs in the place of the Process and has no such Var: it keeps its first value.
+    """
+
+    constant = False
 
     def __init__(self, shape: tuple[int, ...], init: Any, check: Callable[[NDArray[Any]], object]) -> None:
         super().__init__(shape=shape, init=init)
@@ -137,11 +143,23 @@ class RegisterVar(Var):
         """Set the value, as Lava's Var does.
 
         Raises:
-            NetworkLimitError: Loihi's registers cannot hold it.
+            NetworkLimitError: Loihi's registers cannot hold it, or Lava's library cannot change it.
         """
+        if self.constant:
+            raise NetworkLimitError(
+                f"{type(self.process).__name__}: {self.name} cannot be set with Lava's library; run it without "
+                "select_sub_proc_model"
+            )
         if getattr(self.process, "fixed", False):
             self.check(np.asarray(value))
         super().set(value, idx)
+
+    def get(self, idx: Any = None) -> Any:
+        """The value, as Lava's Var gives it."""
+        if not self.constant:
+            return super().get(idx)
+        value = np.broadcast_to(self.init, self.shape)
+        return value.copy() if idx is None else value[idx]
 
 
 def vector(name: str, value: Any, neurons: int) -> NDArray[Any]:

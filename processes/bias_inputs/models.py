@@ -1,4 +1,4 @@
-"""Models of `BiasInputs`: nothing they compute is ever rounded, so both send the same spikes."""
+"""Models of `BiasInputs`: nothing they compute is ever rounded, so all send the same spikes."""
 
 from __future__ import annotations
 
@@ -8,12 +8,41 @@ import numpy as np
 from lava.magma.core.model.py.model import PyLoihiProcessModel
 from lava.magma.core.model.py.ports import PyOutPort
 from lava.magma.core.model.py.type import LavaPyType
+from lava.magma.core.model.sub.model import AbstractSubProcessModel
+from lava.proc.lif.process import LIF
 from numpy.typing import NDArray
 
 from lava_vpr.engine.inference.bias_input import LEVEL, THRESHOLD, biases, start_membranes
-from lava_vpr.loihi import INPUT_SHIFT
+from lava_vpr.errors import NetworkLimitError
+from lava_vpr.loihi import INPUT_SHIFT, NO_MEMORY_DECAY
 from lava_vpr.processes.base.cpu_model import cpu_model
+from lava_vpr.processes.base.library_parts import library_model, stand_for
 from lava_vpr.processes.bias_inputs.process import BiasInputs
+
+
+class _LibraryInputs(AbstractSubProcessModel):
+    floating = False
+
+    def __init__(self, proc: BiasInputs) -> None:
+        if proc.proc_params["shared"] is not None:
+            raise NetworkLimitError("BiasInputs: emitted is not counted by Lava's library; count the spikes of s_out")
+        proc.written = proc.values(0, floating=self.floating)
+        no_memory: float = 1.0 if self.floating else NO_MEMORY_DECAY
+        self.neurons = LIF(shape=proc.s_out.shape, du=no_memory, dv=0, vth=THRESHOLD, **proc.written)
+        self.neurons.s_out.connect(proc.s_out)
+        stand_for(proc, self.neurons, "v", "bias_mant", "bias_exp", constant=("emitted",))
+
+
+@library_model(BiasInputs, "fixed")
+class SubBiasInputsFixed(_LibraryInputs):
+    """Lava's LIF, with the first presentation's bias and start membrane; `BiasInputs.write` brings the others."""
+
+
+@library_model(BiasInputs, "float")
+class SubBiasInputsFloat(_LibraryInputs):
+    """The same with the numbers that Lava's floating-point models take."""
+
+    floating = True
 
 
 class _InputsModel(PyLoihiProcessModel):

@@ -8,11 +8,41 @@ import numpy as np
 from lava.magma.core.model.py.model import PyLoihiProcessModel
 from lava.magma.core.model.py.ports import PyInPort, PyOutPort
 from lava.magma.core.model.py.type import LavaPyType
+from lava.proc.dense.process import Dense
+from lava.proc.sparse.process import Sparse
+from lava.utils.weightutils import SignMode
 from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import dense_step, stored_weights
 from lava_vpr.processes.base.cpu_model import cpu_model
+from lava_vpr.processes.base.library_parts import LibrarySynapses, library_model, library_synapses
 from lava_vpr.processes.dense_synapses.process import DenseSynapses
+
+
+class _LibraryDense(LibrarySynapses):
+    def made(self, proc: DenseSynapses) -> Dense | Sparse:
+        """The library's Process with the weights and the format of ``proc``."""
+        given = proc.proc_params
+        return library_synapses(
+            proc.weights.init,
+            given["weight_exp"],
+            SignMode[given["sign"].upper()],
+            floating=self.floating,
+            sparse=given["sparse"],
+            bits=given["num_weight_bits"],
+        )
+
+
+@library_model(DenseSynapses, "fixed")
+class SubDenseSynapsesFixed(_LibraryDense):
+    """Lava's Dense or Sparse."""
+
+
+@library_model(DenseSynapses, "float")
+class SubDenseSynapsesFloat(_LibraryDense):
+    """The same with weights that Lava's floating-point models take."""
+
+    floating = True
 
 
 class _DenseModel(PyLoihiProcessModel):

@@ -54,6 +54,7 @@ class DenseSynapses(CheckedProcess):
         num_weight_bits: int = WEIGHT_BITS,
         weight_exp: int = 0,
         sign_mode: SignMode | str | None = None,
+        sparse: bool = False,
         **kwargs: Any,
     ) -> None:
         """Make the synapses with their weights and the format in which they are stored.
@@ -64,6 +65,7 @@ class DenseSynapses(CheckedProcess):
             num_weight_bits: Bits that are stored, 1..8; the low bits of 8 become 0 in the integer model.
             weight_exp: Shifts the sum, to the right if negative; -7..7.
             sign_mode: Lava's SignMode or its name in lower case; None: by the weights' signs.
+            sparse: Lava's library holds them as Sparse, not Dense: where most are 0 and none is set during a run.
         Raises:
             NetworkLimitError: no matrix, an unknown sign mode, a format out of its range, integers out of theirs;
                 weights of a float type are checked when Lava picks the integer model for them.
@@ -84,7 +86,9 @@ class DenseSynapses(CheckedProcess):
             f"in 1..{WEIGHT_BITS}",
         )
         self.bits = int(num_weight_bits)
-        super().__init__(num_weight_bits=self.bits, weight_exp=int(weight_exp), sign=self.sign, **kwargs)
+        super().__init__(
+            num_weight_bits=self.bits, weight_exp=int(weight_exp), sign=self.sign, sparse=bool(sparse), **kwargs
+        )
         self.s_in = InPort(shape=(weights.shape[1],))
         self.a_out = OutPort(shape=(weights.shape[0],))
         self.weights = RegisterVar(weights.shape, weights, self.check_fixed)

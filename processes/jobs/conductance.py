@@ -72,7 +72,7 @@ def conductance(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) 
     network.s_out.connect(counter.s_in)
     network.s_out_inh.connect(counter_inh.s_in)
     results: dict[str, NDArray[Any]] = {}
-    run = Loihi2SimCfg(select_tag="floating_pt", select_sub_proc_model=True)
+    run = Loihi2SimCfg(select_tag="floating_pt")
     try:
         for _ in range(n):
             network.run(condition=RunSteps(num_steps=c.total), run_cfg=run)

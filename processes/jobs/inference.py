@@ -12,7 +12,7 @@ neuron sent, ``input_spikes`` int64 (inputs,) and ``inh_spikes`` int64 (inhibito
 from __future__ import annotations
 
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from lava.magma.core.process.ports.ports import InPort, OutPort
@@ -28,11 +28,9 @@ from lava_vpr.isolated.worker import report
 from lava_vpr.processes.base.checked import FIXED_TAG
 from lava_vpr.processes.base.encoders import EncoderProcess
 from lava_vpr.processes.base.lava_checks import refuse_cpu_models
-from lava_vpr.processes.base.library_inputs import LibraryBiasInputs
 from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.bias_inputs.process import BiasInputs
 from lava_vpr.processes.networks.fused_place_network.process import FusedPlaceNetwork
-from lava_vpr.processes.networks.library_place_network.process import LibraryPlaceNetwork
 from lava_vpr.processes.networks.place_network.process import PlaceNetwork
 from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
 from lava_vpr.processes.regular_encoder.process import RegularEncoder
@@ -86,16 +84,38 @@ def _presented_biases(arrays: Arrays) -> NDArray[np.int32] | None:
     return np.ascontiguousarray(arrays["biases"], np.int32) if "biases" in arrays else None
 
 
-def _begin(process: AbstractProcess, tag: str, board: bool) -> RunConfig | None:
-    """The way to run the models ``tag``; None on a board, for which the network is compiled and started here.
+class Way(NamedTuple):
+    """How Lava runs a network.
+
+    Attributes:
+        tag: Tag of the models: ``fixed_pt`` or ``floating_pt``.
+        library: Lava's own library in the place of this project's models.
+        board: On a Loihi 2 board instead of in simulation; of the library, too.
+    """
+
+    tag: str
+    library: bool = False
+    board: bool = False
+
+    @property
+    def floating(self) -> bool:
+        """Whether models compute in floating point."""
+        return self.tag != FIXED_TAG
+
+
+ON_HOST = (PoissonEncoder, RegularEncoder, SpikeCounter)
+"""Processes that run in Python beside a board, behind the vendor's adapters: they inject spikes, or count them."""
+
+
+def begin(process: AbstractProcess, way: Way) -> RunConfig | None:
+    """The configuration of a run; None on a board, for which the network is compiled and started here.
 
     Raises:
         BackendUnavailableError: a part of the network would run on the CPU instead of the board.
     """
-    if not board:
-        return Loihi2SimCfg(select_tag=tag, select_sub_proc_model=True)
-    on_host = (PoissonEncoder, RegularEncoder, SpikeCounter)
-    executable = refuse_cpu_models(process, Loihi2HwCfg(select_sub_proc_model=True), on_host)
+    if not way.board:
+        return Loihi2SimCfg(select_tag=way.tag, select_sub_proc_model=way.library)
+    executable = refuse_cpu_models(process, Loihi2HwCfg(select_sub_proc_model=True), ON_HOST)
     process.create_runtime(executable=executable)
     return None
 
@@ -104,10 +124,9 @@ def play(
     process: AbstractProcess,
     units: int,
     steps: int,
-    tag: str,
+    way: Way,
     presentations: int,
     batch: int = 1,
-    board: bool = False,
     clock: Clock | None = None,
 ) -> None:
     """Run Lava and report the presentations that are done.
@@ -116,16 +135,15 @@ def play(
         process: Any of the Processes to run.
         units: Times that ``steps`` steps are run.
         steps: Lava steps of a unit.
-        tag: Tag of the models to run.
+        way: How Lava runs it.
         presentations: In all units together.
         batch: Presentations of a unit.
-        board: On a Loihi 2 board instead of in simulation.
         clock: Clock that is told of every run.
     Raises:
         BackendUnavailableError: a part of the network would run on the CPU instead of the board.
     """
     clock = clock or Clock({})
-    config = _begin(process, tag, board)
+    config = begin(process, way)
     done, chunk = 0, 1
     while done < units:
         size = min(chunk, units - done)
@@ -145,30 +163,29 @@ def play(
 
 def play_written(
     process: AbstractProcess,
-    network: LibraryPlaceNetwork,
+    network: PlaceNetwork,
     presentations: int,
-    tag: str,
+    way: Way,
     *,
-    inputs: LibraryBiasInputs | None = None,
+    inputs: BiasInputs | None = None,
     biases: NDArray[np.int32] | None = None,
-    board: bool = False,
     clock: Clock | None = None,
 ) -> None:
-    """Run Lava with pauses to write: to ``inputs`` after the steps with input, ``biases`` between two presentations.
+    """Run Lava's library with pauses to write: ``inputs`` before the silent steps, ``biases`` between presentations.
 
     Args:
         process: Any of the Processes to run.
         network: The network that is presented to.
         presentations: Their number.
-        tag: Tag of the models to run.
-        inputs: Input compartments of Lava's own; None: inputs need no writing.
+        way: How Lava runs it.
+        inputs: Input compartments; None: inputs need no writing.
         biases: Biases of each presentation, int32 (n, neurons), of which the network has the first; None: they stay.
-        board, clock: As in `play`.
+        clock: As in `play`.
     Raises:
         BackendUnavailableError: a part of the network would run on the CPU instead of the board.
     """
     spec, clock, waiting = network.network, clock or Clock({}), 0
-    config = _begin(process, tag, board)
+    config = begin(process, way)
 
     def run(steps: int) -> int:
         process.run(condition=RunSteps(num_steps=steps), run_cfg=config)
@@ -184,7 +201,7 @@ def play_written(
         if biases is not None or following == presentations:
             waiting = run(waiting)
         if biases is not None and following < presentations:
-            network.write_bias(biases[following])
+            network.write_bias(biases[following], way.floating)
         clock.add(1, began)
         report(1)
     clock.look()
@@ -217,33 +234,28 @@ def input_spikes(rates: NDArray[np.uint16], keys: NDArray[np.uint64], steps: int
 
 
 def _source(
-    network: PlaceNetwork | LibraryPlaceNetwork, rates: NDArray[np.uint16], keys: NDArray[np.uint64], emitted: Emitted
-) -> LibraryBiasInputs | BiasInputs | EncoderProcess:
-    """What sends the network its input spikes.
-
-    Bias inputs of the library's network are its own LIF compartments, all others a Process of this project.
-    """
-    spec = network.network
-    if spec.bias_input and isinstance(network, LibraryPlaceNetwork):
-        return LibraryBiasInputs(rates=rates, keys=keys, silent_steps=spec.silent_steps, floating=network.floating)
+    spec: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.uint64], emitted: Emitted | None
+) -> BiasInputs | EncoderProcess:
+    """What sends the network its input spikes."""
     injected = RegularEncoder if spec.regular else PoissonEncoder
     kind: type[BiasInputs | EncoderProcess] = BiasInputs if spec.bias_input else injected
     return kind(rates=rates, keys=keys, steps=spec.steps, silent_steps=spec.silent_steps, emitted=emitted)
 
 
-def _wired(network: PlaceNetwork | LibraryPlaceNetwork, arrays: Arrays, options: dict[str, Any]) -> Arrays:
+def _wired(arrays: Arrays, options: dict[str, Any], library: bool) -> Arrays:
     """Inputs, network and counters; on a board, with the vendor's adapters between them."""
-    spec, interval, clock = network.network, network.interval, Clock(options)
-    tag, board, record = str(options.get("tag", FIXED_TAG)), bool(options.get("board")), bool(options.get("record"))
+    spec, biases, clock = network_of(arrays, options), _presented_biases(arrays), Clock(options)
+    network = PlaceNetwork(network=spec, bias=biases[:1] if library and biases is not None else biases)
+    way = Way(str(options.get("tag", FIXED_TAG)), library, bool(options.get("board")))
+    interval, board, record = spec.interval, way.board, bool(options.get("record"))
     rates, keys = np.ascontiguousarray(arrays["rates"], np.uint16), np.asarray(arrays["keys"], np.uint64)
     n, sent = len(rates), shared_array((spec.inputs,), np.int64)
     if n == 0:
         silent = np.zeros(spec.inhibitory, np.int64)
         return {"counts": np.zeros((0, spec.neurons), np.int32), "input_spikes": sent, "inh_spikes": silent}
-    source = _source(network, rates, keys, sent)
-    written = source if isinstance(source, LibraryBiasInputs) else None
-    inputs: OutPort = source.lif.s_out if isinstance(source, LibraryBiasInputs) else source.s_out
-    biases = _presented_biases(arrays)
+    source = _source(spec, rates, keys, None if library and spec.bias_input else sent)
+    written = source if library and isinstance(source, BiasInputs) else None
+    inputs: OutPort = source.s_out
     across(inputs, network.s_in, "PyToNxAdapter" if board and not written else None)
     ports = {"exc": network.s_out, "inh": network.s_out_inh}
     if record or (written and not board):
@@ -255,11 +267,10 @@ def _wired(network: PlaceNetwork | LibraryPlaceNetwork, arrays: Arrays, options:
             shape=port.shape, presentations=n, interval=interval, counts=counts[name], raster=result.get(name)
         )
         across(port, counter.s_in, "NxToPyAdapter" if board and (written or name != "inputs") else None)
-    runner = source.lif if isinstance(source, LibraryBiasInputs) else source
-    if isinstance(network, LibraryPlaceNetwork) and (written is not None or biases is not None):
-        play_written(runner, network, n, tag, inputs=written, biases=biases, board=board, clock=clock)
+    if library and (written is not None or biases is not None):
+        play_written(source, network, n, way, inputs=written, biases=biases, clock=clock)
     else:
-        play(runner, n, interval, tag, n, board=board, clock=clock)
+        play(source, n, interval, way, n, clock=clock)
     if written is not None:
         counted = counts["inputs"].sum(axis=0) if "inputs" in counts else input_spikes(rates, keys, spec.steps)
         sent = counted.astype(np.int64)
@@ -269,15 +280,12 @@ def _wired(network: PlaceNetwork | LibraryPlaceNetwork, arrays: Arrays, options:
 
 def composed(arrays: Arrays, options: dict[str, Any]) -> Arrays:
     """The network composed of this project's Processes."""
-    return _wired(PlaceNetwork(network=network_of(arrays, options), bias=_presented_biases(arrays)), arrays, options)
+    return _wired(arrays, options, library=False)
 
 
 def library(arrays: Arrays, options: dict[str, Any]) -> Arrays:
-    """The network wired from Lava's library."""
-    floating = options.get("tag", FIXED_TAG) != FIXED_TAG
-    network, biases = network_of(arrays, options), _presented_biases(arrays)
-    first = None if biases is None or not len(biases) else biases[0]
-    return _wired(LibraryPlaceNetwork(network=network, floating=floating, bias=first), arrays, options)
+    """The same with Lava's library in their place."""
+    return _wired(arrays, options, library=True)
 
 
 def fused(arrays: Arrays, options: dict[str, Any]) -> Arrays:
@@ -309,5 +317,5 @@ def fused(arrays: Arrays, options: dict[str, Any]) -> Arrays:
             events=result["events"],
             ahead=not clock.single,
         )
-        play(network, network.batches, 1, str(options.get("tag", FIXED_TAG)), n, batch, clock=clock)
+        play(network, network.batches, 1, Way(str(options.get("tag", FIXED_TAG))), n, batch, clock=clock)
     return result | clock.arrays()

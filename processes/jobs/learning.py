@@ -13,13 +13,11 @@ from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, Rule
-from lava_vpr.engine.learning.integer_kernels import StepDraws
 from lava_vpr.engine.learning.lava_order import FoldedPhase, FoldedTrainer
 from lava_vpr.isolated.worker import report
 from lava_vpr.processes.base.encoders import EncoderProcess
 from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.networks.learning_place_network.process import LearningPlaceNetwork
-from lava_vpr.processes.networks.library_learning_network.process import LibraryLearningNetwork
 from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
 from lava_vpr.processes.regular_encoder.process import RegularEncoder
 from lava_vpr.processes.spike_counter.process import SpikeCounter
@@ -53,8 +51,7 @@ def learning(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> 
 
     Args:
         arrays: ``weights`` uint8 (inputs, neurons) and ``theta`` int32 (neurons,), the state at the start; ``rates``
-            uint16 (n, inputs); ``keys`` uint64 (n,); optionally ``trace_draws`` and ``weight_draws`` uint64
-            (n interval,).
+            uint16 (n, inputs); ``keys`` uint64 (n,).
         options: ``learning``: `options_of` the phase; optionally ``tag``: ``floating_pt`` instead of ``fixed_pt``.
     Returns:
         After each presentation ``weights`` (n, inputs, neurons) and ``traces`` (n, inputs), uint8 or float64, and
@@ -67,16 +64,13 @@ def learning(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> 
     kind = np.uint8 if tag == "fixed_pt" else np.float64
     weights, traces = shared_array((n, neurons, inputs), kind), shared_array((n, inputs), kind)
     theta = np.zeros((n, neurons), np.int64 if tag == "fixed_pt" else np.float64)
-    draws = StepDraws(arrays["trace_draws"], arrays["weight_draws"]) if "trace_draws" in arrays else None
     encoder = _encoder(phase, rates, keys)
-    network = LearningPlaceNetwork(
-        learning=phase, state=state, keys=keys, draws=draws, record_weights=weights, record_traces=traces
-    )
+    network = LearningPlaceNetwork(learning=phase, state=state, keys=keys, record_weights=weights, record_traces=traces)
     raster = shared_array((n, network.interval, neurons), np.uint8)
     counter = SpikeCounter(shape=(neurons,), presentations=n, interval=network.interval, raster=raster)
     encoder.s_out.connect(network.s_in)
     network.s_out.connect(counter.s_in)
-    config = Loihi2SimCfg(select_tag=tag, select_sub_proc_model=True)
+    config = Loihi2SimCfg(select_tag=tag)
     try:
         for k in range(n):
             network.run(condition=RunSteps(num_steps=network.interval), run_cfg=config)
@@ -90,24 +84,24 @@ def learning(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> 
 
 
 def library(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
-    """Show one image to `LibraryLearningNetwork`.
+    """Show one image to `LearningPlaceNetwork` in Lava's library, or in this project's models with its random numbers.
 
     Args:
         arrays: ``weights`` uint8 (inputs, neurons) and ``theta`` int32 (neurons,); ``rates`` uint16 (1, inputs);
             ``keys`` uint64 (1,).
-        options: ``learning``: `options_of` the phase; ``rng_seed``.
+        options: ``learning``: `options_of` the phase; ``rng_seed``; optionally ``own``: in this project's models.
     Returns:
         ``weights`` (inputs, neurons) and ``traces`` (inputs,) after it; ``raster`` uint8 (interval, neurons).
     """
     phase = learning_of(options["learning"])
     state = IntegerState(arrays["weights"], arrays["theta"])
     encoder = _encoder(phase, arrays["rates"], arrays["keys"])
-    network = LibraryLearningNetwork(learning=phase, state=state, rng_seed=options["rng_seed"])
+    network = LearningPlaceNetwork(learning=phase, state=state, keys=arrays["keys"], rng_seed=options["rng_seed"])
     raster = shared_array((1, network.interval, len(state.theta)), np.uint8)
     counter = SpikeCounter(shape=state.theta.shape, presentations=1, interval=network.interval, raster=raster)
     encoder.s_out.connect(network.s_in)
     network.s_out.connect(counter.s_in)
-    config = Loihi2SimCfg(select_tag="fixed_pt", select_sub_proc_model=True)
+    config = Loihi2SimCfg(select_tag="fixed_pt", select_sub_proc_model=not options.get("own"))
     try:
         network.run(condition=RunSteps(num_steps=network.interval), run_cfg=config)
         weights, traces = network.weights.get(), network.x1.get()
@@ -117,10 +111,10 @@ def library(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> d
 
 
 def folded(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
-    """Show images to `LibraryLearningNetwork` as a host program does: one epoch, or its beginning, in one run of Lava.
+    """Show one epoch, or its beginning, to `LearningPlaceNetwork` in Lava's library, as a host program does.
 
     Between presentations `engine.learning.lava_order.FoldedTrainer` normalises and folds; what it gives is written, and
-    the traces are cleared.
+    the traces are cleared. All is one run of Lava.
 
     Args:
         arrays: ``weights`` uint8 (inputs, neurons) and ``theta`` int32 (neurons,), the host's at the start of the
@@ -140,8 +134,8 @@ def folded(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> di
     boundary = trainer.begin(int(keys[0]))
     start = IntegerState(boundary.weights, np.full(neurons, trainer.common, np.int32))
     encoder = _encoder(chip, rates, keys)
-    network = LibraryLearningNetwork(
-        learning=chip, state=start, rng_seed=trainer.seeds[epoch], mantissas=boundary.mantissas
+    network = LearningPlaceNetwork(
+        learning=chip, state=start, keys=keys[:1], rng_seed=trainer.seeds[epoch], mantissas=boundary.mantissas
     )
     raster = shared_array((n, network.interval, neurons), np.uint8)
     counter = SpikeCounter(shape=(neurons,), presentations=n, interval=network.interval, raster=raster)

@@ -8,10 +8,38 @@ import numpy as np
 from lava.magma.core.model.py.model import PyLoihiProcessModel
 from lava.magma.core.model.py.ports import PyInPort, PyOutPort
 from lava.magma.core.model.py.type import LavaPyType
+from lava.proc.dense.process import Dense
+from lava.proc.sparse.process import Sparse
+from lava.utils.weightutils import SignMode
 from numpy.typing import NDArray
+from scipy.sparse import identity
 
 from lava_vpr.processes.base.cpu_model import cpu_model
+from lava_vpr.processes.base.library_parts import LibrarySynapses, library_model, library_synapses
 from lava_vpr.processes.one_to_one.process import OneToOne
+
+
+class _LibraryDiagonal(LibrarySynapses):
+    constant = ("weight",)
+
+    def made(self, proc: OneToOne) -> Dense | Sparse:
+        """The library's Process with the weight of ``proc`` for each neuron."""
+        weight = proc.weight.init[0]
+        sign = SignMode.EXCITATORY if weight >= 0 else SignMode.INHIBITORY
+        weights = identity(*proc.s_in.shape, format="csr") * weight
+        return library_synapses(weights, proc.proc_params["weight_exp"], sign, floating=self.floating, sparse=True)
+
+
+@library_model(OneToOne, "fixed")
+class SubOneToOneFixed(_LibraryDiagonal):
+    """Lava's Sparse with weights on its diagonal."""
+
+
+@library_model(OneToOne, "float")
+class SubOneToOneFloat(_LibraryDiagonal):
+    """The same with weights that Lava's floating-point models take."""
+
+    floating = True
 
 
 class _OneToOneModel(PyLoihiProcessModel):

@@ -5,17 +5,72 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from lava.magma.core.learning.learning_rule import Loihi2FLearningRule
 from lava.magma.core.model.py.model import PyLoihiProcessModel
 from lava.magma.core.model.py.ports import PyInPort, PyOutPort
 from lava.magma.core.model.py.type import LavaPyType
+from lava.magma.core.model.sub.model import AbstractSubProcessModel
+from lava.proc.dense.process import LearningDense
+from lava.utils.weightutils import SignMode
 from numpy.typing import NDArray
 
+from lava_vpr.engine.general.lif import need
 from lava_vpr.engine.learning.integer import Rule, normalise, step_draws
 from lava_vpr.engine.learning.integer_kernels import StepDraws, decay_traces, learn_column
+from lava_vpr.engine.learning.lava_order import LibraryDraws
+from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import TRACE_LIMIT
 from lava_vpr.processes.base.cpu_model import cpu_model
 from lava_vpr.processes.base.float_rule import FloatRule
-from lava_vpr.processes.plastic_dense.process import PlasticDense, interval_of
+from lava_vpr.processes.base.library_parts import MISSING, LibrarySynapses, library_model, stand_for
+from lava_vpr.processes.plastic_dense.process import PlasticDense
+
+
+@library_model(PlasticDense, "fixed")
+class SubPlasticDenseFixed(LibrarySynapses):
+    """Lava's LearningDense, whose postsynaptic spikes come from ``s_in_post``."""
+
+    def __init__(self, proc: PlasticDense) -> None:
+        super().__init__(proc)
+        proc.s_in_post.connect(self.synapses.s_in_bap)
+        stand_for(proc, self.synapses, "x1")
+
+    def made(self, proc: PlasticDense) -> LearningDense:
+        """The library's Process with the weights and the rule of ``proc``.
+
+        Raises:
+            NetworkLimitError: what LearningDense lacks: weights that are normalised, presentations, records.
+        """
+        given, name = proc.proc_params, "PlasticDense"
+        rule: Rule = given["rule"]  # no FloatRule: `PlasticDense.check_fixed` has seen it
+        need(given["rng_seed"] is not None, f"{name}: rng_seed", None, "given with Lava's library")
+        need(given["weight_sum"] == 0, f"{name}: weight_sum", given["weight_sum"], MISSING)
+        shown = 0 if given["keys"] is None else len(given["keys"])
+        need(shown <= 1, f"{name}: presentations", shown, "1 with Lava's library; clear x1 between them")
+        for record in ("record_weights", "record_traces"):
+            need(given[record] is None, f"{name}: {record}", "an array", MISSING)
+        # Impulses saturate at 127: every spike sets its trace to that.
+        stdp = Loihi2FLearningRule(
+            dw=rule.microcode(),
+            x1_impulse=TRACE_LIMIT,
+            x1_tau=rule.tau,
+            t_epoch=1,
+            rng_seed=given["rng_seed"],
+        )
+        weights = proc.weights.init.astype(np.int32)
+        exponent = given["weight_exp"]
+        return LearningDense(weights=weights, weight_exp=exponent, learning_rule=stdp, sign_mode=SignMode.EXCITATORY)
+
+
+@library_model(PlasticDense, "float")
+class SubPlasticDenseFloat(AbstractSubProcessModel):
+    """None: Lava's floating-point LearningDense scales the same rule differently."""
+
+    def __init__(self, proc: PlasticDense) -> None:
+        raise NetworkLimitError(
+            "PlasticDense: Lava's floating-point LearningDense scales a rule otherwise than its fixed-point one; take "
+            'select_tag="fixed_pt"'
+        )
 
 
 class PlasticModel(PyLoihiProcessModel):
@@ -31,7 +86,8 @@ class PlasticModel(PyLoihiProcessModel):
 
     def __init__(self, proc_params: Any) -> None:
         super().__init__(proc_params)
-        self.interval = interval_of(proc_params["steps"])
+        steps = proc_params["steps"]
+        self.interval = steps + proc_params["silent_steps"] if steps else 0  # 0: a presentation that never ends
         self.presentations = 0 if proc_params["keys"] is None else len(proc_params["keys"])
         self.records = {"weights": proc_params["record_weights"], "x1": proc_params["record_traces"]}
 
@@ -75,14 +131,15 @@ class PyPlasticDenseFixed(PlasticModel):
         self.products = self.rule.table()
         self.exponent: int = proc_params["weight_exp"]
         self.keys, self.weight_sum = proc_params["keys"], int(proc_params["weight_sum"])
-        self.stream: StepDraws | None = proc_params["draws"]  # of the whole run
-        self.draws: Any = self.stream  # of this presentation
+        seed = proc_params["rng_seed"]
+        self.library = None if seed is None else LibraryDraws(seed)
+        self.draws: StepDraws  # of this presentation, or of this step of one that never ends
 
     def _begin(self, image: int) -> None:
-        if self.stream is None:
+        if self.library is None:
             self.draws = step_draws(int(self.keys[image]), self.interval)
         else:
-            self.draws = StepDraws(*(part[image * self.interval :] for part in self.stream))
+            self.draws = self.library.next(self.interval)
         if self.weight_sum:
             normalise(self.weights.T, self.weight_sum, int(self.keys[image]))
 
@@ -91,14 +148,14 @@ class PyPlasticDenseFixed(PlasticModel):
         return sums << self.exponent if self.exponent > 0 else sums >> -self.exponent
 
     def _decay(self, step: int) -> None:
-        if step < len(self.draws.traces):
-            decay_traces(self.x1, self.whole, self.fraction, self.draws.traces[step])
+        if self.library is not None and not self.interval:
+            self.draws = self.library.next(1)
+        decay_traces(self.x1, self.whole, self.fraction, self.draws.traces[step % len(self.draws.traces)])
 
     def _learn(self, spiking: NDArray[np.int64], step: int) -> None:
-        if step < len(self.draws.weights):
-            columns, draw = self.weights.T, self.draws.weights[step]
-            for i in spiking:
-                learn_column(columns, i, self.x1, self.products, self.rule.target, self.rule.mu, draw)
+        columns, draw = self.weights.T, self.draws.weights[step % len(self.draws.weights)]
+        for i in spiking:
+            learn_column(columns, i, self.x1, self.products, self.rule.target, self.rule.mu, draw)
 
 
 @cpu_model(PlasticDense, "float")

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import need, stored_weights
 from lava_vpr.engine.learning.integer import Rule, normalise
-from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS, StepDraws, decay_traces, learn_column
+from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS, decay_traces, learn_column
 from lava_vpr.loihi import WEIGHT_EXPONENT_LIMIT
-from lava_vpr.processes.base.checked import CheckedProcess, RegisterVar, check_outputs
+from lava_vpr.processes.base.checked import CheckedProcess, RegisterVar, check_outputs, whole
 from lava_vpr.processes.base.float_rule import FloatRule
 
 _EXPONENTS = f"in {-WEIGHT_EXPONENT_LIMIT}..{WEIGHT_EXPONENT_LIMIT}"
@@ -37,9 +37,13 @@ class PlasticDense(CheckedProcess):
     postsynaptic spikes; learn. Sending comes before receiving, so that the postsynaptic population can be the very one
     that this connection excites.
 
-    With ``steps``, Lava steps are presentations of ``steps`` + 3. In the first step of each all traces are cleared and,
-    with ``weight_sum``, each neuron's weights are brought to that sum: what the host does on a chip, since no learning
-    engine adds over a neuron's synapses. After the last presentation nothing is learned any more.
+    With ``steps``, Lava steps are presentations of ``steps`` and ``silent_steps`` more. In the first step of each all
+    traces are cleared and, with ``weight_sum``, each neuron's weights are brought to that sum: what the host does on a
+    chip, since no learning engine adds over a neuron's synapses. After the last presentation nothing is learned any
+    more.
+
+    Lava's library has a LearningDense in its place, with random numbers of its own (``rng_seed``). It takes one
+    presentation: who runs it clears the traces (``x1.set``) and normalises weights between two.
 
     Ports: ``s_in`` (inputs,), ``a_out`` (neurons,), ``s_in_post`` (neurons,), spikes of the same step. Vars:
     ``weights`` (neurons, inputs) as in Lava's Dense, ``x1`` traces (inputs,), ``a_buff`` (neurons,). Traces are 0..127
@@ -53,9 +57,10 @@ class PlasticDense(CheckedProcess):
         rule: Rule | FloatRule,
         weight_exp: int = 0,
         steps: int = 0,
+        silent_steps: int = SILENT_STEPS,
         keys: NDArray[np.uint64] | None = None,
         weight_sum: float = 0,
-        draws: StepDraws | None = None,
+        rng_seed: int | None = None,
         record_weights: NDArray[Any] | None = None,
         record_traces: NDArray[Any] | None = None,
         **kwargs: Any,
@@ -67,10 +72,11 @@ class PlasticDense(CheckedProcess):
             rule: Weight change and trace. The floating-point model takes either; it runs a `Rule` without rounding.
             weight_exp: Sums of weights are multiplied by 2^weight_exp (fixed point: shifted).
             steps: Steps with input of one presentation; 0: one that never ends.
+            silent_steps: Steps without input at the end of a presentation.
             keys: Key of each presentation, uint64 (n,); their random numbers are those of the host engine.
             weight_sum: What each neuron's weights are normalised to before a presentation; 0: they are not.
-            draws: Random numbers instead of those of the keys: for traces and for weights, 53 bits each, one for every
-                Lava step, uint64 (k,). After k steps nothing is learned any more.
+            rng_seed: Random numbers instead of those of the keys: those of Lava's LearningDense with this seed
+                (`lava_vpr.engine.learning.lava_order.LibraryDraws`).
             record_weights, record_traces: Filled at the end of each presentation, (n, neurons, inputs) and (n, inputs),
                 uint8 or, for the floating-point model, float64; made by
                 `lava_vpr.processes.base.shared_memory.shared_array`.
@@ -79,7 +85,7 @@ class PlasticDense(CheckedProcess):
         """
         values = _checked_weights(weights, rule)
         need(abs(weight_exp) <= WEIGHT_EXPONENT_LIMIT, "weight_exp", weight_exp, _EXPONENTS)
-        _check_timing(steps, keys, draws, weight_sum)
+        _check_timing(steps, silent_steps, keys, rng_seed, weight_sum)
         _check_records(values.shape, 0 if keys is None else len(keys), record_weights, record_traces)
         super().__init__(
             rule=rule,
@@ -87,7 +93,8 @@ class PlasticDense(CheckedProcess):
             steps=int(steps),
             keys=keys,
             weight_sum=weight_sum,
-            draws=None if draws is None else StepDraws(*draws),
+            silent_steps=int(silent_steps),
+            rng_seed=rng_seed,
             record_weights=record_weights,
             record_traces=record_traces,
             **kwargs,
@@ -149,24 +156,21 @@ def _check_records(
             check_outputs("PlasticDense", **{name: (record, (presentations, *size), kind)})
 
 
-def _check_timing(steps: int, keys: NDArray[np.uint64] | None, draws: StepDraws | None, weight_sum: float) -> None:
+def _check_timing(
+    steps: int, silent_steps: int, keys: NDArray[np.uint64] | None, rng_seed: int | None, weight_sum: float
+) -> None:
     """Refuse presentations without random numbers, and random numbers of another kind.
 
     Raises:
         NetworkLimitError: naming what does not fit.
     """
     need(steps >= 0, "steps", steps, "at least 0")
+    need(silent_steps >= 0, "silent_steps", silent_steps, "at least 0")
     need(weight_sum >= 0, "weight_sum", weight_sum, "at least 0")
-    for name, array in [("keys", keys), *(("draws", array) for array in draws or ())]:
-        fits = array is None or (array.dtype == np.uint64 and array.ndim == 1)
-        need(fits, f"PlasticDense: {name}", getattr(array, "dtype", type(array)), "uint64 (n,)")
-    if draws is not None:
-        need(len(draws) == 2 and len(draws[0]) == len(draws[1]), "PlasticDense: draws", len(draws), "two equal lengths")
-    need(keys is not None or draws is not None, "PlasticDense: keys", None, "given, or draws")
+    if keys is not None:
+        need(keys.dtype == np.uint64 and keys.ndim == 1, "PlasticDense: keys", keys.dtype, "uint64 (n,)")
+    if rng_seed is not None:
+        need(whole(rng_seed) and rng_seed >= 0, "PlasticDense: rng_seed", rng_seed, "a whole number, at least 0")
+    need(keys is not None or rng_seed is not None, "PlasticDense: keys", None, "given, or rng_seed")
     need(keys is None or steps > 0, "PlasticDense: steps", steps, "at least 1 with keys")
     need(weight_sum == 0 or keys is not None, "PlasticDense: keys", None, "given with weight_sum")
-
-
-def interval_of(steps: int) -> int:
-    """Lava steps of one presentation, the silent ones included; 0 for one that never ends."""
-    return steps + SILENT_STEPS if steps > 0 else 0

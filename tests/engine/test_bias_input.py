@@ -30,9 +30,8 @@ from lava_vpr.engine.random import presentation_key, presentation_keys
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.loihi import STATE_LIMIT
-from lava_vpr.processes.base.library_inputs import LibraryBiasInputs
 from lava_vpr.processes.base.shared_memory import shared_array
-from lava_vpr.processes.bias_inputs.models import PyBiasInputsFixed, PyBiasInputsFloat
+from lava_vpr.processes.bias_inputs.models import PyBiasInputsFixed, PyBiasInputsFloat, SubBiasInputsFixed
 from lava_vpr.processes.bias_inputs.process import BiasInputs
 from lava_vpr.processes.jobs.inference import input_spikes
 from lava_vpr.verification import verify
@@ -180,10 +179,10 @@ def test_what_is_no_input_is_refused(changes: dict[str, Any], text: str) -> None
 def test_what_is_written_reaches_the_phase_without_a_spike(silent_steps: int) -> None:
     """The library's LIF, from the pause before the silent steps to the end of the next presentation."""
     rates, keys = np.stack([EVERY_RATE[::16], EVERY_RATE[::16][::-1]]), presentation_keys(5, "query", np.arange(2))
-    inputs = LibraryBiasInputs(rates=rates, keys=keys, silent_steps=silent_steps)
-    values = inputs._values(1, silent_steps)
+    inputs = BiasInputs(rates=rates, keys=keys, steps=30, silent_steps=silent_steps)
+    values = inputs.values(1, silent_steps)
     assert abs(values["v"]).max() < STATE_LIMIT
-    model = build(inputs.lif, PyLifModelBitAcc)
+    model = build(SubBiasInputsFixed(inputs).neurons, PyLifModelBitAcc)
     model.v[:], model.bias_mant[:], model.bias_exp[:] = values["v"], values["bias_mant"], values["bias_exp"]
     assert not drive(model, silent_steps, port_out="s_out").any()
     assert np.array_equal(model.v, start_membranes(int(keys[1]), rates.shape[1]))
@@ -255,8 +254,8 @@ def check_board(network: FixedNetwork, arrays: Arrays, got: Arrays) -> None:
     assert np.array_equal(got["board_counts"], counts)
     assert np.array_equal(got["board_input_spikes"], input_spikes(rates, keys, network.steps))
     assert got["board_input_spikes"].sum() > 0
-    network_out = [f"LibraryPlaceNetwork.{port} NxToPyAdapter" for port in ("s_out", "s_out_inh")]
-    assert got["crossed"].tolist() == ["LIF.s_out None", *network_out]
+    network_out = [f"PlaceNetwork.{port} NxToPyAdapter" for port in ("s_out", "s_out_inh")]
+    assert got["crossed"].tolist() == ["BiasInputs.s_out None", *network_out]
     assert got["writes"].tolist() == [1, 3, 3, 1]
 
 

@@ -19,7 +19,6 @@ from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF
 from lava_vpr.processes.inhibitory_lif.process import InhibitoryLIF
 from lava_vpr.processes.lateral_inhibition.process import LateralInhibition
 from lava_vpr.processes.networks.fused_place_network.process import FusedPlaceNetwork
-from lava_vpr.processes.networks.library_place_network.process import LibraryPlaceNetwork
 from lava_vpr.processes.networks.place_network.process import PlaceNetwork
 from lava_vpr.processes.one_to_one.models import PyOneToOneFixed, PyOneToOneFloat
 from lava_vpr.processes.one_to_one.process import OneToOne
@@ -118,13 +117,12 @@ def test_what_cannot_be_is_refused_when_it_is_made(make: Any, changes: dict[str,
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("kind", [PlaceNetwork, LibraryPlaceNetwork])
-def test_networks_that_could_overflow_are_refused(kind: Any) -> None:
+def test_networks_that_could_overflow_are_refused() -> None:
     weights = np.full((140_000, 1), 1, np.int16)
     with pytest.raises(NetworkLimitError, match=r"weights above 0 of one neuron sum to 140,000, but Loihi's 24-bit"):
-        kind(network=place(weights))
+        PlaceNetwork(network=place(weights))
     with pytest.raises(NetworkLimitError, match="a bias of 700 makes its neuron spike without input"):
-        kind(network=replace(place(weights[:3]), bias=np.array([700], np.int32)))
+        PlaceNetwork(network=replace(place(weights[:3]), bias=np.array([700], np.int32)))
 
 
 FLOATS = [

@@ -201,13 +201,16 @@ def test_vars_between_runs_and_refusals_before_them() -> None:
         timeout=TIMEOUT,
     )
     check_vars(given, {name.removeprefix("vars_"): value for name, value in got.items()})
-    for name in ("weights", "u", "v", "v_inh", "lateral_weights"):
+    for name in ("weights", "u", "v", "v_inh", "vth", "lateral_weights", "bias_mant", "bias_exp"):
         assert np.array_equal(got[f"place_{name}"], got[f"library_{name}"]), name
     assert np.array_equal(got["place_weights"], network.stored[0])
     assert got["place_lateral_weights"].tolist() == [[-network.inhibition]] * network.neurons
     assert got["place_v"].any()
     assert (got["place_vth"] == network.threshold).all()
-    assert got["library_vth"].tolist() == [network.threshold]
+    assert str(got["place_refusal"]) == ""
+    assert str(got["library_refusal"]).startswith(
+        "ExcitatoryLIF: vth cannot be set with Lava's library; run it without"
+    )
     for text, part in zip(got["refusals"], ("", "vth is 10.5, but", "excitatory weight is 0.5"), strict=True):
         assert part in text
         assert bool(part) == bool(text)

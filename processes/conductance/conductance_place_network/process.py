@@ -76,7 +76,7 @@ class ConductancePlaceNetwork(AbstractProcess):
     Ports: ``s_in`` input spikes (inputs,), ``s_out`` and ``s_out_inh`` spikes of the populations (neurons,).
     Vars: ``v``, ``ge``, ``gi``, ``theta`` of the excitatory, ``v_inh`` of the inhibitory population, all (neurons,);
     ``weights`` (neurons, inputs).
-    Run it with ``Loihi2SimCfg(select_tag="floating_pt", select_sub_proc_model=True)``.
+    Run it with ``Loihi2SimCfg(select_tag="floating_pt")``.
     """
 
     def __init__(self, *, state: ConductanceState, config: Config, learn: bool = False, **kwargs: Any) -> None:

@@ -7,7 +7,7 @@ from lava.magma.core.decorator import implements
 from lava.magma.core.model.sub.model import AbstractSubProcessModel
 from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 
-from lava_vpr.processes.base.wiring import RELAY_WEIGHT, exact_mantissa, wire
+from lava_vpr.processes.base.wiring import RELAY_WEIGHT, wire
 from lava_vpr.processes.dense_synapses.process import DenseSynapses
 from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF
 from lava_vpr.processes.inhibitory_lif.process import InhibitoryLIF
@@ -37,15 +37,18 @@ class SubLearningPlaceNetwork(AbstractSubProcessModel):
             theta_plus=0 if learning.late_theta else lif.theta_plus,
             reset_interval=interval,
         )
-        mantissa, exponent = exact_mantissa(learning.inhibition)
         self.listen = DenseSynapses(weights=np.full((1, *shape), RELAY_WEIGHT))
         self.inh = InhibitoryLIF(shape=(1,), reset_interval=interval)
         self.inhibit = DenseSynapses(
-            weights=proc.vars.lateral_weights.init, weight_exp=exponent, sign_mode="inhibitory"
+            weights=proc.vars.lateral_weights.init, weight_exp=proc.exponent, sign_mode="inhibitory"
         )
         self.echo = OneToOne(shape=shape, weight=RELAY_WEIGHT)
         self.own = InhibitoryLIF(shape=shape, reset_interval=interval)
-        self.give_back = OneToOne(shape=shape, weight=mantissa, weight_exp=exponent)
+        # Not OneToOne: Lava's fixed-point Sparse fails once its weights were set.
+        self.give_back = DenseSynapses(
+            weights=proc.vars.own_weights.init, weight_exp=proc.exponent, sign_mode="excitatory"
+        )
         wire(proc, self)
         self.exc.s_out.connect(self.excite.s_in_post)
         proc.vars.x1.alias(self.excite.x1)
+        proc.vars.own_weights.alias(self.give_back.weights)

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import check_thresholds, need
 from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState
-from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS, StepDraws
 from lava_vpr.loihi import THRESHOLD_LIMIT
 from lava_vpr.processes.base.checked import CheckedProcess
 from lava_vpr.processes.base.wiring import exact_mantissa
@@ -26,9 +25,14 @@ class LearningPlaceNetwork(CheckedProcess):
     cleared in its first step; thresholds are kept. With ``late_theta`` thresholds rise between presentations and by the
     host (`raise_thresholds`), as on a chip. Under ``floating_pt`` the same spec runs without rounding.
 
+    A run that prefers SubProcessModels puts Lava's LIFReset, Dense, Sparse and LearningDense in the place of the parts:
+    what Intel's compiler could place. It takes ``rng_seed``, one presentation, and what the library has: one threshold
+    for all that does not rise, no floor, no hold, no normalisation. Equal, too, in every spike, weight and trace.
+
     Ports: ``s_in`` spikes (inputs,), ``s_out`` spikes of exc (neurons,), ``s_out_inh`` those of inh (1,). Vars:
     ``weights`` (neurons, inputs), ``x1`` traces (inputs,), ``u``, ``v``, ``vth`` of exc (neurons,), ``v_inh`` (1,),
-    ``lateral_weights`` (neurons, 1), mantissas of what inh takes, 0 or below.
+    ``lateral_weights`` (neurons, 1), mantissas of what inh takes from each neuron, 0 or below, and ``own_weights``
+    (neurons, neurons), the same on the diagonal, given back by each neuron's own relay (`set_laterals` writes both).
     """
 
     def __init__(
@@ -37,7 +41,8 @@ class LearningPlaceNetwork(CheckedProcess):
         learning: IntegerLearning,
         state: IntegerState,
         keys: NDArray[np.uint64],
-        draws: StepDraws | None = None,
+        rng_seed: int | None = None,
+        mantissas: NDArray[np.int64] | None = None,
         record_weights: NDArray[Any] | None = None,
         record_traces: NDArray[Any] | None = None,
         **kwargs: Any,
@@ -47,27 +52,29 @@ class LearningPlaceNetwork(CheckedProcess):
         Args:
             learning: One phase of learning.
             state: Weights and thresholds at its start; not changed.
-            keys, draws, record_weights, record_traces: See `lava_vpr.processes.plastic_dense.process.PlasticDense`.
+            keys, rng_seed, record_weights, record_traces: See `lava_vpr.processes.plastic_dense.process.PlasticDense`.
+            mantissas: What inh takes from each neuron, int64 (neurons,), 0..255; the exponent is that of
+                ``learning.inhibition``, whose mantissa is the default for all.
         Raises:
             NetworkLimitError: the network could overflow Loihi's registers, or arrays do not fit each other.
         """
         inputs, neurons = state.weights.shape
         learning.check()
-        silent = learning.silent_steps
-        need(silent == SILENT_STEPS, "LearningPlaceNetwork: silent_steps", silent, f"{SILENT_STEPS}")
         need(state.theta.shape == (neurons,), "LearningPlaceNetwork: theta", state.theta.shape, f"({neurons},)")
         check_thresholds(state.theta)
         plasticity: dict[str, Any] = {
             "weights": np.ascontiguousarray(state.weights.T),
             "rule": learning.rule,
             "steps": learning.steps,
+            "silent_steps": learning.silent_steps,
             "keys": keys,
             "weight_sum": learning.weight_sum,
-            "draws": draws,
+            "rng_seed": rng_seed,
             "record_weights": record_weights,
             "record_traces": record_traces,
         }
-        mantissa, _ = exact_mantissa(learning.inhibition)
+        mantissa, self.exponent = exact_mantissa(learning.inhibition)
+        taken = np.full(neurons, mantissa, np.int32) if mantissas is None else mantissas.astype(np.int32)
         super().__init__(**kwargs)
         self.learning, self.theta, self.plasticity = learning, state.theta.copy(), plasticity
         self.s_in = InPort(shape=(inputs,))
@@ -77,7 +84,18 @@ class LearningPlaceNetwork(CheckedProcess):
         self.x1 = Var(shape=(inputs,), init=0)
         self.vth = Var(shape=(neurons,), init=self.theta)
         self.u, self.v, self.v_inh = (Var(shape=(size,), init=0) for size in (neurons, neurons, 1))
-        self.lateral_weights = Var(shape=(neurons, 1), init=np.full((neurons, 1), -mantissa))
+        self.lateral_weights = Var(shape=(neurons, 1), init=-taken[:, None])
+        self.own_weights = Var(shape=(neurons, neurons), init=np.diag(taken))
+
+    def set_laterals(self, mantissas: NDArray[np.int64]) -> None:
+        """Write what inh takes from each neuron, and what its relay gives back; the run must pause.
+
+        Args:
+            mantissas: int64 (neurons,), 0..255.
+        """
+        values = mantissas.astype(np.int32)
+        self.lateral_weights.set(-values[:, None])
+        self.own_weights.set(np.diag(values))
 
     @property
     def interval(self) -> int:

@@ -39,14 +39,20 @@ class SubPlaceNetwork(AbstractSubProcessModel):
             reset_interval=interval,
             bias_table=None if proc.bias is None else BiasTable(*bias_registers(proc.bias)),
         )
-        self.listen = DenseSynapses(weights=listening(network))
+        sparse = network.leaves > 0
+        self.listen = DenseSynapses(weights=listening(network), sparse=sparse)
         self.inh = InhibitoryLIF(shape=(network.inhibitory,), reset_interval=interval)
         self.inhibit = DenseSynapses(
-            weights=inhibiting(network), weight_exp=network.inhibition_exponent, sign_mode="inhibitory"
+            weights=inhibiting(network),
+            weight_exp=network.inhibition_exponent,
+            sign_mode="inhibitory",
+            sparse=sparse,
         )
         if network.leaves:
-            self.gather = DenseSynapses(weights=gathering(network))
+            self.gather = DenseSynapses(weights=gathering(network), sparse=True)
         if network.relayed:
             self.forward = OneToOne(shape=(network.inputs,), weight=RELAY_WEIGHT)
             self.relays = InhibitoryLIF(shape=(network.inputs,), reset_interval=interval)
         wire(proc, self)
+        proc.vars.bias_mant.alias(self.exc.bias_mant)
+        proc.vars.bias_exp.alias(self.exc.bias_exp)

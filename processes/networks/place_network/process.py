@@ -10,6 +10,8 @@ from lava.magma.core.process.variable import Var
 from numpy.typing import NDArray
 
 from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.inference.neuron_bias import bias_registers
+from lava_vpr.loihi import INPUT_SHIFT
 from lava_vpr.processes.base.checked import CheckedProcess
 from lava_vpr.processes.base.wiring import inhibiting
 
@@ -17,9 +19,13 @@ from lava_vpr.processes.base.wiring import inhibiting
 class PlaceNetwork(CheckedProcess):
     """`FixedNetwork` composed of DenseSynapses, ExcitatoryLIF and InhibitoryLIF, and OneToOne before relays.
 
+    A run that prefers SubProcessModels puts Lava's LIFReset, Dense and Sparse in their place, and nothing else: what a
+    board can run. It takes the biases of one presentation; `write_bias` brings the others between runs.
+
     Ports: ``s_in`` spikes (inputs,), ``s_out`` spikes of exc (neurons,), ``s_out_inh`` those of inh (inhibitory,): the
     leaves, then the root. Vars: ``weights`` (neurons, inputs), ``u``, ``v``, ``vth`` of exc (neurons,), ``v_inh``
-    (inhibitory,), ``lateral_weights`` (neurons, inhibitory), mantissas from inh (columns) to exc (rows), 0 or below.
+    (inhibitory,), ``lateral_weights`` (neurons, inhibitory), mantissas from inh (columns) to exc (rows), 0 or
+    below (with Lava's library and leaves a sparse matrix), ``bias_mant``, ``bias_exp`` of exc (neurons,).
     """
 
     def __init__(self, *, network: FixedNetwork, bias: NDArray[np.int32] | None = None, **kwargs: Any) -> None:
@@ -45,6 +51,21 @@ class PlaceNetwork(CheckedProcess):
         self.u, self.v, self.v_inh = Var(shape=shape), Var(shape=shape), Var(shape=inh)
         self.vth = Var(shape=shape, init=network.threshold)
         self.lateral_weights = Var(shape=shape + inh, init=inhibiting(network))
+        self.bias_mant, self.bias_exp = Var(shape=shape), Var(shape=shape)
+
+    def write_bias(self, bias: NDArray[np.int32], floating: bool = False) -> None:
+        """Set the biases while the run is paused, from the next step on.
+
+        Args:
+            bias: In units of v, int32 (neurons,).
+            floating: The run is of Lava's own floating-point models, which ignore exponents.
+        """
+        mantissas, exponent = bias_registers(bias)
+        values: dict[str, NDArray[Any]] = {"bias_mant": mantissas, "bias_exp": np.full_like(mantissas, exponent)}
+        if floating:
+            values = {"bias_mant": bias * 2.0**-INPUT_SHIFT}
+        for name, value in values.items():
+            getattr(self, name).set(value)
 
     @property
     def interval(self) -> int:

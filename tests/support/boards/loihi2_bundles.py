@@ -1,6 +1,6 @@
 """Small bundles for Loihi 2, made of random networks, and their programs as children.
 
-Used by bench and deploy.
+Used by bench, deploy and processes.
 """
 
 from __future__ import annotations

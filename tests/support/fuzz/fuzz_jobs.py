@@ -24,7 +24,6 @@ from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.dense_synapses.process import DenseSynapses
 from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF
 from lava_vpr.processes.networks.fused_place_network.process import FusedPlaceNetwork
-from lava_vpr.processes.networks.library_place_network.process import LibraryPlaceNetwork
 from lava_vpr.processes.networks.place_network.process import PlaceNetwork
 from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
 from lava_vpr.processes.regular_encoder.process import RegularEncoder
@@ -32,7 +31,7 @@ from lava_vpr.processes.spike_counter.process import SpikeCounter
 
 Arrays = dict[str, NDArray[Any]]
 KINDS = ("ours", "library")
-CONFIG = {"select_tag": "fixed_pt", "select_sub_proc_model": True}
+CONFIG = {"select_tag": "fixed_pt"}
 
 
 def _dense(kind: str, weights: NDArray[Any], form: Format) -> Any:
@@ -105,23 +104,22 @@ def groups(arrays: Arrays, options: dict[str, Any]) -> Arrays:
 
 
 def _start_places(seed: int, start: int, numbers: Sequence[int]) -> Arrays:
-    """The composed and the library's networks in one start of Lava, a fused one in its own: it has no ports."""
+    """Networks of our models, of the library's, and a fused one, each in a start of Lava of its own."""
     given, networks = input_of(seed, start), {number: place_of(seed, start, number) for number in numbers}
     kind = RegularEncoder if given.regular else PoissonEncoder
-    encoder = kind(rates=given.rates, keys=given.keys, steps=given.steps, silent_steps=SILENT)
     n, interval = len(given.keys), given.steps + SILENT
-    wired: dict[str, Any] = {}
     results: Arrays = {}
-    for number, network in networks.items():
-        wired[f"{start}_{number}_ours"] = PlaceNetwork(network=network)
-        wired[f"{start}_{number}_library"] = LibraryPlaceNetwork(network=network)
-    for name, place in wired.items():
-        encoder.s_out.connect(place.s_in)
-        results[f"{name}_spikes"] = _counted(place.s_out, n, interval)
-    encoder.run(condition=RunSteps(num_steps=n * interval), run_cfg=Loihi2SimCfg(**CONFIG))
-    for name, place in wired.items():
-        results |= {f"{name}_u": place.u.get(), f"{name}_v": place.v.get()}
-    encoder.stop()
+    for side in KINDS:
+        encoder = kind(rates=given.rates, keys=given.keys, steps=given.steps, silent_steps=SILENT)
+        wired = {f"{start}_{number}_{side}": PlaceNetwork(network=network) for number, network in networks.items()}
+        for name, place in wired.items():
+            encoder.s_out.connect(place.s_in)
+            results[f"{name}_spikes"] = _counted(place.s_out, n, interval)
+        config = Loihi2SimCfg(**CONFIG, select_sub_proc_model=side == "library")
+        encoder.run(condition=RunSteps(num_steps=n * interval), run_cfg=config)
+        for name, place in wired.items():
+            results |= {f"{name}_u": place.u.get(), f"{name}_v": place.v.get()}
+        encoder.stop()
     network = networks[fused_of(start, numbers)]
     raster = results[f"{start}_fused_spikes"] = shared_array((n, interval, network.neurons), np.uint8)
     fused = FusedPlaceNetwork(network=network, rates=given.rates, keys=given.keys, batch=2, raster=raster)

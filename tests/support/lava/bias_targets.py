@@ -11,7 +11,7 @@ import numpy as np
 from lava.magma.core.process.ports.ports import InPort, OutPort
 from numpy.typing import NDArray
 
-from lava_vpr.processes.base import library_inputs
+from lava_vpr.processes.bias_inputs.process import BiasInputs
 from lava_vpr.processes.jobs import inference as jobs
 
 Arrays = dict[str, NDArray[Any]]
@@ -36,25 +36,25 @@ def networks(arrays: Arrays, options: dict[str, Any]) -> Arrays:
 def _as_on_a_board(arrays: Arrays, options: dict[str, Any]) -> Arrays:
     """The library's first network, wired as for a board but simulated; which ports would have crossed adapters."""
     crossed: list[str] = []
-    across, begin, written = jobs.across, jobs._begin, library_inputs.LibraryBiasInputs.write
+    across, begin, written = jobs.across, jobs.begin, BiasInputs.write
     calls: list[int] = []
 
     def direct(source: OutPort, target: InPort, adapter: str | None) -> None:
         crossed.append(f"{type(source.process).__name__}.{source.name} {adapter}")
         across(source, target, None)
 
-    def write(self: library_inputs.LibraryBiasInputs, presentation: int) -> None:
+    def write(self: BiasInputs, presentation: int) -> None:
         written(self, presentation)
         calls.append(self.sent)
 
     name, own = next(iter(options["networks"].items()))
     given = {key: arrays[f"{name}_{key}"] for key in ("weights", "bias", "rates", "keys")}
     given["rates"][1] = given["rates"][0]  # nothing but v differs, so nothing else is written
-    jobs.across, jobs._begin = direct, lambda process, tag, board: begin(process, tag, False)
-    library_inputs.LibraryBiasInputs.write = write  # type: ignore[method-assign]
+    jobs.across, jobs.begin = direct, lambda process, way: begin(process, way._replace(board=False))
+    BiasInputs.write = write  # type: ignore[method-assign]
     try:
         results = _run("library", given, {**own, "tag": "fixed_pt", "board": True}, "board")
     finally:
-        jobs.across, jobs._begin = across, begin
-        library_inputs.LibraryBiasInputs.write = written  # type: ignore[method-assign]
+        jobs.across, jobs.begin = across, begin
+        BiasInputs.write = written  # type: ignore[method-assign]
     return results | {"crossed": np.array(crossed), "writes": np.diff(calls, prepend=0)}

@@ -19,7 +19,6 @@ from lava.utils.weightutils import SignMode
 from numpy.typing import NDArray
 
 from lava_vpr.engine.learning.integer import Rule
-from lava_vpr.engine.learning.lava_order import LibraryDraws
 from lava_vpr.loihi import TRACE_LIMIT
 from lava_vpr.processes.base.float_rule import FloatRule
 from lava_vpr.processes.base.shared_memory import shared_array
@@ -99,7 +98,7 @@ def _start(
         ours = PlasticDense(
             weights=weights[k],
             rule=rule,
-            draws=LibraryDraws(seed).next(steps),
+            rng_seed=seed,
             weight_exp=options["weight_exp"],
             film={name: films[f"ours_{name}"][k] for name in sizes},
         )

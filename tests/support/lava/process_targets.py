@@ -18,18 +18,19 @@ from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.dense_synapses.process import DenseSynapses
 from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF
 from lava_vpr.processes.jobs import inference as jobs
-from lava_vpr.processes.networks.library_place_network.process import LibraryPlaceNetwork
 from lava_vpr.processes.networks.place_network.process import PlaceNetwork
 from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
 from lava_vpr.processes.regular_encoder.process import RegularEncoder
 from lava_vpr.processes.spike_counter.process import SpikeCounter
 
 Arrays = dict[str, NDArray[Any]]
-FIXED = {"select_tag": "fixed_pt", "select_sub_proc_model": True}
+FIXED = {"select_tag": "fixed_pt"}
+SIDES = {"place": FIXED, "library": {**FIXED, "select_sub_proc_model": True}}
+"""How Lava is run: this project's models, or those of its library in their place."""
 
 
 def side_by_side(arrays: Arrays, options: dict[str, Any]) -> Arrays:
-    """Our composition and the library's under one encoder, network after network; the rasters of both.
+    """Our models and the library's, network after network; the rasters of both.
 
     Option ``limits``: what `small_networks.limits` takes.
     """
@@ -46,16 +47,17 @@ def _both(given: Arrays, own: dict[str, Any]) -> Arrays:
     results: Arrays = {}
     spec = jobs.network_of(given, own)
     kind = RegularEncoder if spec.regular else PoissonEncoder
-    encoder = kind(rates=given["rates"], keys=given["keys"], steps=spec.steps, silent_steps=spec.silent_steps)
     n = len(given["keys"])
-    for side, network in (("place", PlaceNetwork(network=spec)), ("library", LibraryPlaceNetwork(network=spec))):
+    for side, config in SIDES.items():
+        encoder = kind(rates=given["rates"], keys=given["keys"], steps=spec.steps, silent_steps=spec.silent_steps)
+        network = PlaceNetwork(network=spec)
         encoder.s_out.connect(network.s_in)
         for part, port in (("exc", network.s_out), ("inh", network.s_out_inh)):
             raster = results[f"{side}_{part}"] = shared_array((n, network.interval, *port.shape), np.uint8)
             counter = SpikeCounter(shape=port.shape, presentations=n, interval=network.interval, raster=raster)
             port.connect(counter.s_in)
-    encoder.run(condition=RunSteps(num_steps=n * spec.interval), run_cfg=Loihi2SimCfg(**FIXED))
-    encoder.stop()
+        encoder.run(condition=RunSteps(num_steps=n * spec.interval), run_cfg=Loihi2SimCfg(**config))
+        encoder.stop()
     return results
 
 
@@ -109,20 +111,21 @@ def read_and_set(arrays: Arrays, options: dict[str, Any]) -> Arrays:
 
 
 def aliases(arrays: Arrays, options: dict[str, Any]) -> Arrays:
-    """The Vars of both hierarchical networks after a run."""
+    """The Vars of the network after a run of either kind, and what is said of one that the library does not change."""
     spec = jobs.network_of(arrays, options)
     results: Arrays = {}
-    for side, kind in (("place", PlaceNetwork), ("library", LibraryPlaceNetwork)):
+    for side, config in SIDES.items():
         encoder = PoissonEncoder(
             rates=arrays["rates"], keys=arrays["keys"], steps=spec.steps, silent_steps=spec.silent_steps
         )
-        network = kind(network=spec)
+        network = PlaceNetwork(network=spec)
         encoder.s_out.connect(network.s_in)
-        network.run(condition=RunSteps(num_steps=spec.steps), run_cfg=Loihi2SimCfg(**FIXED))
+        network.run(condition=RunSteps(num_steps=spec.steps), run_cfg=Loihi2SimCfg(**config))
         results |= {
             f"{side}_{name}": getattr(network, name).get()
-            for name in ("weights", "u", "v", "v_inh", "vth", "lateral_weights")
+            for name in ("weights", "u", "v", "v_inh", "vth", "lateral_weights", "bias_mant", "bias_exp")
         }
+        results[f"{side}_refusal"] = np.array(_refusal(lambda: network.vth.set(np.full(spec.neurons, 9))))  # noqa: B023
         network.stop()
     return results
 

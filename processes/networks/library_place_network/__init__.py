@@ -1,3 +1,0 @@
-"""The whole network of Lava library Processes."""
-
-PROCESS = "LibraryPlaceNetwork"
