@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from lava_vpr.engine.general.lif import need
-from lava_vpr.loihi import DECAY_BITS, DECAY_UNITY, INPUT_SHIFT
+from lava_vpr.loihi import DECAY_UNITY, INPUT_SHIFT
 from lava_vpr.processes.base.checked import RegisterVar
 from lava_vpr.processes.base.cpu_model import TAGS
 from lava_vpr.processes.base.neurons import NO_FLOOR, LifProcess
@@ -80,8 +80,6 @@ def library_neurons(proc: LifProcess, floating: bool) -> LIF:
         need(value == none, f"{own}: {name}", value, MISSING)
     vth, du, dv = first["vth"], first["du"][0], first["dv"][0]
     need(bool((vth == vth[0]).all()), f"{own}: vth", vth, f"one for all: others are {MISSING}")
-    if not floating:
-        need(dv < 1 << DECAY_BITS, f"{own}: dv", dv, "below 4096 with Lava's library")
     table = proc.proc_params.get("bias_table")
     if table is not None:
         rows = len(table.exponents)

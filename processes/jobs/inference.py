@@ -21,10 +21,12 @@ from lava.magma.core.run_conditions import RunSteps
 from lava.magma.core.run_configs import Loihi2HwCfg, Loihi2SimCfg, RunConfig
 from numpy.typing import NDArray
 
+from lava_vpr.engine.general.lif import need
 from lava_vpr.engine.inference.bias_input import biases, schedule
 from lava_vpr.engine.inference.fixed import EVENTS, FixedNetwork
 from lava_vpr.isolated import memory
 from lava_vpr.isolated.worker import report
+from lava_vpr.loihi import DECAY_BITS
 from lava_vpr.processes.base.checked import FIXED_TAG
 from lava_vpr.processes.base.encoders import EncoderProcess
 from lava_vpr.processes.base.lava_checks import refuse_cpu_models
@@ -247,6 +249,8 @@ def _wired(arrays: Arrays, options: dict[str, Any], library: bool) -> Arrays:
     spec, biases, clock = network_of(arrays, options), _presented_biases(arrays), Clock(options)
     network = PlaceNetwork(network=spec, bias=biases[:1] if library and biases is not None else biases)
     way = Way(str(options.get("tag", FIXED_TAG)), library, bool(options.get("board")))
+    if way.board:
+        need(spec.decay < 1 << DECAY_BITS, "decay", spec.decay, f"in 0..{(1 << DECAY_BITS) - 1} on a board")
     interval, board, record = spec.interval, way.board, bool(options.get("record"))
     rates, keys = np.ascontiguousarray(arrays["rates"], np.uint16), np.asarray(arrays["keys"], np.uint64)
     n, sent = len(rates), shared_array((spec.inputs,), np.int64)

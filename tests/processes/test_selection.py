@@ -132,6 +132,12 @@ def test_a_whole_network_compiles_with_nothing_else_on_the_cpu(bias_input: bool)
     assert kinds["CPU"] == (["SpikeCounter"] if bias_input else ["RegularEncoder", "SpikeCounter"])
 
 
+def test_a_decay_that_the_chip_cannot_hold_is_refused_there() -> None:
+    """Lava's simulated LIF takes 4096, which has 13 bits; without memory the network still equals the host's."""
+    with pytest.raises(NetworkLimitError, match=r"^decay is 4096, but must be in 0\.\.4095 on a board"):
+        on_a_board("compiled", bias_input=True, decay=4096)
+
+
 def test_a_run_in_simulation_selects_by_tag_and_kind() -> None:
     leaves = [name for name in MADE if not name.startswith(("Place", "Learning", "Fused"))]
     found = run_isolated(f"{TARGETS}:selected_in_simulation", {}, {"names": leaves}, timeout=120)["rows"]

@@ -110,9 +110,9 @@ def resolved(arrays: Mapping[str, Any], options: Mapping[str, Any]) -> Arrays:
 def compiled(arrays: Mapping[str, Any], options: Mapping[str, Any]) -> Arrays:
     """A whole network for a board, compiled by Lava: every Process that is left, its model, and where that runs.
 
-    Options: ``bias_input``: inputs stand on the chip.
+    Options: those of the network; with ``bias_input`` inputs stand on the chip.
     """
-    spec = random_network(3, signed=True, regular=True, bias_input=options["bias_input"], steps=32 - 3)
+    spec = random_network(3, signed=True, regular=True, steps=32 - 3, **options)
     rates = np.full((2, spec.inputs), 9000, np.uint16)
     found: list[AbstractProcess] = []
     refuse = jobs.refuse_cpu_models
