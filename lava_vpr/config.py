@@ -316,11 +316,11 @@ def _loihi() -> Config:
 
 
 def _balanced() -> Config:
-    """The default's learning, and queries in half the steps with fewer spikes from fewer inputs to half the weights."""
+    """The default's learning, and queries in half the steps with fewer spikes from fewer inputs."""
     return Config(
         preset="balanced",
-        encoder=EncoderConfig(query_spikes=16.0, query_inputs=420),
-        network=LifNetwork(steps=64, threshold=0.7, prune=0.5),
+        encoder=EncoderConfig(query_spikes=14.0, query_inputs=420),
+        network=LifNetwork(steps=64, threshold=0.7),
     )
 
 
