@@ -5,7 +5,7 @@ STAMP := .venv/.installed
 # Tests run side by side, one row of them a processor.
 TESTS := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
-.PHONY: help demo test test-slow test-all lint format bench recall peers peers-test oracles neurobench sanafe tutorial wheel clean
+.PHONY: help demo test test-slow test-all lint format bench results recall peers peers-test oracles neurobench sanafe tutorial wheel clean
 .DEFAULT_GOAL := help
 
 help: ## What there is to make
@@ -44,6 +44,9 @@ format: $(STAMP) ## Format the code
 
 bench: recall ## All benchmarks that need nothing beyond real images
 	@$(BIN)/python -m benchmarks.speed
+
+results: $(STAMP) ## Compute the figures of README's results that are out of date, and write them down (LAVA_VPR_DATA)
+	@$(BIN)/python -m benchmarks.results
 
 recall: $(STAMP) ## Recall on real images (LAVA_VPR_DATA)
 	@$(BIN)/python -m benchmarks.recall

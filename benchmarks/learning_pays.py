@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.maps import FOLDERS, TEMPLATES, folder_of
+from benchmarks.results.places import FOLDERS, TEMPLATES, folder_of
 from lava_vpr.config import Config, EncoderConfig, preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse, activity_of, thumbnail

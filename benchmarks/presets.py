@@ -3,7 +3,7 @@
     LAVA_VPR_DATA=... python -m benchmarks.presets [--log benchmarks/presets.log]
 
 It sees places 0:200 of Nordland (as two sections and as one model) and 0:50 of Gardens Point (within two places), and
-seeds that no table uses; everything else is printed once, by `benchmarks.maps`. Three stages, each a coordinate descent
+seeds that no table uses; everything else is computed once, by `make results`. Three stages, each a coordinate descent
 in the order of `ENCODER`, `LEARNING` and `NETWORK`: settings take their values in turn, round after round, and a value
 is kept if it raises the score by more than `MARGIN` points. The encoder is chosen with templates, so that learning does
 not speak for it; learning with the network of the search's start; then each preset of `GOALS` has its network chosen
@@ -20,7 +20,7 @@ from typing import Any, NamedTuple, TextIO
 import click
 import numpy as np
 
-from benchmarks.maps import TEMPLATES, learn, places
+from benchmarks.results.places import TEMPLATES, Section, learn, places
 from lava_vpr.bench.sweep.points import Case, configured, current, figures, runs_of
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
@@ -151,9 +151,9 @@ def cases_of(config: Config, seeds: Sequence[int] = SEEDS) -> list[Case]:
     for dataset, first, end, tolerance in PLACES:
         numbers = np.arange(end - first)
         truth = np.abs(numbers[:, None] - numbers) <= tolerance
-        (queries,) = places(dataset, 1, config, first, end, ViewsConfig())
+        (queries,) = places(Section(dataset, first, end), 1, config, ViewsConfig())
         for seed in seeds:
-            model = learn(dataset, dataclasses.replace(config, seed=seed), first, end)
+            model = learn(Section(dataset, first, end), dataclasses.replace(config, seed=seed))
             cases.append(Case(model, queries, truth))
     return cases
 

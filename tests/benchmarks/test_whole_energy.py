@@ -34,4 +34,4 @@ def test_a_column_for_every_preset_and_matcher(data_root: Path) -> None:
     recalls = [float(cell) for cell in f"{first}│{second}".split("│")]
     assert len(recalls) == 2 * len(whole.INTEGER) + 3
     assert min(recalls[:-2]) > 90
-    assert recalls[-3:] == [92.6, 88.0, 57.8]  # cosine, HOG and SAD, as `python -m benchmarks.maps` prints them
+    assert recalls[-3:] == [92.6, 88.0, 57.8]  # cosine, HOG and SAD, as docs/results.json has them

@@ -50,7 +50,7 @@ def test_a_preset_is_what_the_page_says(name: str) -> None:
         told
     )
     # What the page does not name is the default's.
-    changed = {"steps", "threshold", "tau_membrane", "weight_bits"}
+    changed = {"steps", "threshold", "inhibition", "tau_membrane", "weight_bits"}
     own, default = preset(name).network, preset("loihi").network
     assert isinstance(own, LifNetwork)
     for key in LifNetwork.__dataclass_fields__.keys() - changed:

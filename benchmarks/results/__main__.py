@@ -1,0 +1,53 @@
+"""Compute the figures of README's results and write docs/results.json and README.md; `make results` calls it.
+
+    LAVA_VPR_DATA=... python -m benchmarks.results [--all]
+
+Rows that were computed under today's settings and from today's sources stay as they are. The file is written after
+each row, so an interrupted run goes on where it was.
+"""
+
+from __future__ import annotations
+
+import time
+
+import click
+
+from benchmarks.results.page import PAGE, ROWS, check, filled
+from benchmarks.results.record import FILE, Record, key, sources_hash
+from benchmarks.results.rows import SEEDS, measure
+from lava_vpr.errors import LavaVprError
+from lava_vpr.storage.writing import write_atomically
+
+
+def bring_up_to_date(record: Record, every: bool) -> None:
+    """Compute what is out of date, or every row, and write it down."""
+    sources, names = sources_hash(), {row.name for row in ROWS}
+    record.rows = {name: row for name, row in record.rows.items() if name in names}
+    for row in ROWS:
+        if not every and record.current(row, sources):
+            continue
+        started = time.perf_counter()
+        places = [(section, seed) for section in row.sections for seed in SEEDS]
+        record.put(row, sources, {key(*place): measure(row, *place) for place in places})
+        record.write()
+        click.echo(f"{row.name}: {record.cell(row)} ({time.perf_counter() - started:.0f} s)")
+
+
+@click.command()
+@click.option("--all", "every", is_flag=True, help="Compute rows that are up to date, too.")
+def main(every: bool) -> None:
+    """Compute the figures of README's results."""
+    try:
+        check(PAGE.read_text(encoding="utf-8"))
+        record = Record.read()
+        bring_up_to_date(record, every)
+        record.write()
+        page = filled(PAGE.read_text(encoding="utf-8"), record)
+    except LavaVprError as error:
+        raise SystemExit(str(error)) from None
+    write_atomically(PAGE, lambda out: out.write(page.encode()))
+    click.echo(f"{FILE} and {PAGE}: {len(ROWS)} rows, up to date")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,107 @@
+"""Places of Nordland and Gardens Point: their images, encoded once, and models that learned them."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from benchmarks.nordland import part
+from lava_vpr.config import Config, EncoderConfig
+from lava_vpr.encoding import EncodedTraverse, Keep, encode_views
+from lava_vpr.engine.threads import cores
+from lava_vpr.errors import InputError
+from lava_vpr.inputs.views import ViewsConfig
+from lava_vpr.model import Model
+from lava_vpr.training.loop import train
+from lava_vpr.traverse import open_traverse
+
+FOLDERS = {
+    "nordland": ("summer", "winter"),
+    "nordland_long": ("summer", "winter"),
+    "gardens": ("reference", "query"),
+}
+"""Folders of references and queries by dataset."""
+TEMPLATES = {"rule": "template", "epochs": 1}
+
+Views = tuple[EncodedTraverse, ...]
+
+
+class Section(NamedTuple):
+    """Some places of a dataset; ``nordland_all`` is one list of both parts of the journey."""
+
+    dataset: str
+    first: int
+    end: int
+
+    def __str__(self) -> str:
+        return f"{self.dataset} {self.first}:{self.end}"
+
+
+def sections_of(dataset: str, end: int) -> tuple[Section, ...]:
+    """Sections of 100 places."""
+    return tuple(Section(dataset, first, first + 100) for first in range(0, end, 100))
+
+
+def folder_of(dataset: str) -> Path:
+    """The folder of a dataset.
+
+    Raises:
+        InputError: LAVA_VPR_DATA does not name it.
+    """
+    root = Path(os.environ.get("LAVA_VPR_DATA", "")) / "data" / dataset
+    if not root.is_dir():
+        raise InputError(f"{root}: no images; set LAVA_VPR_DATA to the folder that holds data/{dataset}")
+    return root
+
+
+@lru_cache(maxsize=24)
+def _images(dataset: str, which: int, encoder: EncoderConfig, views: ViewsConfig) -> Views:
+    """References (0) or queries (1) of a dataset in each view, all that settings of queries leave as it is."""
+    return encode_views(open_traverse(folder_of(dataset) / FOLDERS[dataset][which]), encoder, views.views, Keep.ALL)
+
+
+def _of_pixels(encoder: EncoderConfig) -> EncoderConfig:
+    """The settings that activity depends on, the others at their defaults: images are read once for all of these."""
+    default = EncoderConfig()
+    return dataclasses.replace(
+        encoder,
+        query_inputs=default.query_inputs,
+        query_spikes=default.query_spikes,
+        train_spikes=default.train_spikes,
+    )
+
+
+def places(section: Section, which: int, config: Config, views: ViewsConfig | None = None) -> Views:
+    """References (0) or queries (1) of a section in each view.
+
+    Raises:
+        InputError: LAVA_VPR_DATA does not name them.
+    """
+    dataset, first, end = section
+    views, encoder = config.views if views is None else views, _of_pixels(config.encoder)
+    if dataset != "nordland_all":
+        return tuple(part(view, slice(first, end)) for view in _images(dataset, which, encoder, views))
+    pairs = zip(*(_images(name, which, encoder, views) for name in ("nordland", "nordland_long")), strict=True)
+    return tuple(part(_joined(*pair), slice(first, end)) for pair in pairs)
+
+
+def _joined(one: EncodedTraverse, two: EncodedTraverse) -> EncodedTraverse:
+    """Two traverses, one behind the other."""
+    return EncodedTraverse(
+        one.names + tuple(f"long-{name}" for name in two.names),
+        np.concatenate([one.indices, two.indices + len(one)]),
+        np.concatenate([one.activity, two.activity]),
+        np.concatenate([one.patches_for("a list"), two.patches_for("a list")]),
+        np.concatenate([one.thumbnails_for("a list"), two.thumbnails_for("a list")]),
+        np.concatenate([one.hog_for("a list"), two.hog_for("a list")]),
+    )
+
+
+def learn(section: Section, config: Config) -> Model:
+    """A model of a section."""
+    return train(places(section, 0, config), config, jobs=cores())

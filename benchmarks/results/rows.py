@@ -1,0 +1,121 @@
+"""A row of results: what is learned, what is asked, and what answers; the one way in which a figure is computed."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.nordland import part
+from benchmarks.results.places import Section, learn, places
+from lava_vpr.backends.asking import Asking
+from lava_vpr.backends.rivals import BASELINES
+from lava_vpr.bench.sweep.points import Case, current, figures, runs_of
+from lava_vpr.config import Config
+from lava_vpr.deploy.boards.board import KAPOHO_BAY
+from lava_vpr.encoding import EncodedTraverse
+from lava_vpr.engine.threads import cores
+from lava_vpr.inputs.views import ViewsConfig
+from lava_vpr.matching.evaluation import Metrics
+from lava_vpr.model import Model
+from lava_vpr.recognition import Comparison, Recognition, recognise
+
+SEEDS = (0, 1, 2)
+TAU = 30.0
+"""Time constant of adaptation, in queries."""
+STANDING = 20
+"""Frames that a robot sees of each place where it stands still."""
+COSTED = 100
+"""Costs are those of so many queries, the first ones."""
+
+Figures = dict[str, list[float]]
+"""By matcher R@1, R@100P and AUC in percent, ``network`` being the default decoder; ``costs`` are uJ and ms."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """What a row of results is computed from; a change of any of it makes it another row.
+
+    Attributes:
+        name: Its name in docs/results.json.
+        config: Settings; the seed is replaced.
+        sections: The sections, one model each.
+        matchers: Baselines and decoders that stand beside the default decoder.
+        tolerance: Places that an answer may be off.
+        sequence: Queries that are matched together.
+        adapt: Whether everything is computed adapted to the queries before, too.
+        standing: Whether each query is seen `STANDING` times, with a camera's noise on its activity.
+        costs: Whether energy and time on Kapoho Bay are modelled, for the first seed.
+    """
+
+    name: str
+    config: Config
+    sections: tuple[Section, ...]
+    matchers: tuple[str, ...] = ()
+    tolerance: int = 0
+    sequence: int = 1
+    adapt: bool = False
+    standing: bool = False
+    costs: bool = False
+
+
+def measure(row: Row, section: Section, seed: int) -> Figures:
+    """The figures of one section with one seed.
+
+    Raises:
+        InputError: LAVA_VPR_DATA does not name the images.
+    """
+    model = learn(section, dataclasses.replace(row.config, seed=seed))
+    result = _asked(model, row, section)
+    found = {"network": _percent(result.metrics[result.default])}
+    found |= {name: _percent(result.metrics[name]) for name in row.matchers}
+    if row.adapt:
+        found["network, adapted"] = _percent(result.adapted[result.default])
+        found |= {f"{name}, adapted": _percent(result.adapted[name]) for name in row.matchers if name in BASELINES}
+    if row.costs and seed == SEEDS[0]:
+        found["costs"] = _costs(model, section)
+    return found
+
+
+def _percent(metrics: Metrics) -> list[float]:
+    """What is kept of the figures of a matcher."""
+    return [round(100 * value, 4) for value in (metrics.recall_at_1, metrics.recall_at_100_precision, metrics.auc)]
+
+
+def _asked(model: Model, row: Row, section: Section) -> Recognition:
+    """What a model makes of the queries of its places."""
+    (queries,) = places(section, 1, model.config, ViewsConfig())
+    shown = np.repeat(np.arange(len(queries)), STANDING if row.standing else 1)
+    truth: NDArray[np.bool_] = np.abs(shown[:, None] - np.arange(len(queries))) <= row.tolerance
+    rivals = tuple(name for name in row.matchers if name in BASELINES)
+    comparison = Comparison(row.sequence, rivals, None, False, Asking(adapt=TAU if row.adapt else None))
+    asked = _standing(queries, section.first) if row.standing else queries
+    return recognise(model, asked, truth, comparison, threads=cores())
+
+
+def _standing(queries: EncodedTraverse, seed: int) -> EncodedTraverse:
+    """Each query `STANDING` times, with a camera's noise on its activity."""
+    order = np.repeat(np.arange(len(queries)), STANDING)
+    activity = queries.activity[order]
+    noisy = activity * np.random.default_rng(seed).normal(1.0, 0.1, activity.shape).clip(0.5, 1.5)
+    return dataclasses.replace(
+        queries,
+        names=tuple(queries.names[k] for k in order),
+        indices=np.arange(len(order)),
+        activity=noisy.astype(np.float32),
+        patches=None,
+        thumbnails=None,
+        hog=None,
+    )
+
+
+def _costs(model: Model, section: Section) -> list[float]:
+    """Modelled dynamic energy (uJ) and time (ms) of a query on Kapoho Bay: nominal, clearing counted, host I/O not."""
+    (queries,) = places(section, 1, model.config, ViewsConfig())
+    some = slice(0, min(COSTED, len(queries)))
+    case = Case(model, part(queries, some), np.eye(len(queries), dtype=bool)[some])
+    (run,) = runs_of([case], current(model), KAPOHO_BAY, cores())
+    (measurement,) = figures(run, (np.inf,))
+    return [round(measurement.microjoules, 4), round(measurement.milliseconds, 5)]

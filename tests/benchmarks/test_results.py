@@ -1,0 +1,117 @@
+"""README's results: their tables are those of docs/results.json, and its figures those of today's code."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.results import long, page, record, rows
+from benchmarks.results.record import REMEDY, Record
+from benchmarks.results.sections import DEFAULT, FIVE, INTEGER, LEARNED
+from lava_vpr.configfile import update
+from lava_vpr.errors import InputError
+
+
+def test_tables_of_the_readme_are_those_of_the_file() -> None:
+    text = page.PAGE.read_text(encoding="utf-8")
+    assert page.filled(text, Record.read()) == text, REMEDY
+
+
+def test_the_file_has_todays_rows_under_todays_settings() -> None:
+    assert Record.read().lacks(page.ROWS) == [], REMEDY
+
+
+def test_the_file_has_every_section_and_seed_of_a_row() -> None:
+    kept = Record.read()
+    for row in page.ROWS:
+        wanted = {record.key(section, seed) for section in row.sections for seed in rows.SEEDS}
+        assert set(kept.rows[row.name]["figures"]) == wanted, row.name
+    assert len({row.name for row in page.ROWS}) == len(page.ROWS)
+
+
+def test_the_page_keeps_what_stands_around_the_tables() -> None:
+    text = page.PAGE.read_text(encoding="utf-8")
+    for name in page.PARTS:
+        assert text.count(page.begin(name)) == 1
+    changed = re.sub(r"\d", "7", text)
+    assert re.sub(r"\d", "7", page.filled(changed, Record.read())) == changed
+    with pytest.raises(InputError, match="put back"):
+        page.filled(text.replace(page.begin("views"), ""), Record.read())
+
+
+@pytest.mark.parametrize("name", INTEGER)
+def test_another_setting_of_a_preset_is_another_row(name: str) -> None:
+    row = LEARNED[name]
+    changed = dataclasses.replace(row, config=update(row.config, {"network": {"inhibition": 0.66}}))
+    others = [other for other in page.ROWS if other != row]
+    assert Record.read().lacks([*others, changed]) == [row.name]
+    assert Record.read().lacks(others) == [row.name]
+
+
+def test_a_source_that_computes_otherwise_has_another_hash(tmp_path: Path) -> None:
+    for name in record.DECIDING:
+        place = record.ROOT / name
+        assert place.exists(), name
+        for path in sorted(place.rglob("*.py")) if place.is_dir() else [place]:
+            copy = tmp_path / path.relative_to(record.ROOT)
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            copy.write_text(path.read_text(encoding="utf-8"), encoding="utf-8")
+    before = record.sources_hash()
+    assert record.sources_hash(tmp_path) == before
+    decoders = tmp_path / "lava_vpr" / "matching" / "equations.py"
+    text = decoders.read_text(encoding="utf-8")
+    decoders.write_text(f'"""Another docstring."""\n# a remark\n{text}', encoding="utf-8")
+    assert record.sources_hash(tmp_path) == before
+    decoders.write_text(f"{text}\nWEIGHT = 2\n", encoding="utf-8")
+    assert record.sources_hash(tmp_path) != before
+
+
+def test_a_record_is_read_as_it_was_written(tmp_path: Path) -> None:
+    row, made = LEARNED[DEFAULT], Record({})
+    figures = {
+        record.key(section, seed): {"network": [90.0 + k + seed, 80.5, 7.25], "costs": [2.0 * k, 1.0]}
+        for k, section in enumerate(FIVE)
+        for seed in rows.SEEDS
+    }
+    made.put(row, "of today", figures)
+    made.write(tmp_path / "results.json")
+    read = Record.read(tmp_path / "results.json")
+    assert read == made
+    assert read.current(row, "of today")
+    assert not read.current(row, "of yesterday")
+    assert not read.current(dataclasses.replace(row, tolerance=1), "of today")
+    assert read.cell(row) == "93.0 / 80.5 / 7.2"
+    assert read.cell(row, sections=FIVE[2:]) == "94.0 / 80.5 / 7.2"
+    assert read.mean(row, seeds=(0,))[0] == 92.0
+    assert read.mean(row, "costs") == [4.0, 1.0]
+    assert Record.read(tmp_path / "none.json") == Record({})
+
+
+def test_what_the_readme_says_of_its_tables_is_so() -> None:
+    """Learning does not pay; where cosine is ahead; what `fast` takes the chip."""
+    kept = Record.read()
+    for row in page.ROWS:
+        if "template" in row.matchers:
+            assert kept.mean(row, "template")[0] >= kept.mean(row)[0] - 1, row.name
+    assert kept.mean(long.TITLED["1,500"], "cosine")[1] > kept.mean(long.TITLED["1,500"])[1]
+    every = long.TITLED["1,500, all inputs spike in queries"]
+    assert np.all(np.array(kept.mean(every, "cosine")) > kept.mean(every))
+    adapted = (kept.mean(LEARNED[DEFAULT], f"{name}, adapted") for name in ("cosine", "network"))
+    assert np.all(np.greater(*adapted))
+    assert "1.1 µJ, is a hundredth" in page.PAGE.read_text(encoding="utf-8").replace("\n  ", " ")
+    assert f"{kept.mean(LEARNED['fast'], 'costs')[0]:.1f}" == "1.1"
+
+
+@pytest.mark.data
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", page.KINDS)
+def test_a_section_of_each_row_is_what_the_file_says(kind: str, data_root: Path) -> None:
+    """The first section with the first seed, computed anew: figure for figure."""
+    kept = Record.read()
+    for row in page.KINDS[kind].ROWS:
+        place = row.sections[0], rows.SEEDS[0]
+        assert rows.measure(row, *place) == kept.figures(row, *place), f"{row.name}: if that is meant, {REMEDY}"
