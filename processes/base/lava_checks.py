@@ -67,6 +67,14 @@ def loihi_available() -> str | None:
     return None
 
 
+def _has_sub_process_model(process: AbstractProcess) -> bool:
+    """Whether a run with ``select_sub_proc_model=True`` would have put others in the place of ``process``."""
+    from lava.magma.compiler.compiler_graphs import ProcGroupDiGraphs
+    from lava.magma.core.model.sub.model import AbstractSubProcessModel
+
+    return any(issubclass(model, AbstractSubProcessModel) for model in ProcGroupDiGraphs._find_proc_models(process))
+
+
 def refuse_cpu_models(process: AbstractProcess, run_cfg: RunConfig, allowed: tuple[type[Any], ...] = ()) -> Executable:
     """Compile a network for hardware and see that none of it would run on the CPU, which Lava does without a word.
 
@@ -91,13 +99,16 @@ def refuse_cpu_models(process: AbstractProcess, run_cfg: RunConfig, allowed: tup
         raise BackendUnavailableError(
             f"{config} cannot choose models for the chip without lava-loihi; {VENDOR}, or use the backend lava-fixed"
         ) from None
-    on_cpu = sorted(
-        f"{type(part).__name__} {part.name} ({part.model_class.__name__})"
+    parts = [
+        part
         for part in executable.process_list
         if issubclass(part.model_class, AbstractPyProcessModel) and not isinstance(part, allowed)
-    )
-    if on_cpu:
+    ]
+    if parts:
+        on_cpu = sorted(f"{type(part).__name__} {part.name} ({part.model_class.__name__})" for part in parts)
         remedy = "write a model for the chip" if _loihi_installed() else f"install lava-loihi ({VENDOR})"
+        if any(_has_sub_process_model(part) for part in parts):
+            remedy = "pass select_sub_proc_model=True"
         raise BackendUnavailableError(
             f"{config} would run on the CPU: {', '.join(on_cpu)}; {remedy}, or use the backend lava-fixed"
         )

@@ -42,7 +42,10 @@ LATE = dataclasses.replace(COMPETITION, late_theta=True, regular=True)
 PLAIN = dataclasses.replace(COMPETITION, neurons=LifParameters(dv=205), weight_sum=0)
 
 
-def start() -> tuple[IntegerState, NDArray[np.uint16], NDArray[np.uint64]]:
+Start = tuple[IntegerState, NDArray[np.uint16], NDArray[np.uint64]]
+
+
+def start() -> Start:
     """A state, and rates and keys of `IMAGES` presentations."""
     rng = np.random.default_rng(0)
     state = IntegerState(rng.integers(0, 40, (INPUTS, NEURONS)).astype(np.uint8), np.full(NEURONS, 480, np.int32))
@@ -100,9 +103,9 @@ def test_the_first_real_images_of_both_phases_equal_the_host_engine(data_root: P
     assert hold_against_host(trainer.consolidation, trainer.state, rates[:5], keys[:5] + np.uint64(1)) > 20
 
 
-def one_presentation(phase: IntegerLearning, **options: Any) -> dict[str, NDArray[Any]]:
+def one_presentation(phase: IntegerLearning, given: Start | None = None, **options: Any) -> dict[str, NDArray[Any]]:
     """What Lava's library, or ``own`` models with its random numbers, make of the first presentation."""
-    state, rates, keys = start()
+    state, rates, keys = given or start()
     arrays = {"weights": state.weights, "theta": state.theta, "rates": rates[:1], "keys": keys[:1]}
     return run_isolated(LIBRARY, arrays, {"learning": options_of(phase), "rng_seed": 7, **options}, timeout=120)
 
@@ -119,6 +122,24 @@ def test_the_library_alone_equals_the_host_engine() -> None:
         assert np.array_equal(side["traces"], traces)
     assert counts.sum() > 10
     assert (state.weights != before).mean() > 0.2
+
+
+@pytest.mark.data
+def test_a_real_image_is_learned_alike_by_the_library(data_root: Path) -> None:
+    config = preset("loihi")
+    images = part(encoded("summer", config.encoder), slice(0, 1))
+    rates = rates16(images.activity, config.encoder.train_spikes)
+    keys = presentation_keys(config.seed, "train", images.indices)
+    trainer = IntegerTrainer(config.encoder.inputs, 25, config.learning, config.encoder.train_spikes, config.seed, 0)
+    neurons = LifParameters(dv=trainer.competition.neurons.dv)
+    phase = dataclasses.replace(trainer.competition, neurons=neurons, weight_sum=0)
+    found, own = (one_presentation(phase, (trainer.state, rates, keys), own=own) for own in (False, True))
+    for name in ("raster", "weights", "traces"):
+        assert np.array_equal(found[name], own[name]), name
+    assert own["raster"].sum() > 5
+    changed = own["weights"] != trainer.state.weights
+    assert changed.mean() > 0.01
+    print(f"{own['raster'].sum()} spikes, {changed.sum()} weights learned, all equal")  # shown with pytest's -s
 
 
 def float_presentation(

@@ -107,6 +107,10 @@ def test_without_asking_for_sub_process_models_all_end_on_the_cpu() -> None:
     rows = on_a_board("resolved", names=list(FOR_A_BOARD), sub=False)
     assert len(not_on_the_chip(rows)) == len(rows)
     assert {row[4] for row in rows} == {"CPU"}
+    ((said,),) = on_a_board("refused")
+    assert said.startswith(
+        "Loihi2HwCfg would run on the CPU: InhibitoryLIF Process_0 (PyInhibitoryLIFFloat); pass select_sub"
+    )
 
 
 def test_the_walk_sees_a_lava_loihi_that_lacks_a_model(tmp_path: Path) -> None:

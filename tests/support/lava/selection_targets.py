@@ -19,6 +19,7 @@ from support.lava.small_networks import SMALL_LIMITS, limits, random_network
 
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, Rule
+from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.bias_inputs.process import BiasInputs
 from lava_vpr.processes.dense_synapses.process import DenseSynapses
@@ -134,6 +135,15 @@ def compiled(arrays: Mapping[str, Any], options: Mapping[str, Any]) -> Arrays:
         jobs.refuse_cpu_models = refuse
     rows = [(type(part).__name__, part.model_class.__name__, _place(part.model_class)) for part in found]
     return {"rows": np.array(sorted(rows))}
+
+
+def refused(arrays: Mapping[str, Any], options: Mapping[str, Any]) -> Arrays:
+    """What `refuse_cpu_models` says of neurons for which SubProcessModels were not asked for."""
+    try:
+        jobs.refuse_cpu_models(MADE["InhibitoryLIF"](), Loihi2HwCfg())
+    except BackendUnavailableError as error:
+        return {"rows": np.array([[str(error)]])}
+    return {"rows": np.array([[]])}
 
 
 def selected_in_simulation(arrays: Mapping[str, Any], options: Mapping[str, Any]) -> Arrays:
