@@ -9,28 +9,31 @@ each row, so an interrupted run goes on where it was.
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
+from pathlib import Path
 
 import click
 
 from benchmarks.results.page import PAGE, ROWS, check, filled
 from benchmarks.results.record import FILE, Record, key, sources_hash
-from benchmarks.results.rows import SEEDS, measure
+from benchmarks.results.rows import SEEDS, Row, measure
 from lava_vpr.errors import LavaVprError
 from lava_vpr.storage.writing import write_atomically
 
 
-def bring_up_to_date(record: Record, every: bool) -> None:
-    """Compute what is out of date, or every row, and write it down."""
-    sources, names = sources_hash(), {row.name for row in ROWS}
+def bring_up_to_date(record: Record, rows: Sequence[Row], file: Path, every: bool) -> None:
+    """Compute what is out of date of ``rows``, or all, and write each down; what is no row any more goes."""
+    sources, names = sources_hash(), {row.name for row in rows}
     record.rows = {name: row for name, row in record.rows.items() if name in names}
-    for row in ROWS:
+    for row in rows:
         if not every and record.current(row, sources):
             continue
         started = time.perf_counter()
         places = [(section, seed) for section in row.sections for seed in SEEDS]
         record.put(row, sources, {key(*place): measure(row, *place) for place in places})
-        record.write()
+        record.write(file)
         click.echo(f"{row.name}: {record.cell(row)} ({time.perf_counter() - started:.0f} s)")
+    record.write(file)
 
 
 @click.command()
@@ -40,8 +43,7 @@ def main(every: bool) -> None:
     try:
         check(PAGE.read_text(encoding="utf-8"))
         record = Record.read()
-        bring_up_to_date(record, every)
-        record.write()
+        bring_up_to_date(record, ROWS, FILE, every)
         page = filled(PAGE.read_text(encoding="utf-8"), record)
     except LavaVprError as error:
         raise SystemExit(str(error)) from None

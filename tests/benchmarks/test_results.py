@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.results import __main__ as command
 from benchmarks.results import long, page, record, rows
+from benchmarks.results.places import Section
 from benchmarks.results.record import REMEDY, Record
 from benchmarks.results.sections import DEFAULT, FIVE, INTEGER, LEARNED
 from lava_vpr.configfile import update
@@ -47,9 +49,12 @@ def test_the_page_keeps_what_stands_around_the_tables() -> None:
 def test_another_setting_of_a_preset_is_another_row(name: str) -> None:
     row = LEARNED[name]
     changed = dataclasses.replace(row, config=update(row.config, {"network": {"inhibition": 0.66}}))
-    others = [other for other in page.ROWS if other != row]
-    assert Record.read().lacks([*others, changed]) == [row.name]
-    assert Record.read().lacks(others) == [row.name]
+    others, kept = [other for other in page.ROWS if other != row], Record({})
+    for one in page.ROWS:
+        kept.put(one, "of today", {})
+    assert kept.lacks(page.ROWS) == []
+    assert kept.lacks([*others, changed]) == [row.name]
+    assert kept.lacks(others) == [row.name]
 
 
 def test_a_source_that_computes_otherwise_has_another_hash(tmp_path: Path) -> None:
@@ -89,6 +94,29 @@ def test_a_record_is_read_as_it_was_written(tmp_path: Path) -> None:
     assert read.mean(row, seeds=(0,))[0] == 92.0
     assert read.mean(row, "costs") == [4.0, 1.0]
     assert Record.read(tmp_path / "none.json") == Record({})
+
+
+def test_what_is_up_to_date_is_not_computed_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file, asked = tmp_path / "results.json", []
+    one, two = LEARNED[DEFAULT], dataclasses.replace(LEARNED[DEFAULT], name="two")
+
+    def measured(row: rows.Row, section: Section, seed: int) -> rows.Figures:
+        if row == two and (section, seed) == (FIVE[1], 2) and not asked.count("interrupted"):
+            asked.append("interrupted")
+            raise KeyboardInterrupt
+        asked.append(row.name)
+        return {"network": [1.0, 2.0, 3.0]}
+
+    monkeypatch.setattr(command, "measure", measured)
+    old = Record({"gone": {"settings": "", "sources": "", "figures": {}}})
+    with pytest.raises(KeyboardInterrupt):
+        command.bring_up_to_date(old, [one, two], file, every=False)
+    assert set(Record.read(file).rows) == {one.name}
+    for every, computed in ((False, ["two"] * 15), (False, []), (True, [one.name] * 15 + ["two"] * 15)):
+        asked[:] = ["interrupted"]
+        command.bring_up_to_date(Record.read(file), [one, two], file, every)
+        assert asked[1:] == computed
+        assert Record.read(file).lacks([one, two]) == []
 
 
 def test_what_the_readme_says_of_its_tables_is_so() -> None:
