@@ -120,11 +120,11 @@ def test_what_is_up_to_date_is_not_computed_again(tmp_path: Path, monkeypatch: p
 
 
 def test_what_the_readme_says_of_its_tables_is_so() -> None:
-    """Learning does not pay; where cosine is ahead; what `fast` takes the chip."""
+    """Learning one clean traverse brings nothing; where cosine is ahead; what `fast` takes the chip."""
     kept = Record.read()
     for row in page.ROWS:
         if "template" in row.matchers:
-            assert kept.mean(row, "template")[0] >= kept.mean(row)[0] - 1, row.name
+            assert -1 <= kept.mean(row, "template")[0] - kept.mean(row)[0] <= 3, row.name
     assert kept.mean(long.TITLED["1,500"], "cosine")[1] > kept.mean(long.TITLED["1,500"])[1]
     every = long.TITLED["1,500, all inputs spike in queries"]
     assert np.all(np.array(kept.mean(every, "cosine")) > kept.mean(every))

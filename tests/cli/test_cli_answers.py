@@ -240,7 +240,7 @@ def test_a_backend_that_was_named_and_could_not_run_is_a_failure(here: Path) -> 
     words = ["verify", "many.lvpr", "query", "--limit", "2", "--backend", "bundle", "--json", "v.json"]
     done = CliRunner().invoke(main, words)
     assert done.exit_code == 1
-    assert "takes 50 a chip; lower encoder.query_spikes to" in " ".join(done.stdout.split())
+    assert "takes 56 a chip; lower encoder.query_spikes to" in " ".join(done.stdout.split())
     assert done.stderr.splitlines()[-1] == (
         "lava-vpr: error: bundle: was not compared; see above, or choose another --backend"
     )

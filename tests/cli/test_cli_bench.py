@@ -127,8 +127,8 @@ def test_views_and_adaptation_have_rows_and_costs_of_their_own(quick: Path) -> N
     assert asked["events"]["steps"] == 3 * network.interval
     board, once = asked["boards"]["kapoho-bay"], plain["modelled"]["kapoho-bay"]
     assert (board["presentations"], board["steps"]) == (3, 3 * network.interval)
-    # Before each presentation: a membrane and a bias of every neuron.
-    assert board["registers"] == 3 * 2 * PLACES
+    # Before each presentation: a membrane, a counter and a bias of every neuron.
+    assert board["registers"] == 3 * 3 * PLACES
     for name in ("dynamic_microjoules", "milliseconds", "io_milliseconds"):
         assert 2.5 * once[name]["nominal"] < board[name]["nominal"] < 5 * once[name]["nominal"], name
     other = asked["boards"]["loihi2"]
@@ -153,7 +153,7 @@ def test_boards_without_published_figures_are_counted_only(quick: Path) -> None:
     assert "absent: peers: not asked for" in text
     first = values["modelled"]["kapoho-bay"]
     assert first["chips"] == 2
-    assert first["clearing"]["writes_per_query"] == PLACES
+    assert first["clearing"]["writes_per_query"] == 2 * PLACES  # a membrane and a counter of every neuron
     assert 0 < first["dynamic_microjoules"]["low"] < first["dynamic_microjoules"]["nominal"] < 10
     assert all(one["source"] for one in values["constants"].values())
 

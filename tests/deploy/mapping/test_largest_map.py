@@ -125,18 +125,9 @@ def test_the_default_preset_on_the_real_board() -> None:
 @pytest.mark.data
 def test_a_trained_network_is_as_was_assumed(data_root: Path) -> None:
     """Shares of weights within 0.03, magnitudes within 10 %, threshold and inhibition within a fifth."""
-    images = open_traverse(data_root / "data" / "nordland" / "summer")
+    images = open_traverse(data_root / "data" / "nordland" / "summer").take(range(100))
     chosen = update(preset("loihi"), {"stretch": 50})
     encoded = encode_traverse(images, chosen.encoder, Keep.ALL)
-    first = np.arange(100)
-    encoded = replace(
-        encoded,
-        names=encoded.names[:100],
-        indices=encoded.indices[first],
-        patches=encoded.patches_for("the part")[first],
-        activity=encoded.activity[first],
-        thumbnails=encoded.thumbnails_for("the part")[first],
-    )
     real = train([encoded], chosen, jobs=2).network
     sizing = sizing_of(chosen, KAPOHO_BAY, 100, "sparse", "typical")
     assumed = sizing.network
