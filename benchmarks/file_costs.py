@@ -34,6 +34,8 @@ from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2
 from lava_vpr.deploy.mapping.largest_map import largest, sizing_of
 from lava_vpr.model import Model
+from lava_vpr.positions.frames import LAT_LON, Positions
+from lava_vpr.positions.gpx import gpx_text
 from lava_vpr.storage.limits import limit
 from lava_vpr.training.loop import split
 
@@ -114,6 +116,13 @@ def positions(place: Path) -> None:
     (place / "positions.csv").write_text("x,y\n" + line * rows)
 
 
+def tracking(place: Path) -> None:
+    """A GPX track of as many points as are accepted, each with what a receiver writes of it."""
+    seconds = np.arange(limit("points"), dtype=np.float64)
+    where = Positions(np.stack([50 + seconds / 1e5, seconds / 1e5], axis=1), LAT_LON)
+    (place / "track.gpx").write_text(gpx_text(where, 1.7e9 + seconds))
+
+
 def cases() -> dict[str, Case]:
     """Every case by its name."""
     loihi = preset("loihi")
@@ -144,8 +153,9 @@ def cases() -> dict[str, Case]:
         "picture": Case("PNG of 178,956,970 pixels", and_few(picture), [*query[:-3], "large.png", *query[-2:]]),
         "list": Case("list of 2,000,000 images, read", listing, read("images.lists", "listed_images", "long.txt")),
         "positions": Case(
-            "2,000,000 positions, read", positions, read("truth.groundtruth", "read_positions", "positions.csv")
+            "2,000,000 positions, read", positions, read("positions.tables", "read_table", "positions.csv")
         ),
+        "gpx": Case("GPX track of 250,000 points, read", tracking, read("positions.gpx", "read_gpx", "track.gpx")),
     }
 
 

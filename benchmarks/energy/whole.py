@@ -52,7 +52,8 @@ def asked(name: str) -> tuple[QuerySet, Modelled]:
     model = learn(SECTIONS[0], preset(name))
     queries = QuerySet.of(model, part(encoded("winter", model.config.encoder), slice(*SECTIONS[0])))
     trains = HostBackend(1).trains(model, queries.shown)
-    return queries, modelled(plan_of(model, KAPOHO_BAY), count_events(plan_of(model, KAPOHO_BAY), trains))
+    plan = plan_of(model, KAPOHO_BAY)
+    return queries, modelled(plan, count_events(plan, trains))
 
 
 def quickest(timed: dict[str, Callable[[], float]], rounds: int) -> dict[str, float]:

@@ -21,7 +21,7 @@ from nengo_loihi.hardware.allocators import Allocator
 from nengo_loihi.hardware.nxsdk_objects import Board
 from nengo_loihi.hardware.validate import validate_core
 
-MIXED, EXCITATORY, INHIBITORY = 1, 2, 3
+MIXED = 1
 TO_INHIBITORY = {"weight": 2, "bits": 3, "exponent": -6}
 """The synapses to counters, to inhibitory neurons, and to relays."""
 
@@ -34,9 +34,9 @@ def synapse(label: str, rows: list[Any], indices: list[Any] | None, code: dict[s
     return made
 
 
-def code(bits: int, exponent: int, sign: int) -> dict[str, int]:
-    """The registers of a format."""
-    return {"weight_bits": SynapseConfig.WEIGHT_BITS_MAP.index(bits), "weight_exp": exponent, "fanout_type": sign}
+def code(bits: int, exponent: int) -> dict[str, int]:
+    """The registers of a format, each of whose weights has a sign."""
+    return {"weight_bits": SynapseConfig.WEIGHT_BITS_MAP.index(bits), "weight_exp": exponent, "fanout_type": MIXED}
 
 
 def groups(problem: Any) -> list[Synapse]:
@@ -45,7 +45,7 @@ def groups(problem: Any) -> list[Synapse]:
     scalar = {name: int(problem[name]) for name in problem.files if problem[name].ndim == 0}
     weights, dense = problem["weights"].astype(np.int32), problem["dense"]
     made = []
-    inputs = code(scalar["bits"], scalar["exponent"], MIXED if scalar["signed"] else EXCITATORY)
+    inputs = code(scalar["bits"], scalar["exponent"])
     used = weights.any(axis=1)
     if (used & dense).any():
         made.append(synapse("dense inputs", list(weights[used & dense]), None, inputs))
@@ -54,14 +54,14 @@ def groups(problem: Any) -> list[Synapse]:
         columns = [np.flatnonzero(row) for row in rows]
         made.append(synapse("sparse inputs", [r[c] for r, c in zip(rows, columns)], columns, inputs))  # noqa: B905
     if scalar["inhibition"]:
-        taken = np.full(weights.shape[1], -scalar["inhibition"], np.int32)
-        registers = code(scalar["inhibition_bits"], scalar["inhibition_exponent"], INHIBITORY)
-        made.append(synapse("the root", [taken], None, registers))
+        taken = np.full(weights.shape[1], scalar["inhibition"], np.int32)
+        registers = code(scalar["inhibition_bits"], scalar["inhibition_exponent"])
+        made.append(synapse("the root", [taken], [np.arange(taken.size)], registers))
     for name in ("to_counters", "to_inh", "to_relays"):
         targets = problem[name]
         if targets.size:
             rows = [np.array([TO_INHIBITORY["weight"]], np.int32)] * targets.size
-            registers = code(TO_INHIBITORY["bits"], TO_INHIBITORY["exponent"], MIXED)
+            registers = code(TO_INHIBITORY["bits"], TO_INHIBITORY["exponent"])
             made.append(synapse(name, rows, [np.array([target]) for target in targets], registers))
     return made
 

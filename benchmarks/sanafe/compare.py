@@ -94,7 +94,7 @@ def real_cases(queries: int) -> Iterator[Case]:
 def random_network(seed: int, rng: np.random.Generator, rates: NDArray[np.uint16], neurons: int) -> FixedNetwork:
     """A network that spikes at ``rates`` (queries, inputs); of some, membranes forget at once."""
     inputs, signed, bias_input = rates.shape[1], bool(seed // 2 % 2), bool(seed % 2)
-    bits = int(rng.integers(1, 9 - signed))
+    bits = int(rng.integers(1, 8))
     share = rng.uniform(0.1, 0.9) if neurons < DIRECT else 0.2
     weights = rng.integers(1, 1 << bits, (inputs, neurons)) * (rng.random((inputs, neurons)) < share)
     if signed:
@@ -108,7 +108,7 @@ def random_network(seed: int, rng: np.random.Generator, rates: NDArray[np.uint16
         bits=bits,
         signed=signed,
         threshold=threshold,
-        inhibition=int(rng.choice([0, min(255, threshold // 2), min(255, threshold)])),
+        inhibition=int(rng.choice([0, min(127, threshold // 2), min(127, threshold)])),
         inhibition_exponent=0,
         decay=NO_MEMORY_DECAY if seed % 5 == 2 else int(rng.integers(50, 900)),
         steps=40,
@@ -129,7 +129,7 @@ def random_case(seed: int, queries: int = 2) -> Case:
         compartments = int(rng.integers(3, 7) if seed % 3 == 0 else rng.integers(8, 40))
         words = max(int(rng.integers(inputs * 2, inputs * 6)), 2 * neurons)
         board = replace(KAPOHO_BAY, cores=int(rng.integers(16, 129)), compartments=compartments, synapse_words=words)
-    plan = partition(made, board, rates.mean(axis=0) / (1 << 16))
+    plan = partition(made, board, rates.mean(axis=0) / (1 << 16), dense_rows=True)
     if seed % 3 == 0:
         plan = scattered(plan, rng)
     keys = presentation_keys(seed, "query", image_keys(rates))

@@ -131,7 +131,7 @@ def _to_exc(plan: Plan, core: CorePlan, part: Part, target: str) -> list[Any]:
     for name, sender in _parts(plan, "inh"):
         root = np.arange(sender.first, sender.first + sender.size) == network.inhibitory - 1
         pulled = np.repeat(root[:, None], part.size, axis=1) & (network.inhibition > 0)
-        rows += _rows(name, target, pulled, np.full(pulled.shape, -network.lateral), root)
+        rows += _rows(name, target, pulled, np.full(pulled.shape, -network.lateral), np.zeros(root.size, np.bool_))
     return rows
 
 

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from lava_vpr import loihi
 from lava_vpr.deploy.boards.constants import LOIHI_1, CostConstants
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.registry import Registry
 
@@ -27,6 +28,7 @@ class Board:
             ``synapse_words`` are not public; else None.
         profiles, thresholds, formats: Distinct ones that a core can hold.
         weight_bits, index_bits: Widths that a stored synapse can have.
+        one_sign: Whether weights that all have the same sign are stored without a bit for it.
         host_spikes: Spikes that the host can send to one chip in one step.
         input_mode: Where input spikes come from unless a user says otherwise; None: as the model says.
         counters: Whether each excitatory neuron has a compartment beside it that counts its spikes, and is read once
@@ -55,11 +57,16 @@ class Board:
     formats: int | None
     weight_bits: tuple[int, ...]
     index_bits: tuple[int, ...]
+    one_sign: bool
     host_spikes: int | None
     input_mode: Literal["injected", "bias"] | None
     counters: bool
     clearing: Literal["reset", "writes"]
     constants: CostConstants | None
+
+    def stored_bits(self, network: FixedNetwork) -> int:
+        """Bits that a stored weight of ``network`` needs: its magnitude's, and one for a sign."""
+        return network.bits + (network.signed or not self.one_sign)
 
     @property
     def timed(self) -> bool:
@@ -83,7 +90,7 @@ class Board:
 
     def as_json(self) -> dict[str, Any]:
         """Limits and mesh by name, as a bundle's manifest has them; None: not public."""
-        left_out = ("synapses", "core_bytes", "input_mode", "counters", "clearing", "constants")
+        left_out = ("synapses", "core_bytes", "one_sign", "input_mode", "counters", "clearing", "constants")
         values = {item.name: getattr(self, item.name) for item in fields(self) if item.name not in left_out}
         return values | {"timed": self.timed}
 
@@ -112,6 +119,7 @@ KAPOHO_BAY = BOARDS.register(
         formats=loihi.CORE_FORMATS,
         weight_bits=loihi.LOIHI_1_WEIGHT_BITS,
         index_bits=loihi.LOIHI_1_INDEX_BITS,
+        one_sign=False,
         host_spikes=loihi.HOST_SPIKES,
         input_mode=None,
         counters=True,
@@ -141,6 +149,7 @@ LOIHI_2 = BOARDS.register(
         formats=None,
         weight_bits=tuple(range(1, 9)),
         index_bits=(),
+        one_sign=True,
         host_spikes=None,
         input_mode="bias",
         counters=False,

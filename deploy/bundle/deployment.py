@@ -8,6 +8,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from lava_vpr import __version__
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.boards.plan import CorePlan, Plan
@@ -34,14 +36,19 @@ class Deployed:
     plan: Plan
 
 
-def plan_of(model: Model, board: Board) -> Plan:
+def plan_of(model: Model, board: Board, *, dense_rows: bool = False) -> Plan:
     """Where the neurons of ``model`` stand on ``board``.
 
+    Args:
+        model: The model.
+        board: The board.
+        dense_rows: Whether rows of inputs may be stored dense, without indices, which no public source shows.
     Raises:
         ConfigError: the model is no integer network.
         NetworkLimitError: it does not fit; the message names resource, need, limit and remedy.
     """
-    return partition(integer_model(model, board.title).network, board, expected_rates(model))
+    network = integer_model(model, board.title).network
+    return partition(network, board, expected_rates(model), dense_rows=dense_rows)
 
 
 def contents(
@@ -52,12 +59,15 @@ def contents(
     compression: dict[str, Any] | None = None,
     picture: bool = True,
     measured: bool = False,
+    dense_rows: bool = False,
 ) -> tuple[dict[str, Any], dict[str, bytes], Plan]:
     """Manifest (for `deploy.bundle.folder.sealed`), files and plan of the bundle of ``model``; see `deploy`."""
-    plan, target = plan_of(model, board), TARGETS[board.name]
+    plan, target = plan_of(model, board, dense_rows=dense_rows), TARGETS[board.name]
     network = plan.network
     if not measured:
-        model = replace(model, responses=measured_responses(model, network, cores()))
+        responses = measured_responses(model, network, cores())
+        calibration = model.calibration if np.array_equal(responses, model.responses) else None
+        model = replace(model, responses=responses, calibration=calibration)
     files = reference_files(model)
     files |= target.network_files(plan)
     files |= program_files(target.program)
@@ -97,6 +107,7 @@ def deploy(
     compression: dict[str, Any] | None = None,
     picture: bool = True,
     measured: bool = False,
+    dense_rows: bool = False,
 ) -> Deployed:
     """Write the bundle of ``model`` for ``board``.
 
@@ -108,6 +119,7 @@ def deploy(
         compression: What compression did, for the manifest.
         picture: Also draw where the neurons stand.
         measured: The responses of ``model`` are those of its network; otherwise they are measured.
+        dense_rows: See `plan_of`.
     Raises:
         ConfigError: the model is no integer network.
         NetworkLimitError: it does not fit the board.
@@ -115,7 +127,13 @@ def deploy(
     """
     bundle_folder.check_replaceable(path)
     manifest, files, plan = contents(
-        model, board, learning=learning, compression=compression, picture=picture, measured=measured
+        model,
+        board,
+        learning=learning,
+        compression=compression,
+        picture=picture,
+        measured=measured,
+        dense_rows=dense_rows,
     )
     return Deployed(bundle_folder.write(path, manifest, files), plan)
 

@@ -36,7 +36,7 @@ from lava_vpr.engine.learning.lava_order import (
     library_seed,
     start_state,
 )
-from lava_vpr.engine.random import presentation_key
+from lava_vpr.engine.random import image_keys, presentation_key
 from lava_vpr.errors import BundleError, ConfigError, NetworkLimitError, brief
 from lava_vpr.gate import integer_config
 from lava_vpr.loihi import INPUT_LIMIT, LOIHI_2_RESET_LIMIT, THRESHOLD_LIMIT, TRACE_LIMIT, WEIGHT_LIMIT
@@ -44,7 +44,7 @@ from lava_vpr.model import Model, Stretch
 from lava_vpr.ranges import real, whole
 from lava_vpr.storage.limits import excess
 from lava_vpr.storage.text import shown
-from lava_vpr.training.loop import traverses_shown
+from lava_vpr.training.loop import start_key, traverses_shown
 
 SETTINGS, RATES = "learning/learning.json", "learning/rates.npy"
 PURPOSE = "learning on the chip"
@@ -98,10 +98,17 @@ class ChipLearning:
         return arrays | {"keys": self.keys[:presentations]}, options
 
 
-def stretch_learning(model: Model, stretch: Stretch, number: int) -> ChipLearning:
-    """The learning network of one stretch of ``model``, as training shows it the references."""
+def stretch_learning(model: Model, stretch: Stretch) -> ChipLearning:
+    """The learning network of one stretch of ``model``, as training shows it the references.
+
+    Raises:
+        ConfigError: the model learns by no rule, or all neurons of the stretch went with removed places.
+    """
     config = integer_config(model.config, PURPOSE)
     learning = config.learning
+    if not stretch.neurons:
+        places = f"{stretch.first_place}:{stretch.first_place + stretch.places}"
+        raise ConfigError(f"{PURPOSE} needs neurons, but those of places {places} went with removed ones; train anew")
     if learning.rule != "stdp":
         raise ConfigError(f"{PURPOSE} needs weights that were learned, not templates; train with --learning integer")
     inputs, spikes = config.encoder.inputs, config.encoder.train_spikes
@@ -112,30 +119,33 @@ def stretch_learning(model: Model, stretch: Stretch, number: int) -> ChipLearnin
         for shown_as in range(stretch.view, traverses_shown(config, epoch, references // views) * views, views)
         for place in range(stretch.places)
     ]
+    rates = rates16(model.activity, spikes)
+    images = image_keys(rates).reshape(references, model.places)
     keys = [
-        presentation_key(config.seed, "train", int(model.place_indices[place]), epoch * references + shown_as)
+        presentation_key(config.seed, "train", int(images[shown_as, place]), epoch * references + shown_as)
         for epoch, shown_as, place in shown
     ]
+    start = start_key(stretch, list(images))
     return ChipLearning(
         phases=folded_phases(learning, inputs, spikes),
-        start=start_state(learning, inputs, stretch.neurons, spikes, config.seed, number),
-        seeds=tuple(library_seed(config.seed, number, epoch) for epoch in range(learning.epochs)),
+        start=start_state(learning, inputs, stretch.neurons, spikes, config.seed, start),
+        seeds=tuple(library_seed(config.seed, start, epoch) for epoch in range(learning.epochs)),
         epochs=np.array([epoch for epoch, _, _ in shown], np.int32),
         images=np.array([shown_as * model.places + place for _, shown_as, place in shown], np.int32),
         keys=np.array(keys, np.uint64),
-        rates=rates16(model.activity, config.encoder.train_spikes),
+        rates=rates,
     )
 
 
 def chip_learning(model: Model) -> tuple[ChipLearning, ...]:
     """The learning networks of all stretches of ``model``."""
-    return tuple(stretch_learning(model, stretch, number) for number, stretch in enumerate(model.stretches))
+    return tuple(stretch_learning(model, stretch) for stretch in model.stretches)
 
 
 def _phase_json(phase: FoldedPhase) -> dict[str, Any]:
     """A phase with Lava's names where Lava has them."""
     chip, rule = phase.chip, phase.chip.rule
-    mantissa, exponent = mantissa_of(chip.inhibition)
+    mantissa, exponent = mantissa_of(chip.inhibition, WEIGHT_LIMIT)
     return {
         "learning_rule": {
             "dw": rule.microcode(),

@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import Board
+from lava_vpr.deploy.registers.synapses import lateral_synapse
 from lava_vpr.engine.inference import quantise
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import ConfigError, NetworkLimitError
+from lava_vpr.loihi import SIGNED_WEIGHT_LIMIT
 from lava_vpr.model import IntegerModel, Model, integer_model
 from lava_vpr.storage.text import shown
 from lava_vpr.training.references import coverage, measured_responses, shown_references
@@ -159,7 +161,7 @@ def measured(model: Model, threads: int) -> Model:
         "neurons_used": used,
         "places_covered": covered,
     }
-    return replace(model, responses=responses, training={**model.training, **figures})
+    return replace(model, responses=responses, training={**model.training, **figures}, calibration=None)
 
 
 def fitting(model: Model, board: Board, bits: int, weights: NDArray[np.float64]) -> FixedNetwork:
@@ -169,7 +171,7 @@ def fitting(model: Model, board: Board, bits: int, weights: NDArray[np.float64])
         NetworkLimitError: it cannot; the first part of the message says why.
     """
     network = _quantised(with_settings(model, Changes(bits)), weights)
-    if network.stored_bits > max(board.weight_bits):
+    if board.stored_bits(network) > max(board.weight_bits):
         raise NetworkLimitError(f"it stores weights of at most {max(board.weight_bits)} bits; choose fewer")
     network.check(board.input_limit, "its accumulator of one step")
     return network
@@ -245,6 +247,11 @@ def adapted(model: Model, board: Board, changes: Changes = UNCHANGED) -> Compres
             f"inputs integrate a bias, as {board.title} is given them unless --input-mode injected asks for spikes "
             "that Python sends step by step"
         )
+    if network.lateral != integer.network.lateral and (network.bits, prune) == (integer.network.bits, own.prune):
+        notes.append(
+            f"inhibition is {network.lateral:,} instead of {integer.network.lateral:,}: its mantissa has the "
+            f"{SIGNED_WEIGHT_LIMIT.bit_length()} bits of a synapse that holds its sign"
+        )
     if network.bits != most:
         notes.append(f"{network.bits} bits a weight instead of {most}, the most that {board.title} can take: {reason}")
     result = replace(with_settings(source, Changes(network.bits)), network=network)
@@ -266,10 +273,12 @@ def for_inputs(model: Model, board: Board, changes: Changes) -> Changes:
 def _runs(model: IntegerModel, board: Board) -> bool:
     """Whether ``board`` can run the model's network as it is."""
     network = model.network
-    if network.stored_bits > max(board.weight_bits):
+    if board.stored_bits(network) > max(board.weight_bits):
         return False
     try:
         network.check(board.input_limit)
+        if not board.one_sign:
+            lateral_synapse(network, max(board.weight_bits))
     except NetworkLimitError:
         return False
     return True

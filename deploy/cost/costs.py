@@ -7,6 +7,7 @@ the host's traffic.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
@@ -28,6 +29,7 @@ from lava_vpr.deploy.cost.host_traffic import (
     through_relays,
 )
 from lava_vpr.deploy.registers.clearing import clearing, rest_steps
+from lava_vpr.loihi import EMBEDDED_MHZ, REGISTER_CYCLES, WORD_CYCLES
 
 Floats = NDArray[np.float64]
 
@@ -38,7 +40,8 @@ UNPUBLISHED = (
 
 
 ALL_DENSE = (
-    "Synaptic operations on Loihi 2 are counted with all rows dense: how its compiler stores them is not public."
+    "Synaptic operations on Loihi 2 are counted with all rows of inputs dense: how its compiler stores them is not "
+    "public."
 )
 
 
@@ -353,15 +356,21 @@ def _idle_nanoseconds(core: CorePlan, constants: CostConstants, level: Level) ->
     return float(neuron_nanoseconds(constants, level, accesses, updates, 0, 0))
 
 
+def _either(values: Sequence[float]) -> str:
+    """Low, nominal and high as people say them."""
+    *first, last = (f"{value:g}" for value in values)
+    return f"{', '.join(first)} or {last}"
+
+
 def assumptions(events: EventCounts) -> tuple[str, ...]:
     """What the model takes for granted, a sentence each."""
     sentences = [
         "A step lasts as long as its busiest core, plus a barrier by tiles in use (SANA-FE's simple timing): no "
         "contention on the mesh; the high bound takes no step as shorter than the 5.8 us measured on 32 chips (Frady "
         "et al. 2020).",
-        "The embedded processors' program runs while the cores wait; its accesses are counted and take 10, 20 or 40 "
-        "cycles each for a core's register and 2, 4 or 8 for a word of memory, at 400, 200 or 100 MHz: no figure is "
-        "public.",
+        "The embedded processors' program runs while the cores wait; its accesses are counted and take "
+        f"{_either(REGISTER_CYCLES)} cycles each for a core's register and {_either(WORD_CYCLES)} for a word of "
+        f"memory, at {_either(EMBEDDED_MHZ)} MHz: no figure is public.",
         "Clearing: each membrane is one write of an embedded processor, taken as one message, its way, an access and "
         "an update; no figure is public.",
     ]

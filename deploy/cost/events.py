@@ -134,7 +134,7 @@ def routes(plan: Plan, entry: tuple[int, int] | None = None) -> Routes:
         input_rows[:, k, 0] = np.where(core.dense_inputs, synapses, 0)
         input_rows[:, k, 1] = np.where(core.dense_inputs, 0, synapses)
         if network.inhibition:
-            root_rows[k, 0] = here.sum()
+            root_rows[k, 1] = here.sum()
     return Routes(
         home["exc"],
         np.repeat(home["inh"], fixed.FAN_IN)[: network.neurons],

@@ -173,11 +173,11 @@ ARITHMETIC: tuple[Belief, ...] = (
         source=f"{LAVA}proc/lif/models.py:89-104, 145; {NENGO}builder/discretize.py:120",
     ),
     _sums(
-        "bits of a weight; the largest",
-        at="WEIGHT_BITS WEIGHT_LIMIT",
+        "bits of a weight; the largest; the largest of a synapse with a sign in as many bits",
+        at="WEIGHT_BITS WEIGHT_LIMIT SIGNED_WEIGHT_LIMIT",
         unit="bits, weight units",
         breaks="weights are cut off",
-        source=f"{LAVA}proc/dense/models.py:83-90; {NENGO}hardware/builder.py:353",
+        source=f"{LAVA}proc/dense/models.py:83-90; {NENGO}hardware/builder.py:353, builder/discretize.py:473-476",
     ),
     _sums(
         "exponents of synapses, either sign",

@@ -158,7 +158,7 @@ POWER: tuple[Belief, ...] = (
     _call(
         "power of a run",
         "board.energyTimeMonitor.powerProfileStats: timePerTimestep; power['total'], ['static'], ['dynamic'], ['idle']",
-        "idle power is reported under the wrong name",
+        "--power says that nothing was measured",
         f"{MODELS}spytorch2loihi/spytorch2loihi_import_energy-delay.ipynb:578-582 (idle and static are two)",
     ),
     _call(

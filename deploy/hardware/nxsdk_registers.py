@@ -27,6 +27,9 @@ UNUSED_FIELDS = (
 )
 """Fields of a synapse format that stay 0: no learning, no delays, no tags."""
 
+WITHOUT_INDICES = "rows without indices"
+"""What is asked for where rows are stored dense: bundles have such rows only where ``deploy --dense-rows`` asks."""
+
 _BUILDER = f"{NENGO}hardware/builder.py"
 _ALL = "every spike"
 _DENSE = (
@@ -142,16 +145,9 @@ SYNAPSES: tuple[Belief, ...] = (
         "144, block.py:492, 729 (each weight has a sign)",
         "the sign of weights",
     ),
-    _unproven(
-        "synapseFmt.fanoutType (one sign for all)",
-        (loihi.FANOUT_EXCITATORY, loihi.FANOUT_INHIBITORY),
-        f"{NENGO}builder/validate.py:110 allows 2 and 3, and NxSDK's SYNAPSE_SIGN_MODE has signs; which is which, "
-        "nobody has written",
-        "the sign of weights",
-    ),
     _register("synapseFmt.compression", loihi.COMPRESSION_SPARSE, "145, block.py:519, 781 (each weight has an index)"),
-    _unproven("synapseFmt.compression (rows without indices)", loihi.COMPRESSION_DENSE, _DENSE, _DENSE_BREAKS),
-    _unproven("synapseFmt.idxBits (rows without indices)", 0, _DENSE, _DENSE_BREAKS),
+    _unproven(f"synapseFmt.compression ({WITHOUT_INDICES})", loihi.COMPRESSION_DENSE, _DENSE, _DENSE_BREAKS),
+    _unproven(f"synapseFmt.idxBits ({WITHOUT_INDICES})", 0, _DENSE, _DENSE_BREAKS),
     *(
         _register(f"synapseFmt.{name}", 0, "129-147, block.py:441-461 (its defaults)", "weights learn or are late")
         for name in UNUSED_FIELDS
@@ -164,7 +160,7 @@ SYNAPSES: tuple[Belief, ...] = (
         "Wgt with fewer bits: the upper ones",
         "NxSDK, Loihi 1 core",
         "arithmetic",
-        Given("multiples of 2^(8 - bits), or of 2^(9 - bits) with a sign of its own"),
+        Given("multiples of 2^(9 - bits), the sign being one of the bits"),
         "weight units",
         "weights lose their lowest bits",
         f"{NENGO}block.py:512-514; slayer2loihi.py:601-604 (as wgtBits)",

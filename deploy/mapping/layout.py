@@ -95,7 +95,7 @@ class Layout:
         if size:
             root = float(sizing.inh_spikes[-1]) if sizing.inhibits else 0.0
             arriving += float(sizing.grains[self.reached[number]].sum()) + root
-            dense, sparse = self.rows[number].dense + root * size, sparse + self.rows[number].sparse
+            dense, sparse = self.rows[number].dense, sparse + self.rows[number].sparse + root * size
         counted = sizing.counters * spikes
         arriving, sparse = arriving + counted, sparse + counted
         updates = (1 + sizing.counters) * size + heard + (relayed if sizing.network.relayed else input_spikes.size)
@@ -122,7 +122,7 @@ class Layout:
             axons_in += int(reached.sum()) + sizing.inhibits
             formats += np.unique(rows.dense_inputs[reached]).size + sizing.inhibits
         axons_out = 2 * size + int(self._inh_axons(inh).sum() + self.input_axons[inputs].sum())
-        populations = np.count_nonzero([size, counters, inh.stop - inh.start, count])
+        populations = sum(present > 0 for present in (size, counters, inh.stop - inh.start, count))
 
         def if_public(limit: int | None, value: int) -> int | None:
             return None if limit is None else value

@@ -37,7 +37,12 @@ _EVERY = 8
 
 
 def partition(
-    network: FixedNetwork, board: Board, rates: NDArray[np.float64], *, exc_spikes: float = EXC_SPIKES
+    network: FixedNetwork,
+    board: Board,
+    rates: NDArray[np.float64],
+    *,
+    exc_spikes: float = EXC_SPIKES,
+    dense_rows: bool = False,
 ) -> Plan:
     """Put ``network`` on the cores of ``board``.
 
@@ -46,13 +51,14 @@ def partition(
         board: The board.
         rates: Expected spikes of each input in a step, float64 (inputs,), at least 0.
         exc_spikes: Expected spikes of all excitatory neurons together in a step.
+        dense_rows: Whether rows of inputs may be stored dense, without indices, which no public source shows.
     Raises:
         NetworkLimitError: it does not fit; the message names resource, need, limit and remedy.
         ValueError: ``rates`` are not those of the network's inputs.
     """
     if rates.shape != (network.inputs,) or not (rates >= 0).all():
         raise ValueError(f"rates of shape {rates.shape} for {network.inputs} inputs, or below 0")
-    sizing = Sizing(network, board, rates, exc_spikes)
+    sizing = Sizing(network, board, rates, exc_spikes, dense_rows)
     check(sizing)
     found = [layout_of(sizing, balanced(sizing, placed)) for placed in ways(sizing)]
     layouts = [layout for layout in found if layout is not None]

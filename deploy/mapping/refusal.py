@@ -119,6 +119,8 @@ def _remedy(sizing: Sizing, solve: Solve) -> str:
         if _says_something(weights) and solve(_with(sizing, weights=weights)):
             remedies.append(f"--prune {share:g}")
             break
+    if not sizing.dense_rows and sizing.known_rows and solve(replace(sizing, dense_rows=True)):
+        remedies.append("--dense-rows (unproven)")
     if remedies:
         return "use " + " or ".join(remedies)
     low, high = 0, network.neurons

@@ -1,4 +1,4 @@
-"""How a core stores its rows: sparse, with indices, or dense, without; dense only as far as memory demands it."""
+"""How a core stores the rows of inputs: sparse, with indices, or, where that is allowed, dense, without indices."""
 
 from __future__ import annotations
 
@@ -31,14 +31,15 @@ class StoredRows:
 def choose_formats(sizing: Sizing, first: int, end: int, words: int) -> StoredRows | None:
     """How a core stores the rows to neurons ``first`` .. ``end - 1`` in at most ``words``; None: it cannot.
 
-    All rows are sparse but those without a zero. Where that is too much, rows turn dense in the order of words saved
-    per operation added; what that saves beyond need is given back, the last to turn first.
+    All rows are sparse, unless `Sizing.may_be_dense`: then those without a zero are dense, and where memory demands
+    more, rows turn dense in the order of words saved per operation added; what that saves beyond need is given back,
+    the last to turn first. Where it is not public how a board stores rows, all count as dense.
     """
     size, counts = end - first, sizing.counts(first, end)
-    all_dense = sizing.dense_rows and sizing.sparse_bits(size) is None
-    dense = (counts > 0) & ((counts == size) & sizing.dense_rows | all_dense)
+    all_dense = not sizing.known_rows or (sizing.may_be_dense and sizing.sparse_bits(size) is None)
+    dense = (counts > 0) & ((counts == size) & sizing.may_be_dense | all_dense)
     used = 0
-    if sizing.board.synapse_words is not None:
+    if sizing.known_rows:
         operations, least = (table[size, counts] for table in sizing.row_tables)
         used = int(operations.sum() + sizing.root_row[size]) + sizing.counters * size
         if used > words:

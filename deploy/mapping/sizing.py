@@ -29,7 +29,7 @@ UNLIMITED = 1 << 40
 
 MIXED_FORMATS = 6
 """Rows of inputs dense and sparse, the root's row, rows to counters, to inhibitory neurons, and to relays. A core with
-fewer formats stores all rows of inputs dense."""
+fewer formats stores no row dense."""
 
 GRAIN = 1 << 20
 """Expected spikes are rounded to multiples of 1 / GRAIN: their sums are exact, so equal on every machine and in any
@@ -73,7 +73,7 @@ class Sizing:
         board: The board.
         rates: Expected spikes of each input in a step, float64 (inputs,).
         exc_spikes: Expected spikes of all excitatory neurons in a step.
-        dense_rows: Whether rows may be stored dense, without indices.
+        dense_rows: Whether rows of inputs may be stored dense, without indices, which no public source shows.
         given: The weights that are not 0 where the network's own weights do not say so.
     """
 
@@ -81,7 +81,7 @@ class Sizing:
     board: Board
     rates: Floats = field(repr=False)
     exc_spikes: float = EXC_SPIKES
-    dense_rows: bool = True
+    dense_rows: bool = False
     given: Pattern | None = field(default=None, repr=False)
 
     @cached_property
@@ -126,25 +126,26 @@ class Sizing:
         Raises:
             NetworkLimitError: the board stores none so wide.
         """
-        wide = [bits for bits in self.board.weight_bits if bits >= self.network.stored_bits]
+        need = self.board.stored_bits(self.network)
+        wide = [bits for bits in self.board.weight_bits if bits >= need]
         if not wide:
-            most, sign = max(self.board.weight_bits), " with their sign" if self.network.signed else ""
+            most, own = max(self.board.weight_bits), need - self.network.bits
             raise NetworkLimitError(
-                f"{self.board.title} stores weights of at most {most} bits, but these need {self.network.stored_bits}"
-                f"{sign}; use --weight-bits {most - self.network.signed}"
+                f"{self.board.title} stores weights of at most {most} bits, but these need {need}"
+                f"{' with their sign' * own}; use --weight-bits {most - own}"
             )
         return min(wide)
 
     @cached_property
     def inhibition_bits(self) -> int:
-        """Fewest bits that hold a synapse of the root.
+        """Fewest bits that hold a synapse of the root, with its sign where the board stores it.
 
         Raises:
             NetworkLimitError: the board stores none so wide.
         """
         for bits in sorted(self.board.weight_bits):
             try:
-                lateral_synapse(self.network, bits)
+                lateral_synapse(self.network, bits + self.board.one_sign)
             except NetworkLimitError:
                 continue
             return bits
@@ -204,27 +205,31 @@ class Sizing:
             return UNLIMITED
         return 1 << max(self.board.index_bits) if self.board.index_bits else 0
 
-    @cached_property
-    def all_dense(self) -> bool:
-        """Whether no row of an input may be sparse: formats are few, or how rows are stored is not public."""
-        return self.board.synapse_words is None or limit_of(self.board.formats) < MIXED_FORMATS
+    @property
+    def known_rows(self) -> bool:
+        """Whether it is public how the board stores rows."""
+        return self.board.synapse_words is not None
+
+    @property
+    def may_be_dense(self) -> bool:
+        """Whether a row of an input may be stored dense: that is wanted, and there are formats enough."""
+        return self.dense_rows and limit_of(self.board.formats) >= MIXED_FORMATS
 
     def sparse_bits(self, neurons: int) -> int | None:
         """Index bits of a sparse row over so many neurons; None: it cannot be stored."""
         need = max(0, neurons - 1).bit_length()
-        wide = [] if self.all_dense else [bits for bits in self.board.index_bits if bits >= need]
-        return min(wide) if wide else None
+        return min((bits for bits in self.board.index_bits if bits >= need), default=None)
 
     @cached_property
     def row_tables(self) -> tuple[Integers, Integers]:
         """Words of an input's row by neurons of the core and non-zero weights, int64 (largest + 1, largest + 1): in the
         format with the fewest operations, and in the one with the fewest words."""
         sizes = np.arange(self.largest + 1)
-        dense = row_words(sizes, self.weight_bits) if self.dense_rows else np.full(sizes.size, UNLIMITED)
+        dense = row_words(sizes, self.weight_bits) if self.may_be_dense else np.full(sizes.size, UNLIMITED)
         operations = np.repeat(dense[:, None], sizes.size, axis=1)
         for bits, indexed in self._indexed.items():
             operations[indexed] = row_words(sizes, self.weight_bits + bits)
-        if self.dense_rows:
+        if self.may_be_dense:
             operations[sizes, sizes] = dense
         operations[:, 0] = 0
         return operations, np.minimum(operations, dense[:, None])
@@ -233,10 +238,8 @@ class Sizing:
     def root_row(self) -> Integers:
         """Words of the root's row by neurons of the core, int64 (largest + 1,)."""
         sizes = np.arange(self.largest + 1)
-        if not self.inhibits or self.board.synapse_words is None:
+        if not self.inhibits or not self.known_rows:
             return np.zeros_like(sizes)
-        if self.dense_rows:
-            return row_words(sizes, self.inhibition_bits)
         words = np.full(sizes.size, UNLIMITED)
         for bits, indexed in self._indexed.items():
             words[indexed] = row_words(sizes[indexed], self.inhibition_bits + bits)

@@ -30,7 +30,6 @@ from lava_vpr.loihi import (
     LEAST_REFRACTORY_STEPS,
     NO_MEMORY_DECAY,
     UPDATE_GROUP,
-    WEIGHT_BITS,
 )
 
 POPULATIONS: tuple[PopulationName, ...] = get_args(PopulationName)
@@ -147,12 +146,13 @@ def _rows(plan: Plan, core: CorePlan, axons: _Axons) -> tuple[Rows, list[Format 
     network, formats = plan.network, Formats()
     neurons, compartments = members_of(core, "exc")
     active = axons.of_input >= 0
-    form = Format.of_weights(network, plan.weight_bits, index_bits(compartments))
+    index = index_bits(compartments)
+    form = Format.of_whole_numbers(plan.weight_bits, index)
     parts = [formats.rows(network.weights[active][:, neurons], compartments, core.dense_inputs[active], form)]
     if axons.of_root >= 0:
-        magnitude, exponent = lateral_synapse(network, plan.inhibition_bits)
-        form = Format(plan.inhibition_bits, form.index_bits, exponent, "inhibitory")
-        parts.append(formats.rows(np.full((1, neurons.size), magnitude), compartments, np.ones(1, np.bool_), form))
+        taken, exponent = lateral_synapse(network, plan.inhibition_bits)
+        form = Format(plan.inhibition_bits, index, exponent)
+        parts.append(formats.rows(np.full((1, neurons.size), taken), compartments, np.zeros(1, np.bool_), form))
     counted, of_counters = members_of(core, "counters")
     parts.append(_single(formats, of_counters, np.arange(counted.size), COUNTER_WEIGHT))
     inh, of_inh = members_of(core, "inh")
@@ -167,8 +167,8 @@ def _single(
     formats: Formats, compartments: NDArray[np.int64], targets: NDArray[np.int64], weight: int = RELAY_WEIGHT
 ) -> Rows:
     """Rows of one synapse, by which a spike brings ``weight`` to the compartment ``compartments[target]``."""
-    bits = weight.bit_length() + 1  # with its sign, as nengo-loihi writes all synapses
-    form = Format(bits, index_bits(compartments), bits - WEIGHT_BITS - 1, "mixed")
+    bits = weight.bit_length() + 1  # with its sign
+    form = Format.of_whole_numbers(bits, index_bits(compartments))
     ones = np.full((targets.size, 1), weight)
     rows = formats.rows(ones, np.zeros(1, np.int64), np.zeros(targets.size, np.bool_), form)
     return replace(rows, compartments=compartments[targets].astype(np.int32))

@@ -57,6 +57,20 @@ def _input_ways(images: Sequence[CoreImage], tables: HostTables) -> NDArray[np.i
     return np.concatenate(ways).astype(np.int32)
 
 
+def _root_ways(images: Sequence[CoreImage], tables: HostTables) -> NDArray[np.int32]:
+    """Chip, core and input axon of every way that the root's spikes take, int32 (ways, 3)."""
+    chip, core, compartment = tables.inh[-1]
+    ways = [image.axons_out for image in images if (image.chip, image.core) == (chip, core)]
+    return np.concatenate([np.zeros((0, 3), np.int32), *(own[own[:, 0] == compartment, 1:] for own in ways)])
+
+
+class _Ways(NamedTuple):
+    """Where spikes to exc go, as `_input_ways` and `_root_ways` have them."""
+
+    of_inputs: NDArray[np.int32]
+    of_root: NDArray[np.int32]
+
+
 class _Found(NamedTuple):
     """What memory holds of a network while it is read: weights int16 (inputs, neurons), biases int32 (neurons,), bits
     of the inputs' and of the root's synapses."""
@@ -67,7 +81,7 @@ class _Found(NamedTuple):
     inhibition_bits: set[int]
 
 
-def _read_core(image: CoreImage, parts: tuple[Part, ...], ways: NDArray[np.int32], found: _Found) -> CorePlan:
+def _read_core(image: CoreImage, parts: tuple[Part, ...], ways: _Ways, found: _Found) -> CorePlan:
     """Add what a core's compartments and memory hold to ``found``; returns its plan."""
     registers = image.registers["synapseFmt"]
     formats = [None if form is None else Format.of(form, image.name) for form in registers]
@@ -83,14 +97,17 @@ def _read_core(image: CoreImage, parts: tuple[Part, ...], ways: NDArray[np.int32
     entries, row_of_axon = stored_rows(image.synapses, image.axons_in, image.name)
     rows = unpack(image.synapses, entries, formats, len(image.compartments), image.name)
     values = rows.currents(formats) >> INPUT_SHIFT
-    ways_here = ways[(ways[:, 1:3] == (image.chip, image.core)).all(axis=1)]
-    for number, row in zip(ways_here[:, 0], row_of_axon[ways_here[:, 3]], strict=True):
+    here = (image.chip, image.core)
+    of_inputs = ways.of_inputs[(ways.of_inputs[:, 1:3] == here).all(axis=1)]
+    for number, row in zip(of_inputs[:, 0], row_of_axon[of_inputs[:, 3]], strict=True):
         synapses, form = slice(rows.starts[row], rows.starts[row + 1]), formats[rows.formats[row]]
         found.weights[number, owner[rows.compartments[synapses]]] = values[synapses]
         if form is not None:
             dense[number] = form.index_bits == 0
             found.weight_bits.add(form.weight_bits)
-    found.inhibition_bits.update(form.weight_bits for form in formats if form is not None and form.sign == "inhibitory")
+    of_root = ways.of_root[(ways.of_root[:, :2] == here).all(axis=1)]
+    root_forms = [formats[number] for number in rows.formats[row_of_axon[of_root[:, 2]]]]
+    found.inhibition_bits.update(form.weight_bits for form in root_forms if form is not None)
     return core
 
 
@@ -163,7 +180,7 @@ def _rebuilt(
             f"network has {empty.neurons}, {empty.inhibitory} and {empty.input_compartments}; deploy the model again"
         )
     weights, bias = np.zeros(empty.weights.shape, np.int16), np.zeros(empty.neurons, np.int32)
-    found, ways = _Found(weights, bias, set(), set()), _input_ways(images, tables)
+    found, ways = _Found(weights, bias, set(), set()), _Ways(_input_ways(images, tables), _root_ways(images, tables))
     cores = tuple(_read_core(image, _parts(tables, image.chip, image.core), ways, found) for image in images)
     network = replace(empty, weights=weights, bias=bias)
     network.check()

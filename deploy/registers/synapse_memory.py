@@ -18,14 +18,14 @@ from lava_vpr.loihi import BLOCK_HEADER_BITS, BLOCK_SYNAPSES, CORE_FORMATS, WORD
 
 
 def _widths(formats: Sequence[Format | None]) -> NDArray[np.int64]:
-    """Index bits, weight bits and whether one of these is a sign, of every format number, int64 (16, 3).
+    """Index bits and weight bits of every format number, int64 (16, 2).
 
     Weight bits 0: there is no such format.
     """
-    widths = np.zeros((CORE_FORMATS, 3), np.int64)
+    widths = np.zeros((CORE_FORMATS, 2), np.int64)
     for number, form in enumerate(formats):
         if form is not None:
-            widths[number] = form.index_bits, form.weight_bits, form.mixed
+            widths[number] = form.index_bits, form.weight_bits
     return widths
 
 
@@ -85,13 +85,13 @@ def pack(rows: Rows, formats: Sequence[Format | None]) -> tuple[NDArray[np.uint6
         ValueError: a format cannot hold its rows.
     """
     widths, sizes = _widths(formats), np.diff(rows.starts)
-    index_bits, weight_bits, mixed = np.repeat(widths[rows.formats], sizes, axis=0).T
+    index_bits, weight_bits = np.repeat(widths[rows.formats], sizes, axis=0).T
     ranks = np.arange(len(rows.weights)) - np.repeat(rows.starts[:-1], sizes)
     placed = np.where(index_bits == 0, rows.compartments == ranks, rows.compartments >> index_bits == 0)
-    spread = rows.weights + (mixed << weight_bits >> 1)  # two's complement, from 0 on
+    spread = rows.weights + (1 << weight_bits >> 1)  # two's complement, from 0 on
     if not (widths[rows.formats, 1] > 0).all() or not (placed & (spread >> weight_bits == 0)).all():
         raise ValueError("a synapse does not fit the format of its row")
-    lengths = row_words(sizes, widths[rows.formats, :2].sum(axis=1))
+    lengths = row_words(sizes, widths[rows.formats].sum(axis=1))
     firsts = np.cumsum(lengths) - lengths
     words = np.zeros(int(lengths.sum()), np.uint64)
     _pack(rows.starts, rows.compartments, rows.weights, rows.formats, widths, firsts, words)
@@ -126,7 +126,7 @@ def _unpack_row(
         if at >= end:
             return at, _RUNS_OUT
         number, count = _get(words, at, ID_BITS), _get(words, at + ID_BITS, COUNT_BITS) + 1
-        index_bits, weight_bits, mixed = widths[number, 0], widths[number, 1], widths[number, 2]
+        index_bits, weight_bits = widths[number, 0], widths[number, 1]
         if weight_bits == 0:
             return number, _NO_FORMAT
         if done > 0 and number != form:
@@ -142,7 +142,7 @@ def _unpack_row(
             if compartments[done] >= limit:
                 return compartments[done], _NO_COMPARTMENT
             weights[done] = _get(words, at + index_bits, weight_bits)
-            if mixed and weights[done] >> (weight_bits - 1):
+            if weights[done] >> (weight_bits - 1):  # below 0
                 weights[done] -= 1 << weight_bits
             at += index_bits + weight_bits
             done += 1

@@ -5,7 +5,10 @@ words. Fields follow each other from the least significant bit on:
 
 - 4 bits synapse format, 6 bits synapses of this block, less 1; then for each synapse
 - as many bits as the format has for indices: compartment; a dense format has none, and goes 0, 1, 2 .. through the row
-- as many bits as the format has for weights: magnitude; with mixed signs in two's complement.
+- as many bits as the format has for weights: weight and sign, in two's complement.
+
+Every weight has a sign of its own (fanoutType 1), as in all that nengo-loihi writes; formats with one sign for all
+exist, but no public source shows them.
 
 Sizes, limits and registers' names have their sources in docs/hardware.md; the order of the fields within a block is not
 public, so it is ours: whoever writes a board sets synapse by synapse.
@@ -15,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +30,6 @@ from lava_vpr.loihi import (
     BLOCK_SYNAPSES,
     COMPRESSION_DENSE,
     COMPRESSION_SPARSE,
-    FANOUT_EXCITATORY,
-    FANOUT_INHIBITORY,
     FANOUT_MIXED,
     INPUT_SHIFT,
     LOIHI_1_INDEX_BITS,
@@ -38,18 +39,13 @@ from lava_vpr.loihi import (
     WORD_BITS,
 )
 
-Sign = Literal["excitatory", "inhibitory", "mixed"]
+REGISTER_BITS = WEIGHT_BITS + 1
+"""Bits of a weight's register: 8 and sign."""
 
 COUNT_BITS = (BLOCK_SYNAPSES - 1).bit_length()
 ID_BITS = BLOCK_HEADER_BITS - COUNT_BITS
 WEIGHT_CODES, INDEX_CODES = (0, *LOIHI_1_WEIGHT_BITS), (0, *LOIHI_1_INDEX_BITS)
 """Widths by the value of registers wgtBits and idxBits; 0: none."""
-
-FANOUT_TYPES: dict[Sign, int] = {
-    "mixed": FANOUT_MIXED,
-    "excitatory": FANOUT_EXCITATORY,
-    "inhibitory": FANOUT_INHIBITORY,
-}
 
 _UNUSED: tuple[str, ...] = (
     "wgtLimitMant",
@@ -68,27 +64,19 @@ class Format:
     """A synapse format: what rows of it hold, and what a weight is worth.
 
     Attributes:
-        weight_bits: Bits of a stored weight. It stands for the upper bits of 8, or of 9 and sign where signs are mixed.
+        weight_bits: Bits of a stored weight, one of which is its sign. They are the upper ones of the register's 9.
         index_bits: Bits of a compartment's number; 0: dense.
-        exponent: The register weight, 8 bits, is worth itself times 2^(6 + exponent), in units of u.
-        sign: Sign of all its weights, or ``mixed``: each has its own, which is one of its bits.
+        exponent: The register weight, 8 bits and sign, is worth itself times 2^(6 + exponent), in units of u.
     """
 
     weight_bits: int
     index_bits: int
     exponent: int
-    sign: Sign
 
     @staticmethod
-    def of_weights(network: FixedNetwork, weight_bits: int, index_bits: int) -> Format:
-        """The format in which ``weight_bits`` bits hold the weights of ``network`` as they are."""
-        spare = WEIGHT_BITS + network.signed - weight_bits
-        return Format(weight_bits, index_bits, -spare, "mixed" if network.signed else "excitatory")
-
-    @property
-    def mixed(self) -> bool:
-        """Whether each weight has a sign of its own."""
-        return self.sign == "mixed"
+    def of_whole_numbers(weight_bits: int, index_bits: int) -> Format:
+        """The format in which ``weight_bits`` bits hold weights that are worth themselves."""
+        return Format(weight_bits, index_bits, weight_bits - REGISTER_BITS)
 
     @property
     def bits(self) -> int:
@@ -103,7 +91,7 @@ class Format:
             "wgtBits": WEIGHT_CODES.index(self.weight_bits),
             "idxBits": INDEX_CODES.index(self.index_bits),
             "numSynapses": BLOCK_SYNAPSES - 1,
-            "fanoutType": FANOUT_TYPES[self.sign],
+            "fanoutType": FANOUT_MIXED,
             "compression": COMPRESSION_SPARSE if self.index_bits else COMPRESSION_DENSE,
         }
 
@@ -115,12 +103,10 @@ class Format:
             ModelFileError: they are not those of a format that this project writes.
         """
         try:
-            signs = {code: sign for sign, code in FANOUT_TYPES.items()}
             form = Format(
                 WEIGHT_CODES[registers["wgtBits"]],
                 INDEX_CODES[registers["idxBits"]],
                 int(registers["wgtExp"]),
-                signs[registers["fanoutType"]],
             )
             sound = form.registers == dict(registers) and form.weight_bits > 0
         except (KeyError, IndexError, TypeError, ValueError, OverflowError):
@@ -131,9 +117,8 @@ class Format:
 
     def currents(self, weights: NDArray[np.int32]) -> NDArray[np.int32]:
         """What stored ``weights`` bring their compartments, in units of u."""
-        shift = WEIGHT_BITS + self.mixed - self.weight_bits + INPUT_SHIFT + self.exponent
-        values = weights << shift if shift >= 0 else weights >> -shift
-        return -values if self.sign == "inhibitory" else values
+        shift = REGISTER_BITS - self.weight_bits + INPUT_SHIFT + self.exponent
+        return weights << shift if shift >= 0 else weights >> -shift
 
 
 @dataclass(frozen=True)
@@ -143,7 +128,7 @@ class Rows:
     Attributes:
         starts: Row r holds synapses ``starts[r]`` to ``starts[r + 1] - 1``, int64 (rows + 1,).
         compartments: The compartment that each synapse reaches, int32 (synapses,).
-        weights: Stored weights, int32 (synapses,): magnitudes, or with their sign where signs are mixed.
+        weights: Stored weights with their sign, int32 (synapses,).
         formats: Format of each row, uint8 (rows,).
     """
 
@@ -182,21 +167,22 @@ def index_bits(compartments: NDArray[np.int64]) -> int:
 
 
 def lateral_synapse(network: FixedNetwork, bits: int) -> tuple[int, int]:
-    """Magnitude in ``bits`` bits, and exponent, of a synapse that takes ``network.lateral``.
+    """The stored weight, not above 0, in ``bits`` bits with its sign, and the exponent, of a synapse that takes
+    ``network.lateral``.
 
     Raises:
         NetworkLimitError: there is none.
     """
     magnitude, exponent = network.inhibition, network.inhibition_exponent
-    while magnitude >> bits and magnitude % 2 == 0:
+    while magnitude >> bits - 1 and magnitude % 2 == 0:
         magnitude, exponent = magnitude >> 1, exponent + 1
-    exponent -= WEIGHT_BITS - bits
-    if magnitude >> bits or abs(exponent) > WEIGHT_EXPONENT_LIMIT:
+    exponent -= REGISTER_BITS - bits
+    if magnitude >> bits - 1 or abs(exponent) > WEIGHT_EXPONENT_LIMIT:
         raise NetworkLimitError(
-            f"inhibition {network.lateral} does not fit a synapse of {bits} bits with an exponent of at most "
-            f"{WEIGHT_EXPONENT_LIMIT}; choose another network.inhibition"
+            f"inhibition {network.lateral} does not fit a synapse of {bits} bits, sign included, with an exponent of "
+            f"at most {WEIGHT_EXPONENT_LIMIT}; choose another network.inhibition"
         )
-    return magnitude, exponent
+    return -magnitude, exponent
 
 
 def row_words(synapses: NDArray[np.int64], bits: int) -> NDArray[np.int64]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import matplotlib
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
@@ -95,7 +96,8 @@ class _Mesh:
 
 def draw(plan: Plan) -> bytes:
     """``plan`` as an SVG file, 1200 pixels wide."""
-    with matplotlib.rc_context():
+    # matplotlib makes ids of what numbers print as, which numpy 2 changed.
+    with matplotlib.rc_context(), np.printoptions(legacy="1.21"):
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(_STYLE)
         return _svg(figure_of(plan))

@@ -1,11 +1,12 @@
 """Climbs the ladder of self-tests and writes one file about it, to send back."""
 
+import os
 import platform
 from typing import Callable, Dict, List
 
 import numpy as np
 
-from refusals import Refused, told
+from refusals import Refused
 from result_files import put
 from rungs import Rung, expected
 
@@ -55,6 +56,25 @@ def say(row: dict) -> None:
     print(" ".join(text.split()), flush=True)
 
 
+def see_to(path: str) -> None:
+    """See that the file can be written, before anything else is done.
+
+    Raises:
+        Refused: it cannot.
+    """
+    try:
+        with open(path + ".part", "wb"):
+            pass
+        os.remove(path + ".part")
+    except OSError as error:
+        raise unwritten(path, error) from None
+
+
+def unwritten(path: str, error: OSError) -> Refused:
+    """What is said of a file that cannot be written."""
+    return Refused("input", "{}: cannot be written ({}); name another file".format(path, error.strerror))
+
+
 def keep(path: str, report: dict) -> str:
     """Write the file; the last line to print.
 
@@ -64,7 +84,7 @@ def keep(path: str, report: dict) -> str:
     try:
         put(path, report)
     except OSError as error:
-        raise Refused("input", "{}: cannot be written ({})".format(path, told(error))) from None
+        raise unwritten(path, error) from None
     failed = [row["name"] for row in report["rungs"] if not row["passed"]]
     if failed:
         raise Refused(

@@ -11,7 +11,7 @@ from refusals import Refused
 
 TITLE, TARGET = "Kapoho Bay", "kapoho-bay"
 WEIGHT_CODES, INDEX_CODES = (0, 1, 2, 3, 4, 5, 6, 8), (0, 6, 7, 8, 9, 10, 11, 12)
-WEIGHT_BITS, MIXED, INHIBITORY = 8, 1, 3
+REGISTER_BITS = 9  # of a weight: 8 and sign
 COUNTER_UNIT = 128  # what a spike adds to the membrane of its counter: a weight of 2, in units of 2^6
 
 
@@ -88,10 +88,9 @@ class Core:
             powers = 1 << np.arange(index_bits + weight_bits, dtype=np.int64)
             dense = len(compartments) + np.arange(count)
             compartments += (fields[:, :index_bits] @ powers[:index_bits] if index_bits else dense).tolist()
-            sign, mixed = -1 if form["fanoutType"] == INHIBITORY else 1, int(form["fanoutType"] == MIXED)
             stored = fields[:, index_bits:] @ powers[:weight_bits]
-            stored -= (stored >> weight_bits - mixed) << weight_bits  # two's complement, if signs are mixed
-            weights += (sign * (stored << WEIGHT_BITS + mixed - weight_bits)).tolist()
+            stored -= (stored >> weight_bits - 1) << weight_bits  # two's complement
+            weights += (stored << REGISTER_BITS - weight_bits).tolist()
             at = -(-end // 64) * 64
         if len(weights) != synapses or at != 64 * (first + words):
             raise Refused("bundle", self.name + ": a row of synapses does not fill its words; " + AGAIN)

@@ -38,7 +38,7 @@ def figures(board: Any, steps: int) -> dict:
     try:
         stats = board.energyTimeMonitor.powerProfileStats
         found = {"microseconds_per_step": float(stats.timePerTimestep)}
-        for name, key in (("milliwatts", "total"), ("idle_milliwatts", "static"), ("dynamic_milliwatts", "dynamic")):
+        for name, key in (("milliwatts", "total"), ("idle_milliwatts", "idle"), ("dynamic_milliwatts", "dynamic")):
             found[name] = float(stats.power[key])
     except Exception as error:
         raise Refused("run", f"NxSDK measured no power ({told(error)}); the board may have no sensors") from None

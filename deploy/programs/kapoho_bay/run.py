@@ -44,14 +44,14 @@ try:
     from board_network import TARGET, TITLE, Bundle, Network
     from bundle_files import intact
     from command_line import parsed, parser
-    from ladder import climb, keep
+    from ladder import climb, keep, see_to
     from outcome import GRACE, Results, Watchdog, fail
     from references import check_biases, check_queries, compare, fewest, first_places
     from refusals import Refused, interrupt, told
     from result_files import put
     from rungs import Rung, rungs
     from simulated import Simulation
-    from small_network import dense_rungs, small_network, small_queries
+    from small_network import format_rungs, formats_of, small_network, small_queries
 except Exception as damage:
     place = os.path.dirname(os.path.abspath(__file__))
     sys.exit(f"{place}: is damaged ({damage}); deploy the model again or fetch an intact copy")
@@ -162,6 +162,7 @@ def ladder(network: Network, options: argparse.Namespace) -> str:
     Raises:
         Refused: a rung failed, or there is no board.
     """
+    see_to(options.ladder)
     scalars = network.bundle.manifest["network"]
     lateral = int(scalars["inhibition"]) << int(scalars["inhibition_exponent"])
     if not options.simulate:
@@ -169,7 +170,7 @@ def ladder(network: Network, options: argparse.Namespace) -> str:
         check_environment()
 
     def ask(rung: Rung) -> np.ndarray:
-        small = small_network(network, rung)
+        small = small_network(network, forms, rung, further.get(rung.name, (rung, None))[1])
         queries = small_queries(small, rung)
         if options.simulate:
             return np.array([Simulation(small).counts(query) for query in queries])
@@ -177,8 +178,10 @@ def ladder(network: Network, options: argparse.Namespace) -> str:
         ask_board(small, queries.__getitem__, len(queries), results, options.batch, options.timeout)
         return results.counts
 
-    climbed = rungs(int(scalars["bits"]), bool(scalars["signed"]), lateral, network.steps)
-    climbed += dense_rungs(network)
+    bits, signed = int(scalars["bits"]), bool(scalars["signed"])
+    forms = formats_of(network)
+    further = format_rungs(forms, bits, signed, lateral)
+    climbed = rungs(bits, signed, lateral, network.steps) + [rung for rung, _ in further.values()]
     about = {"board": TITLE, "bundle": network.bundle.manifest["sha256"], "simulated": options.simulate}
     about["nxsdk"] = getattr(sys.modules.get("nxsdk"), "__version__", None)
     shape = network.steps, network.silent

@@ -1,52 +1,87 @@
 """The small network of a rung on one core, in the synapse formats of the bundle."""
 
 from types import SimpleNamespace
-from typing import Any, List
+from typing import Any, Dict, List, NamedTuple, Optional
 
 import numpy as np
 
-from board_network import COUNTER_UNIT, INHIBITORY, MIXED, WEIGHT_BITS, WEIGHT_CODES, Network
+from board_network import COUNTER_UNIT, INDEX_CODES, REGISTER_BITS, WEIGHT_CODES, Network
 from refusals import Refused
 from rungs import Rung
 
 RELAY, KEEP, FORGET, HIGHEST = COUNTER_UNIT >> 6, 0, 4095, (1 << 17) - 1
 EXC, COUNTED, INH = range(3)  # profiles and thresholds
-DENSE = "rows without indices"
+DENSE, DENSE_ROWS = 3, "rows without indices"  # value of the register compression, and the rung's name
 
 
-def dense_rungs(network: Network) -> List[Rung]:
-    """The rung of rows without indices, if the bundle stores inputs so."""
-    formats = [form for core in network.cores for form in core.registers["synapseFmt"] if form]
-    weights = formats_of(network)[0]
-    if dict(weights, idxBits=0, compression=3) not in formats:
-        return []
-    proves = "synapses of a row without indices go to compartments 0, 1, 2 .. in their order"
-    failure = "such rows are stored otherwise (no public source shows them): deploy with sparse rows"
-    return [Rung(DENSE, proves, failure, [[1, 1, 1], [1, 1, 1]], [True, False], 2, 0, 0, 1)]
+class Forms(NamedTuple):
+    """Synapse formats: those of inputs, of the inhibitory neuron and of single synapses."""
+
+    inputs: List[dict]
+    root: List[dict]
+    single: List[dict]
+
+    @property
+    def indexed(self) -> dict:
+        """The format of inputs in which rungs store their weights: with indices, also if the bundle has none."""
+        first = min(self.inputs, key=lambda form: form["compression"])
+        return dict(first, idxBits=max(1, first["idxBits"]), compression=0)
 
 
-def formats_of(network: Network) -> tuple:
-    """The formats of the bundle's inputs, of its root, and of single synapses.
+def formats_of(network: Network) -> Forms:
+    """The formats that the bundle uses, each once.
 
     Raises:
         Refused: it has no inputs with weights.
     """
-    root_chip, root_core, root = network.bundle.array("host/inh.npy")[-1].tolist()
-    ways = [w[1:] for w in network.of[root_chip, root_core].axons_out.tolist() if w[0] == root]
-    chip, core, neuron = network.exc[0].tolist()
-    counter = network.counters[0].tolist()
-    single = [w[1:] for w in network.of[chip, core].axons_out.tolist() if w[0] == neuron and w[1:3] == counter[:2]]
-    into = network.injection[:, 1:].tolist()
-    for chip, core, i in network.bundle.array("host/inputs.npy").tolist():
-        into += [w[1:] for w in network.of[chip, core].axons_out.tolist() if w[0] == i]
-    inputs = [_format(network, way) for way in into]
-    exc = {tuple(place) for place in network.exc[:, :2].tolist()}
-    weights = [inputs[i] for i, way in enumerate(into) if tuple(way[:2]) in exc]
-    sparse = [form for form in weights if form["idxBits"]] or weights
-    singles = [form for form in (_format(network, way) for way in single) if form["idxBits"]]
-    if not sparse or not singles:
+    sources = {tuple(place) for place in network.bundle.array("host/inputs.npy").tolist()}
+    root = tuple(network.bundle.array("host/inh.npy")[-1].tolist())
+    found = Forms([], [], [])
+    ways = [(found.single if sources else found.inputs, way) for way in network.injection[:, 1:].tolist()]
+    for core in network.cores:
+        for source, *way in core.axons_out.tolist():
+            place = (core.chip, core.core, source)
+            kind = found.inputs if place in sources else found.root if place == root else found.single
+            ways.append((kind, way))
+    for kind, way in ways:
+        form = _format(network, way)
+        if form not in kind:
+            kind.append(form)
+    if not found.inputs or not found.single:
         raise Refused("bundle", "no input has a weight, so no rung can be built")
-    return sparse[0], _format(network, ways[0]) if ways else singles[-1], singles[-1]
+    return found
+
+
+def format_rungs(forms: Forms, bits: int, signed: bool, lateral: int) -> Dict[str, tuple]:
+    """A rung, and the format that it is about, for every format of the bundle that no other rung uses, by name."""
+    top, found = (1 << bits) - 1, {}  # type: int, Dict[str, tuple]
+    for form in forms.inputs:
+        if form["compression"] == DENSE:
+            found[DENSE_ROWS] = (_dense_rung(top, signed), form)
+    for kind, weight, own in (
+        (
+            "rows of inputs",
+            top,
+            [form for form in forms.inputs if form["compression"] != DENSE and form != forms.indexed],
+        ),
+        ("rows of the inhibitory neuron", -lateral, forms.root[1:]),
+        ("single synapses", RELAY, forms.single[1:]),
+    ):
+        for form in own:
+            name = "{}, indices of {} bits".format(kind, INDEX_CODES[form["idxBits"]])
+            proves = "synapses of such a row go to the compartments that they name, with their weight"
+            weights = [[top] * 3, [0, weight, 0]]  # the second row alone has this format: the middle neuron differs
+            rung = Rung(name, proves, "such rows are stored otherwise: idxBits", weights, [True] * 2, 4 * top, 0, 0, 1)
+            found[name] = (rung, form)
+    return found
+
+
+def _dense_rung(top: int, signed: bool) -> Rung:
+    """The rung of rows without indices; in another order its counts would differ."""
+    proves = "synapses of a row without indices go to compartments 0, 1, 2 .. in their order, with their sign"
+    failure = "such rows are stored otherwise (no public source shows them): deploy without --dense-rows"
+    weights = [[top, 0, 1, 1]] + [[0, top, -1, 0]] * signed
+    return Rung(DENSE_ROWS, proves, failure, weights, [True] * len(weights), 2 * top, 0, 0, 1)
 
 
 def _format(network: Network, way: list) -> dict:
@@ -62,26 +97,28 @@ def register_weight(weight: int, form: dict) -> int:
         Refused: it does not fit.
     """
     bits, exponent = WEIGHT_CODES[form["wgtBits"]], form["wgtExp"]
-    mixed, unit = form["fanoutType"] == MIXED, 1 << WEIGHT_BITS + (form["fanoutType"] == MIXED) - bits
     value = weight << -exponent if exponent < 0 else weight >> exponent
     worth = value << exponent if exponent >= 0 else value >> -exponent
-    one_sign = -1 if form["fanoutType"] == INHIBITORY else 1
-    if worth != weight or value % unit or not -256 <= value <= 255 or not (mixed or value * one_sign >= 0):
+    if worth != weight or value % (1 << REGISTER_BITS - bits) or not -256 <= value <= 255:
         raise Refused("bundle", "a weight of {} does not fit the bundle's synapse format".format(weight))
     return value
 
 
-def small_network(network: Network, rung: Rung) -> Any:
-    """The rung's network as `Device` and `Simulation` take one: neurons, their counters, the inhibitory neuron."""
+def small_network(network: Network, forms: Forms, rung: Rung, own: Optional[dict] = None) -> Any:
+    """The rung's network as `Device` and `Simulation` take one: neurons, their counters, the inhibitory neuron.
+
+    A rung about a format has its last row in that one (``own``), or all rows if they have no indices.
+    """
     n, inputs = len(rung.weights[0]), len(rung.weights)
-    of_inputs, of_root, single = formats_of(network)
-    dense = dict(of_inputs, idxBits=0, compression=3)
-    of_inputs = dense if rung.name == DENSE else dict(of_inputs, idxBits=max(1, of_inputs["idxBits"]), compression=0)
-    root = of_root  # dense or not: it has a weight for every neuron
+    of_inputs, single = forms.indexed, forms.single[0]
+    root = forms.root[0] if forms.root else single
+    dense = own is not None and own["compression"] == DENSE
     rows, axons, weight = [], [], register_weight
-    for row in rung.weights:
-        targets = [i for i in range(n) if row[i]]
-        rows.append((1, targets, [weight(row[i], of_inputs) for i in targets]))
+    for i, row in enumerate(rung.weights):
+        number = 4 if dense or (own is not None and i == inputs - 1) else 1
+        form = own if own is not None and number == 4 else of_inputs
+        targets = [j for j in range(n) if row[j] or dense]
+        rows.append((number, targets, [weight(row[j], form) for j in targets]))
     if rung.lateral:
         axons.append((2 * n, len(rows)))
         rows.append((2, list(range(n)), [weight(-rung.lateral, root)] * n))
@@ -99,7 +136,7 @@ def small_network(network: Network, rung: Rung) -> Any:
         registers={
             "cxProfileCfg": [dict(profile, decayV=decay) for decay in decays],
             "vthProfileCfg": [{"vth": level} for level in levels],
-            "synapseFmt": [None, of_inputs, root, single] if rung.lateral else [None, of_inputs, None, single],
+            "synapseFmt": [None, of_inputs, root if rung.lateral else None, single] + [own] * (own is not None),
             "dendriteSharedCfg": network.cores[0].registers["dendriteSharedCfg"],
             "numUpdates": {"numUpdates": -(-len(kinds) // 4), "numStdp": 0},
         },

@@ -40,7 +40,7 @@ try:
         look(__file__, "loihi2", sys.argv[1:])
     from bundle_files import intact, read_files, read_manifest
     from command_line import parsed, parser
-    from ladder import climb, keep
+    from ladder import climb, keep, see_to
     from lava_network import VENDOR
     from lava_worker import work
     from query_files import Results, load_queries, load_references, named_array
@@ -86,12 +86,27 @@ def require(simulate: bool) -> str:
     return f"lava-nc {version}, lava-loihi, host {os.environ.get('NXSDKHOST') or 'by SLURM'}"
 
 
+def check_power(simulate: bool, bias_input: bool) -> None:
+    """Refuse what cannot be measured: lava-loihi's profiler is attached before one run and read after it."""
+    if simulate:
+        raise Refused("input", "--power needs the board, without --simulate")
+    if bias_input:
+        raise Refused(
+            "input",
+            "--power needs all queries in one run, but the inputs of this bundle integrate biases that are written "
+            "between runs; deploy the model with --input-mode injected, and measure that bundle",
+        )
+
+
 def answer(files: dict[str, bytes], network: dict[str, int], args: argparse.Namespace) -> str:
     """Present queries, or references; what was done."""
     if args.queries is not None:
         arrays = load_queries(Path(args.queries), network["inputs"], network["neurons"])
         if args.power and "biases" in arrays:
-            raise Refused("input", "--power needs all queries in one run, which biases of each query interrupt")
+            raise Refused(
+                "input",
+                "--power needs all queries in one run, which biases of each query interrupt; leave out biases.npy",
+            )
     else:
         arrays, places = load_references(files, args.self_test, network["inputs"])
     n = len(arrays["keys"])
@@ -112,6 +127,7 @@ def answer(files: dict[str, bytes], network: dict[str, int], args: argparse.Name
 
 def ladder(files: dict[str, bytes], network: dict[str, int], args: argparse.Namespace, about: dict[str, Any]) -> str:
     """Climb the ladder of self-tests, and write the file; what was found."""
+    see_to(args.ladder)
 
     def ask(rung: Rung) -> Any:
         small, arrays = small_network(files, rung)
@@ -142,9 +158,8 @@ def main(words: list[str]) -> int:
         manifest, files = read_bundle(folder)
         if args.check:
             print(intact(folder, TARGET), flush=True)
-        if args.power and (args.simulate or manifest["network"].get("bias_input")):
-            text = "--power needs the board, without --simulate, and injected input, of which all queries are one run"
-            raise Refused("input", text)
+        if args.power:
+            check_power(args.simulate, bool(manifest["network"].get("bias_input")))
         found, network = require(args.simulate), manifest["network"]
         if args.check:
             print(f"ready: {network['neurons']} neurons, {network['inputs']} inputs; {found}")

@@ -210,8 +210,15 @@ def test_bits_that_cannot_be_had_are_refused_with_the_most_that_can() -> None:
     with pytest.raises(NetworkLimitError) as eight:
         compression.for_board(unsigned, KAPOHO_BAY, compression.Changes(weight_bits=8))
     most = int(str(eight.value).rpartition(" ")[2])
-    finer = compression.requantised(unsigned, compression.Changes(weight_bits=8)).network
     assert str(eight.value) == (
+        "Kapoho Bay (two Loihi 1 chips) cannot take 8 bits a weight of this model: it stores weights of at most 8 "
+        f"bits; use at most --weight-bits {most}"
+    )
+    wide = replace(KAPOHO_BAY, weight_bits=(*KAPOHO_BAY.weight_bits, 9))
+    with pytest.raises(NetworkLimitError) as summed:
+        compression.for_board(unsigned, wide, compression.Changes(weight_bits=8))
+    finer = compression.requantised(unsigned, compression.Changes(weight_bits=8)).network
+    assert str(summed.value) == (
         "Kapoho Bay (two Loihi 1 chips) cannot take 8 bits a weight of this model: the weights above 0 of one neuron "
         f"sum to {finer.extremes[0]:,}, but its accumulator of one step holds less than 32,768; use at most "
         f"--weight-bits {most}"
@@ -227,7 +234,7 @@ def test_bits_that_cannot_be_had_are_refused_with_the_most_that_can() -> None:
     strong = replace(model, config=update(model.config, {"network": {"inhibition": 10000.0}}))
     with pytest.raises(
         NetworkLimitError,
-        match=r"not even weights of 1 bit fit: inhibition_exponent 9 does not fit.*network\.inhibition$",
+        match=r"not even weights of 1 bit fit: inhibition_exponent 10 does not fit.*network\.inhibition$",
     ):
         compression.for_board(strong, KAPOHO_BAY, compression.Changes(weight_bits=2))
 

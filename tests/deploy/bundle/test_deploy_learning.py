@@ -25,7 +25,6 @@ from lava_vpr.errors import BundleError, ConfigError, NetworkLimitError
 from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.loihi import INPUT_LIMIT
 from lava_vpr.model import Model
-from lava_vpr.processes.jobs.learning import FOLDED
 from lava_vpr.training.loop import train
 
 PLACES, STEPS = 8, 60
@@ -198,9 +197,12 @@ def test_a_presentation_equals_a_literal_one(model: Model) -> None:
     assert learned > 0, "nothing was learned"
 
 
+@pytest.mark.lava
 @pytest.mark.parametrize("epoch", [0, 3])
 def test_lavas_library_learns_the_same(model: Model, epoch: int) -> None:
     """LearningDense and LIFReset alone, both phases: every spike, weight and trace of several presentations."""
+    from lava_vpr.processes.jobs.learning import FOLDED
+
     part = read_learning(bundle_of(model))[1]
     trainer = part.trainer()
     trainer.begin_epoch(0)

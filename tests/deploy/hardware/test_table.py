@@ -86,7 +86,6 @@ def test_a_text_cannot_be_compared() -> None:
 def test_what_synapse_formats_rely_on() -> None:
     shown = {"fanoutType": loihi.FANOUT_MIXED, "compression": loihi.COMPRESSION_SPARSE, "idxBits": 4, "wgtBits": 3}
     assert relied_on([shown]) == []
-    assert relied_on([shown, shown | {"fanoutType": loihi.FANOUT_EXCITATORY}]) == ["one sign for all"]
     dense = shown | {"compression": loihi.COMPRESSION_DENSE, "idxBits": 0}
     assert relied_on([dense, shown]) == ["rows without indices"]
 
@@ -96,12 +95,12 @@ def test_values_that_no_source_shows_are_refused_unless_asked_for() -> None:
         name: [kind_of(row) for row in unproven_values(f"synapseFmt.{name}")]
         for name in ("fanoutType", "idxBits", "wgtExp")
     }
-    assert kinds == {"fanoutType": ["one sign for all"], "idxBits": ["rows without indices"], "wgtExp": []}
+    assert kinds == {"fanoutType": [], "idxBits": ["rows without indices"], "wgtExp": []}
     for sign in (2, 3):
-        assert "one sign for all is shown by no public source" in refusal("synapseFmt.fanoutType", sign)
-        assert refusal("synapseFmt.fanoutType", sign, ["one sign for all"]) == ""
-        assert refusal("synapseFmt.fanoutType", sign, ["rows without indices"]) != ""
+        assert f"fanoutType {sign} is not 1" in refusal("synapseFmt.fanoutType", sign, ["rows without indices"])
     assert refusal("synapseFmt.fanoutType", loihi.FANOUT_MIXED) == ""
-    assert "fanoutType 4 is not 1" in refusal("synapseFmt.fanoutType", 4, ["one sign for all"])
-    assert "rows without indices" in refusal("synapseFmt.compression", loihi.COMPRESSION_DENSE)
+    dense = ("synapseFmt.compression", loihi.COMPRESSION_DENSE)
+    assert "rows without indices is shown by no public source" in refusal(*dense)
+    assert refusal(*dense, ["rows without indices"]) == ""
+    assert refusal(*dense, ["another kind"]) != ""
     assert refusal("synapseFmt.compression", loihi.COMPRESSION_SPARSE) == ""

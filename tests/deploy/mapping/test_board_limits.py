@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from support.boards.small_boards import LIMITS, check_images, check_plan, even, network, tiny
 
-from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
+from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2, Board
 from lava_vpr.deploy.mapping.limits import host_spikes
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.encoding import draw_trains
@@ -76,18 +76,21 @@ def test_output_axons() -> None:
 
 
 def test_synapse_memory_and_every_remedy_that_is_named_helps() -> None:
-    made, board = network(60, 40, share=0.8, bits=8, inhibition=3), tiny(synapse_words=100)
+    made, board = network(60, 40, share=0.8, bits=7, inhibition=3), tiny(synapse_words=130)
     text = refused(made, board)
-    assert "a core with 15 of 60 neurons needs 117 words of synapse memory, but a core of Kapoho" in text
-    assert "has 95; use" in text
+    assert "a core with 15 of 60 neurons needs 124 words of synapse memory, but a core of Kapoho" in text
+    assert "has 123; use" in text
     bits = int(re.search(r"--weight-bits (\d)", text)[1])  # type: ignore[index]
     share = float(re.search(r"--prune ([\d.]+)", text)[1])  # type: ignore[index]
-    less = 8 - bits
+    less = 7 - bits
     fewer = replace(made, bits=bits, weights=made.weights >> less, inhibition=made.inhibition >> less)
     check_plan(partition(fewer, board, even(made, 5.0)))
     weights = made.weights.copy()
     np.put_along_axis(weights, np.argsort(weights, axis=0, kind="stable")[: round(share * 40)], 0, axis=0)
     check_plan(partition(replace(made, weights=weights), board, even(made, 5.0)))
+    assert text.endswith(" or --dense-rows (unproven)")
+    check_plan(partition(made, board, even(made, 5.0), dense_rows=True))
+    assert "--dense-rows" not in refused(made, tiny(synapse_words=100))
 
 
 def test_signed_weights_lose_bits_towards_zero() -> None:
@@ -107,13 +110,13 @@ def test_signed_weights_lose_bits_towards_zero() -> None:
         ({"thresholds": 1}, False, "needs 2 thresholds, but Kapoho Bay (two Loihi 1 chips) has 1; use another --tar"),
         ({"thresholds": 2}, True, "needs 3 thresholds, but Kapoho Bay (two Loihi 1 chips) has 2; use --input-mode inj"),
         ({"formats": 2}, False, "needs 3 formats, but Kapoho Bay (two Loihi 1 chips) has 2; use another --target"),
-        ({"weight_bits": (1, 2, 6)}, False, "at most 6 bits, but these need 8; use --weight-bits 6"),
+        ({"weight_bits": (1, 2, 6)}, False, "at most 6 bits, but these need 8 with their sign; use --weight-bits 5"),
         ({"index_bits": ()}, False, "synapses to inhibitory neurons need index bits"),
-        ({"input_limit": 300}, False, "the weights above 0 of one neuron sum to 565, but Kapoho Bay"),
+        ({"input_limit": 250}, False, "the weights above 0 of one neuron sum to 283, but Kapoho Bay"),
     ],
 )
 def test_limits_that_no_choice_of_cores_helps(limits: dict[str, int], bias_input: bool, text: str) -> None:
-    made = network(12, 5, bits=8, bias_input=bias_input)
+    made = network(12, 5, bits=7, bias_input=bias_input)
     assert text in refused(made, tiny(**limits))
 
 
@@ -122,6 +125,9 @@ def test_a_sign_takes_a_bit() -> None:
     assert partition(made, KAPOHO_BAY, even(made, 5.0)).weight_bits == 8
     text = refused(made, tiny(weight_bits=(1, 2, 6)))
     assert "at most 6 bits, but these need 7 with their sign; use --weight-bits 5" in text
+    unsigned = replace(made, weights=np.abs(made.weights), signed=False)
+    assert partition(unsigned, KAPOHO_BAY, even(made, 5.0)).weight_bits == 8
+    assert partition(unsigned, LOIHI_2, even(made, 5.0)).weight_bits == 6  # a Lava Process may have one sign for all
 
 
 def test_relays_take_a_format_and_a_population() -> None:

@@ -51,8 +51,7 @@ def test_a_probe_takes_the_arguments_that_public_programs_give(nxsdk: Any) -> No
 @pytest.mark.parametrize(
     ("field", "value", "said"),
     [
-        ("fanoutType", 2, "fanoutType 2: one sign for all is shown by no public source; ask for it by name"),
-        ("fanoutType", 3, "fanoutType 3: one sign for all is shown by no public source; ask for it by name"),
+        ("fanoutType", 3, "fanoutType 3 is not 1 (nengo-loihi 1.1.0 "),
         ("fanoutType", 0, "fanoutType 0 is not 1 (nengo-loihi 1.1.0 "),
         ("compression", 3, "compression 3: rows without indices is shown by no public source; ask for it by name"),
         ("idxBits", 0, "idxBits 0: rows without indices is shown by no public source; ask for it by name"),
@@ -70,12 +69,12 @@ def test_a_synapse_format_that_no_source_shows_is_refused(nxsdk: Any, field: str
 
 
 def test_what_is_unproven_is_taken_where_it_is_asked_for(nxsdk: Any) -> None:
-    nxsdk.faults.choose(asked=["one sign for all"])
+    nxsdk.faults.choose(asked=["rows without indices"])
     _, core = core_of(nxsdk)
-    core.synapseFmt[1].fanoutType = 3
+    core.synapseFmt[1].idxBits = 0
+    nxsdk.faults.choose(asked=["another kind"])
     with pytest.raises(nxsdk.error, match="rows without indices is shown by no public source"):
-        core.synapseFmt[1].idxBits = 0
-    core.synapseFmt[1].idxBits = 1
+        core.synapseFmt[2].idxBits = 0
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from support.boards import host_programs, kapoho_board, loihi2_bundles
 from support.boards.kapoho_board import Board, altered, load_program
-from support.boards.kapoho_bundles import layout, make, random_network
+from support.boards.kapoho_bundles import layout, make, plan_by_hand, random_network
 
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 
@@ -83,6 +83,49 @@ def test_kapoho_bay_climbs(board: Board, tmp_path: Path, simulate: bool, mode: d
     assert {"python", "numpy", "machine"} <= set(report["versions"])
 
 
+WIDE = {(0, 0): [("exc", 0, 70), ("inh", 0, 1)], (1, 2): [("exc", 70, 10)]}
+"""Cores whose compartments need other numbers of index bits."""
+OTHERS = ["rows of inputs, indices of 6 bits", "rows of the inhibitory neuron, indices of 6 bits"]
+OTHERS += ["single synapses, indices of 6 bits"]
+
+
+@pytest.mark.parametrize("signed", [False, True])
+@pytest.mark.parametrize("dense", [0.0, 0.5])
+def test_every_format_of_the_bundle_has_a_rung(board: Board, tmp_path: Path, signed: bool, dense: float) -> None:
+    network = random_network(2, neurons=80, signed=signed, threshold=300 if signed else 900)
+    made = make(tmp_path, plan_by_hand(network, WIDE, dense), images=2)  # type: ignore[arg-type]
+    climbed_in: list[dict[str, Any]] = []
+    plain = board.program.board_device.Device.__init__
+
+    def noted(self: Any, own: Any, *more: Any) -> None:
+        climbed_in.extend(form for core in own.cores for form in core.registers["synapseFmt"] if form)
+        plain(self, own, *more)
+
+    board.program.board_device.Device.__init__ = noted
+    file = tmp_path / "ladder.json"
+    ended = board.run(made, "--ladder", file)
+    assert (ended.code, ended.err) == (0, ""), ended.out
+    names = [rung["name"] for rung in climbed(file)["rungs"]]
+    own = ["rows without indices"] if dense else []
+    assert names == [*(name for name in NAMES if signed or name != "signs"), *own, *OTHERS, *REFERENCES]
+    tables = [json.loads(path.read_text()) for path in made.path.glob("cores/*/registers.json")]
+    rungs_alone = climbed_in[: -sum(len(table["synapseFmt"]) - 1 for table in tables) * 2]
+    for form in (form for table in tables for form in table["synapseFmt"] if form):
+        assert form in rungs_alone, form
+
+
+def test_a_wrong_index_width_fails_its_rung(board: Board, tmp_path: Path) -> None:
+    network = random_network(2, neurons=80, signed=True, threshold=300)
+    made = make(tmp_path, plan_by_hand(network, WIDE, 0.0), images=2)  # type: ignore[arg-type]
+    old, new = b"CIdx=", b"CIdx=0 * "
+    altered(made, "program/board_device.py", lambda content: content.replace(old, new))
+    edited = replace(board, program=load_program(made.path / "program"))
+    path = tmp_path / "ladder.json"
+    assert edited.run(made, "--ladder", path, "--timeout", 3).code == 1
+    rows = {row["name"]: row for row in climbed(path)["rungs"]}
+    assert not any(rows[name]["passed"] for name in OTHERS)
+
+
 REFERENCES = ("one reference", "all references")
 
 WRONG: dict[str, tuple[str, str, str, tuple[str, ...]]] = {
@@ -117,6 +160,14 @@ def test_one_wrong_register_fails_its_rung(board: Board, tmp_path: Path, name: s
     assert rows[rungs[0]]["failure"] in ended.out
 
 
+def test_a_file_that_cannot_be_written_is_said_before_the_climb(board: Board, tmp_path: Path) -> None:
+    made = make(tmp_path, layout("one core", random_network(3, signed=True, threshold=30), 0.0))
+    path = tmp_path / "nowhere" / "ladder.json"
+    ended = board.run(made, "--simulate", "--ladder", path)
+    assert (ended.code, ended.out) == (1, "")
+    assert ended.err == f"{path}: cannot be written (No such file or directory); name another file\n"
+
+
 def test_without_nxsdk_there_is_no_ladder(board: Board, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made = make(tmp_path, layout("one core", random_network(3, signed=True, threshold=30), 0.0))
     monkeypatch.setitem(sys.modules, "nxsdk", None)
@@ -126,6 +177,7 @@ def test_without_nxsdk_there_is_no_ladder(board: Board, tmp_path: Path, monkeypa
     assert not (tmp_path / "ladder.json").exists()
 
 
+@pytest.mark.lava
 @pytest.mark.slow
 @pytest.mark.parametrize("changes", [{"signed": True}, {"bias_input": True, "signed": True}])
 def test_loihi_2_climbs_in_lavas_simulation_and_on_the_stand_in(tmp_path: Path, changes: dict[str, Any]) -> None:

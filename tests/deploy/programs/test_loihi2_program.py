@@ -13,7 +13,6 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -36,19 +35,14 @@ from support.boards.loihi2_bundles import (
     running,
     write_bundle,
 )
-from support.common.small_models import small_model
 from support.lava.small_networks import SMALL_LIMITS, limits
 
-from lava_vpr.backends import registry as backends
-from lava_vpr.backends.interface import Presentations
 from lava_vpr.deploy.bundle import folder as bundle_folder
 from lava_vpr.deploy.bundle.folder import json_bytes
-from lava_vpr.encoding import draw_spikes, query_rates
+from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.inference import bias_input
-from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
+from lava_vpr.engine.inference.fixed import count_spikes
 from lava_vpr.engine.inference.neuron_bias import bias_registers, held_biases
-from lava_vpr.errors import LavaRunError
-from lava_vpr.isolated.runner import run_isolated
 
 WAYS: dict[str, dict[str, Any]] = {
     "injected": {"signed": True},
@@ -108,6 +102,7 @@ def refusal(run: Any, simulate: bool = False) -> str:
     return str(caught.value)
 
 
+@pytest.mark.lava
 def test_what_is_missing_is_said_in_one_line(run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("SLURM", "NXSDKHOST"):
         monkeypatch.delenv(name, raising=False)
@@ -185,6 +180,7 @@ def test_queries_that_do_not_fit_are_refused(made: dict[str, Path], tmp_path: Pa
 # The program in Lava's simulation, and on the stand-in
 
 
+@pytest.mark.lava
 @pytest.mark.parametrize("way", WAYS)
 def test_lavas_simulation_counts_what_the_host_counts(made: dict[str, Path], way: str, tmp_path: Path) -> None:
     words = ("--queries", made["queries"], "--out", tmp_path / "out", "--batch", 2, "--simulate")
@@ -200,6 +196,7 @@ def test_lavas_simulation_counts_what_the_host_counts(made: dict[str, Path], way
     assert not list(made[way].rglob("__pycache__"))  # the bundle is as it was
 
 
+@pytest.mark.lava
 @pytest.mark.parametrize("way", WAYS)
 def test_the_board_answers_as_the_host(made: dict[str, Path], way: str, tmp_path: Path) -> None:
     """All of the network is on the chip, with the bundle's own weights; all steps are run, and no more."""
@@ -213,6 +210,7 @@ def test_the_board_answers_as_the_host(made: dict[str, Path], way: str, tmp_path
     assert log == [f"placed {', '.join(sorted(parts))}", f"ran {5 * INTERVAL} steps"]
 
 
+@pytest.mark.lava
 @pytest.mark.parametrize(("way", "chip"), [("injected", False), ("injected", True), ("bias", True)])
 def test_every_query_may_bring_biases(made: dict[str, Path], way: str, chip: bool, tmp_path: Path) -> None:
     net, (rates, keys) = network(**WAYS[way]), queries()
@@ -240,6 +238,7 @@ def test_every_query_may_bring_biases(made: dict[str, Path], way: str, chip: boo
         assert "biases of each query interrupt" in text
 
 
+@pytest.mark.lava
 def test_leaves_and_relays_stand_on_the_board(tmp_path: Path) -> None:
     with limits(**SMALL_LIMITS):
         net = network()
@@ -257,6 +256,7 @@ def test_leaves_and_relays_stand_on_the_board(tmp_path: Path) -> None:
     assert log == [f"placed {', '.join(parts)}", f"ran {5 * INTERVAL} steps"]
 
 
+@pytest.mark.lava
 @pytest.mark.parametrize(
     ("fault", "said"),
     [
@@ -285,6 +285,7 @@ def test_a_board_that_fails_loses_no_answer(made: dict[str, Path], fault: str, s
     assert not running(made["injected"])
 
 
+@pytest.mark.lava
 @pytest.mark.slow
 @pytest.mark.parametrize("fault", ["hang", pytest.param("lose", marks=pytest.mark.slow)])
 def test_a_board_that_never_ends_is_given_up(made: dict[str, Path], fault: str, tmp_path: Path) -> None:
@@ -345,6 +346,7 @@ def until(condition: Callable[[], bool]) -> None:
         time.sleep(0.05)
 
 
+@pytest.mark.lava
 def test_a_network_on_the_cpu_is_refused(made: dict[str, Path], tmp_path: Path) -> None:
     """Lava would run it there without a word: a lava-loihi that lacks one model."""
     lacking = shutil.copytree(STANDIN, tmp_path / "standin")
@@ -374,74 +376,3 @@ def test_counts_that_differ_fail_the_self_test(run: Any) -> None:
         run.references.compare(counts, labels, np.array([0, 1]), responses)
     assert str(caught.value) == ("self-test: neuron 1 counts 8 spikes for place 0 instead of 7; 1 of 4 counts differ")
     assert caught.value.stage == "result"
-
-
-# The backend loihi2, and the stand-in itself
-
-
-@pytest.fixture
-def board(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., None]:
-    """lava-loihi's stand-in on the search path, which the runner's processes inherit; sets its options."""
-    monkeypatch.syspath_prepend(str(STANDIN))
-    monkeypatch.setenv("NXSDKHOST", "10.0.0.2")
-
-    def options(**asked_for: Any) -> None:
-        monkeypatch.setenv("STANDIN_LOIHI", str(asked(tmp_path, **asked_for)))
-
-    return options
-
-
-@pytest.mark.parametrize("way", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_the_backend_counts_what_the_host_counts(board: Callable[..., None], way: int, tmp_path: Path) -> None:
-    model = small_model()
-    assert isinstance(model.network, FixedNetwork)
-    network = replace(model.network, regular=model.network.regular or way, bias_input=way)
-    model = replace(model, network=network)
-    np.save(tmp_path / "weights.npy", model.network.stored[0])
-    board(weights=str(tmp_path / "weights.npy"), log=str(tmp_path / "log"))
-    shown = Presentations(query_rates(model.activity, model.config)[:3], 0)
-    host, chip = backends.get("host"), backends.get("loihi2")
-    wanted = host.count_spikes(model, shown)
-    found = chip.count_spikes(model, shown)
-    assert wanted[0].any()
-    assert np.array_equal(found[0], wanted[0])
-    assert found[1] == wanted[1]
-    trains = chip.trains(model, shown)
-    expected = host.trains(model, shown)
-    assert all(np.array_equal(getattr(trains, name), getattr(expected, name)) for name in trains.POPULATIONS)
-    log = (tmp_path / "log").read_text(encoding="utf-8").splitlines()
-    assert len(log) == 4
-    assert log[1] == f"ran {3 * network.interval} steps"
-
-
-def test_the_backend_says_that_the_board_fails(board: Callable[..., None]) -> None:
-    board(fault="raise", step=70)
-    model = small_model()
-    rates = query_rates(model.activity, model.config)[:2]
-    with pytest.raises(LavaRunError, match="the board does not answer any more"):
-        backends.get("loihi2").count_spikes(model, Presentations(rates, 0))
-
-
-def test_the_standin_refuses_what_the_chip_cannot_hold(board: Callable[..., None]) -> None:
-    said = {name: str(text) for name, text in run_isolated("standin_chip.trials:refusals", {}, timeout=120).items()}
-    accepted = {name for name, text in said.items() if text == "nothing"}
-    assert accepted == {"a good neuron", "good synapses", "256 steps"}
-    begin = {
-        "du": "du 4,096 is not 0 to 4,095 (lava-nc 0.10, ",
-        "vth": "vth 131,072 is not 0 to 131,071 (lava-nc 0.10, ",
-        "fraction": "dv is float64, not a whole number",
-        "bias": "bias_mant 4,096 is not -4,096 to 4,095 (lava-nc 0.10, ",
-        "offset": "step of the first reset (reset_offset) 3 is not 1 (lava-dl at d825ac5, ",
-        "353 steps": "reset_interval 353 is not a power of two (lava-dl at d825ac5, ",
-        "33 steps": "reset_interval 33 is not a power of two (lava-dl at d825ac5, ",
-        "131072 steps": "the longest interval between two resets 131,072 is more than 65,536 (unproven: ",
-        "sign": "sign mode None leaves it to Lava to choose",
-        "weight": "weights of sign mode EXCITATORY 256 is not 0 to 255 (lava-nc 0.10, ",
-        "bits": "weights have more than 5 bits, the lowest would be lost",
-        "exponent": "weight_exp -8 is not -7 to 7 (unproven: ",
-        "foreign": "RingBuffer is not a Process of Lava's library that the stand-in knows",
-        "written": "v 8,388,608 is not -8,388,607 to 8,388,607 (lava-nc 0.10, ",
-    }
-    assert set(said) == accepted | set(begin)
-    for name, text in begin.items():
-        assert said[name].startswith(text), said[name]

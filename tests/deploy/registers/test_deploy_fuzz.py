@@ -42,7 +42,7 @@ def partitioned(wanted: int, start: int = 0) -> dict[str, int]:
         network = random_network(rng, large=seed % 8 == 0)
         board = random_board(rng, network)
         try:
-            manifest, files, _ = contents(model_of(network), board, picture=False)
+            manifest, files, _ = contents(model_of(network), board, picture=False, dense_rows=bool(seed % 2))
         except NetworkLimitError:
             seen["refused"] += 1
             continue
@@ -105,7 +105,8 @@ def simulated(wanted: int, start: int) -> tuple[int, int]:
         network = random_network(rng, large=seed % 10 == 0)
         model = model_of(network)
         try:
-            manifest, files, plan = contents(model, random_board(rng, network), picture=False)
+            board = random_board(rng, network)
+            manifest, files, plan = contents(model, board, picture=False, dense_rows=bool(seed % 2))
         except NetworkLimitError:
             continue
         rates = query_rates(model.activity, model.config)

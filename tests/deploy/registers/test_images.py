@@ -54,16 +54,16 @@ def test_a_small_network_word_by_word() -> None:
     # Format ids: 1 inputs dense, 2 inputs sparse, 3 of the root, 4 to the counters, 5 to the root.
     index = 6
     words = [
-        1 | 1 << 4 | 5 << 10 | 6 << 13,
+        1 | 1 << 4 | 5 << 10 | 6 << 14,
         2 | 0 << 4 | 1 << 10 | 7 << 10 + index,
-        3 | 1 << 4 | 10 << 10 | 10 << 14,
+        3 | 1 << 4 | 0 << 10 | 22 << 16 | 1 << 21 | 22 << 27,
         *(4 | 0 << 4 | counter << 10 | 2 << 10 + index for counter in (2, 3)),
         *(5 | 0 << 4 | 4 << 10 | 2 << 10 + index for _ in range(3)),
     ]
     assert one.synapses.tolist() == words
     assert one.axons_in.tolist() == [[0, 1, 2], [1, 1, 1], [2, 1, 2], *([row, 1, 1] for row in range(3, 8))]
     # A lone neuron without input: the root's row, and its counter's.
-    assert two.synapses.tolist() == [1 | 0 << 4 | 10 << 10, 2 | 0 << 4 | 1 << 10 | 2 << 16]
+    assert two.synapses.tolist() == [1 | 0 << 4 | 0 << 10 | 22 << 16, 2 | 0 << 4 | 1 << 10 | 2 << 16]
     assert two.axons_in.tolist() == [[0, 1, 1], [1, 1, 1]]
     assert one.axons_out.tolist() == [
         [0, 0, 4, 5],
@@ -83,8 +83,8 @@ def test_a_small_network_word_by_word() -> None:
     ]
     assert registers["vthProfileCfg"] == [{"vth": 9}, {"vth": 131071}, {"vth": 1}]
     shown = [None if f is None else (f["wgtBits"], f["idxBits"], f["wgtExp"]) for f in registers["synapseFmt"]]
-    # Of the root: mantissa 10 2^1; its 4 bits are the upper ones of 8.
-    assert shown == [None, (3, 0, -5), (3, 1, -5), (4, 0, -3), (3, 1, -6), (3, 1, -6)]
+    # Of the root: mantissa -10 2^1; its 5 bits are the upper ones of 8 and sign.
+    assert shown == [None, (4, 0, -5), (4, 1, -5), (5, 1, -3), (3, 1, -6), (3, 1, -6)]
     assert registers["dendriteSharedCfg"] == {"posVmLimit": 7, "negVmLimit": 23}
     assert registers["numUpdates"]["numUpdates"] == 2
     types = {name: getattr(one, name).dtype.name for name in ("compartments", "synapses", "axons_in", "axons_out")}
@@ -161,14 +161,15 @@ def test_without_inhibition_there_is_a_root_without_axons() -> None:
 def test_lateral_weights() -> None:
     def of(inhibition: int, exponent: int, bits: int) -> tuple[int, int]:
         network = random_network(0, inhibition=inhibition, inhibition_exponent=exponent)
-        magnitude, e = lateral_synapse(network, bits)
-        assert (magnitude << 8 - bits) * 2.0**e == network.lateral
-        return magnitude, e
+        weight, e = lateral_synapse(network, bits)
+        assert -(weight << 9 - bits) * 2.0**e == network.lateral
+        return weight, e
 
-    assert of(10, 0, 4) == (10, -4)
-    assert of(160, 2, 4) == (10, 2)
-    assert of(160, 2, 8) == (160, 2)
-    for inhibition, exponent, bits in ((11, 0, 3), (255, 7, 6), (128, 8, 1)):
+    assert of(10, 0, 5) == (-10, -4)
+    assert of(160, 2, 5) == (-10, 2)
+    assert of(160, 2, 8) == (-80, 2)
+    assert of(127, 0, 8) == (-127, -1)
+    for inhibition, exponent, bits in ((11, 0, 4), (127, 7, 6), (255, 0, 8), (128, 9, 2)):
         with pytest.raises(NetworkLimitError, match=rf"{inhibition << exponent} does not fit a synapse of {bits} bits"):
             of(inhibition, exponent, bits)
 
@@ -229,7 +230,6 @@ def test_one_wrong_number_is_refused_or_is_another_network(bias_input: bool) -> 
         ({"threshold": 8}, "registers of chip 0 core 4 contradict"),
         ({"decay": 7}, "registers of chip 0 core 4 contradict"),
         ({"bits": 2}, "hold no network of ours .weights need 2 bits"),
-        ({"signed": 1}, "hold no network of ours .a synapse does not fit"),
         ({"signed": 2}, "hold no network of ours .signed 2 is neither 0 nor 1"),
         ({"inhibition": 11}, "synapses of chip 0 core 4 contradict"),
         ({"inhibition_exponent": 2}, "registers of chip 0 core 4 contradict"),

@@ -10,15 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from support.boards.plans import random_network
 
 from lava_vpr.deploy.registers.synapse_memory import pack, stored_rows, unpack
 from lava_vpr.deploy.registers.synapses import Format, Formats, Rows, index_bits, joined, row_words
 from lava_vpr.errors import ModelFileError
 
-DENSE = Format(4, 0, -4, "excitatory")
-SPARSE = Format(8, 6, 0, "inhibitory")
-MIXED = Format(4, 6, -5, "mixed")
+DENSE = Format(5, 0, -4)
+SPARSE = Format(8, 6, -1)
 
 
 def rows_of(*rows: tuple[int, list[int], list[int]]) -> Rows:
@@ -62,8 +60,7 @@ def random_rows(seed: int) -> tuple[Rows, list[Format | None], int]:
     formats: list[Format | None] = [None]
     for _ in range(int(rng.integers(1, 6))):
         width = 0 if rng.random() < 0.5 else int(rng.integers(need, 13))
-        bits, sign = int(rng.choice([1, 2, 3, 4, 5, 6, 8])), rng.choice(["inhibitory", "excitatory", "mixed"])
-        formats.append(Format(bits, width, int(rng.integers(-7, 8)), str(sign)))  # type: ignore[arg-type]
+        formats.append(Format(int(rng.choice([1, 2, 3, 4, 5, 6, 8])), width, int(rng.integers(-7, 8))))
     rows = []
     for _ in range(int(rng.integers(0, 9))):
         number = int(rng.integers(1, len(formats)))
@@ -71,7 +68,7 @@ def random_rows(seed: int) -> tuple[Rows, list[Format | None], int]:
         assert form is not None
         size = compartments if form.index_bits == 0 else int(rng.integers(1, compartments + 1))
         reached = np.sort(rng.choice(compartments, size, replace=False))
-        least = -(1 << form.weight_bits - 1) if form.mixed else 0
+        least = -(1 << form.weight_bits - 1)
         rows.append((number, list(reached), list(least + rng.integers(0, 1 << form.weight_bits, size))))
     return rows_of(*rows), formats, compartments
 
@@ -81,8 +78,8 @@ def same(a: Rows, b: Rows) -> bool:
 
 
 def test_the_layout_bit_by_bit() -> None:
-    words, entries = pack(rows_of((1, [0, 1, 2], [9, 0, 15]), (2, [5], [129])), [None, DENSE, SPARSE])
-    dense = 1 | 2 << 4 | 9 << 10 | 0 << 14 | 15 << 18
+    words, entries = pack(rows_of((1, [0, 1, 2], [9, 0, -16]), (2, [5], [-127])), [None, DENSE, SPARSE])
+    dense = 1 | 2 << 4 | 9 << 10 | 0 << 15 | 16 << 20
     sparse = 2 | 0 << 4 | 5 << 10 | 129 << 16
     assert words.tolist() == [dense, sparse]
     assert entries.tolist() == [[0, 1, 3], [1, 1, 1]]
@@ -118,29 +115,26 @@ def test_no_flipped_bit_stays_unseen(seed: int) -> None:
 
 
 def test_weights_in_units_of_the_current() -> None:
-    # A weight k of b bits is k 2^(8 - b) in its register, which is worth 2^(6 + exponent) of u.
-    assert DENSE.currents(np.array([1, 15], np.int32)).tolist() == [64, 15 * 64]
-    assert SPARSE.currents(np.array([10], np.int32)).tolist() == [-640]
-    assert Format(2, 6, 1, "excitatory").currents(np.array([3], np.int32)).tolist() == [3 * 64 * 64 * 2]
-    assert Format(8, 6, -7, "inhibitory").currents(np.array([3], np.int32)).tolist() == [-1]
-    # With signs one of b bits is the sign: k 2^(9 - b).
-    assert MIXED.currents(np.array([-8, 7], np.int32)).tolist() == [-8 * 64, 7 * 64]
-    assert Format(8, 6, -1, "mixed").currents(np.array([-63, 127], np.int32)).tolist() == [-63 * 64, 127 * 64]
-    rows = rows_of((2, [5], [10]), (1, [0, 1], [1, 2]))
+    # A weight k of b bits, one of which is the sign, is k 2^(9 - b) in its register, which is worth 2^(6 + exponent).
+    assert DENSE.currents(np.array([1, -16], np.int32)).tolist() == [64, -16 * 64]
+    assert SPARSE.currents(np.array([-63, 127], np.int32)).tolist() == [-63 * 64, 127 * 64]
+    assert Format(3, 6, 1).currents(np.array([3], np.int32)).tolist() == [3 * 64 * 64 * 2]
+    assert Format(8, 6, -7).currents(np.array([3], np.int32)).tolist() == [3]
+    rows = rows_of((2, [5], [-10]), (1, [0, 1], [1, 2]))
     assert rows.currents([None, DENSE, SPARSE]).tolist() == [-640, 64, 128]
 
 
 def test_formats_as_registers() -> None:
     registers = SPARSE.registers
     shown = ("wgtExp", "wgtBits", "idxBits", "numSynapses", "fanoutType", "compression", "dlyBits", "tagBits")
-    assert [registers[name] for name in shown] == [0, 7, 1, 63, 3, 0, 0, 0]
-    assert [DENSE.registers[name] for name in shown] == [-4, 4, 0, 63, 2, 3, 0, 0]
-    assert [MIXED.registers[name] for name in shown] == [-5, 4, 1, 63, 1, 0, 0, 0]
-    for form in (SPARSE, DENSE, MIXED):
+    assert [registers[name] for name in shown] == [-1, 7, 1, 63, 1, 0, 0, 0]
+    assert [DENSE.registers[name] for name in shown] == [-4, 5, 0, 63, 1, 3, 0, 0]
+    for form in (SPARSE, DENSE):
         assert Format.of(form.registers, "here") == form
     changes: tuple[dict[str, Any], ...] = (
         {"dlyBits": 1},
         {"fanoutType": 0},
+        {"fanoutType": 3},
         {"compression": 3},
         {"wgtBits": 0},
         {"wgtBits": 8},
@@ -159,7 +153,7 @@ def test_formats_as_registers() -> None:
 def test_formats_come_into_use() -> None:
     formats = Formats()
     weights = np.array([[0, 3, 0], [1, 0, 2], [0, 0, 4]])
-    rows = formats.rows(weights, np.array([0, 1, 2]), np.array([False, True, False]), replace(SPARSE, weight_bits=3))
+    rows = formats.rows(weights, np.array([0, 1, 2]), np.array([False, True, False]), replace(SPARSE, weight_bits=4))
     assert [None if form is None else form.index_bits for form in formats] == [None, 0, 6]
     assert same(rows, rows_of((2, [1], [3]), (1, [0, 1, 2], [1, 0, 2]), (2, [2], [4])))
     only = Formats()
@@ -171,10 +165,8 @@ def test_formats_come_into_use() -> None:
 
 def bad_rows() -> dict[str, tuple[Rows, list[Format | None]]]:
     return {
-        "weight": (rows_of((1, [0], [16])), [None, DENSE]),
-        "sign": (rows_of((1, [0], [-1])), [None, DENSE]),
-        "mixed above": (rows_of((1, [0], [8])), [None, MIXED]),
-        "mixed below": (rows_of((1, [0], [-9])), [None, MIXED]),
+        "above": (rows_of((1, [0], [16])), [None, DENSE]),
+        "below": (rows_of((1, [0], [-17])), [None, DENSE]),
         "gap": (rows_of((1, [1], [1])), [None, DENSE]),
         "index": (rows_of((2, [64], [1])), [None, DENSE, SPARSE]),
         "unused": (rows_of((0, [0], [0])), [None, DENSE]),
@@ -182,10 +174,9 @@ def bad_rows() -> dict[str, tuple[Rows, list[Format | None]]]:
 
 
 def test_the_formats_that_hold_weights() -> None:
-    for signed, bits, stored in ((False, 3, 3), (False, 7, 8), (True, 5, 6), (True, 6, 8), (True, 7, 8), (True, 1, 2)):
-        form = Format.of_weights(random_network(0, signed=signed, bits=bits), stored, 6)
-        top = (1 << bits) - 1
-        extremes = np.array([-top if signed else 0, top], np.int32)
+    for bits, stored in ((5, 6), (6, 8), (7, 8), (1, 2)):
+        form, top = Format.of_whole_numbers(stored, 6), (1 << bits) - 1
+        extremes = np.array([-top, top], np.int32)
         assert form.currents(extremes).tolist() == (64 * extremes).tolist()
         assert abs(form.exponent) <= 7
         words, entries = pack(rows_of((1, [0, 1], extremes.tolist())), [None, form])

@@ -70,8 +70,8 @@ def plan_by_hand(network: FixedNetwork, cores: dict[tuple[int, int], list[Place]
         nothing = Load(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         needs = Needs(compartment, None, None, None, None, None, None)
         made.append(CorePlan(chip, core, tuple(parts), rows, needs, nothing))
-    bits = network.inhibition.bit_length()
-    return Plan(network, KAPOHO_BAY, tuple(made), network.stored_bits, bits, None, 0.0)
+    bits = network.inhibition.bit_length() + 1
+    return Plan(network, KAPOHO_BAY, tuple(made), KAPOHO_BAY.stored_bits(network), bits, None, 0.0)
 
 
 LAYOUTS: dict[str, dict[tuple[int, int], list[Place]]] = {

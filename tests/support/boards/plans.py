@@ -1,6 +1,6 @@
 """Small networks and hand-made plans for the tests of registers and costs.
 
-Used by deploy.
+Used by bench, deploy.
 """
 
 from __future__ import annotations
@@ -58,15 +58,15 @@ def simple_plan(network: FixedNetwork, cores: int, seed: int = 0, chips: int = 2
             parts_ = (Part("inputs", network.inputs - half, half, 0),)
             found.append(CorePlan(chip, core, parts_, empty, NEEDS, LOAD))
     found = sorted((core for core in found if core.parts), key=lambda core: (core.chip, core.core))
-    inhibition = fewest(max(1, network.inhibition.bit_length()))
-    return Plan(network, KAPOHO_BAY, tuple(found), fewest(network.stored_bits), inhibition, None, 0.0)
+    weight_bits, inhibition_bits = fewest(KAPOHO_BAY.stored_bits(network)), fewest(network.inhibition.bit_length() + 1)
+    return Plan(network, KAPOHO_BAY, tuple(found), weight_bits, inhibition_bits, None, 0.0)
 
 
 def random_network(seed: int, **changes: Any) -> FixedNetwork:
     """A small network that Loihi 1 can run, with what `changes` says; every other one is signed, and has biases."""
     rng = np.random.default_rng(seed)
     signed = bool(changes.pop("signed", rng.integers(0, 2)))
-    bits = int(changes.pop("bits", rng.integers(1, 9 - signed)))
+    bits = int(changes.pop("bits", rng.integers(1, 8)))
     inputs, neurons = changes.pop("size", (int(rng.integers(1, 40)), int(rng.integers(1, 24))))
     weights = rng.integers(0, 1 << bits, (inputs, neurons)) * (rng.random((inputs, neurons)) < rng.random())
     mean = max(1.0, float(weights.sum(axis=0).mean()) * rng.uniform(0.1, 0.6))
@@ -79,7 +79,7 @@ def random_network(seed: int, **changes: Any) -> FixedNetwork:
         bits=bits,
         signed=signed,
         threshold=int(np.clip(mean, 1, 100000)),
-        inhibition=int(rng.choice([0, 1, 10, 60, 100, 255])),
+        inhibition=int(rng.choice([0, 1, 10, 60, 100, 127])),
         inhibition_exponent=int(rng.integers(0, 3)),
         decay=int(rng.choice([0, 130, 2000, 4095])),
         steps=int(rng.integers(1, 40)),
@@ -113,8 +113,8 @@ def small_plan(**changes: Any) -> Plan:
             CorePlan(0, 4, tuple(parts), dense, NEEDS, LOAD),
             CorePlan(1, 0, (Part("exc", 2, 1, 0), Part("counters", 2, 1, 1)), dense, NEEDS, LOAD),
         ),
-        3,
         4,
+        5,
         None,
         0.0,
     )

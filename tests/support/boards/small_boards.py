@@ -111,8 +111,9 @@ def literal_needs(plan: Plan, core: CorePlan) -> dict[str, int]:
             total += words(len(exc) if dense else count, bits)
     if exc and made.inhibition:
         axons_in += 1
-        formats.add(("root", True))
-        total += words(len(exc), plan.inhibition_bits)
+        formats.add(("root", False))
+        index = 0 if board.synapse_words is None else index_width(board, [len(exc) - 1])
+        total += words(len(exc), plan.inhibition_bits + index)
     counters = exc if board.counters else []
     assert numbers(core, "counters") == counters  # beside their neurons
     if counters:

@@ -130,7 +130,7 @@ def _format(form: Mapping[str, Any]) -> bool:
     rest = ("wgtBits", "idxBits", "wgtExp", "compression", "numSynapses", "fanoutType")
     unused = all(type(value) is int and value == 0 for name, value in form.items() if name not in rest)
     return bool(
-        good and (dense or sparse) and whole(form["numSynapses"], 63, 63) and form["fanoutType"] in (1, 2, 3) and unused
+        good and (dense or sparse) and whole(form["numSynapses"], 63, 63) and whole(form["fanoutType"], 1, 1) and unused
     )
 
 
@@ -226,15 +226,13 @@ def _row(memory: int, entry: tuple[int, ...], formats: list[Any], size: int) -> 
             return found, False
         form = formats[number]
         index, bits = INDEX_BITS[form["idxBits"]], WEIGHT_BITS[form["wgtBits"]]
-        mixed = form["fanoutType"] == 1
-        shift = 8 + mixed - bits + 6 + form["wgtExp"]
+        shift = 9 - bits + 6 + form["wgtExp"]
         for _ in range(block):
             compartment = take(index) if index else len(found)
             stored = take(bits)
-            if mixed and stored >> bits - 1:  # two's complement
+            if stored >> bits - 1:  # two's complement
                 stored -= 1 << bits
-            current = stored << shift if shift >= 0 else stored >> -shift
-            found.append((compartment, -current if form["fanoutType"] == 3 else current))
+            found.append((compartment, stored << shift if shift >= 0 else stored >> -shift))
         rest = -at % 64
         if take(rest):
             return found, False

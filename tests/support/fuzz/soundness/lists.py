@@ -13,6 +13,7 @@ import os
 import re
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,7 +75,7 @@ def _rows(text: str, findings: Findings) -> Rows:
 
 
 def check_positions(path: Path, taken: NDArray[np.float64], findings: Findings) -> Findings:
-    """L2 and L4 of positions, of which the reader returned ``taken`` in metres."""
+    """L2 and L4 of positions, of which the reader returned ``taken``."""
     rows = _rows(_text(path, findings), findings)
     if findings:
         return findings
@@ -95,11 +96,23 @@ def check_positions(path: Path, taken: NDArray[np.float64], findings: Findings) 
         return findings
     findings.need(bool(np.isfinite(taken).all()), "L4", "positions that are not finite")
     said = np.array(cells, np.float64).reshape(-1, 2)
-    if not degrees:
-        findings.need(np.array_equal(said, taken), "L4", "other numbers")
-    else:
-        inside = bool((np.abs(said[:, 0]) <= 90).all() and (np.abs(said[:, 1]) <= 360).all())
-        findings.need(inside and bool((np.abs(taken) < 4.1e7).all()), "L4", "degrees beyond the earth")
+    findings.need(np.array_equal(said, taken), "L4", "other numbers")
+    most = (90, 360) if degrees else (2**53, 2**53)
+    findings.need(bool((np.abs(said) <= most).all()), "L4", "coordinates beyond the earth")
+    return findings
+
+
+def check_gpx(path: Path, taken: NDArray[np.float64], findings: Findings) -> Findings:
+    """L4 of a GPX file, of which the reader returned ``taken``: its points in their order, all of one kind."""
+    try:
+        points = [node for node in ElementTree.fromstring(_text(path, findings)).iter() if "lat" in node.attrib]
+    except ElementTree.ParseError:
+        findings.need(False, "L4", "no XML")
+        return findings
+    said = [(node.tag, float(node.attrib["lat"]), float(node.attrib["lon"])) for node in points]
+    found = [[pair[1:] for pair in said if pair[0] == tag] for tag in ("trkpt", "rtept", "wpt")]
+    findings.need([tuple(row) for row in taken.tolist()] in found, "L4", "other points")
+    findings.need(bool((np.abs(taken) <= (90, 360)).all()), "L4", "degrees beyond the earth")
     return findings
 
 

@@ -115,8 +115,8 @@ def check_learning(files: Mapping[str, bytes], config: Any, header: Mapping[str,
         rates.dtype == np.uint16 and rates.shape == (images, inputs), "B10", f"rates {rates.dtype} {rates.shape}"
     )
     for part, stretch in zip(parts, stretches, strict=True):
-        own = [part.get(name) for name in ("first_place", "places", "first_neuron", "neurons", "view")]
-        findings.need(own == list(stretch), "B10", f"stretch {own!r:.40}")
+        own = [part.get(name) for name in ("first_place", "places", "first_neuron", "neurons", "view", "removed")]
+        findings.need(own == [*stretch, 0][:6], "B10", f"stretch {own!r:.40}")
         folder = part.get("folder")
         if findings.need(isinstance(folder, str), "B10", "a stretch without folder") and isinstance(folder, str):
             _stretch(files, folder, part, (inputs, stretch[3], images), config, findings)

@@ -127,6 +127,19 @@ def check_model(data: bytes, view: Mapping[str, Any]) -> Findings:
     return findings
 
 
+def _positions(frame: object, positions: Any, places: int, findings: Findings) -> None:
+    """M15: where the places are."""
+    if frame is None and positions is None:
+        return
+    known = frame in ("xy", "latlon") or frame in [f"UTM {zone}{side}" for zone in range(1, 61) for side in "NS"]
+    if not findings.need(known and positions is not None, "M15", f"frame {frame!r:.40}"):
+        return
+    if _is(positions, "f8", (places, 2), "M15", "positions", findings):
+        first, second = (90, 360) if frame == "latlon" else (1 << 53, 1 << 53)
+        within = all(abs(a) <= first and abs(b) <= second for a, b in positions.tolist())
+        findings.need(within, "M15", f"positions beyond {frame}")
+
+
 def _learned(arrays: Arrays, shape: tuple[int, ...] | None, findings: Findings) -> None:
     learned = arrays.get("learned")
     if not findings.need(learned is not None, "M11", "no learned weights") or learned is None:
@@ -164,7 +177,7 @@ def _conductance(arrays: Arrays, config: Any, inputs: int, findings: Findings) -
 def references(
     header: Mapping[str, Any], arrays: Arrays, config: Any, shape: tuple[int, ...], findings: Findings
 ) -> None:
-    """M5 to M10 and M12: what a model keeps of its references."""
+    """M5 to M10, M12 and M15: what a model keeps of its references."""
     names = header.get("place_names")
     good = isinstance(names, list) and all(isinstance(name, str) for name in names) and len(names) >= 2
     if not findings.need(good, "M12", "no names of places") or not isinstance(names, list):
@@ -187,6 +200,7 @@ def references(
     if _is(indices, "i8", (places,), "M6", "place_indices", findings) and indices is not None:
         findings.need(len(set(indices.tolist())) == places, "M6", "places with equal indices")
         findings.need(bool(((indices >= 0) & (indices <= 1 << 53)).all()), "M6", "indices that are none")
+    _positions(header.get("frame"), arrays.get("positions"), places, findings)
     labels = arrays.get("labels")
     good = labels is not None and labels.dtype == np.int64 and labels.ndim == 1
     if not findings.need(good, "M7", "no labels") or labels is None:
@@ -212,22 +226,28 @@ def _most_spikes(config: Any, traverses: int) -> int:
 
 
 def _stretches(parts: Any, places: int, neurons: int, views: int, network: dict[str, Any], findings: Findings) -> None:
-    good = isinstance(parts, list) and len(parts) >= 1 and all(isinstance(p, list) and len(p) == 5 for p in parts)
+    sizes = (5, 6) if network["model"] == "lif" else (5,)
+    good = isinstance(parts, list) and len(parts) >= 1 and all(isinstance(p, list) and len(p) in sizes for p in parts)
     if not findings.need(good, "M5", f"stretches {parts!r:.40}"):
         return
     place = neuron = view = 0
-    for first, size, first_neuron, count, seen in parts:
+    for first, size, first_neuron, count, seen, *removed in parts:
         if place == places:
             place, view = 0, view + 1
         sound = whole(first, place, place) and whole(size, 1, places) and whole(seen, view, view)
-        sound = sound and whole(first_neuron, neuron, neuron) and whole(count, 1, neurons)
+        sound = sound and whole(first_neuron, neuron, neuron) and whole(count, 0 if removed else 1, neurons)
+        sound = sound and all(whole(gone, 1, 1 << 53) for gone in removed)
         if not findings.need(sound, "M5", f"stretch {first!r:.20}, {size!r:.20}, {first_neuron!r:.20}, {count!r:.20}"):
             return
-        wanted = network["neurons"] or max(1, round(network["neurons_per_place"] * size))
-        findings.need(count == wanted, "M5", f"{count} neurons of {size} places, not {wanted}")
+        most = network["neurons"] or max(1, round(network["neurons_per_place"] * (size + sum(removed))))
+        fits = count <= most if removed else count == most
+        findings.need(fits, "M5", f"{count} neurons of {size} places, {removed} removed, not {most}")
         place, neuron = place + size, neuron + count
     found = (place, neuron, view)
     findings.need(found == (places, neurons, views - 1), "M5", f"stretches to place, neuron and view {found}")
+    findings.need(neuron >= 1, "M5", "no neurons")
+    cuts = [[(p[0], p[1], p[5:]) for p in parts if p[4] == view] for view in range(views)]
+    findings.need(all(cut == cuts[0] for cut in cuts), "M5", "another cut in another view")
 
 
 def _is(

@@ -37,7 +37,8 @@ INVARIANTS = {
         "u cannot wrap."
     ),
     "M5": "Stretches follow each other without gap or overlap over all places, view after view, and all neurons; none "
-    "is empty, and each has as many neurons as the settings make for its places.",
+    "is empty, and each has as many neurons as the settings make for its places, or at most those of its and of those "
+    "that it says were removed. All views are cut alike, and there is a neuron.",
     "M6": "Place indices are int64, distinct, 0 to 2^53; the route has at least as many images as places.",
     "M7": "Labels are int64: 0 to places - 1 in order, once for every view of every traverse.",
     "M8": "Activity is float32 (images, inputs), finite and at least 0; pixels are at most 255.",
@@ -50,6 +51,10 @@ INVARIANTS = {
         " not above the longest."
     ),
     "M14": "What the reader returns equals what the file holds, number for number.",
+    "M15": (
+        "Positions, where there are any, are float64 (places, 2), finite, and within the range of their frame, which "
+        "is xy, latlon, or a UTM zone."
+    ),
     "C1": "The fingerprint is that of the training that goes on.",
     "C2": "Epochs done are whole numbers from 1 to the settings' epochs, of stretches that there are.",
     "C3": (
@@ -63,7 +68,8 @@ INVARIANTS = {
     "B1": "The manifest is of this format and version, for a board that there is, and has its own SHA-256.",
     "B2": "Every file of the manifest is a regular file below the folder, of the size and SHA-256 told.",
     "B3": (
-        "The network's numbers satisfy M3 and M4, with as many silent steps; the references satisfy M1 and M5 to M12."
+        "The network's numbers satisfy M3 and M4, with as many silent steps; the references satisfy M1, M5 to M12, and "
+        "M15."
     ),
     "B4": (
         "Rates uint16 (images, inputs), keys uint64 (images,), labels and responses on the host are those of the "
@@ -94,7 +100,7 @@ INVARIANTS = {
     ),
     "L2": "All rows of a CSV list or of positions are equally wide; the column that is read is there once.",
     "L3": "A ground truth yields for each query exactly the places that the file names for it.",
-    "L4": "Positions are one row a position, finite, in the file's numbers.",
+    "L4": "Positions are one row or point a position, finite, in the file's numbers.",
 }
 """The sentence of every rule."""
 

@@ -147,7 +147,7 @@ class N2Board:
         """Let go of the board."""
         FAULTS.note("disconnect")
         if self.measured and FAULTS.sensors:
-            power = {"total": 950.0, "static": 900.0, "dynamic": 50.0}
+            power = {"total": 950.0, "idle": 900.0, "static": 890.0, "dynamic": 50.0}
             stats = SimpleNamespace(timePerTimestep=12.5, power=power)
             self.energyTimeMonitor = SimpleNamespace(powerProfileStats=stats)
         self.executor.started = self.traffic.open = False

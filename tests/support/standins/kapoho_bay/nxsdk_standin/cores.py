@@ -20,8 +20,7 @@ COMPARTMENTS, GROUP = held("compartments of a core"), held("compartments that ar
 PROFILES, THRESHOLDS = held("distinct pairs of decays of a core"), held("distinct thresholds of a core")
 FORMATS, BLOCK = held("synapse formats of a core, number 0 unused"), held("synapses of a block of synapse memory")
 WORD, HEADER = held("bits of a word of synapse memory"), held("bits before the synapses of a block")
-SPARSE, MIXED = held("synapseFmt.compression"), held("synapseFmt.fanoutType")
-INHIBITORY = 3  # of two that are unproven; 2 is excitatory
+SPARSE = held("synapseFmt.compression")
 
 
 class Axon(NamedTuple):
@@ -107,10 +106,7 @@ class Core:
         places = np.array([synapse.CIdx for synapse in own])
         weights = np.array([synapse.Wgt for synapse in own])
         sizes = np.abs(weights)
-        mixed = form.fanoutType == MIXED
-        if not mixed and (np.sign(weights) == (1 if form.fanoutType == INHIBITORY else -1)).any():
-            raise StandinError(f"{entry.where}: a weight has the wrong sign")
-        if (sizes % (1 << 8 + mixed - bits)).any() or (sizes > 255).any():
+        if (sizes % (1 << 9 - bits)).any() or (sizes > 255).any():
             raise StandinError(f"{entry.where}: a weight does not fit {bits} bits")
         if (places >= compartments).any() or any(synapse.LrnEn for synapse in own):
             raise StandinError(f"{entry.where}: a synapse leads nowhere, or learns")

@@ -1,0 +1,202 @@
+"""Registers of bundles for Kapoho Bay, read by a reader of its own and run in nengo-loihi's emulator, beside the host.
+
+    python -m benchmarks.oracles.registers [BUNDLE ...] [--presentations N] [--no-real]      (`make oracles` sets it up)
+
+Without BUNDLE: made-up networks on one and on several cores of both chips, and the default model of 100 and of 500
+places (LAVA_VPR_DATA), as `lava-vpr deploy` writes them, real queries. A BUNDLE is run on its own references.
+nengo-loihi (1.1.0, in an environment of its own) gets the core files and the host's tables alone
+(`registers_in_nengo_loihi`) and validates every core as one of its own blocks; every spike of exc and inh must be the
+host's, and every counter hold 128 a spike. Clearing, injection and read-out by the bundle's program are no part of it.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import click
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.nordland import encoded, learn, part
+from benchmarks.oracles.inference import Made, made_up
+from benchmarks.oracles.needs import PYTHON
+from lava_vpr.config import preset
+from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
+from lava_vpr.deploy.bundle.deployment import deploy
+from lava_vpr.deploy.bundle.opening import open_whole
+from lava_vpr.deploy.bundle.targets import TARGETS
+from lava_vpr.deploy.mapping.partition import partition
+from lava_vpr.encoding import draw_trains, query_rates16
+from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes, inhibitory_spikes
+from lava_vpr.engine.random import image_keys, presentation_keys
+from lava_vpr.errors import InputError, LavaVprError
+from lava_vpr.isolated.child import run_child
+from lava_vpr.model import integer_model
+
+SCRIPT = Path(__file__).with_name("registers_in_nengo_loihi.py")
+SMALL_CORES = replace(KAPOHO_BAY, compartments=9, cores=2)
+"""A board on which small networks take many cores, of both chips."""
+
+MADE_UP = (
+    ("one core", Made(3, True, True, 40), KAPOHO_BAY, False),
+    ("one core, dense rows", Made(3, True, True, 40), replace(KAPOHO_BAY, synapse_words=110), True),
+    ("both chips", Made(6, True, False, 300), SMALL_CORES, False),
+    ("without signs", Made(5, False, False, 200), SMALL_CORES, False),
+    ("7 bits and sign, inhibition 2^1", Made(7, True, True, 500, exponent=1), SMALL_CORES, False),
+    ("relays", Made(3, True, True, 30, inputs=40, neurons=1100, steps=28), KAPOHO_BAY, False),
+    ("relays and leaves", Made(2, True, False, 20, inputs=24, neurons=4200, steps=27), KAPOHO_BAY, False),
+)
+"""Names, networks, boards, and whether rows may be dense."""
+
+console = Console(highlight=False, width=118)
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is compared: a folder with a bundle's files, the network that it holds, and presentations."""
+
+    name: str
+    bundle: Path
+    network: FixedNetwork
+    rates: NDArray[np.uint16]
+    keys: NDArray[np.uint64]
+
+
+@dataclass(frozen=True)
+class Compared:
+    """What was read and compared: cores, synapses and axons, spikes of the host, spikes and counters that differ."""
+
+    cores: int
+    synapses: int
+    axons: int
+    spikes: int
+    differ: int
+    counters_differ: int
+
+
+def written(folder: Path, network: FixedNetwork, board: Board, dense_rows: bool) -> Path:
+    """The core files and tables of a made-up network, as a bundle has them.
+
+    Raises:
+        InputError: rows are dense though they should not be, or the other way round.
+    """
+    plan = partition(network, board, np.full(network.inputs, 5 / network.inputs), dense_rows=dense_rows)
+    if any(core.dense_inputs.any() for core in plan.cores) != dense_rows:
+        raise InputError(f"dense rows are {'missing' if dense_rows else 'not asked for'}; choose another network")
+    for name, content in TARGETS[KAPOHO_BAY.name].network_files(replace(plan, board=KAPOHO_BAY)).items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+    return folder
+
+
+def made_up_cases(folder: Path, presentations: int) -> Iterator[Case]:
+    """The networks of `MADE_UP`."""
+    for number, (name, made, board, dense_rows) in enumerate(MADE_UP):
+        network, few = made_up(made, bias=made.signed), presentations if made.neurons < 1000 else 1
+        network = replace(network, inhibition=min(127, network.inhibition))
+        rates = np.random.default_rng(number).integers(0, 12_000, (few, made.inputs)).astype(np.uint16)
+        keys = presentation_keys(0, "query", np.arange(few))
+        yield Case(name, written(folder / f"{number}", network, board, dense_rows), network, rates, keys)
+
+
+def real_cases(folder: Path, presentations: int) -> Iterator[Case]:
+    """Models of summer images as `deploy` writes them, and winter queries.
+
+    Raises:
+        InputError: LAVA_VPR_DATA does not name the images.
+    """
+    for places in (100, 500):
+        model = integer_model(learn((0, places), preset("loihi")), KAPOHO_BAY.title)
+        bundle = deploy(model, KAPOHO_BAY, folder / f"{places}", picture=False).bundle
+        if bundle.manifest["unproven"]:
+            raise InputError(f"{places} places: the bundle relies on {bundle.manifest['unproven']}")
+        chosen = np.linspace(0, places - 1, presentations).astype(np.int64)
+        rates = query_rates16(part(encoded("winter", model.config.encoder), chosen).activity, model.config.encoder)
+        keys = presentation_keys(model.config.seed, "query", image_keys(rates))
+        yield Case(f"{places} places, real queries", folder / f"{places}", model.network, rates, keys)
+
+
+def bundle_case(path: Path, presentations: int) -> Case:
+    """A bundle and its first references.
+
+    Raises:
+        BundleError: it is none.
+        InputError: it is for another board, or its inputs integrate a bias.
+    """
+    bundle, model = open_whole(path)
+    network = integer_model(model, KAPOHO_BAY.title).network
+    if bundle.target != KAPOHO_BAY.name or network.bias_input:
+        raise InputError(
+            f"{path}: is no bundle for Kapoho Bay whose input spikes are injected; deploy the model with --target "
+            f"{KAPOHO_BAY.name} --input-mode injected"
+        )
+    rates, keys = (bundle.array(f"host/{name}.npy")[:presentations] for name in ("rates", "keys"))
+    return Case(path.name, path, network, rates, keys)
+
+
+def emulated(bundle: Path, spikes: NDArray[np.bool_]) -> dict[str, NDArray[np.int64]]:
+    """What nengo-loihi's emulator makes of a bundle's files and of injected ``spikes`` (n, steps, inputs).
+
+    Raises:
+        InputError: its environment is missing, or it failed.
+    """
+    if not PYTHON.exists():
+        raise InputError(f"{PYTHON}: no environment of nengo-loihi; run `make oracles`")
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "bundle").symlink_to(bundle.resolve())
+        np.save(folder / "spikes.npy", spikes)
+        ended = run_child([PYTHON, SCRIPT, folder], seconds=1800)
+        if ended.code:
+            raise InputError(f"{SCRIPT.name}: failed; {ended.last}")
+        with np.load(folder / "spikes.npz", allow_pickle=False) as found:
+            return {name: found[name].astype(np.int64) for name in found.files}
+
+
+def compared(case: Case) -> Compared:
+    """Every spike and counter of a bundle in nengo-loihi's emulator beside the host's."""
+    network = case.network
+    _, _, exc = count_spikes(network, case.rates, case.keys, raster=True)
+    inh = inhibitory_spikes(network, exc)
+    spikes = draw_trains(case.rates, case.keys, network.steps, network.interval, regular=network.regular)
+    found = emulated(case.bundle, spikes.astype(bool))
+    differ = sum(int((found[name] != own).sum()) for name, own in (("exc", exc), ("inh", inh)))
+    counters = int((found["counted"] != exc.sum(axis=1, dtype=np.int64) << 7).sum())
+    return Compared(*found["read"].tolist(), int(exc.sum()) + int(inh.sum()), differ, counters)
+
+
+@click.command()
+@click.argument("bundles", nargs=-1, type=click.Path(path_type=Path))
+@click.option("--presentations", default=4, show_default=True, help="Of each bundle.")
+@click.option("--real/--no-real", default=True, help="Also models trained on real images (LAVA_VPR_DATA).")
+def main(bundles: tuple[Path, ...], presentations: int, real: bool) -> None:
+    """Print what was compared; fail if anything differs."""
+    table = Table(title="registers of bundles in nengo-loihi's emulator, and the host", title_justify="left")
+    for i, name in enumerate(("", "cores", "synapses", "axons", "spikes", "differ", "counters differ")):
+        table.add_column(name, justify="right" if i else "left")
+    failed = False
+    with tempfile.TemporaryDirectory() as name:
+        if bundles:
+            try:
+                cases = iter([bundle_case(path, presentations) for path in bundles])
+            except LavaVprError as error:
+                raise click.ClickException(str(error)) from None
+        else:
+            cases = made_up_cases(Path(name), presentations)
+        for source in (cases, real_cases(Path(name), presentations) if real and not bundles else ()):
+            for case in source:
+                result = compared(case)
+                failed |= result.spikes == 0 or result.differ > 0 or result.counters_differ > 0
+                table.add_row(case.name, *(f"{value:,}" for value in vars(result).values()))
+    console.print(table)
+    sys.exit(1 if failed else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,199 @@
+"""Runs a bundle's registers in nengo-loihi's emulator: python registers_in_nengo_loihi.py FOLDER (its own environment).
+
+FOLDER holds ``bundle``, a bundle for Kapoho Bay whose inputs' spikes are injected, and ``spikes.npy``, bool
+(presentations, steps, inputs). Every core of the bundle becomes one of nengo-loihi's blocks, by a reader of its own
+that knows NxSDK's names of registers (nengo-loihi 1.1.0, ``hardware/builder.py``), the layout of the bundle's synapse
+words, and nothing of lava-vpr. ``spikes.npz`` gets exc and inh, every spike, bool (presentations, steps, width);
+counted, the membranes of the counters after the last step, int32 (presentations, neurons); and read, the cores,
+synapses and axons that were found.
+
+The emulator starts every presentation at 0, is given injected spikes, and is read: what the bundle's program does on a
+board to clear, inject and read out is not shown here.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from nengo_loihi.block import Axon, LoihiBlock, Synapse, SynapseConfig
+from nengo_loihi.builder.validate import validate_block
+from nengo_loihi.emulator import EmulatorInterface
+from nengo_loihi.inputs import SpikeInput
+
+PARAMETERS = {
+    "wgtLimitMant": "weight_limit_mant",
+    "wgtLimitExp": "weight_limit_exp",
+    "wgtExp": "weight_exp",
+    "discMaxWgt": "disc_max_weight",
+    "learningCfg": "learning_cfg",
+    "tagBits": "tag_bits",
+    "dlyBits": "delay_bits",
+    "wgtBits": "weight_bits",
+    "reuseSynData": "reuse_synapse_data",
+    "numSynapses": "n_synapses",
+    "cIdxOffset": "idx_offset",
+    "cIdxMult": "idx_mult",
+    "skipBits": "skip_bits",
+    "idxBits": "idx_bits",
+    "synType": "synapse_type",
+    "fanoutType": "fanout_type",
+    "compression": "compression",
+    "stdpProfile": "stdp_cfg",
+    "ignoreDly": "ignore_delay",
+}
+"""nengo-loihi's parameters of a synapse format by NxSDK's names (``hardware/builder.py:129-147``)."""
+
+WORD, HEADER = 64, (4, 6)
+"""Bits of a word of synapse memory, and of a block's format number and number of synapses less 1."""
+
+
+class Core:
+    """One core of the bundle: its block, and the synapses and axons in it that its input axons lead to."""
+
+    def __init__(self, folder: Path) -> None:
+        name = folder.name.replace("chip", "").replace("core", "")
+        self.place = tuple(int(number) for number in name.split("-"))
+        read = {path.stem: np.load(path, allow_pickle=False) for path in folder.glob("*.npy")}
+        self.registers = json.loads((folder / "registers.json").read_text())
+        self.sources = read["axons_out"].astype(np.int64)
+        self.block = self._block(folder.name, read["compartments"].astype(np.int64))
+        self.synapses, self.axons = self._synapses(read["synapses"], read["axons_in"].tolist())
+        for synapse in self.synapses:
+            self.block.add_synapse(synapse)
+
+    def _block(self, label: str, table: np.ndarray) -> LoihiBlock:
+        """The compartments, as their registers have them."""
+        profile, threshold, mantissa, exponent = table.T
+        profiles, limits = self.registers["cxProfileCfg"], self.registers["dendriteSharedCfg"]
+        made = LoihiBlock(len(table), label=label)
+        own = made.compartment
+        own.decay_u, own.decay_v, own.refract_delay = (
+            np.array([profiles[i][name] for i in profile], np.int32) for name in ("decayU", "decayV", "refractDelay")
+        )
+        own.scale_u = own.scale_v = False
+        vth = np.array([entry["vth"] for entry in self.registers["vthProfileCfg"]], np.int64)
+        own.vth = (vth[threshold] << 6).astype(np.int32)
+        own.bias = (mantissa << exponent).astype(np.int32)
+        own.vmin, own.vmax = 1 - (1 << limits["negVmLimit"]), (1 << 9 + 2 * limits["posVmLimit"]) - 1
+        return made
+
+    def _synapses(self, words: np.ndarray, entries: list[list[int]]) -> tuple[list[Synapse], list[tuple[int, int]]]:
+        """One group of synapses for each format, with the rows of all input axons; each axon's group and row."""
+        memory = np.unpackbits(words.astype("<u8").view(np.uint8), bitorder="little").astype(np.int64)
+        formats = [
+            None if form is None else SynapseConfig(**{PARAMETERS[name]: value for name, value in form.items()})
+            for form in self.registers["synapseFmt"]
+        ]
+        rows: dict[int, list[Any]] = {}
+        axons = []
+        for first, length, count in entries:
+            number, indices, weights = row(memory[WORD * first : WORD * (first + length)], count, formats)
+            axons.append((number, len(rows.setdefault(number, []))))
+            rows[number].append((indices, weights))
+        groups = []
+        for number, own in sorted(rows.items()):
+            made = Synapse(len(own), label=f"format {number}")
+            made._set_weights_indices([w for _, w in own], indices=[i for i, _ in own], weight_dtype=np.int32)
+            made.synapse_cfg = formats[number]
+            groups.append(made)
+        order = {number: group for group, number in enumerate(sorted(rows))}
+        return groups, [(order[number], position) for number, position in axons]
+
+
+def number_in(bits: np.ndarray) -> int:
+    """The number that bits hold, the least significant first."""
+    return int(bits @ (1 << np.arange(bits.size)))
+
+
+def row(bits: np.ndarray, count: int, formats: list[Any]) -> tuple[int, np.ndarray, np.ndarray]:
+    """Format, compartments and weights, in units of u as the emulator adds them, of the row in ``bits``.
+
+    A block: 4 bits format, 6 bits synapses less 1, then for each synapse its compartment, if the format has index bits,
+    and its weight in two's complement, the upper bits of the register's 9; then nothing to the end of a word.
+    """
+    at, number, indices, weights = 0, 0, [], []  # type: int, int, list[int], list[int]
+    while at < bits.size:
+        number, size = number_in(bits[at : at + HEADER[0]]), number_in(bits[at + HEADER[0] : at + sum(HEADER)]) + 1
+        at, own = at + sum(HEADER), formats[number]
+        for _ in range(size):
+            wide = own.real_idx_bits
+            indices.append(number_in(bits[at : at + wide]) if wide else len(indices))
+            stored = bits[at + wide : at + wide + own.real_weight_bits]
+            register = (number_in(stored) - (int(stored[-1]) << stored.size)) << own.shift_bits
+            weights.append(int(register * own.scale))
+            at += wide + stored.size
+        at += -at % WORD
+    if len(indices) != count:
+        raise ValueError(f"a row has {len(indices)} synapses, but its axon says {count}")
+    return number, np.array(indices, np.int32), np.array(weights, np.int32)
+
+
+def connect(source: Any, size: int, ways: np.ndarray, cores: dict[Any, Core]) -> int:
+    """Axons from ``source``, with so many compartments or inputs, along ``ways``; returns their number.
+
+    A way is a compartment, chip, core and input axon. An axon of nengo-loihi leads each compartment to one input axon
+    of one group of synapses, so there are as many as needed.
+    """
+    made: dict[Any, list[np.ndarray]] = {}
+    for compartment, chip, core, axon in ways.tolist():
+        target = cores[chip, core]
+        group, number = target.axons[axon]
+        maps = made.setdefault((chip, core, group), [])
+        free = next((own for own in maps if own[compartment] < 0), None)
+        if free is None:
+            free = np.full(size, -1)
+            maps.append(free)
+        free[compartment] = number
+    for (chip, core, group), maps in made.items():
+        for own in maps:
+            axon = Axon(int((own >= 0).sum()))
+            axon.target = cores[chip, core].synapses[group]
+            axon.set_compartment_axon_map(own)
+            source.add_axon(axon)
+    return len(ways)
+
+
+def run(folder: Path, spikes: np.ndarray) -> dict[str, np.ndarray]:
+    """Every spike of exc and inh, what the counters hold, and what was read."""
+    found = [Core(path) for path in sorted((folder / "cores").iterdir())]
+    cores = {core.place: core for core in found}
+    host = {name: np.load(folder / "host" / f"{name}.npy", allow_pickle=False) for name in ("exc", "inh", "counters")}
+    source = SpikeInput(spikes.shape[2])
+    injection = np.load(folder / "host" / "injection.npy", allow_pickle=False)
+    axons = connect(source, spikes.shape[2], injection, cores)
+    axons += sum(connect(core.block, core.block.n_neurons, core.sources, cores) for core in found)
+    for core in found:
+        validate_block(core.block)
+    blocks = [core.block for core in found]
+    starts = dict(zip(cores, np.cumsum([0] + [block.n_neurons for block in blocks])))  # noqa: B905 (Python 3.8)
+    at = {name: np.array([starts[c, k] + i for c, k, i in table.tolist()]) for name, table in host.items()}
+    result = {name: np.zeros((*spikes.shape[:2], at[name].size), bool) for name in ("exc", "inh")}
+    counted = np.zeros((len(spikes), at["counters"].size), np.int32)
+    for presentation, shown in enumerate(spikes):
+        source.spikes.clear()
+        for step, active in enumerate(shown):
+            source.add_spikes(step + 1, np.flatnonzero(active))
+        model = SimpleNamespace(blocks=blocks, inputs=[source], probes=[], dt=0.001)
+        with EmulatorInterface(model, seed=0) as emulator:
+            for step in range(len(shown)):
+                emulator.step()
+                for name, film in result.items():
+                    film[presentation, step] = emulator.compartment.spiked[at[name]]
+            counted[presentation] = emulator.compartment.voltage[at["counters"]]
+    synapses = sum(weights.size for core in found for group in core.synapses for weights in group.weights)
+    return result | {"counted": counted, "read": np.array([len(found), synapses, axons])}
+
+
+def main(folder: str) -> None:
+    """Run the bundle of ``folder`` on its spikes and write what came of it."""
+    spikes = np.load(Path(folder) / "spikes.npy", allow_pickle=False)
+    np.savez_compressed(Path(folder) / "spikes.npz", **run(Path(folder) / "bundle", spikes))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

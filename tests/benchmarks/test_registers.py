@@ -1,0 +1,88 @@
+"""The registers of bundles in nengo-loihi's emulator: what is asked of it, and that a wrong bit is seen."""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from support.common.small_models import small_model
+
+from benchmarks.oracles import registers
+from benchmarks.oracles.registers import MADE_UP, PYTHON, SCRIPT, Case, bundle_case, compared, made_up_cases, main
+from lava_vpr.deploy.boards.board import BOARDS, KAPOHO_BAY
+from lava_vpr.deploy.bundle.deployment import deploy
+from lava_vpr.errors import InputError
+
+needs_nengo = pytest.mark.skipif(not PYTHON.exists(), reason="nengo-loihi is not installed: make oracles")
+
+
+def small_case(folder: Path, number: int = 2) -> Case:
+    """One of the made-up networks."""
+    return next(case for i, case in enumerate(made_up_cases(folder, 2)) if i == number)
+
+
+def test_the_reader_imports_nothing_of_this_project() -> None:
+    tree = ast.parse(SCRIPT.read_text(encoding="utf-8"))
+    names = {node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+    names |= {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+    assert any(name.startswith("nengo_loihi") for name in names)
+    assert not any(name.startswith(("lava", "benchmarks")) for name in names)
+
+
+def test_what_is_made_up_has_everything() -> None:
+    assert {made.signed for _, made, _, _ in MADE_UP} == {dense for *_, dense in MADE_UP} == {False, True}
+    assert {made.neurons > 1024 for _, made, _, _ in MADE_UP} == {made.neurons > 4096 for _, made, _, _ in MADE_UP}
+
+
+@needs_nengo
+def test_every_spike_is_the_hosts_and_a_wrong_bit_is_seen(tmp_path: Path) -> None:
+    case = small_case(tmp_path)
+    good = compared(case)
+    assert (good.cores, good.differ, good.counters_differ) == (3, 0, 0)
+    assert good.spikes > 10
+    (first, *_) = sorted((case.bundle / "cores").glob("*/compartments.npy"))
+    table = np.load(first)
+    table[0, 2] += 400  # the bias of the first neuron
+    np.save(first, table)
+    assert compared(case).differ > 0
+
+
+@needs_nengo
+def test_a_bundle_is_run_on_its_references(tmp_path: Path) -> None:
+    deploy(small_model(), KAPOHO_BAY, tmp_path / "b", picture=False)
+    done = CliRunner().invoke(main, [str(tmp_path / "b"), "--presentations", "2"])
+    assert done.exit_code == 0, done.output
+
+
+@needs_nengo
+def test_a_row_that_is_none_is_a_reason(tmp_path: Path) -> None:
+    case = small_case(tmp_path)
+    (first, *_) = sorted((case.bundle / "cores").glob("*/axons_in.npy"))
+    table = np.load(first)
+    table[0, 2] += 1
+    np.save(first, table)
+    with pytest.raises(InputError, match=r"registers_in_nengo_loihi\.py: failed; .*its axon says"):
+        compared(case)
+
+
+@pytest.mark.parametrize("name", BOARDS)
+def test_a_bundle_whose_inputs_integrate_a_bias_is_refused(tmp_path: Path, name: str) -> None:
+    model = small_model()
+    own = replace(model, network=replace(model.network, bias_input=True))
+    own = replace(own, config=replace(own.config, network=replace(own.config.network, input_mode="bias")))
+    deploy(own, BOARDS[name], tmp_path / "b", picture=False)
+    with pytest.raises(InputError, match="is no bundle for Kapoho Bay whose input spikes are injected; deploy"):
+        bundle_case(tmp_path / "b", 1)
+    done = CliRunner().invoke(main, [str(tmp_path / "b")])
+    assert done.exit_code == 1
+    assert len(done.output.splitlines()) == 1
+
+
+def test_without_its_environment_it_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(registers, "PYTHON", tmp_path / "none")
+    with pytest.raises(InputError, match="no environment of nengo-loihi; run `make oracles`"):
+        registers.emulated(tmp_path, np.zeros((1, 1, 1), bool))
