@@ -11,6 +11,8 @@ import pkgutil
 from types import ModuleType
 from typing import Any
 
+from lava_vpr.processes.base.lava_checks import require_lava
+
 
 def _process_modules(package: ModuleType | None = None) -> dict[str, str]:
     """The module that defines each Process, by the Process's name: every folder below this one is asked for its own."""
@@ -31,7 +33,13 @@ __all__ = list(_MODULES)
 
 
 def __getattr__(name: str) -> Any:
-    """The class of the Process called ``name``, imported when it is asked for."""
+    """The class of the Process called ``name``, imported when it is asked for.
+
+    Raises:
+        AttributeError: there is none.
+        BackendUnavailableError: Lava cannot run here; the line says what to install.
+    """
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    require_lava()
     return getattr(importlib.import_module(_MODULES[name]), name)

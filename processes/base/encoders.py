@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import Any
 
 import numpy as np
@@ -73,13 +74,13 @@ class EncoderModel(PyLoihiProcessModel):
         self.spikes = np.zeros(self.rates.shape[1], bool)
         self.silence = np.zeros(self.rates.shape[1], bool)
 
+    @abstractmethod
     def begin(self, image: int) -> None:
         """Prepare the presentation of this number."""
-        raise NotImplementedError
 
+    @abstractmethod
     def members(self, step: int) -> NDArray[np.int32]:
         """The inputs that spike in ``step`` of the presentation; called once a step, in order."""
-        raise NotImplementedError
 
     def run_spk(self) -> None:
         """Send the spikes of this step."""

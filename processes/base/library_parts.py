@@ -8,6 +8,7 @@ among SubProcessModels as if they were positions among all (``magma/core/run_con
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable
 from typing import Any, Literal, TypeVar
 
@@ -128,9 +129,9 @@ class LibrarySynapses(AbstractSubProcessModel):
         shared = ("a_buff",) if self.constant else ("a_buff", "weights")
         stand_for(proc, self.synapses, *shared, constant=self.constant)
 
+    @abstractmethod
     def made(self, proc: Any) -> Dense | Sparse:
         """The library's Process."""
-        raise NotImplementedError
 
 
 def library_synapses(

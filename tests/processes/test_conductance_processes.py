@@ -39,6 +39,8 @@ from lava_vpr.processes.conductance.fine_poisson_encoder.models import PyFinePoi
 from lava_vpr.processes.conductance.fine_poisson_encoder.process import FinePoissonEncoder
 from lava_vpr.processes.conductance.neurons import ConductanceNeuron
 
+pytestmark = pytest.mark.lava
+
 INPUTS, NEURONS = 14, 6
 JOB = "lava_vpr.processes.jobs.conductance:conductance"
 EVENTS = ("synaptic_operations", "input_spikes", "exc_spikes", "inh_spikes")

@@ -35,6 +35,7 @@ def through_lava(cases: dict[str, tuple[FixedNetwork, NDArray[np.uint8]]]) -> di
     return run_isolated("support.lava.lava_network:present_each", arrays, options, timeout=240)
 
 
+@pytest.mark.lava
 def test_every_spike_equals_lavas_library() -> None:
     cases, films = {}, {}
     for bits, signed, exponent in ((1, False, 0), (1, True, 0), (3, True, 1), (7, True, 3), (8, False, 4)):
@@ -70,6 +71,7 @@ def test_every_spike_equals_lavas_library() -> None:
         assert np.array_equal(film, rasters[name]), name
 
 
+@pytest.mark.lava
 @pytest.mark.data
 def test_the_trained_network_on_real_queries_equals_lavas_library(data_root: Path) -> None:
     config = preset("loihi")

@@ -25,6 +25,8 @@ from lava_vpr.processes.jobs.learning import LEARNING, LIBRARY, options_of
 from lava_vpr.processes.networks.learning_place_network.process import LearningPlaceNetwork
 from lava_vpr.processes.plastic_dense.process import PlasticDense
 
+pytestmark = pytest.mark.lava
+
 INPUTS, NEURONS, IMAGES = 30, 6, 5
 COMPETITION = IntegerLearning(
     rule=Rule(((6, -6), (1, -7)), 15, 0, 20.0),

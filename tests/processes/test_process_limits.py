@@ -26,6 +26,8 @@ from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
 from lava_vpr.processes.regular_encoder.process import RegularEncoder
 from lava_vpr.processes.spike_counter.process import SpikeCounter
 
+pytestmark = pytest.mark.lava
+
 
 def dense(**changes: Any) -> DenseSynapses:
     return DenseSynapses(**{"weights": np.ones((2, 3), int)} | changes)

@@ -37,6 +37,8 @@ from lava_vpr.processes.regular_encoder.process import RegularEncoder
 from lava_vpr.processes.spike_counter.models import PySpikeCounterFixed
 from lava_vpr.processes.spike_counter.process import SpikeCounter
 
+pytestmark = pytest.mark.lava
+
 
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(

@@ -23,6 +23,8 @@ from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF
 from lava_vpr.processes.networks.fused_place_network.models import PyFusedPlaceNetworkFixed
 from lava_vpr.processes.networks.fused_place_network.process import EVENTS, FusedPlaceNetwork
 
+pytestmark = pytest.mark.lava
+
 TIMEOUT = 200.0
 SPIKES = ("input_spikes", "inh_spikes")
 

@@ -28,6 +28,8 @@ from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.isolated.runner import run_isolated
 
+pytestmark = pytest.mark.lava
+
 TARGETS = "support.lava.selection_targets"
 CHIP = {
     "lava.proc.lif.process.LIF": "LIF has a model for the chip",

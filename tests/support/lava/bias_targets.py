@@ -1,6 +1,6 @@
-"""What tests/engine/test_bias_input.py lets a worker call: runs of Lava with inputs that integrate a bias.
+"""What tests/processes/test_bias_inputs.py lets a worker call: runs of Lava with inputs that integrate a bias.
 
-Used by engine.
+Used by processes.
 """
 
 from __future__ import annotations

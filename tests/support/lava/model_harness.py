@@ -1,6 +1,6 @@
 """Runs the model of a Lava Process step by step without Lava's runtime.
 
-Used by engine and processes.
+Used by processes.
 """
 
 from __future__ import annotations

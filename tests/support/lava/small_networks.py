@@ -1,6 +1,6 @@
 """Random place networks with numbers of the size that trained ones have, for the tests of Processes.
 
-Used by deploy, engine, processes and support.
+Used by deploy, processes and support.
 """
 
 from __future__ import annotations

@@ -1,0 +1,227 @@
+"""Inputs that integrate a bias, in Lava: the Process, and networks on such inputs on every backend."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from lava.proc.lif.models import PyLifModelBitAcc
+from numpy.typing import NDArray
+from support.common.small_models import encoded, small_model
+from support.lava.bias_targets import Arrays
+from support.lava.model_harness import build, drive
+from support.lava.small_networks import random_network
+
+from benchmarks.nordland import SECTIONS, learn, part
+from benchmarks.nordland import encoded as real
+from lava_vpr.backends import registry as backends
+from lava_vpr.backends.interface import Presentations, query_presentations
+from lava_vpr.backends.verification import verify
+from lava_vpr.config import preset
+from lava_vpr.configfile import update
+from lava_vpr.encoding import draw_trains, query_rates
+from lava_vpr.engine.inference.bias_input import LEVEL, bias_input_spikes, biases, start_membranes
+from lava_vpr.engine.inference.fixed import EVENTS, FixedNetwork, count_spikes, inhibitory_spikes
+from lava_vpr.engine.random import presentation_keys
+from lava_vpr.errors import NetworkLimitError
+from lava_vpr.isolated.runner import run_isolated
+from lava_vpr.loihi import STATE_LIMIT
+from lava_vpr.processes.base.shared_memory import shared_array
+from lava_vpr.processes.bias_inputs.models import PyBiasInputsFixed, PyBiasInputsFloat, SubBiasInputsFixed
+from lava_vpr.processes.bias_inputs.process import BiasInputs
+from lava_vpr.processes.jobs.inference import input_spikes
+
+pytestmark = pytest.mark.lava
+EVERY_RATE = np.arange(1 << 16).astype(np.uint16)
+MODELS = {"fixed": PyBiasInputsFixed, "float": PyBiasInputsFloat}
+
+
+def some_rates(n: int, inputs: int) -> NDArray[np.uint16]:
+    """Mostly what images give, and the extremes: silent inputs, a silent image, inputs that spike in every step."""
+    rng = np.random.default_rng(n)
+    rates = rng.integers(0, 13_000, (n, inputs)) * (rng.random((n, inputs)) < 0.7)
+    rates[:, :2] = 65_535, 0
+    rates[-1, ::3] = 65_535
+    rates[n // 2] = 0
+    return rates.astype(np.uint16)
+
+
+@pytest.mark.parametrize("steps", [1, 50, 300])
+def test_a_job_counts_the_spikes_of_the_definition(steps: int) -> None:
+    rates, keys = some_rates(4, 30), presentation_keys(5, "query", np.arange(4))
+    expected = sum(bias_input_spikes(r, int(k), steps).sum(axis=0) for r, k in zip(rates, keys, strict=True))
+    assert np.array_equal(input_spikes(rates, keys, steps), expected)
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_the_process_sends_the_definition(kind: str) -> None:
+    rates, keys, steps = some_rates(5, 60), presentation_keys(0, "query", np.arange(5)), 40
+    emitted = shared_array((60,), np.int64)
+    process = BiasInputs(rates=rates, keys=keys, steps=steps, silent_steps=4, emitted=emitted)
+    model = build(process, MODELS[kind])
+    expected = draw_trains(rates, keys, steps, process.interval, regular=True)
+    assert process.interval == steps + 4
+    sent = drive(model, 5 * process.interval + 7, port_out="s_out")
+    assert sent.dtype == bool
+    assert np.array_equal(sent[:-7], expected.reshape(-1, 60))
+    assert not sent[-7:].any()
+    assert expected[:, :steps, 0].all(axis=1).tolist() == [True, True, False, True, True]
+    for counted in (model.emitted, emitted):
+        assert np.array_equal(counted, expected.sum(axis=(0, 1)))
+    unit = 64 if kind == "float" else 1
+    bias = np.ldexp(model.bias_mant, model.bias_exp.astype(int))
+    assert np.array_equal(bias, np.left_shift(*biases(rates[-1])))
+    assert (model.v * unit <= LEVEL).all()
+    assert (model.v * unit == np.floor(model.v * unit)).all()
+
+
+def test_a_new_bias_counts_at_once() -> None:
+    rates = np.full((1, 3), 700, np.uint16)
+    process = BiasInputs(rates=rates, keys=np.ones(1, np.uint64), steps=50, silent_steps=3)
+    model = build(process, PyBiasInputsFixed)
+    drive(model, 1)
+    model.v[:], model.bias_mant[:], model.bias_exp[:] = LEVEL, (0, 1, 4095), 7
+    model.time_step = 2
+    model.run_spk()
+    assert model.s_out.sent.tolist() == [False, True, True]
+    for var, value in (("v", STATE_LIMIT), ("bias_mant", 4096), ("bias_mant", -1), ("bias_exp", 8)):
+        with pytest.raises(NetworkLimitError, match=rf"^{var} is {value}, but must be a whole number in .*\.\."):
+            getattr(process, var).check(np.array([0, value]))
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"rates": np.ones((2, 3))}, r"^BiasInputs: rates are float64 \(2, 3\), but must be uint16 \(n, inputs\) in "),
+        ({"rates": np.ones((2, 0), np.uint16)}, r"^BiasInputs: rates are uint16 \(2, 0\), but must be"),
+        ({"keys": np.ones(3, np.uint64)}, r"^BiasInputs: keys are uint64 \(3,\), but must be uint64 \(2,\), one for"),
+        ({"keys": np.ones(2, int)}, r"^BiasInputs: keys are int64 \(2,\), but .*; use lava_vpr.engine.random"),
+        ({"steps": 0}, "^BiasInputs: 0 steps and 3 silent ones, but at least 1 and 0 are needed"),
+        ({"steps": 2.5}, "^BiasInputs: 2.5 steps and 3 silent ones"),
+        ({"silent_steps": -1}, "^BiasInputs: 4 steps and -1 silent ones"),
+        ({"emitted": np.zeros(3)}, r"^BiasInputs: emitted is float64 \(3,\), but must be int64 \(3,\); make it with"),
+    ],
+)
+def test_what_is_no_input_is_refused(changes: dict[str, Any], text: str) -> None:
+    fine = {"rates": np.ones((2, 3), np.uint16), "keys": np.ones(2, np.uint64), "steps": 4, "silent_steps": 3}
+    with pytest.raises(NetworkLimitError, match=text):
+        BiasInputs(**fine | changes)
+
+
+@pytest.mark.parametrize("silent_steps", [3, 4])
+def test_what_is_written_reaches_the_phase_without_a_spike(silent_steps: int) -> None:
+    """The library's LIF, from the pause before the silent steps to the end of the next presentation."""
+    rates, keys = np.stack([EVERY_RATE[::16], EVERY_RATE[::16][::-1]]), presentation_keys(5, "query", np.arange(2))
+    inputs = BiasInputs(rates=rates, keys=keys, steps=30, silent_steps=silent_steps)
+    values = inputs.values(1, silent_steps)
+    assert abs(values["v"]).max() < STATE_LIMIT
+    model = build(SubBiasInputsFixed(inputs).neurons, PyLifModelBitAcc)
+    model.v[:], model.bias_mant[:], model.bias_exp[:] = values["v"], values["bias_mant"], values["bias_exp"]
+    assert not drive(model, silent_steps, port_out="s_out").any()
+    assert np.array_equal(model.v, start_membranes(int(keys[1]), rates.shape[1]))
+    spikes = drive(model, 30, port_out="s_out")
+    assert np.array_equal(spikes, bias_input_spikes(rates[1], int(keys[1]), 30))
+
+
+FIXED = [(job, "fixed_pt") for job in ("fused", "composed", "library")]
+FLOAT = [(job, "floating_pt") for job in ("composed", "library")]
+
+
+def test_every_network_on_every_backend_equals_the_host() -> None:
+    networks = {
+        "b3": random_network(3, seed=7, signed=True, regular=True, bias_input=True),
+        "b8": random_network(8, seed=7, regular=True, bias_input=True, steps=2),
+    }
+    runs = {"b3": FIXED + FLOAT, "b8": FIXED}  # the latter: presentations with more silence than input
+    arrays: Arrays = {}
+    for name, network in networks.items():
+        arrays |= {f"{name}_weights": network.weights, f"{name}_rates": some_rates(4, network.inputs)}
+        arrays[f"{name}_bias"] = network.bias
+        arrays[f"{name}_keys"] = presentation_keys(2, "query", np.arange(4))
+    done: list[int] = []
+    got = run_isolated(
+        "support.lava.bias_targets:networks",
+        arrays,
+        {"networks": {name: network.scalars for name, network in networks.items()}, "runs": runs},
+        timeout=200,
+        progress=done.append,
+    )
+    assert sum(done) == 4 * (5 + 3 + 1)
+    for name, network in networks.items():
+        check_runs(network, runs[name], arrays, got, name)
+    check_board(networks["b3"], arrays, got)
+
+
+def check_runs(network: FixedNetwork, runs: list[tuple[str, str]], arrays: Arrays, got: Arrays, name: str) -> None:
+    """Every run of one network against the host."""
+    rates, keys = arrays[f"{name}_rates"], arrays[f"{name}_keys"]
+    counts, events, film = count_spikes(network, rates, keys, raster=True)
+    inputs = draw_trains(rates, keys, network.steps, network.interval, regular=True)
+    assert counts.sum() > (60 if network.steps > 2 else 0)
+    for job, tag in runs:
+        one = {key: got[f"{name}_{job}_{tag}_{key}"] for key in ("counts", "exc")}
+        if tag == "fixed_pt":
+            assert np.array_equal(one["counts"], counts), (name, job)
+            assert np.array_equal(one["exc"], film), (name, job)
+        if job == "fused":
+            assert dict(zip(EVENTS, got[f"{name}_fused_{tag}_events"].tolist(), strict=True)) == events
+            continue
+        assert np.array_equal(got[f"{name}_{job}_{tag}_inputs"], inputs), (name, job, tag)
+        assert np.array_equal(got[f"{name}_{job}_{tag}_input_spikes"], inputs.sum(axis=(0, 1)))
+        inh = inhibitory_spikes(network, one["exc"])
+        assert np.array_equal(got[f"{name}_{job}_{tag}_inh"], inh)
+        assert np.array_equal(got[f"{name}_{job}_{tag}_inh_spikes"], inh.sum(axis=(0, 1)))
+    if not set(FLOAT) <= set(runs):
+        return
+    # Without truncation ours is the library's float network; inputs are exact in both.
+    ours, theirs = (got[f"{name}_{job}_floating_pt_exc"] for job in ("composed", "library"))
+    assert np.array_equal(ours, theirs)
+    assert np.abs(ours.sum(axis=1, dtype=int) - counts).sum() <= 0.1 * counts.sum()
+
+
+def check_board(network: FixedNetwork, arrays: Arrays, got: Arrays) -> None:
+    """As wired for a board: inputs are on the chip with all the rest; spikes of exc and inh alone leave it."""
+    rates, keys = arrays["b3_rates"].copy(), arrays["b3_keys"]
+    rates[1] = rates[0]
+    counts, _, _ = count_spikes(network, rates, keys)
+    assert np.array_equal(got["board_counts"], counts)
+    assert np.array_equal(got["board_input_spikes"], input_spikes(rates, keys, network.steps))
+    assert got["board_input_spikes"].sum() > 0
+    network_out = [f"PlaceNetwork.{port} NxToPyAdapter" for port in ("s_out", "s_out_inh")]
+    assert got["crossed"].tolist() == ["BiasInputs.s_out None", *network_out]
+    assert got["writes"].tolist() == [1, 3, 3, 1]
+
+
+@pytest.mark.slow
+def test_a_backend_counts_the_same_events() -> None:
+    model, queries = small_model(), encoded()
+    model = replace(model, network=replace(model.network, regular=True, bias_input=True, steps=29))
+    rates = query_rates(queries.activity, model.config)[:2]
+    shown = Presentations(rates, 1)
+    counts, events = backends.get("host").count_spikes(model, shown)
+    assert counts.sum() > 0
+    got, same = backends.get("lava-library").count_spikes(model, shown)
+    assert np.array_equal(got, counts)
+    assert same == events
+
+
+@pytest.mark.data
+@pytest.mark.slow
+def test_twenty_real_queries_with_a_bias_on_every_backend(data_root: Path) -> None:
+    config = update(preset("loihi"), {"network": {"input_mode": "bias"}})
+    model = learn(SECTIONS[0], config)
+    assert isinstance(model.network, FixedNetwork)
+    queries = part(real("winter", config.encoder), slice(0, 20))
+    names = ("lava-fixed", "lava-fused", "lava-library")
+    host = backends.get("host").trains(model, query_presentations(model, queries))
+    assert host.exc.any(axis=(1, 2)).all()
+    every = sum(int(train.sum()) for train in (host.inputs, host.exc, host.inh) if train is not None)
+    assert every > 0.9 * 20 * config.encoder.query_spikes * model.network.steps  # as many inputs as were asked for
+    for verdict in verify(model, queries, np.eye(20, 100, dtype=bool), names=names):
+        print(f"{verdict.name}: {verdict.decided:,} spikes of exc and inh, {verdict.spikes:,} in all")
+        assert verdict.reason is None
+        assert verdict.equal, verdict.mismatch
+        assert verdict.spikes == (host.exc.sum() if verdict.name == "lava-fused" else every)
