@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.distance import cdist
 
 from lava_vpr.errors import InputError
 from lava_vpr.storage.npy import read_array
@@ -103,6 +102,8 @@ def sad_distances(
     pixels = references.shape[1] * references.shape[2]
 
     def compare(q: NDArray[Any], r: NDArray[Any]) -> Scores:
+        from scipy.spatial.distance import cdist  # a query needs no scipy
+
         return np.asarray(cdist(q.astype(np.float64), r.astype(np.float64), "cityblock"))
 
     flat = references.reshape(len(references), pixels), queries.reshape(len(queries), pixels)

@@ -31,7 +31,7 @@ from __future__ import annotations
 
 import typing
 from collections.abc import Callable, Iterator
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,8 @@ Counts = NDArray[np.integer[Any]]
 Scores = NDArray[np.float64]
 ScoresOf = Callable[[Counts], Scores]
 """A function from spikes (n_queries, n_exc) to scores (n_queries, n_places)."""
+Table = Any
+"""Values of pairs of a neuron and a place, (neurons, places): an array, or scipy's sparse matrix of a long map."""
 Variant = Literal["vprsnn2022", "vprsnn", "printed"]
 VARIANTS: tuple[str, ...] = typing.get_args(Variant)
 RELEASED: Variant = "vprsnn2022"
@@ -50,6 +52,7 @@ RELEASED: Variant = "vprsnn2022"
 SHARE_UNIT = 2.0**-30
 # Shares are at most 2^30 units, so a query of this many spikes still adds up below 2^53.
 MAX_QUERY_SPIKES = 1 << 23
+_DENSE = 1 << 22  # pairs of neurons and places: fewer are kept in a table
 QUERY_BLOCK = 1024  # queries at a time: bounds what is needed beside the scores themselves
 
 
@@ -87,29 +90,60 @@ def check_variant(variant: str) -> None:
         raise ConfigError(f"decoder variant {variant!r} is unknown; choose from {', '.join(VARIANTS)}")
 
 
-def _products(spikes: Counts, table: Scores) -> Scores:
+def _products(spikes: Counts, table: Table) -> Scores:
     """``spikes @ table``, shape (n_queries, n_places), for counts of the neurons that ``table`` has rows for."""
-    _check_spikes(spikes, len(table))
+    _check_spikes(spikes, table.shape[0])
     scores = np.empty((len(spikes), table.shape[1]))
     for block in _blocks(len(spikes)):
-        np.matmul(spikes[block].astype(np.float64), table, out=scores[block])
+        _product(spikes[block].astype(np.float64), table, scores[block])
     return scores
+
+
+def _product(spikes: Scores, table: Table, out: Scores) -> None:
+    """``spikes @ table`` into ``out``. Of whole numbers sums are exact in any order: both kinds give the same bits."""
+    if isinstance(table, np.ndarray):
+        np.matmul(spikes, table, out=out)
+    else:
+        out[:] = (table.T @ spikes.T).T
+
+
+class Pairs(NamedTuple):
+    """The pairs of a neuron and a place in whose reference image it spikes, and how often it does, int64 (pairs,)."""
+
+    neurons: NDArray[np.int64]
+    places: NDArray[np.int64]
+    spikes: NDArray[np.int64]
+
+
+def _pairs(responses: Counts) -> Pairs:
+    """All of them, neuron after neuron."""
+    neurons, places = (index.astype(np.int64) for index in responses.nonzero())
+    return Pairs(neurons, places, responses[neurons, places].astype(np.int64))
+
+
+def _table(pairs: Pairs, values: Scores, shape: tuple[int, ...]) -> Table:
+    """``values`` of ``pairs`` in a table (neurons, places), 0 elsewhere; of long maps only the pairs are kept."""
+    if shape[0] * shape[1] > _DENSE and len(values) * 8 < shape[0] * shape[1]:
+        from scipy import sparse  # long maps alone wait for it
+
+        return sparse.csc_matrix((values, (pairs.neurons, pairs.places)), shape=shape)
+    table = np.zeros(shape)
+    table[pairs.neurons, pairs.places] = values
+    return table
 
 
 def _blocks(n: int) -> Iterator[slice]:
     return (slice(start, min(n, start + QUERY_BLOCK)) for start in range(0, n, QUERY_BLOCK))
 
 
-def _shares(responses: Counts) -> Scores:
-    """``S^R[i, l] / sum_m S^R[i, m]``, shape (n_exc, n_places); 0 for a neuron silent on all references."""
-    totals = responses.sum(axis=1, dtype=np.int64)[:, None]
-    return np.divide(responses, totals, out=np.zeros(responses.shape), where=totals > 0)
+def _shares(responses: Counts, pairs: Pairs) -> Scores:
+    """``S^R[i, l] / sum_m S^R[i, m]`` of every pair (i, l)."""
+    return np.asarray(pairs.spikes / responses.sum(axis=1, dtype=np.int64)[pairs.neurons])
 
 
-def _in_units(table: Scores) -> Scores:
-    """``table``, values in [0, 1], turned into whole numbers of `SHARE_UNIT` where it stands."""
-    table *= 1.0 / SHARE_UNIT
-    return np.rint(table, out=table)
+def _in_units(values: Scores) -> Scores:
+    """``values`` in [0, 1] as whole numbers of `SHARE_UNIT`."""
+    return np.rint(values * (1.0 / SHARE_UNIT))
 
 
 def assign(responses: Counts) -> NDArray[np.int64]:
@@ -151,15 +185,23 @@ def assign_from_presentations(counts: Counts, labels: Counts) -> NDArray[np.int6
     sums = np.zeros((len(present), counts.shape[1]), np.int64)
     np.add.at(sums, index.reshape(-1), counts.astype(np.int64))
     chosen = first_most((sums / repeats[:, None]).T)  # equal fractions give equal quotients, so ties are exact
-    return np.where(chosen >= 0, present[np.maximum(chosen, 0)], -1).astype(np.int64)
+    return np.where(chosen >= 0, present.astype(np.int64)[np.maximum(chosen, 0)], -1)
 
 
-def _members(responses: Counts, assignments: NDArray[np.int64] | None) -> Scores:
-    """M_l as a table (n_exc, n_places): 1 where neuron i is assigned to l."""
+def _labels(responses: Counts, assignments: NDArray[np.int64] | None) -> NDArray[np.int64]:
+    """The place that each neuron is assigned to, int64 (n_exc,); -1 for none."""
     labels = assign(responses) if assignments is None else assignments
     if labels.shape != responses.shape[:1]:
         raise InputError(f"assignments: shape {labels.shape}, must be one place for each of {len(responses)} neurons")
-    return (labels[:, None] == np.arange(responses.shape[1])).astype(np.float64)
+    return labels
+
+
+def _members(labels: NDArray[np.int64], n_places: int) -> tuple[Table, NDArray[np.int64]]:
+    """M_l as a table (n_exc, n_places), 1 where neuron i is assigned to l; and their sizes, int64 (n_places,)."""
+    known = np.flatnonzero((labels >= 0) & (labels < n_places))
+    pairs = Pairs(known, labels[known].astype(np.int64), np.ones(len(known), np.int64))
+    sizes = np.bincount(pairs.places, minlength=n_places)
+    return _table(pairs, np.ones(len(known)), (len(labels), n_places)), sizes
 
 
 def standard(
@@ -174,27 +216,29 @@ def standard(
     """
     _check_responses(responses)
     check_variant(variant)
-    members = _members(responses, assignments)
+    members, sizes = _members(_labels(responses, assignments), responses.shape[1])
     if variant == "printed":
         return lambda spikes: _products(spikes, members)
-    sizes = np.maximum(members.sum(axis=0), 1.0)
-    return lambda spikes: _products(spikes, members) / sizes
+    divisors = np.maximum(sizes, 1).astype(np.float64)
+    return lambda spikes: _products(spikes, members) / divisors
 
 
 def _weighted_table(
     responses: Counts, gamma: float, involvement: bool, strength: bool, variant: str
-) -> tuple[Scores, NDArray[np.bool_]]:
+) -> tuple[Table, Pairs]:
     """What one spike of neuron i is worth at place l before the penalty, in `SHARE_UNIT`; and which i learned l."""
-    n_places = responses.shape[1]
-    totals = responses.sum(axis=1, dtype=np.int64)[:, None]
-    learned = responses > 0 if variant == "printed" else responses.astype(np.int64) * 10 > totals
-    table = np.where(learned, _shares(responses) if strength else 1.0, 0.0)
+    n_places, pairs = responses.shape[1], _pairs(responses)
+    if variant != "printed":
+        totals = responses.sum(axis=1, dtype=np.int64)
+        learned = pairs.spikes * 10 > totals[pairs.neurons]
+        pairs = Pairs(*(part[learned] for part in pairs))
+    values = _shares(responses, pairs) if strength else np.ones(len(pairs.spikes))
     if involvement:
         omega = np.count_nonzero(responses, axis=1)
         limit = gamma * n_places
         many = omega >= limit if variant == "vprsnn" else omega > limit
-        table /= np.where(many, np.maximum(omega, 1), 1)[:, None]
-    return _in_units(table), learned
+        values = values / np.where(many, np.maximum(omega, 1), 1)[pairs.neurons]
+    return _table(pairs, _in_units(values), responses.shape), pairs
 
 
 def weighted(
@@ -222,14 +266,15 @@ def weighted(
     _check_responses(responses)
     check_variant(variant)
     table, learned = _weighted_table(responses, gamma, involvement, strength, variant)
-    scores_of = _weighted_by(table, _penalties(responses, learned) if penalty else None)
+    scores_of = _weighted_by(table, _penalties(learned, responses.shape) if penalty else None)
     if variant == "printed":
         return scores_of
-    scored = _members(responses, assignments).any(axis=0)
+    _, sizes = _members(_labels(responses, assignments), responses.shape[1])
+    scored = sizes > 0
     return lambda spikes: np.where(scored, scores_of(spikes), 0.0)
 
 
-def _weighted_by(table: Scores, penalties: ScoresOf | None) -> ScoresOf:
+def _weighted_by(table: Table, penalties: ScoresOf | None) -> ScoresOf:
     """Scores of spikes that are worth what ``table`` says in `SHARE_UNIT`, times ``penalties``, if there are any."""
 
     def scores_of(spikes: Counts) -> Scores:
@@ -243,15 +288,14 @@ def _weighted_by(table: Scores, penalties: ScoresOf | None) -> ScoresOf:
     return scores_of
 
 
-def _penalties(responses: Counts, learned: NDArray[np.bool_]) -> ScoresOf:
+def _penalties(learned: Pairs, shape: tuple[int, ...]) -> ScoresOf:
     """The factor of equation (8), shape (n_queries, n_places); 0 for a place that no neuron learned."""
-    totals = np.where(learned, responses, 0).sum(axis=0, dtype=np.int64)
-    # Whole numbers add up exactly below 2^24 in the half as long type, in any order.
-    kind: type[np.floating[Any]] = np.float32 if totals.max() < 1 << 24 else np.float64
-    known: NDArray[np.floating[Any]] = np.where(learned, responses, 0).astype(kind)
+    totals = np.bincount(learned.places, weights=learned.spikes, minlength=shape[1])
+    known = _table(learned, learned.spikes.astype(np.float64), shape)
 
     def penalties_of(spikes: Counts) -> Scores:
-        heard: NDArray[Any] = (spikes > 0).astype(kind) @ known
+        heard = np.empty((len(spikes), shape[1]))
+        _product((spikes > 0).astype(np.float64), known, heard)
         return np.divide(heard, totals, out=np.zeros(heard.shape), where=totals > 0)
 
     return penalties_of
@@ -267,7 +311,8 @@ def contrast(responses: Counts) -> ScoresOf:
         responses: S^R, int (n_exc, n_places).
     """
     _check_responses(responses)
-    return _weighted_by(_in_units(_shares(responses)), None)
+    pairs = _pairs(responses)
+    return _weighted_by(_table(pairs, _in_units(_shares(responses, pairs)), responses.shape), None)
 
 
 def probability(scores: Scores) -> Scores:
@@ -285,6 +330,11 @@ def probability(scores: Scores) -> Scores:
     return np.divide(n, total, out=n, where=total > 0)
 
 
+def _rows(table: Table, chosen: NDArray[np.int64]) -> Scores:
+    """Some rows of a table, in full."""
+    return table[chosen] if isinstance(table, np.ndarray) else np.asarray(table[chosen].todense())
+
+
 def _scaled(scores: Scores, size: NDArray[Any] | int, low: Scores, high: Scores, total: Scores) -> Scores:
     """Equation (9) summed over ``size`` neurons: ``(scores - size low) / ((high - low) total)``; no spread: all 0."""
     spread = ((high - low) * total)[:, None]
@@ -295,7 +345,7 @@ def _scaled(scores: Scores, size: NDArray[Any] | int, low: Scores, high: Scores,
 def standard_probability(responses: Counts, assignments: NDArray[np.int64] | None = None) -> ScoresOf:
     """Equation (9) after (5), ``printed``: neurons scaled by the least, the most and all spikes at the query."""
     unscaled = standard(responses, variant="printed", assignments=assignments)
-    size = _members(responses, assignments).sum(axis=0)
+    _, size = _members(_labels(responses, assignments), responses.shape[1])
 
     def scores_of(spikes: Counts) -> Scores:
         scores = unscaled(spikes)
@@ -309,7 +359,7 @@ def weighted_probability(responses: Counts, gamma: float = 0.02) -> ScoresOf:
     """Equation (9) after (8), ``printed``: neuron-label pairs scaled by least, most and sum of the query's pairs."""
     _check_responses(responses)
     table, learned = _weighted_table(responses, gamma, True, True, "printed")
-    penalties = _penalties(responses, learned)
+    penalties = _penalties(learned, responses.shape)
     unscaled = _weighted_by(table, penalties)
 
     def scores_of(spikes: Counts) -> Scores:
@@ -320,7 +370,7 @@ def weighted_probability(responses: Counts, gamma: float = 0.02) -> ScoresOf:
                 active = np.flatnonzero(spikes[q])
                 if len(active) == 0:
                     continue
-                pairs = table[active] * spikes[q, active, None]
+                pairs = _rows(table, active) * spikes[q, active, None]
                 high[q] = (pairs.max(axis=0) * penalty).max()
                 if len(active) == spikes.shape[1]:  # else a silent neuron makes the least 0
                     low[q] = (pairs.min(axis=0) * penalty).min()

@@ -24,13 +24,14 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.distance import cdist
 
 from lava_vpr.errors import InputError
 
 Scores = NDArray[np.float64]
 Truth = NDArray[np.bool_]
 VPRSNN_THRESHOLDS = 99
+_BLOCK = 256
+"""Queries at a time: bounds what is needed beside the scores themselves."""
 
 
 @dataclass(frozen=True)
@@ -121,6 +122,8 @@ def truth_from_positions(ref_xy: NDArray[Any], query_xy: NDArray[Any], radius: f
     if arrays[0].shape[1] != arrays[1].shape[1]:
         dims = " and ".join(str(array.shape[1]) for array in arrays)
         raise InputError(f"reference and query positions have {dims} coordinates; use the same frame for both")
+    from scipy.spatial.distance import cdist  # a query needs no scipy
+
     return np.asarray(cdist(arrays[1], arrays[0]) <= radius)
 
 
@@ -129,11 +132,12 @@ def _true_rank(scores: Scores, truth: Truth) -> NDArray[np.int64]:
     n_queries, n_places = scores.shape
     rank = np.full(n_queries, n_places, np.int64)
     known = np.flatnonzero(truth.any(axis=1) & scores.any(axis=1))
-    answered = scores[known]
-    place = np.where(truth[known], answered, -np.inf).argmax(axis=1)
-    value = answered[np.arange(len(known)), place][:, None]
-    better = (answered > value) | ((answered == value) & (np.arange(n_places) < place[:, None]))
-    rank[known] = np.count_nonzero(better, axis=1)
+    for some in (known[start : start + _BLOCK] for start in range(0, len(known), _BLOCK)):
+        answered = scores[some]
+        place = np.where(truth[some], answered, -np.inf).argmax(axis=1)
+        value = answered[np.arange(len(some)), place][:, None]
+        better = (answered > value) | ((answered == value) & (np.arange(n_places) < place[:, None]))
+        rank[some] = np.count_nonzero(better, axis=1)
     return rank
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
+from lava_vpr.matching.certainty import contrast
 
 Scores = NDArray[np.float64]
 
@@ -146,3 +147,42 @@ class SequenceMatcher:
             return replace(self, rows=known), np.zeros((0, self.n_places - self.length + 1))
         last = known[len(known) - self.length + 1 :].copy()
         return replace(self, rows=last), causal_sequence_scores(known, self.length, normalise=False)
+
+
+class Pace:
+    """Whether queries move along the places at the references' own speed, as sequences take for granted.
+
+    Queries that are sure by themselves (`certainty.contrast` of at least `SURE`) tell their places. Two of them,
+    at most `APART` queries apart, give a step in places a query.
+    """
+
+    SURE, APART, FEWEST = 2.0, 10, 10
+
+    def __init__(self) -> None:
+        self._seen, self._last, self._steps = 0, (-self.APART - 1, 0), list[float]()
+
+    def update(self, scores: Scores) -> None:
+        """Take the scores (n, places) of the next single queries."""
+        sure = scores.any(axis=1) & (contrast(scores) >= self.SURE)
+        places = scores.argmax(axis=1)
+        for number in np.flatnonzero(sure):
+            query, place = self._seen + int(number), int(places[number])
+            apart = query - self._last[0]
+            if apart <= self.APART:
+                self._steps.append((place - self._last[1]) / apart)
+            self._last = (query, place)
+        self._seen += len(scores)
+
+    def contradiction(self, length: int) -> str | None:
+        """One line, if most steps are not about one place a query; None if they are, or if too few are known.
+
+        Args:
+            length: Queries in a sequence.
+        """
+        steps = np.array(self._steps)
+        if len(steps) < self.FEWEST or np.count_nonzero(np.abs(steps - 1.0) <= 0.25) * 2 >= len(steps):
+            return None
+        return (
+            f"--sequence {length} takes the queries to move by one place each, but the surest of them "
+            f"move by {np.median(steps):.2g}; use --motion any, which follows any speed, stops and turns"
+        )

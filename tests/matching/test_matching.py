@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
-from lava_vpr.matching.answers import Answers, LookingBack, answers_of
+from lava_vpr.matching.answers import Answers, LookingBack, Together, answers_of
 from lava_vpr.matching.evaluation import truth_from_indices
 from lava_vpr.matching.sequences import (
     SequenceMatcher,
@@ -60,10 +60,11 @@ def test_sequences_equal_the_loops(case: tuple[NDArray[np.float64], int]) -> Non
 @settings(deadline=None, max_examples=40, derandomize=True)
 def test_answers_look_back(case: tuple[NDArray[np.float64], int]) -> None:
     scores, length = case
-    _, answers = LookingBack.of("sad", scores.shape[1], length).update(scores)
+    _, answers = LookingBack.of("sad", scores.shape[1], Together(length)).update(scores)
     windows = literal(scores, length, causal=True) if length > 1 else dict(np.ndenumerate(scores))
     assert len(answers.matches) == len(answers.confidence) == len(scores)
-    for query, (match, confidence) in enumerate(zip(*answers, strict=True)):
+    assert np.isnan(answers.probability).all()
+    for query, (match, confidence, _) in enumerate(zip(*answers[:3], strict=True)):
         places = {r: value for (q, r), value in windows.items() if q == query}
         if not any(places.values()):  # no window ends here, or it holds no score
             assert (match, confidence) == (-1, -np.inf)
@@ -107,16 +108,17 @@ def test_answers_do_not_depend_on_how_queries_come(case: tuple[NDArray[np.float6
         whole = Answers(
             np.concatenate([np.full(first, -1), np.where(known, windows.matches + first, -1)]),
             np.concatenate([np.full(first, -np.inf), windows.confidence]),
+            np.full(len(scores), np.nan),
         )
     else:
         whole = answers_of("sad", scores)
     for parts in (cut(scores, ends), list(scores[:, None])):
-        state, answers = LookingBack.of("sad", scores.shape[1], length), []
+        state, answers = LookingBack.of("sad", scores.shape[1], Together(length)), []
         for part in parts:
             state, answer = state.update(part)
             assert len(answer.matches) == len(answer.confidence) == len(part)
             answers.append(answer)
-        for field in (0, 1):
+        for field in range(3):
             np.testing.assert_array_equal(np.concatenate([answer[field] for answer in answers]), whole[field])
 
 

@@ -1,0 +1,171 @@
+"""Probability: how likely it is that a single query shows the place that matches it best, from its margin alone.
+
+The margin is the best score less the second. How it is distributed is measured on the references, without any query
+(`lava_vpr.training.calibration`): of references that were altered, right and wrong; and of references whose places were
+left out of the map, which is what an image off the map looks like. A logistic curve through both, each with half of the
+weight, is the probability: **half of the queries are taken to be off the map**.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.errors import ConfigError
+from lava_vpr.matching.certainty import margin
+from lava_vpr.matching.equations import Scores
+
+RIGHT, WRONG, OFF_MAP = KINDS = (1.0, 0.0, -1.0)
+"""What a sample of a calibration was: an altered reference matched by its place or by another, or one off the map."""
+_ROUNDS, _RIDGE = 50, 1e-3
+
+
+class Fit(NamedTuple):
+    """The logistic curve ``1 / (1 + exp(-(offset + slope margin)))``."""
+
+    offset: float
+    slope: float
+
+
+class Kept(NamedTuple):
+    """What a threshold keeps of the samples of a calibration.
+
+    Attributes:
+        probability: The least probability that is accepted.
+        precision: Share of what is accepted that is right, by the curve.
+        kept: Share of the samples on the map that are accepted.
+        false_accepts: Share of the samples off the map that are accepted.
+    """
+
+    probability: float
+    precision: float
+    kept: float
+    false_accepts: float
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """Margins of references, and what became of them.
+
+    Attributes:
+        samples: float32 (k, 2): the margin of each, and `RIGHT`, `WRONG` or `OFF_MAP`; some on the map and some off it.
+    """
+
+    samples: NDArray[np.float32] = field(repr=False)
+
+    @cached_property
+    def _weights(self) -> NDArray[np.float64]:
+        """The weight of each sample: those on the map have half of it together, those off it the other half."""
+        off = self.samples[:, 1] == OFF_MAP
+        return np.where(off, 0.5 / max(1, int(off.sum())), 0.5 / max(1, int((~off).sum())))
+
+    @cached_property
+    def curve(self) -> Fit:
+        """The logistic curve that fits the samples best (Newton's method; a little ridge keeps the slope finite)."""
+        margins, right = self.samples[:, 0].astype(np.float64), self.samples[:, 1] == RIGHT
+        centre, spread = float(margins.mean()), float(margins.std()) or 1.0
+        terms = np.stack([np.ones(len(margins)), (margins - centre) / spread])
+        ridge, at = np.diag([0.0, 2 * _RIDGE]), np.zeros(2)
+        for _ in range(_ROUNDS):
+            chance = _logistic(at @ terms)
+            slope = terms @ (self._weights * (chance - right)) + ridge @ at
+            bend = (terms * (self._weights * np.maximum(chance * (1 - chance), 1e-9))) @ terms.T + ridge
+            step = np.linalg.solve(bend, slope)
+            step /= max(1.0, float(np.abs(step).max()))  # never further than one unit at a time
+            at = at - step
+            if float(np.abs(step).max()) < 1e-10:
+                break
+        slope_ = max(0.0, float(at[1]) / spread)  # a surer match is never less probable
+        return Fit(float(at[0]) - slope_ * centre, slope_)
+
+    @cached_property
+    def _chances(self) -> NDArray[np.float64]:
+        """The probability of each sample."""
+        return _logistic(self.curve.offset + self.curve.slope * self.samples[:, 0].astype(np.float64))
+
+    def probabilities(self, scores: Scores) -> NDArray[np.float64]:
+        """How likely the best place of each query is the right one, float64 (n,); 0 where none matches.
+
+        Args:
+            scores: Scores of single queries (n, places) by the decoder that was calibrated.
+        """
+        chance = _logistic(self.curve.offset + self.curve.slope * margin(scores))
+        return np.where(scores.any(axis=1), chance, 0.0)
+
+    def keeping(self, precision: float) -> Kept:
+        """The least probability with which, by the curve, so many of the accepted samples are right.
+
+        The samples themselves are not counted: one pair of places that look the same would decide about 0.99.
+
+        Args:
+            precision: Share of the accepted that shall be right, above 0 and below 1.
+        Returns:
+            A threshold above 1, which keeps nothing, where no threshold is as precise.
+        Raises:
+            ConfigError: the precision is out of its range.
+        """
+        check_precision(precision)
+        chance, off = self._chances, self.samples[:, 1] == OFF_MAP
+        order = np.argsort(-chance, kind="stable")
+        accepted, hits = np.cumsum(self._weights[order]), np.cumsum((self._weights * chance)[order])
+        last = np.append(np.diff(chance[order]) != 0, True)  # equal ones are accepted together
+        good = np.flatnonzero(last & (hits >= precision * accepted))
+        if len(good) == 0:
+            return Kept(math.inf, math.nan, 0.0, 0.0)
+        least, reached = float(chance[order][good[-1]]), float(hits[good[-1]] / accepted[good[-1]])
+        kept, false_accepts = (float((chance[those] >= least).mean()) if those.any() else 0.0 for those in (~off, off))
+        return Kept(least, reached, kept, false_accepts)
+
+
+def check_precision(precision: float) -> None:
+    """Refuse a precision that is not above 0 and below 1.
+
+    Raises:
+        ConfigError: it is not.
+    """
+    if not 0 < precision < 1:
+        raise ConfigError(f"a precision of {precision:g} cannot be aimed at; give one above 0 and below 1")
+
+
+def _logistic(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """``1 / (1 + exp(-x))``, rounded to 9 digits, so that it is the same number on every machine."""
+    return np.round(1.0 / (1.0 + np.exp(-np.clip(x, -30.0, 30.0))), 9)
+
+
+class Bin(NamedTuple):
+    """Answers of like probability: how many, how probable on average, and how many of them were right."""
+
+    answers: int
+    probability: float
+    right: float
+
+
+def reliability(
+    probability: NDArray[np.float64], right: NDArray[np.bool_], bins: int = 10
+) -> tuple[tuple[Bin, ...], float]:
+    """Bins of equal width that are not empty, and the expected calibration error (Naeini et al., AAAI 2015).
+
+    Args:
+        probability: Of each answer, float64 (n,), in [0, 1].
+        right: Whether the answer was right, bool (n,).
+        bins: Number of bins.
+    Returns:
+        The bins by rising probability; and the error: how far probability and share of the right are apart, weighted by
+        the number of answers; NaN without answers.
+    """
+    number = np.clip((probability * bins).astype(np.int64), 0, bins - 1)
+    found = []
+    for chosen in (number == k for k in range(bins)):
+        if chosen.any():
+            answers = int(chosen.sum())
+            found.append(Bin(answers, math.fsum(probability[chosen]) / answers, int(right[chosen].sum()) / answers))
+    if not found:
+        return (), math.nan
+    # Exact sums: ``sum`` rounds otherwise since Python 3.12, and the order of numpy's sums is its own.
+    error = math.fsum(bin_.answers * abs(bin_.probability - bin_.right) for bin_ in found) / len(probability)
+    return tuple(found), error

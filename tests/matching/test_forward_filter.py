@@ -1,0 +1,184 @@
+"""The forward filter, beside a literal hidden Markov model written as one matrix, and on drives of every sort."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lava_vpr.errors import ConfigError, InputError
+from lava_vpr.matching.answers import LookingBack, Together
+from lava_vpr.matching.forward_filter import (
+    ANYWHERE,
+    COMING,
+    FLAT,
+    LEAVING,
+    MOTIONS,
+    PEAK,
+    SHARE,
+    Belief,
+    ForwardFilter,
+    filtered,
+    smooth,
+)
+
+PLACES = 60
+
+
+def matrix(n: int, motion: str) -> NDArray[np.float64]:
+    """How a belief over n places and off the map moves, (n + 1, n + 1): row to column."""
+    least, weights = MOTIONS[motion]
+    moves = np.zeros((n + 1, n + 1))
+    for place in range(n):
+        for k, weight in enumerate(weights):
+            to = place + least + k
+            moves[place, to if 0 <= to < n else n] += (1 - ANYWHERE - LEAVING) * weight / sum(weights)
+        moves[place, :n] += ANYWHERE / n
+        moves[place, n] += LEAVING
+    moves[n, :n] = COMING / n
+    moves[n, n] = 1 - COMING
+    return moves
+
+
+def likelihoods(scores: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of every state, (queries, n + 1)."""
+    squares = scores**2
+    peak = min(PEAK, SHARE * scores.shape[1])
+    rows = [FLAT + peak * row / row.sum() if row.any() else np.ones(len(row)) for row in squares]
+    return np.concatenate([np.array(rows), np.ones((len(scores), 1))], axis=1)
+
+
+def drawn(seed: int, queries: int = 12, n: int = 9) -> NDArray[np.float64]:
+    """Scores without any order, one query without a spike."""
+    scores = np.random.default_rng(seed).gamma(0.4, 4.0, (queries, n))
+    scores[3] = 0.0
+    return scores
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize("seed", range(3))
+def test_the_filter_is_the_markov_model(motion: str, seed: int) -> None:
+    scores = drawn(seed)
+    n = scores.shape[1]
+    moves, seen = matrix(n, motion), likelihoods(scores)
+    assert moves.sum(axis=1) == pytest.approx(np.ones(n + 1))
+    state = np.append(np.full(n, 0.5 / n), 0.5)
+    forward = []
+    for number, row in enumerate(seen):
+        state = (state if number == 0 else state @ moves) * row
+        state = state / state.sum()
+        forward.append(state)
+    start, moving = ForwardFilter(Belief.unknown(n), motion), np.ones(len(scores), bool)
+    beliefs = filtered(start, scores, moving)
+    found = np.concatenate([beliefs.places, beliefs.off_map[:, None]], axis=1)
+    np.testing.assert_allclose(found, np.array(forward), rtol=1e-10)
+    later = np.ones(n + 1)
+    both = [forward[-1]]
+    for number in range(len(seen) - 1, 0, -1):
+        later = moves @ (seen[number] * later)
+        later = later / later.max()
+        told = forward[number - 1] * later
+        both.append(told / told.sum())
+    smooth(start, beliefs, scores, moving)
+    found = np.concatenate([beliefs.places, beliefs.off_map[:, None]], axis=1)
+    np.testing.assert_allclose(found, np.array(both[::-1]), rtol=1e-9)
+
+
+def test_the_filter_does_not_look_ahead() -> None:
+    scores = drawn(7)
+    start, moving = ForwardFilter(Belief.unknown(scores.shape[1])), np.ones(len(scores), bool)
+    whole, part = filtered(start, scores, moving), filtered(start, scores[:5], moving[:5])
+    assert np.array_equal(whole.places[:5], part.places)
+
+
+def world(seed: int, place: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Scores of queries at these places (-1: off the map), two in ten of which look like another place."""
+    rng = np.random.default_rng(seed)
+    looks = np.round(rng.gamma(1.0, 1.2, (PLACES, PLACES)))
+    fooled = rng.random(PLACES) < 0.2
+    looks[np.arange(PLACES), np.where(fooled, rng.integers(0, PLACES, PLACES), np.arange(PLACES))] += 12
+    looks[np.arange(PLACES), np.arange(PLACES)] += 3
+    nowhere = np.round(rng.gamma(1.0, 1.2, (len(place), PLACES)))
+    return np.where(place[:, None] >= 0, looks[place], nowhere)
+
+
+DRIVES = {
+    "at half the speed": np.repeat(np.arange(PLACES), 2),
+    "at the same speed": np.arange(PLACES),
+    "1.5 times as fast": (np.arange(PLACES // 1.5) * 1.5).astype(np.int64),
+    "twice as fast": np.arange(0, PLACES, 2),
+    "with stops": np.concatenate([np.full(20 if k % 15 == 7 else 1, k) for k in range(PLACES)]),
+    "backwards": np.arange(PLACES)[::-1],
+    "there and back": np.concatenate([np.arange(PLACES), np.arange(PLACES)[::-1]]),
+}
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+def test_a_drive_at_any_speed_is_followed(drive: str) -> None:
+    truth = DRIVES[drive]
+    scores = world(1, truth)
+    moving = np.append(True, np.diff(truth) != 0)
+    alone = float((scores.argmax(axis=1) == truth).mean())
+    beliefs = filtered(ForwardFilter(Belief.unknown(PLACES)), scores, moving)
+    places, chance = beliefs.best()
+    near = np.abs(places - truth) <= 1
+    assert near.mean() > max(alone, 0.9)
+    assert (near | (chance < 0.95)).mean() > 0.98
+
+
+def test_who_is_carried_off_is_found_again() -> None:
+    truth = np.concatenate([np.arange(5, 25), np.arange(40, 52)])
+    places, _ = filtered(ForwardFilter(Belief.unknown(PLACES)), world(2, truth), np.ones(len(truth), bool)).best()
+    assert np.array_equal(places[-4:], truth[-4:])
+
+
+def test_off_the_map_is_an_answer() -> None:
+    truth = np.concatenate([np.arange(10, 40), np.full(25, -1)])
+    beliefs = filtered(ForwardFilter(Belief.unknown(PLACES)), world(3, truth), np.ones(len(truth), bool))
+    assert beliefs.off_map[-10:].min() > 0.9
+    assert beliefs.off_map[10:30].max() < 0.3
+    assert beliefs.best()[1][-10:].max() < 0.1
+
+
+def test_standing_still_is_no_news() -> None:
+    state = ForwardFilter(Belief.unknown(5)).update(np.array([1.0, 4, 0, 0, 0]), first=True)
+    assert state.update(np.array([0.0, 0, 0, 9, 0]), moving=False) is state
+
+
+def test_odometry_takes_the_belief_along() -> None:
+    along = np.cumsum(np.array([0.0, 5, 5, 20, 5, 5, 5, 30, 5, 5]))
+    state = ForwardFilter(Belief(np.eye(10)[1], 0.0), "forward", along)
+    carried = state.moved(state.belief, 25.0)
+    assert carried.places.argmax() == 3
+    both = ForwardFilter(state.belief, "any", along).moved(state.belief, 5.0)
+    assert both.places[[0, 2]].min() > both.places[4:].max()
+    gone = state.moved(state.belief, 500.0)
+    assert gone.off_map > 0.9
+    for belief in (carried, both, gone):
+        assert belief.places.sum() + belief.off_map == pytest.approx(1.0)
+
+
+def test_what_makes_no_sense_is_refused() -> None:
+    state = ForwardFilter(Belief.unknown(4))
+    with pytest.raises(InputError, match=r"scores of shape \(3,\) for 4 places"):
+        state.update(np.ones(3))
+    with pytest.raises(InputError, match="odometry needs a map with positions"):
+        state.update(np.ones(4), odometry=1.0)
+    with pytest.raises(InputError, match="finite number of metres"):
+        ForwardFilter(Belief.unknown(4), "any", np.arange(4.0)).update(np.ones(4), odometry=float("nan"))
+    with pytest.raises(ConfigError, match="there is no motion 'sideways'; choose from any, forward, none"):
+        Together(motion="sideways")
+    with pytest.raises(ConfigError, match="both look back"):
+        Together(sequence=5, motion="any")
+
+
+@pytest.mark.parametrize("cuts", [[], [1], [4, 5, 9]])
+def test_a_stream_is_followed_in_any_parts(cuts: list[int]) -> None:
+    scores, moving = drawn(1), np.random.default_rng(0).random(12) < 0.7
+    whole = filtered(ForwardFilter(Belief.unknown(9)), scores, moving).best()
+    state, found = LookingBack.of("contrast", 9, Together(motion="any")), []
+    for some, moves in zip(np.split(scores, cuts), np.split(moving, cuts), strict=True):
+        state, answers = state.update(some, moves)
+        found.append(answers)
+    assert np.array_equal(np.concatenate([answers.matches for answers in found]), whole[0])
+    assert np.concatenate([answers.probability for answers in found]) == pytest.approx(whole[1], abs=1e-8)

@@ -1,0 +1,155 @@
+"""Probabilities of single queries: the curve beside scipy's optimum, the rest beside plain counting."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from lava_vpr.errors import ConfigError
+from lava_vpr.matching.answers import ALONE, Answers, Together, accepted, answers_of, least_probability
+from lava_vpr.matching.certainty import margin
+from lava_vpr.matching.probability import OFF_MAP, RIGHT, WRONG, Calibration, reliability
+from lava_vpr.matching.trust import TARGETS, trust
+
+
+def samples(seed: int, on_map: int = 300, off_map: int = 200) -> NDArray[np.float32]:
+    """Margins as they come: large where right, small where wrong or off the map."""
+    rng = np.random.default_rng(seed)
+    right = rng.random(on_map) < 0.9
+    margins = np.where(right, rng.gamma(4.0, 3.0, on_map), rng.gamma(1.0, 1.5, on_map))
+    on = np.stack([margins, np.where(right, RIGHT, WRONG)], axis=1)
+    off = np.stack([rng.gamma(1.2, 2.0, off_map), np.full(off_map, OFF_MAP)], axis=1)
+    return np.concatenate([on, off]).astype(np.float32)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_curve_is_the_likeliest(seed: int) -> None:
+    taken = samples(seed)
+    margins, right = taken[:, 0].astype(float), taken[:, 1] == RIGHT
+    off = taken[:, 1] == OFF_MAP
+    weights = np.where(off, 0.5 / off.sum(), 0.5 / (~off).sum())
+    spread = margins.std()
+
+    def loss(curve: NDArray[np.float64]) -> float:
+        exponents = np.where(right, -1.0, 1.0) * (curve[0] + curve[1] * margins)
+        return float((weights * np.logaddexp(0.0, exponents)).sum() + 1e-3 * (curve[1] * spread) ** 2)
+
+    wanted = minimize(loss, np.zeros(2), method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-14, "maxiter": 4000})
+    assert Calibration(taken).curve == pytest.approx(tuple(wanted.x), rel=1e-4)
+
+
+def test_probability_follows_the_margin() -> None:
+    calibration = Calibration(samples(0))
+    scores = np.array([[0.0, 0, 0], [5, 5, 0], [6, 0, 3], [20, 1, 0], [2.5, 2, 1]])
+    chances = calibration.probabilities(scores)
+    assert chances[0] == 0.0
+    order = np.argsort(margin(scores)[1:], kind="stable")
+    assert (np.diff(chances[1:][order]) > 0).all()
+    offset, slope = calibration.curve
+    assert chances[3] == pytest.approx(1 / (1 + math.exp(-(offset + slope * 19))), abs=1e-9)
+    answers = answers_of("contrast", scores, calibration)
+    assert np.array_equal(answers.probability, chances)
+    assert np.isnan(answers_of("contrast", scores).probability).all()
+
+
+def test_margins_that_tell_nothing_give_half_of_the_right_a_chance() -> None:
+    flat = np.array([[1, RIGHT], [1, RIGHT], [1, OFF_MAP], [1, OFF_MAP]], np.float32)
+    assert Calibration(flat).probabilities(np.array([[9.0, 1.0]])) == pytest.approx([0.5], abs=1e-6)
+    reversed_ = np.array([[1, RIGHT], [9, OFF_MAP]], np.float32)
+    assert Calibration(reversed_).curve.slope == 0.0
+
+
+@pytest.mark.parametrize("precision", [0.8, 0.9, 0.95, 0.99])
+def test_a_threshold_keeps_as_much_as_the_precision_allows(precision: float) -> None:
+    taken = samples(3)
+    calibration = Calibration(taken)
+    kept = calibration.keeping(precision)
+    chances = calibration.probabilities(np.stack([taken[:, 0].astype(float), np.zeros(len(taken))], axis=1))
+    chances[taken[:, 0] == 0] = 1 / (1 + math.exp(-calibration.curve.offset))
+    off = taken[:, 1] == OFF_MAP
+    weights = np.where(off, 0.5 / off.sum(), 0.5 / (~off).sum())
+
+    def by(least: float) -> float:
+        good = chances >= least
+        return float((weights * chances)[good].sum() / weights[good].sum())
+
+    assert by(kept.probability) == pytest.approx(kept.precision)
+    assert kept.precision >= precision
+    lower = chances[chances < kept.probability]
+    assert len(lower) == 0 or by(lower.max()) < precision
+    assert kept.kept == pytest.approx((chances[~off] >= kept.probability).mean())
+    assert kept.false_accepts == pytest.approx((chances[off] >= kept.probability).mean())
+
+
+def test_what_no_threshold_reaches_keeps_nothing() -> None:
+    hopeless = np.array([[k, OFF_MAP if k % 2 else RIGHT] for k in range(10)], np.float32)
+    kept = Calibration(hopeless).keeping(0.999)
+    assert (kept.probability, kept.kept, kept.false_accepts) == (math.inf, 0.0, 0.0)
+    together = Together(calibration=Calibration(hopeless))
+    answers = answers_of("contrast", np.array([[99.0, 0.0]]), together.calibration)
+    assert not accepted(answers, least_probability(together, 0.999)).any()
+
+
+@pytest.mark.parametrize("precision", [0.0, 1.0, -0.5, 2.0, math.nan])
+def test_a_precision_out_of_range_is_refused(precision: float) -> None:
+    with pytest.raises(ConfigError, match="above 0 and below 1"):
+        least_probability(ALONE, precision)
+
+
+def test_without_a_calibration_every_match_is_accepted() -> None:
+    answers = answers_of("contrast", np.array([[3.0, 1.0], [0.0, 0.0]]))
+    assert accepted(answers, least_probability(ALONE, 0.95)).tolist() == [True, False]
+    assert trust(answers, np.eye(2, dtype=bool), ALONE) is None
+
+
+def test_reliability_counts_plainly() -> None:
+    rng = np.random.default_rng(5)
+    chance = rng.random(400)
+    right = rng.random(400) < chance**2
+    bins, error = reliability(chance, right)
+    wanted = 0.0
+    for k in range(10):
+        inside = (chance >= k / 10) & (chance < (k + 1) / 10)
+        wanted += inside.sum() * abs(chance[inside].mean() - right[inside].mean()) / 400
+        assert bins[k].answers == inside.sum()
+    assert error == pytest.approx(wanted)
+    # The last digit does not depend on the order of sums, which Pythons and numpys have of their own.
+    for order in (np.arange(400)[::-1], rng.permutation(400), rng.permutation(400)):
+        assert reliability(chance[order], right[order]) == (bins, error)
+    assert reliability(np.ones(3), np.ones(3, bool)) == (((3, 1.0, 1.0),), 0.0)
+    assert math.isnan(reliability(np.zeros(0), np.zeros(0, bool))[1])
+
+
+def test_trust_counts_what_thresholds_do() -> None:
+    calibration = Calibration(samples(1))
+    rng = np.random.default_rng(2)
+    scores = rng.gamma(1.0, 4.0, (60, 12))
+    truth = np.zeros((60, 12), bool)
+    truth[np.arange(40), rng.integers(0, 12, 40)] = True
+    truth[np.arange(20), scores[:20].argmax(axis=1)] = True
+    answers, together = answers_of("contrast", scores, calibration), Together(calibration=calibration)
+    found = trust(answers, truth, together)
+    assert found is not None
+    assert [row.target for row in found.thresholds] == list(TARGETS)
+    assert found.off_map == pytest.approx(20 / 60)
+    for row in found.thresholds:
+        good = answers.probability >= row.probability
+        right = truth[np.arange(60), answers.matches]
+        assert row.kept == pytest.approx((good & right).sum() / 40)
+        assert row.false_accepts == pytest.approx(good[40:].mean())
+        assert math.isnan(row.precision) if not good.any() else row.precision == pytest.approx(right[good].mean())
+    assert found.as_json()["expected_calibration_error"] == found.error
+
+
+def test_a_filtered_answer_is_right_one_place_beside() -> None:
+    truth = np.eye(5, dtype=bool)
+    answers = Answers(np.array([1, 0, 2, 3, 2]), np.ones(5), np.full(5, 0.999))
+    alone, near = (trust(answers, truth, together) for together in (ALONE, Together(motion="any")))
+    assert alone is not None
+    assert near is not None
+    assert near.thresholds[-1].precision == pytest.approx(4 / 5)
+    assert alone.bins[0].right == pytest.approx(2 / 5)
