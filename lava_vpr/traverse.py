@@ -1,8 +1,9 @@
 """Traverses: the images of one drive along a route, in order.
 
-A traverse is read from a folder, a list, a video or one image, and is lazy: it holds names and loads one image at a
-time. Every image keeps its absolute index, its number (from 0) in the whole sequence of its source, also when only a
-part of that is taken; positions and ground truth (`lava_vpr.truth.groundtruth`) are in absolute indices, too.
+A traverse is read from a folder, a list, a video, a ROS bag or one image, and is lazy: it holds names and loads one
+image at a time. Every image keeps its absolute index, its number (from 0) in the whole sequence of its source, also
+when only a part of that is taken; positions and ground truth (`lava_vpr.truth.groundtruth`) are in absolute indices,
+too.
 """
 
 from __future__ import annotations
@@ -10,17 +11,23 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
+from lava_vpr.images.bags import BAG_SUFFIXES, bag_files, bag_frames, is_bag, sample_bag, split_topic
 from lava_vpr.images.files import IMAGE_SUFFIXES, VIDEO_SUFFIXES, folder_images
 from lava_vpr.images.imagefiles import read_image
 from lava_vpr.images.lists import LIST_SUFFIXES, listed_images
 from lava_vpr.images.videos import sample_video, video_frames
+from lava_vpr.positions.frames import Positions
+from lava_vpr.positions.names import positions_of_names, stamps_of_names
+from lava_vpr.positions.stamps import in_seconds, stamp_of
+from lava_vpr.positions.tables import read_stamps
+from lava_vpr.positions.track import MOST_GAP_S, Asked, images_on, read_track
 from lava_vpr.storage.text import shown
 
 
@@ -31,14 +38,24 @@ class Traverse:
     Attributes:
         source: What the user gave.
         indices: Absolute index of each image in the whole sequence of the source, int64 (n,).
-        paths: File of each image, as text, since a `Path` takes three times as much; of a video, that one file.
-        frames: Frame number of each image in a video, int64 (n,); None unless this is a video.
+        paths: File of each image, as text, since a `Path` takes three times as much; of a video, that one file; of a
+            bag, itself and what is in its folder.
+        frames: Number of each image in a video or in a bag's topic, int64 (n,); None unless this is one.
+        stamps: When each image was taken, in seconds (`lava_vpr.positions.stamps`), float64 (n,): of a video since its
+            first frame; None if nobody says.
+        positions: Where each image was taken; None if nobody says.
+        bag: Whether this is a bag.
+        topic: Its topic that was asked for; None: the only one.
     """
 
     source: str
     indices: NDArray[np.int64]
     paths: tuple[str, ...]
     frames: NDArray[np.int64] | None = None
+    stamps: NDArray[np.float64] | None = None
+    positions: Positions | None = None
+    bag: bool = False
+    topic: str | None = None
 
     def __len__(self) -> int:
         return len(self.indices)
@@ -48,8 +65,7 @@ class Traverse:
         """File name of each image, or ``frame 000012`` with the frame's number in the video; made anew when asked."""
         if self.frames is not None:
             return tuple(f"frame {number:06d}" for number in self.frames)
-        # File names that are not text in this locale carry surrogates, which no JSON, CSV or terminal takes.
-        return tuple(os.fsencode(os.path.basename(path)).decode("utf-8", "replace") for path in self.paths)
+        return tuple(printable(path) for path in self.paths)
 
     def images(self) -> Iterator[NDArray[np.uint8]]:
         """All images in order, each (h, w, 3) BGR or (h, w) grey; a video is decoded in one pass.
@@ -57,18 +73,23 @@ class Traverse:
             InputError: an image cannot be read; the message names it.
         """
         if self.frames is not None:
-            yield from video_frames(Path(self.paths[0]), self.frames)
+            yield from self._frames(self.frames)
         else:
             for path in self.paths:
                 yield read_image(Path(path))
 
     def load(self, i: int) -> NDArray[np.uint8]:
-        """Image number ``i`` of this traverse, 0 <= i < len. In a video, all frames before it are decoded first."""
+        """Image number ``i`` of this traverse, 0 <= i < len. Of a video or bag, all before it is read first."""
         if not 0 <= i < len(self):
             raise IndexError(f"image {i} of a traverse of {len(self)}")
         if self.frames is not None:
-            return next(video_frames(Path(self.paths[0]), self.frames[i : i + 1]))
+            return next(self._frames(self.frames[i : i + 1]))
         return read_image(Path(self.paths[i]))
+
+    def _frames(self, numbers: NDArray[np.int64]) -> Iterator[NDArray[np.uint8]]:
+        """The images of a video or bag that have these numbers in it."""
+        path = Path(self.paths[0])
+        return bag_frames(path, self.topic, numbers) if self.bag else video_frames(path, numbers)
 
     def between(self, first: int, end: int) -> Traverse:
         """Images ``first`` .. ``end`` - 1 of this traverse.
@@ -94,7 +115,31 @@ class Traverse:
             self.indices[order].astype(np.int64),
             self.paths if self.frames is not None else tuple(self.paths[i] for i in order),
             None if self.frames is None else self.frames[order].astype(np.int64),
+            None if self.stamps is None else self.stamps[order],
+            None if self.positions is None else self.positions.take(order),
+            self.bag,
+            self.topic,
         )
+
+
+def printable(path: str) -> str:
+    """The name of a file without its folder; bytes that are no text are replaced, since no JSON, CSV or terminal takes
+    the surrogates that stand for them."""
+    return os.fsencode(os.path.basename(path)).decode("utf-8", "replace")
+
+
+def ranges_of(indices: NDArray[np.int64], most: int = 4) -> str:
+    """Absolute indices as text, for instance ``0:120, 121:500``: as ranges A:B, of which not more than ``most``.
+
+    Args:
+        indices: In any order, at least one.
+        most: Ranges that are written; of more, the last one's end follows.
+    """
+    numbers = np.unique(indices)
+    starts = np.flatnonzero(np.diff(numbers, prepend=numbers[0] - 2) != 1)
+    ends = [*starts[1:], len(numbers)]
+    words = [f"{numbers[start]}:{numbers[end - 1] + 1}" for start, end in zip(starts, ends, strict=True)]
+    return ", ".join(words) if len(words) <= most else f"{', '.join(words[: most - 1])}, ... {words[-1]}"
 
 
 def open_traverse(source: str | Path, *, places: tuple[int, int] | None = None, every: float = 1.0) -> Traverse:
@@ -104,11 +149,13 @@ def open_traverse(source: str | Path, *, places: tuple[int, int] | None = None, 
     * a text file (.txt, .lst) with one path a line, or a CSV file whose header names a column image, file, filename,
       path or name, else without header, paths first; paths relative to the list's folder, order as given, # comments;
     * a video: one frame every ``every`` seconds (the whole video is decoded once to know its frames);
+    * a ROS bag (.bag, .db3, .mcap, or a folder with metadata.yaml), one image every ``every`` seconds; ``bag:/topic``
+      if several of its topics have images;
     * one image.
     Args:
         source: Path of the folder or file.
         places: (A, B) takes images A..B-1 of that sequence.
-        every: Seconds between two frames of a video, at least 0.001; no other source uses it.
+        every: Seconds between two images of a video or bag, at least 0.001; no other source uses it.
     Raises:
         InputError: the source is missing, unreadable, empty, of no known type, or shorter than ``places`` wants.
     """
@@ -119,13 +166,16 @@ def open_traverse(source: str | Path, *, places: tuple[int, int] | None = None, 
         raise InputError(f"{text!r} is not a path; give a folder of images, a list, a video or an image")
     if places is not None and not 0 <= places[0] < places[1]:
         raise InputError(f"places {places[0]}:{places[1]} are no range; give A:B with 0 <= A < B")
-    path, suffix = Path(source), Path(source).suffix.lower()
+    name, topic = split_topic(text)
+    path, suffix = Path(name), Path(name).suffix.lower()
     try:
         is_folder = path.is_dir()
         path.stat()
     except OSError as error:
         raise InputError(f"{shown(path)}: cannot be opened ({error.strerror}); check the path") from None
-    if is_folder:
+    if is_bag(path):
+        whole = _of_bag(text, path, topic, every, None if places is None else places[1])
+    elif is_folder:
         whole = _of_files(text, folder_images(path))
     elif not path.is_file():
         raise InputError(f"{shown(path)}: is neither a folder nor a file; give a folder of images, a list or a video")
@@ -136,7 +186,7 @@ def open_traverse(source: str | Path, *, places: tuple[int, int] | None = None, 
     elif suffix in IMAGE_SUFFIXES:
         whole = _of_files(text, [str(path)])
     else:
-        known = " ".join(LIST_SUFFIXES + VIDEO_SUFFIXES + IMAGE_SUFFIXES)
+        known = " ".join(LIST_SUFFIXES + VIDEO_SUFFIXES + BAG_SUFFIXES + IMAGE_SUFFIXES)
         raise InputError(f"{shown(path)}: is of no known type; give a folder of images or one of {known}")
     return whole if places is None else whole.between(*places)
 
@@ -157,10 +207,54 @@ def open_traverses(sources: Sequence[str | Path], *, every: float = 1.0) -> list
     return [open_traverse(source, every=every) for source in sources]
 
 
+def located(
+    traverse: Traverse, whole: int, positions: Path | None, stamps: str | None = None, gap: float = MOST_GAP_S
+) -> Traverse:
+    """``traverse`` with what a user says of where and when its images were taken.
+
+    Args:
+        traverse: The images, as they were opened, or some of them.
+        whole: Images in their whole sequence.
+        positions: CSV or GPX file with their positions (`lava_vpr.positions.track`); None: those that it has.
+        stamps: CSV file whose row k is when the image with absolute index k was taken, or when a video begins, as
+            `lava_vpr.positions.stamps.stamp_of` reads it; None: the times that it has.
+        gap: Most seconds between two positions between which an image is placed.
+    Raises:
+        InputError: a file cannot be used, or does not tell where or when each image was taken.
+    """
+    times = traverse.stamps if stamps is None else _stamps(traverse, stamps)
+    if positions is None:
+        return replace(traverse, stamps=times)
+    found, times = images_on(read_track(positions), Asked(traverse.indices, whole, times), gap)
+    return replace(traverse, stamps=times, positions=found)
+
+
+def _stamps(traverse: Traverse, said: str) -> NDArray[np.float64]:
+    """When the images were taken: what ``said``, a file or the time at which a video begins, tells."""
+    start = stamp_of(said)
+    if math.isfinite(start) and not os.path.exists(said):
+        if traverse.frames is None or traverse.stamps is None or traverse.bag:
+            raise InputError(f"--stamps {said} is when a video begins; give a CSV file with a time for each image")
+        return traverse.stamps + float(in_seconds(np.array([start]))[0])
+    rows = read_stamps(Path(said))
+    last = int(traverse.indices.max(initial=-1))
+    if len(rows) <= last:
+        raise InputError(f"{shown(said)}: has {len(rows)} times, image {last} has none; give one a line")
+    return rows[traverse.indices]
+
+
 def _of_files(source: str, files: list[str]) -> Traverse:
-    return Traverse(source, np.arange(len(files), dtype=np.int64), tuple(files))
+    whole = Traverse(source, np.arange(len(files), dtype=np.int64), tuple(files))
+    names = whole.names
+    return replace(whole, stamps=stamps_of_names(names), positions=positions_of_names(names, shown(source)))
 
 
 def _of_video(source: str, path: Path, every: float, stop: int | None) -> Traverse:
-    frames = sample_video(path, every, stop)
-    return Traverse(source, np.arange(len(frames), dtype=np.int64), (str(path),), frames)
+    frames, stamps = sample_video(path, every, stop)
+    return Traverse(source, np.arange(len(frames), dtype=np.int64), (str(path),), frames, stamps)
+
+
+def _of_bag(source: str, path: Path, topic: str | None, every: float, stop: int | None) -> Traverse:
+    numbers, stamps = sample_bag(path, topic, every, stop)
+    indices = np.arange(len(numbers), dtype=np.int64)
+    return Traverse(source, indices, tuple(bag_files(path)), numbers, stamps, bag=True, topic=topic)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 
 import cv2
@@ -73,18 +74,37 @@ def _check_size(path: Path, width: int, height: int) -> None:
         raise InputError(f"{shown(path)}: has frames of {width} x {height}, {beyond}")
 
 
-def sample_video(path: Path, every: float, stop: int | None = None) -> NDArray[np.int64]:
+def sample_video(path: Path, every: float, stop: int | None = None) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Which frames of a video to use: the first one at or after each multiple of ``every`` seconds, each once.
 
     All frames are decoded to find out, since headers are often wrong about their number and times; ``stop`` ends the
     search after that many samples.
 
     Returns:
-        Frame numbers, int64 (n,), increasing from 0.
+        Frame numbers, int64 (n,), increasing from 0, and their times in seconds since the first frame, float64 (n,).
     Raises:
         InputError: no video of a known format, damaged or cut short, or its last frames cannot be decoded.
     """
     frames: list[int] = []
+    stamps: list[float] = []
+    for number, time, _ in islice(_sampled(path, every), stop):
+        frames.append(number)
+        stamps.append(time)
+    return np.array(frames, dtype=np.int64), np.array(stamps, dtype=np.float64)
+
+
+def video_stream(path: Path, every: float) -> Iterator[tuple[int, float, NDArray[np.uint8]]]:
+    """The frames that `sample_video` names, in one pass: number, time, and the frame, uint8 (h, w, 3) BGR.
+
+    Raises:
+        InputError: as `sample_video`, where what is wrong comes.
+    """
+    for number, time, capture in _sampled(path, every):
+        yield number, time, _retrieved(path, number, capture, number)
+
+
+def _sampled(path: Path, every: float) -> Iterator[tuple[int, float, cv2.VideoCapture]]:
+    """Number and time of each frame to use, and what has just grabbed it."""
     due, number, time, first = 0, 0, 0.0, 0.0
     with _capture(path) as (capture, film):
         rate = capture.get(cv2.CAP_PROP_FPS)
@@ -95,19 +115,23 @@ def sample_video(path: Path, every: float, stop: int | None = None) -> NDArray[n
             # A frame without a time of its own (some containers give 0 for the last) follows after one period.
             time = stamp - first if number == 0 or stamp - first > time else time + period
             if time >= due * every - _TIMESTAMP_SLACK_S:
-                frames.append(number)
-                if len(frames) == stop:
-                    break
+                yield number, time, capture
                 due = int((time + _TIMESTAMP_SLACK_S) // every) + 1
             number += 1
-        else:
-            missing = (film.span - time) / period
-            if number and (missing > 1.5 or (missing > 0.5 and number < film.frames)):
-                cause = f"{time:.2f} of {film.span:.2f} seconds can be decoded"
-                raise InputError(f"{shown(path)}: is damaged or cut short ({cause}); copy it again or convert it")
-    if not frames:
+        missing = (film.span - time) / period
+        if number and (missing > 1.5 or (missing > 0.5 and number < film.frames)):
+            cause = f"{time:.2f} of {film.span:.2f} seconds can be decoded"
+            raise InputError(f"{shown(path)}: is damaged or cut short ({cause}); copy it again or convert it")
+    if not number:
         raise InputError(f"{shown(path)}: holds no video frame that can be decoded; convert it to MP4 (H.264)")
-    return np.array(frames, dtype=np.int64)
+
+
+def _retrieved(path: Path, number: int, capture: cv2.VideoCapture, at: int) -> NDArray[np.uint8]:
+    """The frame of this number; ``at`` is that of the last one that was grabbed."""
+    good, image = capture.retrieve() if at == number else (False, None)
+    if not good or image is None:
+        raise InputError(f"{shown(path)}: frame {number} cannot be decoded; was the file changed?")
+    return np.asarray(image, np.uint8)
 
 
 def video_frames(path: Path, numbers: NDArray[np.int64]) -> Iterator[NDArray[np.uint8]]:
@@ -119,8 +143,5 @@ def video_frames(path: Path, numbers: NDArray[np.int64]) -> Iterator[NDArray[np.
             while k < len(numbers) and numbers[k] > at:
                 while at < numbers[k] and capture.grab():
                     at += 1
-                good, image = capture.retrieve() if at == numbers[k] else (False, None)
-                if not good or image is None:
-                    raise InputError(f"{shown(path)}: frame {numbers[k]} cannot be decoded; was the file changed?")
+                yield _retrieved(path, int(numbers[k]), capture, at)
                 k += 1
-                yield image

@@ -32,6 +32,7 @@ class Limit:
 LIMITS: dict[str, Limit] = {
     "text_bytes": Limit(64 * MIB, "bytes", "a list of a million images with paths of 64 characters"),
     "rows": Limit(2_000_000, "lines", "23 days of an image a second; read as a table they take up to 1 GB of memory"),
+    "points": Limit(250_000, "points", "69 hours of a point a second; read as GPX they take half a GB of memory"),
     "config_bytes": Limit(64 << 10, "bytes", "thirty times all settings of a preset"),
     "array_bytes": Limit(
         4 * GIB, "bytes", "descriptors of a quarter of a million images, 4,096 numbers of 4 bytes each, as NetVLAD has"

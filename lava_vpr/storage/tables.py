@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from lava_vpr.errors import InputError
@@ -87,3 +88,8 @@ def csv_line(cells: Iterable[object]) -> str:
     # The csv module quotes no carriage return unless lines end with one, yet readers take it for the end of the row.
     csv.writer(line, lineterminator="\r\n").writerow(cells)
     return line.getvalue().removesuffix("\r\n") + "\n"
+
+
+def json_line(values: Mapping[str, object]) -> str:
+    """One line of a JSON Lines file, ended by a line feed; what is NaN or infinite must be None beforehand."""
+    return json.dumps(values, ensure_ascii=False, allow_nan=False) + "\n"

@@ -39,7 +39,7 @@ class Waves:
     terms: tuple[tuple[float, float, float], ...]
 
     def __call__(self, s: float) -> float:
-        return sum(a * math.sin(w * s + p) for a, w, p in self.terms)
+        return math.fsum(a * math.sin(w * s + p) for a, w, p in self.terms)
 
     def integral(self, s: float, ahead: NDArray[np.float64]) -> NDArray[np.float64]:
         """Integrals from ``s`` to ``s + ahead``, for every element of ``ahead``."""

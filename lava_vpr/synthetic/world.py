@@ -8,6 +8,7 @@ surroundings into something bright, as on real winter journeys. Every image depe
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import shutil
@@ -22,6 +23,9 @@ from numpy.typing import NDArray
 
 from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.interrupts import held
+from lava_vpr.positions.frames import LAT_LON, Positions, utm_frame
+from lava_vpr.positions.gpx import gpx_text
+from lava_vpr.positions.stamps import shown_stamp
 from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import read_only, temporary_prefix
 from lava_vpr.synthetic.drawing import Camera, Painter, draw_backdrop, draw_land
@@ -36,7 +40,10 @@ _SAMPLING = 2  # canvas pixels per image pixel and axis
 _SKY_PLACES = 4  # so many places share a sky: minutes of a journey
 _GPS_ERROR_M = 1.5
 _FOLDERS = ("reference", "query")
-_ENTRIES = ("reference", "query", "reference_positions.csv", "query_positions.csv")
+_ENTRIES = (*_FOLDERS, *(f"{kind}{end}" for end in ("_positions.csv", ".gpx") for kind in _FOLDERS))
+_METRES_PER_S = 10.0
+_ORIGIN = Positions(np.array([[610_000.0, 6_640_000.0]]), utm_frame(32, north=True))  # where x and y are 0, for GPX
+_STARTS = {"reference": 1_719_835_200.0, "query": 1_736_942_400.0}  # 2024-07-01 and 2025-01-15, 12:00 UTC
 _IMAGE = re.compile(r"place_\d{5,}\.png")
 
 
@@ -145,27 +152,57 @@ def render(world: World, place: int, condition: str) -> NDArray[np.uint8]:
 
 def positions(world: World, condition: str) -> NDArray[np.float64]:
     """Positions as a satellite receiver reported them on the journey, x and y in metres, shape (places, 2)."""
-    number = _number(condition)
-    way, steps = route(world.seed), max(1, round(world.spacing_m))
-    s = np.arange(world.places * steps) * (world.spacing_m / steps)
+    steps = max(1, round(world.spacing_m))
+    return _path(world, world.places * steps)[::steps] + _receiver_error(world, condition, 0, world.places)
+
+
+def track(world: World, condition: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What a receiver reported once a second, as many do, beside images at other times.
+
+    Returns:
+        Seconds since the start, float64 (n,), from that of the first image to that of the last or a little later; and
+        x and y in metres as in `positions`, but each with an error of its own, shape (n, 2).
+    """
+    step = world.spacing_m / max(1, round(world.spacing_m))
+    seconds = np.arange(math.ceil((world.places - 1) * world.spacing_m / _METRES_PER_S) + 1, dtype=np.float64)
+    at = seconds * _METRES_PER_S
+    path = _path(world, math.ceil(at[-1] / step) + 1)
+    s = np.arange(len(path)) * step
+    exact = np.stack([np.interp(at, s, axis) for axis in path.T], axis=1)
+    return seconds, exact + _receiver_error(world, condition, 1, len(seconds))
+
+
+def _path(world: World, points: int) -> NDArray[np.float64]:
+    """The way from the first place on, a point about every metre, float64 (points, 2)."""
+    step = world.spacing_m / max(1, round(world.spacing_m))
+    s = np.arange(points) * step
     heading = np.zeros_like(s)
-    for amplitude, frequency, phase in way.heading.terms:
+    for amplitude, frequency, phase in route(world.seed).heading.terms:
         heading += amplitude * np.sin(frequency * s + phase)
-    path = np.cumsum(np.stack([np.cos(heading), -np.sin(heading)], axis=1), axis=0) * (world.spacing_m / steps)
-    error = generator(world.seed, SURVEY, number).uniform(-_GPS_ERROR_M, _GPS_ERROR_M, (world.places, 2))
-    return (path - path[0])[::steps] + error
+    path = np.cumsum(np.stack([np.cos(heading), -np.sin(heading)], axis=1), axis=0) * step
+    return np.asarray(path - path[0])
+
+
+def _receiver_error(world: World, condition: str, role: int, count: int) -> NDArray[np.float64]:
+    """Errors of reported positions in metres, float64 (count, 2): of images (role 0) or of a track (role 1)."""
+    key = (_number(condition),) if role == 0 else (_number(condition), role)
+    return generator(world.seed, SURVEY, *key).uniform(-_GPS_ERROR_M, _GPS_ERROR_M, (count, 2))
 
 
 def _write_journey(folder: Path, kind: str, world: World, condition: str) -> None:
     """Write one journey's images and positions below ``folder``, which exists."""
     (folder / kind).mkdir()
-    rows = ["name,x,y"]
+    rows = ["name,x,y,time"]
     for place, (x, y) in enumerate(positions(world, condition)):
+        time = _STARTS[kind] + place * world.spacing_m / _METRES_PER_S
         name = f"place_{place:05d}.png"
         encoded = cv2.imencode(".png", render(world, place, condition))[1]
         (folder / kind / name).write_bytes(encoded.tobytes())
-        rows.append(f"{name},{x:.2f},{y:.2f}")
+        rows.append(f"{name},{x:.2f},{y:.2f},{shown_stamp(time)}")
     (folder / f"{kind}_positions.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    seconds, xy = track(world, condition)
+    reported = Positions(xy + _ORIGIN.values, _ORIGIN.frame).to(LAT_LON)
+    (folder / f"{kind}.gpx").write_text(gpx_text(reported, seconds + _STARTS[kind]), encoding="utf-8")
 
 
 def _foreign(folder: Path, keep: Collection[str]) -> Path | None:
@@ -221,11 +258,13 @@ def write_traverses(
     seed: int,
     conditions: Sequence[str] = ("summer", "winter"),
     keep: Collection[str] = (),
+    spacing_m: float = 20.0,
 ) -> None:
     """Write two journeys along a synthetic route as folders of images.
 
-    ``folder`` receives ``reference/`` and ``query/`` with ``place_00000.png`` ..., and ``reference_positions.csv`` and
-    ``query_positions.csv`` (columns name, x, y; metres). The folders appear when all are complete, or not at
+    ``folder`` receives ``reference/`` and ``query/`` with ``place_00000.png`` ...; ``reference_positions.csv`` and
+    ``query_positions.csv`` (columns name, x, y, time; metres, and seconds since 1970 at 10 m/s); and ``reference.gpx``
+    and ``query.gpx``, a point every second. The folders appear when all are complete, or not at
     all. An earlier result of this function is replaced; its permissions stay.
 
     Args:
@@ -233,12 +272,13 @@ def write_traverses(
         places, seed: As in `World`.
         conditions: The conditions of the reference and of the query journey, each one of `CONDITIONS`.
         keep: Names of other entries that ``folder`` may hold; they stay as they are.
+        spacing_m: As in `World`.
     Raises:
         ConfigError: ``places`` or ``seed`` out of range.
         InputError: an unknown condition, a folder that holds something else or what is read-only, or a folder that
             cannot be written.
     """
-    world = World(seed=seed, places=places)
+    world = World(seed=seed, places=places, spacing_m=spacing_m)
     if len(conditions) != 2:
         raise InputError(f"{len(conditions)} conditions are given; give two, of the reference and of the query journey")
     for condition in conditions:
@@ -277,4 +317,4 @@ def write_traverses(
                 shutil.rmtree(workshop, ignore_errors=True)
 
 
-__all__ = ["CONDITIONS", "MAX_PLACES", "World", "positions", "render", "write_traverses"]
+__all__ = ["CONDITIONS", "MAX_PLACES", "World", "positions", "render", "track", "write_traverses"]

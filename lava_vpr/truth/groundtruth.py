@@ -1,9 +1,8 @@
-"""Which place is right for a query: positions with a radius, or a file of index sets, both in absolute indices."""
+"""Which place is right for a query, from a file of index sets, in absolute indices."""
 
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 
 import numpy as np
@@ -12,86 +11,8 @@ from numpy.typing import NDArray
 from lava_vpr.errors import InputError, brief
 from lava_vpr.storage.npy import read_array
 from lava_vpr.storage.reading import parse_json
-from lava_vpr.storage.tables import csv_rows, file_text, text_lines
+from lava_vpr.storage.tables import file_text, text_lines
 from lava_vpr.storage.text import shown
-
-EARTH_RADIUS_M = 6_371_008.8  # mean radius, IUGG
-
-_XY = (("x", "y"), ("easting", "northing"))
-_LAT_LON = (("lat", "lon"), ("latitude", "longitude"), ("lat", "lng"))
-
-
-def _coordinates(path: Path) -> tuple[NDArray[np.float64], bool]:
-    """The two coordinate columns of a position file (n, 2), and whether they are latitude and longitude."""
-    rows = csv_rows(path)
-    columns, geographic = (0, 1), False
-    if rows and not all(_is_number(cell) for cell in rows[0][1]):
-        line, header = rows[0][0], [cell.lower() for cell in rows[0][1]]
-        pairs = [pair for pair in _XY + _LAT_LON if set(pair) <= set(header)]
-        if not pairs:
-            names = ", ".join(map(brief, header[:8])) + (", ..." if len(header) > 8 else "")
-            raise InputError(f"{shown(path)} line {line}: no columns x,y or lat,lon among {names}; name them")
-        columns, geographic = (header.index(pairs[0][0]), header.index(pairs[0][1])), pairs[0] in _LAT_LON
-        rows = rows[1:]
-    elif rows and len(rows[0][1]) != 2:
-        raise InputError(f"{shown(path)} line {rows[0][0]}: has {len(rows[0][1])} columns and no header; add one: x,y")
-    if not rows:
-        raise InputError(f"{shown(path)}: holds no positions; write one row an image, columns x,y or lat,lon")
-    out = np.empty((len(rows), 2), dtype=np.float64)
-    for k, (line, cells) in enumerate(rows):
-        for axis, column in enumerate(columns):
-            cell = cells[column] if column < len(cells) else ""
-            value = float(cell) if _is_number(cell) else math.nan
-            limit = math.inf if not geographic else (90.0, 360.0)[axis]
-            if not (math.isfinite(value) and abs(value) <= limit):
-                what = ("latitude", "longitude") if geographic else ("x", "y")
-                raise InputError(
-                    f"{shown(path)} line {line}: {what[axis]} is {brief(cell)}; give a number in its range"
-                )
-            out[k, axis] = value
-    return out, geographic
-
-
-def _is_number(cell: str) -> bool:
-    """Whether the text of a cell reads as a number."""
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
-
-
-def _metres(degrees: NDArray[np.float64], origin: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Equirectangular projection of (latitude, longitude) about ``origin``, same units: (east, north) in metres.
-
-    x = R cos(lat0) (lon - lon0), y = R (lat - lat0); distances within 1 % for routes of 20 km below 60 degrees.
-    """
-    difference = np.radians((degrees - origin + 180.0) % 360.0 - 180.0)
-    return EARTH_RADIUS_M * np.stack([difference[:, 1] * np.cos(np.radians(origin[0])), difference[:, 0]], axis=1)
-
-
-def read_positions(path: Path) -> NDArray[np.float64]:
-    """Positions in metres, float64 (n, 2): row k is where the image with absolute index k was taken.
-
-    A CSV file with columns x,y (or easting,northing) in metres, or lat,lon (latitude,longitude) in degrees, which are
-    projected about the first row. Without a header: two columns, x and y.
-    Raises:
-        InputError: unreadable, no such columns, or a cell that is no finite number in its range; names file and line.
-    """
-    values, geographic = _coordinates(path)
-    return _metres(values, values[0]) if geographic else values
-
-
-def read_positions_pair(reference: Path, query: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """`read_positions` of references and queries about one common origin: metres, float64 (n, 2) and (m, 2).
-    Raises:
-        InputError: as `read_positions`; or one file is in metres, the other in degrees.
-    """
-    (ours, ours_geographic), (theirs, theirs_geographic) = _coordinates(reference), _coordinates(query)
-    if ours_geographic != theirs_geographic:
-        cause = f"only one of it and {shown(reference)} holds lat,lon"
-        raise InputError(f"{shown(query)}: {cause}; give both in the same coordinates")
-    return (_metres(ours, ours[0]), _metres(theirs, ours[0])) if ours_geographic else (ours, theirs)
 
 
 def read_ground_truth(

@@ -1,4 +1,4 @@
-"""Positions and ground truth files."""
+"""Ground truth files."""
 
 from __future__ import annotations
 
@@ -12,88 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from support.common.imagefiles import QUICK, refused, written
 
-from lava_vpr.truth.groundtruth import EARTH_RADIUS_M, read_ground_truth, read_positions, read_positions_pair
-
-# ---------------------------------------------------------------- positions
-
-
-def positions(path: Path, text: str) -> Path:
-    return written(path, text.encode())
-
-
-@pytest.mark.parametrize(
-    "text", ["x,y\n1,2\n3.5,-4e1\n", "1,2\n3.5,-4e1", "n,Y,X\n0,2,1\n\n# c\n1,-40,3.5\n", "1;2\n3.5;-40"]
-)
-def test_positions_in_metres(tmp_path: Path, text: str) -> None:
-    got = read_positions(positions(tmp_path / "p.csv", text))
-    assert got.dtype == np.float64
-    np.testing.assert_array_equal(got, [[1, 2], [3.5, -40]])
-
-
-def haversine(a: tuple[float, float], b: tuple[float, float]) -> float:
-    (la, oa), (lb, ob) = np.radians(a), np.radians(b)
-    h = np.sin((lb - la) / 2) ** 2 + np.cos(la) * np.cos(lb) * np.sin((ob - oa) / 2) ** 2
-    return float(2 * EARTH_RADIUS_M * np.arcsin(np.sqrt(h)))
-
-
-@QUICK
-@given(
-    st.floats(-60, 60),
-    st.floats(-180, 180),
-    st.lists(st.tuples(st.floats(-0.09, 0.09), st.floats(-0.09, 0.09)), min_size=2, max_size=5),
-)
-def test_degrees_become_metres(
-    tmp_path_factory: pytest.TempPathFactory, lat: float, lon: float, steps: list[tuple[float, float]]
-) -> None:
-    base = tmp_path_factory.mktemp("p")
-    points = [(lat, lon)] + [(lat + a, (lon + b + 180) % 360 - 180) for a, b in steps]
-    reference = "latitude,longitude\n" + "".join(f"{a!r},{b!r}\n" for a, b in points)
-    query = "lon,lat\n" + "".join(f"{b!r},{a!r}\n" for a, b in reversed(points))
-    ours, theirs = read_positions_pair(positions(base / "r.csv", reference), positions(base / "q.csv", query))
-    np.testing.assert_allclose(theirs, ours[::-1], atol=1e-6)
-    np.testing.assert_array_equal(ours[0], [0, 0])
-    for k in range(1, len(points)):
-        assert abs(np.hypot(*(ours[k] - ours[k - 1])) - haversine(points[k], points[k - 1])) <= 1e-3 + 0.01 * haversine(
-            points[k], points[k - 1]
-        )
-
-
-def test_directions_of_the_projection(tmp_path: Path) -> None:
-    got = read_positions(positions(tmp_path / "p.csv", "lat,lon\n60,10\n60.001,10\n60,10.001\n"))
-    north = EARTH_RADIUS_M * np.radians(0.001)
-    np.testing.assert_allclose(got, [[0, 0], [0, north], [north / 2, 0]], atol=1e-5)
-    got = read_positions(positions(tmp_path / "p.csv", "lat,lng\n0,179.9995\n0,-179.9995\n0,180.0005\n"))
-    np.testing.assert_allclose(got, [[0, 0], [north, 0], [north, 0]], atol=1e-5)
-
-
-@pytest.mark.parametrize(
-    ("text", "parts"),
-    [
-        ("", ["p.csv: holds no positions; write one row an image"]),
-        ("x,y\n", ["p.csv: holds no positions"]),
-        ("a,b\n1,2\n", ["p.csv line 1: no columns x,y or lat,lon among 'a', 'b'; name them"]),
-        ("1,2,3\n", ["p.csv line 1: has 3 columns and no header; add one: x,y"]),
-        ("x,y\n1,2\n3\n", ["p.csv line 3: has 1 cells, but line 1 has 2; write"]),
-        ("x,y\n1,2\n,\n3,4\n", ["p.csv line 3: x is ''"]),
-        ("x,y\n\n1,2\n3,nan\n", ["p.csv line 4: y is 'nan'; give a number"]),
-        ("x,y\ninf,2\n", ["p.csv line 2: x is 'inf'"]),
-        ("1,2\n3,four\n", ["p.csv line 2: y is 'four'"]),
-        ("lat,lon\n91,2\n", ["p.csv line 2: latitude is '91'; give a number in its range"]),
-        ("lat,lon\n9,400\n", ["p.csv line 2: longitude is '400'"]),
-    ],
-)
-def test_positions_that_cannot_be_used(tmp_path: Path, text: str, parts: list[str]) -> None:
-    path = positions(tmp_path / "p.csv", text)
-    refused(lambda: read_positions(path), *parts)
-
-
-def test_positions_of_two_kinds_do_not_mix(tmp_path: Path) -> None:
-    metres, degrees = positions(tmp_path / "r.csv", "x,y\n1,2\n"), positions(tmp_path / "q.csv", "lat,lon\n1,2\n")
-    refused(lambda: read_positions_pair(metres, degrees), "q.csv: only one of it and", "r.csv holds lat,lon; give both")
-    ours, theirs = read_positions_pair(metres, metres)
-    np.testing.assert_array_equal(ours, theirs)
-    refused(lambda: read_positions(tmp_path / "no.csv"), "no.csv: cannot be read (No such file or directory)")
-
+from lava_vpr.truth.groundtruth import read_ground_truth
 
 # ---------------------------------------------------------------- ground truth
 

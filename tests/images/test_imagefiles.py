@@ -36,8 +36,8 @@ from lava_vpr.images.codecs import quiet
 from lava_vpr.images.damage import DamagedError
 from lava_vpr.images.formats import orientation_of, walk
 from lava_vpr.images.imagefiles import decode_image, read_image
+from lava_vpr.positions.track import read_track
 from lava_vpr.traverse import open_traverse
-from lava_vpr.truth.groundtruth import read_positions
 
 # ---------------------------------------------------------------- image formats
 
@@ -314,6 +314,6 @@ def test_unreadable_file_and_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr(os, "open", denied)
     refused(lambda: open_traverse(tmp_path).load(0), "secret.png: cannot be read (Permission denied); check")
-    refused(lambda: read_positions(path), "secret.png: cannot be read (Permission denied); check")
+    refused(lambda: read_track(path), "secret.png: cannot be read (Permission denied); check")
     monkeypatch.setattr(os, "scandir", denied)
     refused(lambda: open_traverse(tmp_path), f"{tmp_path}: cannot be read (Permission denied)")

@@ -22,12 +22,13 @@ from numpy.typing import NDArray
 from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.inputs.orientation import orientation_channels
 from lava_vpr.inputs.patches import patch_normalised
+from lava_vpr.positions.gpx import read_gpx
 from lava_vpr.synthetic import world as synthetic
 from lava_vpr.synthetic.looks import LOOKS
 from lava_vpr.synthetic.scene import ahead, route, segment
-from lava_vpr.synthetic.world import CONDITIONS, World, positions, render, write_traverses
+from lava_vpr.synthetic.world import CONDITIONS, World, positions, render, track, write_traverses
 
-ENTRIES = ["query", "query_positions.csv", "reference", "reference_positions.csv"]
+ENTRIES = ["query", "query.gpx", "query_positions.csv", "reference", "reference.gpx", "reference_positions.csv"]
 
 
 def sha(image: NDArray[np.uint8]) -> str:
@@ -157,6 +158,17 @@ def test_positions_follow_the_route() -> None:
     np.testing.assert_array_equal(positions(world, "summer"), ours)
 
 
+@pytest.mark.parametrize("spacing", [20.0, 7.3])
+def test_a_track_follows_the_route_at_other_times(spacing: float) -> None:
+    world = World(seed=3, places=40, spacing_m=spacing)
+    seconds, xy = track(world, "night")
+    np.testing.assert_array_equal(seconds, np.arange(len(xy)))
+    assert 39 * spacing / 10 <= seconds[-1] < 39 * spacing / 10 + 1
+    at = np.arange(40) * spacing / 10
+    between = np.stack([np.interp(at, seconds, axis) for axis in xy.T], axis=1)
+    assert np.abs(between - positions(world, "night")).max() < 3.5
+
+
 # Writing
 
 
@@ -171,7 +183,13 @@ def test_two_journeys_are_written_with_their_positions(tmp_path: Path) -> None:
         table = (out / f"{kind}_positions.csv").read_text().splitlines()
         assert [row.split(",")[0] for row in table] == ["name", *(f"place_{k:05d}.png" for k in range(3))]
         read = np.array([[float(cell) for cell in row.split(",")[1:]] for row in table[1:]])
-        np.testing.assert_allclose(read, positions(World(seed=5, places=3), condition), atol=0.006)
+        np.testing.assert_allclose(read[:, :2], positions(World(seed=5, places=3), condition), atol=0.006)
+        assert np.diff(read[:, 2]).tolist() == [2, 2]  # 20 m at 10 m/s
+        gps = read_gpx(out / f"{kind}.gpx")
+        assert gps.stamps is not None
+        assert (gps.stamps - read[0, 2]).tolist() == [0, 1, 2, 3, 4]
+        away = gps.positions.to("UTM 32N").values[::2] - [610_000, 6_640_000] - read[:, :2]
+        assert np.abs(away).max() < 3.01  # an error of 1.5 m each
     assert [p.name for p in (tmp_path / "new").iterdir()] == ["world"]
 
 

@@ -358,7 +358,7 @@ def test_time_stamps_decide_which_frames_are_used(monkeypatch: pytest.MonkeyPatc
     def sampled(stamps: list[float], every: float, stop: int | None = None) -> list[int]:
         fake = FakeCapture(stamps)
         monkeypatch.setattr(videos, "_capture", lambda _: contextlib.nullcontext((fake, Film("none"))))
-        frames = videos.sample_video(Path("v.mkv"), every, stop).tolist()
+        frames = videos.sample_video(Path("v.mkv"), every, stop)[0].tolist()
         assert stop is None or fake.at == frames[-1]  # nothing is decoded in vain
         return frames
 

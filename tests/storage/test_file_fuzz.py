@@ -31,7 +31,7 @@ ALLOWED = {
     "struct",
     "typing",
 }
-ALLOWED |= {"zlib", "numpy", "tomli", "support", "__future__"}
+ALLOWED |= {"zlib", "xml", "numpy", "tomli", "support", "__future__"}
 
 
 @pytest.fixture(scope="module")

@@ -16,6 +16,7 @@ from support.fuzz.soundness import checkpoints, models, settings
 from support.fuzz.soundness import lists as list_rules
 from support.fuzz.soundness.rules import INVARIANTS, Findings
 
+from lava_vpr import maps
 from lava_vpr import model as model_file
 from lava_vpr.config import PRESETS
 from lava_vpr.configfile import to_dict
@@ -52,6 +53,17 @@ def become(name: str, dtype: str) -> Change:
     return lambda header, held: held.update({f"a.{name}.npy": held[f"a.{name}.npy"].astype(dtype)})
 
 
+def at_places(frame: object, corner: Any, dtype: str = "f8") -> Change:
+    """Positions, the first of them at ``corner``."""
+
+    def change(header: Any, held: Arrays) -> None:
+        header["frame"] = frame
+        held["a.positions.npy"] = np.full((PLACES, 2), 50, dtype)
+        held["a.positions.npy"][0] = corner
+
+    return change
+
+
 def tell(*keys: str, value: Any) -> Change:
     """Another value in the header."""
 
@@ -83,6 +95,10 @@ MODELS: list[tuple[str, str, Change]] = [
     ("M5", "float", tell("stretches", value=[[0, 3, 0, 3, 0], [3, 3, 3, 2, 0]])),
     ("M5", "views", lambda header, held: header["stretches"][3].__setitem__(4, 0)),
     ("M5", "views", lambda header, held: header["stretches"].pop()),
+    ("M5", "views", lambda header, held: header["stretches"][0].append(1)),
+    ("M5", "float", tell("stretches", value=[[0, 3, 0, 3, 0, 0], [3, 3, 3, 3, 0]])),
+    ("M5", "float", tell("stretches", value=[[0, 3, 0, 5, 0, 1], [3, 3, 5, 1, 0, 1]])),
+    ("M5", "float", tell("stretches", value=[[0, 3, 0, 3, 0, 1, 1], [3, 3, 3, 3, 0]])),
     ("M7", "views", put("labels", 7, 0)),
     ("M6", "float", put("place_indices", 1, 0)),
     ("M6", "float", tell("route_images", value=PLACES - 1)),
@@ -97,6 +113,11 @@ MODELS: list[tuple[str, str, Change]] = [
     ("M12", "float", tell("training", "neurons_used", value="many")),
     ("M13", "paper", put("network.delays", (0, 0), 101)),
     ("M13", "paper", put("network.theta_mv", 0, np.inf)),
+    ("M15", "float", at_places("latlon", (91, 0))),
+    ("M15", "float", at_places("xy", (0, np.nan))),
+    ("M15", "float", at_places("UTM 61N", 0)),
+    ("M15", "float", at_places("xy", 0, "f4")),
+    ("M15", "float", tell("frame", value="xy")),
     ("M14", "float", put("thumbnails", (0, 0, 0, 0), 1)),
 ]
 
@@ -108,6 +129,18 @@ def test_models(honest: Corpus, rule: str, name: str, change: Change) -> None:
     view = readers.view(model_file.load(honest.folder / f"{name}.lvpr"))
     assert models.check_model(honest.models[name], view) == []
     assert found(models.check_model(altered(honest.models[name], change), view), rule)
+
+
+@pytest.mark.parametrize("name", ["float", "views"])
+def test_models_that_lost_places(honest: Corpus, name: str, tmp_path: Path) -> None:
+    """What is left of a model satisfies every rule, and so does what it is merged to."""
+    whole = model_file.load(honest.folder / f"{name}.lvpr")
+    less = maps.remove(whole, [0, 4])
+    for made in (less, maps.merge([less, whole])):
+        model_file.save(made, tmp_path / "m.lvpr")
+        view = readers.view(model_file.load(tmp_path / "m.lvpr"))
+        assert models.check_model((tmp_path / "m.lvpr").read_bytes(), view) == []
+        assert any(len(row) == 6 for row in view["stretches"])
 
 
 def found(findings: Findings, rule: str) -> bool:

@@ -1,0 +1,242 @@
+"""Images of ROS bags, by the package rosbags: ROS 1 files, ROS 2 folders and their files (SQLite, MCAP).
+
+Messages are read by the layouts of ROS's own types, whatever definitions a bag carries: none of these is interpreted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import islice
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.errors import InputError
+from lava_vpr.images.imagefiles import MIN_SIDE, decode_image
+from lava_vpr.storage.limits import excess
+from lava_vpr.storage.text import shown
+
+BAG_SUFFIXES = (".bag", ".db3", ".mcap")
+_SLACK_S = 1e-3  # messages come a little early or late
+_RAW, _COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
+ENCODINGS: dict[str, tuple[int, tuple[int, ...]]] = {
+    "mono8": (1, (0,)),
+    "8UC1": (1, (0,)),
+    "bgr8": (3, (0, 1, 2)),
+    "8UC3": (3, (0, 1, 2)),
+    "rgb8": (3, (2, 1, 0)),
+    "bgra8": (4, (0, 1, 2)),
+    "rgba8": (4, (2, 1, 0)),
+}
+"""Encodings of sensor_msgs/Image: bytes of a pixel, and which of them are blue, green and red, or grey."""
+
+
+class BagImage(NamedTuple):
+    """An image message.
+
+    Attributes:
+        number: How many image messages of its topic are before it.
+        stamp: When it was taken, in seconds since 1970: by its header, or when it was recorded if that says nothing.
+        message: The message, for `pixels`.
+        named: The bag, its topic and the number, for messages.
+    """
+
+    number: int
+    stamp: float
+    message: Any
+    named: str
+
+    def pixels(self) -> NDArray[np.uint8]:
+        """The image, uint8 (h, w) or (h, w, 3) BGR.
+
+        Raises:
+            InputError: it is of an encoding that is not known, or damaged.
+        """
+        try:
+            if hasattr(self.message, "encoding"):
+                return _unpacked(self.message)
+            return decode_image(bytes(self.message.data))
+        except InputError as error:
+            raise InputError(f"{self.named}: {error}") from None
+
+
+def is_bag(path: Path) -> bool:
+    """Whether ``path`` is taken for a bag: by a file's suffix, or since a folder holds the metadata of one."""
+    if path.is_dir():
+        return (path / "metadata.yaml").is_file()
+    return path.suffix.lower() in BAG_SUFFIXES and path.is_file()
+
+
+def bag_files(path: Path) -> list[str]:
+    """What is read of a bag: itself, and the files in its folder."""
+    return [str(path), *(sorted(str(file) for file in path.iterdir()) if path.is_dir() else ())]
+
+
+def split_topic(source: str) -> tuple[str, str | None]:
+    """The path and the topic of a bag that is given as ``path:/topic``; of anything else all of it, and None."""
+    path, colon, topic = source.partition(":/")
+    if colon and not Path(source).exists() and is_bag(Path(path)):
+        return path, "/" + topic
+    return source, None
+
+
+def bag_images(path: Path, topic: str | None, every: float) -> Iterator[BagImage]:
+    """The first image message of a topic at or after each multiple of ``every`` seconds, each once.
+
+    Args:
+        path: The bag.
+        topic: Its topic; None: the only one with images.
+        every: Seconds, by the times of recording; 0: every message.
+    Raises:
+        InputError: it is no bag, damaged, holds no (such) images, or rosbags is not installed.
+    """
+    due, first, number = 0, 0, -1
+    for number, (recorded, message, of_topic) in enumerate(_messages(path, topic)):
+        first = recorded if number == 0 else first
+        since = (recorded - first) / 1e9
+        if since >= due * every - _SLACK_S:
+            due = int((since + _SLACK_S) // every) + 1 if every else 0
+            header = message.header.stamp.sec + message.header.stamp.nanosec / 1e9
+            stamp = header if header > 0 else recorded / 1e9
+            yield BagImage(number, stamp, message, f"{shown(path)}: image {number} of {shown(of_topic)}")
+    if number < 0:
+        raise InputError(f"{shown(path)}: its topic of images holds none; record it again")
+
+
+def sample_bag(
+    path: Path, topic: str | None, every: float, stop: int | None = None
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Numbers, int64 (n,), and times, float64 (n,), of the images that `bag_images` gives, at most ``stop``."""
+    found = [(image.number, image.stamp) for image in islice(bag_images(path, topic, every), stop)]
+    return np.array([number for number, _ in found], np.int64), np.array([stamp for _, stamp in found], np.float64)
+
+
+def bag_frames(path: Path, topic: str | None, numbers: NDArray[np.int64]) -> Iterator[NDArray[np.uint8]]:
+    """The images of these numbers: one pass if they increase, a new pass at each step back."""
+    k = 0
+    while k < len(numbers):
+        at = -1
+        for image in bag_images(path, topic, 0.0):
+            if image.number < numbers[k]:
+                continue
+            at = image.number
+            if at > numbers[k]:
+                break
+            yield image.pixels()
+            k += 1
+            if k == len(numbers) or numbers[k] <= at:
+                break
+        if k < len(numbers) and numbers[k] > at:
+            raise InputError(f"{shown(path)}: has no image {numbers[k]} any more; was the bag changed?")
+
+
+def _messages(path: Path, topic: str | None) -> Iterator[tuple[int, Any, str]]:
+    """Image messages of a topic in order: nanoseconds since 1970 at which each was recorded, the message, the topic."""
+    for file in map(Path, bag_files(path)):
+        if file.suffix.lower() == ".db3":
+            _check_whole(file)
+    with _told(path):
+        from rosbags import rosbag1, rosbag2
+        from rosbags.typesys import Stores, get_typestore
+
+        first = path.suffix.lower() == ".bag" and not path.is_dir()
+        reader: Any = (rosbag1.Reader if first else rosbag2.Reader)(path)
+        types = get_typestore(Stores.ROS1_NOETIC if first else Stores.LATEST)
+        read = types.deserialize_ros1 if first else types.deserialize_cdr
+        reader.open()
+    try:
+        chosen = _chosen(path, list(reader.connections), topic)
+        with _told(path):
+            rest = iter(reader.messages(connections=chosen))
+        while True:
+            with _told(path):
+                found = next(rest, None)
+                message = None if found is None else read(found[2], found[0].msgtype)
+            if found is None:
+                return
+            yield found[1], message, found[0].topic
+    finally:
+        reader.close()
+
+
+def _check_whole(file: Path) -> None:
+    """Refuse an SQLite file that is cut: SQLite would read zeros where its end was.
+
+    Source: https://www.sqlite.org/fileformat.html, the database header.
+    """
+    with _told(file), file.open("rb") as content:
+        header = content.read(32)
+        held = content.seek(0, 2)
+    if header[:16] == b"SQLite format 3\0" and len(header) == 32:
+        page = int.from_bytes(header[16:18], "big")
+        wanted = (65536 if page == 1 else page) * int.from_bytes(header[28:32], "big")
+        if held < wanted:
+            raise InputError(f"{shown(file)}: is cut short ({held:,} of {wanted:,} bytes); copy it again")
+
+
+def _chosen(path: Path, connections: list[Any], topic: str | None) -> list[Any]:
+    """The connections of the topic that is asked for, or of the only one with images."""
+    with_images = [one for one in connections if one.msgtype in (_RAW, _COMPRESSED)]
+    names = sorted({one.topic for one in with_images})
+    listed = ", ".join(map(shown, names))
+    if not names:
+        others = ", ".join(shown(name) for name in sorted({one.topic for one in connections})[:10]) or "none"
+        raise InputError(f"{shown(path)}: holds no images (sensor_msgs Image or CompressedImage); its topics: {others}")
+    if topic is None and len(names) > 1:
+        raise InputError(f"{shown(path)}: has images of {listed}; name one: {shown(path)}:{shown(names[0])}")
+    if topic is not None and topic not in names:
+        raise InputError(f"{shown(path)}: has no images of {shown(topic)}, but of {listed}; name one of these")
+    return [one for one in with_images if topic in (None, one.topic)]
+
+
+@contextmanager
+def _told(path: Path) -> Iterator[None]:
+    """Say in one line what goes wrong in rosbags, which raises anything of a damaged file."""
+    try:
+        yield
+    except ImportError as error:
+        if (error.name or "").partition(".")[0] not in ("rosbags", "apsw", "lz4", "ruamel", "backports"):
+            raise
+        raise InputError(
+            f"{shown(path)}: ROS bags are read by the package rosbags, which is missing; install it: "
+            "pip install 'lava-vpr[ros]'"
+        ) from None
+    except OSError as error:
+        raise InputError(
+            f"{shown(path)}: cannot be read ({error.strerror or shown(str(error))}); check it and its permissions"
+        ) from None
+    except MemoryError:
+        raise InputError(f"{shown(path)}: asks for more memory than there is; is it damaged? copy it again") from None
+    except Exception as error:
+        why = shown(" ".join(str(error).split())) or type(error).__name__
+        raise InputError(
+            f"{shown(path)}: is damaged, unfinished or no ROS bag ({why}); copy it again, or try ros2 bag reindex"
+        ) from None
+
+
+def _unpacked(message: Any) -> NDArray[np.uint8]:
+    """The pixels of a sensor_msgs/Image."""
+    known = ENCODINGS.get(message.encoding)
+    if known is None:
+        raise InputError(
+            f"has the encoding {shown(message.encoding)!r}; convert it to one of {', '.join(ENCODINGS)} "
+            "(cv_bridge, image_proc)"
+        )
+    size, order = known
+    height, width, step = int(message.height), int(message.width), int(message.step)
+    beyond = excess("image_pixels", width * height)
+    if beyond is not None:
+        raise InputError(f"has {beyond}")
+    if min(width, height) < MIN_SIDE:
+        raise InputError(f"has {width} x {height} pixels, needs at least {MIN_SIDE} x {MIN_SIDE}")
+    if step < width * size or len(message.data) < height * step:
+        raise InputError(
+            f"is damaged: {len(message.data):,} bytes, in rows of {step:,}, are no {width} x {height} pixels of "
+            f"{message.encoding}; record it again"
+        )
+    rows = np.asarray(message.data, np.uint8)[: height * step].reshape(height, step)
+    pixels = rows[:, : width * size].reshape(height, width, size)
+    return np.ascontiguousarray(pixels[:, :, 0] if len(order) == 1 else pixels[:, :, order])

@@ -1,0 +1,108 @@
+"""Positions in GPX files, as receivers of satellite navigation write them, by the package gpxpy."""
+
+from __future__ import annotations
+
+import re
+from datetime import datetime, timezone
+from pathlib import Path
+
+import gpxpy
+import numpy as np
+from gpxpy.gpx import GPX, GPXException, GPXRoutePoint, GPXTrack, GPXTrackPoint, GPXTrackSegment, GPXWaypoint
+from numpy.typing import NDArray
+
+from lava_vpr.errors import InputError, brief
+from lava_vpr.positions.frames import LAT_LON, Positions, fits
+from lava_vpr.positions.tables import Track
+from lava_vpr.storage.limits import excess
+from lava_vpr.storage.tables import file_text
+from lava_vpr.storage.text import shown
+
+SUFFIX = ".gpx"
+_LATITUDE = re.compile(r"\blat\s*=")  # every point has one
+_MOST_NAMESPACES = 100
+"""gpxpy looks for each to the end of the text; receivers declare three or four."""
+Point = GPXTrackPoint | GPXRoutePoint | GPXWaypoint
+
+
+def read_gpx(path: Path) -> Track:
+    """The points of all tracks in a GPX file, or of its routes, or its waypoints, whichever come first in this order.
+
+    Times are taken if every point has one; without a zone they are UTC.
+
+    Raises:
+        InputError: unreadable, no GPX, without points, a point beyond the Earth, times of some points alone, or a time
+            before the one above; the message counts points from 1.
+    """
+    text = file_text(path)
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:  # all that an XML reader can be lured by
+        raise InputError(f"{shown(path)}: is no GPX (it declares a document type); export the track again")
+    if text.count("xmlns") > _MOST_NAMESPACES:
+        raise InputError(
+            f"{shown(path)}: is no GPX (it declares {text.count('xmlns')} namespaces); export the track again"
+        )
+    beyond = excess("points", sum(1 for _ in _LATITUDE.finditer(text)))
+    if beyond is not None:
+        raise InputError(f"{shown(path)}: has {beyond}")
+    try:
+        gpx = gpxpy.parse(text)
+    except (GPXException, ValueError, ArithmeticError, RecursionError) as error:
+        raise InputError(
+            f"{shown(path)}: is no GPX, or cut short ({brief(str(error))}); export the track again"
+        ) from None
+    points: list[Point] = [point for track in gpx.tracks for segment in track.segments for point in segment.points]
+    points = points or [point for route in gpx.routes for point in route.points] or [*gpx.waypoints]
+    if not points:
+        raise InputError(f"{shown(path)}: holds no points; export a track")
+    values = np.array([[_finite(p.latitude), _finite(p.longitude)] for p in points], np.float64)
+    good = fits(values, LAT_LON).all(axis=1)
+    if not good.all():
+        k = int(good.argmin())
+        raise InputError(f"{shown(path)}: point {k + 1} is at {values[k, 0]:g}, {values[k, 1]:g}; remove or correct it")
+    return Track(Positions(values, LAT_LON), _times(path, points), path)
+
+
+def _finite(number: float | None) -> float:
+    return np.nan if number is None else float(number)
+
+
+def _times(path: Path, points: list[Point]) -> NDArray[np.float64] | None:
+    """When the points were taken, seconds since 1970, float64 (n,); None if none says."""
+    times = [point.time for point in points]
+    stamps = np.array([np.nan if time is None else _utc(time).timestamp() for time in times], np.float64)
+    known = np.isfinite(stamps)
+    if not known.any():
+        return None
+    if not known.all():
+        raise InputError(f"{shown(path)}: point {known.argmin() + 1} has no time, but others have; export it again")
+    back = np.flatnonzero(np.diff(stamps) < 0)
+    if len(back):
+        raise InputError(
+            f"{shown(path)}: point {back[0] + 2} is earlier than the point before it; keep one track, in its order"
+        )
+    return stamps
+
+
+def _utc(time: datetime) -> datetime:
+    """``time`` with its zone; without one it is in UTC."""
+    return time if time.tzinfo is not None else time.replace(tzinfo=timezone.utc)
+
+
+def gpx_text(positions: Positions, stamps: NDArray[np.float64]) -> str:
+    """A GPX file of one track; degrees to a centimetre, times to a microsecond.
+
+    Args:
+        positions: The points, in degrees.
+        stamps: Seconds since 1970 of each, float64 (n,).
+    """
+    segment = GPXTrackSegment(
+        [
+            GPXTrackPoint(round(lat, 7), round(lon, 7), time=datetime.fromtimestamp(stamp, timezone.utc))
+            for (lat, lon), stamp in zip(positions.values.tolist(), stamps.tolist(), strict=True)
+        ]
+    )
+    whole, track = GPX(), GPXTrack()
+    track.segments.append(segment)
+    whole.tracks.append(track)
+    whole.creator = "lava-vpr"
+    return whole.to_xml() + "\n"

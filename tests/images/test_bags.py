@@ -1,0 +1,188 @@
+"""ROS bags as sources: every storage and encoding, several topics, damage, and what is missing."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.common.bags import KINDS, START, Message, as_file, bag, frames, text_bag
+from support.common.imagefiles import refused, smooth_picture
+
+from lava_vpr.errors import InputError
+from lava_vpr.images.bags import bag_images, is_bag, split_topic
+from lava_vpr.traverse import located, open_traverse
+from lava_vpr.watch.sources import open_source
+
+PICTURES = [smooth_picture(k) for k in range(6)]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_bag_is_a_traverse(kind: str, tmp_path: Path) -> None:
+    path = bag(tmp_path / "b", frames(PICTURES), kind)
+    whole = open_traverse(path)
+    assert whole.names == tuple(f"frame {k:06d}" for k in range(6))
+    assert whole.stamps is not None
+    assert whole.stamps.tolist() == [START + k for k in range(6)]
+    for image, picture in zip(whole.images(), PICTURES, strict=True):
+        np.testing.assert_array_equal(image, picture)
+    backwards = whole.take([5, 2, 2, 0])
+    for image, k in zip(backwards.images(), (5, 2, 2, 0), strict=True):
+        np.testing.assert_array_equal(image, PICTURES[k])
+    np.testing.assert_array_equal(backwards.load(1), PICTURES[2])
+    assert open_traverse(path, places=(1, 3)).indices.tolist() == [1, 2]
+
+
+@pytest.mark.parametrize("kind", ["db3", "mcap"])
+def test_the_file_in_a_folder_is_a_bag_too(kind: str, tmp_path: Path) -> None:
+    folder = bag(tmp_path / "b", frames(PICTURES), kind)
+    (file,) = folder.glob(f"*.{kind}")
+    whole = open_traverse(file)
+    assert len(whole) == 6
+    assert set(open_traverse(folder).paths) == {str(folder), *map(str, folder.iterdir())}  # none of which is replaced
+
+
+@pytest.mark.parametrize("every", [0.1, 0.2, 0.35, 5.0])
+def test_one_image_every_so_often(every: float, tmp_path: Path) -> None:
+    path = bag(tmp_path / "b", frames(PICTURES * 2, 0.1))
+    wanted, due = [], 0.0
+    for k in range(12):
+        if k / 10 > due - 1e-6:
+            wanted.append(k)
+            while due < k / 10 + 1e-6:
+                due += every
+    whole = open_traverse(path, every=every)
+    assert [int(name.split()[1]) for name in whole.names] == wanted
+    seen = list(open_source(str(path), every=every))
+    assert [one.name for one in seen] == list(whole.names)
+    for one, image in zip(seen, whole.images(), strict=True):
+        np.testing.assert_array_equal(one.image, image)
+
+
+@pytest.mark.parametrize(
+    ("encoding", "order"),
+    [("bgr8", [0, 1, 2]), ("8UC3", [0, 1, 2]), ("rgb8", [2, 1, 0]), ("bgra8", [0, 1, 2, 0]), ("rgba8", [2, 1, 0, 0])],
+)
+@pytest.mark.parametrize("padded", [0, 7])
+def test_colours(encoding: str, order: list[int], padded: int, tmp_path: Path) -> None:
+    stored = PICTURES[0][:, :, order]
+    path = bag(tmp_path / "b", [Message(stored, encoding, step=stored[0].size + padded)])
+    np.testing.assert_array_equal(open_traverse(path).load(0), PICTURES[0])
+
+
+@pytest.mark.parametrize("encoding", ["mono8", "8UC1"])
+def test_grey(encoding: str, tmp_path: Path) -> None:
+    grey = PICTURES[0][:, :, 0].copy()
+    np.testing.assert_array_equal(open_traverse(bag(tmp_path / "b", [Message(grey, encoding)])).load(0), grey)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_compressed_images(kind: str, tmp_path: Path) -> None:
+    path = bag(tmp_path / "b", [as_file(picture, k) for k, picture in enumerate(PICTURES)], kind)
+    for image, picture in zip(open_traverse(path).images(), PICTURES, strict=True):
+        np.testing.assert_array_equal(image, picture)
+
+
+def test_a_header_without_time_leaves_that_of_the_record(tmp_path: Path) -> None:
+    path = bag(tmp_path / "b", frames(PICTURES[:2], stamped=False))
+    assert open_traverse(path).stamps is not None
+    assert [one.stamp for one in open_source(str(path))] == [START, START + 1]
+
+
+def test_of_several_topics_one_is_named(tmp_path: Path) -> None:
+    left, right = frames(PICTURES[:2], topic="/left"), frames(PICTURES[2:4], topic="/right")
+    path = bag(tmp_path / "b", [left[0], right[0], left[1], right[1]])
+    refused(lambda: open_traverse(path), "b: has images of /left, /right; name one: ", "b:/left")
+    refused(lambda: open_traverse(f"{path}:/top"), "has no images of /top, but of /left, /right")
+    refused(lambda: list(open_source(str(path), topic="/top")), "has no images of /top")
+    whole = open_traverse(f"{path}:/right")
+    np.testing.assert_array_equal(whole.take([1]).load(0), PICTURES[3])
+    seen = list(open_source(str(path), topic="/right"))
+    np.testing.assert_array_equal(seen[1].image, PICTURES[3])
+    assert [one.name for one in open_source(f"{path}:/right")] == ["frame 000000", "frame 000001"]
+    refused(lambda: open_source(str(tmp_path), topic="/right"), "is no ROS bag, and has no topics")
+
+
+def test_what_a_bag_is(tmp_path: Path) -> None:
+    (tmp_path / "a.bag").touch()
+    (tmp_path / "f").mkdir()
+    assert is_bag(tmp_path / "a.bag")
+    assert not is_bag(tmp_path / "f")
+    assert not is_bag(tmp_path / "none.mcap")
+    assert split_topic(f"{tmp_path}/a.bag:/x/y") == (f"{tmp_path}/a.bag", "/x/y")
+    assert split_topic("rtsp://x/y") == ("rtsp://x/y", None)
+    assert split_topic(f"{tmp_path}/a.png:/x") == (f"{tmp_path}/a.png:/x", None)
+
+
+@pytest.mark.parametrize(
+    ("message", "words"),
+    [
+        (Message(PICTURES[0], "yuv422"), "image 1 of /camera/image: has the encoding 'yuv422'; convert it"),
+        (Message(PICTURES[0], "bgr8", step=20), "image 1 of /camera/image: is damaged: 480 bytes, in rows of 20"),
+        (Message(PICTURES[0][:1, :1], "bgr8"), "image 1 of /camera/image: has 1 x 1 pixels, needs"),
+    ],
+)
+def test_an_image_that_cannot_be_read(message: Message, words: str, tmp_path: Path) -> None:
+    """A traverse refuses it; whoever watches goes on."""
+    path = bag(tmp_path / "b", [Message(PICTURES[0]), message._replace(second=1.0), Message(PICTURES[2], second=2.0)])
+    refused(lambda: list(open_traverse(path).images()), words)
+    first, bad, last = open_source(str(path))
+    assert isinstance(bad.image, InputError)
+    assert words in str(bad.image)
+    assert not isinstance(first.image, InputError)
+    assert not isinstance(last.image, InputError)
+
+
+def test_too_large_an_image(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = bag(tmp_path / "b", frames(PICTURES[:1]))
+    monkeypatch.setenv("LAVA_VPR_MAX_IMAGE_PIXELS", "100")
+    refused(lambda: open_traverse(path).load(0), "has 864 pixels, more than the 100 allowed")
+
+
+def test_bags_without_images(tmp_path: Path) -> None:
+    refused(lambda: open_traverse(text_bag(tmp_path / "t")), "t: holds no images (sensor_msgs", "its topics: /said")
+    refused(lambda: open_traverse(bag(tmp_path / "e", [])), "holds no images", "its topics: none")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_damage_is_one_line(kind: str, tmp_path: Path) -> None:
+    """Cut anywhere, or with bytes of its head changed: it is refused, or what is given of a cut one was written."""
+    made = bag(tmp_path / "b", frames(PICTURES), kind)
+    (file,) = [made] if kind == "bag" else made.glob(f"*.{kind}")
+    data, good = file.read_bytes(), {picture.tobytes() for picture in PICTURES}
+    rng = np.random.default_rng(0)
+    cuts = [data[: int(len(data) * share)] for share in (0.0, 0.001, 0.01, 0.3, 0.7, 0.99)]
+    changed = []
+    for _ in range(12):
+        copy = bytearray(data)
+        copy[int(rng.integers(min(len(data), 6000)))] ^= 0xFF
+        changed.append(bytes(copy))
+    refusals = []
+    for number, bad in enumerate([*cuts, *changed, b"x" * 100]):
+        path = tmp_path / f"{number}.{kind}"
+        path.write_bytes(bad)
+        try:
+            images = {image.tobytes() for image in open_traverse(path).images()}
+        except InputError as error:
+            refusals.append(str(error))
+            continue
+        assert len(images) <= 6
+        assert number >= len(cuts) or images <= good  # of a changed byte of a picture nobody knows
+    assert len(refusals) >= 6
+    assert all(text.startswith(f"{tmp_path}/") and "\n" not in text for text in refusals)
+    assert {image.tobytes() for image in open_traverse(file).images()} == good
+
+
+def test_without_the_package_one_line_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = bag(tmp_path / "b", frames(PICTURES[:1]))
+    for name in [name for name in sys.modules if name.split(".")[0] == "rosbags"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "rosbags", None)
+    text = refused(lambda: next(bag_images(path, None, 1.0)), "ROS bags are read by the package rosbags")
+    assert text.endswith("install it: pip install 'lava-vpr[ros]'")
+
+
+def test_a_bag_knows_its_times_itself(tmp_path: Path) -> None:
+    whole = open_traverse(bag(tmp_path / "b", frames(PICTURES)))
+    refused(lambda: located(whole, 6, None, "2024-05-01T12:00:00"), "is when a video begins; give a CSV file")

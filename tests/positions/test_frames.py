@@ -1,0 +1,88 @@
+"""Frames of positions: distances, conversions, drawings."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lava_vpr.errors import InputError
+from lava_vpr.positions.frames import LAT_LON, XY, Positions, columns, distances, fits, is_frame, joined, utm_frame
+
+SAN_FRANCISCO = (37.81098, -122.47762), (545981.19, 4184971.70)
+"""Latitude and longitude, easting and northing in UTM zone 10, as a published dataset names one of its images."""
+
+
+def degrees(*rows: tuple[float, float]) -> Positions:
+    return Positions(np.array(rows, dtype=np.float64), LAT_LON)
+
+
+def haversine(a: np.ndarray, b: np.ndarray) -> float:
+    """Metres between two points in degrees on a sphere of 6,371,008.8 m."""
+    (lat, lon), (lat2, lon2) = np.radians(a), np.radians(b)
+    h = np.sin((lat2 - lat) / 2) ** 2 + np.cos(lat) * np.cos(lat2) * np.sin((lon2 - lon) / 2) ** 2
+    return float(2 * 6_371_008.8 * np.arcsin(np.sqrt(h)))
+
+
+def test_utm_is_that_of_a_published_image() -> None:
+    there = degrees(SAN_FRANCISCO[0]).to("UTM 10N")
+    np.testing.assert_allclose(there.values[0], SAN_FRANCISCO[1], atol=0.6)  # its degrees have five digits
+    np.testing.assert_allclose(there.to(LAT_LON).values[0], SAN_FRANCISCO[0], atol=1e-7)
+    assert distances(there, degrees(SAN_FRANCISCO[0]))[0] < 1e-3
+
+
+@pytest.mark.parametrize("zone", ["UTM 31N", "UTM 33N", "UTM 32S"])
+def test_a_neighbouring_zone_is_another_frame_of_the_same_places(zone: str) -> None:
+    places = degrees((59.9, 10.7), (60.0, 10.8), (60.1, 11.2))
+    np.testing.assert_allclose(
+        places.to(zone).to("UTM 32N").to(LAT_LON).values, places.values, atol=1e-5
+    )  # half a metre, from a zone away
+    step = distances(places.take([0, 1]).to(zone), places.take([1, 2]))
+    np.testing.assert_allclose(step, [haversine(*places.values[:2]), haversine(*places.values[1:])], rtol=0.01)
+
+
+@pytest.mark.parametrize("at", [(0.0, 0.0), (60.0, 10.0), (-45.0, 179.9999), (84.0, -180.0), (89.999, 7.0)])
+def test_distances_of_degrees_are_those_of_the_sphere(at: tuple[float, float]) -> None:
+    rng = np.random.default_rng(3)
+    ours = np.array([at])
+    theirs = ours + rng.uniform(-1e-3, 1e-3, (20, 2))
+    theirs[:, 0] = np.clip(theirs[:, 0], -90, 90)
+    got = distances(Positions(np.tile(ours, (20, 1)), LAT_LON), Positions(theirs, LAT_LON))
+    np.testing.assert_allclose(got, [haversine(ours[0], there) for there in theirs], rtol=1e-4, atol=1e-6)
+
+
+def test_a_drawing_of_degrees_keeps_distances_across_the_date_line() -> None:
+    route = degrees((45.0, 179.99), (45.001, -179.99), (45.002, 180.03))
+    plane = route.plane()
+    gaps = np.hypot(*np.diff(plane, axis=0).T)
+    np.testing.assert_allclose(gaps, [haversine(*route.values[:2]), haversine(*route.values[1:])], rtol=1e-3)
+    assert plane[1, 1] > plane[0, 1]
+
+
+def test_metres_without_a_zone_are_taken_for_any_metres() -> None:
+    here, there = Positions(np.array([[3.0, 4.0]]), XY), Positions(np.zeros((1, 2)), "UTM 32N")
+    assert distances(here, there).tolist() == [5.0]
+    assert distances(there, here).tolist() == [5.0]
+    assert joined([there, here]).frame == "UTM 32N"
+    with pytest.raises(InputError, match="x,y and in lat,lon cannot be compared"):
+        distances(here, degrees((0, 0)))
+
+
+def test_what_is_beyond_utm_is_refused() -> None:
+    with pytest.raises(InputError, match="beyond UTM, which ends at 80 S and 84 N"):
+        degrees((85.0, 10.0)).to("UTM 32N")
+
+
+def test_frames_and_ranges() -> None:
+    assert [
+        name for name in ("xy", "latlon", "UTM 1N", "UTM 60S", "UTM 61N", "utm 3N", "UTM 07N") if is_frame(name)
+    ] == [
+        "xy",
+        "latlon",
+        "UTM 1N",
+        "UTM 60S",
+    ]
+    assert utm_frame(7, north=False) == "UTM 7S"
+    assert (columns(LAT_LON), columns(utm_frame(7, True)), columns(XY)) == (("lat", "lon"), ("x", "y"), ("x", "y"))
+    values = np.array([[90.0, 360.0], [-90.1, 10.0], [np.nan, np.inf]])
+    assert fits(values, LAT_LON).tolist() == [[True, True], [False, True], [False, False]]
+    assert fits(values, XY).tolist() == [[True, True], [True, True], [False, False]]
