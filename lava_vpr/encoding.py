@@ -187,7 +187,36 @@ def encode_views(
     progress: Callable[[int], None] | None = None,
 ) -> tuple[EncodedTraverse, ...]:
     """`encode_traverse` of every image in each of ``views``: one encoded traverse a view, in their order."""
-    return _encoded(traverse, traverse.images(), encoder, views, keep, progress)
+    return _encoded(traverse.names, traverse.indices, traverse.images(), encoder, views, keep, progress)
+
+
+def encode_arrays(
+    images: Sequence[NDArray[np.uint8]],
+    encoder: EncoderConfig,
+    views: Sequence[View] = (STRAIGHT,),
+    keep: Keep = Keep.NOTHING,
+    names: Sequence[str] | None = None,
+) -> tuple[EncodedTraverse, ...]:
+    """`encode_views` of images that are in memory, counted from 0.
+
+    Args:
+        images: Each (h, w) grey or (h, w, 3) BGR, uint8.
+        encoder, views, keep: As in `encode_views`.
+        names: A name for each; None: ``image 000000`` and so on.
+    Raises:
+        InputError: one of them is no image, or there is not one name for each.
+    """
+    for number, image in enumerate(images):
+        array = np.asarray(image)
+        if array.dtype != np.uint8 or array.ndim not in (2, 3) or array.shape[2:] not in ((), (3,)) or not array.size:
+            raise InputError(
+                f"image {number} is of type {array.dtype} and shape {array.shape}; give uint8 (h, w) or (h, w, 3) BGR"
+            )
+    named = tuple(f"image {k:06d}" for k in range(len(images))) if names is None else tuple(names)
+    if len(named) != len(images):
+        raise InputError(f"there are {len(named)} names for {len(images)} images; give one for each")
+    indices = np.arange(len(images), dtype=np.int64)
+    return _encoded(named, indices, iter(images), encoder, views, keep, None)
 
 
 def encoded_batches(
@@ -196,31 +225,37 @@ def encoded_batches(
     views: Sequence[View],
     size: int,
     progress: Callable[[int], None] | None = None,
+    first: int | None = None,
 ) -> Iterator[tuple[EncodedTraverse, ...]]:
     """`encode_views` for ``size`` images at a time, in order; a batch is encoded when it is asked for.
 
     Args:
         traverse, encoder, views, progress: As in `encode_views`.
         size: Images in a batch, but for the last.
+        first: Images in the first batch, if those shall be fewer; each is twice as large as the one before, up to
+            ``size``.
     Raises:
         InputError: an image cannot be read.
     """
     images = traverse.images()  # once for all batches: a video is decoded in one pass
-    for start in range(0, len(traverse), size):
-        part = traverse.take(range(start, min(start + size, len(traverse))))
-        yield _encoded(part, images, encoder, views, Keep.NOTHING, progress)
+    start, count = 0, size if first is None else min(first, size)
+    while start < len(traverse):
+        part = traverse.take(range(start, min(start + count, len(traverse))))
+        yield _encoded(part.names, part.indices, images, encoder, views, Keep.NOTHING, progress)
+        start, count = start + count, min(2 * count, size)
 
 
 def _encoded(
-    traverse: Traverse,
+    names: tuple[str, ...],
+    indices: NDArray[np.int64],
     images: Iterator[NDArray[np.uint8]],
     encoder: EncoderConfig,
     views: Sequence[View],
     keep: Keep,
     progress: Callable[[int], None] | None,
 ) -> tuple[EncodedTraverse, ...]:
-    """The next images of ``images``, which are those of ``traverse``, encoded in each of ``views``."""
-    n, v = len(traverse), len(views)
+    """The next of ``images``, which have these names and indices, encoded in each of ``views``."""
+    n, v = len(names), len(views)
     activity = np.empty((v, n, encoder.inputs), np.float32)
     patches = np.empty((v, n, PATCH_SIDE, PATCH_SIDE), np.uint8) if Keep.PATCHES in keep else None
     thumbnails = np.empty((v, n, THUMBNAIL[1], THUMBNAIL[0], 3), np.uint8) if Keep.THUMBNAILS in keep else None
@@ -239,8 +274,8 @@ def _encoded(
             progress(1)
     return tuple(
         EncodedTraverse(
-            traverse.names,
-            traverse.indices,
+            names,
+            indices,
             activity[k],
             None if patches is None else patches[k],
             None if thumbnails is None else thumbnails[k],

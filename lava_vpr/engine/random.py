@@ -1,11 +1,10 @@
 """Counter-based random numbers: the same spikes on every backend, batch size, thread count and machine.
 
-A presentation has a 64-bit key made of (seed, role, epoch, image). The image of a query, and of a reference whose
-response is measured, is a hash of its own rates (`image_keys`): it meets the same noise wherever it stands. Block ``b``
-of input ``j`` is one 64-bit hash ``mix(key + G (b 2^32 + j))``: the finaliser of SplitMix64 (Steele, Lea and Flood,
-OOPSLA 2014, with Stafford's constants, variant 13) over an injective counter. That one hash gives four 16-bit draws,
-for steps 4b .. 4b + 3, or two 32-bit draws, for steps 2b and 2b + 1. An input spikes when its draw is below its rate.
-Inputs of rate 0 need no draw.
+A presentation has a 64-bit key made of (seed, role, epoch, image). The image is a hash of its own rates (`image_keys`):
+it meets the same noise wherever it stands, when it is learned, too. Block ``b`` of input ``j`` is one 64-bit hash
+``mix(key + G (b 2^32 + j))``: the finaliser of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014, with Stafford's
+constants, variant 13) over an injective counter. That one hash gives four 16-bit draws, for steps 4b .. 4b + 3, or two
+32-bit draws, for steps 2b and 2b + 1. An input spikes when its draw is below its rate. Inputs of rate 0 need no draw.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ _MIX_2 = np.uint64(0x94D049BB133111EB)
 _ZERO, _S27, _S30, _S31, _S32 = (np.uint64(x) for x in (0, 27, 30, 31, 32))
 _MASK = (1 << 64) - 1
 
-ROLES = ("train", "response", "query", "start", "delay")
+ROLES = ("train", "response", "query", "start", "delay", "calibration")
 
 
 @compiled(nb.uint64(nb.uint64), inline="always")
@@ -61,6 +60,11 @@ def image_keys(rates: NDArray[Any]) -> NDArray[np.uint64]:
     return keys
 
 
+def stretch_key(images: NDArray[np.uint64]) -> int:
+    """The key of a stretch, made of the keys of its images (`image_keys`): their sum modulo 2^64, in any order."""
+    return int(images.sum(dtype=np.uint64))
+
+
 def presentation_key(seed: int, role: str, image: int, epoch: int = 0) -> int:
     """The 64-bit key of one presentation.
 
@@ -68,7 +72,7 @@ def presentation_key(seed: int, role: str, image: int, epoch: int = 0) -> int:
         seed: Seed of the run, in [0, 2^63).
         role: One of `ROLES`; ``train`` (with its epoch), ``response`` (the frozen network on the references) and
             ``query`` keep their noise apart.
-        image: The image's key (`image_keys`), or, for ``train``, the index of its place; of any size.
+        image: The image's key (`image_keys`); for ``start``, that of a stretch (`stretch_key`); of any size.
         epoch: Epoch of a training presentation.
     """
     return _next_key(_key_before(seed, role, epoch), image)

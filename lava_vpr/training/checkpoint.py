@@ -17,6 +17,7 @@ from lava_vpr.config import Config
 from lava_vpr.configfile import to_dict
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.errors import ModelFileError, brief
+from lava_vpr.model import Stretch
 from lava_vpr.modelfile import UnfitError, count
 from lava_vpr.storage import container
 from lava_vpr.storage.text import shown
@@ -48,9 +49,10 @@ def remove_checkpoint(path: Path) -> None:
         file.unlink(missing_ok=True)
 
 
-def fingerprint(references: Sequence[EncodedTraverse], config: Config) -> str:
-    """Hash of everything that decides the trained weights: settings and images."""
+def fingerprint(references: Sequence[EncodedTraverse], config: Config, stretches: Sequence[Stretch]) -> str:
+    """Hash of everything that decides the trained weights: settings, the cut into stretches, and images."""
     digest = hashlib.sha256(json.dumps(to_dict(config), sort_keys=True).encode())
+    digest.update(json.dumps([stretch.places for stretch in stretches]).encode())
     for reference in references:
         digest.update(reference.indices.tobytes())
         digest.update(reference.activity.tobytes())

@@ -13,20 +13,22 @@ from lava_vpr.modelfile import UnfitError, check_names
 from lava_vpr.storage.text import shown
 
 
-def check_references(sizes: Sequence[int], sources: Sequence[str] | None = None) -> None:
+def check_references(sizes: Sequence[int], sources: Sequence[str] | None = None, least: int = 2) -> None:
     """Refuse reference traverses that do not show the same number of places.
 
     Args:
         sizes: The number of images of each.
         sources: The folder or file that each was read from, for the message; None if that is not known.
+        least: The fewest places: 2 of a route, 1 of what a map is extended by.
     Raises:
         InputError: none, too few places, or unequal numbers.
     """
     files = [f"{shown(source)}: " for source in sources] if sources else [""] * len(sizes)
-    if not sizes or sizes[0] < 2:
+    if not sizes or sizes[0] < least:
         found = "1 image" if sizes and sizes[0] else "no image"
+        wanted = "a route needs at least 2 places" if least == 2 else "a map is extended by at least 1 place"
         raise InputError(
-            f"{''.join(files[:1])}a route needs at least 2 places, but there is {found}; give a folder, list or video "
+            f"{''.join(files[:1])}{wanted}, but there is {found}; give a folder, list or video "
             "of more, or a wider --places A:B"
         )
     for number, size in enumerate(sizes[1:], start=2):
@@ -37,20 +39,23 @@ def check_references(sizes: Sequence[int], sources: Sequence[str] | None = None)
             )
 
 
-def check_encoded_references(references: Sequence[EncodedTraverse], config: Config, route_images: int | None) -> int:
+def check_encoded_references(
+    references: Sequence[EncodedTraverse], config: Config, route_images: int | None, least: int = 2
+) -> int:
     """Refuse references of which no model could be made that can be read again.
 
     Args:
         references: The traverses, each in all views.
         config: Settings that they were encoded with.
         route_images: Images in the whole first traverse; None: nobody says.
+        least: As in `check_references`.
     Returns:
         Images in the whole first traverse, as far as is known.
     Raises:
         InputError: they are not of these settings, or of different numbers of places, or two are the same place,
             or all of them are blank.
     """
-    check_references([len(reference) for reference in references])
+    check_references([len(reference) for reference in references], least=least)
     views = len(config.views.views)
     if len(references) % views:
         raise InputError(
@@ -61,7 +66,7 @@ def check_encoded_references(references: Sequence[EncodedTraverse], config: Conf
         check_encoded(reference, config.encoder, f"references of traverse {number}")
     first = references[0]
     try:
-        check_names(list(first.names))
+        check_names(list(first.names), least)
     except UnfitError as error:
         raise InputError(f"the references have {error}; rename the file") from None
     if len(np.unique(first.indices)) != len(first):

@@ -1,4 +1,4 @@
-"""The training loop: stretches in parallel, checkpoints, and the frozen network's responses to the references."""
+"""The training loop: a route cut into stretches, which learn in parallel, with checkpoints."""
 
 from __future__ import annotations
 
@@ -13,20 +13,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.config import ConductanceLearning, Config
+from lava_vpr.config import Config
 from lava_vpr.encoding import EncodedTraverse, training_rates
 from lava_vpr.engine import effort
-from lava_vpr.engine.conductance import model as conductance
-from lava_vpr.engine.inference import fixed, quantise
+from lava_vpr.engine.inference import quantise
 from lava_vpr.engine.learning import integer, stdp
-from lava_vpr.engine.random import presentation_key
+from lava_vpr.engine.random import image_keys, presentation_key, stretch_key
 from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.gate import as_integer_config, integer_config
 from lava_vpr.model import Model, Stretch
 from lava_vpr.modelfile import check_model
+from lava_vpr.positions.frames import Positions
 from lava_vpr.training.checkpoint import Checkpoint, fingerprint
 from lava_vpr.training.door import check_encoded_references
-from lava_vpr.training.references import coverage, reference_responses, shown_references
+from lava_vpr.training.joining import Route, joined, model_of
+from lava_vpr.training.references import coverage
 from lava_vpr.training.trainers import ConductanceTrainer, StretchTrainer, trainer_of
 
 
@@ -42,13 +43,27 @@ class Progress:
     places_covered: int
 
 
-def split(places: int, config: Config) -> tuple[Stretch, ...]:
+def split(places: int, config: Config, parts: Sequence[int] = ()) -> tuple[Stretch, ...]:
     """Cut a route of ``places`` into the fewest stretches of at most ``config.stretch`` places, as even as can be.
 
     Every view has stretches of its own, view after view.
+
+    Args:
+        places: Number of places.
+        config: Settings.
+        parts: Numbers of places in a row, each part of the route cut by itself; none: the whole route is one.
+    Raises:
+        ConfigError: the parts are not the route.
     """
-    parts = 1 if config.stretch == 0 else -(-places // config.stretch)
-    bounds = [round(places * k / parts) for k in range(parts + 1)]
+    if parts and (min(parts) < 1 or sum(parts) != places):
+        raise ConfigError(
+            f"parts of {', '.join(map(str, parts))} places are {sum(parts)} of a route of {places}; give parts of at "
+            "least 1 place that are as many together"
+        )
+    bounds = [0]
+    for part in parts or (places,):
+        cuts = 1 if config.stretch == 0 else -(-part // config.stretch)
+        bounds += [bounds[-1] + end for end in (round(part * k / cuts) for k in range(1, cuts + 1))]
     stretches, neuron = [], 0
     for view in range(len(config.views.views)):
         for first, end in itertools.pairwise(bounds):
@@ -58,39 +73,54 @@ def split(places: int, config: Config) -> tuple[Stretch, ...]:
     return tuple(stretches)
 
 
-def check_size(places: int, config: Config, traverses: int = 1) -> tuple[Stretch, ...]:
+def check_size(places: int, config: Config, traverses: int = 1, parts: Sequence[int] = ()) -> tuple[Stretch, ...]:
     """The stretches of a route of ``places``, shown in so many traverses, or a refusal before anything is learned.
+
+    ``parts`` are those of `split`.
 
     Raises:
         ConfigError: stretches for a model that cannot be joined; presentations too short for so many neurons; a model,
             a query or a training that would cost more than the limits allow.
         NetworkLimitError: integer learning that could overflow.
     """
-    stretches = split(places, config)
-    neurons = sum(stretch.neurons for stretch in stretches)
-    check_model(config, places, traverses * len(config.views.views), neurons)
-    effort.check_query(config, neurons)
+    stretches = split(places, config, parts)
+    check_whole(config, places, traverses, sum(stretch.neurons for stretch in stretches))
     shown = presentations(config, places, traverses, config.learning.epochs)
     effort.check_training(config, max(stretch.neurons for stretch in stretches), shown)
-    return check_network(places, config)
+    return check_network(places, config, parts)
 
 
-def check_network(places: int, config: Config) -> tuple[Stretch, ...]:
+def check_whole(config: Config, places: int, traverses: int, neurons: int) -> None:
+    """Refuse a model of so many places and neurons, before it is made.
+
+    Raises:
+        ConfigError: presentations too short for so many neurons; a model or query that would cost more than the limits
+            allow.
+    """
+    check_model(config, places, traverses * len(config.views.views), neurons)
+    effort.check_query(config, neurons)
+    settings = as_integer_config(config)
+    if settings is not None:
+        quantise.check_steps(settings.network, neurons)
+
+
+def check_network(places: int, config: Config, parts: Sequence[int] = ()) -> tuple[Stretch, ...]:
     """The stretches of a route of ``places``, or a refusal of what no arithmetic holds; what it costs is not asked.
+
+    ``parts`` are those of `split`.
 
     Raises:
         ConfigError: stretches for a model that cannot be joined; presentations too short for so many neurons.
         NetworkLimitError: integer learning that could overflow.
     """
-    stretches = split(places, config)
-    neurons = sum(stretch.neurons for stretch in stretches)
+    stretches = split(places, config, parts)
     settings = as_integer_config(config)
     if settings is None:
         if len(stretches) > 1:
             raise ConfigError("the conductance model learns a route in one network; use --stretch 0")
         return stretches
     learning = settings.learning
-    quantise.check_steps(settings.network, neurons)
+    quantise.check_steps(settings.network, sum(stretch.neurons for stretch in stretches))
     if learning.rule == "template":
         uneven = next((part for part in stretches if part.neurons != part.places), None)
         if uneven is not None:
@@ -108,6 +138,8 @@ def train(
     config: Config,
     *,
     route_images: int | None = None,
+    positions: Positions | None = None,
+    parts: Sequence[int] = (),
     jobs: int = 1,
     checkpoint: Path | None = None,
     interval: float = 2.0,
@@ -122,6 +154,9 @@ def train(
             (`lava_vpr.encoding.encode_views`).
         config: Settings; equal settings and images give the bit-identical model whatever ``jobs``.
         route_images: Images in the whole first traverse (default: up to the last place).
+        positions: Where the first traverse's images were taken, one for each place; None if that is unknown.
+        parts: Numbers of places in a row, each part of the route cut into stretches by itself; none: the whole route is
+            one part. Training parts together gives the model that training each and `lava_vpr.maps.merge` gives.
         jobs: Threads; each learns one stretch at a time.
         checkpoint: Where to keep checkpoints; None keeps none.
         interval: Least seconds between two checkpoints.
@@ -134,34 +169,90 @@ def train(
         ModelFileError: the checkpoint cannot be used or written.
         NetworkLimitError: the trained network could overflow.
     """
-    route_images = check_encoded_references(references, config, route_images)
-    _kept(references)  # seen now, before hours of work
+    route = Route(references, check_encoded_references(references, config, route_images), positions)
+    route.check()
     traverses = len(references) // len(config.views.views)
-    stretches = check_size(len(references[0]), config, traverses)
-    trainers = [trainer_of(config, stretch, number) for number, stretch in enumerate(stretches)]
-    store = Checkpoint(checkpoint, fingerprint(references, config), interval)
+    stretches = check_size(len(references[0]), config, traverses, parts)
+    store = Checkpoint(checkpoint, fingerprint(references, config, stretches), interval)
+    trainers = trainers_of(stretches, references, config)
     if resume:
         store.load(trainers, config.learning.epochs, traverses)
         if resumed is not None:
             resumed(dict(store.epochs))
-    rates = [training_rates(reference.activity, config) for reference in references]
-    stop = threading.Event()
-
-    def learn(number: int) -> None:
-        stretch, trainer = stretches[number], trainers[number]
-        for epoch in range(store.epochs.get(number, 0), config.learning.epochs):
-            if not _epoch(trainer, stretch, number, epoch, references, rates, config, progress, stop):
-                return
-            store.update(number, epoch + 1, trainer.state())
-
-    _run(learn, len(stretches), jobs, stop, store)
+    learn(trainers, stretches, references, config, jobs=jobs, store=store, progress=progress)
     try:
-        return _finish(references, config, stretches, trainers, route_images, jobs)
+        if isinstance(trainers[0], ConductanceTrainer):
+            network, responses = trainers[0].network, trainers[0].responses
+            return model_of(network, np.zeros((0, 0), np.float32), responses, config, stretches, route)
+        return joined(learned_weights(trainers, config), config, stretches, route, jobs)
     except (ConfigError, NetworkLimitError):
         # Only other settings help, and those cannot go on from here.
         if checkpoint is not None:
             checkpoint.unlink(missing_ok=True)
         raise
+
+
+def presented_keys(references: Sequence[EncodedTraverse], config: Config) -> list[NDArray[np.uint64]]:
+    """The image key of each reference as training shows it, uint64 (places,), of each of ``references``."""
+    return [image_keys(training_rates(reference.activity, config)) for reference in references]
+
+
+def start_key(stretch: Stretch, keys: Sequence[NDArray[np.uint64]]) -> int:
+    """The key that start weights of ``stretch`` are drawn for: that of its places' images in the first traverse.
+
+    Args:
+        stretch: The stretch.
+        keys: `presented_keys`.
+    """
+    return stretch_key(keys[stretch.view][stretch.first_place : stretch.first_place + stretch.places])
+
+
+def trainers_of(
+    stretches: Sequence[Stretch], references: Sequence[EncodedTraverse], config: Config
+) -> list[StretchTrainer]:
+    """A new trainer for each of ``stretches``."""
+    keys = presented_keys(references, config)
+    return [trainer_of(config, stretch, start_key(stretch, keys)) for stretch in stretches]
+
+
+def learned_weights(trainers: Sequence[StretchTrainer], config: Config) -> NDArray[np.float32]:
+    """What the stretches of an integer network learned, each neuron's mean normalised, float32 (inputs, neurons)."""
+    parts = [trainer.state()["weights"].astype(np.float32) for trainer in trainers]
+    for part in parts:
+        stdp.normalise(part, integer_config(config, "learned_weights").learning.mean_weight)
+    return np.concatenate(parts, axis=1)
+
+
+def learn(
+    trainers: Sequence[StretchTrainer],
+    stretches: Sequence[Stretch],
+    references: Sequence[EncodedTraverse],
+    config: Config,
+    *,
+    jobs: int = 1,
+    store: Checkpoint | None = None,
+    progress: Callable[[Progress], None] | None = None,
+) -> None:
+    """Let the trainers of all ``stretches`` learn; each sees the images of its own stretch and nothing of the others.
+
+    Args:
+        trainers, stretches: The trainer of each stretch, which is changed.
+        references, config, jobs, progress: As in `train`.
+        store: Where training stands; None: at its start, and no checkpoint is kept.
+    """
+    store = Checkpoint(None, "") if store is None else store
+    rates = [training_rates(reference.activity, config) for reference in references]
+    keys = [image_keys(some) for some in rates]
+    stop = threading.Event()
+
+    def learn_one(number: int) -> None:
+        stretch, trainer = stretches[number], trainers[number]
+        for epoch in range(store.epochs.get(number, 0), config.learning.epochs):
+            if not _epoch(trainer, stretch, number, epoch, rates, keys, config, progress, stop):
+                return
+            store.update(number, epoch + 1, trainer.state())
+
+    _run(learn_one, len(stretches), jobs, stop, store)
 
 
 def _run(learn: Callable[[int], None], stretches: int, jobs: int, stop: threading.Event, store: Checkpoint) -> None:
@@ -208,8 +299,8 @@ def _epoch(
     stretch: Stretch,
     number: int,
     epoch: int,
-    references: Sequence[EncodedTraverse],
     rates: Sequence[NDArray[Any]],
+    keys: Sequence[NDArray[np.uint64]],
     config: Config,
     progress: Callable[[Progress], None] | None,
     stop: threading.Event,
@@ -219,14 +310,13 @@ def _epoch(
     shown = 0
     trainer.begin_epoch(epoch)
     views = len(config.views.views)
-    traverses = traverses_shown(config, epoch, len(references) // views)
+    traverses = traverses_shown(config, epoch, len(rates) // views)
     for shown_as in range(stretch.view, traverses * views, views):
         for place in range(stretch.places):
             if stop.is_set():
                 return False
             image = stretch.first_place + place
-            index = int(references[shown_as].indices[image])
-            key = presentation_key(config.seed, "train", index, epoch * len(references) + shown_as)
+            key = presentation_key(config.seed, "train", int(keys[shown_as][image]), epoch * len(rates) + shown_as)
             counts[place] += trainer.present(rates[shown_as][image], key, place, epoch)
             shown += 1
             if progress is not None:
@@ -240,91 +330,3 @@ def _progress(number: int, epoch: int, shown: int, counts: NDArray[np.int64], wh
         return Progress(number, epoch, shown, -1.0, -1, -1)
     used, covered = coverage(counts.T)
     return Progress(number, epoch, shown, float(counts.sum() / shown), used, covered)
-
-
-def _finish(
-    references: Sequence[EncodedTraverse],
-    config: Config,
-    stretches: tuple[Stretch, ...],
-    trainers: Sequence[StretchTrainer],
-    route_images: int,
-    jobs: int,
-) -> Model:
-    """The model of trained stretches: joined, quantised, its responses to the references measured."""
-    network: fixed.FixedNetwork | conductance.ConductanceState
-    activity = np.concatenate([reference.activity for reference in references])
-    settings = as_integer_config(config)
-    if settings is not None:
-        parts = [trainer.state()["weights"].astype(np.float32) for trainer in trainers]
-        for part in parts:
-            stdp.normalise(part, settings.learning.mean_weight)
-        learned = np.concatenate(parts, axis=1)
-        network = integer_network(learned, config, stretches, activity)
-        responses = reference_responses(network, references, config, jobs)
-    else:
-        if not isinstance(trainers[0], ConductanceTrainer):
-            raise TypeError("the conductance model is learned by a ConductanceTrainer")
-        learned, network, responses = np.zeros((0, 0), np.float32), trainers[0].network, trainers[0].responses
-    used, covered = coverage(responses)
-    places = len(references[0])
-    patches, thumbnails, hog = _kept(references)
-    return Model(
-        config=config,
-        network=network,
-        learned=learned,
-        responses=responses,
-        stretches=stretches,
-        place_indices=references[0].indices,
-        place_names=references[0].names,
-        route_images=route_images,
-        labels=np.tile(np.arange(places), len(references)),
-        patches=patches,
-        activity=activity,
-        thumbnails=thumbnails,
-        hog=hog,
-        training={
-            "spikes_per_image": float(responses.sum() / (places * _response_presentations(config, references))),
-            "neurons_used": used,
-            "places_covered": covered,
-        },
-    )
-
-
-def _kept(
-    references: Sequence[EncodedTraverse],
-) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8] | None]:
-    """What a model keeps of its references' looks: every patch, the first traverse's thumbnails, every HOG if it can.
-
-    Raises:
-        InputError: they were encoded without.
-    """
-    patches = [reference.patches_for("training") for reference in references]
-    hogs = [reference.hog for reference in references if reference.hog is not None]
-    hog = np.concatenate(hogs) if len(hogs) == len(references) else None
-    return np.concatenate(patches), references[0].thumbnails_for("training"), hog
-
-
-def _response_presentations(config: Config, references: Sequence[EncodedTraverse]) -> int:
-    """The number of times that each place was shown to count its responses."""
-    learning = config.learning
-    repeats = min(learning.label_epochs, learning.epochs) if isinstance(learning, ConductanceLearning) else 1
-    return repeats * len(references)
-
-
-def integer_network(
-    learned: NDArray[np.float32], config: Config, stretches: Sequence[Stretch], activity: NDArray[np.float32]
-) -> fixed.FixedNetwork:
-    """The integer network of ``learned`` float weights (inputs, neurons).
-
-    Args:
-        learned: What the neurons of all stretches learned.
-        config: Settings.
-        stretches: The parts of the route.
-        activity: Input responses to the references, traverse after traverse, float32 (images, inputs).
-    Raises:
-        ConfigError: the settings are those of the float conductance model, or nothing was learned.
-        NetworkLimitError: it could overflow Loihi's registers.
-    """
-    network = integer_config(config, "quantising").network
-    weights = quantise.distinctive(learned, network)
-    return quantise.quantise(weights, network, shown_references(stretches, activity, config))

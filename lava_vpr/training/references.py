@@ -41,6 +41,11 @@ def references_of(model: Model) -> list[EncodedTraverse]:
     return parts
 
 
+def parts_of(model: Model) -> list[int]:
+    """The places of each stretch in a row, as parts that `lava_vpr.training.loop.train` cuts in the same stretches."""
+    return [stretch.places for stretch in model.stretches if stretch.view == 0]
+
+
 def response_keys(rates: NDArray[np.uint16], seed: int) -> NDArray[np.uint64]:
     """Keys of the presentations that measure S^R, one for each reference image with ``rates`` (n, inputs)."""
     return presentation_keys(seed, "response", image_keys(rates))

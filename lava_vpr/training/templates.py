@@ -5,13 +5,14 @@ from __future__ import annotations
 from lava_vpr.configfile import update
 from lava_vpr.model import IntegerModel, Model, integer_model
 from lava_vpr.training.loop import train
-from lava_vpr.training.references import references_of
+from lava_vpr.training.references import parts_of, references_of
 
 
 def template_of(model: Model, threads: int = 1) -> IntegerModel:
     """The model of the same references and settings whose weights are the references' mean rates, one neuron a place.
 
-    It is the one that ``train --learning template`` makes, bit for bit: same inputs, same integers, S^R measured anew.
+    It is the one that ``train --learning template`` makes of the same stretches, bit for bit: same inputs, same
+    integers, S^R measured anew.
 
     Args:
         model: A model with an integer network, of a bundle, too.
@@ -25,5 +26,6 @@ def template_of(model: Model, threads: int = 1) -> IntegerModel:
         "learning": {"rule": "template", "epochs": 1},
         "network": {"neurons": 0, "neurons_per_place": 1},
     }
-    made = train(references_of(model), update(config, changes), route_images=model.route_images, jobs=threads)
+    settings, cut = update(config, changes), parts_of(model)
+    made = train(references_of(model), settings, route_images=model.route_images, parts=cut, jobs=threads)
     return integer_model(made, "the baseline template")

@@ -62,10 +62,10 @@ ROUNDING = 1.001
 class LifTrainer:
     """The ``loihi`` preset's network, learning in float."""
 
-    def __init__(self, config: Config, stretch: Stretch, number: int) -> None:
+    def __init__(self, config: Config, stretch: Stretch, key: int) -> None:
         settings = integer_config(config, "LifTrainer")
         self._learning, self._places = settings.learning, stretch.places
-        start = stdp.initial_state(config.encoder.inputs, stretch.neurons, settings.learning, config.seed, number)
+        start = stdp.initial_state(config.encoder.inputs, stretch.neurons, settings.learning, config.seed, key)
         self._trainer = stdp.Trainer(start, settings.learning, config.encoder.train_spikes)
 
     def begin_epoch(self, epoch: int) -> None:
@@ -88,7 +88,7 @@ class LifTrainer:
 class IntegerLifTrainer:
     """The current-based network, learning in Loihi's integers."""
 
-    def __init__(self, config: Config, stretch: Stretch, number: int) -> None:
+    def __init__(self, config: Config, stretch: Stretch, key: int) -> None:
         settings = integer_config(config, "IntegerLifTrainer")
         self._trainer = integer.IntegerTrainer(
             config.encoder.inputs,
@@ -96,7 +96,7 @@ class IntegerLifTrainer:
             settings.learning,
             config.encoder.train_spikes,
             config.seed,
-            number,
+            key,
         )
 
     def begin_epoch(self, epoch: int) -> None:
@@ -115,7 +115,7 @@ class IntegerLifTrainer:
 class TemplateTrainer:
     """What learning is held against: the neuron of a place has the rates of the place's references as its weights."""
 
-    def __init__(self, config: Config, stretch: Stretch, number: int) -> None:
+    def __init__(self, config: Config, stretch: Stretch, key: int) -> None:
         self._weights = np.zeros((config.encoder.inputs, stretch.neurons), np.float32)
 
     def begin_epoch(self, epoch: int) -> None:
@@ -135,7 +135,7 @@ class TemplateTrainer:
 class ConductanceTrainer:
     """The ``paper`` preset's network; S^R is counted during the last epochs, while it still learns."""
 
-    def __init__(self, config: Config, stretch: Stretch, number: int) -> None:
+    def __init__(self, config: Config, stretch: Stretch, key: int) -> None:
         if not isinstance(config.learning, ConductanceLearning):
             raise ConfigError("ConductanceTrainer needs network.model 'conductance'")
         self._config, self._learning = config, config.learning
@@ -170,12 +170,12 @@ class ConductanceTrainer:
         }
 
 
-def trainer_of(config: Config, stretch: Stretch, number: int) -> StretchTrainer:
-    """The trainer that learns one stretch under ``config``."""
+def trainer_of(config: Config, stretch: Stretch, key: int) -> StretchTrainer:
+    """The trainer that learns one stretch under ``config``; start weights are drawn for its ``key`` (`stretch_key`)."""
     chosen = as_integer_config(config)
     if chosen is None:
-        return ConductanceTrainer(config, stretch, number)
+        return ConductanceTrainer(config, stretch, key)
     if chosen.learning.rule == "template":
-        return TemplateTrainer(config, stretch, number)
+        return TemplateTrainer(config, stretch, key)
     kind = IntegerLifTrainer if chosen.learning.arithmetic == "integer" else LifTrainer
-    return kind(config, stretch, number)
+    return kind(config, stretch, key)

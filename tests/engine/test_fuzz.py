@@ -26,23 +26,27 @@ def judge(found: Comparison, networks: int, enough: list[str], capsys: pytest.Ca
     assert min(found.events[name] for name in enough) * 10 >= networks
 
 
+@pytest.mark.lava
 def test_100_random_networks_equal_lavas_library(capsys: pytest.CaptureFixture[str]) -> None:
     found = compare_groups(1, all_groups(4), timeout=400)
     judge(found, 100, ["wrapped", "saturated", "spiked"], capsys)
     assert found.events["exactly 2^23"] > 0
 
 
+@pytest.mark.lava
 @pytest.mark.slow
 def test_2000_random_networks_equal_lavas_library(capsys: pytest.CaptureFixture[str]) -> None:
     found = compare_groups(2, all_groups(80), timeout=1700)
     judge(found, 2000, ["wrapped", "saturated", "spiked"], capsys)
 
 
+@pytest.mark.lava
 def test_random_place_networks_equal_lavas_library(capsys: pytest.CaptureFixture[str]) -> None:
     found = compare_places(1, {0: (0, 1), 1: (1, 2)}, timeout=400)
     judge(found, 4, ["wrapped", "refused", "spiked"], capsys)
 
 
+@pytest.mark.lava
 @pytest.mark.slow
 def test_many_random_place_networks_equal_lavas_library(capsys: pytest.CaptureFixture[str]) -> None:
     found = compare_places(2, all_places(10), timeout=1700)

@@ -74,15 +74,18 @@ def hold_against_lava(starts: int, seed: int) -> None:
     assert (found["ours_x1"].max(2) == 127).any()
 
 
+@pytest.mark.lava
 def test_80_random_networks_equal_lavas_learning_dense() -> None:
     hold_against_lava(2, seed=0)
 
 
+@pytest.mark.lava
 @pytest.mark.slow
 def test_more_random_networks_equal_lavas_learning_dense() -> None:
     hold_against_lava(25, seed=1)
 
 
+@pytest.mark.lava
 def test_lavas_streams_are_those_of_its_generators() -> None:
     from lava.magma.core.learning.random import ConnVarRandom, TraceRandom
 
@@ -96,6 +99,7 @@ def test_lavas_streams_are_those_of_its_generators() -> None:
         assert weight_random.random_stochastic_round == weights[step] * 2.0**-53
 
 
+@pytest.mark.lava
 def test_microcode_of_a_negative_product_is_one_that_lava_reads() -> None:
     from lava.magma.core.learning.learning_rule import Loihi2FLearningRule
 

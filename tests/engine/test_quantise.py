@@ -157,7 +157,7 @@ def test_threshold_and_inhibition_are_in_units_of_a_neurons_own_drive(signed: bo
     own, mean = drives(network.weights, shown)
     unit = sum(a - (b if signed else 0) for a, b in zip(own, mean, strict=True)) / PLACES
     assert network.threshold == pytest.approx(float(2.5 * unit), abs=0.51)
-    assert network.lateral == pytest.approx(float(0.9 * unit), rel=1 / 255, abs=0.51)
+    assert network.lateral == pytest.approx(float(0.9 * unit), rel=1 / 127, abs=0.51)
     assert (network.bits, network.signed, network.decay) == (6, signed, round(4096 / 30))
     assert (network.steps, network.interval, network.regular, network.bias_input) == (29, 32, True, False)
     assert (network.weights.min() < 0) == signed
@@ -256,13 +256,15 @@ def test_what_registers_cannot_hold_is_refused() -> None:
 
 
 def test_a_mantissa_takes_the_least_exponent() -> None:
-    assert mantissa_of(255.4) == (255, 0)
-    assert mantissa_of(255.6) == (128, 1)
+    assert mantissa_of(127.4) == (127, 0)
+    assert mantissa_of(127.6) == (64, 1)
     assert mantissa_of(0.0) == (0, 0)
+    assert mantissa_of(255.4, 255) == (255, 0)
+    assert mantissa_of(255.6, 255) == (128, 1)
     for value in (300.0, 3000.0, 32_000.0):
         mantissa, exponent = mantissa_of(value)
-        assert mantissa << exponent == pytest.approx(value, rel=1 / 255)
-        assert mantissa > 127
+        assert mantissa << exponent == pytest.approx(value, rel=1 / 127)
+        assert 64 <= mantissa <= 127
 
 
 @pytest.mark.parametrize(

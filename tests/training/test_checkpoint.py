@@ -35,9 +35,11 @@ def settings(kind: str) -> tuple[Config, list[EncodedTraverse]]:
 def saved(kind: str) -> tuple[Header, Arrays]:
     """A sound checkpoint: one epoch of every stretch."""
     config, references = settings(kind)
-    states = [trainer_of(config, stretch, k).state() for k, stretch in enumerate(split(8, config))]
+    stretches = split(8, config)
+    states = [trainer_of(config, stretch, k).state() for k, stretch in enumerate(stretches)]
     arrays = {f"{k}.{name}": array for k, state in enumerate(states) for name, array in state.items()}
-    return {"fingerprint": fingerprint(references, config), "epochs": {str(k): 1 for k in range(len(states))}}, arrays
+    epochs = {str(k): 1 for k in range(len(states))}
+    return {"fingerprint": fingerprint(references, config, stretches), "epochs": epochs}, arrays
 
 
 def resumed(kind: str, forge: Forge, path: Path) -> None:

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.common.small_models import encoded, small_config, small_model, tiny_paper, two_images_a_place
+from support.common.small_models import encoded, small_config, small_model, some, tiny_paper, two_images_a_place
 
 from lava_vpr import model
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
-from lava_vpr.encoding import EncodedTraverse
-from lava_vpr.engine.random import presentation_key
+from lava_vpr.encoding import EncodedTraverse, query_rates, training_rates
+from lava_vpr.engine.random import image_keys, presentation_key
 from lava_vpr.errors import ConfigError, InputError, ModelFileError, NetworkLimitError
 from lava_vpr.model import Model, integer_model
 from lava_vpr.storage import container
@@ -170,7 +170,7 @@ def test_a_network_that_turns_out_to_be_none_leaves_no_checkpoint(
     def refuse(*_: object, **__: object) -> None:
         raise error("too large")
 
-    monkeypatch.setattr("lava_vpr.training.loop.integer_network", refuse)
+    monkeypatch.setattr("lava_vpr.training.joining.integer_network", refuse)
     with pytest.raises(error, match="too large"):
         train([encoded()], small_config(), checkpoint=tmp_path / "a.checkpoint", interval=0.0)
     assert not list(tmp_path.iterdir())
@@ -216,8 +216,42 @@ def test_no_two_training_presentations_share_noise(monkeypatch: pytest.MonkeyPat
     train([encoded(), encoded(), encoded()], small_config())
     # Two epochs of the first traverse alone, three of all.
     assert len(drawn) == len(set(drawn)) == 2 * 8 + 3 * 3 * 8
-    roles = {presentation_key(0, role, image) for role in ("response", "query") for image in range(5, 13)}
+    rates = {"query": query_rates, "response": query_rates, "train": training_rates}
+    keys = {role: image_keys(of(encoded().activity, small_config())).tolist() for role, of in rates.items()}
+    roles = {presentation_key(0, role, image) for role in ("response", "query") for image in keys[role] + keys["train"]}
     assert not roles & set(drawn)
+
+
+@pytest.mark.parametrize("arithmetic", ["float", "integer"])
+def test_a_stretch_learns_its_own_images_alone(arithmetic: str) -> None:
+    """Neither its place in the route, nor the indices and names, nor the other stretches change what it learns."""
+    config, whole = small_config(learning={"arithmetic": arithmetic, "epochs": 2}), encoded(12)
+    learned = train([whole], config).learned
+    for first, end in ((0, 4), (4, 8), (4, 12)):
+        own = dataclasses.replace(some(whole, slice(first, end)), indices=np.arange(end - first)[::-1] + 77)
+        np.testing.assert_array_equal(train([own], config).learned, learned[:, first:end])
+    assert len({column.tobytes() for column in learned.T}) == 12
+    twins = train([encoded(4), encoded(4, noise=1.0)], config).learned
+    assert not np.array_equal(twins, learned[:, :4])
+
+
+@pytest.mark.parametrize(
+    ("parts", "cut"), [((), [4, 4, 4]), ((8, 4), [4, 4, 4]), ((9, 3), [3, 3, 3, 3]), ((1, 11), [1, 4, 3, 4])]
+)
+def test_parts_of_a_route_are_cut_by_themselves(parts: tuple[int, ...], cut: list[int]) -> None:
+    for views in (1, 3):
+        stretches = split(12, small_config(views={"shifts": views}), parts)
+        assert [stretch.places for stretch in stretches] == cut * views
+        assert [stretch.view for stretch in stretches] == [view for view in range(views) for _ in cut]
+        ends = np.cumsum([0, *cut])[:-1].tolist()
+        assert [stretch.first_place for stretch in stretches] == ends * views
+        assert [stretch.first_neuron for stretch in stretches] == np.cumsum([0, *cut * views])[:-1].tolist()
+
+
+@pytest.mark.parametrize("parts", [(12, 1), (11,), (12, 0), (13, -1)])
+def test_parts_that_are_not_the_route_are_refused(parts: tuple[int, ...]) -> None:
+    with pytest.raises(ConfigError, match=r"parts of .* of a route of 12; give parts"):
+        train([encoded(12)], small_config(), parts=parts)
 
 
 def test_a_references_response_is_its_own() -> None:

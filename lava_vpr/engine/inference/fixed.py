@@ -51,14 +51,8 @@ SCALARS = (
 """The attributes of a `FixedNetwork` besides its weights and biases, which have these names in files, too."""
 
 EVENTS = (
-    "synaptic_operations",
-    "synaptic_operations_dense",
-    "neuron_updates",
-    "input_spikes",
-    "exc_spikes",
-    "inh_spikes",
-    "messages",
-    "steps",
+    *("synaptic_operations", "synaptic_operations_dense", "neuron_updates"),
+    *("input_spikes", "exc_spikes", "inh_spikes", "messages", "steps"),
 )
 """The events that a run counts; see `named_events`."""
 

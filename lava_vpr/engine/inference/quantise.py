@@ -18,7 +18,7 @@ from lava_vpr.config import LifNetwork
 from lava_vpr.engine.inference.fixed import FixedNetwork, silent_steps
 from lava_vpr.engine.inference.neuron_bias import held_biases
 from lava_vpr.errors import ConfigError
-from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT, DECAY_BITS, INPUT_SHIFT, WEIGHT_LIMIT
+from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT, DECAY_BITS, INPUT_SHIFT, SIGNED_WEIGHT_LIMIT
 
 Weight = TypeVar("Weight", np.float32, np.float64)
 
@@ -96,10 +96,15 @@ def distinctive(learned: NDArray[np.float32], network: LifNetwork) -> NDArray[np
     return kept
 
 
-def mantissa_of(value: float) -> tuple[int, int]:
-    """``value`` as mantissa x 2^exponent of a lateral synapse."""
+def mantissa_of(value: float, most: int = SIGNED_WEIGHT_LIMIT) -> tuple[int, int]:
+    """``value`` as mantissa x 2^exponent of a lateral synapse, with the least exponent.
+
+    Args:
+        value: At least 0.
+        most: The largest mantissa: by default that of a synapse which holds its sign, as every board stores it.
+    """
     exponent = 0
-    while round(value / (1 << exponent)) > WEIGHT_LIMIT:
+    while round(value / (1 << exponent)) > most:
         exponent += 1
     return round(value / (1 << exponent)), exponent
 

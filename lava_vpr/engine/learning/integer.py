@@ -172,7 +172,7 @@ def unit(learning: StdpLearning, spikes_per_step: float) -> float:
 
 def _lateral(learning: StdpLearning, per_unit: float) -> int:
     """Inhibition as lateral synapses hold it, 8 bits and an exponent."""
-    mantissa, exponent = mantissa_of(learning.inhibition * per_unit)
+    mantissa, exponent = mantissa_of(learning.inhibition * per_unit, WEIGHT_LIMIT)
     return mantissa << exponent
 
 
@@ -219,7 +219,7 @@ def phases(learning: StdpLearning, inputs: int, spikes_per_step: float) -> tuple
 def initial_state(
     inputs: int, neurons: int, learning: StdpLearning, per_unit: float, seed: int, stretch: int = 0
 ) -> IntegerState:
-    """Random start weights, those of float learning rounded; every stretch of a route draws its own."""
+    """Random start weights, those of float learning rounded; a ``stretch`` draws its own, by its key."""
     draws = uniform(presentation_key(seed, "start", stretch), inputs * neurons).reshape(inputs, neurons)
     weights = learning.start_weight * (draws + 0.01) * (WEIGHT_LIMIT / learning.w_max)
     theta = np.full(neurons, round(learning.threshold * per_unit), np.int32)

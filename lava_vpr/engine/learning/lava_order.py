@@ -146,12 +146,12 @@ def folded_phases(learning: StdpLearning, inputs: int, spikes_per_step: float) -
 def start_state(
     learning: StdpLearning, inputs: int, neurons: int, spikes_per_step: float, seed: int, stretch: int
 ) -> IntegerState:
-    """Start weights and thresholds, those of integer learning."""
+    """Start weights and thresholds, those of integer learning; ``stretch`` is its key."""
     return initial_state(inputs, neurons, learning, unit(learning, spikes_per_step), seed, stretch)
 
 
 def library_seed(seed: int, stretch: int, epoch: int) -> int:
-    """Lava's ``rng_seed`` of the run of one stretch's epoch, 31 bits."""
+    """Lava's ``rng_seed`` of the run of an epoch of the stretch with the key ``stretch``, 31 bits."""
     return derived_key(presentation_key(seed, "start", stretch, epoch), "library") >> 33
 
 
@@ -224,7 +224,7 @@ def _fold(weights: NDArray[np.uint8], thresholds: NDArray[np.int32], common: int
 
 def laterals(inhibition: int, thresholds: NDArray[np.int32], common: int) -> tuple[NDArray[np.int64], int]:
     """Each neuron's lateral weight, as mantissas int64 (neurons,) of 8 bits and one exponent."""
-    mantissa, exponent = mantissa_of(inhibition)
+    mantissa, exponent = mantissa_of(inhibition, WEIGHT_LIMIT)
     divisors = thresholds.astype(np.int64)
     return np.minimum((2 * mantissa * common + divisors) // (2 * divisors), WEIGHT_LIMIT), exponent
 

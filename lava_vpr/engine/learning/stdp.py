@@ -36,7 +36,7 @@ class PlasticState:
 
 
 def initial_state(inputs: int, neurons: int, learning: StdpLearning, seed: int, stretch: int = 0) -> PlasticState:
-    """Random start weights ``start_weight (U[0, 1) + 0.01)``; every stretch of a route draws its own."""
+    """Random start weights ``start_weight (U[0, 1) + 0.01)``; every ``stretch`` draws its own, by its key."""
     draws = uniform(presentation_key(seed, "start", stretch), inputs * neurons).reshape(inputs, neurons)
     weights = (learning.start_weight * (draws + 0.01)).astype(np.float32)
     return PlasticState(weights, np.full(neurons, learning.threshold, np.float32))

@@ -1,0 +1,128 @@
+"""What margins look like, right, wrong and off the map, measured on a model's own references and nothing else.
+
+On the map: references of which most inputs (`ALTERED` of them, drawn anew for each) show what they show in another
+reference. So much of an image changes with the season: on Nordland 0:200, learned in either season and asked in the
+other, `ALTERED` was chosen among shares from 0.6 to 0.95 as the one with the least calibration error.
+
+Off the map: references shown to the network without the neurons of their part of the route, a quarter of it; places
+near the ends of that part, which their neighbours outside would know, are not asked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.encoding import query_rates16
+from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.random import image_keys, presentation_key, presentation_keys, uniform
+from lava_vpr.matching import decoders
+from lava_vpr.matching.certainty import best, margin
+from lava_vpr.matching.probability import OFF_MAP, RIGHT, WRONG, Calibration
+from lava_vpr.model import IntegerModel, Model, as_integer
+
+ALTERED = 0.8
+SAMPLES = 500
+"""At most about so many samples on the map, and as many off it; no reference more than `_REPEATS` times."""
+_PARTS, _SHIFTS, _REPEATS = 4, 2, 4
+
+
+def calibrated(model: Model, threads: int = 1) -> Model:
+    """``model`` with its calibration, for its file to keep; as it is, if its network is the float conductance model's.
+
+    Args:
+        model: A model.
+        threads: Threads; they do not change the result.
+    """
+    integer = as_integer(model) if model.calibration is None else None
+    return model if integer is None else replace(model, calibration=measured(integer, threads).samples)
+
+
+def measured(model: IntegerModel, threads: int = 1) -> Calibration:
+    """The calibration of ``model``, measured on its references.
+
+    Args:
+        model: A model whose network is one of integers.
+        threads: Threads; they do not change the result.
+    """
+    activity = model.activity[: model.places]  # the first traverse, straight ahead
+    repeats = min(_REPEATS, max(2, -(-SAMPLES // model.places)))
+    places = np.unique(np.linspace(0, model.places - 1, min(model.places, SAMPLES)).astype(np.int64))
+    samples = []
+    for repeat in range(repeats):
+        counts = _asked(model.network, model, altered(activity, places, model.config.seed, repeat), repeat, threads)
+        scores = _scores(model, model.responses, counts)
+        kinds = np.where(best(scores) == places, RIGHT, WRONG)
+        samples.append(np.stack([margin(scores), kinds], axis=1))
+    for number, (network, responses, left_out) in enumerate(_without_parts(model)):
+        chosen = left_out[:: max(1, len(left_out) * _PARTS * _SHIFTS // SAMPLES)]
+        for repeat in range(repeats):
+            draw = repeats + number * repeats + repeat
+            counts = _asked(network, model, activity[chosen], draw, threads)
+            margins = margin(_scores(model, responses, counts))
+            samples.append(np.stack([margins, np.full(len(margins), OFF_MAP)], axis=1))
+    return Calibration(np.concatenate(samples).astype(np.float32))
+
+
+def altered(
+    activity: NDArray[np.float32], places: NDArray[np.int64], seed: int, repeat: int, share: float = ALTERED
+) -> NDArray[np.float32]:
+    """References at ``places`` of which a share of the inputs show what they show in another reference.
+
+    Args:
+        activity: Input responses to all references, float32 (references, inputs).
+        places: Which references are altered, int64 (n,).
+        seed: Seed of the draws.
+        repeat: Another number gives other draws.
+        share: The share of the inputs, in [0, 1].
+    Returns:
+        float32 (n, inputs).
+    """
+    references, inputs = activity.shape
+    made = np.empty((len(places), inputs), np.float32)
+    for row, place in zip(made, places, strict=True):
+        draws = uniform(presentation_key(seed, "calibration", int(place), repeat), 2 * inputs)
+        others = (draws[inputs:] * references).astype(np.int64)
+        row[:] = np.where(draws[:inputs] < share, activity[others, np.arange(inputs)], activity[place])
+    return made
+
+
+def _asked(
+    network: FixedNetwork, model: IntegerModel, activity: NDArray[np.float32], repeat: int, threads: int
+) -> NDArray[np.int32]:
+    """Spike counts (n, neurons) of images with ``activity``, with the noise of this repetition."""
+    rates = query_rates16(activity, model.config.encoder)
+    keys = presentation_keys(model.config.seed, "calibration", image_keys(rates), repeat)
+    return fixed.count_spikes(network, rates, keys, threads=threads)[0]
+
+
+def _scores(model: IntegerModel, responses: NDArray[np.int32], counts: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Scores by the model's own decoder, of places with these ``responses``."""
+    decoder = model.config.decoder
+    return decoders.decode(decoder.default, responses, counts, gamma=decoder.gamma)
+
+
+def _without_parts(model: IntegerModel) -> Iterator[tuple[FixedNetwork, NDArray[np.int32], NDArray[np.int64]]]:
+    """Networks without the neurons of one part of the route, their responses, and the places amid that part."""
+    network, places = model.network, model.places
+    parts = min(_PARTS, places)
+    size, neuron_places = places / parts, model.neuron_places()
+    for shift in range(_SHIFTS):
+        along = ((np.arange(places) + 0.5) / size + shift / _SHIFTS) % parts
+        middle = np.abs(along % 1.0 - 0.5) <= 0.25
+        for part in range(parts):
+            inside = along.astype(np.int64) == part
+            kept = (neuron_places < 0) | ~inside[neuron_places]
+            left_out = np.flatnonzero(inside & middle)
+            if len(left_out) == 0 or not kept.any():
+                continue
+            smaller = replace(
+                network,
+                weights=np.ascontiguousarray(network.weights[:, kept]),
+                bias=np.ascontiguousarray(network.bias[kept]),
+            )
+            yield smaller, np.ascontiguousarray(model.responses[kept][:, ~inside]), left_out

@@ -1,0 +1,131 @@
+"""From what stretches learned to a whole model: joined, quantised, and its responses to the references measured.
+
+What a stretch learns depends on its own images, the settings and the seed alone. All that depends on the others, what
+neurons share, the scale, biases, thresholds and responses, is derived here, in the same way after every training,
+extension, removal and merger.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.config import ConductanceLearning, Config
+from lava_vpr.encoding import EncodedTraverse
+from lava_vpr.engine.conductance.model import ConductanceState
+from lava_vpr.engine.inference import quantise
+from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.errors import InputError
+from lava_vpr.gate import integer_config
+from lava_vpr.model import Model, Stretch
+from lava_vpr.positions.frames import Positions
+from lava_vpr.training.references import coverage, reference_responses, shown_references
+
+
+@dataclass(frozen=True)
+class Route:
+    """The places of a model, and what is kept of their images.
+
+    Attributes:
+        references: Traverses of the same places, each in all views, view after view.
+        images: Images in the whole first traverse.
+        positions: Where the first traverse's images were taken; None if that is unknown.
+    """
+
+    references: Sequence[EncodedTraverse]
+    images: int
+    positions: Positions | None = None
+
+    def check(self) -> None:
+        """Refuse references that a model could not keep, before hours of work.
+
+        Raises:
+            InputError: they were encoded without patches or thumbnails, or there is not one position for each place.
+        """
+        for reference in self.references:
+            reference.patches_for("training")
+        self.references[0].thumbnails_for("training")
+        places = len(self.references[0])
+        if self.positions is not None and len(self.positions) != places:
+            raise InputError(f"there are {len(self.positions)} positions for {places} places; give one for each")
+
+
+def integer_network(
+    learned: NDArray[np.float32], config: Config, stretches: Sequence[Stretch], activity: NDArray[np.float32]
+) -> FixedNetwork:
+    """The integer network of ``learned`` float weights (inputs, neurons).
+
+    Args:
+        learned: What the neurons of all stretches learned.
+        config: Settings.
+        stretches: The parts of the route.
+        activity: Input responses to the references, traverse after traverse, float32 (images, inputs).
+    Raises:
+        ConfigError: the settings are those of the float conductance model, or nothing was learned.
+        NetworkLimitError: it could overflow Loihi's registers.
+    """
+    network = integer_config(config, "quantising").network
+    weights = quantise.distinctive(learned, network)
+    return quantise.quantise(weights, network, shown_references(stretches, activity, config))
+
+
+def joined(
+    learned: NDArray[np.float32], config: Config, stretches: tuple[Stretch, ...], route: Route, jobs: int
+) -> Model:
+    """The model of what its stretches learned: quantised as a whole, its responses measured.
+
+    Args:
+        learned: Float weights of all stretches' neurons, float32 (inputs, neurons).
+        config: Settings of an integer network.
+        stretches: The parts of the route, view after view.
+        route: The references, checked.
+        jobs: Threads that measure the responses; they change nothing.
+    Raises:
+        ConfigError, NetworkLimitError: as `integer_network`.
+    """
+    activity = np.concatenate([reference.activity for reference in route.references])
+    network = integer_network(learned, config, stretches, activity)
+    responses = reference_responses(network, route.references, config, jobs)
+    return model_of(network, learned, responses, config, stretches, route)
+
+
+def model_of(
+    network: FixedNetwork | ConductanceState,
+    learned: NDArray[np.float32],
+    responses: NDArray[np.int32],
+    config: Config,
+    stretches: tuple[Stretch, ...],
+    route: Route,
+) -> Model:
+    """A model with its figures and all that it keeps of ``route``; the other arguments are its fields."""
+    references, positions = route.references, route.positions
+    first, places = references[0], len(references[0])
+    used, covered = coverage(responses)
+    learning = config.learning
+    repeats = min(learning.label_epochs, learning.epochs) if isinstance(learning, ConductanceLearning) else 1
+    hogs = [reference.hog for reference in references if reference.hog is not None]
+    return Model(
+        config=config,
+        network=network,
+        learned=learned,
+        responses=responses,
+        stretches=stretches,
+        place_indices=first.indices,
+        place_names=first.names,
+        route_images=route.images,
+        labels=np.tile(np.arange(places), len(references)),
+        patches=np.concatenate([reference.patches_for("training") for reference in references]),
+        activity=np.concatenate([reference.activity for reference in references]),
+        thumbnails=first.thumbnails_for("training"),
+        hog=np.concatenate(hogs) if len(hogs) == len(references) else None,
+        positions=None if positions is None else positions.values,
+        frame=None if positions is None else positions.frame,
+        training={
+            "spikes_per_image": float(responses.sum() / (places * repeats * len(references))),
+            "neurons_used": used,
+            "places_covered": covered,
+        },
+    )

@@ -1,0 +1,151 @@
+"""Keyframes: which images of the references become places, where not every image does.
+
+A robot that waits at a red light sees one place many times. By distance, an image becomes a place once the robot has
+moved far enough from the place before; by change, once its input differs enough. Only the first traverse is thinned: of
+every other, the images that show the same places are taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from lava_vpr.config import EncoderConfig
+from lava_vpr.encoding import activity_of
+from lava_vpr.errors import InputError
+from lava_vpr.positions.frames import Positions
+from lava_vpr.storage.text import shown
+from lava_vpr.traverse import Traverse
+from lava_vpr.truth.alignment import NEAR_M
+
+
+def spaced(points: NDArray[np.float64], spacing: float) -> NDArray[np.int64]:
+    """The first image, and each that is at least ``spacing`` from the one kept before it, int64 (kept,).
+
+    Args:
+        points: Where images were taken, metres, float64 (n, coordinates).
+        spacing: In metres, along a straight line: what a receiver's noise adds up to at a standstill is no way.
+    """
+    kept: list[int] = []
+    for i, point in enumerate(points):
+        if not kept or np.sqrt(((point - points[kept[-1]]) ** 2).sum()) >= spacing:
+            kept.append(i)
+    return np.array(kept, np.int64)
+
+
+def changed(activities: Iterable[NDArray[np.float32]], threshold: float) -> NDArray[np.int64]:
+    """The first image, and each whose input changed by ``threshold`` or more since the one kept before, int64 (kept,).
+
+    The change is 1 - cos of the angle between the two activities: 0 for inputs in the same proportions, 1 for inputs of
+    which none responds to both. Between a blank image and any other it is 1, between two blank ones 0.
+
+    Args:
+        activities: Of each image in turn, float32 (inputs,), at least 0; one is held beside the last kept.
+        threshold: From 0, which keeps every image, to 1.
+    """
+    kept: list[int] = []
+    last: NDArray[np.float64] | None = None
+    for i, activity in enumerate(activities):
+        length = float(np.linalg.norm(activity.astype(np.float64)))
+        own = activity / length if length else np.zeros(activity.shape)
+        if last is None or _change(last, own) >= threshold:
+            kept.append(i)
+            last = own
+    return np.array(kept, np.int64)
+
+
+def _change(ours: NDArray[np.float64], theirs: NDArray[np.float64]) -> float:
+    """1 - cos of two activities of length 1, or 0 for a blank image."""
+    if not (ours.any() or theirs.any()):
+        return 0.0
+    return max(0.0, 1.0 - float(ours @ theirs))
+
+
+def nearest(places: Positions, images: Positions) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """The image taken nearest to each place, int64 (places,), and how many metres away, float64 (places,).
+
+    Raises:
+        InputError: the frames of the two cannot be compared.
+    """
+    metres, found = cKDTree(images.to(places.frame).points()).query(places.points())
+    return np.asarray(found, np.int64), np.asarray(metres, np.float64)
+
+
+def choose_places(
+    traverses: Sequence[Traverse],
+    encoder: EncoderConfig,
+    *,
+    spacing: float | None = None,
+    change: float | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> list[Traverse]:
+    """The images of each traverse that show the places to be learned, equally many of each.
+
+    Without ``spacing`` and ``change`` every image of the first traverse is a place. Of another traverse, the images
+    with the same numbers are taken if every image is a place and both have equally many; else those nearest by
+    position, where both have positions; else, again, those with the same numbers if both have equally many images.
+
+    Args:
+        traverses: Of one route.
+        encoder: Settings, for the change of the input.
+        spacing: Least metres between two places.
+        change: Least change of the input between two places (`changed`); all images of the first traverse are read.
+        progress: Called with 1 after every image that is read.
+    Raises:
+        InputError: positions are needed and missing, one place alone is left, another traverse was nowhere near a
+            place, or nothing tells which of its images show the places.
+    """
+    first = traverses[0]
+    kept: NDArray[np.int64] | None = None
+    if spacing is not None:
+        if first.positions is None:
+            raise InputError(f"{shown(first.source)}: --spacing needs positions of its images; give --positions FILE")
+        kept = spaced(first.positions.points(), spacing)
+    elif change is not None:
+        kept = changed(_activities(first, encoder, progress), change)
+    if kept is not None and len(kept) < 2:
+        option = "--spacing" if spacing is not None else "--keyframes"
+        raise InputError(f"{shown(first.source)}: with this {option} all {len(first)} images are one place; lower it")
+    places = first if kept is None else first.take(kept.tolist())
+    return [places, *(_showing(places, len(first), kept, other) for other in traverses[1:])]
+
+
+def _activities(
+    traverse: Traverse, encoder: EncoderConfig, progress: Callable[[int], None] | None
+) -> Iterable[NDArray[np.float32]]:
+    """The activity of each image in turn."""
+    for image in traverse.images():
+        yield activity_of(image, encoder)
+        if progress is not None:
+            progress(1)
+
+
+def _showing(places: Traverse, images: int, kept: NDArray[np.int64] | None, other: Traverse) -> Traverse:
+    """The images of another traverse that show ``places``, ``kept`` of the ``images`` of the first."""
+    if kept is None and len(other) == images:
+        return other
+    if places.positions is not None and other.positions is not None:
+        try:
+            found, metres = nearest(places.positions, other.positions)
+        except InputError as error:
+            raise InputError(f"{shown(other.source)}: {error}") from None
+        k = int(metres.argmax())
+        if metres[k] > NEAR_M:
+            far = f"{int((metres > NEAR_M).sum())} of {len(metres)} places"
+            raise InputError(
+                f"{shown(other.source)}: no image was taken within {NEAR_M:g} m of {far} (image {places.indices[k]} of "
+                f"{shown(places.source)}: {metres[k]:.1f} m); choose the part of the route that both show, with "
+                "--places A:B or lists of images"
+            )
+        return other.take(found.tolist())
+    if kept is None:
+        return other  # as many as it has: `check_references` tells
+    if len(other) == images:
+        return other.take(kept.tolist())
+    raise InputError(
+        f"{shown(other.source)}: has {len(other)} images, {shown(places.source)} has {images}: nothing tells which of "
+        "them show the places; give --positions for each reference, or lists of matching images"
+    )
