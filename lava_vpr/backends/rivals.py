@@ -24,7 +24,6 @@ from lava_vpr.engine.adaptation import Adaptation
 from lava_vpr.errors import ConfigError
 from lava_vpr.matching import baselines
 from lava_vpr.model import IntegerModel, Model, as_integer, decode
-from lava_vpr.training.templates import template_of
 
 BASELINES = {
     "sad": "patch-normalised images of 28x28 pixels",
@@ -105,6 +104,8 @@ class Rivals:
     @cached_property
     def template(self) -> IntegerModel:
         """The model without learning."""
+        from lava_vpr.training.templates import template_of  # a query needs nothing of training
+
         return template_of(self.model, self.threads)
 
     @property

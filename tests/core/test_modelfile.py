@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from support.common.small_models import encoded, small_model, tiny_paper
+from support.common.small_models import encoded, small_config, small_model, tiny_paper
 
 from lava_vpr import model
 from lava_vpr.cli import main
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.errors import ModelFileError
+from lava_vpr.errors import InputError, ModelFileError
+from lava_vpr.positions.frames import Positions
 from lava_vpr.storage import container
 from lava_vpr.storage.limits import variable
 from lava_vpr.training.loop import train
@@ -71,6 +72,17 @@ def instead(name: str, array: np.ndarray) -> Forge:
 
 def without(name: str) -> Forge:
     return lambda header, arrays: (header if name in header else arrays).pop(name)
+
+
+def located(frame: object, corner: object = (0, 0), dtype: str = "float64") -> Forge:
+    """Positions in ``frame``, the first of them at ``corner``."""
+
+    def forge(header: Header, arrays: Arrays) -> None:
+        arrays["positions"] = np.full((8, 2), 50, dtype)
+        arrays["positions"][0] = corner
+        header["frame"] = frame
+
+    return forge
 
 
 DEEP: list[Any] = []
@@ -128,6 +140,11 @@ FORGED: list[tuple[str, Forge, str]] = [
     ),
     ("paper", key("stretches", value=[[0, 4, 0, 6, 0], [4, 4, 6, 6, 0]]), "which learns in one"),
     ("loihi", key("stretches", value=[[0, 4, 0, 3, 0], [4, 4, 3, 5, 0]]), "with 3, which must be in 4..4"),
+    ("loihi", key("stretches", value=[[0, 4, 0, 3, 0, 0], [4, 4, 3, 5, 0, 1]]), "with 0, which must be in 1.."),
+    ("loihi", key("stretches", value=[[0, 4, 0, 6, 0, 1], [4, 4, 6, 2, 0, 3]]), "with 6, which must be in 0..5"),
+    ("loihi", key("stretches", value=[[0, 4, 0, 4, 0, 1, 1], [4, 4, 4, 4, 0]]), "stretch [0, 4, 0, 4"),
+    ("loihi", key("stretches", value=[[0, 8, 0, 0, 0, 1]]), "stretches that have no neuron left"),
+    ("paper", key("stretches", value=[[0, 8, 0, 12, 0, 1]]), "stretch [0, 8, 0, 12"),
     # settings
     *(("loihi", key("config", value=v), "the settings must be a table") for v in (5, [1], None, "loihi")),
     *(("loihi", key("config", "preset", value=v), "preset") for v in (5, [], "x" * 10**6)),
@@ -199,6 +216,12 @@ FORGED: list[tuple[str, Forge, str]] = [
     ("loihi", instead("hog", np.zeros((8, 1763), np.uint8)), "hog of shape (8, 1763)"),
     ("references", instead("hog", np.zeros((7, 1764), np.uint8)), "hog of shape (7, 1764)"),
     ("paper", of_type("hog", "float32"), "hog of type float32"),
+    *(("loihi", located(frame), "frame") for frame in ("", "XY", "UTM 0N", "UTM 61S", "UTM 32", None, 5, DEEP)),
+    *(("loihi", located("latlon", at), "out of the range") for at in ((90.1, 0), (0, 361))),
+    *(("references", located("xy", (0, v)), "positions with values") for v in (np.nan, np.inf, 1e16)),
+    ("loihi", located("xy", dtype="float32"), "positions of type float32"),
+    ("loihi", lambda header, arrays: located("xy")(header, arrays) or header.pop("frame"), "positions without a frame"),
+    ("paper", key("frame", value="xy"), "a frame without positions"),
     ("loihi", instead("thumbnails", np.zeros((7, 48, 64, 3), np.uint8)), "thumbnails of shape"),
     ("references", instead("learned", np.zeros((1568, 8), np.float32)), "learned of shape"),
     ("references", instead("responses", np.zeros((7, 8), np.int32)), "responses of shape"),
@@ -264,3 +287,26 @@ def test_commands_refuse_it_in_one_line(change: str, here: Path) -> None:
 def test_a_file_of_before_hog_is_read(kind: str) -> None:
     assert assembled(kind, without("hog")).hog is None
     assert assembled(kind, lambda header, arrays: None).hog is not None
+
+
+@pytest.mark.parametrize("kind", ["loihi", "paper", "references"])
+def test_positions_are_kept_if_there_are_any(kind: str) -> None:
+    assert assembled(kind, lambda header, arrays: None).whereabouts is None
+    for frame, corner in (("latlon", (-90, 360)), ("xy", (-1e15, 1e15)), ("UTM 60S", (5e5, 6.5e6))):
+        kept = assembled(kind, located(frame, corner)).whereabouts
+        assert kept is not None
+        assert kept.frame == frame
+        assert kept.values.tolist() == [list(corner), *[[50, 50]] * 7]
+
+
+def test_a_training_with_positions_keeps_them(tmp_path: Path) -> None:
+    values = np.random.default_rng(0).normal(size=(8, 2))
+    whole = train(
+        [encoded()], small_config(learning={"epochs": 1, "steps": 20}), positions=Positions(values, "UTM 32N")
+    )
+    model.save(whole, tmp_path / "m.lvpr")
+    again = model.load(tmp_path / "m.lvpr")
+    assert again.frame == "UTM 32N"
+    np.testing.assert_array_equal(again.positions, values)
+    with pytest.raises(InputError, match="there are 7 positions for 8 places; give one for each"):
+        train([encoded()], small_config(), positions=Positions(values[:7], "xy"))

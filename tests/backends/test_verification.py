@@ -20,6 +20,7 @@ from lava_vpr import model as model_file
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Presentations, query_presentations
+from lava_vpr.backends.verification import Verdict, compare, verify
 from lava_vpr.cli import main
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
@@ -31,7 +32,6 @@ from lava_vpr.model import Model, integer_model
 from lava_vpr.processes.base import lava_checks
 from lava_vpr.training.loop import train
 from lava_vpr.traverse import open_traverse
-from lava_vpr.verification import Verdict, compare, verify
 
 FIXED = ("lava-fixed", "lava-fused", "lava-library")
 
@@ -99,6 +99,7 @@ class Tampered(HostBackend):
         return host
 
 
+@pytest.mark.lava
 def test_a_lost_spike_fails_the_command(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(backends, "get", lambda name, threads=1, advance=None: Tampered())
     result = CliRunner().invoke(main, ["verify", "m.lvpr", "query", "--backend", "lava-fixed", "--json", "v.json"])
@@ -109,6 +110,7 @@ def test_a_lost_spike_fails_the_command(here: Path, monkeypatch: pytest.MonkeyPa
     assert json.loads(Path("v.json").read_text())["backends"]["lava-fixed"]["equal"] is False
 
 
+@pytest.mark.lava
 def test_every_backend_on_a_synthetic_route(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The command itself, Lava and all: composed, fused, library and float."""
     monkeypatch.setattr(lava_checks, "_loihi_installed", lambda: False)
@@ -146,10 +148,12 @@ def test_every_backend_on_a_synthetic_route(here: Path, monkeypatch: pytest.Monk
     assert "not available" in result.stdout
 
 
+@pytest.mark.lava
 def test_eval_on_a_lava_backend_gives_the_hosts_figures(here: Path) -> None:
     assert figures("query", "--backend", "lava-fused") == figures("query")
 
 
+@pytest.mark.lava
 @pytest.mark.parametrize("name", ["lava-fixed", "lava-library", "lava-fused"])
 def test_counts_and_events_are_the_hosts(name: str) -> None:
     learned = small_model(PLACES)
@@ -163,6 +167,7 @@ def test_counts_and_events_are_the_hosts(name: str) -> None:
     assert same == events
 
 
+@pytest.mark.lava
 def test_integer_backends_refuse_the_float_model() -> None:
     config = update(tiny_paper(), {"network": {"steps": 1000}})  # two spikes a query
     model, queries = train([encoded(2, 784)], config), encoded(2, 784)
@@ -177,6 +182,7 @@ def test_integer_backends_refuse_the_float_model() -> None:
     backends.require("lava-float", model)
 
 
+@pytest.mark.lava
 def test_what_is_missing_is_said_before_any_work(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lava_checks, "_loihi_installed", lambda: False)
     for command in ("eval", "verify"):
@@ -197,6 +203,7 @@ def test_verdicts_as_json() -> None:
     }
 
 
+@pytest.mark.lava
 @pytest.mark.data
 @pytest.mark.slow
 @pytest.mark.parametrize("bits", range(1, 9))
@@ -223,6 +230,7 @@ def test_twenty_real_queries_on_every_backend(bits: int, data_root: Path) -> Non
         assert verdict.spikes == sum(int(spikes.sum(dtype=np.int64)) for spikes in seen)
 
 
+@pytest.mark.lava
 @pytest.mark.data
 @pytest.mark.slow
 def test_the_float_network_recognises_as_well(data_root: Path) -> None:

@@ -20,6 +20,7 @@ from benchmarks.nordland import learn, part
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Presentations, query_presentations
+from lava_vpr.backends.verification import Mismatch, compare_counts, verify
 from lava_vpr.cli import main
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
@@ -35,7 +36,6 @@ from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import BackendUnavailableError, ConfigError, NetworkLimitError
 from lava_vpr.model import Model
 from lava_vpr.training.loop import train
-from lava_vpr.verification import Mismatch, compare_counts, verify
 
 
 @pytest.fixture(scope="module")
