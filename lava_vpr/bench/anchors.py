@@ -1,4 +1,4 @@
-"""Published figures of spiking networks on Loihi, and of the network that this project rebuilds, beside ours.
+"""Published figures of spiking networks on Loihi, and of those that recognise places elsewhere, beside ours.
 
 None of them is the same task on the same board: they say in which region an answer lies, not which network is better.
 Figures are the authors' own, as published; nothing is converted but units.
@@ -131,6 +131,19 @@ ANCHORS: tuple[Anchor, ...] = (
         citation="Akcal et al., LoCS-Net: localizing convolutional spiking neural network for fast visual place "
         "recognition, Frontiers in Neurorobotics 2024",
         doi="10.3389/fnbot.2024.1490267",
+    ),
+    Anchor(
+        name="VPRTempo 2024",
+        task="place recognition, a code of spike times; Nordland and Oxford RobotCar, up to 27,000 places",
+        board="a CPU",
+        kind="measured",
+        microjoules=None,
+        milliseconds=None,
+        note="above 50 queries a second; accuracy comparable to earlier spiking networks and NetVLAD; no energy given. "
+        "What its architecture reaches on our places: make peers",
+        citation="Hines, Stratton, Milford, Fischer, VPRTempo: A Fast Temporally Encoded Spiking Neural Network for "
+        "Visual Place Recognition, ICRA 2024, arXiv 2309.10225",
+        doi="10.48550/arXiv.2309.10225",
     ),
     Anchor(
         name="VPRSNN 2022, CPU",

@@ -175,6 +175,7 @@ class StepTimes:
         receive: Microseconds that what arrives takes on the busiest core in each step.
         neurons: Microseconds that neurons and their messages take on the busiest core in each step.
         busiest: The longer of both in each step of each query.
+        program: Microseconds that the program on the chips' processors takes in each step, while the cores wait.
         barrier: Microseconds of the synchronisation that ends each step.
     """
 
@@ -182,6 +183,7 @@ class StepTimes:
     receive: tuple[float, ...] = field(repr=False)
     neurons: tuple[float, ...] = field(repr=False)
     busiest: tuple[float, ...] = field(repr=False)
+    program: tuple[float, ...] = field(repr=False)
     barrier: float
 
 

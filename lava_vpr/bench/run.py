@@ -18,7 +18,7 @@ from lava_vpr.backends.registry import timed_by_default
 from lava_vpr.bench.energy import Way, on_board
 from lava_vpr.bench.measure import alone
 from lava_vpr.bench.measure.asked import asked
-from lava_vpr.bench.measure.timing import measure, measure_encoding
+from lava_vpr.bench.measure.timing import measure, measure_encoding, measure_localizer
 from lava_vpr.bench.measure.workload import workload
 from lava_vpr.bench.peers import run_peers
 from lava_vpr.bench.query_set import QuerySet
@@ -28,6 +28,7 @@ from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.deploy.boards.constants import HOST_POWER, Constant, CostConstants
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.bundle.deployment import plan_of
+from lava_vpr.deploy.cost import embedded
 from lava_vpr.deploy.cost.closed_form import step_nanoseconds
 from lava_vpr.deploy.cost.costs import modelled
 from lava_vpr.deploy.cost.events import EventCounts, count_events
@@ -224,7 +225,7 @@ def _costs(
         costs = replace(costs, assumptions=(*costs.assumptions, sample))
     if plan.board.constants is None or costs.unavailable:
         return costs, None
-    return costs, step_times(name, events, plan.board.constants)
+    return costs, step_times(plan, events, plan.board.constants)
 
 
 def constants_of(boards: Iterable[Board]) -> tuple[Constant, ...]:
@@ -234,18 +235,19 @@ def constants_of(boards: Iterable[Board]) -> tuple[Constant, ...]:
     return tuple({constant.name: constant for constant in listed}.values())
 
 
-def step_times(name: str, events: EventCounts, constants: CostConstants) -> StepTimes:
+def step_times(plan: Plan, events: EventCounts, constants: CostConstants) -> StepTimes:
     """What the board does in each step, mean over the queries, with nominal constants."""
-    receive, neurons = step_nanoseconds(events, constants, "nominal")
+    receive, neurons = (part / 1e3 for part in step_nanoseconds(events, constants, "nominal"))
 
-    def mean(nanoseconds: NDArray[np.float64]) -> tuple[float, ...]:
-        return tuple((nanoseconds.mean(axis=0) / 1e3).tolist())
+    def mean(microseconds: NDArray[np.float64]) -> tuple[float, ...]:
+        return tuple(microseconds.mean(axis=0).tolist())
 
     return StepTimes(
-        target=name,
+        target=plan.board.name,
         receive=mean(receive),
         neurons=mean(neurons),
         busiest=mean(np.maximum(receive, neurons)),
+        program=mean(embedded.step_microseconds(plan, events, constants, "nominal")),
         barrier=constants.barrier(events.tiles or 1).nominal,
     )
 
@@ -268,9 +270,11 @@ def _unavailable(model: Model, board: Board, reason: str) -> Modelled:
 
 
 def _measured(traverse: Traverse, queries: QuerySet, request: Request, begin: Begin) -> tuple[Measured, ...]:
-    """Every backend that was asked for, timed; the encoding before it."""
+    """Every backend that was asked for, timed; the encoding before it, and the public path."""
     begin("timing encoding", 1)
     rows = [measure_encoding(traverse, queries.model.config)]
+    begin("timing the localizer", 1)
+    rows.append(measure_localizer(traverse, queries.model, request.seed))
     for name in request.backends:
         begin(f"timing {name}", 1)
         rows.append(measure(queries, name, limit=request.limit))

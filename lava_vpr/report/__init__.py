@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from lava_vpr.errors import InputError
-from lava_vpr.report.data import Figures, Raster, ReportData
+from lava_vpr.report.data import Figures, MapData, Raster, ReportData
 from lava_vpr.report.html import page
 from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import write_atomically
@@ -47,4 +47,4 @@ def write_page(text: str, target: Path) -> Path:
     return target
 
 
-__all__ = ["Figures", "Raster", "ReportData", "write_page", "write_report"]
+__all__ = ["Figures", "MapData", "Raster", "ReportData", "write_page", "write_report"]

@@ -12,8 +12,10 @@ from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.model import Model, as_integer
+from lava_vpr.positions.frames import joined
 from lava_vpr.recognition import Recognition
-from lava_vpr.report.data import Raster, ReportData
+from lava_vpr.report.data import MapData, Raster, ReportData
+from lava_vpr.truth.alignment import PositionErrors
 
 PICTURED = ("sad", "cosine")
 """Baselines whose scores are drawn beside the default decoder's; figures and curves are of all."""
@@ -22,7 +24,13 @@ RASTERS = 2
 
 
 def report_data(
-    model: Model, queries: EncodedTraverse, result: Recognition, command: str, sequence: int, seed: int | None
+    model: Model,
+    queries: EncodedTraverse,
+    result: Recognition,
+    command: str,
+    sequence: int,
+    seed: int | None,
+    errors: PositionErrors | None = None,
 ) -> ReportData:
     """Everything that the report shows; with sequences, images stand for the first of their window."""
     n, places = result.truth.shape
@@ -65,7 +73,18 @@ def report_data(
         seen={name: sees for name, sees in BASELINES.items() if name in result.metrics},
         place_numbers=tuple(int(k) for k in model.place_indices[:places]),
         query_numbers=tuple(int(k) for k in queries.indices[:n]),
+        map=None if errors is None else _map(errors, n, places),
+        trust=result.trust,
+        followed=result.followed,
     )
+
+
+def _map(errors: PositionErrors, queries: int, places: int) -> MapData:
+    """Where the first so many queries and places were taken, from the middle of them all."""
+    located = errors.located
+    points = joined([located.places.take(slice(places)), located.queries.take(slice(queries))]).plane()
+    points = points - (points.min(axis=0) + points.max(axis=0)) / 2  # eastings and northings are long numbers
+    return MapData(points[:places], points[places:], errors.in_words())
 
 
 def _chosen(result: Recognition) -> NDArray[np.int64]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.inputs.encoder import Layout
+from lava_vpr.matching.trust import Trust
 
 
 class Figures(Protocol):
@@ -56,6 +57,21 @@ class Raster:
 
 
 @dataclass(frozen=True, eq=False)
+class MapData:
+    """Where places and queries were taken, in metres on one plane.
+
+    Attributes:
+        places: Shape (n_places, 2), east and north.
+        queries: Shape (n_queries, 2).
+        figures: What is to be said of the metres of error, as plain text.
+    """
+
+    places: NDArray[np.float64]
+    queries: NDArray[np.float64]
+    figures: str
+
+
+@dataclass(frozen=True, eq=False)
 class ReportData:
     """Everything that the report shows.
 
@@ -82,6 +98,9 @@ class ReportData:
         config_toml: The model's configuration.
         seen: What each baseline among `metrics` sees of an image, by its name.
         place_numbers, query_numbers: Absolute index of each image in its own sequence; empty: counted from 0.
+        map: Where they were taken; None if that is not known.
+        trust: How far probabilities can be trusted, ``single`` and ``filtered``, as far as there are any.
+        followed: Figures of a filter, ``filtered`` and ``forward_backward``; empty if there was none.
     """
 
     title: str
@@ -108,6 +127,9 @@ class ReportData:
     seen: Mapping[str, str] = field(default_factory=dict)
     place_numbers: tuple[int, ...] = ()
     query_numbers: tuple[int, ...] = ()
+    map: MapData | None = None
+    trust: Mapping[str, Trust] = field(default_factory=dict)
+    followed: Mapping[str, Figures] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         queries, places = len(self.query_names), len(self.place_names)
@@ -122,6 +144,10 @@ class ReportData:
             ("query_numbers", self.query_numbers, queries),
         ):
             _check(name, len(numbers) in (0, length), f"must hold {length} numbers, or none")
+        if self.map is not None:
+            for name, points, length in (("places", self.map.places, places), ("queries", self.map.queries, queries)):
+                good = points.shape == (length, 2) and bool(np.isfinite(points).all())
+                _check(f"map.{name}", good, f"must be finite, of shape ({length}, 2)")
         in_range = bool(np.all((self.matches >= -1) & (self.matches < places)))
         _check("matches", in_range, f"must lie in -1..{places - 1}")
         for name, images, count in (

@@ -1,4 +1,4 @@
-"""The frame of every page: one HTML file that asks the network for nothing, and may not."""
+"""The frame of every page: one HTML file that asks the network for nothing, and may not; a live one asks its server."""
 
 from __future__ import annotations
 
@@ -9,8 +9,19 @@ from lava_vpr import __version__
 from lava_vpr.report.templates import render, text
 from lava_vpr.report.text import safe
 
+ALONE = "One file, no network needed."
 
-def document(title: str, body: str, *, style: str = "", payload: str = "", script: str = "") -> str:
+
+def document(
+    title: str,
+    body: str,
+    *,
+    style: str = "",
+    payload: str = "",
+    script: str = "",
+    asks: bool = False,
+    footer: str = ALONE,
+) -> str:
     """A whole page as HTML text.
 
     Args:
@@ -19,12 +30,16 @@ def document(title: str, body: str, *, style: str = "", payload: str = "", scrip
         style: What the page adds to the common style sheet.
         payload: JSON for the script, that cannot end its own element; without a script, none.
         script: The only one that the page's policy lets run; "" for none at all.
+        asks: Let the script ask whoever serves the page.
+        footer: The last words, as plain text.
     """
     allowed, scripts = "", ""
     if script:
         digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
         allowed = f"; script-src 'sha256-{digest}'"
         scripts = f'<script type="application/json" id="report-data">{payload}</script>\n<script>{script}</script>'
+    if asks:
+        allowed += "; connect-src 'self'"
     page = render(
         "page.html",
         policy=f"default-src 'none'; img-src data:; style-src 'unsafe-inline'{allowed}",
@@ -33,6 +48,7 @@ def document(title: str, body: str, *, style: str = "", payload: str = "", scrip
         more_style=style,
         body=body,
         version=__version__,
+        footer=safe(footer),
         scripts=scripts,
     )
     return page + "\n"

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lava_vpr.matching.decoders import DECODERS
-from lava_vpr.report import sections
+from lava_vpr.report import sections, trust
 from lava_vpr.report.data import Figures, ReportData
 from lava_vpr.report.frame import document
 from lava_vpr.report.plots import precision_recall, series_style
@@ -135,7 +135,9 @@ def _payload(data: ReportData, sheets: dict[str, Any]) -> str:
 _NAVIGATION = {
     "figures": "Figures",
     "curves": "Precision and recall",
+    "trust": "Probability",
     "route": "Along the route",
+    "map": "Map",
     "scores": "Scores",
     "fields": "Receptive fields",
     "spikes": "Spikes",
@@ -152,7 +154,9 @@ def page(data: ReportData) -> str:
     parts = [
         _table(data),
         _curves(data),
+        trust.section(data),
         route,
+        sections.where(data, correct),
         sections.scores(data),
         sections.receptive_fields(data),
         sections.spikes(data),

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from lava_vpr.report.data import Raster, ReportData
 from lava_vpr.report.fields import representatives, strokes
 from lava_vpr.report.images import contact_sheet, data_uri, shrunk, weight_image
+from lava_vpr.report.maps import route_map
 from lava_vpr.report.plots import MATRIX_BOX, score_matrix, spike_raster
 from lava_vpr.report.templates import render
 from lava_vpr.report.text import counted, label, number, safe
@@ -138,6 +139,16 @@ def route(data: ReportData, correct: NDArray[np.bool_]) -> tuple[str, dict[str, 
     last = len(data.query_names) - 1
     section = render("report_route.html", drawing=_route_drawing(data, correct), last=str(last), images="".join(frames))
     return section, values, style
+
+
+def where(data: ReportData, correct: NDArray[np.bool_]) -> str:
+    """The map, if positions are known."""
+    if data.map is None:
+        return ""
+    alt = f"Map of {len(data.place_names)} places and {len(correct)} queries, {int(correct.sum())} of them right"
+    drawing = route_map(data.map, data.matches, correct, alt)
+    figures = data.map.figures
+    return render("report_map.html", figures=safe(figures[:1].upper() + figures[1:]), drawing=drawing)
 
 
 def scores(data: ReportData) -> str:

@@ -11,6 +11,7 @@ import re
 from typing import Any
 
 import matplotlib
+import numpy as np
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
@@ -45,7 +46,8 @@ _STYLE = {
 def to_svg(figure: Figure, prefix: str, label: str) -> str:
     """``figure`` as an ``<svg>`` element for use inside a page; ``prefix`` keeps its ids apart from other drawings'."""
     text = io.StringIO()
-    figure.savefig(text, format="svg", metadata={"Date": None})
+    with np.printoptions(legacy="1.21"):  # matplotlib makes ids of what numbers print as, which numpy 2 changed
+        figure.savefig(text, format="svg", metadata={"Date": None})
     svg = text.getvalue()
     svg = svg[svg.index("<svg") :].strip()
     svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)

@@ -20,11 +20,12 @@ from lava_vpr.backends.interface import Presentations
 from lava_vpr.backends.lava import LavaBackend
 from lava_vpr.bench.measure import child, rapl
 from lava_vpr.bench.measure import timing as measure
-from lava_vpr.bench.measure.timing import measure_encoding
+from lava_vpr.bench.measure.timing import measure_encoding, measure_localizer
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.encoding import query_rates
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.errors import LavaRunError
+from lava_vpr.localizer import Localizer
 from lava_vpr.matching.certainty import best
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.matching.equations import contrast
@@ -301,6 +302,7 @@ def test_a_bundle_is_measured() -> None:
     assert found.no_energy == "/none is missing: this machine (or virtual machine) shows no RAPL counters"
 
 
+@pytest.mark.lava
 @pytest.mark.slow
 @pytest.mark.usefixtures("brief")
 @pytest.mark.parametrize("backend", ["lava-fixed", "lava-fused", "lava-library", "lava-float"])
@@ -311,6 +313,7 @@ def test_lava_is_measured_without_its_start(backend: str) -> None:
     assert max(found.milliseconds) < 1e3 * start
 
 
+@pytest.mark.lava
 @pytest.mark.slow
 def test_lava_counts_the_same_when_it_is_timed() -> None:
     model, queries = small_model(), encoded(noise=0.4)
@@ -333,9 +336,19 @@ def test_the_stage_before(tmp_path: Path) -> None:
     assert found.queries_per_second == pytest.approx(1e3 / np.mean(found.milliseconds))
 
 
+def test_the_public_path_is_timed_image_by_image(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_images(tmp_path / "i", 5)
+    asked, update = [], Localizer.update
+    monkeypatch.setattr(Localizer, "update", lambda self, image: asked.append(image.shape) or update(self, image))
+    found = measure_localizer(open_traverse(tmp_path / "i"), small_model(), limit=4)
+    assert (found.name, found.queries, len(found.milliseconds)) == ("localizer", 4, 4)
+    assert len(asked) == 5  # one before the clock runs
+
+
 # What is absent
 
 
+@pytest.mark.lava
 @pytest.mark.parametrize("backend", ["loihi2", "kapoho-bay"])
 def test_no_board(backend: str, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("SLURM", "NXSDKHOST", "KAPOHOBAY", "NXSDK_PYTHON"):

@@ -25,7 +25,7 @@ from lava_vpr.errors import InputError
 from lava_vpr.inputs.encoder import INPUTS, Layout
 from lava_vpr.inputs.orientation import orientation_channels
 from lava_vpr.matching.evaluation import Metrics, evaluate
-from lava_vpr.report import Raster, ReportData, write_report
+from lava_vpr.report import MapData, Raster, ReportData, write_report
 from lava_vpr.report.html import page
 from lava_vpr.report.svg import THEME
 
@@ -347,3 +347,48 @@ def test_foreign_scripts_are_refused_and_errors_are_seen(report: Path, tmp_path:
     broken = tmp_path / "broken.html"
     broken.write_text("<!DOCTYPE html><title>x</title><script>null.x</script>", encoding="utf-8")
     assert "TypeError" in "".join(visit(broken).console)
+
+
+ALONG = np.linspace(0, 1, 12)
+BEND = np.stack([3000 * ALONG, 400 * np.sin(5 * ALONG)], axis=1)
+
+
+def mapped(places: NDArray[np.float64] = BEND, queries: NDArray[np.float64] = BEND + 6.0) -> ReportData:
+    """The example on a road that bends, its queries a few metres from their places."""
+    return example(12, map=MapData(places, queries, "median 8.5 m, & no more"), **WORDS)
+
+
+def test_the_map_leads_each_query_to_its_match() -> None:
+    drawn = re.search(r'<section id="map">.*?</section>', page(mapped()), re.DOTALL)
+    assert drawn is not None
+    lines = {
+        name: re.findall(r"<path[^>]*d=\"M ([-\d.]+) ([-\d.]+) \nL ([-\d.]+) ([-\d.]+)", part)
+        for name, part in re.findall(r'<g id="map-error-(\w+)">(.*?)</g>', drawn[0], re.DOTALL)
+    }
+    assert {name: len(found) for name, found in lines.items()} == {"right": 10, "wrong": 1}
+    (ends,) = np.array(lines["wrong"], float).reshape(-1, 2, 2)
+    starts = np.array(lines["right"], float).reshape(-1, 2, 2)
+    assert np.ptp(starts, axis=1).max() < 3  # six metres of three kilometres
+    scale = (starts[-1, 1, 0] - starts[0, 1, 0]) / 3000  # from the first to the last place
+    wanted = 3000 * (ALONG[2] - ALONG[WRONG]) - 6
+    assert (ends[1, 0] - ends[0, 0]) / scale == pytest.approx(wanted, abs=2)
+    assert "Median 8.5 m, &amp; no more." in drawn[0]
+    assert 'href="#map"' in page(mapped())
+    assert 'href="#map"' not in page(example(**WORDS))
+
+
+def test_a_map_of_equal_positions_or_of_a_jump_is_drawn() -> None:
+    nowhere = np.zeros((12, 2))
+    assert '<section id="map">' in page(mapped(nowhere, nowhere))
+    jump = np.stack([np.r_[np.arange(6.0), 9000 + np.arange(6.0)], np.zeros(12)], axis=1)
+    text = page(mapped(jump, jump))
+    route = re.search(r'<section id="map">.*?<g id="map-LineCollection_1">(.*?)</g>', text, re.DOTALL)
+    assert route is not None
+    assert route[1].count("<path") == 10  # of 11 steps, all but the jump
+
+
+def test_positions_that_do_not_belong_to_the_images_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"map\.queries must be finite, of shape \(12, 2\)"):
+        mapped(BEND, BEND[1:])
+    with pytest.raises(ValueError, match=r"map\.places must be finite"):
+        mapped(np.full((12, 2), np.nan))

@@ -32,6 +32,7 @@ from lava_vpr.encoding import activity_of, query_rates
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import BackendUnavailableError, LavaVprError
 from lava_vpr.isolated.runner import run_isolated
+from lava_vpr.localizer import Localizer
 from lava_vpr.model import Model
 from lava_vpr.storage.temporary import temporary_folder
 from lava_vpr.traverse import Traverse
@@ -222,6 +223,24 @@ def measure_encoding(traverse: Traverse, config: Config, limit: int = 200) -> Me
     return Measured(
         "encoding",
         "an image file read, its channels computed, to input rates; one thread",
+        queries=len(taken),
+        queries_per_second=1e3 * len(taken) / sum(taken) if taken else None,
+        milliseconds=tuple(sorted(taken)),
+        no_energy="not measured for this stage",
+    )
+
+
+def measure_localizer(traverse: Traverse, model: Model, seed: int | None = None, limit: int = 200) -> Measured:
+    """The figures of the public path: an image file read, and `Localizer.update` of it, one after another.
+
+    Raises:
+        InputError: an image cannot be read.
+    """
+    robot = Localizer(model, seed=seed)
+    taken = each_image(traverse, lambda image: robot.update(image) and None, limit)
+    return Measured(
+        "localizer",
+        "an image file read, and Localizer.update of it: all that a robot waits for; one thread",
         queries=len(taken),
         queries_per_second=1e3 * len(taken) / sum(taken) if taken else None,
         milliseconds=tuple(sorted(taken)),

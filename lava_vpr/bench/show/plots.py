@@ -80,19 +80,21 @@ def energy(parts: Mapping[str, Estimate], prefix: str, label: str) -> str:
 
 
 def step_times(times: StepTimes, prefix: str, label: str) -> str:
-    """Time of every step of a presentation: the busiest core, and the barrier on top of it."""
+    """Time of every step of a presentation: the busiest core, the barrier on top of it, then the embedded program."""
     busiest = np.asarray(times.busiest, float)
+    ended = busiest + times.barrier
+    whole = ended + np.asarray(times.program, float)
     steps = np.arange(1, len(busiest) + 1)
     with Style():
         canvas_ = canvas(WIDTH, 250)
         axes = canvas_.add_axes((0.09, 0.19, 0.89, 0.77))
         _grid(axes, "y")
         edges = np.append(steps - 0.5, steps[-1] + 0.5)
-        for top, bottom, colour in ((busiest, 0.0, "c6"), (busiest + times.barrier, busiest, "c4")):
+        for top, bottom, colour in ((busiest, 0.0, "c6"), (ended, busiest, "c4"), (whole, ended, "c2")):
             axes.stairs(top, edges, baseline=bottom, fill=True, color=THEME[colour], alpha=0.55, linewidth=0)
-        axes.set(xlim=(0.5, len(steps) + 0.5), ylim=(0, 1.32 * float((busiest + times.barrier).max())))
+        axes.set(xlim=(0.5, len(steps) + 0.5), ylim=(0, 1.32 * float(whole.max())))
         axes.set(xlabel="step of a presentation", ylabel="modelled time, µs")
-        for left, text, colour in ((0.02, "barrier", "c4"), (0.2, "the board waits", "c6")):
+        for left, text, colour in ((0.02, "program", "c2"), (0.16, "barrier", "c4"), (0.28, "cores", "c6")):
             axes.plot(left, 0.93, "s", color=THEME[colour], markersize=9, alpha=0.55, transform=axes.transAxes)
             axes.text(left + 0.02, 0.93, text, va="center", transform=axes.transAxes)
         for left, text, colour, values, style in (

@@ -29,7 +29,7 @@ from lava_vpr.matching.evaluation import Metrics, evaluate
 from lava_vpr.matching.matchers import confidence
 from lava_vpr.model import Model, decode, integer_model
 from lava_vpr.training.loop import train
-from lava_vpr.training.references import references_of
+from lava_vpr.training.references import parts_of, references_of
 
 Settings = dict[str, float]
 
@@ -127,7 +127,8 @@ def _source(case: Case, settings: Settings, threads: int) -> Model:
         return case.model
     if number not in case.learned:
         config = update(case.model.config, {"network": {"neurons": 0, "neurons_per_place": number}})
-        made = train(references_of(case.model), config, route_images=case.model.route_images, jobs=threads)
+        references, cut = references_of(case.model), parts_of(case.model)
+        made = train(references, config, route_images=case.model.route_images, parts=cut, jobs=threads)
         case.learned[number] = made
     return case.learned[number]
 

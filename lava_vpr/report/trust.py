@@ -1,0 +1,79 @@
+"""The report's section on probability: reliability of the answers, and what each target precision keeps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from lava_vpr.matching.trust import Threshold, Trust
+from lava_vpr.report.data import Figures, ReportData
+from lava_vpr.report.svg import THEME, Style, canvas, to_svg
+from lava_vpr.report.templates import render
+from lava_vpr.report.text import fraction, is_number, safe
+
+_WAYS = {"single": ("each image alone", "c0", "o"), "filtered": ("filtered", "c3", "D")}
+"""Title, colour and marker of each way to answer."""
+_HEADS = ("", "target precision", "least probability", "precision", "kept", "false accepts")
+_FOLLOWED = {"filtered": "filtered", "forward_backward": "forward-backward"}
+
+
+def reliability(trust: Mapping[str, Trust], label: str) -> str:
+    """Share of the answers that were right over their probability; dots are as large as their bins are full."""
+    with Style():
+        figure = canvas(470, 385)
+        axes = figure.add_axes((0.1, 0.11, 0.885, 0.865))
+        axes.grid(color=THEME["line"], linewidth=0.6, alpha=0.6)
+        axes.plot([0, 1], [0, 1], color=THEME["muted"], linewidth=1.0, linestyle=(0, (4, 3)), zorder=1)
+        for name, found in trust.items():
+            _, colour, marker = _WAYS[name]
+            total = sum(bin_.answers for bin_ in found.bins)
+            points = [(bin_.probability, bin_.right) for bin_ in found.bins]
+            axes.plot(*zip(*points, strict=True), gid=name, color=THEME[colour], linewidth=1.4, zorder=2)
+            for bin_ in found.bins:
+                size = 3.0 + 9.0 * (bin_.answers / total) ** 0.5
+                style = {"color": THEME[colour], "markersize": size, "markeredgewidth": 0}
+                axes.plot(bin_.probability, bin_.right, marker, zorder=3, clip_on=False, **style)
+        axes.set(xlim=(0, 1.012), ylim=(0, 1.03), xlabel="probability", ylabel="share of the answers that were right")
+        return to_svg(figure, "reliability", label)
+
+
+def _row(title: str, row: Threshold) -> str:
+    least = fraction(row.probability, 3) if is_number(row.probability) else "none"
+    cells = (fraction(row.target, 2), least, *(fraction(value, 3) for value in row[2:]))
+    return f'<tr><th scope="row">{title}</th>{"".join(f"<td>{cell}</td>" for cell in cells)}</tr>'
+
+
+def _followed(followed: Mapping[str, Figures]) -> str:
+    """Recall of the filter, in a sentence."""
+    if not followed:
+        return ""
+    parts = (f"{_FOLLOWED[k]} {fraction(v.recall_at_1, 3)} (AUC {fraction(v.auc, 3)})" for k, v in followed.items())
+    return f"R@1 of queries in driving order: {'; '.join(parts)}; filtered looks back, forward-backward also ahead."
+
+
+def section(data: ReportData) -> str:
+    """The section, if there are probabilities."""
+    if not data.trust:
+        return ""
+    errors = "; ".join(f"{_WAYS[name][0]} {100 * found.error:.1f} %" for name, found in data.trust.items())
+    alt = f"Share of the answers that were right over their probability; expected calibration error: {errors}"
+    legend = "".join(
+        f'<li><svg viewBox="0 0 34 12" aria-hidden="true"><line x1="0" x2="34" y1="6" y2="6" '
+        f'stroke="var(--{_WAYS[name][1]})" stroke-width="3"/></svg><span>{safe(_WAYS[name][0])}</span></li>'
+        for name in data.trust
+    )
+    rows = "".join(
+        _row(_WAYS[name][0] if number == 0 else "", row)
+        for name, found in data.trust.items()
+        for number, row in enumerate(found.thresholds)
+    )
+    off_map = next(iter(data.trust.values())).off_map
+    return render(
+        "report_trust.html",
+        off_map=f"{100 * off_map:.1f}",
+        errors=safe(errors),
+        followed=safe(_followed(data.followed)),
+        drawing=reliability(data.trust, safe(alt)),
+        legend=legend,
+        heads="".join(f'<th scope="col">{head}</th>' for head in _HEADS),
+        rows=rows,
+    )

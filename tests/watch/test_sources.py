@@ -1,0 +1,141 @@
+"""Videos, cameras, standard input and lists as sources of images."""
+
+from __future__ import annotations
+
+import io
+import itertools
+import sys
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from support.common.imagefiles import refused, video, write_images
+
+from lava_vpr.errors import InputError
+from lava_vpr.traverse import open_traverse
+from lava_vpr.watch import camera
+from lava_vpr.watch.camera import is_camera
+from lava_vpr.watch.sources import Seen, open_source
+
+
+@pytest.mark.parametrize("every", [0.1, 0.5, 1.0])
+def test_a_video_gives_the_frames_that_a_traverse_has(every: float, tmp_path: Path) -> None:
+    path = video(tmp_path / "v.avi", 24, marked=True)
+    whole = open_traverse(path, every=every)
+    seen = list(open_source(str(path), every=every))
+    assert [one.name for one in seen] == list(whole.names)
+    assert whole.stamps is not None
+    assert [one.stamp for one in seen] == whole.stamps.tolist()
+    for one, image in zip(seen, whole.images(), strict=True):
+        np.testing.assert_array_equal(one.image, image)
+
+
+def test_a_video_that_is_cut_is_refused(tmp_path: Path) -> None:
+    path = video(tmp_path / "v.avi", 24, marked=True)
+    path.write_bytes(path.read_bytes()[:-2000])
+    refused(lambda: list(open_source(str(path))), "v.avi: is damaged or cut short")
+
+
+def test_paths_on_standard_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = write_images(tmp_path / "in", 2)
+    named = folder / "20240501_120000.png"
+    (folder / "img1.png").rename(named)
+    monkeypatch.setattr(sys, "stdin", io.StringIO(f"{folder / 'img0.png'}\r\n\n{folder / 'none.png'}\n{named}"))
+    first, missing, last = open_source("-")
+    assert (first.name, first.stamp) == ("img0.png", None)
+    assert isinstance(missing.image, InputError)
+    assert (last.name, last.stamp) == ("20240501_120000.png", 1714564800.0)
+
+
+def test_a_folder_tells_when_its_images_were_written(tmp_path: Path) -> None:
+    folder = write_images(tmp_path / "in", 1)
+    (one,) = itertools.islice(open_source(str(folder)), 1)
+    assert one.stamp == (folder / "img0.png").stat().st_mtime
+
+
+def test_lists_and_single_images(tmp_path: Path) -> None:
+    folder = write_images(tmp_path / "in", 3)
+    (tmp_path / "l.txt").write_text("in/img2.png\nin/img0.png\n")
+    assert [one.name for one in open_source(str(tmp_path / "l.txt"))] == ["img2.png", "img0.png"]
+    assert [one.name for one in open_source(str(folder / "img1.png"))] == ["img1.png"]
+
+
+@pytest.mark.parametrize("source", ["", "a\0b", "none", "pyproject.toml", "camera:x", "none.mp4"])
+def test_what_is_no_source_is_refused_at_once(source: str) -> None:
+    refused(lambda: open_source(source))
+
+
+@pytest.mark.parametrize("every", [0.0, -1.0, float("nan"), float("inf")])
+def test_times_between_images_that_are_none(every: float, tmp_path: Path) -> None:
+    refused(lambda: open_source(str(tmp_path), every=every), "--every is")
+
+
+class Camera:
+    """What OpenCV's capture would be: a frame every eighth of a second of a clock of its own, six in all."""
+
+    def __init__(self, frames: int = 6, opened: bool = True) -> None:
+        self.clock, self.frames, self.opened, self.released = 1.7e9, frames, opened, 0
+
+    def __call__(self, *what: object) -> Camera:
+        return self
+
+    def isOpened(self) -> bool:
+        return self.opened
+
+    def set(self, *what: object) -> bool:
+        return True
+
+    def grab(self) -> bool:
+        self.clock += 0.125
+        self.frames -= 1
+        return self.frames >= 0
+
+    def retrieve(self) -> tuple[bool, Any]:
+        return True, np.full((4, 4, 3), self.frames, np.uint8)
+
+    def release(self) -> None:
+        self.released += 1
+
+
+@pytest.fixture
+def plugged(monkeypatch: pytest.MonkeyPatch) -> Camera:
+    """A camera is there."""
+    made = Camera()
+    monkeypatch.setattr(camera.os.path, "exists", lambda path: True)
+    monkeypatch.setattr(camera.cv2, "VideoCapture", made)
+    monkeypatch.setattr(camera.time, "time", lambda: made.clock)
+    return made
+
+
+@pytest.mark.parametrize(("every", "wanted"), [(0.001, [5, 4, 3, 2, 1, 0]), (0.25, [5, 3, 1]), (9.0, [5])])
+@pytest.mark.parametrize("name", ["camera:0", "/dev/video7", "rtsp://user:secret@there/x"])
+def test_a_camera_gives_an_image_every_so_often(name: str, every: float, wanted: list[int], plugged: Camera) -> None:
+    seen: list[Seen] = []
+    source = open_source(name, every=every)
+    with pytest.raises(InputError, match="gives no further image") as caught:
+        seen.extend(source)
+    assert "secret" not in str(caught.value)
+    assert [int(np.asarray(one.image).max()) for one in seen] == wanted
+    assert [one.name for one in seen] == [f"frame {number:06d}" for number in range(len(wanted))]
+    assert all(one.stamp is not None and one.stamp > 1.7e9 for one in seen)
+    assert plugged.released == 1
+
+
+def test_cameras_that_give_nothing(plugged: Camera) -> None:
+    plugged.frames = 0
+    refused(lambda: next(open_source("camera:0")), "camera:0: gives no image; check")
+    plugged.opened = False
+    refused(lambda: next(open_source("camera:0")), "camera:0: cannot be opened; check")
+
+
+def test_no_camera_is_one_line() -> None:
+    refused(lambda: next(open_source("camera:993")), "camera:993: there is no camera /dev/video993; plug it in")
+    refused(lambda: next(open_source("rtsp://a:b@127.0.0.1:9/x")), "rtsp://***@127.0.0.1:9/x: cannot be opened")
+
+
+def test_what_a_camera_is() -> None:
+    assert all(map(is_camera, ("camera:0", "/dev/video12", "rtsp://a", "rtsps://a")))
+    assert not any(map(is_camera, ("camera:", "camera:0/", "/dev/video", "camera.mp4", "http://a", "-")))
+    assert cv2.CAP_V4L2
