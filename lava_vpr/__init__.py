@@ -1,7 +1,34 @@
-"""lava-vpr: visual place recognition with spiking networks on Intel's Loihi."""
+"""lava-vpr: visual place recognition with spiking networks on Intel's Loihi.
+
+`train` learns the places of a route, `load` reads a model, and a `Localizer` says where a robot is, image by image.
+These names are kept stable; all else may move between versions.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
 
 from lava_vpr import kernelcache
+
+if TYPE_CHECKING:
+    from lava_vpr.errors import LavaVprError
+    from lava_vpr.localizer import Candidate, Localizer, Match, load, train
+
+__all__ = ["Candidate", "LavaVprError", "Localizer", "Match", "__version__", "load", "train"]
 
 __version__ = "0.1.0"
 
 kernelcache.prepare()
+
+
+def __getattr__(name: str) -> Any:
+    """A public name, imported when it is first asked for: the command line starts without."""
+    if name in __all__:
+        room = "lava_vpr.errors" if name == "LavaVprError" else "lava_vpr.localizer"
+        return getattr(importlib.import_module(room), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -39,6 +39,9 @@ WEIGHT_BITS = 8
 WEIGHT_LIMIT = (1 << WEIGHT_BITS) - 1
 """Largest unsigned weight (or mantissa of an inhibitory one)."""
 
+SIGNED_WEIGHT_LIMIT = WEIGHT_LIMIT >> 1
+"""Largest magnitude of a weight that is stored in `WEIGHT_BITS` bits, one of which is its sign."""
+
 WEIGHT_EXPONENT_LIMIT = 7
 """Exponents of synapses and biases are -7..7."""
 
@@ -100,8 +103,8 @@ LEAST_REFRACTORY_STEPS, MOST_REFRACTORY_STEPS = 1, 63
 UPDATE_GROUP = 4
 """Compartments that are updated together; register numUpdates counts groups."""
 
-FANOUT_MIXED, FANOUT_EXCITATORY, FANOUT_INHIBITORY = 1, 2, 3
-"""Values of a synapse format's register fanoutType; with mixed signs one of a weight's bits is the sign."""
+FANOUT_MIXED = 1
+"""The value of a synapse format's register fanoutType with which one of a weight's bits is its sign."""
 
 COMPRESSION_SPARSE, COMPRESSION_DENSE = 0, 3
 """Values of its register compression."""

@@ -21,19 +21,30 @@ from lava_vpr.gate import IntegerConfig, as_integer_config, not_integer
 from lava_vpr.matching import decoders
 from lava_vpr.matching.equations import assign
 from lava_vpr.modelfile import LEARNED, UnfitError, checked
+from lava_vpr.positions.frames import Positions
 from lava_vpr.storage import container
 from lava_vpr.storage.text import shown
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """Part of a route in one view, learned by neurons of its own; ``places`` and ``neurons`` count from ``first_*``."""
+    """Part of a route in one view, learned by neurons of its own; ``places`` and ``neurons`` count from ``first_*``.
+
+    ``removed`` is the number of places that were learned with these and have been removed since.
+    """
 
     first_place: int
     places: int
     first_neuron: int
     neurons: int
     view: int = 0
+    removed: int = 0
+
+    @property
+    def row(self) -> list[int]:
+        """The numbers that a file keeps; the last only if places were removed."""
+        numbers = list(dataclasses.astuple(self))
+        return numbers if self.removed else numbers[:-1]
 
 
 @dataclass(frozen=True)
@@ -57,6 +68,10 @@ class Model:
         training: Figures of the training run: spikes per image, neurons used, places covered.
         hog: HOG descriptors of the reference images, uint8 (images, 1764); None where a model was learned without them,
             as all were before there was this baseline.
+        positions: Where the first traverse's images were taken, float64 (places, 2), in ``frame``; None if unknown.
+        frame: The frame of ``positions`` (`lava_vpr.positions.frames`); None without them.
+        calibration: Margins of references, right, wrong and off the map, float32 (k, 2)
+            (`lava_vpr.matching.probability.Calibration`); None where they were not measured.
         bundle: Folder of the deployed bundle that it was read from; None for a model file.
     """
 
@@ -74,6 +89,9 @@ class Model:
     thumbnails: NDArray[np.uint8]
     training: dict[str, float]
     hog: NDArray[np.uint8] | None = None
+    positions: NDArray[np.float64] | None = None
+    frame: str | None = None
+    calibration: NDArray[np.float32] | None = None
     bundle: Path | None = None
 
     @property
@@ -90,6 +108,11 @@ class Model:
     def weight_bits(self) -> int | None:
         """Bits of a weight; None for the float model."""
         return self.network.bits if isinstance(self.network, FixedNetwork) else None
+
+    @property
+    def whereabouts(self) -> Positions | None:
+        """``positions`` in their frame."""
+        return None if self.positions is None or self.frame is None else Positions(self.positions, self.frame)
 
     def neuron_places(self) -> NDArray[np.int64]:
         """Place to which each neuron responds most, int64 (neurons,); -1 for a neuron silent on all references."""
@@ -162,13 +185,18 @@ def content(model: Model, network: bool = True) -> tuple[dict[str, Any], dict[st
     header: dict[str, Any] = {
         "version": __version__,
         "config": to_dict(model.config),
-        "stretches": [dataclasses.astuple(s) for s in model.stretches],
+        "stretches": [stretch.row for stretch in model.stretches],
         "place_names": list(model.place_names),
         "route_images": model.route_images,
         "training": model.training,
     }
     if model.hog is not None:
         arrays["hog"] = model.hog
+    if model.calibration is not None:
+        arrays["calibration"] = model.calibration
+    if model.positions is not None:
+        arrays["positions"] = model.positions
+        header["frame"] = model.frame
     if not network:
         arrays["learned"] = np.zeros((0, 0), np.float32)
     elif isinstance(model.network, FixedNetwork):
@@ -235,4 +263,7 @@ def assemble(
         activity=arrays["activity"],
         thumbnails=arrays["thumbnails"],
         hog=arrays.get("hog"),
+        positions=arrays.get("positions"),
+        frame=found.frame,
+        calibration=arrays.get("calibration"),
     )

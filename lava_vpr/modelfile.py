@@ -7,16 +7,20 @@ traverses, I inputs (of the settings), N neurons:
     config         settings, each of its type and within its range (`lava_vpr.config`)
     stretches      rows of five whole numbers: first place, places, first neuron, neurons, view; each has one place at
                    least and the neurons that the settings make for so many; those of each view, view after view, tile P
-                   in order, and all together N; one row with preset ``paper``
+                   in order, and all together N, at least 1; one row with preset ``paper``. A sixth number, at least 1,
+                   says how many places of the stretch have been removed: it then has at most the neurons that the
+                   settings make for these, too. Such stretches are the same in every view; none with preset ``paper``
     place_names    P texts, at least 2, of at most 1,024 characters, without NUL, that UTF-8 can write
     route_images   whole number, at least P
     training       the figures in `FIGURES`, finite, at least 0
     fixed          `FixedNetwork.scalars`, whole numbers as its ``check`` allows; interval, ``bits``, ``signed``,
                    ``regular`` and ``bias_input`` are those of the settings. Not with preset ``paper``, not in a bundle
+    frame          the name of a frame (`lava_vpr.positions.frames`); there if and only if the array ``positions`` is
 
-and no other key. The arrays are those of `_rules`, all but ``hog``, which may be missing, and no other: each of its
-type and shape, its least and most value within its range, none of them NaN. Beyond that, place_indices differ from each
-other and are below route_images, and labels are 0..P-1, T times over. What a query to it costs is within the limits
+and no other key. The arrays are those of `_rules`, all but ``hog``, ``positions`` and ``calibration``, which may be
+missing, and no other: each of its type and shape, its least and most value within its range, none of them NaN. Beyond
+that, positions are within the range of their frame, place_indices differ from each other and are below route_images,
+and labels are 0..P-1, T times over. What a query to it costs is within the limits
 ``presentation_operations`` and ``presentation_bytes``.
 """
 
@@ -38,6 +42,8 @@ from lava_vpr.errors import ConfigError, brief
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.inputs.hog import HOG_VALUES
 from lava_vpr.loihi import WEIGHT_LIMIT
+from lava_vpr.matching.probability import KINDS
+from lava_vpr.positions.frames import LAT_LON, MOST_METRES, XY, fits, is_frame
 from lava_vpr.ranges import real, whole
 from lava_vpr.storage.limits import excess
 
@@ -46,6 +52,11 @@ FIGURES = ("spikes_per_image", "neurons_used", "places_covered")
 
 LEARNED = ("learned", "responses", "place_indices", "labels", "patches", "activity", "thumbnails")
 """The arrays of a model beside those of its network."""
+
+_OPTIONAL = ("hog", "positions", "calibration")
+"""Arrays that a model may lack: HOG if it is old or learned from activity alone, positions where nobody gave them, a
+calibration if it was not measured."""
+_MOST_SAMPLES = 1 << 16
 
 _MOST_NAME, _MOST_VERSION, _MOST_COUNT = 1024, 40, 2**53
 _HEADERS = 1 << 16
@@ -59,10 +70,11 @@ class Contents(NamedTuple):
 
     config: Config
     network: FixedNetwork | ConductanceState
-    stretches: tuple[tuple[int, int, int, int, int], ...]
+    stretches: tuple[tuple[int, ...], ...]
     place_names: tuple[str, ...]
     route_images: int
     training: dict[str, float]
+    frame: str | None
     arrays: dict[str, NDArray[Any]]
 
 
@@ -102,7 +114,7 @@ def checked(
     """
     config = _config(header, network)
     names = check_names(header["place_names"])
-    stretches = _stretches(header["stretches"], len(names), config)
+    stretches = check_stretches(header["stretches"], len(names), config)
     sizes = Sizes(
         len(names), _images(arrays, len(names), len(config.views.views)), config.encoder.inputs, sum(stretches[-1][2:4])
     )
@@ -117,25 +129,20 @@ def checked(
             raise UnfitError(f"references of {sizes.neurons} neurons for a network of shape {network.weights.shape}")
         whole_network = network
     rules = _rules(config, sizes)
-    if network is not None or kept.get("learned", kept["labels"]).shape == (
-        0,
-        0,
-    ):  # a bundle's model saved has none either
+    bare = kept.get("learned", kept["labels"]).shape == (0, 0)  # a bundle's model, saved
+    if network is not None or bare:
         rules["learned"] = rules["learned"]._replace(shape=(0, 0))
-    if "hog" not in kept:  # learned before there was this baseline, or from activity alone
-        del rules["hog"]
+    for name in _OPTIONAL:
+        if name not in kept:
+            del rules[name]
+    if "calibration" in kept:
+        rules["calibration"] = _calibration_rule(kept["calibration"], config)
     check_arrays(kept, rules)
+    frame = _frame(header, kept)
     route_images = count(header["route_images"], "route_images", sizes.places)
     _check_places(kept, sizes, route_images)
-    return Contents(
-        config=config,
-        network=whole_network,
-        stretches=stretches,
-        place_names=names,
-        route_images=route_images,
-        training=_figures(header["training"]),
-        arrays=kept,
-    )
+    figures = _figures(header["training"])
+    return Contents(config, whole_network, stretches, names, route_images, figures, frame, kept)
 
 
 def check_model(config: Config, places: int, traverses: int, neurons: int) -> None:
@@ -163,12 +170,26 @@ def _config(header: Mapping[str, Any], network: FixedNetwork | None) -> Config:
         if name not in header:
             raise UnfitError(brief(name))
     for name in header:
-        if name not in (*_HEADER, *fixed):
+        if name not in (*_HEADER, *fixed, "frame"):
             raise UnfitError(f"the header with a key {brief(name)}")
     version = header["version"]
     if not isinstance(version, str) or not 0 < len(version) <= _MOST_VERSION or not version.isprintable():
         raise UnfitError(f"version {brief(version)}")
     return config
+
+
+def _frame(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str | None:
+    """The frame of the positions, if there are any, which are within its range."""
+    if ("frame" in header) != ("positions" in arrays):
+        raise UnfitError("positions without a frame, or a frame without positions")
+    if "frame" not in header:
+        return None
+    frame = header["frame"]
+    if not is_frame(frame):
+        raise UnfitError(f"frame {brief(frame)}, which must be {XY}, {LAT_LON}, or a zone as in UTM 32N")
+    if not fits(arrays["positions"], frame).all():
+        raise UnfitError(f"positions out of the range of their frame, {frame}")
+    return str(frame)
 
 
 def count(value: object, name: str, least: int, most: int = _MOST_COUNT) -> int:
@@ -184,13 +205,13 @@ def count(value: object, name: str, least: int, most: int = _MOST_COUNT) -> int:
     return value
 
 
-def check_names(value: object) -> tuple[str, ...]:
+def check_names(value: object, least: int = 2) -> tuple[str, ...]:
     """The names of the places.
 
     Raises:
-        UnfitError: they are none.
+        UnfitError: they are none, or less than ``least``.
     """
-    if not isinstance(value, list) or len(value) < 2:
+    if not isinstance(value, list) or len(value) < least:
         raise UnfitError(f"place_names {brief(value)}, which must be the names of two places or more")
     for number, name in enumerate(value):
         if not isinstance(name, str) or len(name) > _MOST_NAME or "\0" in name or not _writeable(name):
@@ -207,28 +228,39 @@ def _writeable(text: str) -> bool:
     return True
 
 
-def _stretches(value: object, places: int, config: Config) -> tuple[tuple[int, int, int, int, int], ...]:
-    """The stretches, in order and without gaps."""
+def check_stretches(value: object, places: int, config: Config) -> tuple[tuple[int, ...], ...]:
+    """The stretches, in order and without gaps; each row has five numbers, or six where places were removed.
+
+    Raises:
+        UnfitError: they are none of so many places.
+    """
     if not isinstance(value, list) or not value:
         raise UnfitError(f"stretches {brief(value)}")
-    if isinstance(config.network, ConductanceNetwork) and len(value) > 1:
+    paper = isinstance(config.network, ConductanceNetwork)
+    if paper and len(value) > 1:
         raise UnfitError(f"{len(value)} stretches of a conductance model, which learns in one")
-    rows: list[tuple[int, int, int, int, int]] = []
+    rows: list[tuple[int, ...]] = []
     place = neuron = view = 0
     views = len(config.views.views)
     for row in value:
-        if not isinstance(row, list) or len(row) != 5:
+        if not isinstance(row, list) or len(row) not in ((5,) if paper else (5, 6)):
             raise UnfitError(f"stretch {brief(row)}")
         if place == places and view < views - 1:
             place, view = 0, view + 1
         name = f"stretch {len(rows)} {brief(row)} with"
         first_place, length = count(row[0], name, place, place), count(row[1], name, 1, places - place)
-        wanted = config.neurons_for(length)
-        first_neuron, neurons = count(row[2], name, neuron, neuron), count(row[3], name, wanted, wanted)
-        rows.append((first_place, length, first_neuron, neurons, count(row[4], name, view, view)))
+        removed = tuple(count(number, name, 1) for number in row[5:])
+        most = config.neurons_for(length + sum(removed))
+        first_neuron, neurons = count(row[2], name, neuron, neuron), count(row[3], name, 0 if removed else most, most)
+        rows.append((first_place, length, first_neuron, neurons, count(row[4], name, view, view), *removed))
         place, neuron = place + length, neuron + neurons
     if place != places or view != views - 1:
         raise UnfitError(f"stretches of {place} places in view {view} for {places} names and {views} views")
+    if neuron == 0:
+        raise UnfitError("stretches that have no neuron left")
+    cuts = [[(row[0], row[1], *row[5:]) for row in rows if row[4] == view] for view in range(views)]
+    if any(cut != cuts[0] for cut in cuts):
+        raise UnfitError("stretches that are cut otherwise in another view")
     return tuple(rows)
 
 
@@ -325,7 +357,22 @@ def _rules(config: Config, sizes: Sizes) -> dict[str, Rule]:
         ),
         "thumbnails": Rule("uint8", (places, 48, 64, 3), most=255),
         "hog": Rule("uint8", (images, HOG_VALUES), most=255),
+        "positions": Rule("float64", (places, 2), least=-MOST_METRES, most=MOST_METRES),
+        "calibration": Rule("float32", (_MOST_SAMPLES, 2), least=-1.0, most=_MOST_FLOAT),
     }
+
+
+def _calibration_rule(samples: NDArray[Any], config: Config) -> Rule:
+    """What the samples of a calibration must be: some, not too many, of an integer network, each of a known kind."""
+    if isinstance(config.network, ConductanceNetwork):
+        raise UnfitError("a calibration of the conductance model, which has none")
+    if samples.ndim != 2 or not 0 < len(samples) <= _MOST_SAMPLES or samples.shape[1] != 2:
+        raise UnfitError(f"a calibration of shape {samples.shape}, which must be some rows of a margin and a kind")
+    if not np.isin(samples[:, 1], KINDS).all() or not (samples[:, 0] >= 0).all():
+        raise UnfitError(
+            "a calibration with a negative margin, or of a sample that is neither right, wrong nor off the map"
+        )
+    return Rule("float32", samples.shape, least=-1.0, most=_MOST_FLOAT)
 
 
 def check_arrays(arrays: Mapping[str, NDArray[Any]], rules: Mapping[str, Rule]) -> None:

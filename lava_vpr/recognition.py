@@ -18,13 +18,33 @@ from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.backends.rivals import Rivals, Scored
 from lava_vpr.backends.rivals import chosen as rivals_of
 from lava_vpr.encoding import EncodedTraverse, encoded_batches
-from lava_vpr.engine.adaptation import Adaptation
+from lava_vpr.engine.adaptation import Adaptation, Motion
 from lava_vpr.matching import baselines, sequences
-from lava_vpr.matching.answers import Answers, LookingBack, answers_of
+from lava_vpr.matching.answers import ALONE, Answers, LookingBack, Together, answers_of
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.matching.evaluation import Metrics, evaluate
-from lava_vpr.model import Model, decode, integer_model, prepare
+from lava_vpr.matching.forward_filter import NONE, Belief, ForwardFilter, filtered, smooth
+from lava_vpr.matching.probability import Calibration
+from lava_vpr.matching.trust import Trust, trust
+from lava_vpr.model import Model, as_integer, decode, integer_model, prepare
 from lava_vpr.traverse import Traverse
+from lava_vpr.truth.alignment import PositionErrors
+
+
+def calibration_of(model: Model, threads: int = 1) -> Calibration | None:
+    """The calibration of ``model``: what it holds, or measured now; None for the float conductance model.
+
+    Args:
+        model: A model, of any origin.
+        threads: Threads; they do not change the result.
+    """
+    integer = as_integer(model)
+    if model.calibration is not None or integer is None:
+        return None if model.calibration is None else Calibration(model.calibration)
+    from lava_vpr.training.calibration import measured  # a model that holds it, as its file does, need not wait for it
+
+    return measured(integer, threads)
+
 
 BATCH = 256
 """Queries of a stream that are encoded together, and decoded together: enough for the threads of a large machine."""
@@ -41,9 +61,15 @@ class Recognition:
         metrics: Figures by matcher.
         adapted: Figures of the default decoder and of the baselines where they adapt to the queries before, by matcher;
             empty unless that was asked for. Everything else is without.
+        followed: Figures of the default decoder's scores once a filter has followed the queries: `FILTERED`, and
+            `SMOOTHED`, which also looks ahead; empty unless a motion was given.
         truth: bool (n, places).
         matches: The default decoder's place of each query, -1 for none, int64 (n,); adapted, if that was asked for.
         confidence: Confidence of those matches, float64 (n,).
+        single: Each query's answer by itself, without adaptation, if queries are not matched in sequences.
+        filtered: Its answer by the filter, if a motion was given.
+        trust: How far the probabilities of both can be trusted, by `SINGLE` and `FILTERED`, as far as there are any.
+        contradiction: What speaks against matching in sequences, if that was asked for and the queries do.
         counts: Spike counts of all queries, int32 (queries, neurons).
         events: Counted events, summed over all queries.
     """
@@ -52,9 +78,14 @@ class Recognition:
     scores: dict[str, NDArray[np.float64]] = field(repr=False)
     metrics: dict[str, Metrics]
     adapted: dict[str, Metrics]
+    followed: dict[str, Metrics]
     truth: NDArray[np.bool_] = field(repr=False)
     matches: NDArray[np.int64] = field(repr=False)
     confidence: NDArray[np.float64] = field(repr=False)
+    single: Answers | None = field(repr=False)
+    filtered: Answers | None = field(repr=False)
+    trust: dict[str, Trust]
+    contradiction: str | None
     counts: NDArray[np.int32] = field(repr=False)
     events: dict[str, int]
 
@@ -92,13 +123,11 @@ class Answered(NamedTuple):
     """Some queries of a stream, in order, and their answers.
 
     Attributes:
-        names: File name of each image.
-        indices: Absolute index of each image in its sequence, int64 (n,).
+        images: The queries.
         answers: What the model says of each.
     """
 
-    names: tuple[str, ...]
-    indices: NDArray[np.int64]
+    images: Traverse
     answers: Answers
 
 
@@ -107,45 +136,57 @@ def answer_stream(
     traverse: Traverse,
     *,
     backend: str = "host",
-    sequence: int = 1,
+    together: Together = ALONE,
     asking: Asking = PLAINLY,
     seed: int | None = None,
     threads: int = 1,
+    pace: sequences.Pace | None = None,
+    at_once: bool = False,
     read: Advance | None = None,
     advance: Advance | None = None,
 ) -> Iterator[Answered]:
     """Answer the images of a traverse, some at a time: however many they are, few are in memory.
 
-    Every answer is the one that it has among all queries at once, bit for bit, and alone, unless the network adapts.
+    Every answer is the one that it has among all queries at once, bit for bit, and alone, unless the network adapts or
+    queries are matched together.
 
     Args:
         model: A trained model.
         traverse: The images.
         backend: Name in `lava_vpr.backends.registry.BACKENDS`.
-        sequence: Queries that are matched together, each with those before it; 1: each alone.
+        together: How queries are matched with those before them.
         asking: How they are asked.
         seed: The seed of the queries' noise; None: the model's.
         threads: Threads of the backend; does not change the result.
+        pace: Told the scores of the queries.
+        at_once: The first image is answered before the second is read, then ever more together; unless the backend is
+            slow to start.
         read: Told how many more images are read.
         advance: Told how many more queries a slow backend has run.
     Raises:
         LavaVprError: an image cannot be read, the sequence exceeds the places, or the backend cannot run.
     """
     chosen, calls = backends.get(backend, threads, advance), max(1, BACKENDS[backend].together // BATCH)
-    state = LookingBack.of(model.config.decoder.default, model.places, sequence)
+    state, motion = LookingBack.of(model.config.decoder.default, model.places, together), Motion()
     scores_of = prepare(model)
     asking.check(model)
-    batches = encoded_batches(traverse, model.config.encoder, asking.of(model), BATCH, read)
+    batches = encoded_batches(
+        traverse, model.config.encoder, asking.of(model), BATCH, read, 1 if at_once and calls == 1 else None
+    )
     asker, first = Asker(model, asking, seed), 0
     shown = (asker.presentations(batch) for batch in batches)
     while group := list(islice(shown, calls)):
         counts, _ = chosen.count_spikes(model, Presentations.joined(group))
         ends = np.cumsum([len(some.rates) for some in group])
-        for of_batch in np.split(counts, ends[:-1]):
+        for of_batch, asked in zip(np.split(counts, ends[:-1]), group, strict=True):
             some = summed(of_batch, asking.views)
             part = traverse.take(range(first, first + len(some)))
-            state, answers = state.update(scores_of(some))
-            yield Answered(part.names, part.indices, answers)
+            moving = None if together.motion == NONE else motion.moving(asked.rates[: len(some)])
+            scores = scores_of(some)
+            if pace is not None:
+                pace.update(scores)
+            state, answers = state.update(scores, moving)
+            yield Answered(part, answers)
             first += len(some)
 
 
@@ -160,6 +201,9 @@ class Comparison:
         descriptors: .npy files of reference and query descriptors, one row per image in use; None: no such matcher.
         keep_scores: Whether the result holds matrices of scores, which a report draws.
         asking: How queries are asked; where the network adapts, figures without that stand beside.
+        motion: How the robot may have moved (`lava_vpr.matching.forward_filter.MOTIONS`), for figures of a filter
+            beside; ``none``: there are none. Not with sequences.
+        calibration: Of the model's decoder; None: probabilities of single queries are not known.
     """
 
     sequence: int = 1
@@ -167,8 +211,12 @@ class Comparison:
     descriptors: tuple[Path, Path] | None = None
     keep_scores: bool = True
     asking: Asking = PLAINLY
+    motion: str = NONE
+    calibration: Calibration | None = None
 
 
+SINGLE, FILTERED, SMOOTHED = "single", "filtered", "forward_backward"
+"""What figures are called of queries by themselves, of the forward filter, and of the same with later queries seen."""
 EVERYTHING = Comparison()
 """Each query alone, with every baseline that the model can be compared with."""
 DECODERS_ONLY = Comparison(rivals=(), keep_scores=False)
@@ -217,11 +265,19 @@ def recognise(
     kept: dict[str, NDArray[np.float64]] = {}
     metrics = {}
     # One matrix at a time: of long routes, all of them together would not fit small memories.
+    followed: dict[str, Metrics] = {}
+    pace = sequences.Pace()
+    by_filter: Answers | None = None
     for name, matcher, scores in _every_matcher(model, counts, rivals, others):
-        matrix, answers = _answers(matcher, scores, comparison.sequence)
+        calibration = comparison.calibration if name == default else None
+        matrix, answers = _answers(matcher, scores, comparison.sequence, calibration)
         metrics[name] = evaluate(matrix, answers.confidence, truth)
         if name == default:
-            default_answers = answers
+            default_answers = single = answers
+            pace.update(scores)
+            if comparison.motion != NONE and comparison.sequence == 1:
+                rates = shown.rates[: len(queries)]
+                by_filter, followed = _followed(comparison.motion, scores, rates, answers.confidence, truth)
         if comparison.keep_scores and (name == default or name not in DECODERS):
             kept[name] = matrix
         del scores, matrix  # before the next are made
@@ -236,18 +292,54 @@ def recognise(
         scores=kept,
         metrics=metrics,
         adapted=adapted,
+        followed=followed,
         truth=truth,
         matches=default_answers.matches,
         confidence=default_answers.confidence,
+        single=single if comparison.sequence == 1 else None,
+        filtered=by_filter,
+        contradiction=pace.contradiction(comparison.sequence) if comparison.sequence > 1 else None,
+        trust=_trusts(comparison, single, by_filter, truth),
         counts=counts,
         events=events,
     )
 
 
-def _answers(name: str, scores: NDArray[np.float64], sequence: int) -> tuple[NDArray[np.float64], Answers]:
+def _trusts(
+    comparison: Comparison, single: Answers, by_filter: Answers | None, truth: NDArray[np.bool_]
+) -> dict[str, Trust]:
+    """How far probabilities can be trusted, as far as there are any."""
+    found = {}
+    if comparison.sequence == 1:
+        found[SINGLE] = trust(single, truth, Together(calibration=comparison.calibration))
+    if by_filter is not None:
+        found[FILTERED] = trust(by_filter, truth, Together(motion=comparison.motion))
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def _followed(
+    motion: str,
+    scores: NDArray[np.float64],
+    rates: NDArray[Any],
+    confidence: NDArray[np.float64],
+    truth: NDArray[np.bool_],
+) -> tuple[Answers, dict[str, Metrics]]:
+    """What a filter makes of ``scores`` (n, places) of queries in driving order, and its figures."""
+    state, moving = ForwardFilter(Belief.unknown(scores.shape[1]), motion), Motion().moving(rates)
+    beliefs, metrics = filtered(state, scores, moving), {}
+    places, probability = beliefs.best()
+    metrics[FILTERED] = evaluate(beliefs.places, probability, truth)
+    smooth(state, beliefs, scores, moving)
+    metrics[SMOOTHED] = evaluate(beliefs.places, beliefs.best()[1], truth)
+    return Answers(places, confidence, probability), metrics
+
+
+def _answers(
+    name: str, scores: NDArray[np.float64], sequence: int, calibration: Calibration | None = None
+) -> tuple[NDArray[np.float64], Answers]:
     """Scores of a matcher, of sequences if they are asked for, and the answers that they give."""
     if sequence == 1:
-        return scores, answers_of(name, scores)
+        return scores, answers_of(name, scores, calibration)
     together = sequences.sequence_scores(scores, sequence)
     return together, answers_of("sequence", together)
 
@@ -291,8 +383,8 @@ def _every_matcher(
         yield Scored(name, name, scores)
 
 
-def as_json(model: Model, result: Recognition) -> dict[str, Any]:
-    """The figures in the layout that scripts rely on (``lava-vpr eval --json``)."""
+def as_json(model: Model, result: Recognition, errors: PositionErrors | None = None) -> dict[str, Any]:
+    """The figures in the layout that scripts rely on (``lava-vpr eval --json``); ``errors`` where they are known."""
     order = (*(name for name in DECODERS if name != result.default), result.default)
     return {
         "places": model.places,
@@ -306,4 +398,7 @@ def as_json(model: Model, result: Recognition) -> dict[str, Any]:
         "decoders": {name: result.metrics[name].as_json() for name in order},
         "baselines": {name: metrics.as_json() for name, metrics in result.metrics.items() if name not in DECODERS},
         "adapted": {name: metrics.as_json() for name, metrics in result.adapted.items()},
+        "position_error": None if errors is None else errors.as_json(),
+        "followed": {name: metrics.as_json() for name, metrics in result.followed.items()},
+        "probability": {name: found.as_json() for name, found in result.trust.items()},
     }

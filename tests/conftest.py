@@ -1,12 +1,49 @@
-"""Shared fixtures."""
+"""Shared fixtures; and what is left out where Lava cannot run."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from support.common.commands import link_route, make_route
+
+from lava_vpr.backends.lava import lava_missing
+
+MISSING = lava_missing()
+WHOLE_MODULE = "pytestmark = pytest.mark.lava\n"
+"""The line of a module whose every test needs Lava; it may import Processes, so without Lava it is not imported."""
+
+
+class NeedsLava(pytest.Module):
+    """A module of tests that all need Lava, where there is none."""
+
+    def collect(self) -> Iterator[Any]:
+        return iter([LeftOut.from_parent(self, name="all of it")])
+
+
+class LeftOut(pytest.Item):
+    """What stands for all tests of a module that is not imported."""
+
+    def runtest(self) -> None:
+        raise AssertionError("it is skipped in `pytest_runtest_setup`")
+
+
+def pytest_pycollect_makemodule(module_path: Path, parent: Any) -> pytest.Module | None:
+    """Leave a module unread if all of it needs Lava and there is none."""
+    if MISSING is None or WHOLE_MODULE not in module_path.read_text(encoding="utf-8"):
+        return None
+    module = NeedsLava.from_parent(parent, path=module_path)
+    module.add_marker(pytest.mark.lava)
+    return module
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip what is marked ``lava`` where Lava cannot run: all in this one place, so that pytest counts them as one."""
+    if MISSING is not None and item.get_closest_marker("lava") is not None:
+        pytest.skip(f"Lava's parts are left out: {MISSING}")
 
 
 @pytest.fixture(scope="session")

@@ -15,8 +15,12 @@ COMMANDS = {
     "demo": ("lava_vpr.cli.demo", "demo", "Learn and recognise a synthetic route, and write a report."),
     "synth": ("lava_vpr.cli.demo", "synth", "Draw a synthetic route in summer and winter."),
     "train": ("lava_vpr.cli.train", "train", "Learn the places of a route."),
+    "extend": ("lava_vpr.cli.maps", "extend", "Learn further places into a model."),
+    "remove": ("lava_vpr.cli.maps", "remove", "Take places out of a model."),
+    "merge": ("lava_vpr.cli.maps", "merge", "Join models into one."),
     "eval": ("lava_vpr.cli.evaluate", "evaluate", "Recognise images of known places: recall, precision, baselines."),
     "query": ("lava_vpr.cli.query", "query", "Say which place each image shows."),
+    "watch": ("lava_vpr.cli.watch", "watch", "Say where a robot is, image by image as they come."),
     "verify": ("lava_vpr.cli.verify", "verify", "Compare every spike on every backend."),
     "fit": ("lava_vpr.cli.fit", "fit", "Say what fits on a board, and what each core holds."),
     "deploy": ("lava_vpr.cli.deploy", "deploy", "Write all that a board needs to run a model."),
@@ -39,8 +43,10 @@ def main() -> None:
     \b
     lava-vpr demo                                      see it work on a built-in synthetic world
     lava-vpr train SUMMER/ -o route.lvpr               learn a route
+    lava-vpr extend route.lvpr MORE/                   learn further places into it
     lava-vpr eval route.lvpr WINTER/ --report report   recall, precision, plots
     lava-vpr query route.lvpr TODAY/ -o matches.csv    where was each image taken?
+    lava-vpr watch route.lvpr FRAMES/ --page           where is the robot now? lines, and a live page
     lava-vpr verify route.lvpr WINTER/                 the same spikes in Lava as on the host?
     lava-vpr fit route.lvpr --target kapoho-bay        what would each core hold?
     lava-vpr deploy route.lvpr --target loihi2 -o out  write all that a board needs

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from lava_vpr import model as model_file
 from lava_vpr.cli.common import PATH, Number, stderr
 from lava_vpr.cli.outputs import Outputs
+from lava_vpr.cli.whereabouts import WhereOptions, query_positions_options
 from lava_vpr.model import Model
-from lava_vpr.traverse import Traverse, open_traverse
-from lava_vpr.truth.alignment import aligned_truth, by_number, choose_queries, positions_truth
+from lava_vpr.traverse import Traverse, open_traverse, ranges_of
+from lava_vpr.truth.alignment import NEAR_M, Located, aligned_truth, by_number, choose_queries, located_by
 from lava_vpr.truth.groundtruth import read_ground_truth
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -44,6 +45,7 @@ def open_queries(
     *,
     aligned: bool = True,
     outputs: Outputs | None = None,
+    where: WhereOptions | None = None,
 ) -> Traverse:
     """The query images to answer.
 
@@ -54,21 +56,27 @@ def open_queries(
         every: Seconds between two frames of a video.
         aligned: No ground truth is given: queries must show the model's places in their order.
         outputs: Of the command; none may be one of the images of ``source``.
+        where: What the user says of where they were taken; where that and the model's own positions are known, queries
+            need not be in order. None: it does not matter.
     Raises:
         InputError: the images cannot be used; see `choose_queries`.
     """
     whole = open_traverse(source, every=every)
     if outputs is not None:
         outputs.spare(whole.paths)
-    return choose_queries(model, whole, places, aligned=aligned)
+    if where is None:
+        return choose_queries(model, whole, places, aligned=aligned)
+    where.check(model)
+    known = model.positions is not None and where.known(whole)
+    return where.of(choose_queries(model, whole, places, aligned=aligned and not known), len(whole))
 
 
 def truth_in_order(model: Model, queries: Traverse, tolerance: int = 0) -> NDArray[np.bool_]:
     """Query i shows place i, bool (queries, places); what is assumed of the numbers is told on stderr."""
     if not by_number(model, queries):
         stderr.print(
-            f"note: images {queries.indices[0]}:{queries.indices[-1] + 1} are taken, in order, as the places "
-            f"{model.place_indices[0]}:{model.place_indices[-1] + 1}",
+            f"note: images {ranges_of(queries.indices)} are taken, in order, as the places "
+            f"{ranges_of(model.place_indices)}",
         )
     return aligned_truth(model, queries, tolerance)
 
@@ -80,36 +88,62 @@ class TruthOptions:
     Attributes:
         gt: File with the correct places of each query.
         positions: Files with the positions of the reference and of the query images.
-        radius: Metres within which a place is correct, by ``positions``.
-        tolerance: Places along the route that a match may be off, without ``gt`` and ``positions``.
+        radius: Metres within which a place is correct, by positions.
+        tolerance: Places along the route that a match may be off, without ``gt`` and positions.
+        where: Where the queries were taken, to be held against the model's own positions.
     """
 
     gt: Path | None
     positions: tuple[Path, Path] | None
     radius: float | None
     tolerance: int
+    where: WhereOptions
 
     def __post_init__(self) -> None:
         if self.positions is not None and (self.radius is None or self.gt is not None):
             raise click.UsageError("--positions needs --radius M, and excludes --gt")
-        if self.radius is not None and self.positions is None:
-            raise click.UsageError("--radius needs --positions REF.csv QUERY.csv")
-        if self.tolerance and not self.aligned:
+        if self.positions is not None and self.where.positions is not None:
+            raise click.UsageError("--positions tells of both traverses; leave out --query-positions")
+        if self.radius is not None and self.gt is not None:
+            raise click.UsageError("--radius needs positions, and --gt says itself what is correct; give one of them")
+        if self.tolerance and not (self.aligned and self.where.positions is None):
             raise click.UsageError(
-                "--tolerance counts places along the route; --gt and --positions say themselves what is correct"
+                "--tolerance counts places along the route; --gt and positions (with --radius M) say themselves what "
+                "is correct"
             )
 
     @property
     def aligned(self) -> bool:
-        """Whether nothing but the order of the queries says which place each shows."""
+        """Whether nothing but the order of the queries says which place each shows, as far as the options tell."""
         return self.gt is None and self.positions is None
 
     @property
     def files(self) -> tuple[Path, ...]:
         """The files to be read."""
-        return (*(() if self.gt is None else (self.gt,)), *(self.positions or ()))
+        return (*(() if self.gt is None else (self.gt,)), *(self.positions or ()), *self.where.files)
 
-    def of(self, model: Model, queries: Traverse) -> NDArray[np.bool_]:
+    def open(
+        self, model: Model, source: str, places: tuple[int, int] | None, every: float, outputs: Outputs
+    ) -> Traverse:
+        """`open_queries`, with what is known of where they were taken."""
+        if self.tolerance:  # by order, whatever their names tell
+            return open_queries(model, source, places, every, outputs=outputs)
+        return open_queries(model, source, places, every, aligned=self.aligned, outputs=outputs, where=self.where)
+
+    def located(self, model: Model, queries: Traverse) -> Located | None:
+        """Where the model's places and the queries were taken, if both are known.
+
+        Raises:
+            InputError: a file cannot be used, or the frames cannot be compared.
+        """
+        if self.positions is not None:
+            return located_by(model, queries, self.positions)
+        places = model.whereabouts
+        if places is None or queries.positions is None:
+            return None
+        return Located.of(places, queries.positions, str(self.where.positions or queries.source))
+
+    def of(self, model: Model, queries: Traverse, located: Located | None) -> NDArray[np.bool_]:
         """Which places are correct for which query, bool (queries, places); what is assumed is told on stderr.
 
         Raises:
@@ -117,8 +151,13 @@ class TruthOptions:
         """
         if self.gt is not None:
             truth = read_ground_truth(self.gt, queries.indices, model.place_indices)
-        elif self.positions is not None and self.radius is not None:
-            truth = positions_truth(model, queries, self.positions, self.radius)
+        elif located is not None and not self.tolerance:
+            truth = located.truth(self.near)
+        elif self.radius is not None:
+            raise click.UsageError(
+                "--radius needs --positions REF.csv QUERY.csv, or a model that knows where its places are and "
+                "--query-positions FILE"
+            )
         else:
             truth = truth_in_order(model, queries, self.tolerance)
         without = int(np.count_nonzero(~truth.any(axis=1)))
@@ -126,13 +165,18 @@ class TruthOptions:
             stderr.print(f"note: {without} of {len(truth)} queries show none of the places; they count as not recalled")
         return truth
 
+    @property
+    def near(self) -> float:
+        """Metres within which a match counts."""
+        return NEAR_M if self.radius is None else self.radius
+
 
 def truth_options(command: F) -> F:
-    """The options ``--gt``, ``--positions``, ``--radius`` and ``--tolerance``, given to the command as ``truth``."""
+    """The options that say which places are correct, given to the command as ``truth``."""
 
     @wraps(command)
-    def collected(*args: Any, gt: Any, positions: Any, radius: Any, tolerance: Any, **others: Any) -> Any:
-        return command(*args, truth=TruthOptions(gt, positions, radius, tolerance), **others)
+    def collected(*args: Any, gt: Any, positions: Any, radius: Any, tolerance: Any, where: Any, **others: Any) -> Any:
+        return command(*args, truth=TruthOptions(gt, positions, radius, tolerance, where), **others)
 
     options = (
         click.option(
@@ -149,12 +193,13 @@ def truth_options(command: F) -> F:
             metavar="REF.csv QUERY.csv",
             help="Positions of all images; with --radius.",
         ),
+        query_positions_options,
         click.option(
             "--radius",
             type=Number(min=0),
             default=None,
             metavar="M",
-            help="Metres within which a place is correct.",
+            help=f"Metres within which a place is correct, where positions are known.  [default: {NEAR_M:g}]",
         ),
         click.option(
             "--tolerance",

@@ -7,22 +7,25 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.measure import Measurement
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.segment import Segment
-from rich.table import Table
 from rich.text import Text
 
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.config import EncoderConfig
+from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_views
 from lava_vpr.inputs.views import STRAIGHT, View
+from lava_vpr.matching.forward_filter import MOTIONS, NONE
 from lava_vpr.storage.text import harmless
 from lava_vpr.traverse import Traverse
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -41,6 +44,20 @@ class Places(click.ParamType):
         if int(first) >= int(end):
             self.fail(f"{value!r} holds no place; A must be below B", param, ctx)
         return int(first), int(end)
+
+
+class Numbers(click.ParamType):
+    """Whole numbers of at least 1, with commas between."""
+
+    name = "N,N,..."
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, ...]:
+        if isinstance(value, tuple):
+            return value
+        words = str(value).split(",")
+        if not all(word.isascii() and word.isdigit() and len(word) <= 9 and int(word) for word in words):
+            self.fail(f"{value!r} are no numbers of at least 1 with commas between, for instance 500,10", param, ctx)
+        return tuple(int(word) for word in words)
 
 
 class Number(click.FloatRange):
@@ -89,8 +106,21 @@ def places_option(help: str) -> Callable[[F], F]:
 
 def every_option(command: F) -> F:
     """Give a command the option ``--every SECONDS``."""
-    text = "From a video, one frame every so often."
+    text = "From a video, camera or ROS bag, one image every so often."
     return click.option("--every", type=float, default=1.0, show_default=True, metavar="SECONDS", help=text)(command)
+
+
+def dense_rows_option(command: F) -> F:
+    """Give a command that places neurons the option ``--dense-rows``; see `check_dense_rows`."""
+    text = "Kapoho Bay: store rows without indices where that saves memory, which no public source shows (unproven)."
+    return click.option("--dense-rows", is_flag=True, help=text)(command)
+
+
+def check_dense_rows(board: Board, dense_rows: bool) -> None:
+    """Refuse ``--dense-rows`` for a board whose way of storing rows is not ours to choose."""
+    if dense_rows and board.synapse_words is None:
+        able = " or ".join(name for name, row in BOARDS.items() if row.synapse_words is not None)
+        raise click.UsageError(f"--dense-rows needs --target {able}: how {board.title} stores rows is not public")
 
 
 def asking_options(command: F) -> F:
@@ -99,6 +129,25 @@ def asking_options(command: F) -> F:
     views = click.option("--query-views", type=click.IntRange(1, 99), default=1, show_default=True, help=text)(command)
     text = "Let biases follow the queries before, with a time constant of N queries."
     return click.option("--adapt", type=Number(min=1), default=None, metavar="N", help=text)(views)
+
+
+def motion_option(default: str) -> Callable[[F], F]:
+    """Give a command that is asked about a drive the option ``--motion``."""
+    text = (
+        "How the robot may move between images: 'any' follows every speed, stops and turns, 'forward' never back, "
+        "'none' takes each image alone."
+    )
+    choice = click.Choice((*MOTIONS, NONE))
+    return click.option("--motion", type=choice, default=default, show_default=True, help=text)
+
+
+def precision_option(command: F) -> F:
+    """Give a command that says which matches are accepted the option ``--target-precision``."""
+    text = "Accept matches so probable that this share of the accepted is right, if half of the images are off the map."
+    kind = Number(min=0.01, max=0.9999)
+    return click.option("--target-precision", type=kind, default=0.95, show_default=True, metavar="P", help=text)(
+        command
+    )
 
 
 def answer_options(command: F) -> F:
@@ -147,6 +196,8 @@ def progress_bar(text: str, total: int) -> Iterator[Callable[[int, str], None]]:
     if not sys.stderr.isatty():  # rich takes FORCE_COLOR, which Jupyter sets, for a terminal
         yield lambda by, note: None
         return
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(),
@@ -198,3 +249,13 @@ def print_whole(table: Table) -> None:
     """Print a table at its own width: on a narrow terminal lines wrap, but no figure is cut."""
     width = Measurement.get(console, console.options.update(width=200), table).maximum
     PlainConsole(width=max(console.width, width)).print(table, crop=False)
+
+
+def print_reasons(reasons: Mapping[str, str | None]) -> None:
+    """Print why backends cannot run: each reason once, after the names of all that it holds for.
+
+    Args:
+        reasons: The reason by the backend's name; None for one that can run.
+    """
+    for reason in dict.fromkeys(reason for reason in reasons.values() if reason is not None):
+        console.print(f"{', '.join(name for name, why in reasons.items() if why == reason)}: {reason}")

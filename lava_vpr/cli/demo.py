@@ -10,16 +10,17 @@ import click
 from lava_vpr import model as model_file
 from lava_vpr.cli.choose import open_queries
 from lava_vpr.cli.common import PATH, console, encode, seed_type
-from lava_vpr.cli.evaluate import print_table
+from lava_vpr.cli.evaluate import print_table, print_trust
 from lava_vpr.cli.outputs import Outputs, write_json
 from lava_vpr.config import preset
 from lava_vpr.encoding import Keep
 from lava_vpr.engine.threads import cores
-from lava_vpr.recognition import as_json, recognise
+from lava_vpr.recognition import Comparison, as_json, calibration_of, recognise
 from lava_vpr.report import write_report
 from lava_vpr.report.build import report_data
 from lava_vpr.storage.text import shown
 from lava_vpr.synthetic.world import write_traverses
+from lava_vpr.training.calibration import calibrated
 from lava_vpr.training.loop import train as train_model
 from lava_vpr.traverse import open_traverse
 from lava_vpr.truth.alignment import aligned_truth
@@ -31,9 +32,21 @@ from lava_vpr.truth.alignment import aligned_truth
     "--places", type=click.IntRange(2, 10_000), default=100, show_default=True, help="Places along the route."
 )
 @click.option("--seed", type=seed_type, default=0, show_default=True, help="Seed of the world.")
-def synth(folder: Path, places: int, seed: int) -> None:
-    """Draw a synthetic route: DIR/reference in summer, DIR/query in winter."""
-    write_traverses(folder, places, seed)
+@click.option(
+    "--metres",
+    type=click.FloatRange(1, 1000),
+    default=20.0,
+    show_default=True,
+    metavar="M",
+    help="Metres between two places.",
+)
+def synth(folder: Path, places: int, seed: int, metres: float) -> None:
+    """Draw a synthetic route: DIR/reference in summer, DIR/query in winter.
+
+    Beside them: where and when each image was taken (reference_positions.csv and query_positions.csv), and what a
+    satellite receiver reported every second (reference.gpx and query.gpx).
+    """
+    write_traverses(folder, places, seed, spacing_m=metres)
     console.print(f"{places} places: {shown(folder / 'reference')}, {shown(folder / 'query')}")
 
 
@@ -52,15 +65,17 @@ def demo(out: Path) -> None:
     config = preset("loihi")
     reference = open_traverse(out / "reference")
     started = time.perf_counter()
-    model = train_model([encode(reference, config.encoder, Keep.ALL)], config, jobs=cores())
+    model = calibrated(train_model([encode(reference, config.encoder, Keep.ALL)], config, jobs=cores()), cores())
     console.print(
         f"learned them in {time.perf_counter() - started:.1f} s with {model.neurons} neurons and "
         f"{model.weight_bits}-bit weights: {shown(out / 'model.lvpr')}",
     )
     traverse = open_queries(model, str(out / "query"), None, 1.0)
     queries = encode(traverse, config.encoder, Keep.ALL)
-    result = recognise(model, queries, aligned_truth(model, traverse), threads=cores())
+    comparison = Comparison(motion="any", calibration=calibration_of(model))
+    result = recognise(model, queries, aligned_truth(model, traverse), comparison, threads=cores())
     print_table(model, result)
+    print_trust(result)
     page = write_report(report_data(model, queries, result, "lava-vpr demo", 1, None), out / "report")
     write_json(out / "figures.json", as_json(model, result))
     model_file.save(model, out / "model.lvpr")  # all three in a moment: see above

@@ -16,7 +16,9 @@ from lava_vpr.cli.common import (
     PATH,
     Number,
     RegisteredName,
+    check_dense_rows,
     console,
+    dense_rows_option,
     encode,
     every_option,
     places_option,
@@ -73,6 +75,7 @@ from lava_vpr.truth.alignment import aligned_truth
     default=None,
     help="The host injects inputs' spikes, or inputs integrate a bias (default: the model's; on Loihi 2: bias).",
 )
+@dense_rows_option
 @click.option(
     "--learning",
     is_flag=True,
@@ -90,6 +93,7 @@ def deploy(
     places: tuple[int, int] | None,
     every: float,
     input_mode: str | None,
+    dense_rows: bool,
     learning: bool,
     json_path: Path | None,
 ) -> None:
@@ -100,6 +104,7 @@ def deploy(
     """
     board = BOARDS[target]
     _check_usage(board, calibrate, max_loss, places, learning)
+    check_dense_rows(board, dense_rows)
     check_replaceable(output)
     images = () if calibrate is None else (calibrate,)
     outputs = Outputs((json_path,), folders=(output,), model=model_path, images=images)
@@ -116,6 +121,7 @@ def deploy(
         learning=learning,
         compression=compressed.as_json(),
         measured=not compressed.unchanged,
+        dense_rows=dense_rows,
     )
     learned = _learned(deployed, model, calibration) if learning and calibration is not None else None
     if json_path is not None:  # files first: whoever reads the table may go away

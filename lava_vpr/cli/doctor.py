@@ -13,7 +13,7 @@ from rich.text import Text
 
 from lava_vpr import __version__
 from lava_vpr.backends.registry import BACKENDS
-from lava_vpr.cli.common import console
+from lava_vpr.cli.common import console, print_reasons
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import BackendUnavailableError
 
@@ -23,9 +23,11 @@ NEEDED = {
     "opencv-python-headless": "reads and resizes images",
     "scipy": "distances of the baselines",
     "matplotlib": "plots of the report",
-    "lava-nc": "Intel's Lava: Processes and the Loihi simulation",
+    "gpxpy": "positions from GPX files",
+    "utm": "positions in UTM zones beside degrees",
 }
 OPTIONAL = {
+    "lava-nc": ("Python 3.10", "Intel's Lava, archived: the backends lava-*, the Processes and the tutorial"),
     "lava-dl": ("dl", "Lava's deep-learning library, pulls torch (5.6 GB): pip install 'lava-vpr[dl]'"),
     "lava-loihi": ("vendor", "Intel's closed package that drives Loihi 2; from Intel's research cloud"),
     "nxsdk": ("vendor", "Intel's closed package that drives Kapoho Bay; from Intel's research cloud"),
@@ -79,11 +81,11 @@ def doctor() -> None:
     names = Table(title="backends", title_justify="left")
     for column in ("backend", "can run", "what"):
         names.add_column(column, no_wrap=column != "what", overflow="fold")
+    reasons = {name: row.unavailable() for name, row in BACKENDS.items()}
     for name, row in BACKENDS.items():
-        reason, what = row.unavailable(), row.title
-        can = reason is None and not missing
-        names.add_row(name, "yes" if can else "no", what if reason is None else f"{what}\n{reason}")
+        names.add_row(name, "yes" if reasons[name] is None and not missing else "no", row.title)
     console.print(names)
+    print_reasons(reasons)
     if missing:
         raise BackendUnavailableError(
             f"{', '.join(missing)} missing; install again: pip install --force-reinstall lava-vpr"

@@ -13,7 +13,7 @@ from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import Asking
 from lava_vpr.backends.rivals import BASELINES, kept_for, missing
 from lava_vpr.backends.rivals import chosen as rivals_of
-from lava_vpr.cli.choose import TruthOptions, open_model, open_queries, truth_options
+from lava_vpr.cli.choose import TruthOptions, open_model, truth_options
 from lava_vpr.cli.common import (
     PATH,
     OneSource,
@@ -23,16 +23,19 @@ from lava_vpr.cli.common import (
     console,
     encode_in_views,
     every_option,
+    motion_option,
     places_option,
     print_whole,
+    stderr,
 )
 from lava_vpr.cli.outputs import Outputs, write_json
-from lava_vpr.encoding import Keep
+from lava_vpr.encoding import EncodedTraverse, Keep
 from lava_vpr.engine.threads import cores
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.model import Model
-from lava_vpr.recognition import Comparison, Recognition, as_json, recognise
+from lava_vpr.recognition import Comparison, Recognition, as_json, calibration_of, recognise
 from lava_vpr.storage.text import shown
+from lava_vpr.truth.alignment import PositionErrors
 
 
 @click.command("eval", cls=OneSource)
@@ -60,6 +63,7 @@ from lava_vpr.storage.text import shown
 )
 @asking_options
 @answer_options
+@motion_option("any")
 @click.option("--json", "json_path", type=PATH, default=None, metavar="FILE", help="Write the figures as JSON.")
 @click.option("--report", "report_folder", type=PATH, default=None, metavar="DIR", help="Write DIR/report.html.")
 @click.pass_context
@@ -75,6 +79,7 @@ def evaluate(
     descriptors: tuple[Path, Path] | None,
     query_views: int,
     adapt: float | None,
+    motion: str,
     backend: str,
     seed: int | None,
     json_path: Path | None,
@@ -82,7 +87,8 @@ def evaluate(
 ) -> None:
     """Recognise the images of QUERY and print recall, precision and baselines.
 
-    Without --gt or --positions, query i shows place i, and both must be equally many.
+    Without --gt or positions, query i shows place i, and both must be equally many. Where the model has positions and
+    those of the queries are told, by --query-positions or their names, places within --radius metres are correct.
     """
     page = report_folder and report_folder / "report.html"
     read = (*truth.files, *(descriptors or ()))
@@ -90,10 +96,19 @@ def evaluate(
     model, asking = open_model(model_path), Asking(query_views, adapt)
     asking.check(model)
     backends.require(backend, model)
-    traverse = open_queries(model, query, places, every, aligned=truth.aligned, outputs=outputs)
-    correct = truth.of(model, traverse)
+    traverse = truth.open(model, query, places, every, outputs)
+    located = truth.located(model, traverse)
+    correct = truth.of(model, traverse, located)
     names = rivals_of(model, rivals or None)
-    comparison = Comparison(sequence, names, descriptors, keep_scores=page is not None, asking=asking)
+    comparison = Comparison(
+        sequence,
+        names,
+        descriptors,
+        keep_scores=page is not None,
+        asking=asking,
+        motion=motion,
+        calibration=calibration_of(model, cores()) if sequence == query_views == 1 else None,
+    )
     kept = kept_for(names) | (Keep.THUMBNAILS if page is not None else Keep.NOTHING)
     queries, *further = encode_in_views(traverse, model.config.encoder, asking.of(model), kept)
     with backend_progress(backend, len(queries)) as advance:
@@ -108,19 +123,38 @@ def evaluate(
             advance=advance,
             further=further,
         )
+    errors = None if located is None else PositionErrors(located, located.errors(result.matches), truth.near)
     if json_path is not None:  # files first: whoever reads the table may go away
-        write_json(json_path, as_json(model, result))
+        write_json(json_path, as_json(model, result, errors))
     if page is not None:
-        # matplotlib takes a second to import: only those who want a report wait for it.
-        from lava_vpr.report import write_report
-        from lava_vpr.report.build import report_data
-
-        write_report(report_data(model, queries, result, command_line(ctx), sequence, seed), page.parent)
+        _write_report(page, model, queries, result, errors, ctx)
     print_table(model, result, sequence)
+    if errors is not None:
+        console.print(errors.in_words())
+    print_trust(result)
+    if result.contradiction is not None:
+        stderr.print(f"warning: {result.contradiction}")
     for name, reason in missing(model).items() if not rivals else ():
         console.print(f"no {name}: {reason}")
     if page is not None:
         console.print(f"report: {shown(page)}")
+
+
+def _write_report(
+    page: Path,
+    model: Model,
+    queries: EncodedTraverse,
+    result: Recognition,
+    errors: PositionErrors | None,
+    ctx: click.Context,
+) -> None:
+    """The page of what the command of ``ctx`` found."""
+    # matplotlib takes a second to import: only those who want a report wait for it.
+    from lava_vpr.report import write_report
+    from lava_vpr.report.build import report_data
+
+    sequence, seed = ctx.params["sequence"], ctx.params["seed"]
+    write_report(report_data(model, queries, result, command_line(ctx), sequence, seed, errors), page.parent)
 
 
 def _percent(value: float) -> str:
@@ -146,6 +180,32 @@ def print_table(model: Model, result: Recognition, sequence: int = 1) -> None:
         if number == 0:
             table.add_section()
         table.add_row(f"{name}, adapted", *_row(metrics))
+    for number, (name, metrics) in enumerate(result.followed.items()):
+        if number == 0:
+            table.add_section()
+        table.add_row(name.replace("_", "-"), *_row(metrics))
+    if result.followed:
+        table.caption = (
+            f"{caption}\nfiltered: queries in driving order, each with those before it; forward-backward: with all"
+        )
+    print_whole(table)
+
+
+def print_trust(result: Recognition) -> None:
+    """What each target precision keeps, and how far probabilities are from what they say."""
+    if not result.trust:
+        return
+    off_map = next(iter(result.trust.values())).off_map
+    table = Table(title="accepted by --target-precision", title_justify="left", caption_justify="left")
+    table.caption = f"{_percent(off_map)} % of the queries are off the map; the calibration takes half for that"
+    for number, name in enumerate(("", "target", "least probability", "precision", "kept", "false accepts", "error")):
+        table.add_column(name, justify="right" if number else "left", no_wrap=True)
+    for name, found in result.trust.items():
+        for number, row in enumerate(found.thresholds):
+            least = f"{row.probability:.3f}" if np.isfinite(row.probability) else "none"
+            figures = [_percent(value) for value in (row.precision, row.kept, row.false_accepts)]
+            first = (name, f"{100 * found.error:.1f}") if number == 0 else ("", "")
+            table.add_row(first[0], _percent(row.target), least, *figures, first[1])
     print_whole(table)
 
 
@@ -172,7 +232,7 @@ def command_line(ctx: click.Context) -> str:
         values = value if isinstance(value, tuple) else (value,)
         if param.name == "places":
             values = (f"{values[0]}:{values[1]}",)
-        shown = [Path(v).name if isinstance(v, Path) or param.name == "query" else str(v) for v in values]
+        shown = [Path(v).name if isinstance(v, Path) or param.name in ("query", "stamps") else str(v) for v in values]
         if isinstance(param, click.Argument):
             words += shown
         elif isinstance(param, click.Option) and param.is_flag:

@@ -14,7 +14,9 @@ from lava_vpr.cli.common import (
     PATH,
     Number,
     RegisteredName,
+    check_dense_rows,
     console,
+    dense_rows_option,
     print_whole,
     stderr,
 )
@@ -26,6 +28,7 @@ from lava_vpr.model import integer_model
 from lava_vpr.storage.text import shown
 
 if TYPE_CHECKING:
+    from lava_vpr.deploy.compression.compression import Changes
     from lava_vpr.deploy.mapping.largest_map import Capacity
 
 
@@ -44,6 +47,7 @@ if TYPE_CHECKING:
     default=None,
     help="The host injects inputs' spikes, or inputs integrate a bias (default: the model's; on Loihi 2: bias).",
 )
+@dense_rows_option
 @click.option(
     "--neurons-per-place",
     type=Number(min=0, min_open=True, max=100),
@@ -66,6 +70,7 @@ def fit(
     target: str,
     weight_bits: int | None,
     input_mode: str | None,
+    dense_rows: bool,
     neurons_per_place: float | None,
     views: int | None,
     picture: Path | None,
@@ -77,40 +82,50 @@ def fit(
             raise click.UsageError(f"{name} is for fit without MODEL; a model has its neurons")
     if model is None and picture is not None:
         raise click.UsageError("--picture draws the cores of a model; give MODEL")
+    if model is None and dense_rows:
+        raise click.UsageError("--dense-rows is for a MODEL; without one, the table has rows for both ways of storing")
     Outputs((json_path, picture), model=model)
     board = BOARDS[target]
+    check_dense_rows(board, dense_rows)
     if model is None:
         _largest(board, weight_bits, input_mode, neurons_per_place, views or 1, json_path)
     else:
-        _model(board, model, weight_bits, input_mode, picture, json_path)
+        from lava_vpr.deploy.compression.compression import Changes
+
+        _model(board, model, Changes(weight_bits=weight_bits, input_mode=input_mode), dense_rows, picture, json_path)
 
 
 def _model(
     board: Board,
     model_path: Path,
-    weight_bits: int | None,
-    input_mode: str | None,
+    changes: Changes,
+    dense_rows: bool,
     picture: Path | None,
     json_path: Path | None,
 ) -> None:
     """What each core of the board holds of a model."""
     from lava_vpr.deploy.bundle.deployment import mapping, plan_of
-    from lava_vpr.deploy.compression.compression import Changes, adapted
+    from lava_vpr.deploy.compression.compression import adapted
+    from lava_vpr.deploy.hardware.nxsdk_registers import WITHOUT_INDICES
     from lava_vpr.deploy.show.tables import core_table, summary
 
     model = integer_model(open_model(model_path), board.title, model_path)
-    compressed = adapted(model, board, Changes(weight_bits=weight_bits, input_mode=input_mode))
-    plan = plan_of(compressed.model, board)
+    compressed = adapted(model, board, changes)
+    plan = plan_of(compressed.model, board, dense_rows=dense_rows)
+    unproven = [WITHOUT_INDICES] if dense_rows and any(core.dense_inputs.any() for core in plan.cores) else []
     if json_path is not None:  # files first: whoever reads the table may go away
         values = {"places": model.places, "neurons": model.neurons, "weight_bits": compressed.model.weight_bits}
         fits = None if board.synapse_words is None else True
-        write_json(json_path, {"target": board.name, "fits": fits, **values, "mapping": mapping(plan)})
+        placed = {"mapping": mapping(plan), "unproven": unproven}
+        write_json(json_path, {"target": board.name, "fits": fits, **values, **placed})
     if picture is not None:
         from lava_vpr.deploy.show.drawing import draw  # matplotlib takes a second to import
 
         write_text(picture, draw(plan).decode())
     for note in compressed.notes:
         stderr.print(f"note: {note}")
+    for belief in unproven:
+        stderr.print(f"note: relies on what no public source shows (docs/hardware.md): {belief}")
     print_whole(core_table(plan))
     console.print("\n".join(summary(plan)))
     if picture is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -13,7 +14,7 @@ from typing import Any
 
 from lava_vpr.errors import InputError
 from lava_vpr.images.files import IMAGE_SUFFIXES
-from lava_vpr.storage.text import shown
+from lava_vpr.storage.text import harmless, shown
 from lava_vpr.storage.writing import replaceable, write_atomically
 
 
@@ -207,6 +208,21 @@ def text_writer(path: Path) -> Iterator[Callable[[str], None]]:
     finally:
         with suppress(OSError):  # a full disk, told before
             text.close()
+
+
+@contextmanager
+def stdout_writer() -> Iterator[Callable[[str], None]]:
+    """Write to standard output piece by piece, each at once, for whoever reads along.
+
+    Yields:
+        What takes the next piece.
+    """
+
+    def write(piece: str) -> None:
+        sys.stdout.write(harmless(piece) if sys.stdout.isatty() else piece)
+        sys.stdout.flush()
+
+    yield write
 
 
 def write_json(path: Path, values: dict[str, Any]) -> None:

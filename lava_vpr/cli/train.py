@@ -1,17 +1,21 @@
-"""``lava-vpr train``."""
+"""``lava-vpr train``; what it shows while it learns, and says of a model in the end, is shared with ``extend``."""
 
 from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import click
 
 from lava_vpr import model as model_file
 from lava_vpr.cli.common import (
     PATH,
+    Number,
+    Numbers,
     RegisteredName,
     console,
     encode_in_views,
@@ -22,19 +26,22 @@ from lava_vpr.cli.common import (
     stderr,
 )
 from lava_vpr.cli.outputs import Outputs
+from lava_vpr.cli.whereabouts import WhereEach, reference_positions_options
 from lava_vpr.config import PRESETS, Config, preset
 from lava_vpr.configfile import read_toml, update
-from lava_vpr.encoding import Keep
+from lava_vpr.encoding import EncodedTraverse, Keep
 from lava_vpr.engine.threads import cores
 from lava_vpr.inputs.encoder import INPUTS
-from lava_vpr.model import Model
+from lava_vpr.model import Model, Stretch
 from lava_vpr.storage.locking import only_one
 from lava_vpr.storage.text import shown
+from lava_vpr.training.calibration import calibrated
 from lava_vpr.training.checkpoint import check_resume, remove_checkpoint
 from lava_vpr.training.door import check_references
-from lava_vpr.training.loop import Progress, check_size, presentations, split
+from lava_vpr.training.keyframes import choose_places
+from lava_vpr.training.loop import Progress, check_size, presentations
 from lava_vpr.training.loop import train as train_model
-from lava_vpr.traverse import open_traverses
+from lava_vpr.traverse import Traverse, open_traverses
 
 
 @click.command()
@@ -62,6 +69,13 @@ from lava_vpr.traverse import open_traverses
     help="Most places that are learned together; 0: the whole route at once.  [default: 100]",
 )
 @click.option(
+    "--parts",
+    type=Numbers(),
+    default=(),
+    help="Places of consecutive parts of the route, for instance 500,10: each is cut into stretches by itself, as if "
+    "it had been learned alone and merged.",
+)
+@click.option(
     "--views",
     "views",
     type=click.IntRange(1, 99),
@@ -76,6 +90,22 @@ from lava_vpr.traverse import open_traverses
     help="How weights are learned (default: float); integer: in Loihi's 8-bit weights and 7-bit traces; template: not "
     "at all, the references' own rates are the weights, to hold learning against.",
 )
+@reference_positions_options
+@click.option(
+    "--spacing",
+    type=Number(min=0, min_open=True),
+    default=None,
+    metavar="M",
+    help="Learn a place every M metres, not every image; needs positions.",
+)
+@click.option(
+    "--keyframes",
+    "change",
+    type=Number(min=0, max=1, min_open=True),
+    default=None,
+    metavar="X",
+    help="Learn only images whose input changed by X since the place before: 1 - cosine, above 0 to 1.",
+)
 @click.option("--jobs", type=click.IntRange(1, 1024), default=None, help="Threads (default: all processors).")
 @click.option("--seed", type=seed_type, default=None, help="Seed of start weights and spikes.  [default: 0]")
 @click.option("--resume", is_flag=True, help="Go on from the checkpoint of a training that was interrupted.")
@@ -86,46 +116,73 @@ def train(
     config_file: Path | None,
     places: tuple[int, int] | None,
     every: float,
+    parts: tuple[int, ...],
     jobs: int | None,
     resume: bool,
+    where: WhereEach,
+    spacing: float | None,
+    change: float | None,
     **options: Any,
 ) -> None:
     """Learn the places of a route.
 
     REFERENCE is a folder of images (naturally sorted), a text or CSV list of image files, or a video; several are
-    several traverses of the same route, where image i of each shows place i. While it learns, progress is kept beside
-    MODEL in a .checkpoint file, from which --resume goes on.
+    several traverses of the same route, where image i of each shows place i. With positions of each they may differ in
+    length: the images nearest to the places of the first are taken. While it learns, progress is kept beside MODEL in a
+    .checkpoint file, from which --resume goes on.
     """
+    if spacing is not None and change is not None:
+        raise click.UsageError("--spacing and --keyframes both say which images become places; give one of them")
     config = settings(preset_name, config_file, options)
     checkpoint = output.with_name(output.name + ".checkpoint")
-    outputs = Outputs((output, checkpoint), read=(config_file,), images=references)
+    outputs = Outputs((output, checkpoint), read=(config_file, *where.files), images=references)
     with only_one(output):
         check_resume(checkpoint, resume)
         whole = open_traverses(references, every=every)
         outputs.spare(path for traverse in whole for path in traverse.paths)
-        chosen = [traverse.between(*places) if places else traverse for traverse in whole]
+        ranges = [traverse.between(*places) if places else traverse for traverse in whole]
+        chosen = _places(where.of(ranges, [len(traverse) for traverse in whole]), config, spacing, change)
         check_references([len(traverse) for traverse in chosen], references)
-        check_size(len(chosen[0]), config, len(chosen))
-        views = config.views.views
-        encoded = [
-            seen
-            # A model keeps the thumbnails of its first traverse.
-            for number, traverse in enumerate(chosen)
-            for seen in encode_in_views(
-                traverse, config.encoder, views, Keep.PATCHES | Keep.HOG if number else Keep.ALL
-            )
-        ]
+        stretches = check_size(len(chosen[0]), config, len(chosen), parts)
+        encoded = encode_references(chosen, config)
         started = time.perf_counter()
         try:
-            model = _with_progress(encoded, config, len(whole[0]), jobs or cores(), checkpoint, resume)
+            with learning_bar(stretches, config, len(chosen)) as bar:
+                model = train_model(
+                    encoded,
+                    config,
+                    route_images=len(whole[0]),
+                    positions=chosen[0].positions,
+                    parts=parts,
+                    jobs=jobs or cores(),
+                    checkpoint=checkpoint,
+                    resume=resume,
+                    progress=bar.show,
+                    resumed=bar.resumed(checkpoint),
+                )
         except KeyboardInterrupt:
             if checkpoint.exists():
                 stderr.print(f"progress is kept in {shown(checkpoint)}; go on with --resume")
             raise
+        model = calibrated(model, cores())
         seconds = time.perf_counter() - started
         model_file.save(model, output)
         remove_checkpoint(checkpoint)
-    _report(model, output, seconds)
+    among = f" in {len(model.stretches)} stretches" if len(model.stretches) > 1 else ""
+    tell(model, f"learned {model.places} places{among} in {seconds:.1f} s: {describe(model)}\nmodel: {shown(output)}")
+
+
+def _places(traverses: list[Traverse], config: Config, spacing: float | None, change: float | None) -> list[Traverse]:
+    """The images of each traverse that become places; how many, if not all do, is told."""
+    first = traverses[0]
+    if change is None:
+        chosen = choose_places(traverses, config.encoder, spacing=spacing)
+    else:
+        with progress_bar(f"looking for places in {first.source}", len(first)) as advance:
+            chosen = choose_places(traverses, config.encoder, change=change, progress=lambda read: advance(read, ""))
+    if len(chosen[0]) < len(first):
+        stderr.print(f"note: {len(chosen[0])} of {len(first)} images of {shown(first.source)} become places")
+    return chosen
 
 
 def settings(preset_name: str | None, config_file: Path | None, options: dict[str, Any]) -> Config:
@@ -162,15 +219,50 @@ def _learning(word: str, config: Config) -> dict[str, Any]:
     return {"arithmetic": word} | ({"rule": "stdp"} if config.learning.rule == "template" else {})
 
 
-def _with_progress(
-    encoded: list[Any], config: Config, route_images: int, jobs: int, checkpoint: Path, resume: bool
-) -> Model:
-    """Train under a progress bar that tells spikes per image, neurons used and places covered."""
-    epochs, traverses = config.learning.epochs, len(encoded) // len(config.views.views)
-    stretches = split(len(encoded[0]), config)
+def encode_references(traverses: Sequence[Traverse], config: Config) -> list[EncodedTraverse]:
+    """The images of ``traverses`` as training takes them, in all views, with a progress bar for each."""
+    return [
+        seen
+        # A model keeps the thumbnails of its first traverse.
+        for number, traverse in enumerate(traverses)
+        for seen in encode_in_views(
+            traverse, config.encoder, config.views.views, Keep.PATCHES | Keep.HOG if number else Keep.ALL
+        )
+    ]
+
+
+class LearningBar(NamedTuple):
+    """A bar over all training presentations.
+
+    Attributes:
+        show: Takes `Progress`, from any thread.
+        skip: Takes the epochs done of each stretch before this run.
+        epochs: Epochs that a whole training has.
+    """
+
+    show: Callable[[Progress], None]
+    skip: Callable[[dict[int, int]], None]
+    epochs: int
+
+    def resumed(self, checkpoint: Path) -> Callable[[dict[int, int]], None]:
+        """What says that training goes on from ``checkpoint``, given the epochs done of each stretch."""
+
+        def told(done: dict[int, int]) -> None:
+            self.skip(done)
+            finished = ", ".join(f"stretch {k + 1}: {epoch} of {self.epochs}" for k, epoch in sorted(done.items()))
+            stderr.print(f"resuming from {shown(checkpoint)}; epochs done: {finished}")
+
+        return told
+
+
+@contextmanager
+def learning_bar(stretches: Sequence[Stretch], config: Config, traverses: int) -> Iterator[LearningBar]:
+    """A bar that tells spikes per image, neurons used and places covered of the ``stretches`` that learn."""
+    epochs, views = config.learning.epochs, len(config.views.views)
+    places = sum(stretch.places for stretch in stretches) // views
     lock = threading.Lock()
     pending = [0, time.monotonic()]
-    with progress_bar("learning", presentations(config, len(encoded[0]), traverses, epochs)) as advance:
+    with progress_bar("learning", presentations(config, places, traverses, epochs)) as advance:
 
         def show(state: Progress) -> None:
             with lock:
@@ -189,34 +281,27 @@ def _with_progress(
                 advance(int(pending[0]), note)
                 pending[0], pending[1] = 0, now
 
-        def resumed(done: dict[int, int]) -> None:
-            advance(sum(presentations(config, stretches[k].places, traverses, epoch) for k, epoch in done.items()), "")
-            finished = ", ".join(f"stretch {k + 1}: {epoch} of {epochs}" for k, epoch in sorted(done.items()))
-            stderr.print(f"resuming from {shown(checkpoint)}; epochs done: {finished}")
+        def skip(done: dict[int, int]) -> None:
+            shown = sum(presentations(config, stretches[k].places, traverses, epoch) for k, epoch in done.items())
+            advance(shown // views, "")
 
-        return train_model(
-            encoded,
-            config,
-            route_images=route_images,
-            jobs=jobs,
-            checkpoint=checkpoint,
-            resume=resume,
-            progress=show,
-            resumed=resumed,
-        )
+        yield LearningBar(show, skip, epochs)
 
 
-def _report(model: Model, output: Path, seconds: float) -> None:
-    """Print what was learned, and a warning if it was nothing."""
+def describe(model: Model) -> str:
+    """A model's network and what it does for its references, in one line."""
     figures = model.training
     bits = f"{model.weight_bits}-bit weights" if model.weight_bits else "float weights"
-    parts = f" in {len(model.stretches)} stretches" if len(model.stretches) > 1 else ""
-    console.print(
-        f"learned {model.places} places{parts} in {seconds:.1f} s: {model.neurons} neurons, {bits}, "
-        f"{figures['spikes_per_image']:.1f} spikes per image, {figures['neurons_used']:.0f} neurons used, "
-        f"{figures['places_covered']:.0f} of {model.places} places covered\nmodel: {shown(output)}",
+    return (
+        f"{model.neurons} neurons, {bits}, {figures['spikes_per_image']:.1f} spikes per image, "
+        f"{figures['neurons_used']:.0f} neurons used, {figures['places_covered']:.0f} of {model.places} places covered"
     )
-    if not figures["neurons_used"]:
+
+
+def tell(model: Model, said: str) -> None:
+    """Print ``said``, and a warning if the network of ``model`` does nothing."""
+    console.print(said)
+    if not model.training["neurons_used"]:
         stderr.print(
             "warning: no neuron spikes for any place, so nothing can be recognised; check the images and settings"
         )

@@ -11,16 +11,18 @@ from rich.table import Table
 
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import Asking
+from lava_vpr.backends.verification import Verdict
+from lava_vpr.backends.verification import verify as verify_spikes
 from lava_vpr.cli.choose import open_model, open_queries
 from lava_vpr.cli.common import (
     PATH,
     OneSource,
     RegisteredName,
     asking_options,
-    console,
     encode_in_views,
     every_option,
     places_option,
+    print_reasons,
     print_whole,
     progress_bar,
     seed_type,
@@ -29,8 +31,6 @@ from lava_vpr.cli.outputs import Outputs, write_json
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import BackendUnavailableError, InputError
 from lava_vpr.truth.alignment import aligned_truth
-from lava_vpr.verification import Verdict
-from lava_vpr.verification import verify as verify_spikes
 
 
 @click.command("verify", cls=OneSource)
@@ -101,8 +101,7 @@ def verify(
         write_json(json_path, {"backends": {verdict.name: verdict.as_json() for verdict in verdicts}})
     print_whole(_table(verdicts))
     unable = [verdict for verdict in verdicts if verdict.reason is not None]
-    for verdict in unable:
-        console.print(f"{verdict.name}: {verdict.reason}")
+    print_reasons({verdict.name: verdict.reason for verdict in unable})
     different = [verdict for verdict in verdicts if verdict.equal is False]
     if different:
         first = different[0]

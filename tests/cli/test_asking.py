@@ -58,6 +58,7 @@ def test_queries_are_answered_as_they_are_asked(here: Path, monkeypatch: pytest.
     assert told != answered("query")
 
 
+@pytest.mark.lava
 @pytest.mark.parametrize("backend", ["bundle", "lava-fused"])
 def test_backends_answer_alike_however_queries_are_asked(here: Path, backend: str) -> None:
     words = ["query", "--query-views", 3, "--adapt", 4]

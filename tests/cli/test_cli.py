@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import json
 import os
+import platform
 import re
 import subprocess
 import sys
@@ -18,7 +19,10 @@ from support.common.commands import CONFIG, PLACES, images, listed, recall, run
 from support.common.imagefiles import video
 
 from lava_vpr import __version__, model
+from lava_vpr.backends.lava import lava_missing
 from lava_vpr.cli import main
+from lava_vpr.errors import BackendUnavailableError
+from lava_vpr.processes.base import lava_checks
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -45,7 +49,7 @@ def test_demo_twice_into_the_same_folder(tmp_path: Path, monkeypatch: pytest.Mon
     assert "lava-vpr demo" in page
     assert str(tmp_path) not in page
     assert {p.name for p in Path("d").iterdir()} == {
-        *("reference", "query", "reference_positions.csv", "query_positions.csv"),
+        *("reference", "query", "reference_positions.csv", "query_positions.csv", "reference.gpx", "query.gpx"),
         *("model.lvpr", "figures.json", "report"),
     }
     values = json.loads(results[0][1])
@@ -66,9 +70,11 @@ def test_synth_writes_two_journeys(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 def test_doctor_says_what_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
     text = run("doctor").stdout
-    assert text.startswith(f"lava-vpr {__version__}, Python 3.10.")
+    assert text.startswith(f"lava-vpr {__version__}, Python {platform.python_version()}, ")
     assert re.search(r"│ host +│ yes +│", text)
-    assert re.search(r"│ lava-nc +│ 0\.10\.", text)
+    missing = lava_missing()
+    assert re.search(rf"│ lava-nc +│ {'0.10.0' if missing is None else 'not installed'} ", text)
+    assert re.search(rf"│ lava-fused +│ {'yes' if missing is None else 'no'} ", text)
     for extra in ("lava-dl", "lava-loihi", "nxsdk"):
         assert re.search(rf"│ {extra} +│ ", text)
     assert "SANA-FE" not in text
@@ -83,6 +89,29 @@ def test_doctor_says_what_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(result.stderr.strip().splitlines()) == 1
 
 
+def test_lavas_absence_is_one_line(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`doctor` and `verify` go on without Lava; what was to run in it does not."""
+    said = "lava-nc is not installed: pip install lava-nc==0.10.*"
+
+    def absent() -> None:
+        raise BackendUnavailableError(said)
+
+    monkeypatch.setattr(lava_checks, "require_lava", absent)
+    monkeypatch.setattr("lava_vpr.processes.require_lava", absent)
+    for words in (("doctor",), ("verify", "m.lvpr", "query", "--limit", 1)):
+        lines = [line for line in run(*words).stdout.splitlines() if said in line]
+        assert lines == [f"lava-fixed, lava-float, lava-fused, lava-library, loihi2: {said}"]
+    for words in (
+        ("verify", "m.lvpr", "query"),
+        ("query", "m.lvpr", "query", "-o", "q.csv"),
+        ("eval", "m.lvpr", "query"),
+    ):
+        result = CliRunner().invoke(main, [*words, "--backend", "lava-fused"])
+        assert (result.exit_code, result.stderr) == (1, f"lava-vpr: error: {said}\n")
+    with pytest.raises(BackendUnavailableError, match=re.escape(said)):
+        from lava_vpr.processes import PlaceNetwork  # noqa: F401
+
+
 def commands() -> Iterator[tuple[str, click.Command]]:
     ctx = click.Context(main)
     for name in main.list_commands(ctx):
@@ -93,7 +122,9 @@ def commands() -> Iterator[tuple[str, click.Command]]:
 
 def test_every_command_and_option_says_what_it_is() -> None:
     seen = dict(commands())
-    assert list(seen) == ["demo", "synth", "train", "eval", "query", "verify", "fit", "deploy", "bench", "doctor"]
+    changing = ["extend", "remove", "merge"]
+    asking = ["eval", "query", "watch", "verify", "fit", "deploy", "bench", "doctor"]
+    assert list(seen) == ["demo", "synth", "train", *changing, *asking]
     overview = run("--help").stdout
     assert overview == run("-h").stdout
     for name, command in seen.items():

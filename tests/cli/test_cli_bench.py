@@ -163,7 +163,7 @@ def test_what_is_modelled_repeats_to_the_byte(quick: Path) -> None:
     page = Path("r/bench.html").read_bytes()
     assert text.endswith("report: r/bench.html\n")
     before = Path("b.json").read_bytes()
-    timed = re.compile(rb'"encoding": .*?"board"|"energy": .*?"measured"', re.DOTALL)
+    timed = re.compile(rb'"(?:encoding|localizer)": .*?"board"|"energy": .*?"measured"', re.DOTALL)
     second, _ = written("--target", "kapoho-bay")
     assert timed.sub(b"", Path("b.json").read_bytes()) == timed.sub(b"", before)
     assert list(first["modelled"]) == ["kapoho-bay"] == list(second["modelled"])
@@ -260,10 +260,11 @@ def test_the_host_is_timed(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert host["queries_per_second"] > 50
     latency = host["milliseconds_per_query"]
     assert 0 < latency["p50"] <= latency["p95"] <= latency["p99"] < 1000
-    assert list(values["measured"]) == ["encoding", "host"]
+    assert list(values["measured"]) == ["encoding", "localizer", "host"]
     assert re.search(r"│ host +│ +[\d.]+ │ +[\d.]+ │ +[\d.]+ │", text), text
 
 
+@pytest.mark.lava
 @pytest.mark.slow
 def test_every_backend_is_timed(here: Path) -> None:
     values, _ = written("--limit", 4, "--peers", "--report", "r")

@@ -149,14 +149,32 @@ def test_on_loihi_2_inputs_integrate_a_bias_unless_asked(here: Path) -> None:
 
 
 def test_what_a_bundle_relies_on_without_a_source_is_said(here: Path) -> None:
-    done = run("deploy", "m.lvpr", "--target", "kapoho-bay", "-o", "b")
-    told = ["one sign for all", "rows without indices"]
-    assert read(Path("b")).manifest["unproven"] == told
-    for kind in told:
-        assert f"note: relies on what no public source shows (docs/hardware.md): {kind}\n" in done.stderr
-    done = run("deploy", "m.lvpr", "--target", "loihi2", "-o", "c", "--input-mode", "injected")
-    assert read(Path("c")).manifest["unproven"] == []
-    assert "no public source" not in done.stderr
+    for words in (("--target", "kapoho-bay"), ("--target", "loihi2", "--input-mode", "injected")):
+        done = run("deploy", "m.lvpr", *words, "-o", "b")
+        assert read(Path("b")).manifest["unproven"] == []
+        assert "no public source" not in done.stderr
+
+
+def test_rows_without_indices_are_stored_only_where_they_are_asked_for(here: Path) -> None:
+    said = "note: relies on what no public source shows (docs/hardware.md): rows without indices\n"
+    for words in ((), ("--dense-rows",)):
+        fitted = run("fit", "m.lvpr", "--target", "kapoho-bay", "--json", "f.json", *words)
+        done = run("deploy", "m.lvpr", "--target", "kapoho-bay", "-o", "b", *words)
+        found = read(Path("b")).json("mapping.json")
+        assert found == json.loads(Path("f.json").read_text())["mapping"]
+        assert (sum(core["dense_input_rows"] for core in found["cores"]) > 0) == bool(words)
+        told = ["rows without indices"] if words else []
+        assert read(Path("b")).manifest["unproven"] == json.loads(Path("f.json").read_text())["unproven"] == told
+        assert [said in done.stderr, said in fitted.stderr] == [bool(words)] * 2
+        assert run("verify", "b", "query", "--backend", "bundle").exit_code == 0
+
+
+def test_rows_without_indices_mean_nothing_on_loihi_2_or_without_a_model(here: Path) -> None:
+    for words in (("deploy", "m.lvpr", "-o", "b"), ("fit", "m.lvpr")):
+        said = fails(*words, "--target", "loihi2", "--dense-rows").stderr
+        assert "--dense-rows needs --target kapoho-bay: how Loihi 2 stores rows is not public" in said
+    assert "--dense-rows is for a MODEL" in fails("fit", "--target", "kapoho-bay", "--dense-rows").stderr
+    assert not Path("b").exists()
 
 
 def test_fit_for_loihi_2_promises_nothing(here: Path) -> None:

@@ -314,7 +314,6 @@ USAGE = [
     ("verify m.lvpr", "Missing argument 'QUERY'"),
     ("verify m.lvpr query --limit 0", "0 is not in the range x>=1"),
     ("train ref -o n.lvpr --learning analog", "'analog' is not one of 'float', 'integer'"),
-    ("query m.lvpr query", "Missing option '-o'"),
     ("query m.lvpr query -o q.csv --min-confidence nan", "--min-confidence is not a number"),
     ("query m.lvpr query -o q.csv --min-confidence high", "'high' is not a valid float"),
     ("synth out --places 1", "1 is not in the range"),

@@ -29,7 +29,7 @@ from lava_vpr.matching.answers import answers_of
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.matching.sequences import causal_sequence_scores
 from lava_vpr.model import Model, decode
-from lava_vpr.recognition import answer_stream, count_query_spikes
+from lava_vpr.recognition import answer_stream, calibration_of, count_query_spikes
 from lava_vpr.traverse import open_traverse
 
 QUERIES = 21
@@ -63,19 +63,25 @@ def literal(model: Model, source: str, sequence: int, places: tuple[int, int], s
     counts, _ = count_query_spikes(model, queries, seed=seed)
     name = model.config.decoder.default
     scores = decode(model, counts, name)
-    first, windows = 0, answers_of(name, scores)
+    calibration = calibration_of(model)
+    assert calibration is not None
+    least = calibration.keeping(0.95).probability
+    first, windows = 0, answers_of(name, scores, calibration)
     if sequence > 1:
         first, windows = sequence - 1, answers_of("sequence", causal_sequence_scores(scores, sequence))
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")
-    writer.writerow(("query", "query_name", "place", "place_name", "confidence", "accepted"))
+    writer.writerow(("query", "query_name", "place", "place_name", "confidence", "accepted", "probability"))
     for k, (index, query) in enumerate(zip(queries.indices, queries.names, strict=True)):
         match = windows.matches[k - first] if k >= first else -1
         if match < 0:
-            writer.writerow((index, query, -1, "", "", "false"))
+            writer.writerow((index, query, -1, "", "", "false", ""))
         else:
             sure, place = float(windows.confidence[k - first]), match + first
-            writer.writerow((index, query, model.place_indices[place], model.place_names[place], repr(sure), "true"))
+            where = (model.place_indices[place], model.place_names[place])
+            chance = windows.probability[k - first]
+            known = ("true", "") if sequence > 1 else (str(chance >= least).lower(), f"{chance:.6f}")
+            writer.writerow((index, query, *where, repr(sure), *known))
     return file.getvalue()
 
 
@@ -111,7 +117,7 @@ def test_few_images_are_read_before_their_answers_come(many: str, few_at_a_time:
         read += done
 
     for answered in answer_stream(model, open_traverse(many), read=one_more):
-        sizes.append(len(answered.names))
+        sizes.append(len(answered.images))
         assert read == min(QUERIES, -(-sum(sizes) // 8) * 8)
     assert sizes == [4, 4, 4, 4, 4, 1]
 
@@ -129,7 +135,7 @@ def test_a_backend_that_is_slow_to_start_is_shown_many_at_once(
 
     shown_together(monkeypatch, together)
     monkeypatch.setattr(recognition.backends, "get", lambda name, threads, advance: Counting())
-    assert sum(len(some.names) for some in answer_stream(model_file.load("m.lvpr"), open_traverse(many))) == QUERIES
+    assert sum(len(some.images) for some in answer_stream(model_file.load("m.lvpr"), open_traverse(many))) == QUERIES
     wanted = {1: [4] * 5 + [1], 4: [4] * 5 + [1], 8: [8, 8, 5], 9: [8, 8, 5], 8192: [QUERIES]}
     assert calls == wanted[together]
     assert all(row.together >= 4096 for name, row in BACKENDS.items() if name != "host")

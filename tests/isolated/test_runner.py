@@ -117,6 +117,7 @@ def test_wrong_calls_are_refused(place: Place, monkeypatch: pytest.MonkeyPatch) 
     long.rmdir()
 
 
+@pytest.mark.lava
 def test_a_run_of_lava(place: Place) -> None:
     """Its shared memory bears its name while it is there; Lava is not stopped."""
     seen: list[int] = []
@@ -133,6 +134,7 @@ def test_a_run_of_lava(place: Place) -> None:
     assert sum(seen) == 50
 
 
+@pytest.mark.lava
 def test_several_at_once(place: Place) -> None:
     """From threads, of which one fails."""
     ends: dict[str, object] = {}
@@ -151,6 +153,7 @@ def test_several_at_once(place: Place) -> None:
     assert ends == {"none": {"done": True}, "raise": LavaRunError}
 
 
+@pytest.mark.lava
 @pytest.mark.parametrize(
     ("what", "line", "more"),
     [
@@ -167,12 +170,14 @@ def test_a_model_fails(place: Place, what: str, line: str, more: str) -> None:
     assert more in kept(error)
 
 
+@pytest.mark.lava
 def test_a_model_ends_itself(place: Place) -> None:
     error = failed(place, "support.lava.lava_targets:act", {"what": "gone", "steps": 100_000})
     said = "support.lava.lava_targets:act: the process of PyActor ended itself with exit code 7 and no result; "
     assert str(error) == said + "let it raise an error or return"
 
 
+@pytest.mark.lava
 def test_our_own_errors_stay_what_they_are(place: Place) -> None:
     """From a model, where Lava would hang, and from the target."""
     with pytest.raises(NetworkLimitError, match=r"^the model refuses; use a smaller one$"):
@@ -206,6 +211,7 @@ def test_the_target_ends_without_a_word(place: Place) -> None:
     assert str(error) == said + "let it raise an error or return"
 
 
+@pytest.mark.lava
 @pytest.mark.parametrize(
     ("target", "stands"),
     [("support.lava.lava_targets:act", "PyActor"), ("support.lava.lava_targets:fail", "the target")],
@@ -226,6 +232,7 @@ def test_it_takes_too_long(place: Place, target: str, stands: str, monkeypatch: 
     assert re.search(r"(models|lava_targets)\.py\", line \d+ in (act|run_spk|fail)", text)
 
 
+@pytest.mark.lava
 @pytest.mark.parametrize(
     ("who", "name"),
     [
@@ -258,6 +265,7 @@ def test_programs_are_ended_without_the_keeper(place: Place) -> None:
     )
 
 
+@pytest.mark.lava
 def test_the_keeper_is_told_to_end(place: Place) -> None:
     error = failed(
         place, "support.lava.lava_targets:act", ENDLESS, lambda: os.kill(place.process("the keeper"), signal.SIGTERM)
@@ -265,6 +273,7 @@ def test_the_keeper_is_told_to_end(place: Place) -> None:
     assert str(error).startswith("support.lava.lava_targets:act: its process was killed (SIGTERM); ")
 
 
+@pytest.mark.lava
 def test_the_caller_gives_up(place: Place) -> None:
     def progress(done: int) -> None:
         place.note()
@@ -306,6 +315,7 @@ def wait_until(what: Callable[[], bool]) -> bool:
     return True
 
 
+@pytest.mark.lava
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_the_caller_is_ended(place: Place, number: signal.Signals) -> None:
     caller = start_caller(place)
@@ -320,6 +330,7 @@ def test_the_caller_is_ended(place: Place, number: signal.Signals) -> None:
     assert wait_until(lambda: place.left() == []), place.left()
 
 
+@pytest.mark.lava
 def test_the_caller_and_the_keeper_are_killed(place: Place) -> None:
     """Nobody is left to see to it; the system ends the rest, only the folder stays."""
     caller = start_caller(place)
@@ -336,6 +347,7 @@ def test_the_caller_and_the_keeper_are_killed(place: Place) -> None:
     shutil.rmtree(place.root / folder)
 
 
+@pytest.mark.lava
 @pytest.mark.slow
 def test_the_caller_is_killed_at_any_moment(place: Place) -> None:
     """From its own start on to that of Lava."""
@@ -355,6 +367,7 @@ def test_the_caller_is_killed_at_any_moment(place: Place) -> None:
     assert place.names
 
 
+@pytest.mark.lava
 @pytest.mark.slow
 def test_two_hundred_networks(place: Place) -> None:
     """Created, run and stopped in one process, one after the other."""

@@ -1,6 +1,6 @@
 """A real browser for tests of pages: load a file in headless Chromium, get its DOM and what its console said.
 
-Used by bench and report.
+Used by bench, report and watch.
 """
 
 from __future__ import annotations
@@ -56,19 +56,19 @@ def find() -> str:
     pytest.skip("needs a browser: install chromium, or set CHROMIUM to one")
 
 
-def visit(page: Path, *, size: str = "1200,1600", screenshot: Path | None = None, timeout: float = 60) -> Visit:
+def visit(page: Path | str, *, size: str = "1200,1600", screenshot: Path | None = None, timeout: float = 60) -> Visit:
     """Load ``page`` with a fresh profile and let its scripts run.
 
     Args:
-        page: An HTML file.
+        page: An HTML file, or the address of a page.
         size: Width and height of the window, in CSS pixels.
         screenshot: Where to write a PNG of the window, if wanted; the DOM is empty then.
         timeout: Seconds after which the test fails.
     """
-    browser = find()
+    browser, address = find(), page if isinstance(page, str) else page.as_uri()
     task = f"--screenshot={screenshot}" if screenshot else "--dump-dom"
     with tempfile.TemporaryDirectory(prefix="browser-", ignore_cleanup_errors=True) as profile:
-        command = [browser, *_OPTIONS, f"--window-size={size}", f"--user-data-dir={profile}", task, page.as_uri()]
+        command = [browser, *_OPTIONS, f"--window-size={size}", f"--user-data-dir={profile}", task, address]
         done = subprocess.run(command, capture_output=True, timeout=timeout, check=False)
     log = done.stderr.decode("utf-8", "replace")
     if done.returncode != 0:

@@ -1,6 +1,6 @@
 """Running commands in tests, on a small synthetic route.
 
-Used by cli, conftest, core and deploy.
+Used by backends, cli, conftest, core, deploy and examples.
 """
 
 from __future__ import annotations

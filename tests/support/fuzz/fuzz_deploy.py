@@ -49,7 +49,7 @@ def random_network(rng: np.random.Generator, large: bool) -> FixedNetwork:
         bits=bits,
         signed=signed,
         threshold=int(rng.integers(1, max(2, int(weights.sum(axis=0).max()) // 12 + 2))),
-        inhibition=int(rng.integers(1, 256)) >> int(rng.integers(0, 9)),
+        inhibition=int(rng.integers(1, 128)) >> int(rng.integers(0, 8)),
         inhibition_exponent=int(rng.integers(0, 5)),
         decay=int(rng.choice([0, 137, 1000, 4095])),
         steps=int(rng.integers(1, 40)),
@@ -139,13 +139,11 @@ class Core:
             fields = bits[10 : 10 + count * (weight + index)].reshape(count, weight + index).astype(np.int64)
             targets = fields[:, :index] @ (1 << np.arange(index)) if index else position + np.arange(count)
             sizes = fields[:, index:] @ (1 << np.arange(weight))
-            mixed = form["fanoutType"] == 1
-            if mixed:  # two's complement
-                sizes = sizes - (fields[:, -1] << weight)
+            assert form["fanoutType"] == 1, "a weight has no sign of its own"
+            sizes = sizes - (fields[:, -1] << weight)  # two's complement
             position += count
-            shift = 8 + mixed - weight + 6 + form["wgtExp"]
+            shift = 9 - weight + 6 + form["wgtExp"]
             currents = sizes << shift if shift >= 0 else sizes >> -shift
-            currents = -currents if form["fanoutType"] == 3 else currents
             blocks.append((targets, currents))
             at += length
         assert at == end, "a row does not end where its axon says"

@@ -77,7 +77,7 @@ class Corpus:
 
     def fingerprint(self, name: str) -> str:
         """The fingerprint of the checkpoint ``name``."""
-        return fingerprint(self.references[name], SETTINGS[name])
+        return fingerprint(self.references[name], SETTINGS[name], split(PLACES, SETTINGS[name]))
 
 
 def make(folder: Path) -> Corpus:
@@ -117,7 +117,7 @@ def _draw(folder: Path, seed: int) -> None:
 
 def _interrupted(path: Path, references: list[EncodedTraverse], config: Config) -> bytes:
     """The checkpoint of a training in which the first stretch has done two epochs."""
-    store = Checkpoint(path, fingerprint(references, config), interval=1e9)
+    store = Checkpoint(path, fingerprint(references, config, split(PLACES, config)), interval=1e9)
     stretches = split(PLACES, config)
     for number, stretch in enumerate(stretches):
         trainer = trainer_of(config, stretch, number)

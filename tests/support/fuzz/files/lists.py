@@ -39,6 +39,13 @@ HONEST: dict[str, bytes] = {
     "positions.csv": ("x,y\n" + "".join(f"{x},{y}\n" for x, y in METRES)).encode(),
     "plain-positions.csv": "".join(f"{x},{y}\n" for x, y in METRES).encode(),
     "degrees.csv": ("lat,lon\n" + "".join(f"{50 + x / 1e5},{8 + y / 1e5}\n" for x, y in METRES)).encode(),
+    "track.gpx": "".join(
+        (
+            '<?xml version="1.0"?>\n<gpx version="1.1" creator="a">\n<trk><trkseg>\n',
+            *(f'<trkpt lat="{50 + x / 1e5}" lon="{8 + y / 1e5}"><ele>1</ele></trkpt>\n' for x, y in METRES),
+            "</trkseg></trk>\n</gpx>\n",
+        )
+    ).encode(),
 }
 """Lists of images, truths of six queries and places, positions."""
 

@@ -24,10 +24,12 @@ from lava_vpr.deploy.bundle.learning import SETTINGS as LEARNING
 from lava_vpr.deploy.bundle.learning import read_learning
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.model import Model, save
+from lava_vpr.positions.gpx import read_gpx
+from lava_vpr.positions.tables import read_table
 from lava_vpr.training.loop import split, train
 from lava_vpr.training.trainers import trainer_of
 from lava_vpr.traverse import open_traverse
-from lava_vpr.truth.groundtruth import read_ground_truth, read_positions
+from lava_vpr.truth.groundtruth import read_ground_truth
 
 
 def view(model: Model) -> dict[str, Any]:
@@ -49,7 +51,7 @@ def view(model: Model) -> dict[str, Any]:
         "numbers": numbers,
         "names": model.place_names,
         "route_images": model.route_images,
-        "stretches": [dataclasses.astuple(part) for part in model.stretches],
+        "stretches": [part.row for part in model.stretches],
     }
 
 
@@ -107,4 +109,6 @@ def read_list(case: Case, corpus: Corpus, path: Path) -> Findings:
         return lists.check_truth(path, read_ground_truth(path, numbers, numbers), findings)
     if case.honest in IMAGE_LISTS:
         return lists.check_list(path, [str(file) for file in open_traverse(path).paths], findings)
-    return lists.check_positions(path, read_positions(path), findings)
+    if case.honest.endswith(".gpx"):
+        return lists.check_gpx(path, read_gpx(path).positions.values, findings)
+    return lists.check_positions(path, read_table(path).positions.values, findings)

@@ -1,0 +1,233 @@
+"""``lava-vpr extend``, ``remove`` and ``merge``: a map that changes without learning what it knows again."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import click
+
+from lava_vpr import maps
+from lava_vpr import model as model_file
+from lava_vpr.cli.common import PATH, Places, every_option, places_option
+from lava_vpr.cli.outputs import Outputs
+from lava_vpr.cli.train import describe, encode_references, learning_bar, tell
+from lava_vpr.cli.whereabouts import WhereEach, reference_positions_options
+from lava_vpr.engine.threads import cores
+from lava_vpr.errors import InputError, ModelFileError
+from lava_vpr.maps import checks
+from lava_vpr.model import Model
+from lava_vpr.positions.frames import Positions
+from lava_vpr.storage.locking import only_one
+from lava_vpr.storage.text import shown
+from lava_vpr.training.calibration import calibrated
+from lava_vpr.training.door import check_references
+from lava_vpr.traverse import Traverse, open_traverses, ranges_of
+
+_OUTPUT = "File to write (default: MODEL, replaced in one step when the new one is complete)."
+
+
+class PlaceRanges(click.ParamType):
+    """Absolute indices and ranges of them, with commas between: ``120,130:140``."""
+
+    name = "PLACES"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[tuple[int, int], ...]:
+        if isinstance(value, tuple):
+            return value
+        ranges = []
+        for word in str(value).split(","):
+            if word.isascii() and word.isdigit() and len(word) <= 18:
+                ranges.append((int(word), int(word) + 1))
+            elif ":" in word:
+                ranges.append(Places().convert(word, param, ctx))
+            else:
+                self.fail(f"{word!r} is neither an index nor a range A:B; give for instance 120,130:140", param, ctx)
+        return tuple(ranges)
+
+
+jobs_option = click.option(
+    "--jobs", type=click.IntRange(1, 1024), default=None, help="Threads (default: all processors)."
+)
+
+
+@click.command()
+@click.argument("model_path", metavar="MODEL", type=PATH)
+@click.argument("images", nargs=-1, required=True, type=str, metavar="IMAGES...")
+@click.option("-o", "--output", type=PATH, default=None, metavar="MODEL", help=_OUTPUT)
+@places_option("Images A..B-1 of each of IMAGES (default: all).")
+@every_option
+@reference_positions_options
+@jobs_option
+def extend(
+    model_path: Path,
+    images: tuple[str, ...],
+    output: Path | None,
+    places: tuple[int, int] | None,
+    every: float,
+    jobs: int | None,
+    where: WhereEach,
+) -> None:
+    """Learn further places into a model, with its own settings; what it has learned stays as it is.
+
+    IMAGES are one folder, list or video for each traverse that MODEL was learned from. The model is the one that
+    training all places together gives, in the same stretches (train --parts), byte for byte. Images that are another
+    part of the same traverse keep their absolute indices: those of a traverse of as many images in all, of which the
+    model has none. All others are counted on after its route. A model that knows where its places are takes positions
+    of the new ones, too, and no other does. Extending starts over if it is interrupted; until it is done, MODEL is as
+    it was.
+    """
+    target = model_path if output is None else output
+    with _changed(model_path, target, images, where.files) as outputs:
+        model, threads = model_file.load(model_path), jobs or cores()
+        checks.check_learned(model, "extending", model_path)
+        whole = open_traverses(images, every=every)
+        outputs.spare(path for traverse in whole for path in traverse.paths)
+        ranges = [traverse.between(*places) if places else traverse for traverse in whole]
+        chosen = where.of(ranges, [len(traverse) for traverse in whole])
+        check_references([len(traverse) for traverse in chosen], images, least=1)
+        stretches = checks.check_extension(model, len(chosen[0]), len(chosen), model_path)
+        positions = _positions(model, chosen[0], bool(where.positions), model_path)
+        references = encode_references(chosen, model.config)
+        started = time.perf_counter()
+        with learning_bar(stretches, model.config, len(chosen)) as bar:
+            made = maps.extend(
+                model,
+                references,
+                route_images=len(whole[0]),
+                positions=positions,
+                jobs=threads,
+                progress=bar.show,
+            )
+        seconds = time.perf_counter() - started
+        model_file.save(calibrated(made, cores()), target)
+    new = made.place_indices[model.places :]
+    _report(made, f"learned {len(new)} places more, {ranges_of(new)}, in {seconds:.1f} s", target)
+
+
+@click.command()
+@click.argument("model_path", metavar="MODEL", type=PATH)
+@click.argument("places", metavar="PLACES", type=PlaceRanges())
+@click.option("-o", "--output", type=PATH, default=None, metavar="MODEL", help=_OUTPUT)
+@jobs_option
+def remove(model_path: Path, places: tuple[tuple[int, int], ...], output: Path | None, jobs: int | None) -> None:
+    """Take places out of a model; what it has learned of the others stays as it is.
+
+    MODEL is a file, no bundle. PLACES are absolute indices, as eval and query report them, and ranges A:B, with commas
+    between: 120,130:140. The neurons that respond most to a place of PLACES, of those that they have learned, go with
+    it.
+    """
+    target = model_path if output is None else output
+    with _changed(model_path, target):
+        model = model_file.load(model_path)
+        checks.check_learned(model, "removing places", model_path)
+        made = maps.remove(model, _indices(model, places, model_path), jobs=jobs or cores())
+        model_file.save(calibrated(made, cores()), target)
+    gone, lost = model.places - made.places, model.neurons - made.neurons
+    _report(made, f"removed {gone} places with {lost} neurons", target)
+
+
+@click.command()
+@click.argument("model_paths", nargs=-1, required=True, metavar="MODEL...", type=PATH)
+@click.option("-o", "--output", required=True, type=PATH, metavar="MODEL", help="File to write (.lvpr).")
+@jobs_option
+def merge(model_paths: tuple[Path, ...], output: Path, jobs: int | None) -> None:
+    """Join models of equal settings into one; what they have learned stays as it is.
+
+    MODEL is a file; give two or more. Places stand in their order. Absolute indices are those that extending the first
+    by the images of the others gives.
+    """
+    if len(model_paths) < 2:
+        raise click.UsageError("there is nothing to merge; give two models or more")
+    for path in model_paths:
+        _refuse_bundle(path)
+    Outputs((output,), read=model_paths)
+    with only_one(output):
+        models = [model_file.load(path) for path in model_paths]
+        made = maps.merge(models, paths=model_paths, jobs=jobs or cores())
+        model_file.save(calibrated(made, cores()), output)
+    _report(made, f"merged {len(models)} models", output)
+
+
+@contextmanager
+def _changed(model: Path, target: Path, images: tuple[str, ...] = (), read: tuple[Path, ...] = ()) -> Iterator[Outputs]:
+    """Hold ``target`` for this process, which is the ``model`` itself or another file that may be written.
+
+    Raises:
+        InputError: it may not be written.
+        ModelFileError: the model is a bundle.
+    """
+    _refuse_bundle(model)
+    in_place = os.path.realpath(model) == os.path.realpath(target)
+    outputs = Outputs((target,), model=None if in_place else model, images=images, read=read)
+    with only_one(target):
+        yield outputs
+
+
+def _positions(model: Model, traverse: Traverse, given: bool, path: Path) -> Positions | None:
+    """Where the new places are, if the model knows that of its own.
+
+    Args:
+        model: The model.
+        traverse: The new places.
+        given: Whether the user gave positions; else they are told by the names of files, if at all.
+        path: The file of the model.
+    Raises:
+        InputError: one has positions, the other none.
+    """
+    if model.positions is None:
+        if given:
+            raise InputError(
+                f"{shown(path)}: the model does not know where its places are; leave out "
+                "--positions, or train it with them"
+            )
+        return None
+    if traverse.positions is None:
+        raise InputError(
+            f"{shown(path)}: the model knows where its places are, but nothing tells where those of "
+            f"{shown(traverse.source)} are; give --positions FILE"
+        )
+    return traverse.positions
+
+
+def _refuse_bundle(path: Path) -> None:
+    """Refuse a folder, before anything of it is read.
+
+    Raises:
+        ModelFileError: it is one.
+    """
+    if path.is_dir():
+        raise ModelFileError(
+            f"{shown(path)}: is a folder; a bundle does not hold what the network has learned: use the model file that "
+            "it was deployed from"
+        )
+
+
+def _indices(model: Model, ranges: tuple[tuple[int, int], ...], path: Path) -> list[int]:
+    """The absolute indices in ``ranges``, each seen to be a place of ``model``; a range may be larger than any memory.
+
+    Raises:
+        InputError: one is none.
+    """
+    found: set[int] = set()
+    for first, end in ranges:
+        own = set(model.place_indices[(model.place_indices >= first) & (model.place_indices < end)].tolist())
+        if len(own) < end - first:
+            missing = next(k for k in range(first, end) if k not in own)
+            raise InputError(
+                f"{shown(path)}: the model has no place {missing}; its places are {ranges_of(model.place_indices)}"
+            )
+        found |= own
+    return sorted(found)
+
+
+def _report(model: Model, done: str, path: Path) -> None:
+    """Print what was done, and what the model is now."""
+    parts = f"{model.places} places in {len(model.stretches)} stretch{'es' if len(model.stretches) > 1 else ''}"
+    tell(model, f"{done}: {parts}, {describe(model)}\nmodel: {shown(path)}")

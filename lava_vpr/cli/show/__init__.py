@@ -1,0 +1,1 @@
+"""How the commands show answers: as rows of a table, as JSON lines, as a sentence."""

@@ -1,0 +1,146 @@
+"""``lava-vpr watch``."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import click
+
+from lava_vpr.cli.common import (
+    PATH,
+    OneSource,
+    asking_options,
+    every_option,
+    motion_option,
+    precision_option,
+    seed_type,
+    stderr,
+)
+from lava_vpr.cli.outputs import stdout_writer
+from lava_vpr.errors import InputError
+from lava_vpr.localizer import Localizer
+from lava_vpr.storage.tables import json_line
+from lava_vpr.watch.page import PORT, live_page
+from lava_vpr.watch.recent import Recent
+from lava_vpr.watch.sources import open_source
+from lava_vpr.watch.watching import watch as watch_images
+
+
+class Port(click.ParamType):
+    """A port of this machine."""
+
+    name = "port"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        text = str(value)
+        if not (text.isascii() and text.isdigit() and len(text) <= 5 and int(text) < 1 << 16):
+            self.fail(f"{text!r} is no port (0 to 65535); put --page behind MODEL and SOURCE", param, ctx)
+        return int(text)
+
+
+@click.command(cls=OneSource)
+@click.argument("model_path", metavar="MODEL", type=PATH)
+@click.argument("source", type=str)
+@motion_option("any")
+@asking_options
+@precision_option
+@every_option
+@click.option(
+    "--existing/--no-existing",
+    default=True,
+    show_default=True,
+    help="Take the images that are in a folder at the start, too.",
+)
+@click.option("--topic", default=None, metavar="/NAME", help="Topic of a ROS bag (default: the only one with images).")
+@click.option(
+    "--page",
+    "port",
+    type=Port(),
+    is_flag=False,
+    flag_value=str(PORT),
+    default=None,
+    metavar="[PORT]",
+    help=f"Serve a live page on 127.0.0.1, at port {PORT} unless another is given (0: any that is free).",
+)
+@click.option("--stop-after", type=click.IntRange(min=1), default=None, metavar="N", help="End after N answers.")
+@click.option("--seed", type=seed_type, default=None, help="Seed of the images' spikes (default: the model's).")
+def watch(
+    model_path: Path,
+    source: str,
+    motion: str,
+    query_views: int,
+    adapt: float | None,
+    target_precision: float,
+    every: float,
+    existing: bool,
+    topic: str | None,
+    port: int | None,
+    stop_after: int | None,
+    seed: int | None,
+) -> None:
+    """Say of each image of SOURCE, as it comes, which place of MODEL it shows: a line of JSON on standard output.
+
+    SOURCE is a folder that images are written to; a video; a camera (camera:0, /dev/video0 or rtsp://...); a ROS bag;
+    or -, which reads paths of images from standard input, one a line. Lists and single images are taken, too.
+
+    An image of a folder is taken once it is whole; one that still cannot be read 5 seconds after its last change is
+    given up. What cannot be read is told on stderr, with a count, and left out. Ctrl-C ends it; so does the end of
+    SOURCE, unless there is a page to be looked at.
+    """
+    localizer = Localizer(model_path, motion, adapt, query_views, target_precision=target_precision, seed=seed)
+    images = open_source(source, every=every, existing=existing, topic=topic)
+    recent = None if port is None else Recent(localizer.model)
+    refused = Refused(recent)
+    answered = recognised = 0
+    with stdout_writer() as write, _served(localizer, source, recent, port):
+        for watched in islice(watch_images(localizer, images, refused), stop_after):
+            answered, recognised = answered + 1, recognised + watched.match.accepted
+            write(json_line(watched.values()))
+            if recent is not None:
+                recent.add(watched)
+        told = "1 image" if answered == 1 else f"{answered} images"
+        stderr.print(f"note: {told}, {recognised} recognised, {refused.count} left out")
+        if recent is not None and answered != stop_after:
+            recent.end()
+            stderr.print("note: the source has ended; the page stays until Ctrl-C")
+            while True:
+                signal.pause()
+
+
+def _served(localizer: Localizer, source: str, recent: Recent | None, port: int | None) -> AbstractContextManager[str]:
+    """The live page, if one is asked for; its address is told on stderr."""
+    if recent is None or port is None:
+        return nullcontext("")
+    return _told(live_page(localizer.model, source, recent, port))
+
+
+@contextmanager
+def _told(page: AbstractContextManager[str]) -> Iterator[str]:
+    with page as address:
+        stderr.print(f"note: the page is at {address}")
+        yield address
+
+
+class Refused:
+    """Tells of images that cannot be read, and counts them.
+
+    Args:
+        recent: Told of them, too.
+    Attributes:
+        count: How many there were.
+    """
+
+    def __init__(self, recent: Recent | None) -> None:
+        self.count, self._recent = 0, recent
+
+    def __call__(self, index: int, why: InputError) -> None:
+        """Take note of image number ``index``."""
+        self.count += 1
+        if self._recent is not None:
+            self._recent.refuse()
+        stderr.print(f"warning: image {index} is left out ({self.count} so far): {why}")

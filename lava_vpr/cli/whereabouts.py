@@ -1,0 +1,150 @@
+"""Options that tell where and when images were taken."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import wraps
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from lava_vpr.cli.common import PATH, Number
+from lava_vpr.errors import InputError
+from lava_vpr.model import Model
+from lava_vpr.positions.track import MOST_GAP_S
+from lava_vpr.traverse import Traverse, located
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+_POSITIONS = "Positions, CSV or GPX: a row an image, or timed (default: from names @UTM_east@UTM_north@...)."
+_STAMPS = "When they were taken: CSV, a row an image; or when a video begins (default: from names and frames)."
+
+
+@dataclass(frozen=True)
+class WhereOptions:
+    """What the user says of where and when one traverse's images were taken.
+
+    Attributes:
+        positions: CSV or GPX file with positions; None: those in the images' names, if they tell any.
+        stamps: CSV file with times, or when a video begins; None: those of names and frames.
+        gap: Most seconds between two positions between which an image is placed.
+    """
+
+    positions: Path | None = None
+    stamps: str | None = None
+    gap: float = MOST_GAP_S
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files to be read."""
+        return tuple(Path(file) for file in (self.positions, self.stamps) if file is not None)
+
+    def known(self, traverse: Traverse) -> bool:
+        """Whether positions are told, by a file or by the names of ``traverse``."""
+        return self.positions is not None or traverse.positions is not None
+
+    def check(self, model: Model) -> None:
+        """Refuse positions that nothing can be done with.
+
+        Raises:
+            InputError: they are given, but the model has none.
+        """
+        if self.positions is not None and model.positions is None:
+            raise InputError(
+                "--query-positions needs a model that knows where its places are; train it with --positions, or use "
+                "eval --positions REF.csv QUERY.csv"
+            )
+
+    def of(self, traverse: Traverse, whole: int) -> Traverse:
+        """``traverse``, some of ``whole`` images, with what is told of them.
+
+        Raises:
+            InputError: a file cannot be used, or does not tell of each image.
+        """
+        return located(traverse, whole, self.positions, self.stamps, self.gap)
+
+
+def query_positions_options(command: F) -> F:
+    """The options ``--query-positions``, ``--stamps`` and ``--gap``, given to the command as ``where``."""
+
+    @wraps(command)
+    def collected(*args: Any, query_positions: Any, stamps: Any, gap: Any, **others: Any) -> Any:
+        return command(*args, where=WhereOptions(query_positions, stamps, gap), **others)
+
+    options = (
+        click.option("--query-positions", type=PATH, default=None, metavar="FILE", help=_POSITIONS),
+        click.option("--stamps", default=None, metavar="FILE|TIME", help=_STAMPS),
+        _gap_option,
+    )
+    return _optional(collected, options)
+
+
+def reference_positions_options(command: F) -> F:
+    """The options ``--positions``, ``--stamps`` and ``--gap`` of several traverses, given to the command as ``where``.
+
+    The command gets a function from the number of traverses to the `WhereOptions` of each.
+    """
+
+    @wraps(command)
+    def collected(*args: Any, positions: tuple[Path, ...], stamps: tuple[str, ...], gap: float, **others: Any) -> Any:
+        return command(*args, where=WhereEach(positions, stamps, gap), **others)
+
+    each = " Once for each REFERENCE, in order."
+    options = (
+        click.option("--positions", type=PATH, multiple=True, metavar="FILE", help=_POSITIONS + each),
+        click.option("--stamps", multiple=True, metavar="FILE|TIME", help=_STAMPS + each),
+        _gap_option,
+    )
+    return _optional(collected, options)
+
+
+@dataclass(frozen=True)
+class WhereEach:
+    """What the user says of several traverses.
+
+    Attributes:
+        positions, stamps: As in `WhereOptions`, of the first so many traverses.
+        gap: Of all.
+    """
+
+    positions: tuple[Path, ...]
+    stamps: tuple[str, ...]
+    gap: float
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files to be read."""
+        return (*self.positions, *map(Path, self.stamps))
+
+    def of(self, traverses: Sequence[Traverse], wholes: Sequence[int]) -> list[Traverse]:
+        """Each of ``traverses``, of which there are ``wholes`` images, with what is told of it.
+
+        Raises:
+            InputError: a file cannot be used, or does not tell of each image.
+        """
+        for name, values in (("--positions", self.positions), ("--stamps", self.stamps)):
+            if len(values) > len(traverses):
+                raise click.UsageError(f"{name} is given {len(values)} times for {len(traverses)} references")
+        return [
+            WhereOptions(
+                self.positions[k] if k < len(self.positions) else None,
+                self.stamps[k] if k < len(self.stamps) else None,
+                self.gap,
+            ).of(traverse, wholes[k])
+            for k, traverse in enumerate(traverses)
+        ]
+
+
+def _gap_option(command: F) -> F:
+    text = "Longest gap between two positions in which an image is placed by its time."
+    gap = click.option("--gap", type=Number(min=0), default=MOST_GAP_S, show_default=True, metavar="SECONDS", help=text)
+    return gap(command)
+
+
+def _optional(command: Any, options: Sequence[Callable[[Any], Any]]) -> Any:
+    """``command`` with ``options``, the first of them first in its help."""
+    for option in reversed(options):
+        command = option(command)
+    return command

@@ -1,0 +1,189 @@
+"""What `lava-vpr query` prints: CSV and JSON lines on standard output, candidates, and one image as a sentence."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from support.common.commands import images, run
+
+from lava_vpr import model as model_file
+from lava_vpr import traverse
+from lava_vpr.cli import main
+from lava_vpr.cli import query as command
+from lava_vpr.encoding import encode_traverse
+from lava_vpr.model import decode
+from lava_vpr.recognition import count_query_spikes
+from lava_vpr.traverse import open_traverse
+
+FILTERED = ("--motion", "any")
+
+
+def printed(*words: object) -> str:
+    """What ``query m.lvpr words`` prints."""
+    return run("query", "m.lvpr", *words).stdout
+
+
+def csv_of(text: str) -> list[dict[str, str]]:
+    """The rows of a CSV text."""
+    return list(csv.DictReader(io.StringIO(text, newline="")))
+
+
+def scores_of(source: str) -> np.ndarray:
+    """The default decoder's scores of all images of ``source``, worked out at once."""
+    model = model_file.load("m.lvpr")
+    counts, _ = count_query_spikes(model, encode_traverse(open_traverse(source), model.config.encoder))
+    return decode(model, counts, model.config.decoder.default)
+
+
+@pytest.mark.parametrize("words", [(), FILTERED, ("--sequence", 3), ("--top", 3), ("--top", 3, *FILTERED)])
+def test_standard_output_gets_what_a_file_gets(words: tuple[object, ...], here: Path) -> None:
+    said = run("query", "m.lvpr", "query", "-o", "q.csv", *words).stdout
+    assert said.startswith("8 images, ")
+    text = Path("q.csv").read_text()
+    assert printed("query", *words) == printed("query", "-o", "-", *words) == text
+    assert printed("query", "--format", "csv", *words) == text
+    assert not Path("-").exists()
+
+
+@pytest.mark.parametrize("words", [(), FILTERED, ("--sequence", 3), ("--query-views", 3)])
+def test_json_lines_say_what_the_table_says(words: tuple[object, ...], here: Path) -> None:
+    cv2.imwrite("blank.png", np.full((48, 64, 3), 90, np.uint8))
+    Path("some.txt").write_text("".join(f"{path}\n" for path in [*images("query"), "blank.png"]))
+    rows = csv_of(printed("some.txt", *words))
+    lines = [json.loads(line) for line in printed("some.txt", "--format", "jsonl", *words).splitlines()]
+    assert len(lines) == 9
+    for row, values in zip(rows, lines, strict=True):
+        assert list(values) == list(row)
+        for name, value in values.items():
+            kind = {"query_name": str, "place_name": str, "accepted": bool, "query": int, "place": int}.get(name, float)
+            assert value is None if row[name] == "" else type(value) is kind
+            plain = str(value).lower() if kind is bool else value
+            assert (
+                value is None or kind(plain) == (row[name] if kind is bool else kind(row[name])) or plain == row[name]
+            )
+    run("query", "m.lvpr", "some.txt", "-o", "q.jsonl", *words)
+    assert [json.loads(line) for line in Path("q.jsonl").read_text().splitlines()] == lines
+
+
+def test_candidates_are_the_places_by_their_scores(here: Path) -> None:
+    scores, model = scores_of("query"), model_file.load("m.lvpr")
+    rows = csv_of(printed("query", "--top", 3))
+    lines = [json.loads(line) for line in printed("query", "--top", 3, "--format", "jsonl").splitlines()]
+    assert list(rows[0])[7:] == ["score", "place_2", "place_name_2", "score_2", "place_3", "place_name_3", "score_3"]
+    for row, line, of_places in zip(rows, lines, scores, strict=True):
+        order = sorted(range(model.places), key=lambda place, of=of_places: (-of[place], place))[:3]
+        assert [int(row[name]) for name in ("place", "place_2", "place_3")] == order
+        assert [float(row[name]) for name in ("score", "score_2", "score_3")] == [of_places[k] for k in order]
+        assert [found["place"] for found in line["candidates"]] == order
+        assert [found["place_name"] for found in line["candidates"]] == [model.place_names[k] for k in order]
+        chances = [found["probability"] for found in line["candidates"]]
+        assert chances == [line["probability"], None, None]
+
+
+def test_candidates_of_the_filter_have_probabilities(here: Path) -> None:
+    rows = csv_of(printed("query", "--top", 99, *FILTERED))
+    assert "probability_99" in rows[0]
+    for row in rows:
+        places = [int(row[name]) for name in row if name.startswith("place_") and row[name] and "name" not in name]
+        assert sorted([int(row["place"]), *places]) == list(range(8))  # the map has no more
+        chances = [float(row[name]) for name in row if name.startswith("probability_") and row[name]]
+        assert chances == sorted(chances, reverse=True)
+        near = dict(zip(places, chances, strict=True))
+        best, beside = int(row["place"]), float(row["probability"])
+        assert all(near[k] <= beside + 1e-6 for k in (best - 1, best + 1) if k in near)
+        assert sum(near.values()) < 1
+
+
+def test_candidates_of_a_sequence_are_those_of_its_end(here: Path) -> None:
+    rows = csv_of(printed("query", "--top", 8, "--sequence", 3))
+    assert [(row["place"], row["place_2"], row["score"]) for row in rows[:2]] == [("-1", "", "")] * 2
+    for row in rows[2:]:
+        named = [row["place"], *(row[f"place_{k}"] for k in range(2, 9))]
+        assert sorted(filter(None, named)) == list("234567")  # the last of three places each
+        known = [float(row[name]) for name in row if name.startswith("score") and row[name]]
+        assert known == sorted(known, reverse=True)
+
+
+@pytest.mark.parametrize(
+    ("words", "parts"),
+    [
+        ((), (" may show place 3 (place_00003.png): not accepted, probability 48%, and none is enough for this ",)),
+        (("--target-precision", 0.3), (" shows place 3 (place_00003.png): accepted, probability 48%.",)),
+        (("--query-views", 3), (" shows place 3 (place_00003.png): accepted, confidence ",)),
+        (
+            ("--min-confidence", "99"),
+            (" may show place 3 (place_00003.png): not accepted, probability 48%, confidence ",),
+        ),
+        (("--min-confidence", "0"), (" shows place 3 (place_00003.png): accepted, ",)),
+        (("--top", 2), ("not accepted", "\n2. place ", "score ")),
+        (("--top", 2, *FILTERED), ("not accepted", "less than the 90% from which on", "\n2. place ", ", probability ")),
+    ],
+)
+def test_one_image_is_told_in_a_sentence(words: tuple[object, ...], parts: tuple[str, ...], here: Path) -> None:
+    text = printed(images("query")[3], *words)
+    assert text.startswith("place_00003.png ")
+    assert text.endswith("\n")
+    assert all(part in text for part in parts), text
+    assert len(text.splitlines()) == (2 if "--top" in words else 1)
+
+
+def test_a_sentence_of_an_image_that_shows_nothing(here: Path) -> None:
+    cv2.imwrite("blank.png", np.full((48, 64, 3), 90, np.uint8))
+    assert printed("blank.png", "--top", 3) == "blank.png matches no place of the map.\n"
+
+
+def test_a_sentence_says_where(here: Path) -> None:
+    run("train", "reference", "-o", "w.lvpr", "--config", "quick.toml", "--positions", "reference_positions.csv")
+    said = run("query", "w.lvpr", images("query")[3], "--target-precision", 0.3).stdout
+    (row,) = csv_of(run("query", "w.lvpr", images("query")[3], "-o", "-").stdout)
+    names = [name for name in ("x", "y", "lat", "lon") if name in row]
+    assert len(names) == 2
+    assert f" (place_00003.png) at {', '.join(f'{name} {row[name]}' for name in names)}: accepted, " in said
+
+
+@pytest.mark.parametrize("words", [("-o", "-"), ("--format", "csv"), ("-o", "q.csv")])
+def test_one_image_as_a_table(words: tuple[str, ...], here: Path) -> None:
+    said = printed(images("query")[3], *words)
+    assert csv_of(Path("q.csv").read_text() if "q.csv" in words else said)[0]["place"] == "3"
+
+
+def test_a_line_comes_before_the_next_image_is_read(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Then two, four and so on are taken together; a file gets them as it always did."""
+    events: list[Any] = []
+    read = traverse.read_image
+
+    def noted(path: Path) -> Any:
+        events.append("read")
+        return read(path)
+
+    @contextmanager
+    def writer(*file: Path) -> Iterator[Any]:
+        yield lambda piece: events.append(piece.count("\n"))
+
+    monkeypatch.setattr(traverse, "read_image", noted)
+    monkeypatch.setattr(command, "stdout_writer", writer)
+    monkeypatch.setattr(command, "text_writer", writer)
+    run("query", "m.lvpr", "query", "-o", "-")
+    assert events == [1, "read", 1, "read", "read", 2, *["read"] * 4, 4, "read", 1]
+    events.clear()
+    run("query", "m.lvpr", "query", "-o", "q.csv")
+    assert events == [1, *["read"] * 8, 8]
+
+
+def test_what_was_printed_stands_when_an_image_is_damaged(here: Path) -> None:
+    Path("damaged.png").write_bytes(images("query")[0].read_bytes()[:-40])
+    Path("some.txt").write_text(f"{images('query')[0]}\ndamaged.png\n")
+    ended = CliRunner().invoke(main, ["query", "m.lvpr", "some.txt"])
+    assert ended.exit_code == 1
+    assert len(csv_of(ended.stdout)) == 1
+    assert ended.stderr.startswith("lava-vpr: error: damaged.png: ")

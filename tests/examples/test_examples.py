@@ -1,0 +1,166 @@
+"""The examples run: a bag is replayed without ROS, and the ROS 2 node answers images, with a stand-in for rclpy."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from support.common.bags import bag, frames
+from support.common.commands import images, run
+
+from lava_vpr import Localizer
+from lava_vpr.images.imagefiles import read_image
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+
+
+def replayed(*words: object) -> subprocess.CompletedProcess[str]:
+    """`replay_bag.py` in a process of its own."""
+    command = [sys.executable, str(EXAMPLES / "replay_bag.py"), *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+
+
+def test_a_bag_is_replayed(here: Path) -> None:
+    path = bag(Path("drive"), frames(map(read_image, images("query")), 0.5, topic="/left"))
+    done = replayed("m.lvpr", path, "--topic", "/left", "--every", 0.5)
+    assert done.returncode == 0, done.stderr
+    lines = [line.split() for line in done.stdout.splitlines()]
+    wanted = [json.loads(line) for line in run("watch", "m.lvpr", path, "--every", 0.5).stdout.splitlines()]
+    assert [float(line[0]) for line in lines] == [k / 2 for k in range(8)]
+    assert [int(line[3]) for line in lines] == [one["place"] for one in wanted]
+    assert [line[6] == "accepted" for line in lines] == [one["accepted"] for one in wanted]
+
+
+def test_a_bag_is_replayed_as_fast_as_it_was(here: Path) -> None:
+    path = bag(Path("drive"), frames(map(read_image, images("query")[:3]), 0.5))
+    done = replayed("m.lvpr", path, "--every", 0.5, "--rate", 2)
+    assert len(done.stdout.splitlines()) == 3, done.stderr
+
+
+def test_what_cannot_be_replayed_is_one_line(here: Path) -> None:
+    done = replayed("m.lvpr", "none.mcap")
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.startswith("replay_bag: none.mcap: cannot be opened (No such file or directory)")
+    assert len(done.stderr.splitlines()) == 1
+
+
+class Node:
+    """What rclpy's Node does, as far as the example asks: its parameters are ``given``."""
+
+    given: dict[str, Any]
+
+    def __init__(self, name: str) -> None:
+        self.name, self.parameters, self.published, self.warned = name, {}, [], []
+        self.subscribed: list[tuple[str, Any]] = []
+
+    def declare_parameter(self, name: str, value: Any) -> None:
+        self.parameters[name] = self.given.get(name, value)
+
+    def get_parameter(self, name: str) -> SimpleNamespace:
+        return SimpleNamespace(value=self.parameters[name])
+
+    def create_publisher(self, kind: Any, topic: str, depth: int) -> SimpleNamespace:
+        assert topic == "match"
+        return SimpleNamespace(publish=self.published.append)
+
+    def create_subscription(self, kind: Any, topic: str, callback: Any, profile: Any) -> None:
+        self.subscribed.append((topic, callback))
+
+    def get_logger(self) -> SimpleNamespace:
+        return SimpleNamespace(warning=self.warned.append)
+
+    def destroy_node(self) -> None:
+        self.name = ""
+
+
+class Bridge:
+    """What cv_bridge makes of a message: its pixels as BGR."""
+
+    def imgmsg_to_cv2(self, message: Any, desired_encoding: str) -> np.ndarray:
+        if (message.encoding, desired_encoding) != ("rgb8", "bgr8"):
+            raise ValueError(f"cannot convert {message.encoding}")
+        return message.data.reshape(message.height, message.width, 3)[:, :, ::-1]
+
+
+@pytest.fixture
+def node_module(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """The example, imported where rclpy and the messages are stand-ins."""
+    contents: dict[str, dict[str, Any]] = {
+        "cv_bridge": {"CvBridge": Bridge, "CvBridgeError": ValueError},
+        "rclpy": {"init": lambda: None, "try_shutdown": lambda: None},
+        "rclpy.node": {"Node": Node},
+        "rclpy.qos": {"qos_profile_sensor_data": "sensor"},
+        "sensor_msgs": {},
+        "sensor_msgs.msg": {"Image": object},
+        "std_msgs": {},
+        "std_msgs.msg": {"String": SimpleNamespace},
+    }
+    for name, values in contents.items():
+        module = ModuleType(name)
+        vars(module).update(values)
+        monkeypatch.setitem(sys.modules, name, module)
+    spec = importlib.util.spec_from_file_location("ros2_node", EXAMPLES / "ros2_node.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def message(image: np.ndarray, encoding: str = "bgr8", second: int = 5) -> SimpleNamespace:
+    """A sensor_msgs/Image as rclpy gives it: its data is an array of bytes."""
+    header = SimpleNamespace(stamp=SimpleNamespace(sec=second, nanosec=500_000_000))
+    height, width = image.shape[:2]
+    values = {"height": height, "width": width, "step": image[0].size, "data": image.reshape(-1)}
+    return SimpleNamespace(header=header, encoding=encoding, **values)
+
+
+def test_the_node_answers_images(here: Path, node_module: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Node, "given", {"model": "m.lvpr", "motion": "forward"}, raising=False)
+    node, robot = node_module.LocalizerNode(), Localizer("m.lvpr", motion="forward")
+    ((topic, callback),) = node.subscribed
+    assert topic == "image"
+    callback(message(np.zeros((4, 4, 3), np.uint8), "yuv422"))
+    for path in images("query"):
+        callback(message(read_image(path)[:, :, ::-1], "rgb8"))
+    matches = [robot.update(read_image(path)) for path in images("query")]
+    answers = [json.loads(one.data) for one in node.published]
+    assert [one["place"] for one in answers] == [match.place for match in matches]
+    assert [one["probability"] for one in answers] == [match.probability for match in matches]
+    assert [one["off_map"] for one in answers] == [match.off_map for match in matches]
+    assert answers[0]["time"] == 5.5
+    (warning,) = node.warned
+    assert warning == "cannot convert yuv422"
+
+
+def test_what_is_not_known_is_null(here: Path, node_module: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Node, "given", {"model": "m.lvpr", "motion": "none"}, raising=False)
+    node = node_module.LocalizerNode()
+    node.answer(message(np.full((48, 64, 3), 90, np.uint8), "rgb8"))
+    said = json.loads(node.published[0].data, parse_constant=pytest.fail)
+    assert (said["place"], said["place_name"], said["position"], said["off_map"]) == (-1, None, None, None)
+
+
+def test_the_node_runs_until_it_is_stopped(
+    here: Path, node_module: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spun: list[Any] = []
+
+    def spin(node: Any) -> None:
+        spun.append(node)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(node_module.rclpy, "spin", spin, raising=False)
+    monkeypatch.setattr(Node, "given", {"model": "m.lvpr"}, raising=False)
+    node_module.main()
+    assert spun[0].name == ""
+    monkeypatch.setattr(Node, "given", {"model": "none.lvpr"}, raising=False)
+    with pytest.raises(SystemExit, match=r"^lava_vpr: none\.lvpr"):
+        node_module.main()
