@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.results.places import FOLDERS, TEMPLATES, folder_of
+from benchmarks.nordland import images_of
+from benchmarks.results.places import FOLDERS, TEMPLATES
 from lava_vpr.config import Config, EncoderConfig, preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse, activity_of, thumbnail
@@ -76,7 +77,7 @@ class Scenario(NamedTuple):
 
 @lru_cache(maxsize=8)
 def _nordland(which: int, first: int) -> tuple[NDArray[np.uint8], ...]:
-    traverse = open_traverse(folder_of("nordland") / FOLDERS["nordland"][which])
+    traverse = open_traverse(images_of("nordland", FOLDERS["nordland"][which]))
     return tuple(traverse.take(range(first, first + PLACES)).images())
 
 

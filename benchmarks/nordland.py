@@ -23,16 +23,21 @@ from lava_vpr.traverse import open_traverse
 SECTIONS = tuple((start, start + 100) for start in range(0, 500, 100))
 
 
-def folder(season: str) -> Path:
-    """The images of one season (reference summer, query winter).
+def images_of(dataset: str, name: str) -> Path:
+    """A folder of images of a dataset.
 
     Raises:
-        InputError: LAVA_VPR_DATA does not name them.
+        InputError: LAVA_VPR_DATA does not name it.
     """
-    root = Path(os.environ.get("LAVA_VPR_DATA", "")) / "data" / "nordland" / season
+    root = Path(os.environ.get("LAVA_VPR_DATA", "")) / "data" / dataset / name
     if not os.environ.get("LAVA_VPR_DATA") or not root.is_dir():
-        raise InputError(f"{root}: no images; set LAVA_VPR_DATA to the folder that holds data/nordland/{season}")
+        raise InputError(f"{root}: no images; set LAVA_VPR_DATA to the folder that holds data/{dataset}/{name}")
     return root
+
+
+def folder(season: str) -> Path:
+    """The images of one season of Nordland (reference summer, query winter); errors as `images_of`."""
+    return images_of("nordland", season)
 
 
 @lru_cache(maxsize=8)

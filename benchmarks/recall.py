@@ -12,7 +12,6 @@ references' responses and in queries.
 from __future__ import annotations
 
 import dataclasses
-import time
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -22,7 +21,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.nordland import SECTIONS, answer, encoded, learn, part
-from lava_vpr.backends.rivals import BASELINES
+from benchmarks.results.places import TEMPLATES
 from lava_vpr.config import INPUT_MODES, Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.engine.threads import cores
@@ -120,28 +119,10 @@ def print_shuffled(config: Config, seeds: Sequence[int]) -> None:
     console.print(table)
 
 
-def print_joined(config: Config, seeds: Sequence[int]) -> None:
-    """Print recall of all 500 places in one model."""
-    table = _table("places 0:500 in one model")
-    collected: dict[str, list[Metrics]] = {}
-    for seed in seeds:
-        started = time.perf_counter()
-        model = learn((0, 500), dataclasses.replace(config, seed=seed))
-        console.print(f"seed {seed}: 500 places learned in {time.perf_counter() - started:.2f} s on {cores()} cores")
-        for length in (1, 5, 10):
-            result = answer(model, (0, 500), sequence=length)
-            label = "" if length == 1 else f", sequences of {length}"
-            for name in (result.default, *BASELINES):
-                collected.setdefault(name + label, []).append(result.metrics[name])
-    for name, figures in collected.items():
-        _row(table, name, figures)
-    console.print(table)
-
-
 def print_bits(config: Config, seeds: Sequence[int]) -> None:
     """Print recall for every width of the weights."""
     table = _table("weight bits, five sections")
-    for bits in range(1, 9):
+    for bits in range(1, 8):
         results = sections(update(config, {"network": {"weight_bits": bits}}), seeds)
         _row(table, f"{bits} bits", (r.metrics[r.default] for rows in results.values() for r in rows))
     console.print(table)
@@ -153,11 +134,11 @@ def print_learning(config: Config, seeds: Sequence[int]) -> None:
     integer = {"arithmetic": "integer"}
     variants: dict[str, dict[str, Any]] = {
         "float": {},
-        "none: the references' rates as weights": {"learning": {"rule": "template", "epochs": 1}},
+        "none: the references' rates as weights": {"learning": TEMPLATES},
         "integer: 8-bit weights, 7-bit traces": {"learning": integer},
         "the same, thresholds rise between presentations": {"learning": integer | {"theta_update": "presentation"}},
     }
-    for bits in (8, 6, 5, 4, 3, 2, 1):
+    for bits in range(7, 0, -1):
         variants[f"integer, quantised to {bits} bits"] = {"learning": integer, "network": {"weight_bits": bits}}
     for name, changes in variants.items():
         results = sections(update(config, changes), seeds)
@@ -185,7 +166,7 @@ def with_input_mode(model: Model, mode: str) -> Model:
 
 
 def print_input_modes(config: Config, seeds: Sequence[int]) -> None:
-    """Print recall with injected Poisson trains beside regular trains of compartments that integrate a bias."""
+    """Print recall with injected spikes beside those of compartments that integrate a bias."""
     sizes = {f"section {first}:{end}": (first, end) for first, end in SECTIONS} | {"0:500 in one model": (0, 500)}
     figures: dict[tuple[str, int, str], Metrics] = {}
     for name, places in sizes.items():
@@ -222,7 +203,6 @@ def main(seeds: str, bits: bool, learning: bool, inputs: bool, input_mode: bool,
     config, chosen = preset(preset_name), [int(seed) for seed in seeds.split(",")]
     print_sections(config, chosen)
     print_shuffled(config, chosen)
-    print_joined(config, chosen)
     if bits:
         print_bits(config, chosen)
     if learning:

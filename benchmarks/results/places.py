@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 from functools import lru_cache
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.nordland import part
+from benchmarks.nordland import images_of, part
 from lava_vpr.config import Config, EncoderConfig
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_views
 from lava_vpr.engine.threads import cores
-from lava_vpr.errors import InputError
 from lava_vpr.inputs.views import ViewsConfig
 from lava_vpr.model import Model
 from lava_vpr.training.loop import train
@@ -47,22 +44,11 @@ def sections_of(dataset: str, end: int) -> tuple[Section, ...]:
     return tuple(Section(dataset, first, first + 100) for first in range(0, end, 100))
 
 
-def folder_of(dataset: str) -> Path:
-    """The folder of a dataset.
-
-    Raises:
-        InputError: LAVA_VPR_DATA does not name it.
-    """
-    root = Path(os.environ.get("LAVA_VPR_DATA", "")) / "data" / dataset
-    if not root.is_dir():
-        raise InputError(f"{root}: no images; set LAVA_VPR_DATA to the folder that holds data/{dataset}")
-    return root
-
-
 @lru_cache(maxsize=24)
 def _images(dataset: str, which: int, encoder: EncoderConfig, views: ViewsConfig) -> Views:
     """References (0) or queries (1) of a dataset in each view, all that settings of queries leave as it is."""
-    return encode_views(open_traverse(folder_of(dataset) / FOLDERS[dataset][which]), encoder, views.views, Keep.ALL)
+    images = open_traverse(images_of(dataset, FOLDERS[dataset][which]))
+    return encode_views(images, encoder, views.views, Keep.ALL)
 
 
 def _of_pixels(encoder: EncoderConfig) -> EncoderConfig:

@@ -124,7 +124,10 @@ def test_what_the_readme_says_of_its_tables_is_so() -> None:
     kept = Record.read()
     for row in page.ROWS:
         if "template" in row.matchers:
-            assert -1 <= kept.mean(row, "template")[0] - kept.mean(row)[0] <= 3, row.name
+            few = row.sections[0].dataset == "gardens"  # 50 images: one is two points
+            assert (-3 if few else -1) <= kept.mean(row, "template")[0] - kept.mean(row)[0] <= (3 if few else 2), (
+                row.name
+            )
     assert kept.mean(long.TITLED["1,500"], "cosine")[1] > kept.mean(long.TITLED["1,500"])[1]
     every = long.TITLED["1,500, all inputs spike in queries"]
     assert np.all(np.array(kept.mean(every, "cosine")) > kept.mean(every))

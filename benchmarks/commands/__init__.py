@@ -1,0 +1,1 @@
+"""What a command takes from its start to its end."""

@@ -1,0 +1,247 @@
+"""A robot's day on Nordland, summer learned and winter driven.
+
+    python -m benchmarks.robot.day [--seeds 0,1,2] [--chosen] [--updates 100000]
+
+All answers are causal. Drives are made of the winter images by repeating, leaving out or reversing them; an image that
+shows what the last one showed is no news to the filter. Off the map are winter images of places that the map does not
+have. ``--chosen`` prints the maps of Nordland 0:200, on which the filter's and the calibration's numbers were chosen;
+without it, the maps on which nothing was.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import click
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.nordland import images_of, part
+from benchmarks.robot import drives
+from lava_vpr import Localizer
+from lava_vpr import train as learn
+from lava_vpr.config import preset
+from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse
+from lava_vpr.engine.threads import cores
+from lava_vpr.matching.answers import Answers, Together, answers_of
+from lava_vpr.matching.forward_filter import MOTIONS, NONE, Belief, ForwardFilter, filtered
+from lava_vpr.matching.probability import Calibration
+from lava_vpr.matching.trust import Trust, trust
+from lava_vpr.model import Model, prepare
+from lava_vpr.recognition import calibration_of, count_query_spikes
+from lava_vpr.training.loop import train
+from lava_vpr.traverse import open_traverse
+
+console = Console(highlight=False, width=140)
+ENCODER = preset("loihi").encoder
+KIDNAPPED = 60
+TIMED = 200
+
+
+@dataclass(frozen=True)
+class Map:
+    """A map, and which images are driven on and off it: dataset, first, end."""
+
+    learned: tuple[str, int, int]
+    off: tuple[str, int, int]
+
+
+UNSEEN = {
+    "1,000 places": Map(("nordland_long", 0, 1000), ("nordland", 0, 500)),
+    "500 places": Map(("nordland", 0, 500), ("nordland_long", 0, 500)),
+}
+CHOSEN = {
+    "places 0:100": Map(("nordland", 0, 100), ("nordland", 100, 200)),
+    "places 100:200": Map(("nordland", 100, 200), ("nordland", 0, 100)),
+    "places 0:200": Map(("nordland", 0, 200), ("nordland", 200, 400)),
+}
+
+
+def images(dataset: str, season: str, first: int, end: int) -> EncodedTraverse:
+    """Images of a season, encoded."""
+    return part(encode_traverse(open_traverse(images_of(dataset, season)), ENCODER, Keep.ALL), slice(first, end))
+
+
+@dataclass(frozen=True)
+class Answered:
+    """A model and what its network made of images on the map and off it: scores (n, places)."""
+
+    model: Model
+    on: NDArray[np.float64]
+    off: NDArray[np.float64]
+    calibration: Calibration
+
+
+def answered(where: Map, seed: int) -> Answered:
+    """Learn a map and ask it everything."""
+    config = preset("loihi")
+    dataset, first, end = where.learned
+    settings = dataclasses.replace(config, seed=seed)
+    model = train([images(dataset, "summer", first, end)], settings, jobs=cores())
+    scores_of = prepare(model)
+    on, off = (
+        scores_of(count_query_spikes(model, images(name, "winter", a, b), threads=cores())[0])
+        for name, a, b in (where.learned, where.off)
+    )
+    calibration = calibration_of(model, cores())
+    if calibration is None:
+        raise TypeError("an integer model has a calibration")
+    return Answered(model, on, off, calibration)
+
+
+def follow(scores: NDArray[np.float64], motion: str, frames: NDArray[np.int64]) -> Answers:
+    """What the filter answers to frames, by their rows of scores; the same row again is a robot that stands still."""
+    moving = np.append(True, np.diff(frames) != 0)
+    beliefs = filtered(ForwardFilter(Belief.unknown(scores.shape[1]), motion), scores[frames], moving)
+    places, chance = beliefs.best()
+    return Answers(places, np.zeros(len(places)), chance)
+
+
+def exact_and_near(matches: NDArray[np.int64], truth: NDArray[np.int64]) -> tuple[float, float]:
+    """Percent of the matches that are exact, and within 3 places."""
+    apart = np.abs(matches - truth)
+    return 100 * float((apart == 0).mean()), 100 * float((apart <= 3).mean())
+
+
+def found_again(some: Answered, motion: str) -> float:
+    """Percent of kidnappings after which a place is exact within ten frames, and the last is within one."""
+    cases = drives.kidnappings(some.model.places, KIDNAPPED, seed=1)
+    again = 0
+    for frames in cases:
+        apart = np.abs(follow(some.on, motion, frames).matches - frames)[drives.BEFORE :]
+        again += bool((apart == 0).any() and apart[-1] <= 1)
+    return 100 * again / len(cases)
+
+
+def print_drives(name: str, all_seeds: Sequence[Answered]) -> None:
+    """Exact matches and those within three places, of every drive."""
+    table = Table(title=f"{name}: exact / within 3, mean over {len(all_seeds)} seeds (least)", title_justify="left")
+    for column in ("drive", "each image alone", *(f"--motion {motion}" for motion in MOTIONS)):
+        table.add_column(column, justify="left" if column == "drive" else "right")
+    for drive, frames in drives.every_drive(all_seeds[0].model.places).items():
+        row = [drive]
+        for motion in (NONE, *MOTIONS):
+            if motion == "forward" and drive == "reversed":
+                row.append("")
+                continue
+            figures = [
+                exact_and_near(
+                    some.on[frames].argmax(axis=1) if motion == NONE else follow(some.on, motion, frames).matches,
+                    frames,
+                )
+                for some in all_seeds
+            ]
+            (exact, near), (least, least_near) = np.mean(figures, axis=0), np.min(figures, axis=0)
+            row.append(f"{exact:.1f} / {near:.1f} ({least:.1f} / {least_near:.1f})")
+        table.add_row(*row)
+    again = [[found_again(some, motion) for some in all_seeds] for motion in MOTIONS]
+    table.add_row("carried off: found within 10", "", *(f"{np.mean(of):.0f} ({min(of):.0f})" for of in again))
+    console.print(table)
+
+
+def trusts(some: Answered) -> dict[str, Trust | None]:
+    """How far the probabilities can be trusted with as many images off the map as on it."""
+    off = some.off[: some.model.places]
+    on = some.on[: len(off)]
+    scores = np.concatenate([on, off])
+    truth = np.zeros(scores.shape, np.bool_)
+    truth[np.arange(len(on)), np.arange(len(on))] = True
+    alone = answers_of(some.model.config.decoder.default, scores, some.calibration)
+    made = {"each image alone": trust(alone, truth, Together(calibration=some.calibration))}
+    for motion in MOTIONS:
+        by_filter = follow(scores, motion, np.arange(len(scores)))
+        made[f"--motion {motion}"] = trust(by_filter, truth, Together(motion=motion))
+    return made
+
+
+def print_trust(name: str, all_seeds: Sequence[Answered]) -> None:
+    """What each target precision gives, half of the images being off the map."""
+    asked = min(all_seeds[0].model.places, len(all_seeds[0].off))
+    title = f"{name}, {asked} images on the map and as many off it: precision / kept of those on it / accepted off it"
+    table = Table(title=title, title_justify="left", caption="percent, by --target-precision", caption_justify="left")
+    for column in ("", "calibration error", "0.9", "0.95", "0.98", "0.99"):
+        table.add_column(column, justify="right" if column else "left")
+    found = [trusts(some) for some in all_seeds]
+    for way in found[0]:
+        known = [one for one in (of[way] for of in found) if one is not None]
+        row = [way, f"{100 * np.mean([one.error for one in known]):.1f}"]
+        for number in range(4):
+            rows = [one.thresholds[number] for one in known]
+            figures = np.nanmean([(r.precision, r.kept, r.false_accepts) for r in rows], axis=0)
+            row.append(" / ".join(f"{100 * figure:.1f}" for figure in figures))
+        table.add_row(*row)
+    console.print(table)
+
+
+def print_latency(name: str, model: Model, dataset: str) -> None:
+    """Milliseconds of `Localizer.update` of a 640 x 480 image."""
+    traverse = open_traverse(images_of(dataset, "winter"))
+    seen = [cv2.resize(traverse.load(k), (640, 480), interpolation=cv2.INTER_CUBIC) for k in range(TIMED)]
+    for motion in (NONE, *MOTIONS):
+        robot, wall, busy = Localizer(model, motion), [], []
+        robot.update(seen[0])
+        for image in seen:
+            started, worked = time.perf_counter(), time.process_time()
+            robot.update(image)
+            wall.append(time.perf_counter() - started)
+            busy.append(time.process_time() - worked)
+        p50, p99 = np.percentile(wall, [50, 99]) * 1e3
+        console.print(
+            f"{name}, motion {motion}: Localizer.update of 640 x 480: p50 {p50:.2f} ms, p99 {p99:.2f} ms elapsed, "
+            f"{1e3 * float(np.median(busy)):.2f} ms of a processor"
+        )
+
+
+def mirrored() -> Model:
+    """A map of 3,000 places: the 1,500 of Nordland, and their mirror images."""
+    seen = [
+        image for name in ("nordland", "nordland_long") for image in open_traverse(images_of(name, "summer")).images()
+    ]
+    return learn(seen + [np.ascontiguousarray(image[:, ::-1]) for image in seen])
+
+
+def print_memory(model: Model, updates: int) -> None:
+    """Memory of the process before and after so many updates."""
+    robot, seen = Localizer(model), list(open_traverse(images_of("nordland", "winter")).images())
+    for image in seen:
+        robot.update(image)
+    before = resident()
+    for number in range(updates):
+        robot.update(seen[number % len(seen)])
+    console.print(f"{updates:,} updates: {before / 1e6:.1f} MB before, {resident() / 1e6:.1f} MB after")
+
+
+def resident() -> int:
+    """Bytes of memory that this process holds."""
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE")
+
+
+@click.command()
+@click.option("--updates", default=0, help="Also: how memory changes over so many updates.")
+@click.option("--seeds", default="0,1,2", show_default=True)
+@click.option("--chosen", is_flag=True, help="The maps on which numbers were chosen.")
+def main(updates: int, seeds: str, chosen: bool) -> None:
+    """Print everything."""
+    for name, where in (CHOSEN if chosen else UNSEEN).items():
+        all_seeds = [answered(where, int(seed)) for seed in seeds.split(",")]
+        print_drives(name, all_seeds)
+        print_trust(name, all_seeds)
+        if not chosen:
+            print_latency(name, all_seeds[0].model, where.learned[0])
+    if not chosen:
+        print_latency("3,000 places", mirrored(), "nordland")
+    if updates:
+        print_memory(all_seeds[0].model, updates)
+
+
+if __name__ == "__main__":
+    main()
