@@ -1,7 +1,11 @@
-# `make demo` and `make test` do all the set-up themselves: they find a Python 3.10 and build .venv with pinned versions.
+# `make demo` and `make test` do all the set-up themselves: they find a Python, best 3.10, under which Lava runs, and build .venv
+# with pinned versions. `make VENV=.venv-3.12 PYTHON=python3.12 test` keeps another Python's environment beside it.
 SHELL := /bin/sh
-BIN := .venv/bin
-STAMP := .venv/.installed
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+# The versions for the Python of an environment.
+LOCK = requirements/$$($(BIN)/python -c 'import sys; print("lock" if sys.version_info[:2] == (3, 10) else "lock-host")').txt
 # Tests run side by side, one row of them a processor.
 TESTS := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
@@ -11,9 +15,9 @@ TESTS := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist wor
 help: ## What there is to make
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/' | expand -t 20
 
-$(STAMP): pyproject.toml requirements/lock.txt scripts/find_python.sh
-	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh) && echo "using $$python" && "$$python" -m venv --clear .venv
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements/lock.txt
+$(STAMP): pyproject.toml requirements/lock.txt requirements/lock-host.txt scripts/find_python.sh
+	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh) && echo "using $$python" && "$$python" -m venv --clear $(VENV)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -r $(LOCK)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
 	@touch $(STAMP)
 
@@ -29,7 +33,8 @@ test-slow: $(STAMP) ## The minutes-long tests only
 test-all: $(STAMP) ## The tests, the minutes-long ones included
 	@$(TESTS) --timeout 1800
 
-lint: $(STAMP) ## ruff, mypy, and which room imports which
+lint: $(STAMP) ## ruff, mypy, and which room imports which (Python 3.10)
+	@test -x $(BIN)/mypy || { echo "make lint needs Python 3.10, as does lava-nc; remove $(VENV), and name one: make PYTHON=... lint"; exit 1; }
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@rm -rf .typing/lava_vpr && mkdir -p .typing/lava_vpr
@@ -52,7 +57,7 @@ recall: $(STAMP) ## Recall on real images (LAVA_VPR_DATA)
 	@$(BIN)/python -m benchmarks.recall
 
 .venv-peers/.installed: pyproject.toml requirements/lock.txt
-	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh) && "$$python" -m venv --clear .venv-peers
+	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-peers
 	@.venv-peers/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/lock.txt -r requirements/peers.txt
 	@.venv-peers/bin/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
 	@touch .venv-peers/.installed
@@ -66,16 +71,17 @@ peers-test: .venv-peers/.installed ## The tests that hold the paper preset again
 ORACLES := .venv-brian2-loihi/.installed .venv-nengo-loihi/.installed
 
 $(ORACLES): .venv-%/.installed: requirements/%.txt scripts/find_python.sh
-	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh) && "$$python" -m venv --clear .venv-$*
+	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-$*
 	@.venv-$*/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/$*.txt
 	@touch $@
 
 oracles: $(STAMP) $(ORACLES) ## Other simulators of Loihi against our integers (environments of their own)
 	@$(BIN)/python -m benchmarks.oracles.compare
 	@$(BIN)/python -m benchmarks.oracles.needs
+	@$(BIN)/python -m benchmarks.oracles.registers
 
 .venv-neurobench/.installed: requirements/neurobench.txt scripts/find_python.sh
-	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh) && "$$python" -m venv --clear .venv-neurobench
+	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-neurobench
 	@.venv-neurobench/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/neurobench.txt
 	@touch $@
 
@@ -83,7 +89,7 @@ neurobench: $(STAMP) .venv-neurobench/.installed ## Our metrics beside the packa
 	@$(BIN)/python -m benchmarks.neurobench.metrics
 
 .venv-sanafe/.installed: requirements/sanafe.txt scripts/find_python.sh
-	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh) && "$$python" -m venv --clear .venv-sanafe
+	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-sanafe
 	@.venv-sanafe/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/sanafe.txt
 	@touch $@
 
@@ -91,7 +97,7 @@ sanafe: $(STAMP) .venv-sanafe/.installed ## The cost model's closed form against
 	@$(BIN)/python -m benchmarks.sanafe.compare
 
 .venv-notebook/.installed: pyproject.toml requirements/lock.txt requirements/notebook.txt
-	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh) && "$$python" -m venv --clear .venv-notebook
+	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-notebook
 	@.venv-notebook/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/lock.txt -r requirements/notebook.txt
 	@.venv-notebook/bin/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
 	@touch .venv-notebook/.installed

@@ -14,7 +14,7 @@ import click
 
 from lava_vpr.backends.rivals import BASELINES
 from lava_vpr.cli import main
-from lava_vpr.cli.query import COLUMNS
+from lava_vpr.cli.show.matches import ALWAYS
 from lava_vpr.config import DecoderConfig
 from lava_vpr.matching.decoders import DECODERS
 
@@ -33,7 +33,8 @@ HEAD = """# The command line
 pipe. An output file that exists is replaced in one step when the new one is complete, and hands on its permissions.
 Refused before any work is an output that is read-only, that is an input or another output of the command (by whatever
 name: a link, a hard link), that would stand in the bundle that is read, or that would be a new image in a folder of
-images that is read. Other new files may stand beside images.
+images that is read; `extend` and `remove` may replace the model that they change. Other new files may stand beside
+images.
 
 | exit code | meaning |
 |---|---|
@@ -53,7 +54,9 @@ paths.
  "network": {{"neurons": n, "weight_bits": n or null, "steps": n}},
  "default_decoder": NAME,
  "decoders": {{{decoders}}},
- "baselines": {{{baselines}}}}}
+ "baselines": {{{baselines}}},
+ "adapted": {{NAME: M}},
+ "position_error": {{"median_m": x, "p90_m": x, "within": x, "radius_m": x, "matched": n}} or null}}
 
 M = {{"recall_at_1": x, "recall_at_n": {{"5": x, "10": x}}, "recall_at_100_precision": x,
      "precision_at_100_recall": x, "auc": x}}
@@ -63,11 +66,14 @@ The first four decoders are those of the paper. `baselines` holds those that wer
 patch-normalised images of 28 x 28 pixels, `hog` HOG descriptors of 64 x 64 pixels, `cosine` the network's own input
 rates, `descriptors` those given with `--descriptors`; `template` is the network without learning, the references'
 rates as its weights. A model that was learned before there was `hog` keeps no descriptors of its references, and
-preset `paper` has no templates: such a baseline is left out, and an error if it is asked for by name.
+preset `paper` has no templates: such a baseline is left out, and an error if it is asked for by name. `adapted` is
+empty without `--adapt`. `position_error` is null where positions of places or queries are not known: metres from query
+to match that half and 90 % of the `matched` queries do not exceed, and the share of all queries within `radius_m`.
 
 ## The matches of `query`
 
-CSV with the columns
+Without `-o`, one image gets a sentence, and several get lines on standard output, as they do with `-o -`; each stands
+there as soon as its image is done. The lines are CSV with the columns
 
 ```
 {columns}
@@ -75,7 +81,23 @@ CSV with the columns
 
 `query` is the index of the image in IMAGES, `place` that of the recognised place in the reference traverse, both
 counted from 0 in the whole sequence. A query without match has place -1 and neither name nor confidence. `accepted` is
-`true` or `false`: there is a match, of at least `--min-confidence`.
+`true` or `false`: there is a match, of at least the probability that `--target-precision` asks for, or of at least
+`--min-confidence`.
+
+Where there is something to say, further columns follow, in this order; a query without match has none of what is said
+of its match:
+
+| columns | |
+|---|---|
+| `x,y` or `lat,lon` | Where the matched place was learned, if the model knows: metres or degrees. |
+| `time` | When the query was taken, if name, frame or `--stamps` tells: seconds since 1970 or the video's start. |
+| `error_m` | Metres from the query's position to the matched place's, if both are known. |
+| `score`, `place_2,place_name_2,score_2`, ... | With `--top K`: the match's score; the next places, up to the K-th. |
+| `probability_2`, ... | With `--motion`, too: the probability of each of these places, without its neighbours. |
+
+With `--format jsonl` every line is an object of JSON with these columns as keys, in this order: numbers as numbers,
+`accepted` as true or false, what is empty as null. Instead of the columns of `--top K` it has a list `candidates`, best
+first, the match among them: `place`, `place_name`, `score`, `probability` (null where it is not known).
 """
 
 
@@ -120,7 +142,7 @@ def reference() -> str:
     return text + TAIL.format(
         decoders=", ".join(f'"{name}": M' for name in decoders),
         baselines=", ".join(f'"{name}": M' for name in (*BASELINES, "descriptors")),
-        columns=",".join(COLUMNS),
+        columns=",".join(column.name for column in ALWAYS),
     )
 
 

@@ -21,7 +21,7 @@ MEASURED = {
     "bench/test_workload.py": {"benchmarks.neurobench"},
     "core/test_fast.py": {"benchmarks.fast"},
     "core/test_real_images.py": {"benchmarks.recall"},
-    "core/test_verification.py": {"benchmarks.backends"},
+    "backends/test_verification.py": {"benchmarks.backends"},
     "engine/test_conductance.py": {"benchmarks.peers"},
 }
 """Tests that hold what a benchmark prints to its promise, and which; all others of them are in tests/benchmarks."""

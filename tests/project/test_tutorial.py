@@ -207,6 +207,7 @@ assert np.array_equal(counts, count_spikes(spec, rates, keys)[0])
 """
 
 
+@pytest.mark.lava
 def test_the_first_example_of_the_page_gives_the_hosts_counts(tmp_path: Path) -> None:
     example = re.findall(r"```python\n(.*?)```", LAVA_PAGE.read_text(), re.DOTALL)[0]
     (tmp_path / "example.py").write_text(BEFORE + example + AFTER)
