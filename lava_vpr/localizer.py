@@ -17,6 +17,7 @@ from lava_vpr import maps
 from lava_vpr import model as model_file
 from lava_vpr.backends.asking import Asker, Asking, summed
 from lava_vpr.backends.host import HostBackend
+from lava_vpr.backends.opening import calibration_of, open_model
 from lava_vpr.config import Config
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_arrays, encode_views
 from lava_vpr.engine.adaptation import Motion
@@ -26,7 +27,6 @@ from lava_vpr.matching.answers import Together, accepted, answers_of, least_prob
 from lava_vpr.matching.forward_filter import NONE, RADIUS, Belief, ForwardFilter
 from lava_vpr.model import Model, prepare
 from lava_vpr.positions.frames import XY, Positions
-from lava_vpr.recognition import calibration_of
 from lava_vpr.training.calibration import calibrated
 from lava_vpr.training.loop import train as train_encoded
 from lava_vpr.traverse import open_traverse
@@ -77,11 +77,7 @@ def load(path: str | Path) -> Model:
     Raises:
         ModelFileError: it cannot be used.
     """
-    if not Path(path).is_dir():
-        return model_file.load(path)
-    from lava_vpr.deploy.bundle.opening import open_bundle  # only those who have a bundle wait for it
-
-    return open_bundle(Path(path))
+    return open_model(path)
 
 
 def _encoded(images: Images, config: Config) -> tuple[EncodedTraverse, ...]:

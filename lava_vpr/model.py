@@ -20,9 +20,10 @@ from lava_vpr.errors import LavaVprError, ModelFileError
 from lava_vpr.gate import IntegerConfig, as_integer_config, not_integer
 from lava_vpr.matching import decoders
 from lava_vpr.matching.equations import assign
-from lava_vpr.modelfile import LEARNED, UnfitError, checked
+from lava_vpr.modelfile import LEARNED, checked
 from lava_vpr.positions.frames import Positions
 from lava_vpr.storage import container
+from lava_vpr.storage.arrays import UnfitError
 from lava_vpr.storage.text import shown
 
 

@@ -45,6 +45,7 @@ from lava_vpr.loihi import WEIGHT_LIMIT
 from lava_vpr.matching.probability import KINDS
 from lava_vpr.positions.frames import LAT_LON, MOST_METRES, XY, fits, is_frame
 from lava_vpr.ranges import real, whole
+from lava_vpr.storage.arrays import Rule, UnfitError, check_arrays
 from lava_vpr.storage.limits import excess
 
 FIGURES = ("spikes_per_image", "neurons_used", "places_covered")
@@ -78,10 +79,6 @@ class Contents(NamedTuple):
     arrays: dict[str, NDArray[Any]]
 
 
-class UnfitError(ValueError):
-    """A value of a file that is not what its format says; the message names it."""
-
-
 class Sizes(NamedTuple):
     """The numbers that shapes are made of."""
 
@@ -89,15 +86,6 @@ class Sizes(NamedTuple):
     images: int
     inputs: int
     neurons: int
-
-
-class Rule(NamedTuple):
-    """What an array must be: its type, its shape, and the range of its values."""
-
-    dtype: str
-    shape: tuple[int, ...]
-    least: float = 0
-    most: float = math.inf
 
 
 def checked(
@@ -373,37 +361,6 @@ def _calibration_rule(samples: NDArray[Any], config: Config) -> Rule:
             "a calibration with a negative margin, or of a sample that is neither right, wrong nor off the map"
         )
     return Rule("float32", samples.shape, least=-1.0, most=_MOST_FLOAT)
-
-
-def check_arrays(arrays: Mapping[str, NDArray[Any]], rules: Mapping[str, Rule]) -> None:
-    """Refuse ``arrays`` that are not what ``rules`` say, or not all of them, or more.
-
-    Raises:
-        UnfitError: naming the first, and what is wrong with it.
-    """
-    for name in arrays:
-        if name not in rules:
-            raise UnfitError(f"an array {brief(name)}, which does not belong there")
-    for name, rule in rules.items():
-        if name not in arrays:
-            raise UnfitError(brief(name))
-        _check_array(arrays[name], name, rule)
-
-
-def _check_array(array: NDArray[Any], name: str, rule: Rule) -> None:
-    """Refuse an ``array`` that is not what ``rule`` says."""
-    if array.dtype != rule.dtype:
-        raise UnfitError(f"{name} of type {array.dtype} instead of {rule.dtype}")
-    if array.shape != rule.shape:
-        raise UnfitError(f"{name} of shape {array.shape} instead of {rule.shape}")
-    if array.size == 0 or (array.dtype == np.uint8 and rule.most >= 255):
-        return
-    with np.errstate(invalid="ignore"):  # NaN is least and most of what it is among, and fits no range
-        least, most = array.min(), array.max()
-    if not np.isfinite((least, most)).all():
-        raise UnfitError(f"{name} with values that are not finite")
-    if not (least >= rule.least and most <= rule.most):
-        raise UnfitError(f"{name} with values from {least:g} to {most:g}, which must be in {rule.least}..{rule.most:g}")
 
 
 def _check_places(arrays: Mapping[str, NDArray[Any]], sizes: Sizes, route_images: int) -> None:

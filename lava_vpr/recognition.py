@@ -26,25 +26,9 @@ from lava_vpr.matching.evaluation import Metrics, evaluate
 from lava_vpr.matching.forward_filter import NONE, Belief, ForwardFilter, filtered, smooth
 from lava_vpr.matching.probability import Calibration
 from lava_vpr.matching.trust import Trust, trust
-from lava_vpr.model import Model, as_integer, decode, integer_model, prepare
+from lava_vpr.model import Model, decode, integer_model, prepare
 from lava_vpr.traverse import Traverse
 from lava_vpr.truth.alignment import PositionErrors
-
-
-def calibration_of(model: Model, threads: int = 1) -> Calibration | None:
-    """The calibration of ``model``: what it holds, or measured now; None for the float conductance model.
-
-    Args:
-        model: A model, of any origin.
-        threads: Threads; they do not change the result.
-    """
-    integer = as_integer(model)
-    if model.calibration is not None or integer is None:
-        return None if model.calibration is None else Calibration(model.calibration)
-    from lava_vpr.training.calibration import measured  # a model that holds it, as its file does, need not wait for it
-
-    return measured(integer, threads)
-
 
 BATCH = 256
 """Queries of a stream that are encoded together, and decoded together: enough for the threads of a large machine."""

@@ -28,6 +28,7 @@ from benchmarks.nordland import images_of, part
 from benchmarks.robot import drives
 from lava_vpr import Localizer
 from lava_vpr import train as learn
+from lava_vpr.backends.opening import calibration_of
 from lava_vpr.config import preset
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse
 from lava_vpr.engine.threads import cores
@@ -36,7 +37,7 @@ from lava_vpr.matching.forward_filter import MOTIONS, NONE, Belief, ForwardFilte
 from lava_vpr.matching.probability import Calibration
 from lava_vpr.matching.trust import Trust, trust
 from lava_vpr.model import Model, prepare
-from lava_vpr.recognition import calibration_of, count_query_spikes
+from lava_vpr.recognition import count_query_spikes
 from lava_vpr.training.loop import train
 from lava_vpr.traverse import open_traverse
 

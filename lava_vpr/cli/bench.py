@@ -11,8 +11,9 @@ import click
 
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import Asking
+from lava_vpr.backends.opening import open_model
 from lava_vpr.backends.rivals import chosen, kept_for
-from lava_vpr.cli.choose import open_model, open_queries, truth_in_order
+from lava_vpr.cli.choose import open_queries, truth_in_order
 from lava_vpr.cli.common import (
     PATH,
     OneSource,

@@ -12,7 +12,6 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr import model as model_file
 from lava_vpr.cli.common import PATH, Number, stderr
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.whereabouts import WhereOptions, query_positions_options
@@ -22,19 +21,6 @@ from lava_vpr.truth.alignment import NEAR_M, Located, aligned_truth, by_number, 
 from lava_vpr.truth.groundtruth import read_ground_truth
 
 F = TypeVar("F", bound=Callable[..., Any])
-
-
-def open_model(path: Path) -> Model:
-    """The model in a file, or in the folder of a deployed bundle.
-
-    Raises:
-        ModelFileError: it cannot be used.
-    """
-    if not path.is_dir():
-        return model_file.load(path)
-    from lava_vpr.deploy.bundle.opening import open_bundle  # only those who have a bundle wait for it
-
-    return open_bundle(path)
 
 
 def open_queries(

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from lava_vpr import model as model_file
+from lava_vpr.backends.opening import calibration_of
 from lava_vpr.cli.choose import open_queries
 from lava_vpr.cli.common import PATH, console, encode, seed_type
 from lava_vpr.cli.evaluate import print_table, print_trust
@@ -15,7 +16,7 @@ from lava_vpr.cli.outputs import Outputs, write_json
 from lava_vpr.config import preset
 from lava_vpr.encoding import Keep
 from lava_vpr.engine.threads import cores
-from lava_vpr.recognition import Comparison, as_json, calibration_of, recognise
+from lava_vpr.recognition import Comparison, as_json, recognise
 from lava_vpr.report import write_report
 from lava_vpr.report.build import report_data
 from lava_vpr.storage.text import shown

@@ -11,7 +11,8 @@ import click
 import numpy as np
 from rich.table import Table
 
-from lava_vpr.cli.choose import open_model, open_queries
+from lava_vpr.backends.opening import open_model
+from lava_vpr.cli.choose import open_queries
 from lava_vpr.cli.common import (
     PATH,
     Number,

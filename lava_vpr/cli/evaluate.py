@@ -11,9 +11,10 @@ from rich.table import Table
 
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import Asking
+from lava_vpr.backends.opening import calibration_of, open_model
 from lava_vpr.backends.rivals import BASELINES, kept_for, missing
 from lava_vpr.backends.rivals import chosen as rivals_of
-from lava_vpr.cli.choose import TruthOptions, open_model, truth_options
+from lava_vpr.cli.choose import TruthOptions, truth_options
 from lava_vpr.cli.common import (
     PATH,
     OneSource,
@@ -33,7 +34,7 @@ from lava_vpr.encoding import EncodedTraverse, Keep
 from lava_vpr.engine.threads import cores
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.model import Model
-from lava_vpr.recognition import Comparison, Recognition, as_json, calibration_of, recognise
+from lava_vpr.recognition import Comparison, Recognition, as_json, recognise
 from lava_vpr.storage.text import shown
 from lava_vpr.truth.alignment import PositionErrors
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 from rich.table import Table
 
-from lava_vpr.cli.choose import open_model
+from lava_vpr.backends.opening import open_model
 from lava_vpr.cli.common import (
     PATH,
     Number,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import Asking
 from lava_vpr.backends.interface import Advance
-from lava_vpr.cli.choose import open_model
+from lava_vpr.backends.opening import calibration_of, open_model
 from lava_vpr.cli.common import (
     PATH,
     OneSource,
@@ -38,7 +38,7 @@ from lava_vpr.errors import InputError
 from lava_vpr.matching.answers import Answers, Together, accepted, least_probability
 from lava_vpr.matching.forward_filter import NONE
 from lava_vpr.matching.sequences import Pace
-from lava_vpr.recognition import answer_stream, calibration_of
+from lava_vpr.recognition import answer_stream
 from lava_vpr.storage.text import shown
 from lava_vpr.traverse import open_traverse
 

@@ -11,9 +11,10 @@ from rich.table import Table
 
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import Asking
+from lava_vpr.backends.opening import open_model
 from lava_vpr.backends.verification import Verdict
 from lava_vpr.backends.verification import verify as verify_spikes
-from lava_vpr.cli.choose import open_model, open_queries
+from lava_vpr.cli.choose import open_queries
 from lava_vpr.cli.common import (
     PATH,
     OneSource,

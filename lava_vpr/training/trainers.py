@@ -15,7 +15,7 @@ from lava_vpr.errors import ConfigError
 from lava_vpr.gate import as_integer_config, integer_config
 from lava_vpr.loihi import THRESHOLD_LIMIT, WEIGHT_LIMIT
 from lava_vpr.model import Stretch
-from lava_vpr.modelfile import Rule, UnfitError, check_arrays
+from lava_vpr.storage.arrays import Rule, UnfitError, check_arrays
 
 
 class StretchTrainer(Protocol):

@@ -20,6 +20,7 @@ from support.common.commands import images, listed, matches, run
 from lava_vpr import model as model_file
 from lava_vpr import recognition
 from lava_vpr.backends.host import HostBackend
+from lava_vpr.backends.opening import calibration_of
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.cli import main
 from lava_vpr.cli.outputs import text_writer
@@ -29,7 +30,7 @@ from lava_vpr.matching.answers import answers_of
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.matching.sequences import causal_sequence_scores
 from lava_vpr.model import Model, decode
-from lava_vpr.recognition import answer_stream, calibration_of, count_query_spikes
+from lava_vpr.recognition import answer_stream, count_query_spikes
 from lava_vpr.traverse import open_traverse
 
 QUERIES = 21

@@ -10,10 +10,10 @@ import pytest
 from support.common.small_models import small_model
 
 from lava_vpr import model as model_file
+from lava_vpr.backends.opening import calibration_of
 from lava_vpr.errors import ModelFileError
 from lava_vpr.matching.probability import KINDS, OFF_MAP, RIGHT
 from lava_vpr.model import IntegerModel, Model, integer_model
-from lava_vpr.recognition import calibration_of
 from lava_vpr.training.calibration import altered, calibrated, measured
 
 

@@ -16,7 +16,7 @@ from support.fuzz.files.lists import IMAGE_LISTS
 from support.fuzz.soundness import bundles, checkpoints, lists, models, settings
 from support.fuzz.soundness.rules import Findings
 
-from lava_vpr.cli.choose import open_model
+from lava_vpr.backends.opening import open_model
 from lava_vpr.config import PRESETS
 from lava_vpr.configfile import read_toml, to_dict
 from lava_vpr.deploy.bundle import folder as bundle_folder

@@ -1,0 +1,56 @@
+"""What an array of a file must be: its type, its shape, and the range of its values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.errors import brief
+
+
+class UnfitError(ValueError):
+    """A value of a file that is not what its format says; the message names it."""
+
+
+class Rule(NamedTuple):
+    """What an array must be: its type, its shape, and the range of its values."""
+
+    dtype: str
+    shape: tuple[int, ...]
+    least: float = 0
+    most: float = math.inf
+
+
+def check_arrays(arrays: Mapping[str, NDArray[Any]], rules: Mapping[str, Rule]) -> None:
+    """Refuse ``arrays`` that are not what ``rules`` say, or not all of them, or more.
+
+    Raises:
+        UnfitError: naming the first, and what is wrong with it.
+    """
+    for name in arrays:
+        if name not in rules:
+            raise UnfitError(f"an array {brief(name)}, which does not belong there")
+    for name, rule in rules.items():
+        if name not in arrays:
+            raise UnfitError(brief(name))
+        _check_array(arrays[name], name, rule)
+
+
+def _check_array(array: NDArray[Any], name: str, rule: Rule) -> None:
+    """Refuse an ``array`` that is not what ``rule`` says."""
+    if array.dtype != rule.dtype:
+        raise UnfitError(f"{name} of type {array.dtype} instead of {rule.dtype}")
+    if array.shape != rule.shape:
+        raise UnfitError(f"{name} of shape {array.shape} instead of {rule.shape}")
+    if array.size == 0 or (array.dtype == np.uint8 and rule.most >= 255):
+        return
+    with np.errstate(invalid="ignore"):  # NaN is least and most of what it is among, and fits no range
+        least, most = array.min(), array.max()
+    if not np.isfinite((least, most)).all():
+        raise UnfitError(f"{name} with values that are not finite")
+    if not (least >= rule.least and most <= rule.most):
+        raise UnfitError(f"{name} with values from {least:g} to {most:g}, which must be in {rule.least}..{rule.most:g}")
