@@ -1,11 +1,11 @@
-"""A robot's day on Nordland, summer learned and winter driven.
+"""A robot's day: Nordland, summer learned and winter driven; Gardens Point, one side of the path and the other.
 
     python -m benchmarks.robot.day [--seeds 0,1,2] [--chosen] [--updates 100000]
 
-All answers are causal. Drives are made of the winter images by repeating, leaving out or reversing them; an image that
-shows what the last one showed is no news to the filter. Off the map are winter images of places that the map does not
-have. ``--chosen`` prints the maps of Nordland 0:200, on which the filter's and the calibration's numbers were chosen;
-without it, the maps on which nothing was.
+All answers are causal. Drives are made of the query images by repeating, leaving out or reversing them; an image that
+shows what the last one showed is no news to the filter. Off the map are query images of places that the map does not
+have. ``--chosen`` prints the maps of Nordland 0:200 and Gardens Point 0:50, on which the filter's and the
+calibration's numbers were chosen; without it, the maps on which nothing was.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.nordland import images_of, part
+from benchmarks.results.places import FOLDERS
 from benchmarks.robot import drives
 from lava_vpr import Localizer
 from lava_vpr import train as learn
@@ -63,12 +64,14 @@ CHOSEN = {
     "places 0:100": Map(("nordland", 0, 100), ("nordland", 100, 200)),
     "places 100:200": Map(("nordland", 100, 200), ("nordland", 0, 100)),
     "places 0:200": Map(("nordland", 0, 200), ("nordland", 200, 400)),
+    "Gardens Point 0:50": Map(("gardens", 0, 50), ("gardens", 50, 100)),
 }
 
 
-def images(dataset: str, season: str, first: int, end: int) -> EncodedTraverse:
-    """Images of a season, encoded."""
-    return part(encode_traverse(open_traverse(images_of(dataset, season)), ENCODER, Keep.ALL), slice(first, end))
+def images(dataset: str, which: int, first: int, end: int) -> EncodedTraverse:
+    """References (0) or queries (1) of a dataset, encoded."""
+    traverse = open_traverse(images_of(dataset, FOLDERS[dataset][which]))
+    return part(encode_traverse(traverse, ENCODER, Keep.ALL), slice(first, end))
 
 
 @dataclass(frozen=True)
@@ -86,10 +89,10 @@ def answered(where: Map, seed: int) -> Answered:
     config = preset("loihi")
     dataset, first, end = where.learned
     settings = dataclasses.replace(config, seed=seed)
-    model = train([images(dataset, "summer", first, end)], settings, jobs=cores())
+    model = train([images(dataset, 0, first, end)], settings, jobs=cores())
     scores_of = prepare(model)
     on, off = (
-        scores_of(count_query_spikes(model, images(name, "winter", a, b), threads=cores())[0])
+        scores_of(count_query_spikes(model, images(name, 1, a, b), threads=cores())[0])
         for name, a, b in (where.learned, where.off)
     )
     calibration = calibration_of(model, cores())
@@ -176,10 +179,16 @@ def print_trust(name: str, all_seeds: Sequence[Answered]) -> None:
         row = [way, f"{100 * np.mean([one.error for one in known]):.1f}"]
         for number in range(4):
             rows = [one.thresholds[number] for one in known]
-            figures = np.nanmean([(r.precision, r.kept, r.false_accepts) for r in rows], axis=0)
-            row.append(" / ".join(f"{100 * figure:.1f}" for figure in figures))
+            figures = [(r.precision, r.kept, r.false_accepts) for r in rows]
+            row.append(" / ".join(mean_percent(of) for of in zip(*figures, strict=True)))
         table.add_row(*row)
     console.print(table)
+
+
+def mean_percent(figures: Sequence[float]) -> str:
+    """The mean in percent of those that are known; a dash if none is, as the precision of no accepted answer."""
+    known = [figure for figure in figures if not np.isnan(figure)]
+    return f"{100 * np.mean(known):.1f}" if known else "-"
 
 
 def print_latency(name: str, model: Model, dataset: str) -> None:

@@ -31,10 +31,11 @@ def every_drive(places: int) -> dict[str, Frames]:
 
 
 def kidnappings(places: int, number: int, seed: int) -> list[Frames]:
-    """Drives that go on elsewhere, at least a twentieth of the map away."""
+    """Drives that go on elsewhere, at least a twentieth of the map away, or half of what a short map allows."""
     rng, made = np.random.default_rng(seed), []
+    least = min(places // 20 + BEFORE, (places - BEFORE - AFTER) // 2)
     while len(made) < number:
         here, there = rng.integers(0, places - BEFORE - AFTER, 2).tolist()
-        if abs(here - there) >= places // 20 + BEFORE:
+        if abs(here - there) >= least:
             made.append(np.concatenate([np.arange(here, here + BEFORE), np.arange(there, there + AFTER)]))
     return made

@@ -7,9 +7,10 @@ one thread. What a program does once, when it starts, is not in it. Throughput i
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -219,15 +220,8 @@ def measure_encoding(traverse: Traverse, config: Config, limit: int = 200) -> Me
     def encode(image: NDArray[np.uint8]) -> None:
         query_rates(activity_of(image, config.encoder)[None], config)
 
-    taken = each_image(traverse, encode, limit)
-    return Measured(
-        "encoding",
-        "an image file read, its channels computed, to input rates; one thread",
-        queries=len(taken),
-        queries_per_second=1e3 * len(taken) / sum(taken) if taken else None,
-        milliseconds=tuple(sorted(taken)),
-        no_energy="not measured for this stage",
-    )
+    does = "an image file read, its channels computed, to input rates; one thread"
+    return _stage("encoding", does, each_image(traverse, encode, limit))
 
 
 def measure_localizer(traverse: Traverse, model: Model, seed: int | None = None, limit: int = 200) -> Measured:
@@ -237,12 +231,17 @@ def measure_localizer(traverse: Traverse, model: Model, seed: int | None = None,
         InputError: an image cannot be read.
     """
     robot = Localizer(model, seed=seed)
-    taken = each_image(traverse, lambda image: robot.update(image) and None, limit)
+    does = "an image file read, and Localizer.update of it: all that a robot waits for; one thread"
+    return _stage("localizer", does, each_image(traverse, lambda image: robot.update(image) and None, limit))
+
+
+def _stage(name: str, does: str, taken: Sequence[float]) -> Measured:
+    """The figures of a stage that took so many milliseconds for each image."""
     return Measured(
-        "localizer",
-        "an image file read, and Localizer.update of it: all that a robot waits for; one thread",
+        name,
+        does,
         queries=len(taken),
-        queries_per_second=1e3 * len(taken) / sum(taken) if taken else None,
+        queries_per_second=1e3 * len(taken) / math.fsum(taken) if taken else None,
         milliseconds=tuple(sorted(taken)),
         no_energy="not measured for this stage",
     )
