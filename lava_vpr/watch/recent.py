@@ -104,8 +104,8 @@ class Recent:
             "at": at,
             "where": ", ".join(f"{name} {values[name]}" for name in ("x", "y", "lat", "lon") if name in values),
             "candidates": [found | {"at": self._number(found["place"])} for found in values["candidates"]],
-            "query": data_uri(shrunk(last.seen.image, _QUERY_SIDE)),
-            "match": data_uri(self._thumbnails[at]) if at >= 0 else _NOTHING,
+            "query_image": data_uri(shrunk(last.seen.image, _QUERY_SIDE)),
+            "match_image": data_uri(self._thumbnails[at]) if at >= 0 else _NOTHING,
             "raster": data_uri(raster(spikes), lossless=True),
             "history": history,
         }

@@ -33,8 +33,8 @@ class Watched:
         match = self.match
         there = match.place >= 0
         said: dict[str, Any] = {
-            "index": self.index,
-            "name": self.seen.name,
+            "query": self.index,
+            "query_name": self.seen.name,
             "time": None if self.seen.stamp is None else _rounded(self.seen.stamp, 6),
             "place": match.place,
             "place_name": match.name if there else None,

@@ -43,7 +43,7 @@ def test_the_answers_are_those_of_query(words: tuple[str, ...], here: Path) -> N
     assert result.stderr == f"note: 8 images, {sum(one['accepted'] for one in said)} recognised, 0 left out\n"
     rows = matches("query", *(words or ("--motion", "any")))
     for one, row in zip(said, rows, strict=True):
-        assert (str(one["index"]), one["name"]) == (row["query"], row["query_name"])
+        assert (str(one["query"]), one["query_name"]) == (row["query"], row["query_name"])
         assert (str(one["place"]), one["place_name"]) == (row["place"], row["place_name"])
         assert float(row["confidence"]) == one["confidence"]
         assert row["accepted"] == str(one["accepted"]).lower()
@@ -54,7 +54,18 @@ def test_the_answers_are_those_of_query(words: tuple[str, ...], here: Path) -> N
 def test_the_keys_of_a_line(here: Path) -> None:
     (one, *_), _ = watched("-", input=paths())
     assert list(one) == [
-        *("index", "name", "time", "place", "place_name", "confidence", "accepted", "probability", "radius", "off_map"),
+        *(
+            "query",
+            "query_name",
+            "time",
+            "place",
+            "place_name",
+            "confidence",
+            "accepted",
+            "probability",
+            "radius",
+            "off_map",
+        ),
         "candidates",
     ]
     assert list(one["candidates"][0]) == ["place", "place_name", "score", "probability"]
@@ -78,7 +89,7 @@ def test_images_that_cannot_be_read_are_left_out(here: Path) -> None:
     Path("cut.png").write_bytes(images("query")[0].read_bytes()[:-40])
     said, result = watched("-", input=f"cut.png\n{images('query')[0]}\nnone.png\n{images('query')[1]}\n")
     assert result.exit_code == 0
-    assert [one["index"] for one in said] == [1, 3]
+    assert [one["query"] for one in said] == [1, 3]
     lines = result.stderr.splitlines()
     assert lines[0].startswith("warning: image 0 is left out (1 so far): cut.png: is damaged or cut short")
     assert lines[1].startswith("warning: image 2 is left out (2 so far): none.png: cannot be read")
@@ -89,7 +100,7 @@ def test_images_that_cannot_be_read_are_left_out(here: Path) -> None:
 def test_a_video(here: Path) -> None:
     path = video(Path("v.avi"), 20, marked=True)
     said, _ = watched(path, "--every", 0.5)
-    assert [(one["name"], one["time"]) for one in said] == [
+    assert [(one["query_name"], one["time"]) for one in said] == [
         ("frame 000000", 0),
         ("frame 000005", 0.5),
         ("frame 000010", 1.0),
@@ -107,12 +118,12 @@ def test_a_video_of_the_route(here: Path) -> None:
     assert [one["time"] for one in said] == list(range(8))
     rows = matches("drive.avi", "--motion", "any")
     assert [str(one["place"]) for one in said] == [row["place"] for row in rows]
-    assert sum(one["place"] == one["index"] for one in said) >= 6
+    assert sum(one["place"] == one["query"] for one in said) >= 6
 
 
 def test_it_stops_after_so_many(here: Path) -> None:
     said, result = watched("query", "--stop-after", 3)
-    assert [one["name"] for one in said] == [path.name for path in images("query")[:3]]
+    assert [one["query_name"] for one in said] == [path.name for path in images("query")[:3]]
     assert abs(said[0]["time"] - images("query")[0].stat().st_mtime) < 1e-5
     assert result.stderr.startswith("note: 3 images, ")
 
@@ -152,7 +163,7 @@ def test_a_folder_that_is_written_until_somebody_stops_it(number: int, code: int
         for path in images("query")[:3]:
             (folder / "part").write_bytes(path.read_bytes())
             os.replace(folder / "part", folder / path.name)
-            assert json.loads(child.stdout.readline())["name"] == path.name
+            assert json.loads(child.stdout.readline())["query_name"] == path.name
         child.send_signal(number)
         _, said = child.communicate(timeout=30)
     assert child.returncode == code
@@ -190,7 +201,7 @@ def test_a_page_shows_what_is_watched_until_somebody_stops_it(here: Path) -> Non
         with urlopen(f"{address[1]}state", timeout=10) as answer:
             state = json.load(answer)
         assert (state["answered"], state["refused"], state["status"]) == (8, 1, "the source has ended")
-        assert state["name"] == json.loads(lines[-1])["name"]
+        assert state["query_name"] == json.loads(lines[-1])["query_name"]
         child.send_signal(signal.SIGINT)
         assert child.wait(30) == 1
 
@@ -221,7 +232,7 @@ def test_a_bag_is_watched_and_queried_as_its_images_are(here: Path) -> None:
     assert result.exit_code == 0, result.output
     plain, _ = watched("-", input=paths())
     for one, other in zip(said, plain, strict=True):
-        assert one == other | {"name": f"frame {one['index']:06d}", "time": START + one["index"]}
+        assert one == other | {"query_name": f"frame {one['query']:06d}", "time": START + one["query"]}
     rows = matches(path)
     assert [row["time"] for row in rows] == [str(START + k) for k in range(8)]
     for row, other in zip(rows, matches("query"), strict=True):

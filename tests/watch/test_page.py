@@ -88,8 +88,8 @@ def test_the_state_tells_the_last_answer(model: Model, answers: list[Watched]) -
         assert [state["answered"], state["refused"], state["status"]] == [8, 1, "watching"]
         assert state["recognised"] == sum(answer.match.accepted for answer in answers)
         assert [entry["at"] for entry in state["history"]] == [answer.match.place for answer in answers]
-        np.testing.assert_array_equal(picture(state["match"]), model.thumbnails[answers[-1].match.place])
-        assert picture(state["query"]).shape == np.asarray(answers[-1].seen.image).shape
+        np.testing.assert_array_equal(picture(state["match_image"]), model.thumbnails[answers[-1].match.place])
+        assert picture(state["query_image"]).shape == np.asarray(answers[-1].seen.image).shape
         recent.end()
         assert state_of(port)["status"] == "the source has ended"
 
@@ -99,7 +99,7 @@ def test_what_was_seen_is_not_sent_again(model: Model, answers: list[Watched]) -
         first = state_of(port)
         assert state_of(port, first["version"]) == {"version": first["version"]}
         recent.add(answers[2])
-        assert state_of(port, first["version"])["index"] == 2
+        assert state_of(port, first["version"])["query"] == 2
         for word in ("", "x", "-3", "9" * 40, "%00"):
             assert state_of(port, word)["answered"] == 3
 
@@ -258,5 +258,5 @@ def test_an_image_of_any_size_is_shown_small(model: Model) -> None:
     (answer,) = watch(Localizer(model), [Seen("big", None, image)], lambda index, why: pytest.fail(str(why)))
     recent = Recent(model)
     recent.add(answer)
-    assert max(picture(json.loads(recent.state(-1))["query"]).shape) == 480
+    assert max(picture(json.loads(recent.state(-1))["query_image"]).shape) == 480
     assert not isinstance(answer.seen.image, InputError)

@@ -47,11 +47,11 @@
     const match = state.at < 0 ? "no place" : "place " + state.place + " · " + state.place_name;
     one("#say").textContent = state.at < 0 ? "no match" : (state.accepted ? "" : "perhaps ") + "place " + state.place +
       (state.probability === null ? "" : ", " + percent(state.probability)) + (state.accepted ? "" : ": not accepted");
-    one("#query").src = state.query;
-    one("#match").src = state.match;
-    one("#query-name").textContent = "image " + state.index + " · " + state.name;
+    one("#query").src = state.query_image;
+    one("#match").src = state.match_image;
+    one("#query-name").textContent = "image " + state.query + " · " + state.query_name;
     one("#match-name").textContent = match + (state.where ? " · " + state.where : "");
-    one("#query").alt = "Query " + state.name;
+    one("#query").alt = "Query " + state.query_name;
     one("#match").alt = "Reference of " + match;
     one("#raster").src = state.raster;
     listCandidates(state);
