@@ -17,7 +17,7 @@ from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.loihi import SIGNED_WEIGHT_LIMIT
 from lava_vpr.model import IntegerModel, Model, integer_model
 from lava_vpr.storage.text import shown
-from lava_vpr.training.references import coverage, measured_responses, shown_references
+from lava_vpr.training.references import remeasured, shown_references
 
 PURPOSE = "a board"
 
@@ -121,7 +121,7 @@ def requantised(model: Model, changes: Changes = UNCHANGED, *, threads: int = 1)
         NetworkLimitError: the network could overflow.
     """
     source = with_settings(model, changes)
-    return measured(replace(source, network=_quantised(source, distinctive(source))), threads)
+    return remeasured(replace(source, network=_quantised(source, distinctive(source))), threads)
 
 
 def with_settings(model: Model, changes: Changes) -> Model:
@@ -150,18 +150,6 @@ def _quantised(model: Model, weights: NDArray[np.float64]) -> FixedNetwork:
     """The integer network of ``weights`` of norm 1 under the settings of ``model``."""
     network = integer_model(model, PURPOSE).config.network
     return quantise.quantise(weights, network, shown_references(model.stretches, model.activity, model.config))
-
-
-def measured(model: Model, threads: int) -> Model:
-    """``model`` with its network's responses to the references, as training measures them."""
-    responses = measured_responses(model, integer_model(model, PURPOSE).network, threads)
-    used, covered = coverage(responses)
-    figures = {
-        "spikes_per_image": float(responses.sum() / len(model.labels)),
-        "neurons_used": used,
-        "places_covered": covered,
-    }
-    return replace(model, responses=responses, training={**model.training, **figures}, calibration=None)
 
 
 def fitting(model: Model, board: Board, bits: int, weights: NDArray[np.float64]) -> FixedNetwork:
@@ -213,7 +201,7 @@ def for_board(model: Model, board: Board, changes: Changes = UNCHANGED, *, threa
         threads: For the references' responses; does not change the result.
     """
     compressed = adapted(model, board, changes)
-    return compressed if compressed.unchanged else replace(compressed, model=measured(compressed.model, threads))
+    return compressed if compressed.unchanged else replace(compressed, model=remeasured(compressed.model, threads))
 
 
 def adapted(model: Model, board: Board, changes: Changes = UNCHANGED) -> Compressed:

@@ -15,15 +15,21 @@ COMMANDS = {
     "demo": ("lava_vpr.cli.demo", "demo", "Learn and recognise a synthetic route, and write a report."),
     "synth": ("lava_vpr.cli.demo", "synth", "Draw a synthetic route in summer and winter."),
     "train": ("lava_vpr.cli.train", "train", "Learn the places of a route."),
-    "extend": ("lava_vpr.cli.maps", "extend", "Learn further places into a model."),
-    "remove": ("lava_vpr.cli.maps", "remove", "Take places out of a model."),
-    "merge": ("lava_vpr.cli.maps", "merge", "Join models into one."),
+    "extend": ("lava_vpr.cli.models.maps", "extend", "Learn further places into a model."),
+    "remove": ("lava_vpr.cli.models.maps", "remove", "Take places out of a model."),
+    "merge": ("lava_vpr.cli.models.maps", "merge", "Join models into one."),
     "eval": ("lava_vpr.cli.evaluate", "evaluate", "Recognise images of known places: recall, precision, baselines."),
     "query": ("lava_vpr.cli.query", "query", "Say which place each image shows."),
     "watch": ("lava_vpr.cli.watch", "watch", "Say where a robot is, image by image as they come."),
     "verify": ("lava_vpr.cli.verify", "verify", "Compare every spike on every backend."),
     "fit": ("lava_vpr.cli.fit", "fit", "Say what fits on a board, and what each core holds."),
     "deploy": ("lava_vpr.cli.deploy", "deploy", "Write all that a board needs to run a model."),
+    "export": (
+        "lava_vpr.cli.models.exchange",
+        "export",
+        "Write a model's network in a format that other programs read.",
+    ),
+    "import": ("lava_vpr.cli.models.exchange", "import_model", "Make a model of a network in another format."),
     "bench": ("lava_vpr.cli.bench", "bench", "Say what a query costs: recall, time, memory, energy."),
     "doctor": ("lava_vpr.cli.doctor", "doctor", "Say what is installed and what can run."),
 }
@@ -51,4 +57,5 @@ def main() -> None:
     lava-vpr fit route.lvpr --target kapoho-bay        what would each core hold?
     lava-vpr deploy route.lvpr --target loihi2 -o out  write all that a board needs
     lava-vpr bench route.lvpr WINTER/ --report report  what does a query cost?
+    lava-vpr export route.lvpr -o net.nir              the network for other simulators and chips
     """

@@ -25,6 +25,8 @@ NEEDED = {
     "matplotlib": "plots of the report",
     "gpxpy": "positions from GPX files",
     "utm": "positions in UTM zones beside degrees",
+    "h5py": "HDF5 files",
+    "nir": "networks as NIR graphs",
 }
 OPTIONAL = {
     "lava-nc": ("Python 3.10", "Intel's Lava, archived: the backends lava-*, the Processes and the tutorial"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.quantise import Shown
 from lava_vpr.engine.random import image_keys, presentation_keys
-from lava_vpr.model import Model, Stretch
+from lava_vpr.model import Model, Stretch, integer_model
 
 
 def expected_rates(model: Model) -> NDArray[np.float64]:
@@ -96,3 +97,19 @@ def coverage(responses: NDArray[Any]) -> tuple[int, int]:
     """Neurons with any spike, and places to which some neuron responds most, of counts (neurons, places)."""
     used = responses.any(axis=1)
     return int(used.sum()), len(np.unique(responses[used].argmax(axis=1)))
+
+
+def remeasured(model: Model, threads: int) -> Model:
+    """``model`` with its network's responses to the references, as training measures them, and no calibration.
+
+    Raises:
+        ConfigError: the model is the float conductance model.
+    """
+    responses = measured_responses(model, integer_model(model, "responses").network, threads)
+    used, covered = coverage(responses)
+    figures = {
+        "spikes_per_image": float(responses.sum() / len(model.labels)),
+        "neurons_used": used,
+        "places_covered": covered,
+    }
+    return replace(model, responses=responses, training={**model.training, **figures}, calibration=None)

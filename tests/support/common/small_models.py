@@ -1,6 +1,6 @@
 """Small made-up traverses, settings and models.
 
-Used by backends, bench, benchmarks, core, deploy, engine, maps, matching, processes and training.
+Used by backends, bench, benchmarks, cli, core, deploy, engine, exchange, maps, matching, processes and training.
 """
 
 from __future__ import annotations

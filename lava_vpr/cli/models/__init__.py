@@ -1,0 +1,1 @@
+"""Commands that make models out of models: maps that change, networks in other formats."""

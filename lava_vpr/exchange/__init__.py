@@ -1,0 +1,1 @@
+"""Networks in formats that other programs read: written from a model, and read back as one."""

@@ -1,0 +1,132 @@
+"""HDF5 files that anybody may have written, read into plain dictionaries without following what they name.
+
+A file is read whole, within the limit on model files, and opened from memory. Its objects are walked by hard links
+alone: a soft or external link, a dataset that lies in other files (external or virtual), an unknown filter and any type
+but numbers and texts are refused, and what all datasets unpack to is added up before the first is read.
+"""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from lava_vpr.errors import InputError, brief
+from lava_vpr.storage.limits import excess
+from lava_vpr.storage.reading import read_bytes
+from lava_vpr.storage.text import shown
+
+_DEPTH, _OBJECTS = 8, 10_000
+_FILTERS = (h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32, h5py.h5z.FILTER_LZF)
+_UNSUSPICIOUS = 64 << 20
+"""Bytes that a file may unpack to however small it is."""
+_BROKEN = (OSError, RuntimeError, ValueError, KeyError, TypeError, OverflowError, AttributeError, UnicodeError)
+"""What h5py raises about a file that is damaged."""
+
+
+class Unfit(Exception):
+    """The file is no HDF5 that is read here; the message says why, as in "has a soft link"."""
+
+
+def read(path: Path, what: str) -> dict[str, Any]:
+    """Everything in the HDF5 file at ``path``: groups as dictionaries, datasets as arrays, numbers and texts.
+
+    Args:
+        path: The file.
+        what: What it should be, for messages: "NIR graph".
+    Raises:
+        InputError: missing, no HDF5, truncated, damaged, too large, or with parts that are not read (see above).
+    """
+    try:
+        data = read_bytes(path, "model_file_bytes")
+    except OSError as error:
+        raise InputError(f"{shown(path)}: the {what} cannot be read ({error.strerror}); check the path") from None
+    if not data.startswith(b"\x89HDF\r\n\x1a\n"):
+        raise InputError(f"{shown(path)}: is no HDF5 file, which a {what} is; give the right file")
+    try:
+        with h5py.File(io.BytesIO(data), "r") as file:
+            names = _found(file, len(data))
+            return _values(file, names)
+    except Unfit as error:
+        raise InputError(f"{shown(path)}: the {what} {error}; write it again without") from None
+    except MemoryError:
+        raise InputError(f"{shown(path)}: the {what} unpacks to more than this machine has memory for") from None
+    except _BROKEN as error:
+        cause = " ".join(str(error).split())[:160] or type(error).__name__
+        raise InputError(f"{shown(path)}: the {what} is truncated or damaged ({cause}); fetch an intact copy") from None
+
+
+def _found(file: h5py.File, packed: int) -> list[str]:
+    """The names of all datasets, each seen to be one that is read here.
+
+    Raises:
+        Unfit: one is not, there are too many, or they unpack to too much.
+    """
+    datasets: list[str] = []
+    waiting, seen, total = [("", file)], 0, 0
+    while waiting:
+        prefix, group = waiting.pop()
+        for name in group:
+            path = f"{prefix}/{name}"
+            seen += 1
+            if seen > _OBJECTS or path.count("/") > _DEPTH:
+                raise Unfit(f"has more than {_OBJECTS:,} parts, or parts nested more than {_DEPTH} deep")
+            if type(group.get(name, getlink=True)) is not h5py.HardLink:
+                raise Unfit(f"has {brief(path)}, a link to somewhere else")
+            part = group[name]
+            if isinstance(part, h5py.Group):
+                waiting.append((path, part))
+                continue
+            total += _size(part, path)
+            datasets.append(path)
+    beyond = excess("model_bytes", total)
+    if beyond is None and total > _UNSUSPICIOUS:
+        beyond = excess("unpacked_times", total // packed)
+    if beyond is not None:
+        raise Unfit(f"unpacks to {beyond}")
+    return datasets
+
+
+def _size(part: Any, path: str) -> int:
+    """The bytes that a dataset unpacks to.
+
+    Raises:
+        Unfit: it is none, lies elsewhere, has an unknown filter, or is of a type that is not read.
+    """
+    if not isinstance(part, h5py.Dataset):
+        raise Unfit(f"has {brief(path)}, which is no data")
+    if part.is_virtual or part.external:
+        raise Unfit(f"has {brief(path)}, whose data lie in other files")
+    properties = part.id.get_create_plist()
+    for number in range(properties.get_nfilters()):
+        if properties.get_filter(number)[0] not in _FILTERS:
+            raise Unfit(f"has {brief(path)}, which is packed by a filter other than gzip and lzf")
+    if part.shape is None or (part.dtype.kind not in "fiubS" and h5py.check_string_dtype(part.dtype) is None):
+        raise Unfit(f"has {brief(path)}, which holds neither numbers nor text")
+    return int(part.size) * int(part.dtype.itemsize)
+
+
+def _values(file: h5py.File, names: list[str]) -> dict[str, Any]:
+    """All datasets, read; groups without any are left out."""
+    values: dict[str, Any] = {}
+    for path in names:
+        *groups, name = path.strip("/").split("/")
+        into = values
+        for group in groups:
+            into = into.setdefault(group, {})
+        into[name] = _plain(file[path][()])
+    return values
+
+
+def _plain(value: Any) -> Any:
+    """A dataset's value: text as text, one number as that, more as an array."""
+    if isinstance(value, bytes):
+        return value.decode()
+    if isinstance(value, np.generic):
+        return value.item().decode() if isinstance(value, np.bytes_) else value.item()
+    if isinstance(value, np.ndarray) and value.dtype.kind in "SO":
+        return np.array([item.decode() for item in value.ravel()], dtype=object).reshape(value.shape)
+    return value
