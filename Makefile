@@ -9,7 +9,7 @@ LOCK = requirements/$$($(BIN)/python -c 'import sys; print("lock" if sys.version
 # Tests run side by side, one row of them a processor.
 TESTS := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
-.PHONY: help demo test test-slow test-all lint format bench results recall peers peers-test oracles neurobench sanafe tutorial wheel clean
+.PHONY: help demo test test-slow test-all lint format bench results recall peers peers-test oracles neurobench sanafe test-dl learning tutorial wheel clean
 .DEFAULT_GOAL := help
 
 help: ## What there is to make
@@ -95,6 +95,19 @@ neurobench: $(STAMP) .venv-neurobench/.installed ## Our metrics beside the packa
 
 sanafe: $(STAMP) .venv-sanafe/.installed ## The cost model's closed form against SANA-FE (an environment of its own)
 	@$(BIN)/python -m benchmarks.sanafe.compare
+
+.venv-dl/.installed: pyproject.toml requirements/lock.txt requirements/dl.txt requirements/dl-alone.txt
+	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-dl
+	@.venv-dl/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/lock.txt -r requirements/dl.txt
+	@.venv-dl/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements/dl-alone.txt
+	@.venv-dl/bin/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
+	@touch .venv-dl/.installed
+
+test-dl: .venv-dl/.installed ## The tests of learning by SLAYER and of NetX, with lava-dl (an environment of its own, 6 GB)
+	@.venv-dl/bin/python -m pytest tests/training tests/exchange -k 'slayer or netx' --timeout 1800
+
+learning: .venv-dl/.installed ## Five kinds of learning side by side (LAVA_VPR_DATA; the environment of test-dl)
+	@.venv-dl/bin/python -m benchmarks.learning.table
 
 .venv-notebook/.installed: pyproject.toml requirements/lock.txt requirements/notebook.txt
 	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-notebook

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from lava_vpr.errors import ConfigError, brief
+from lava_vpr.inputs.augment import AugmentConfig
 from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
 from lava_vpr.inputs.views import ViewsConfig
 from lava_vpr.matching.decoders import DECODERS
@@ -94,7 +95,8 @@ class StdpLearning:
 
     Attributes:
         rule: ``stdp``; or ``template``, which learns nothing: the rates of a place's references are its neuron's
-            weights, what learning is held against.
+            weights, what learning is held against; or ``slayer``, by gradients (`SlayerConfig`), which of the settings
+            here takes ``epochs`` alone.
         arithmetic: ``float``, or ``integer``: Loihi's own (`engine.learning.integer`). Either result is quantised.
         trains: How inputs spike while learning, as `LifNetwork.trains`. Regular trains show rates without noise, so
             what is learned is nearer to what is shown.
@@ -117,7 +119,7 @@ class StdpLearning:
         start_weight: Start weights are ``start_weight * (U[0, 1) + 0.01)``.
     """
 
-    rule: Literal["stdp", "template"] = "stdp"
+    rule: Literal["stdp", "template", "slayer"] = "stdp"
     arithmetic: Literal["float", "integer"] = "float"
     trains: SpikeTrains = "regular"
     theta_update: Literal["spike", "presentation"] = "spike"
@@ -144,7 +146,8 @@ class StdpLearning:
     start_weight: float = 0.3
 
     def __post_init__(self) -> None:
-        need(self.rule in ("stdp", "template"), "learning.rule", self.rule, "stdp or template with the lif network")
+        rules = ("stdp", "template", "slayer")
+        need(self.rule in rules, "learning.rule", self.rule, "stdp, template or slayer with the lif network")
         need(self.arithmetic in ("float", "integer"), "learning.arithmetic", self.arithmetic, "float or integer")
         need(self.trains in TRAINS, "learning.trains", self.trains, "one of " + ", ".join(TRAINS))
         updates = ("spike", "presentation")
@@ -177,8 +180,32 @@ class StdpLearning:
 
     @property
     def competing(self) -> int:
-        """Epochs of the first phase; templates have none."""
-        return 0 if self.rule == "template" else min(self.competition_epochs, max(1, self.epochs // 2))
+        """Epochs of the first phase; only STDP has one."""
+        return 0 if self.rule != "stdp" else min(self.competition_epochs, max(1, self.epochs // 2))
+
+
+@dataclass(frozen=True)
+class SlayerConfig:
+    """How ``learning.rule`` slayer learns (`lava_vpr.slayer.trainer`); what it is shown, `AugmentConfig` says.
+
+    Attributes:
+        start: Weights begin as ``template``, or from ``scratch``: random ones.
+        rate: Adam's learning rate, of weights of a neuron of which all together have norm 1, times sqrt(inputs).
+        batch: References that make one step.
+        sharpness: Factor on spike counts before they become probabilities of places.
+        surrogate: How far from the threshold, in thresholds, a membrane still learns: the scale on which the
+            gradient of a spike falls.
+    """
+
+    start: Literal["template", "scratch"] = "template"
+    rate: float = 0.02
+    batch: int = 50
+    sharpness: float = 0.5
+    surrogate: float = 0.3
+
+    def __post_init__(self) -> None:
+        need(self.start in ("template", "scratch"), "slayer.start", self.start, "template or scratch")
+        within(self, "slayer", rate="(0, 10]", batch="[1, 10000]", sharpness="(0, 100]", surrogate="[0.001, 100]")
 
 
 @dataclass(frozen=True)
@@ -287,6 +314,8 @@ class Config:
     views: ViewsConfig = field(default_factory=ViewsConfig)
     network: LifNetwork | ConductanceNetwork = field(default_factory=LifNetwork)
     learning: StdpLearning | ConductanceLearning = field(default_factory=StdpLearning)
+    slayer: SlayerConfig = field(default_factory=SlayerConfig)
+    augment: AugmentConfig = field(default_factory=AugmentConfig)
     decoder: DecoderConfig = field(default_factory=DecoderConfig)
 
     def __post_init__(self) -> None:

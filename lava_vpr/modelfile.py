@@ -333,7 +333,7 @@ def _rules(config: Config, sizes: Sizes) -> dict[str, Rule]:
     learned = (0, 0) if isinstance(learning, ConductanceLearning) else (inputs, neurons)
     repeats = min(learning.label_epochs, learning.epochs) if isinstance(learning, ConductanceLearning) else 1
     return {
-        "learned": Rule("float32", learned, most=_MOST_FLOAT),
+        "learned": Rule("float32", learned, least=-_MOST_FLOAT if learning.rule == "slayer" else 0, most=_MOST_FLOAT),
         "responses": Rule("int32", (neurons, places), most=images // places * repeats * network.steps),
         "place_indices": Rule("int64", (places,), most=_MOST_COUNT),
         "labels": Rule("int64", (images,), most=places - 1),

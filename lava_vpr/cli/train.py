@@ -43,6 +43,9 @@ from lava_vpr.training.loop import Progress, check_size, presentations
 from lava_vpr.training.loop import train as train_model
 from lava_vpr.traverse import Traverse, open_traverses
 
+EPOCHS = {"template": 1, "slayer": 10}
+"""Epochs of the rules other than STDP, unless --epochs says otherwise."""
+
 
 @click.command()
 @click.argument("references", nargs=-1, required=True, type=str, metavar="REFERENCE...")
@@ -85,10 +88,11 @@ from lava_vpr.traverse import Traverse, open_traverses
 @click.option("--weight-bits", type=click.IntRange(1, 8), default=None, help="Bits of one weight.")
 @click.option(
     "--learning",
-    type=click.Choice(["float", "integer", "template"]),
+    type=click.Choice(["float", "integer", "slayer", "template"]),
     default=None,
-    help="How weights are learned (default: float); integer: in Loihi's 8-bit weights and 7-bit traces; template: not "
-    "at all, the references' own rates are the weights, to hold learning against.",
+    help="How weights are learned (default: float); integer: in Loihi's 8-bit weights and 7-bit traces; slayer: by "
+    "gradients through spikes on changed references (lava-dl and torch, an extra); template: not at all, the "
+    "references' own rates are the weights, to hold learning against.",
 )
 @reference_positions_options
 @click.option(
@@ -214,9 +218,9 @@ def settings(preset_name: str | None, config_file: Path | None, options: dict[st
 
 def _learning(word: str, config: Config) -> dict[str, Any]:
     """The settings of ``learning`` that the ``word`` after ``--learning`` changes in ``config``."""
-    if word == "template":
-        return {"rule": "template", "epochs": 1}
-    return {"arithmetic": word} | ({"rule": "stdp"} if config.learning.rule == "template" else {})
+    if word in EPOCHS:
+        return {"rule": word, "epochs": EPOCHS[word]}
+    return {"arithmetic": word} | ({"rule": "stdp"} if config.learning.rule in EPOCHS else {})
 
 
 def encode_references(traverses: Sequence[Traverse], config: Config) -> list[EncodedTraverse]:

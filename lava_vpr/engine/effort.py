@@ -34,6 +34,8 @@ def query_effort(config: Config, neurons: int) -> Effort:
 def training_effort(config: Config, neurons: int) -> Effort:
     """The cost of a training presentation to a stretch of ``neurons`` excitatory neurons."""
     network, learning, inputs = config.network, config.learning, config.encoder.inputs
+    if isinstance(network, LifNetwork) and learning.rule == "slayer":  # every synapse in every step, there and back
+        return Effort(3 * network.steps * neurons * inputs, 8 * network.steps * (inputs + 20 * neurons))
     if isinstance(learning, StdpLearning):
         spikes = min(inputs, config.encoder.train_spikes)
         operations = learning.steps * (neurons * (1 + spikes) + inputs)

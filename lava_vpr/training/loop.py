@@ -24,6 +24,7 @@ from lava_vpr.gate import as_integer_config, integer_config
 from lava_vpr.model import Model, Stretch
 from lava_vpr.modelfile import check_model
 from lava_vpr.positions.frames import Positions
+from lava_vpr.slayer import needs
 from lava_vpr.training.checkpoint import Checkpoint, fingerprint
 from lava_vpr.training.door import check_encoded_references
 from lava_vpr.training.joining import Route, joined, model_of
@@ -121,11 +122,13 @@ def check_network(places: int, config: Config, parts: Sequence[int] = ()) -> tup
         return stretches
     learning = settings.learning
     quantise.check_steps(settings.network, sum(stretch.neurons for stretch in stretches))
-    if learning.rule == "template":
+    if learning.rule == "slayer":
+        needs.require()
+    if learning.rule != "stdp":
         uneven = next((part for part in stretches if part.neurons != part.places), None)
         if uneven is not None:
             raise ConfigError(
-                f"learning.rule template takes one neuron for each place, but {uneven.places} places have "
+                f"learning.rule {learning.rule} takes one neuron for each place, but {uneven.places} places have "
                 f"{uneven.neurons} neurons; set network.neurons to 0 and network.neurons_per_place to 1"
             )
     elif learning.arithmetic == "integer":
@@ -211,15 +214,24 @@ def trainers_of(
     stretches: Sequence[Stretch], references: Sequence[EncodedTraverse], config: Config
 ) -> list[StretchTrainer]:
     """A new trainer for each of ``stretches``."""
-    keys = presented_keys(references, config)
-    return [trainer_of(config, stretch, start_key(stretch, keys)) for stretch in stretches]
+    keys, views = presented_keys(references, config), len(config.views.views)
+
+    def shown(part: Stretch) -> NDArray[np.float32]:
+        places = slice(part.first_place, part.first_place + part.places)
+        return np.concatenate([reference.activity[places] for reference in references[part.view :: views]])
+
+    return [trainer_of(config, part, start_key(part, keys), shown(part)) for part in stretches]
 
 
 def learned_weights(trainers: Sequence[StretchTrainer], config: Config) -> NDArray[np.float32]:
-    """What the stretches of an integer network learned, each neuron's mean normalised, float32 (inputs, neurons)."""
+    """What the stretches of an integer network learned, float32 (inputs, neurons).
+
+    Each neuron's mean is normalised, but for weights that gradients gave a sign.
+    """
     parts = [trainer.state()["weights"].astype(np.float32) for trainer in trainers]
-    for part in parts:
-        stdp.normalise(part, integer_config(config, "learned_weights").learning.mean_weight)
+    learning = integer_config(config, "learned_weights").learning
+    for part in parts if learning.rule != "slayer" else ():
+        stdp.normalise(part, learning.mean_weight)
     return np.concatenate(parts, axis=1)
 
 

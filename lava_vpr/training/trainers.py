@@ -15,6 +15,7 @@ from lava_vpr.errors import ConfigError
 from lava_vpr.gate import as_integer_config, integer_config
 from lava_vpr.loihi import THRESHOLD_LIMIT, WEIGHT_LIMIT
 from lava_vpr.model import Stretch
+from lava_vpr.slayer.trainer import SlayerTrainer
 from lava_vpr.storage.arrays import Rule, UnfitError, check_arrays
 
 
@@ -170,12 +171,26 @@ class ConductanceTrainer:
         }
 
 
-def trainer_of(config: Config, stretch: Stretch, key: int) -> StretchTrainer:
-    """The trainer that learns one stretch under ``config``; start weights are drawn for its ``key`` (`stretch_key`)."""
+def trainer_of(
+    config: Config, stretch: Stretch, key: int, activity: NDArray[np.float32] | None = None
+) -> StretchTrainer:
+    """The trainer that learns one stretch under ``config``.
+
+    Args:
+        config: Settings.
+        stretch: The stretch.
+        key: `stretch_key` of its images, for which start weights are drawn.
+        activity: Responses to its references, traverse after traverse, float32 (images, inputs), for what learns by
+            gradients; the others are shown them one by one.
+    """
     chosen = as_integer_config(config)
     if chosen is None:
         return ConductanceTrainer(config, stretch, key)
     if chosen.learning.rule == "template":
         return TemplateTrainer(config, stretch, key)
+    if chosen.learning.rule == "slayer":
+        if activity is None:
+            raise ConfigError("learning.rule slayer needs all references at once; give their activity")
+        return SlayerTrainer(config, stretch, key, activity)
     kind = IntegerLifTrainer if chosen.learning.arithmetic == "integer" else LifTrainer
     return kind(config, stretch, key)

@@ -1,0 +1,130 @@
+"""Kinds of learning side by side: recall, training time, modelled energy and time of a query, bits.
+
+    LAVA_VPR_DATA=... .venv-dl/bin/python -m benchmarks.learning.table [--learner NAME] [--log FILE]
+
+Five Nordland sections of 100 places, summer learned and winter asked, three seeds; exact matches. Settings were chosen
+on the first two sections and Gardens Point (`benchmarks.learning.search`, `benchmarks.presets`). Training time is that
+of processors, so that what else runs does not count. Every model leaves a line in the log, and those that have one
+are not learned again.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import click
+import numpy as np
+
+from benchmarks.results.places import TEMPLATES, Section, places, sections_of
+from lava_vpr.bench.sweep.points import Case, current, figures, runs_of
+from lava_vpr.config import Config, preset
+from lava_vpr.configfile import update
+from lava_vpr.deploy.boards.board import KAPOHO_BAY
+from lava_vpr.engine.threads import cores
+from lava_vpr.training.loop import train
+
+SECTIONS = sections_of("nordland", 500)
+SEEDS = (0, 1, 2)
+LOG = Path("benchmarks/learning/table.log")
+CHOSEN_ON = 2
+"""So many of the sections were looked at when settings were chosen."""
+SCRATCH = {
+    "learning": {"rule": "slayer", "epochs": 60},
+    "slayer": {"start": "scratch", "rate": 0.08, "sharpness": 0.1, "surrogate": 1.0},
+    "augment": {"altered": 0.5},
+}
+LEARNERS: Mapping[str, Mapping[str, Any]] = {
+    "templates": {"learning": TEMPLATES},
+    "STDP": {},
+    "STDP in integers": {"learning": {"arithmetic": "integer"}},
+    "SLAYER from scratch": SCRATCH,
+    "SLAYER from templates": {"learning": {"rule": "slayer", "epochs": 10}},
+}
+
+
+class Row(NamedTuple):
+    """What one model reached, in percent, seconds, microjoules and milliseconds."""
+
+    learner: str
+    section: str
+    seed: int
+    recall_at_1: float
+    recall_at_100_precision: float
+    auc: float
+    training_s: float
+    microjoules: float
+    milliseconds: float
+    bits: int
+
+
+def measured(learner: str, config: Config, section: Section) -> Row:
+    """Learn a section and ask for its places."""
+    references, queries = places(section, 0, config), places(section, 1, config)[0]
+    began = time.process_time()
+    model = train(references, config, jobs=cores())
+    seconds = time.process_time() - began
+    case = Case(model, queries, np.eye(len(queries), dtype=bool))
+    (run,) = runs_of([case], current(model), KAPOHO_BAY, cores())
+    (found,) = figures(run, [math.inf])
+    metrics = found.metrics
+    recall = (metrics.recall_at_1, metrics.recall_at_100_precision, metrics.auc)
+    bits = model.weight_bits or 0
+    percent = (round(100 * value, 2) for value in recall)
+    costs = (round(seconds, 2), round(found.microjoules, 4), round(found.milliseconds, 4))
+    return Row(learner, str(section), config.seed, *percent, *costs, bits)
+
+
+def read(log: Path) -> list[Row]:
+    """The rows that a log holds."""
+    return [Row(**json.loads(line)) for line in log.read_text().splitlines()] if log.exists() else []
+
+
+def table(rows: Sequence[Row]) -> str:
+    """A row of Markdown for each learner."""
+    late = {str(section) for section in SECTIONS[CHOSEN_ON:]}
+    lines = [
+        "| | 0:500 | 200:500, on which nothing was chosen | training, s | µJ | ms | bits |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for learner in dict.fromkeys(row.learner for row in rows):
+        own = [row for row in rows if row.learner == learner]
+        cells = [_recall(own), _recall([row for row in own if row.section in late])]
+        cells += [f"{np.mean([row.training_s for row in own]):.1f}", f"{np.mean([row.microjoules for row in own]):.2f}"]
+        cells += [f"{np.mean([row.milliseconds for row in own]):.2f}", f"{own[0].bits} and a sign"]
+        lines.append(f"| {learner} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _recall(rows: Sequence[Row]) -> str:
+    if not rows:
+        return "-"
+    means = np.mean([(row.recall_at_1, row.recall_at_100_precision, row.auc) for row in rows], axis=0)
+    spread = np.std([np.mean([r.recall_at_1 for r in rows if r.seed == seed]) for seed in {r.seed for r in rows}])
+    return " / ".join(f"{value:.1f}" for value in means) + f" (R@1 of seeds ± {spread:.1f})"
+
+
+@click.command()
+@click.option("--learner", "names", multiple=True, type=click.Choice(list(LEARNERS)), help="Only these.")
+@click.option("--log", type=click.Path(path_type=Path), default=LOG, show_default=True)
+def main(names: Sequence[str], log: Path) -> None:
+    """Learn what the log lacks, and print the table."""
+    known = {(row.learner, row.section, row.seed) for row in read(log)}
+    for seed in SEEDS:
+        for learner in names or LEARNERS:
+            config = update(preset("loihi"), {**LEARNERS[learner], "seed": seed})
+            for section in SECTIONS:
+                if (learner, str(section), seed) in known:
+                    continue
+                row = measured(learner, config, section)
+                with log.open("a") as file:
+                    file.write(json.dumps(row._asdict()) + "\n")
+    print(table(read(log)))
+
+
+if __name__ == "__main__":
+    main()
