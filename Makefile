@@ -9,7 +9,7 @@ LOCK = requirements/$$($(BIN)/python -c 'import sys; print("lock" if sys.version
 # Tests run side by side, one row of them a processor.
 TESTS := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
-.PHONY: help demo test test-slow test-all lint format bench results recall peers peers-test oracles neurobench sanafe test-dl learning tutorial wheel clean
+.PHONY: help demo test test-slow test-all lint format bench results recall peers peers-test oracles neurobench nir-peers sanafe test-dl learning tutorial wheel clean
 .DEFAULT_GOAL := help
 
 help: ## What there is to make
@@ -87,6 +87,14 @@ oracles: $(STAMP) $(ORACLES) ## Other simulators of Loihi against our integers (
 
 neurobench: $(STAMP) .venv-neurobench/.installed ## Our metrics beside the package neurobench (an environment of its own, 6 GB)
 	@$(BIN)/python -m benchmarks.neurobench.metrics
+
+.venv-nir/.installed: requirements/nir.txt scripts/find_python.sh
+	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.11) && "$$python" -m venv --clear .venv-nir
+	@.venv-nir/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/nir.txt
+	@touch $@
+
+nir-peers: $(STAMP) .venv-nir/.installed ## Exported NIR graphs in snnTorch beside the host engine (Python 3.11, an environment of its own with torch)
+	@$(BIN)/python -m benchmarks.exchange.compare
 
 .venv-sanafe/.installed: requirements/sanafe.txt scripts/find_python.sh
 	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-sanafe

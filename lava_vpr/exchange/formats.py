@@ -13,7 +13,7 @@ from lava_vpr.registry import Registry
 from lava_vpr.storage.text import shown
 
 TIME_STEP = 1e-4
-"""Seconds of a step where nothing else is said: for it snnTorch and Norse take a graph's time constants to be meant."""
+"""Seconds of a step where nothing else is said: for it snnTorch takes a graph's time constants to be meant."""
 
 
 @dataclass(frozen=True)

@@ -110,8 +110,9 @@ def graph_of(network: FixedNetwork, time_step: float, references: bytes | None =
     bias = np.zeros(size, np.float32)
     bias[: network.neurons] = network.bias
     tau = time_step * DECAY_UNITY / network.decay if network.decay else np.inf
-    # With no leak at all a time constant is infinite; LIF with 10^9 steps loses less than a float32 can tell.
-    tau = min(tau, 1e9 * time_step)
+    # Without leak a time constant is infinite, which no file should hold; in 10^15 steps no register loses a unit. IF
+    # would say the same, but snnTorch 1.0.0 gives it a leak of a tenth.
+    tau = min(tau, 1e15 * time_step)
     per_neuron = np.ones(size, np.float64)
     nodes = {
         "input": nir.Input({"input": np.array([network.inputs])}),

@@ -12,11 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.common.small_models import small_config, small_model, tiny_paper
-from support.literal.graphs import spikes_of
 
 from lava_vpr import model as model_file
-from lava_vpr.backends.host import HostBackend
-from lava_vpr.backends.interface import Presentations
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.neuron_bias import held_biases
 from lava_vpr.errors import ConfigError, InputError, LavaVprError, ModelFileError
@@ -46,25 +43,6 @@ def altered(path: Path, change: Callable[[nir.NIRGraph], object], *, foreign: bo
     change(graph)
     nir.write(path, graph)
     return path
-
-
-def rates(n: int, inputs: int) -> Presentations:
-    return Presentations(np.random.default_rng(3).integers(0, 9000, (n, inputs)).astype(np.uint16), 7)
-
-
-def test_a_graph_computes_what_the_network_computes(tmp_path: Path) -> None:
-    """Its nodes, simulated from NIR's equations and with the truncation that the metadata tell, give every spike."""
-    model = small_model()
-    graph = nir.read(exported(tmp_path))
-    shown = rates(4, integer_model(model, "a test").network.inputs)
-    trains = HostBackend().trains(model, shown)
-    assert trains.inputs is not None
-    assert trains.inh is not None
-    spikes = spikes_of(graph, trains.inputs, truncates=True)
-    assert trains.exc.sum() > 20
-    assert trains.inh.sum() > 5
-    np.testing.assert_array_equal(spikes[:, :, : model.neurons], trains.exc)
-    np.testing.assert_array_equal(spikes[:, :, model.neurons :], trains.inh)
 
 
 def test_an_unaltered_export_makes_the_same_model_file(tmp_path: Path) -> None:
