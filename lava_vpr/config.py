@@ -15,6 +15,7 @@ from lava_vpr.errors import ConfigError, brief
 from lava_vpr.inputs.augment import AugmentConfig
 from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
 from lava_vpr.inputs.views import ViewsConfig
+from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.ranges import need, real, whole, within
 
@@ -312,6 +313,7 @@ class Config:
     stretch: int = 100
     encoder: EncoderConfig = field(default_factory=EncoderConfig)
     views: ViewsConfig = field(default_factory=ViewsConfig)
+    events: EventsConfig = field(default_factory=EventsConfig)
     network: LifNetwork | ConductanceNetwork = field(default_factory=LifNetwork)
     learning: StdpLearning | ConductanceLearning = field(default_factory=StdpLearning)
     slayer: SlayerConfig = field(default_factory=SlayerConfig)

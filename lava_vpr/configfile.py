@@ -63,7 +63,7 @@ def _section(base: Any, values: object, name: str) -> Any:
     return replace(base, **changes)
 
 
-_SECTIONS = ("encoder", "views", "network", "learning", "slayer", "augment", "decoder")
+_SECTIONS = ("encoder", "views", "events", "network", "learning", "slayer", "augment", "decoder")
 
 
 def update(base: Config, values: dict[str, Any]) -> Config:

@@ -18,7 +18,7 @@ from typing import Any
 from lava_vpr.interrupts import held
 
 PACKAGE = Path(__file__).parent
-SOURCES = ("engine/**/*.py", "inputs/*.py")
+SOURCES = ("engine/**/*.py", "events/*.py", "inputs/*.py")
 NOTES = logging.getLogger("lava_vpr")
 
 _noted = False

@@ -83,7 +83,7 @@ def load(path: str | Path) -> Model:
 def _encoded(images: Images, config: Config) -> tuple[EncodedTraverse, ...]:
     """A traverse in all views, with all that a model keeps."""
     if isinstance(images, (str, Path)):
-        return encode_views(open_traverse(images), config.encoder, config.views.views, Keep.ALL)
+        return encode_views(open_traverse(images, events=config.events), config.encoder, config.views.views, Keep.ALL)
     return encode_arrays(list(images), config.encoder, config.views.views, Keep.ALL)
 
 

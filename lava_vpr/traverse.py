@@ -1,13 +1,14 @@
 """Traverses: the images of one drive along a route, in order.
 
-A traverse is read from a folder, a list, a video, a ROS bag or one image, and is lazy: it holds names and loads one
-image at a time. Every image keeps its absolute index, its number (from 0) in the whole sequence of its source, also
-when only a part of that is taken; positions and ground truth (`lava_vpr.truth.groundtruth`) are in absolute indices,
-too.
+A traverse is read from a folder, a list, a video, a ROS bag, a recording of events or one image, and is lazy: it holds
+names and loads one image at a time. Every image keeps its absolute index, its number (from 0) in the whole sequence of
+its source, also when only a part of that is taken; positions and ground truth (`lava_vpr.truth.groundtruth`) are in
+absolute indices, too.
 """
 
 from __future__ import annotations
 
+import logging
 import math
 import os
 from collections.abc import Iterable, Iterator, Sequence
@@ -18,17 +19,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
+from lava_vpr.events.files import EVENT_SUFFIXES, Drive, is_events, survey
 from lava_vpr.images.bags import BAG_SUFFIXES, bag_files, bag_frames, is_bag, sample_bag, split_topic
 from lava_vpr.images.files import IMAGE_SUFFIXES, VIDEO_SUFFIXES, folder_images
 from lava_vpr.images.imagefiles import read_image
 from lava_vpr.images.lists import LIST_SUFFIXES, listed_images
 from lava_vpr.images.videos import sample_video, video_frames
+from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.positions.frames import Positions
 from lava_vpr.positions.names import positions_of_names, stamps_of_names
 from lava_vpr.positions.stamps import in_seconds, stamp_of
 from lava_vpr.positions.tables import read_stamps
 from lava_vpr.positions.track import MOST_GAP_S, Asked, images_on, read_track
 from lava_vpr.storage.text import shown
+
+_NOTES = logging.getLogger("lava_vpr")
+EVENTS = EventsConfig()
+"""How events become images unless a model says otherwise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,14 +45,16 @@ class Traverse:
     Attributes:
         source: What the user gave.
         indices: Absolute index of each image in the whole sequence of the source, int64 (n,).
-        paths: File of each image, as text, since a `Path` takes three times as much; of a video, that one file; of a
-            bag, itself and what is in its folder.
-        frames: Number of each image in a video or in a bag's topic, int64 (n,); None unless this is one.
+        paths: File of each image, as text, since a `Path` takes three times as much; of a video or a file of events,
+            that one file; of a bag, itself and what is in its folder.
+        frames: Number of each image in a video, in a bag's topic or among the windows of events, int64 (n,); None
+            unless this is one.
         stamps: When each image was taken, in seconds (`lava_vpr.positions.stamps`), float64 (n,): of a video since its
             first frame; None if nobody says.
         positions: Where each image was taken; None if nobody says.
         bag: Whether this is a bag.
         topic: Its topic that was asked for; None: the only one.
+        drive: The events, and how they are cut into windows; None unless these are events.
     """
 
     source: str
@@ -56,15 +65,18 @@ class Traverse:
     positions: Positions | None = None
     bag: bool = False
     topic: str | None = None
+    drive: Drive | None = None
 
     def __len__(self) -> int:
         return len(self.indices)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """File name of each image, or ``frame 000012`` with the frame's number in the video; made anew when asked."""
+        """File name of each image, or ``frame 000012`` with the frame's number in the video (``window 000012`` of
+        events); made anew when asked."""
         if self.frames is not None:
-            return tuple(f"frame {number:06d}" for number in self.frames)
+            what = "frame" if self.drive is None else "window"
+            return tuple(f"{what} {number:06d}" for number in self.frames)
         return tuple(printable(path) for path in self.paths)
 
     def images(self) -> Iterator[NDArray[np.uint8]]:
@@ -79,7 +91,7 @@ class Traverse:
                 yield read_image(Path(path))
 
     def load(self, i: int) -> NDArray[np.uint8]:
-        """Image number ``i`` of this traverse, 0 <= i < len. Of a video or bag, all before it is read first."""
+        """Image number ``i`` of this traverse, 0 <= i < len. Of a video, bag or events, all before it is read first."""
         if not 0 <= i < len(self):
             raise IndexError(f"image {i} of a traverse of {len(self)}")
         if self.frames is not None:
@@ -87,7 +99,9 @@ class Traverse:
         return read_image(Path(self.paths[i]))
 
     def _frames(self, numbers: NDArray[np.int64]) -> Iterator[NDArray[np.uint8]]:
-        """The images of a video or bag that have these numbers in it."""
+        """The images of a video, a bag or events that have these numbers in it."""
+        if self.drive is not None:
+            return self.drive.frames(numbers)
         path = Path(self.paths[0])
         return bag_frames(path, self.topic, numbers) if self.bag else video_frames(path, numbers)
 
@@ -119,6 +133,7 @@ class Traverse:
             None if self.positions is None else self.positions.take(order),
             self.bag,
             self.topic,
+            self.drive,
         )
 
 
@@ -142,7 +157,13 @@ def ranges_of(indices: NDArray[np.int64], most: int = 4) -> str:
     return ", ".join(words) if len(words) <= most else f"{', '.join(words[: most - 1])}, ... {words[-1]}"
 
 
-def open_traverse(source: str | Path, *, places: tuple[int, int] | None = None, every: float = 1.0) -> Traverse:
+def open_traverse(
+    source: str | Path,
+    *,
+    places: tuple[int, int] | None = None,
+    every: float = 1.0,
+    events: EventsConfig = EVENTS,
+) -> Traverse:
     """Open the traverse in ``source``, which is one of these:
 
     * a folder: its images by natural sort; hidden files, other types and subfolders are ignored;
@@ -151,11 +172,13 @@ def open_traverse(source: str | Path, *, places: tuple[int, int] | None = None, 
     * a video: one frame every ``every`` seconds (the whole video is decoded once to know its frames);
     * a ROS bag (.bag, .db3, .mcap, or a folder with metadata.yaml), one image every ``every`` seconds; ``bag:/topic``
       if several of its topics have images;
+    * a file of events (.aedat4, .h5, .hdf5, .npz), a window of ``events`` every ``every`` seconds;
     * one image.
     Args:
         source: Path of the folder or file.
         places: (A, B) takes images A..B-1 of that sequence.
-        every: Seconds between two images of a video or bag, at least 0.001; no other source uses it.
+        every: Seconds between two images of a video, bag or file of events, at least 0.001; no other source uses it.
+        events: How events become images; no other source uses it.
     Raises:
         InputError: the source is missing, unreadable, empty, of no known type, or shorter than ``places`` wants.
     """
@@ -183,15 +206,19 @@ def open_traverse(source: str | Path, *, places: tuple[int, int] | None = None, 
         whole = _of_files(text, listed_images(path))
     elif suffix in VIDEO_SUFFIXES:
         whole = _of_video(text, path, every, None if places is None else places[1])
+    elif suffix in EVENT_SUFFIXES and is_events(path):
+        whole = _of_events(text, path, every, events)
     elif suffix in IMAGE_SUFFIXES:
         whole = _of_files(text, [str(path)])
     else:
-        known = " ".join(LIST_SUFFIXES + VIDEO_SUFFIXES + BAG_SUFFIXES + IMAGE_SUFFIXES)
+        known = " ".join(LIST_SUFFIXES + VIDEO_SUFFIXES + BAG_SUFFIXES + EVENT_SUFFIXES + IMAGE_SUFFIXES)
         raise InputError(f"{shown(path)}: is of no known type; give a folder of images or one of {known}")
     return whole if places is None else whole.between(*places)
 
 
-def open_traverses(sources: Sequence[str | Path], *, every: float = 1.0) -> list[Traverse]:
+def open_traverses(
+    sources: Sequence[str | Path], *, every: float = 1.0, events: EventsConfig = EVENTS
+) -> list[Traverse]:
     """Several traverses of one route, each as `open_traverse` opens it.
 
     Raises:
@@ -204,7 +231,7 @@ def open_traverses(sources: Sequence[str | Path], *, every: float = 1.0) -> list
                 f"{shown(source)}: is one of {len(sources)} references, but a single image; give the folder "
                 f"{shown(source.parent)} instead of the images in it, or a list of them"
             )
-    return [open_traverse(source, every=every) for source in sources]
+    return [open_traverse(source, every=every, events=events) for source in sources]
 
 
 def located(
@@ -258,3 +285,10 @@ def _of_bag(source: str, path: Path, topic: str | None, every: float, stop: int 
     numbers, stamps = sample_bag(path, topic, every, stop)
     indices = np.arange(len(numbers), dtype=np.int64)
     return Traverse(source, indices, tuple(bag_files(path)), numbers, stamps, bag=True, topic=topic)
+
+
+def _of_events(source: str, path: Path, every: float, config: EventsConfig) -> Traverse:
+    drive = survey(path, config, every)
+    _NOTES.info("%s", drive.told())
+    numbers = np.arange(len(drive.stamps), dtype=np.int64)
+    return Traverse(source, numbers, (str(path),), numbers, drive.stamps, drive=drive)

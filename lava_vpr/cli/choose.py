@@ -39,7 +39,7 @@ def open_queries(
         model: The model that answers.
         source: Folder, list, video or image.
         places: Range of images that the user asked for.
-        every: Seconds between two frames of a video.
+        every: Seconds between two frames of a video, or two windows of events.
         aligned: No ground truth is given: queries must show the model's places in their order.
         outputs: Of the command; none may be one of the images of ``source``.
         where: What the user says of where they were taken; where that and the model's own positions are known, queries
@@ -47,7 +47,7 @@ def open_queries(
     Raises:
         InputError: the images cannot be used; see `choose_queries`.
     """
-    whole = open_traverse(source, every=every)
+    whole = open_traverse(source, every=every, events=model.config.events)
     if outputs is not None:
         outputs.spare(whole.paths)
     if where is None:

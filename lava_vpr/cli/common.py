@@ -106,7 +106,7 @@ def places_option(help: str) -> Callable[[F], F]:
 
 def every_option(command: F) -> F:
     """Give a command the option ``--every SECONDS``."""
-    text = "From a video, camera or ROS bag, one image every so often."
+    text = "From a video, camera, ROS bag or recording of events, one image every so often."
     return click.option("--every", type=float, default=1.0, show_default=True, metavar="SECONDS", help=text)(command)
 
 

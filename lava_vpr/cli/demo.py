@@ -10,17 +10,19 @@ import click
 from lava_vpr import model as model_file
 from lava_vpr.backends.opening import calibration_of
 from lava_vpr.cli.choose import open_queries
-from lava_vpr.cli.common import PATH, console, encode, seed_type
+from lava_vpr.cli.common import PATH, Number, console, encode, progress_bar, seed_type
 from lava_vpr.cli.evaluate import print_table, print_trust
 from lava_vpr.cli.outputs import Outputs, write_json
 from lava_vpr.config import preset
 from lava_vpr.encoding import Keep
 from lava_vpr.engine.threads import cores
+from lava_vpr.events.writing import WRITTEN
 from lava_vpr.recognition import Comparison, as_json, recognise
 from lava_vpr.report import write_report
 from lava_vpr.report.build import report_data
 from lava_vpr.storage.text import shown
-from lava_vpr.synthetic.world import write_traverses
+from lava_vpr.synthetic.drives import EventDrive, write_drives
+from lava_vpr.synthetic.world import CONDITIONS, METRES_PER_S, World, write_traverses
 from lava_vpr.training.calibration import calibrated
 from lava_vpr.training.loop import train as train_model
 from lava_vpr.traverse import open_traverse
@@ -41,13 +43,49 @@ from lava_vpr.truth.alignment import aligned_truth
     metavar="M",
     help="Metres between two places.",
 )
-def synth(folder: Path, places: int, seed: int, metres: float) -> None:
+@click.option(
+    "--events",
+    "end",
+    type=click.Choice([end.strip(".") for end in WRITTEN]),
+    is_flag=False,
+    flag_value="h5",
+    default=None,
+    help="Write what an event camera sends on the way, not images: DIR/reference_events.h5 and DIR/query_events.h5.",
+)
+@click.option(
+    "--query-speed",
+    type=Number(min=1, max=100),
+    default=14.0,
+    show_default=True,
+    metavar="M/S",
+    help=f"Speed of the query drive of --events; that of the reference is {METRES_PER_S:g} m/s.",
+)
+@click.option(
+    "--query-condition",
+    type=click.Choice(list(CONDITIONS)),
+    default="winter",
+    show_default=True,
+    help="Season, light and weather of the query.",
+)
+def synth(
+    folder: Path, places: int, seed: int, metres: float, end: str | None, query_speed: float, query_condition: str
+) -> None:
     """Draw a synthetic route: DIR/reference in summer, DIR/query in winter.
 
     Beside them: where and when each image was taken (reference_positions.csv and query_positions.csv), and what a
-    satellite receiver reported every second (reference.gpx and query.gpx).
+    satellite receiver reported every second (reference.gpx and query.gpx). With --events, the positions are those of
+    the vehicle ten times a second.
     """
-    write_traverses(folder, places, seed, spacing_m=metres)
+    conditions = ("summer", query_condition)
+    if end is not None:
+        world = World(seed=seed, places=places, spacing_m=metres)
+        drives = [EventDrive(world, conditions[0]), EventDrive(world, conditions[1], query_speed)]
+        with progress_bar("driving", sum(len(drive.way()[0]) for drive in drives)) as advance:
+            counts = write_drives(folder, drives, f".{end}", advance=lambda n: advance(n, ""))
+        for kind, count in zip(("reference", "query"), counts, strict=True):
+            console.print(f"{count:,} events: {shown(folder / f'{kind}_events.{end}')}")
+        return
+    write_traverses(folder, places, seed, conditions, spacing_m=metres)
     console.print(f"{places} places: {shown(folder / 'reference')}, {shown(folder / 'query')}")
 
 

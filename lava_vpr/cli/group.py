@@ -51,6 +51,7 @@ class OneLineGroup(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         notes, logger = _Notes(), logging.getLogger("lava_vpr")
         logger.addHandler(notes)
+        logger.setLevel(logging.INFO)
         try:
             with _told_in_one_line(), interrupts.minded():
                 return super().invoke(ctx)
@@ -119,7 +120,7 @@ def _out_of_memory(said: str) -> str:
 
 
 class _Notes(logging.Handler):
-    """Prints each warning of the library as a note on stderr, on one line."""
+    """Prints what the library notes on stderr, each on one line."""
 
     def emit(self, record: logging.LogRecord) -> None:
         with suppress(OSError):  # where notes cannot be written, work goes on

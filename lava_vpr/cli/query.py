@@ -122,7 +122,7 @@ def query(
     asking.check(model)
     where.check(model)
     backends.require(backend, model)
-    whole = open_traverse(images, every=every)
+    whole = open_traverse(images, every=every, events=model.config.events)
     outputs.spare(whole.paths)
     traverse = where.of(whole.between(*places) if places else whole, len(whole))
     if sequence > len(traverse):

@@ -14,6 +14,7 @@ import click
 from lava_vpr import model as model_file
 from lava_vpr.cli.common import (
     PATH,
+    F,
     Number,
     Numbers,
     RegisteredName,
@@ -32,6 +33,7 @@ from lava_vpr.configfile import read_toml, update
 from lava_vpr.encoding import EncodedTraverse, Keep
 from lava_vpr.engine.threads import cores
 from lava_vpr.inputs.encoder import INPUTS
+from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.model import Model, Stretch
 from lava_vpr.storage.locking import only_one
 from lava_vpr.storage.text import shown
@@ -45,6 +47,17 @@ from lava_vpr.traverse import Traverse, open_traverses
 
 EPOCHS = {"template": 1, "slayer": 10}
 """Epochs of the rules other than STDP, unless --epochs says otherwise."""
+
+
+def window_options(command: F) -> F:
+    """Give a command that learns the options ``--window-ms`` and ``--window-events``."""
+    text = "Milliseconds of events that an image shows, of a recording of an event camera.  [default: {:g}]"
+    most = Number(min=0.1, max=3_600_000)
+    said = text.format(EventsConfig.window_ms)
+    command = click.option("--window-ms", type=most, default=None, metavar="MS", help=said)(command)
+    text = "Events that an image shows, whatever time they take."
+    count = click.IntRange(1, 1_000_000_000)
+    return click.option("--window-events", type=count, default=None, metavar="N", help=text)(command)
 
 
 @click.command()
@@ -63,6 +76,7 @@ EPOCHS = {"template": 1, "slayer": 10}
 @places_option("Images A..B-1 of each REFERENCE (default: all).")
 @every_option
 @click.option("--input", "input_kind", type=RegisteredName(INPUTS), default=None, help="What the inputs encode.")
+@window_options
 @click.option("--epochs", type=click.IntRange(1, 10_000), default=None, help="Times that every image is shown.")
 @click.option("--neurons", type=click.IntRange(1, 100_000), default=None, help="Excitatory neurons of each stretch.")
 @click.option(
@@ -135,6 +149,8 @@ def train(
     length: the images nearest to the places of the first are taken. While it learns, progress is kept beside MODEL in a
     .checkpoint file, from which --resume goes on.
     """
+    if options["window_ms"] is not None and options["window_events"] is not None:
+        raise click.UsageError("--window-ms and --window-events both say how long a window is; give one of them")
     if spacing is not None and change is not None:
         raise click.UsageError("--spacing and --keyframes both say which images become places; give one of them")
     config = settings(preset_name, config_file, options)
@@ -142,7 +158,7 @@ def train(
     outputs = Outputs((output, checkpoint), read=(config_file, *where.files), images=references)
     with only_one(output):
         check_resume(checkpoint, resume)
-        whole = open_traverses(references, every=every)
+        whole = open_traverses(references, every=every, events=config.events)
         outputs.spare(path for traverse in whole for path in traverse.paths)
         ranges = [traverse.between(*places) if places else traverse for traverse in whole]
         chosen = _places(where.of(ranges, [len(traverse) for traverse in whole]), config, spacing, change)
@@ -207,6 +223,8 @@ def settings(preset_name: str | None, config_file: Path | None, options: dict[st
         ("neurons", "network", "neurons"),
         ("weight_bits", "network", "weight_bits"),
         ("views", "views", "shifts"),
+        ("window_ms", "events", "window_ms"),
+        ("window_events", "events", "window_events"),
     ):
         if options.get(name) is not None:
             changes.setdefault(section, {})[key] = options[name]

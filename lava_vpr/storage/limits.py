@@ -73,6 +73,12 @@ LIMITS: dict[str, Limit] = {
     "simulation_operations": Limit(
         10**12, "operations", "380 queries to 20,000 places at the default settings, every synapse in every step: hours"
     ),
+    "events": Limit(10_000_000_000, "events", "three hours at a million a second; read three times, they take hours"),
+    "event_chunk_bytes": Limit(64 * MIB, "bytes", "a million events of 64 bytes, ten times what files of events have"),
+    "event_packet_bytes": Limit(
+        256 * MIB, "bytes", "16 million events; DV writes a packet every 10 ms, of a thousandth of that"
+    ),
+    "sensor_pixels": Limit(8_294_400, "pixels", "3840 x 2160, nine times the largest event camera; they take 200 MB"),
     "video_parts": Limit(10_000_000, "parts", "46 hours of 60 frames a second; a walk over them takes half a minute"),
     "presentation_operations": Limit(
         4_000_000_000,

@@ -23,7 +23,7 @@ WATER = 0.9  # `Side.water` above this is a lake
 GROUND = ("land", "lake")
 
 # Keys that keep the random streams of a world apart.
-ROUTE, THINGS, VIEW, WEATHER, OCCLUDER, SKY, SURVEY = range(7)
+ROUTE, THINGS, VIEW, WEATHER, OCCLUDER, SKY, SURVEY, DRIVE = range(8)
 _WORD = 0xFFFFFFFF  # words of a SeedSequence are never negative; segments behind the start are
 
 

@@ -13,7 +13,7 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,10 +40,13 @@ _SAMPLING = 2  # canvas pixels per image pixel and axis
 _SKY_PLACES = 4  # so many places share a sky: minutes of a journey
 _GPS_ERROR_M = 1.5
 _FOLDERS = ("reference", "query")
-_ENTRIES = (*_FOLDERS, *(f"{kind}{end}" for end in ("_positions.csv", ".gpx") for kind in _FOLDERS))
-_METRES_PER_S = 10.0
+_ENDS = ("_positions.csv", ".gpx", "_events.h5", "_events.npz")
+_ENTRIES = (*_FOLDERS, *(f"{kind}{end}" for end in _ENDS for kind in _FOLDERS))
+METRES_PER_S = 10.0
+"""Speed of the vehicle."""
 _ORIGIN = Positions(np.array([[610_000.0, 6_640_000.0]]), utm_frame(32, north=True))  # where x and y are 0, for GPX
-_STARTS = {"reference": 1_719_835_200.0, "query": 1_736_942_400.0}  # 2024-07-01 and 2025-01-15, 12:00 UTC
+STARTS = {"reference": 1_719_835_200.0, "query": 1_736_942_400.0}
+"""When the journeys begin, seconds since 1970: 2024-07-01 and 2025-01-15, 12:00 UTC."""
 _IMAGE = re.compile(r"place_\d{5,}\.png")
 
 
@@ -135,25 +138,43 @@ def render(world: World, place: int, condition: str) -> NDArray[np.uint8]:
     number = _number(condition)
     if not 0 <= place < world.places:
         raise InputError(f"place {place} is not in the synthetic world; choose one of 0..{world.places - 1}")
-    look, camera = LOOKS[condition], _camera(world, place, number)
-    canvas = np.empty((_SAMPLING * world.height, _SAMPLING * world.width, 3), dtype=np.uint8)
-    painter = Painter(canvas, camera, look, route(world.seed))
-    draw_backdrop(painter, _clouds(world, place, number, look.cloudiness))
-    things = ahead(world.seed, camera.s)
-    draw_land(painter, things)
-    draw_things(painter, things)
+    look = LOOKS[condition]
+    painter = _painted(world, _camera(world, place, number), condition, _clouds(world, place, number, look.cloudiness))
     rng = generator(world.seed, OCCLUDER, place, number)
     if rng.uniform(0, 1) < look.occluders:
         draw_occluder(painter, rng)
+    canvas = painter.canvas
     image = cv2.resize(canvas, (world.width, world.height), interpolation=cv2.INTER_AREA)
     rng = generator(world.seed, WEATHER, place, number)
     return _grain(_precipitation(image, look.flakes, look.streaks, rng), look.grain, rng)
 
 
+def light(world: World, camera: Camera, condition: str) -> NDArray[np.float32]:
+    """What a camera anywhere on the route sees of the world alone, grey levels, float32 (height, width).
+
+    There is neither weather in the air nor noise of a sensor, and the clouds are those over the first place, so that
+    nothing changes but by the camera's motion.
+    """
+    clouds = _clouds(world, 0, _number(condition), LOOKS[condition].cloudiness)
+    grey = cv2.cvtColor(_painted(world, camera, condition, clouds).canvas, cv2.COLOR_BGR2GRAY).astype(np.float32)
+    return np.asarray(cv2.resize(grey, (world.width, world.height), interpolation=cv2.INTER_AREA))
+
+
+def _painted(world: World, camera: Camera, condition: str, clouds: list[tuple[float, float, float]]) -> Painter:
+    """The world as a camera sees it, on a canvas that is to be averaged."""
+    canvas = np.empty((_SAMPLING * world.height, _SAMPLING * world.width, 3), dtype=np.uint8)
+    painter = Painter(canvas, camera, LOOKS[condition], route(world.seed))
+    draw_backdrop(painter, clouds)
+    things = ahead(world.seed, camera.s)
+    draw_land(painter, things)
+    draw_things(painter, things)
+    return painter
+
+
 def positions(world: World, condition: str) -> NDArray[np.float64]:
     """Positions as a satellite receiver reported them on the journey, x and y in metres, shape (places, 2)."""
     steps = max(1, round(world.spacing_m))
-    return _path(world, world.places * steps)[::steps] + _receiver_error(world, condition, 0, world.places)
+    return course(world, world.places * steps)[::steps] + _receiver_error(world, condition, 0, world.places)
 
 
 def track(world: World, condition: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -164,15 +185,15 @@ def track(world: World, condition: str) -> tuple[NDArray[np.float64], NDArray[np
         x and y in metres as in `positions`, but each with an error of its own, shape (n, 2).
     """
     step = world.spacing_m / max(1, round(world.spacing_m))
-    seconds = np.arange(math.ceil((world.places - 1) * world.spacing_m / _METRES_PER_S) + 1, dtype=np.float64)
-    at = seconds * _METRES_PER_S
-    path = _path(world, math.ceil(at[-1] / step) + 1)
+    seconds = np.arange(math.ceil((world.places - 1) * world.spacing_m / METRES_PER_S) + 1, dtype=np.float64)
+    at = seconds * METRES_PER_S
+    path = course(world, math.ceil(at[-1] / step) + 1)
     s = np.arange(len(path)) * step
     exact = np.stack([np.interp(at, s, axis) for axis in path.T], axis=1)
     return seconds, exact + _receiver_error(world, condition, 1, len(seconds))
 
 
-def _path(world: World, points: int) -> NDArray[np.float64]:
+def course(world: World, points: int) -> NDArray[np.float64]:
     """The way from the first place on, a point about every metre, float64 (points, 2)."""
     step = world.spacing_m / max(1, round(world.spacing_m))
     s = np.arange(points) * step
@@ -194,7 +215,7 @@ def _write_journey(folder: Path, kind: str, world: World, condition: str) -> Non
     (folder / kind).mkdir()
     rows = ["name,x,y,time"]
     for place, (x, y) in enumerate(positions(world, condition)):
-        time = _STARTS[kind] + place * world.spacing_m / _METRES_PER_S
+        time = STARTS[kind] + place * world.spacing_m / METRES_PER_S
         name = f"place_{place:05d}.png"
         encoded = cv2.imencode(".png", render(world, place, condition))[1]
         (folder / kind / name).write_bytes(encoded.tobytes())
@@ -202,7 +223,7 @@ def _write_journey(folder: Path, kind: str, world: World, condition: str) -> Non
     (folder / f"{kind}_positions.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
     seconds, xy = track(world, condition)
     reported = Positions(xy + _ORIGIN.values, _ORIGIN.frame).to(LAT_LON)
-    (folder / f"{kind}.gpx").write_text(gpx_text(reported, seconds + _STARTS[kind]), encoding="utf-8")
+    (folder / f"{kind}.gpx").write_text(gpx_text(reported, seconds + STARTS[kind]), encoding="utf-8")
 
 
 def _foreign(folder: Path, keep: Collection[str]) -> Path | None:
@@ -243,7 +264,8 @@ def _install(new: Path, folder: Path, spare: Path) -> None:
             if (folder / name).exists():
                 os.rename(folder / name, spare / name)
         for name in _ENTRIES:
-            os.rename(new / name, folder / name)
+            if (new / name).exists():
+                os.rename(new / name, folder / name)
     except OSError:
         for old in spare.iterdir():
             if (folder / old.name).exists():
@@ -279,10 +301,37 @@ def write_traverses(
             cannot be written.
     """
     world = World(seed=seed, places=places, spacing_m=spacing_m)
+    check_conditions(conditions)
+
+    def write(new: Path) -> None:
+        for kind, condition in zip(_FOLDERS, conditions, strict=True):
+            _write_journey(new, kind, world, condition)
+
+    replace_folder(folder, write, keep)
+
+
+def check_conditions(conditions: Sequence[str]) -> None:
+    """Refuse anything but the conditions of a reference and of a query journey.
+
+    Raises:
+        InputError: there are not two, or one is unknown.
+    """
     if len(conditions) != 2:
         raise InputError(f"{len(conditions)} conditions are given; give two, of the reference and of the query journey")
     for condition in conditions:
         _number(condition)
+
+
+def replace_folder(folder: Path, write: Callable[[Path], None], keep: Collection[str] = ()) -> None:
+    """Let ``write`` fill a new folder with journeys, and put it in the place of ``folder`` when it is complete.
+
+    Args:
+        folder: The folder; created with its parents. An earlier result is replaced; its permissions stay.
+        write: Writes to the folder that it is given.
+        keep: Names of other entries that ``folder`` may hold; they stay as they are.
+    Raises:
+        InputError: the folder holds something else or what is read-only, or cannot be written.
+    """
     target = Path(os.path.abspath(folder))
     workshop: Path | None = None
     try:
@@ -301,8 +350,7 @@ def write_traverses(
         with held():
             workshop = Path(tempfile.mkdtemp(prefix=temporary_prefix(target), dir=target.parent))
         (workshop / "new").mkdir()
-        for kind, condition in zip(_FOLDERS, conditions, strict=True):
-            _write_journey(workshop / "new", kind, world, condition)
+        write(workshop / "new")
         with held():  # half of it done would leave neither result
             _install(workshop / "new", target, workshop / "old")
     except OSError as error:
@@ -317,4 +365,16 @@ def write_traverses(
                 shutil.rmtree(workshop, ignore_errors=True)
 
 
-__all__ = ["CONDITIONS", "MAX_PLACES", "World", "positions", "render", "track", "write_traverses"]
+__all__ = [
+    "CONDITIONS",
+    "MAX_PLACES",
+    "World",
+    "check_conditions",
+    "course",
+    "light",
+    "positions",
+    "render",
+    "replace_folder",
+    "track",
+    "write_traverses",
+]

@@ -87,7 +87,7 @@ def extend(
     with _changed(model_path, target, images, where.files) as outputs:
         model, threads = model_file.load(model_path), jobs or cores()
         checks.check_learned(model, "extending", model_path)
-        whole = open_traverses(images, every=every)
+        whole = open_traverses(images, every=every, events=model.config.events)
         outputs.spare(path for traverse in whole for path in traverse.paths)
         ranges = [traverse.between(*places) if places else traverse for traverse in whole]
         chosen = where.of(ranges, [len(traverse) for traverse in whole])

@@ -1,0 +1,1 @@
+"""Event cameras: recordings read block by block, noise taken out, and windows of events turned into images."""

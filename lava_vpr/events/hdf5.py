@@ -1,0 +1,166 @@
+"""Events in HDF5 files, by the package h5py: the layouts of DSEC, of Metavision (Prophesee), and plain datasets.
+
+What a file refers to outside itself is not followed, and no part of it takes more memory than the limit on a chunk.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from lava_vpr.errors import InputError, brief
+from lava_vpr.events.stream import BLOCK, Raw, Recording, check_size
+from lava_vpr.storage.limits import excess
+from lava_vpr.storage.text import shown
+
+HDF5_SUFFIXES = (".h5", ".hdf5")
+NAMES: dict[str, tuple[str, ...]] = {
+    "t": ("t", "ts", "timestamp", "timestamps", "time"),
+    "x": ("x", "xs"),
+    "y": ("y", "ys"),
+}
+"""What files call the parts of an event."""
+_TABLES = ("CD/events", "events", "EXT_CD/events")
+_GROUPS = ("events", "CD", "")
+_KEEP_IT = "convert it to events/t, events/x and events/y"
+
+
+def is_hdf5(path: Path) -> bool:
+    """Whether the HDF5 file ``path`` holds events in a layout that is known; False, too, if it cannot be opened."""
+    with contextlib.suppress(InputError), _opened(path) as file:
+        return _found(file, shown(path)) is not None
+    return False
+
+
+def open_hdf5(path: Path) -> Recording:
+    """The events of an HDF5 file.
+
+    Raises:
+        InputError: it is damaged, holds no events, or more than the limits allow.
+    """
+    with _opened(path) as file:
+        parts = _found(file, shown(path))
+        if parts is None:
+            held = ", ".join(brief(name) for name in list(file)[:10]) or "nothing"
+            raise InputError(f"{shown(path)}: holds no events (at its top: {held}); {_KEEP_IT}")
+        size = _size(file, parts, shown(path))
+        start_s = _offset(file, shown(path))
+    return Recording(path, lambda: _blocks(path), size, start_s)
+
+
+@contextlib.contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """The opened file; what goes wrong in h5py, which raises anything of a damaged file, is told in one line."""
+    try:
+        with contextlib.suppress(ImportError):
+            import hdf5plugin  # noqa: F401  # compressions that h5py lacks, where it is installed
+
+        with h5py.File(path, "r", locking=False) as file:
+            yield file
+    except InputError:
+        raise
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError) as error:
+        why = brief(" ".join(str(error).split())[:160])
+        if "filter" in why or "plugin" in why:
+            raise InputError(
+                f"{shown(path)}: is compressed in a way that h5py cannot read alone ({why}); install what can: "
+                "pip install hdf5plugin"
+            ) from None
+        raise InputError(f"{shown(path)}: is damaged, cut short or no HDF5 file ({why}); copy it again") from None
+
+
+def _found(file: Any, where: str) -> dict[str, Any] | None:
+    """The datasets of times, columns and rows, or one table of all three under ``t``; None: there are none."""
+    for name in _TABLES:
+        table = _dataset(file, name)
+        if table is not None and table.dtype.names is not None and _fields(table.dtype) is not None:
+            _check(table, table.dtype, where)
+            return {"t": table}
+    for group in _GROUPS:
+        found: dict[str, Any] = {
+            part: next((d for name in names if (d := _dataset(file, f"{group}/{name}")) is not None), None)
+            for part, names in NAMES.items()
+        }
+        if all(one is not None and one.dtype.kind in "iuf" for one in found.values()):
+            for one in found.values():
+                _check(one, one.dtype, where)
+            lengths = {name: len(one) for name, one in found.items()}
+            if len(set(lengths.values())) > 1:
+                raise InputError(f"{where}: has {lengths['t']} times, {lengths['x']} columns, {lengths['y']} rows")
+            return found
+    return None
+
+
+def _dataset(file: Any, name: str) -> Any:
+    """The one-dimensional dataset of this name in the file itself, or None; links out of it are not followed."""
+    at = file
+    for part in [word for word in name.split("/") if word]:
+        if not isinstance(at, h5py.Group) or not isinstance(at.get(part, getlink=True), h5py.HardLink):
+            return None
+        at = at[part]
+    return at if isinstance(at, h5py.Dataset) and len(at.shape or ()) == 1 else None
+
+
+def _fields(dtype: np.dtype[Any]) -> dict[str, str] | None:
+    """What a table calls the parts of an event, if it has them all as numbers."""
+    names = dtype.names or ()
+    found = {part: next((name for name in known if name in names), "") for part, known in NAMES.items()}
+    good = all(name and dtype[name].kind in "iuf" and dtype[name].shape == () for name in found.values())
+    return found if good and not dtype.hasobject else None
+
+
+def _check(dataset: Any, dtype: np.dtype[Any], where: str) -> None:
+    """Refuse what is stored elsewhere, too much, or in pieces that are too large."""
+    if dataset.is_virtual or dataset.external:
+        raise InputError(f"{where}: keeps {brief(dataset.name)} in other files; copy the events into one")
+    beyond = excess("events", len(dataset))
+    if beyond is not None:
+        raise InputError(f"{where}: has {beyond}")
+    beyond = excess("event_chunk_bytes", (dataset.chunks or (0,))[0] * dtype.itemsize)
+    if beyond is not None:
+        raise InputError(f"{where}: stores {brief(dataset.name)} in chunks of {beyond}")
+    beyond = excess("event_chunk_bytes", BLOCK * dtype.itemsize)
+    if beyond is not None:
+        raise InputError(f"{where}: has rows of {dtype.itemsize} bytes in {brief(dataset.name)}; {_KEEP_IT}")
+
+
+def _size(file: Any, parts: dict[str, Any], where: str) -> tuple[int, int] | None:
+    """Width and height of the sensor, where attributes of the file, its groups or datasets tell it."""
+    for holder in (parts["t"], parts["t"].parent, file):
+        for names in (("width", "height"), ("sensor_width", "sensor_height")):
+            values = [holder.attrs.get(name) for name in names]
+            if all(np.ndim(v) == 0 and np.asarray(v).dtype.kind in "iu" for v in values):
+                return check_size((int(values[0]), int(values[1])), where)
+    return None
+
+
+def _offset(file: Any, where: str) -> float:
+    """Seconds to be added to the times: DSEC's ``t_offset``, in microseconds."""
+    for name in ("t_offset", "events/t_offset"):
+        offset = file.get(name) if isinstance(file.get(name, getlink=True), h5py.HardLink) else None
+        if isinstance(offset, h5py.Dataset) and offset.shape in ((), (1,)) and offset.dtype.kind in "iuf":
+            value = float(np.asarray(offset[()]).reshape(-1)[0])
+            if not abs(value) < 1e18:
+                raise InputError(f"{where}: t_offset is {value}, no number of microseconds; correct it")
+            return value / 1e6
+    return 0.0
+
+
+def _blocks(path: Path) -> Iterator[Raw]:
+    """The events, some at a time."""
+    with _opened(path) as file:
+        parts = _found(file, shown(path)) or {}
+        if len(parts) == 1:
+            table = parts["t"]
+            names = _fields(table.dtype) or {}
+            for first in range(0, len(table), BLOCK):
+                rows = table[first : first + BLOCK]
+                yield Raw(*(rows[names[part]] for part in ("t", "x", "y")))
+        elif parts:
+            for first in range(0, len(parts["t"]), BLOCK):
+                yield Raw(*(parts[part][first : first + BLOCK] for part in ("t", "x", "y")))

@@ -1,0 +1,157 @@
+"""Events in ``.npz`` files: a structured array with fields such as tonic's (x, y, t, p), or an array for each.
+
+Members are read from the archive block by block, packed or not, so that none is in memory as a whole.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import lzma
+import zipfile
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple
+
+import numpy as np
+from numpy.lib import format as npy
+from numpy.typing import NDArray
+
+from lava_vpr.errors import InputError, brief
+from lava_vpr.events.hdf5 import NAMES
+from lava_vpr.events.stream import BLOCK, Raw, Recording, check_size
+from lava_vpr.storage.limits import excess
+from lava_vpr.storage.reading import open_regular
+from lava_vpr.storage.text import shown
+
+NPZ_SUFFIXES = (".npz",)
+_KEEP_IT = "save arrays t, x and y with numpy.savez"
+_MOST_MEMBERS = 1000
+
+
+class _Member(NamedTuple):
+    """An array of the archive: its name in it, type and length, and where its numbers begin."""
+
+    name: str
+    dtype: np.dtype[Any]
+    length: int
+
+
+def is_npz(path: Path) -> bool:
+    """Whether the archive ``path`` holds events; False, too, if it cannot be opened."""
+    with contextlib.suppress(InputError), _opened(path) as archive:
+        return _found(_members(archive, shown(path))) is not None
+    return False
+
+
+def open_npz(path: Path) -> Recording:
+    """The events of an ``.npz`` file.
+
+    Raises:
+        InputError: it is damaged, holds no events, or more than the limits allow.
+    """
+    with _opened(path) as archive:
+        members = _members(archive, shown(path))
+        parts = _found(members)
+        if parts is None:
+            held = ", ".join(brief(name) for name in sorted(members)[:10]) or "nothing"
+            raise InputError(f"{shown(path)}: holds no events (but {held}); {_KEEP_IT}")
+        lengths = [member.length for member, _ in parts]
+        if len(set(lengths)) > 1:
+            raise InputError(f"{shown(path)}: has {lengths[0]} times, {lengths[1]} columns, {lengths[2]} rows")
+        for number, name in ((lengths[0], "events"), (BLOCK * parts[0][0].dtype.itemsize, "event_chunk_bytes")):
+            beyond = excess(name, number)
+            if beyond is not None:
+                raise InputError(f"{shown(path)}: has {beyond}")
+        size = _size(archive, members, shown(path))
+    return Recording(path, lambda: _blocks(path), size)
+
+
+@contextlib.contextmanager
+def _opened(path: Path) -> Iterator[zipfile.ZipFile]:
+    """The opened archive; what goes wrong in it is told in one line."""
+    try:
+        with open_regular(path) as file, zipfile.ZipFile(file) as archive:
+            yield archive
+    except InputError:
+        raise
+    except OSError as error:
+        raise InputError(f"{shown(path)}: cannot be read ({error.strerror or error}); check it") from None
+    except (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, ValueError, RuntimeError, KeyError) as error:
+        why = brief(" ".join(str(error).split())[:160])
+        raise InputError(f"{shown(path)}: is damaged, cut short or no .npz file ({why}); copy it again") from None
+    except (NotImplementedError, MemoryError) as error:
+        raise InputError(f"{shown(path)}: cannot be unpacked ({type(error).__name__}); {_KEEP_IT}") from None
+
+
+def _members(archive: zipfile.ZipFile, where: str) -> dict[str, _Member]:
+    """The one-dimensional arrays of plain numbers, and tables of such, by their names."""
+    names = [info.filename for info in archive.infolist() if info.filename.endswith(".npy")]
+    if len(names) > _MOST_MEMBERS:
+        raise InputError(f"{where}: holds {len(names):,} arrays; {_KEEP_IT}")
+    found = {}
+    for name in names:
+        with archive.open(name) as stream:
+            shape, dtype = _header(stream)
+        if len(shape) == 1 and not dtype.hasobject:
+            found[name[: -len(".npy")]] = _Member(name, dtype, shape[0])
+    return found
+
+
+def _header(stream: Any) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    """Shape and type of the array that begins here; no object is made of what it says."""
+    version = npy.read_magic(stream)
+    if version not in ((1, 0), (2, 0)):
+        raise ValueError(f"version {version} of .npy")
+    read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+    shape, _, dtype = read(stream)
+    if any(length < 0 for length in shape):
+        raise ValueError(f"shape {shape}")
+    return shape, dtype
+
+
+def _found(members: dict[str, _Member]) -> list[tuple[_Member, str]] | None:
+    """Times, columns and rows: the member of each and its field there, "" for all of it; None: there are none."""
+    for member in members.values():
+        fields = member.dtype.names or ()
+        inside = [next((name for name in known if name in fields), "") for known in NAMES.values()]
+        if all(name and member.dtype[name].kind in "iuf" and member.dtype[name].shape == () for name in inside):
+            return [(member, name) for name in inside]
+    alone = [next((members[name] for name in known if name in members), None) for known in NAMES.values()]
+    if all(member is not None and member.dtype.kind in "iuf" for member in alone):
+        return [(member, "") for member in alone if member is not None]
+    return None
+
+
+def _size(archive: zipfile.ZipFile, members: dict[str, _Member], where: str) -> tuple[int, int] | None:
+    """Width and height of the sensor, if the archive has an array ``size`` of the two."""
+    member = members.get("size")
+    if member is None or member.length != 2 or member.dtype.kind not in "iu":
+        return None
+    with archive.open(member.name) as stream:
+        _header(stream)
+        width, height = _next(stream, member, 2).tolist()
+    return check_size((width, height), where)
+
+
+def _next(stream: BinaryIO | Any, member: _Member, count: int) -> NDArray[Any]:
+    """The next ``count`` elements."""
+    data = stream.read(count * member.dtype.itemsize)
+    if len(data) < count * member.dtype.itemsize:
+        raise ValueError(f"{member.name} ends early")
+    return np.frombuffer(data, member.dtype)
+
+
+def _blocks(path: Path) -> Iterator[Raw]:
+    """The events, some at a time."""
+    with _opened(path) as archive, contextlib.ExitStack() as stack:
+        parts = _found(_members(archive, shown(path))) or []
+        members = {member.name: member for member, _ in parts}
+        streams = {name: stack.enter_context(archive.open(name)) for name in members}
+        for stream in streams.values():
+            _header(stream)
+        length = parts[0][0].length if parts else 0
+        for first in range(0, length, BLOCK):
+            count = min(BLOCK, length - first)
+            read = {member.name: _next(streams[member.name], member, count) for member in members.values()}
+            yield Raw(*(read[member.name][name] if name else read[member.name] for member, name in parts))

@@ -1,0 +1,139 @@
+"""Events as every reader gives them, and what is checked of them whatever they were read from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.errors import InputError
+from lava_vpr.storage.limits import excess, limit
+from lava_vpr.storage.text import shown
+
+BLOCK = 1 << 18
+"""Events that are read at a time; so much of a recording is in memory."""
+_MOST_US = 1 << 61
+
+
+class Events(NamedTuple):
+    """Some events in the order of their times; their signs are not looked at (`lava_vpr.inputs.windows`).
+
+    Attributes:
+        t: Microseconds, int64 (n,).
+        x, y: Column and row of the pixel, from the upper left, uint16 (n,).
+    """
+
+    t: NDArray[np.int64]
+    x: NDArray[np.uint16]
+    y: NDArray[np.uint16]
+
+
+class Raw(NamedTuple):
+    """Some events as they stand in a file: one-dimensional arrays of any whole or real numbers.
+
+    Attributes:
+        t: Times, whole numbers of microseconds or real numbers of seconds.
+        x, y: Column and row of the pixel.
+    """
+
+    t: NDArray[Any]
+    x: NDArray[Any]
+    y: NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A file of events.
+
+    Attributes:
+        path: The file.
+        raw: Reads it from the start, at most `BLOCK` events at a time.
+        size: Width and height of the sensor in pixels, if the file tells them.
+        start_s: What is added to the times, in seconds.
+    """
+
+    path: Path
+    raw: Callable[[], Iterator[Raw]]
+    size: tuple[int, int] | None = None
+    start_s: float = 0.0
+
+    def events(self) -> Iterator[Events]:
+        """All events, checked.
+
+        Raises:
+            InputError: the file is damaged, times go back, a pixel is none of the sensor's, or there are too many.
+        """
+        return checked(self.raw(), shown(self.path), self.size)
+
+
+def check_size(size: tuple[int, int], where: str) -> tuple[int, int]:
+    """The width and height of a sensor, within the limit ``sensor_pixels``.
+
+    Raises:
+        InputError: it is larger, or no sensor.
+    """
+    width, height = size
+    if not 1 <= min(size) <= max(size) <= 1 << 16:
+        raise InputError(f"{where}: has a sensor of {width} x {height} pixels; correct it")
+    beyond = excess("sensor_pixels", width * height)
+    if beyond is not None:
+        raise InputError(f"{where}: has a sensor of {width} x {height}, {beyond}")
+    return size
+
+
+def checked(raw: Iterable[Raw], where: str, size: tuple[int, int] | None) -> Iterator[Events]:
+    """Events of a file or a stream, once they are seen to be what they must be.
+
+    Args:
+        raw: The events.
+        where: Their source, which messages begin with.
+        size: Width and height of the sensor; None: unknown, each at most 65,536.
+    Raises:
+        InputError: naming the first event that is wrong, counted from 0.
+    """
+    width, height = (1 << 16, 1 << 16) if size is None else size
+    total, last = 0, -_MOST_US
+    most = limit("events")
+    for t, x, y in raw:
+        total += len(t)
+        if total > most:
+            raise InputError(f"{where}: has {excess('events', total)}")
+        times = _whole(t, where, "time", total - len(t), 1e6 if t.dtype.kind == "f" else 1)
+        columns, rows = (_whole(values, where, name, total - len(t), 1) for values, name in ((x, "column"), (y, "row")))
+        if not len(times):
+            continue
+        back = np.diff(times, prepend=last) < 0
+        wrong = (columns < 0) | (columns >= width) | (rows < 0) | (rows >= height)
+        if back.any():
+            k = int(back.argmax())
+            before = last if k == 0 else int(times[k - 1])
+            raise InputError(
+                f"{where}: event {total - len(t) + k} goes back by {before - int(times[k]):,} us; sort the events by "
+                "their times"
+            )
+        if wrong.any():
+            k = int(wrong.argmax())
+            raise InputError(
+                f"{where}: event {total - len(t) + k} is at column {columns[k]}, row {rows[k]}, outside the sensor of "
+                f"{width} x {height} pixels; correct the events or the sensor's size"
+            )
+        last = int(times[-1])
+        yield Events(times, columns.astype(np.uint16), rows.astype(np.uint16))
+
+
+def _whole(values: NDArray[Any], where: str, name: str, first: int, factor: float) -> NDArray[np.int64]:
+    """Numbers of a file times a factor as whole numbers, int64 (n,)."""
+    if values.dtype.kind in "iu" and values.dtype != np.uint64:
+        return values.astype(np.int64)
+    numbers = values.astype(np.float64) * factor
+    bad = ~(np.abs(numbers) < _MOST_US)
+    if factor == 1:
+        bad |= numbers != np.rint(numbers)
+    if bad.any():
+        k = int(bad.argmax())
+        raise InputError(f"{where}: event {first + k} has the {name} {values[k]}; write whole numbers, or remove it")
+    return np.rint(numbers).astype(np.int64) if values.dtype.kind == "f" else values.astype(np.int64)

@@ -1,0 +1,164 @@
+"""Windows of events: which events an image shows, what is noise among them, and the image."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.events.kernels import NEVER, gather
+from lava_vpr.events.stream import Events
+from lava_vpr.inputs.windows import EventsConfig
+
+_EVER = 1 << 62
+_AROUND = 5  # pixels of the side of a pixel's surroundings
+
+
+class Shown(NamedTuple):
+    """An image of events.
+
+    Attributes:
+        number: How many are before it.
+        middle_us: The middle of its window, microseconds.
+        image: uint8 (h, w), the brighter, the more or the more recent events.
+    """
+
+    number: int
+    middle_us: float
+    image: NDArray[np.uint8]
+
+
+class Removed(NamedTuple):
+    """How many events were kept, and left out as noise: of hot pixels, and too soon after another of their pixel."""
+
+    kept: int
+    hot: int
+    soon: int
+
+
+def hot_pixels(counts: NDArray[np.int64], times: float) -> NDArray[np.bool_]:
+    """Pixels that say more than a scene can, bool (h, w).
+
+    Args:
+        counts: Events of each pixel, int64 (h, w).
+        times: A pixel is hot that has had more than so many times the median of the 5 x 5 pixels around it, and of the
+            mean of all; 0: none is.
+    """
+    if times == 0:
+        return np.zeros(counts.shape, np.bool_)
+    values = counts.astype(np.float32)
+    around = cv2.medianBlur(values, _AROUND)
+    return np.asarray(values > times * np.maximum(around, values.mean()))
+
+
+class Windows:
+    """Cuts events into windows as they come, and makes an image of each; it holds one window and no event.
+
+    A window begins with the first event, and then at the first multiple of ``every`` seconds after that which is not
+    before the end of the window before. It lasts ``window_ms``, or until ``window_events`` events are kept. One without
+    events is left out; of the last one, half is enough.
+
+    Args:
+        size: Width and height of the sensor in pixels.
+        config: How events become images.
+        every: Seconds from the begin of one window to that of the next, at least.
+        hot: Pixels that are left out, bool (h, w); None: those that have been hot so far, when a window begins.
+        draw: Whether images are made; otherwise they are empty.
+    """
+
+    def __init__(
+        self,
+        size: tuple[int, int],
+        config: EventsConfig,
+        every: float,
+        hot: NDArray[np.bool_] | None = None,
+        *,
+        draw: bool = True,
+    ) -> None:
+        width, height = size
+        self._config, self._draw = config, draw
+        self._every_us = max(1, round(every * 1e6))
+        self._span_us = round(config.window_ms * 1e3)
+        self._follows, self._seen = hot is None, np.zeros((height, width), np.int64)
+        self._hot = np.zeros((height, width), np.bool_) if hot is None else hot
+        self._last = np.full((height, width), NEVER, np.int64)
+        self._counts = np.zeros((height, width), np.uint32)
+        self._totals = np.zeros(3, np.int64)
+        self._origin: int | None = None
+        self._start = self._latest = self._number = self._kept = 0
+
+    @property
+    def removed(self) -> Removed:
+        """What has been kept and left out so far, in windows."""
+        return Removed(*self._totals.tolist())
+
+    def feed(self, events: Events) -> Iterator[Shown]:
+        """Take the next events; the images of windows that they end."""
+        t, x, y = events
+        if self._origin is None and len(t):
+            self._origin = self._start = int(t[0])
+        by_count = self._config.window_events
+        i = 0
+        while i < len(t):
+            i = max(i, int(np.searchsorted(t, self._start)))
+            stop, quota = (_EVER, by_count - self._kept) if by_count else (self._start + self._span_us, _EVER)
+            before = int(self._totals[0])
+            pixels = (self._hot, self._last, self._counts, self._seen)
+            begin, i = i, gather(t, x, y, i, stop, quota, self._config.refractory_us, *pixels, self._totals)
+            self._kept += int(self._totals[0]) - before
+            self._latest = int(t[i - 1]) if i > begin else self._latest
+            if (by_count and self._kept == by_count) or i < len(t):
+                end = self._latest if by_count else stop
+                yield from self._ended(end)
+                self._begin(end + (1 if by_count else 0), int(t[i]) if i < len(t) else end)
+
+    def rest(self) -> Iterator[Shown]:
+        """The image of the last window, if half of it is there; called once, after the last event."""
+        by_count = self._config.window_events
+        if by_count and self._kept >= by_count / 2:
+            yield from self._ended(self._latest)
+        elif not by_count and self._latest - self._start >= self._span_us / 2:
+            yield from self._ended(self._start + self._span_us)
+
+    def _begin(self, end: int, following: int) -> None:
+        """Begin the next window, not before ``end``; empty ones before the ``following`` event are passed over."""
+        origin = self._start if self._origin is None else self._origin
+        self._start = origin - (origin - end) // self._every_us * self._every_us
+        if not self._config.window_events:
+            apart = -(-self._span_us // self._every_us) * self._every_us
+            self._start += max(0, (following - self._start) // apart) * apart
+        if self._follows:
+            self._hot = hot_pixels(self._seen, self._config.hot_pixels)
+
+    def _ended(self, end: int) -> Iterator[Shown]:
+        """The image of the window that has ended, if it has an event; the next one is empty."""
+        if self._kept:
+            empty = np.zeros((1, 1), np.uint8)
+            image = self._image(end) if self._draw else empty
+            yield Shown(self._number, (self._start + end) / 2, image)
+            self._number += 1
+        self._kept = 0
+        self._counts[:] = 0
+
+    def _image(self, end: int) -> NDArray[np.uint8]:
+        """The image of the window's events, uint8 (h, w)."""
+        values = self._counts.astype(np.float32)
+        if self._config.image == "surface":
+            fall = max(1.0, (end - self._start) / 2)
+            age = np.minimum((end - self._last) / fall, 80.0)
+            values = np.where(self._counts > 0, np.exp(-age), 0.0).astype(np.float32)
+        height, width = values.shape
+        share = self._config.side / max(height, width)
+        if share < 1:
+            small = max(1, round(width * share)), max(1, round(height * share))
+            values = cv2.resize(values, small, interpolation=cv2.INTER_AREA)
+        return levels(values)
+
+
+def levels(values: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Values of at least 0 as grey levels, uint8: the largest hundredth of those that are not 0 become white."""
+    top = float(np.quantile(values[values > 0], 0.99))
+    return np.rint(np.minimum(values * (255.0 / top), 255.0)).astype(np.uint8)

@@ -1,0 +1,50 @@
+"""Windows of an event camera: how a stream of events becomes images, which are then encoded as any other image.
+
+An event says that the light on a pixel has changed by some ratio. Which way is left out: what is dark against its
+surroundings in one season is bright in another, and driving back turns every sign.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from lava_vpr.ranges import need, within
+
+EventImage = Literal["counts", "surface"]
+EVENT_IMAGES: tuple[str, ...] = get_args(EventImage)
+
+
+@dataclass(frozen=True)
+class EventsConfig:
+    """How events become images. Images of frame cameras, and folders of event frames, need none of this.
+
+    Attributes:
+        window_ms: Milliseconds of events that an image shows.
+        window_events: Number of events that an image shows, whatever time they take; 0: those of ``window_ms``.
+        image: ``counts``: how many events each pixel has had in the window; ``surface``: how recent its last one is,
+            falling by e in half of the window's time.
+        side: Pixels of the longer side of an image, at most; larger sensors are averaged down to it.
+        refractory_us: Events of a pixel so soon after its last one are noise and left out, microseconds.
+        hot_pixels: A pixel with so many times the events that its surroundings and the whole sensor have is hot, and
+            left out; 0: none is.
+    """
+
+    window_ms: float = 200.0
+    window_events: int = 0
+    image: EventImage = "counts"
+    side: int = 128
+    refractory_us: int = 1000
+    hot_pixels: float = 8.0
+
+    def __post_init__(self) -> None:
+        need(self.image in EVENT_IMAGES, "events.image", self.image, "one of " + ", ".join(EVENT_IMAGES))
+        within(
+            self,
+            "events",
+            window_ms="[0.1, 3600000]",
+            window_events="[0, 1000000000]",
+            side="[8, 512]",
+            refractory_us="[0, 10000000]",
+            hot_pixels="[0, 1000000]",
+        )

@@ -1,0 +1,150 @@
+"""Events from the command line: a synthetic drive written, learned, and recognised from another; refusals."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from support.common.commands import run
+from support.common.eventfiles import Made, aedat4, dsec, made
+
+from lava_vpr.cli import main
+from lava_vpr.events.files import open_events
+from lava_vpr.localizer import Localizer, train
+from lava_vpr.model import load
+from lava_vpr.traverse import open_traverse
+
+CONFIG = "[network]\nsteps = 64\n[learning]\nsteps = 100\nepochs = 4\n[events]\nhot_pixels = 6.0\n"
+POSITIONS = ("--positions", "w/reference_positions.csv")
+QUERIES = ("--query-positions", "w/query_positions.csv")
+EVERY = ("--every", "0.5")
+
+
+@pytest.fixture(scope="module")
+def drives(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two synthetic drives of an event camera, and a model of the first."""
+    folder = tmp_path_factory.mktemp("events")
+    run("synth", folder / "w", "--places", 5, "--events", "--query-condition", "rain", "--query-speed", 15)
+    (folder / "quick.toml").write_text(CONFIG)
+    reference = ("train", folder / "w/reference_events.h5", *EVERY, "--config", folder / "quick.toml")
+    run(*reference, "--positions", folder / POSITIONS[1], "--window-ms", 150, "-o", folder / "m.lvpr")
+    return folder
+
+
+@pytest.fixture
+def there(drives: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of its own to work in, which sees what was made."""
+    monkeypatch.chdir(tmp_path)
+    for entry in drives.iterdir():
+        os.symlink(entry, tmp_path / entry.name)
+    return tmp_path
+
+
+def test_a_drive_of_events_is_recognised_from_another_at_another_speed(there: Path) -> None:
+    result = run("eval", "m.lvpr", "w/query_events.h5", *EVERY, *QUERIES, "--radius", 8, "--json", "f.json",
+                 "--report", "report")  # fmt: skip
+    told = json.loads(Path("f.json").read_text())
+    assert told["queries"] >= 10
+    assert told["decoders"]["contrast"]["recall_at_1"] >= 0.8
+    assert "windows of" in result.stderr
+    assert "hot pixels" in result.stderr
+    model = load("m.lvpr")
+    assert model.config.events.window_ms == 150
+    assert model.config.events.hot_pixels == 6
+    assert model.place_names[1] == "window 000001"
+    page = Path("report/report.html").read_text()
+    assert "window 000001" in page
+    assert "data:image" in page
+
+
+def test_a_query_is_answered_with_its_place_in_time(there: Path) -> None:
+    run("query", "m.lvpr", "w/query_events.h5", *EVERY, *QUERIES, "-o", "q.csv")
+    with Path("q.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert rows[2]["query_name"] == "window 000002"
+    assert float(rows[0]["time"]) == pytest.approx(1_736_942_400.075, abs=1e-3)  # the middle of the first 150 ms
+    assert np.median([float(row["error_m"]) for row in rows if row["error_m"]]) < 8
+
+
+def test_bench_and_verify_take_events(there: Path) -> None:
+    run("bench", "m.lvpr", "w/query_events.h5", "--every", 1, "--places", "0:3", "--limit", 2, "--json", "b.json")
+    assert json.loads(Path("b.json").read_text())
+    run("deploy", "m.lvpr", "--target", "kapoho-bay", "-o", "verified")
+    told = run("verify", "verified", "w/query_events.h5", "--every", 1, "--places", "0:3", "--backend", "bundle")
+    assert "bundle" in told.output
+
+
+def test_bundles_and_python_take_events(there: Path) -> None:
+    run("deploy", "m.lvpr", "--target", "kapoho-bay", "-o", "kb")
+    run("query", "m.lvpr", "w/query_events.h5", *EVERY, "-o", "host.csv", "--seed", 5)
+    run("query", "kb", "w/query_events.h5", *EVERY, "-o", "bundle.csv", "--seed", 5, "--backend", "bundle")
+    assert Path("host.csv").read_bytes() == Path("bundle.csv").read_bytes()
+    model = load("m.lvpr")
+    queries = open_traverse("w/query_events.h5", every=0.5, events=model.config.events)
+    localizer = Localizer(model, motion="none")
+    with Path("host.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    localizer = Localizer(model, motion="none", seed=5)
+    for row, image in zip(rows[:4], queries.images(), strict=False):
+        assert localizer.update(image).place == int(row["place"])
+    again = train("w/reference_events.h5", config=model.config)
+    assert again.places == len(open_traverse("w/reference_events.h5", events=model.config.events))
+
+
+def test_the_truth_is_where_the_vehicle_is(there: Path) -> None:
+    for kind, speed in (("reference", 10.0), ("query", 15.0)):
+        rows = np.loadtxt(f"w/{kind}_positions.csv", delimiter=",", skiprows=1)
+        along = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(rows[:, 1:], axis=0).T))])
+        assert along[-1] == pytest.approx(100, abs=0.5)
+        assert np.diff(along)[:-1].mean() * 10 == pytest.approx(speed, rel=0.1)
+        last = [part.t[-1] for part in open_events(Path(f"w/{kind}_events.h5")).events()][-1]
+        assert last / 1e6 == pytest.approx(rows[-1, 0] - rows[0, 0], abs=0.1)
+
+
+def test_equal_seeds_write_equal_files_and_npz_holds_the_same_events(there: Path) -> None:
+    run("synth", "again", "--places", 5, "--events", "npz", "--query-condition", "rain", "--query-speed", 15)
+    first, second = (
+        [part for part in open_events(Path(name)).events()] for name in ("w/query_events.h5", "again/query_events.npz")
+    )
+    start = np.int64(1_736_942_400_000_000)
+    for name, offset in (("t", start), ("x", 0), ("y", 0)):
+        one, other = (np.concatenate([getattr(part, name) for part in parts]) for parts in (first, second))
+        np.testing.assert_array_equal(one + offset, other)
+    for table in ("reference_positions.csv", "query_positions.csv"):
+        assert Path("w", table).read_bytes() == Path("again", table).read_bytes()
+
+
+def error(*words: object, code: int = 1) -> str:
+    """What a command that must fail says, in one line."""
+    result = CliRunner().invoke(main, [str(word) for word in words])
+    assert result.exit_code == code, result.output
+    assert code == 2 or result.stderr.count("\n") == 1, result.stderr
+    return result.stderr
+
+
+def test_what_cannot_be_is_told_in_one_line(there: Path) -> None:
+    train_it = ("train", "-o", "n.lvpr")
+    assert "both say how long" in error(*train_it, "w/query_events.h5", "--window-ms", 5, "--window-events", 5, code=2)
+    events = made()
+    back = dsec(there / "back.h5", events._replace(t=events.t[::-1]))
+    assert "back.h5: event 1 goes back" in error(*train_it, back)
+    short = aedat4(there / "short.aedat4", Made(*(values[:9] for values in events[:4]), events.size))
+    assert "shorter than half a window" in error(*train_it, short, "--window-events", 1000)
+    (there / "cut.h5").write_bytes((there / "w/query_events.h5").read_bytes()[:5000])
+    assert "cut.h5" in error("query", "m.lvpr", "cut.h5")
+    assert not Path("n.lvpr").exists()
+
+
+def test_an_earlier_drive_is_replaced_and_nothing_else(tmp_path: Path) -> None:
+    run("synth", tmp_path / "w", "--places", 2)
+    run("synth", tmp_path / "w", "--places", 2, "--events", "--metres", 5)
+    assert sorted(path.name for path in (tmp_path / "w").iterdir()) == [
+        "query_events.h5", "query_positions.csv", "reference_events.h5", "reference_positions.csv",
+    ]  # fmt: skip
+    (tmp_path / "w" / "mine.txt").write_text("mine")
+    assert "holds something else (mine.txt)" in error("synth", tmp_path / "w", "--places", 2, "--events")

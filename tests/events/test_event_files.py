@@ -1,0 +1,296 @@
+"""Files of events: every format gives the same events; what is damaged, foreign or too much is told in one line."""
+
+from __future__ import annotations
+
+import struct
+import sys
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from support.common.eventfiles import (
+    WRITERS,
+    Made,
+    aedat4,
+    apart,
+    described,
+    dsec,
+    header,
+    made,
+    packet,
+    tonic,
+    written,
+)
+
+from lava_vpr.errors import InputError
+from lava_vpr.events.camera import Sent
+from lava_vpr.events.files import is_events, open_events, survey
+from lava_vpr.events.stream import BLOCK
+from lava_vpr.events.writing import WRITTEN, write_events
+from lava_vpr.inputs.windows import EventsConfig
+from lava_vpr.traverse import open_traverse
+
+EVENTS = made()
+
+
+def read(path: Path) -> Made:
+    """All events of a file, without their signs."""
+    recording = open_events(path)
+    parts = list(recording.events())
+    t, x, y = (np.concatenate([getattr(part, name) for part in parts]) for name in ("t", "x", "y"))
+    return Made(t, x, y, np.zeros(len(t), np.bool_), recording.size or (0, 0))
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_every_format_gives_the_same_events(kind: str, tmp_path: Path) -> None:
+    path = written(kind, tmp_path, EVENTS)
+    assert is_events(path)
+    found = read(path)
+    for name in ("t", "x", "y"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(EVENTS, name))
+    assert found.size == (EVENTS.size if kind in ("aedat4", "dsec", "tonic") else (0, 0))
+
+
+@pytest.mark.parametrize("packing", range(5))
+def test_aedat4_is_read_as_the_package_aedat_reads_it(packing: int, tmp_path: Path) -> None:
+    aedat = pytest.importorskip("aedat")
+    path = aedat4(tmp_path / "a.aedat4", EVENTS, packing)
+    packets = [one["events"] for one in aedat.Decoder(path)]
+    found = read(path)
+    for name in ("t", "x", "y"):
+        np.testing.assert_array_equal(getattr(found, name), np.concatenate([one[name] for one in packets]))
+    assert len(packets) == 6
+
+
+def test_other_streams_of_an_aedat4_are_passed_over(tmp_path: Path) -> None:
+    other = '<node name="1"><attr key="typeIdentifier" type="string">IMUS</attr></node>'
+    path = aedat4(tmp_path / "a.aedat4", EVENTS, 0, streams=other)
+    path.write_bytes(path.read_bytes() + struct.pack("<iI", 1, 5) + b"other")
+    np.testing.assert_array_equal(read(path).t, EVENTS.t)
+
+
+def test_more_than_a_block_is_read_in_pieces(tmp_path: Path) -> None:
+    many = made(2 * BLOCK + 7)
+    for kind in ("dsec", "tonic", "apart", "metavision"):
+        path = written(kind, tmp_path, many)
+        assert [len(part.t) for part in open_events(path).events()] == [BLOCK, BLOCK, 7]
+        np.testing.assert_array_equal(read(path).x, many.x)
+
+
+@pytest.mark.parametrize("end", WRITTEN)
+def test_what_is_written_is_read_and_equal_events_are_equal_bytes(end: str, tmp_path: Path) -> None:
+    parts = [
+        Sent(EVENTS.t[k : k + 700], EVENTS.x[k : k + 700].astype(np.uint16), EVENTS.y[k : k + 700].astype(np.uint16),
+             EVENTS.p[k : k + 700])
+        for k in range(0, 3000, 700)
+    ]  # fmt: skip
+    for name in ("a", "b"):
+        assert write_events(tmp_path / f"{name}{end}", parts, EVENTS.size, start_s=100.0) == 3000
+    path = tmp_path / f"a{end}"
+    found, start_us = read(path), 100_000_000
+    np.testing.assert_array_equal(found.t + (start_us if end == ".h5" else 0), EVENTS.t + start_us)
+    np.testing.assert_array_equal(found.y, EVENTS.y)
+    assert found.size == EVENTS.size
+    drive = survey(path, EventsConfig(window_ms=500), 0.5)
+    assert drive.stamps[0] == 100.25
+    if end == ".h5":
+        assert path.read_bytes() == (tmp_path / f"b{end}").read_bytes()
+        with h5py.File(path) as file:
+            marks = file["ms_to_idx"][:]
+            np.testing.assert_array_equal(marks, np.searchsorted(EVENTS.t, np.arange(len(marks)) * 1000))
+
+
+def refused(path: Path, *words: str) -> None:
+    """Opening and reading the file ends in one line with these words."""
+    with pytest.raises(InputError) as caught:
+        survey(path, EventsConfig(window_ms=100), 0.1)
+    told = str(caught.value)
+    assert "\n" not in told
+    assert all(word in told for word in (path.name, *words)), told
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_files_cut_short_are_refused(kind: str, tmp_path: Path) -> None:
+    whole = written(kind, tmp_path, EVENTS).read_bytes()
+    path = tmp_path / f"cut{WRITERS[kind][0]}"
+    for length in (0, 3, 20, 100, len(whole) // 2, len(whole) - 1):
+        path.write_bytes(whole[:length])
+        refused(path)
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_damaged_bytes_give_events_or_one_line(kind: str, tmp_path: Path) -> None:
+    whole = bytearray(written(kind, tmp_path, made(200)).read_bytes())
+    path, rng, told = tmp_path / f"damaged{WRITERS[kind][0]}", np.random.default_rng(1), 0
+    for _ in range(150):
+        data = bytearray(whole)
+        for at in rng.integers(0, min(len(data), 3000), 3).tolist():
+            data[at] = int(rng.integers(256))
+        path.write_bytes(data)
+        try:
+            for part in open_events(path).events():
+                assert len(part.t) <= BLOCK
+        except InputError as error:
+            told += 1 if "\n" not in str(error) else -1000
+    assert told > 5
+
+
+@pytest.mark.parametrize("kind", ["aedat4", "dsec", "metavision", "tonic", "apart"])
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda e: e._replace(t=np.roll(e.t, 1)), ("event 1 goes back by", "sort")),
+        (lambda e: e._replace(x=e.x * 0 - 1), ("event 0 is at column",)),
+        (lambda e: e._replace(t=e.t[:0], x=e.x[:0], y=e.y[:0], p=e.p[:0]), ("holds no event",)),
+        (lambda e: e._replace(t=e.t[:1], x=e.x[:1], y=e.y[:1], p=e.p[:1]), ("shorter than half a window",)),
+    ],
+)
+def test_events_that_cannot_be_are_refused(
+    kind: str, change: Callable[[Made], Made], words: tuple[str, ...], tmp_path: Path
+) -> None:
+    events = change(EVENTS)
+    if kind in ("dsec", "metavision") and int(events.x.min(initial=0)) < 0:
+        pytest.skip("its columns have no sign")
+    if kind == "dsec" and not len(events.t):
+        pytest.skip("h5py writes no empty chunks")
+    refused(written(kind, tmp_path, events), *words)
+
+
+def test_pixels_beyond_the_sensor_are_refused(tmp_path: Path) -> None:
+    small = EVENTS._replace(size=(10, 8))
+    for kind in ("aedat4", "dsec", "tonic"):
+        refused(written(kind, tmp_path, small), "outside the sensor of 10 x 8")
+
+
+def test_numbers_that_are_none_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    for name, value, words in (
+        ("t", np.nan, "time nan"),
+        ("t", np.inf, "time inf"),
+        ("x", 1.5, "column 1.5"),
+        ("y", np.nan, "row nan"),
+    ):
+        parts = {"t": EVENTS.t / 1e6, "x": EVENTS.x / 1.0, "y": EVENTS.y / 1.0}
+        parts[name][7] = value
+        np.savez(path, **parts)
+        refused(path, f"event 7 has the {words}")
+    np.savez(path, t=EVENTS.t, x=EVENTS.x[:-1], y=EVENTS.y)
+    refused(path, "3000 times, 2999 columns, 3000 rows")
+
+
+def test_pickled_objects_are_never_made(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    np.savez(path, t=np.array([Trap()], object), x=np.array([1]), y=np.array([1]))
+    assert not is_events(path)
+    refused(path, "holds no events")
+
+
+class Trap:
+    """What would tell that it was made."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (pytest.fail, ("a pickle was loaded",))
+
+
+def test_other_archives_are_no_events(tmp_path: Path) -> None:
+    np.savez(tmp_path / "a.npz", descriptors=np.zeros((3, 4)))
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["descriptors"] = np.zeros((3, 4))
+    (tmp_path / "b.npz").write_bytes(b"no archive")
+    for name in ("a.npz", "a.h5", "b.npz"):
+        assert not is_events(tmp_path / name)
+        refused(tmp_path / name)
+
+
+def test_hdf5_that_lies_elsewhere_is_not_followed(tmp_path: Path) -> None:
+    inner = dsec(tmp_path / "inner.h5", EVENTS)
+    with h5py.File(tmp_path / "link.h5", "w") as file:
+        file["events"] = h5py.ExternalLink(str(inner), "/events")
+    assert not is_events(tmp_path / "link.h5")
+    with h5py.File(tmp_path / "virtual.h5", "w") as file:
+        for name in ("t", "x", "y"):
+            layout = h5py.VirtualLayout((3000,), "<i8")
+            layout[:] = h5py.VirtualSource(str(inner), f"events/{name}", shape=(3000,))
+            file.create_virtual_dataset(name, layout)
+    refused(tmp_path / "virtual.h5", "in other files")
+    (tmp_path / "numbers").write_bytes(bytes(24000))
+    with h5py.File(tmp_path / "external.h5", "w") as file:
+        for name in ("t", "x", "y"):
+            file.create_dataset(name, (3000,), "<i8", external=[(str(tmp_path / "numbers"), 0, 24000)])
+    refused(tmp_path / "external.h5", "in other files")
+
+
+def test_what_is_too_much_is_refused_before_it_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with h5py.File(tmp_path / "sparse.h5", "w") as file:
+        for name in ("t", "x", "y"):
+            file.create_dataset(name, (10**14,), "<i8", chunks=(1000,))
+    refused(tmp_path / "sparse.h5", "100,000,000,000,000 events", "LAVA_VPR_MAX_EVENTS")
+    with h5py.File(tmp_path / "chunk.h5", "w") as file:
+        for name in ("t", "x", "y"):
+            file.create_dataset(name, (10**8,), "<i8", chunks=(10**8,))
+    refused(tmp_path / "chunk.h5", "LAVA_VPR_MAX_EVENT_CHUNK_BYTES")
+    refused(dsec(tmp_path / "wide.h5", EVENTS._replace(size=(60000, 60000))), "LAVA_VPR_MAX_SENSOR_PIXELS")
+    path = aedat4(tmp_path / "bomb.aedat4", EVENTS, 1, every=3000)
+    monkeypatch.setenv("LAVA_VPR_MAX_EVENT_PACKET_BYTES", "40000")
+    refused(path, "LAVA_VPR_MAX_EVENT_PACKET_BYTES")
+    monkeypatch.setenv("LAVA_VPR_MAX_EVENTS", "2999")
+    for kind in ("dsec", "tonic", "metavision"):
+        refused(written(kind, tmp_path, EVENTS), "LAVA_VPR_MAX_EVENTS")
+
+
+def test_aedat4_of_another_kind_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.aedat4"
+    body = struct.pack("<iI", 0, len(packet(EVENTS))) + packet(EVENTS)
+    for head, words in (
+        (header("<dv></dv>"), "no stream of events"),
+        (header(described((0, 5))), "0 x 5"),
+        (header(described((24, 16)), 9), "packing 9"),
+        (header("<!DOCTYPE dv []>" + described((24, 16))), "document type"),
+        (header(described((24, 16)).replace('name="0"', 'name="x"', 1)), "lacks the number"),
+        (header("<dv"), "is damaged"),
+        (b"#!AER-DAT2.0\r\n", "does not begin"),
+    ):
+        path.write_bytes(head + body)
+        refused(path, words)
+
+
+def test_what_is_missing_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    packed = aedat4(tmp_path / "a.aedat4", EVENTS)
+    monkeypatch.setitem(sys.modules, "lz4.frame", None)
+    refused(packed, "pip install 'lava-vpr[events]'")
+
+
+def test_a_traverse_of_events_is_its_windows(tmp_path: Path) -> None:
+    path = tonic(tmp_path / "a.npz", EVENTS)
+    whole = open_traverse(path, every=0.5, events=EventsConfig(window_ms=100))
+    assert whole.names == tuple(f"window {k:06d}" for k in range(6))
+    assert whole.stamps is not None
+    np.testing.assert_allclose(whole.stamps, 0.05 + 0.5 * np.arange(6))
+    images = list(whole.images())
+    assert [image.shape for image in images] == [(16, 24)] * 6
+    backwards = whole.take([5, 2, 2, 0])
+    for image, k in zip(backwards.images(), (5, 2, 2, 0), strict=True):
+        np.testing.assert_array_equal(image, images[k])
+    np.testing.assert_array_equal(backwards.load(1), images[2])
+    assert backwards.stamps is not None
+    assert backwards.stamps.tolist() == whole.stamps[[5, 2, 2, 0]].tolist()
+
+
+def test_a_file_that_changed_is_told(tmp_path: Path) -> None:
+    path = apart(tmp_path / "a.npz", EVENTS)
+    whole = open_traverse(path, every=0.5, events=EventsConfig(window_ms=100))
+    apart(path, Made(*(values[:900] for values in EVENTS[:4])))
+    with pytest.raises(InputError, match="has no window 2 any more"):
+        list(whole.images())
+
+
+def test_an_archive_within_an_archive_is_bounded(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    with zipfile.ZipFile(path, "w") as archive:
+        for k in range(1001):
+            archive.writestr(f"a{k}.npy", b"")
+    refused(path, "1,001 arrays")
