@@ -36,6 +36,14 @@ VIEWS: dict[str, Range | tuple[str, ...] | tuple[bool, ...]] = {
     "scales": ("i", 1, 99),
     "scale": ("f", 1, 2),
 }
+EVENTS: dict[str, Range | tuple[str, ...] | tuple[bool, ...]] = {
+    "window_ms": ("f", 0.1, 3_600_000),
+    "window_events": ("i", 0, 1_000_000_000),
+    "image": ("counts", "surface"),
+    "side": ("i", 8, 512),
+    "refractory_us": ("i", 0, 10_000_000),
+    "hot_pixels": ("f", 0, 1_000_000),
+}
 LIF: dict[str, Range | tuple[str, ...] | tuple[bool, ...]] = {
     "model": ("lif",),
     "neurons": ("i", 0, 100_000),
@@ -121,6 +129,7 @@ def check(config: Any, findings: Findings) -> bool:
     tables = {
         "encoder": ENCODER,
         "views": VIEWS,
+        "events": EVENTS,
         "network": CONDUCTANCE if conductance else LIF,
         "learning": RULES if conductance else STDP,
         "decoder": DECODER,
