@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
 from lava_vpr.errors import InputError, brief
@@ -56,6 +55,8 @@ def open_hdf5(path: Path) -> Recording:
 @contextlib.contextmanager
 def _opened(path: Path) -> Iterator[Any]:
     """The opened file; what goes wrong in h5py, which raises anything of a damaged file, is told in one line."""
+    import h5py  # here: most commands read no HDF5, and it takes a tenth of a second
+
     try:
         with contextlib.suppress(ImportError):
             import hdf5plugin  # noqa: F401  # compressions that h5py lacks, where it is installed
@@ -98,6 +99,8 @@ def _found(file: Any, where: str) -> dict[str, Any] | None:
 
 def _dataset(file: Any, name: str) -> Any:
     """The one-dimensional dataset of this name in the file itself, or None; links out of it are not followed."""
+    import h5py
+
     at = file
     for part in [word for word in name.split("/") if word]:
         if not isinstance(at, h5py.Group) or not isinstance(at.get(part, getlink=True), h5py.HardLink):
@@ -141,6 +144,8 @@ def _size(file: Any, parts: dict[str, Any], where: str) -> tuple[int, int] | Non
 
 def _offset(file: Any, where: str) -> float:
     """Seconds to be added to the times: DSEC's ``t_offset``, in microseconds."""
+    import h5py
+
     for name in ("t_offset", "events/t_offset"):
         offset = file.get(name) if isinstance(file.get(name, getlink=True), h5py.HardLink) else None
         if isinstance(offset, h5py.Dataset) and offset.shape in ((), (1,)) and offset.dtype.kind in "iuf":

@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
 from lava_vpr.events.camera import Sent
@@ -35,6 +34,8 @@ def write_events(path: Path, events: Iterable[Sent], size: tuple[int, int], star
 
 
 def _hdf5(path: Path, events: Iterable[Sent], size: tuple[int, int], start_s: float) -> int:
+    import h5py  # here: see `lava_vpr.events.hdf5`
+
     total, marks = 0, _Marks()
     with h5py.File(path, "w") as file:
         file.attrs["width"], file.attrs["height"] = size
