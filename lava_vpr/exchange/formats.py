@@ -78,6 +78,31 @@ FORMATS.register(
 )
 
 
+def _write_netx(model: IntegerModel, path: Path, asked: Asked) -> tuple[str, ...]:
+    """See `lava_vpr.exchange.netx.write`."""
+    from lava_vpr.exchange import netx
+
+    return netx.write(model, path, references=asked.references)
+
+
+def _read_netx(path: Path, time_step: float) -> Drawn:
+    """See `lava_vpr.exchange.netx.read`; it counts steps."""
+    from lava_vpr.exchange import netx
+
+    return netx.read(path)
+
+
+FORMATS.register(
+    FormatRow(
+        "netx",
+        "NetX, the HDF5 file of lava-dl: one recurrent population, with biases in whole weights",
+        endings=(".net", ".h5", ".hdf5"),
+        write=_write_netx,
+        read=_read_netx,
+    )
+)
+
+
 def format_of(path: Path, name: str | None = None) -> FormatRow:
     """The format of the file at ``path``: the one called ``name``, else the one whose ending the path has.
 

@@ -32,7 +32,7 @@ time_step_option = click.option(
 
 @click.command()
 @click.argument("model_path", metavar="MODEL", type=PATH)
-@click.option("-o", "--output", required=True, type=PATH, metavar="FILE", help="File to write (.nir).")
+@click.option("-o", "--output", required=True, type=PATH, metavar="FILE", help="File to write (.nir, .net).")
 @click.option("--format", "name", type=RegisteredName(FORMATS), default=None, help=_FORMAT)
 @time_step_option
 @click.option(
@@ -72,7 +72,7 @@ def export(model_path: Path, output: Path, name: str | None, time_step: float, r
 )
 @time_step_option
 def import_model(path: Path, output: Path, name: str | None, like: Path | None, time_step: float) -> None:
-    """Make a model of a network that another program, or export, has written.
+    """Make a model of the network in FILE, which another program, or export, has written.
 
     An unaltered file of export makes the model again that it was written from, byte for byte. Any other network is
     rounded to the chip's integers where it has to be, and answers with the references of --like, or of the file itself.

@@ -1,0 +1,246 @@
+"""NetX: the network as the HDF5 file that ``lava.lib.dl.netx.hdf5.Network`` of lava-dl loads, written and read.
+
+    input -> dense_rec: the excitatory neurons and, behind them, the inhibitory one, as one recurrent population
+
+A population of NetX shares its threshold and its decay. The inhibitory neuron works with those of the others, because
+any excitatory spike alone lifts it over the threshold, and nothing else reaches it. A population takes injected spikes
+a step later, and hears of its own a step later: that is the network of at most `DIRECT` neurons.
+
+NetX counts biases in the unit of weights (its bias_exp is 6), the chip 64 times finer. So everything is doubled as
+often as 8-bit synapses with a sign hold it, and biases are rounded to what is left. `held` is the network that a file
+holds: the loaded file spikes as that one does, bit for bit.
+
+Source: lava-dl 0.6.0, ``lava/lib/dl/netx/hdf5.py`` (create_dense, get_neuron_params) and ``utils.py``
+(optimize_weight_bits).
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.engine.inference.fixed import DIRECT, FixedNetwork
+from lava_vpr.errors import InputError, NetworkLimitError, brief
+from lava_vpr.exchange import hdf5
+from lava_vpr.exchange.drawn import STEP_UNIT, Drawn
+from lava_vpr.exchange.nir_writing import FORMAT, container_of
+from lava_vpr.loihi import DECAY_UNITY, INPUT_SHIFT, SIGNED_WEIGHT_LIMIT, WEIGHT_BITS
+from lava_vpr.model import IntegerModel
+from lava_vpr.storage.text import shown
+from lava_vpr.storage.writing import write_atomically
+
+WHAT = "NetX file"
+SAID = (
+    "the last neuron of the population is the inhibitory one, all others are excitatory; a presentation is 'interval' "
+    "steps, of which the first 'steps' have input, and all states are 0 at its start (reset_interval)"
+)
+
+
+class _Unfit(Exception):
+    """The file holds no network of this shape; the message says why."""
+
+
+def held(network: FixedNetwork) -> FixedNetwork:
+    """The network that a file of ``network`` holds: a multiple of it by a power of two, with rounded biases.
+
+    Raises:
+        NetworkLimitError: NetX has no place for it, naming need, limit and remedy.
+    """
+    if network.neurons > DIRECT:
+        raise NetworkLimitError(
+            f"{network.neurons:,} neurons take relays or several inhibitory neurons, and NetX holds one population of "
+            f"at most {DIRECT:,}; export a smaller map (lava-vpr remove), or to NIR"
+        )
+    doublings = WEIGHT_BITS - 1 - network.bits
+    while doublings >= 0 and max(network.threshold << doublings, network.lateral << doublings) >= SIGNED_WEIGHT_LIMIT:
+        doublings -= 1
+    if doublings < 0:
+        raise NetworkLimitError(
+            f"threshold {network.threshold} and inhibition {network.lateral} are synapses in NetX, which must stay "
+            f"below {SIGNED_WEIGHT_LIMIT} with {network.bits}-bit weights; use fewer weight bits"
+        )
+    made = replace(
+        network,
+        weights=(network.weights << doublings).astype(np.int16),
+        bits=network.bits + doublings,
+        signed=True,
+        threshold=network.threshold << doublings,
+        inhibition=network.lateral << doublings,
+        inhibition_exponent=0,
+    )
+    most = made.highest_bias >> INPUT_SHIFT
+    counted = np.minimum((network.bias << doublings) + STEP_UNIT // 2 >> INPUT_SHIFT, most)
+    made = replace(made, bias=(counted << INPUT_SHIFT).astype(np.int32))
+    made.check()
+    return made
+
+
+def write(model: IntegerModel, path: Path, *, references: bool) -> tuple[str, ...]:
+    """Write the network of ``model`` to ``path``, complete or not at all.
+
+    Args:
+        model: The model.
+        path: The file.
+        references: Whether the file takes along all of the model that the network does not say.
+    Returns:
+        Notes for people: what the file does not hold as the model does.
+    Raises:
+        NetworkLimitError: NetX has no place for the network.
+        InputError: it cannot be written.
+    """
+    network = held(model.network)
+    buffer = io.BytesIO()
+    with h5py.File(buffer, "w") as file:
+        _fill(file, network)
+        own: dict[str, Any] = {"format": FORMAT, "says": SAID, "steps": network.steps, "interval": network.interval}
+        if references:
+            own["references"] = np.frombuffer(container_of(model), np.uint8)
+        for name, value in own.items():
+            file[f"lava_vpr/{name}"] = value
+    try:
+        write_atomically(path, lambda file: file.write(buffer.getbuffer()))
+    except OSError as error:
+        raise InputError(
+            f"{shown(path)}: the network cannot be written ({error.strerror}); free space or choose another place"
+        ) from None
+    return _notes(model.network, network)
+
+
+def _notes(wanted: FixedNetwork, made: FixedNetwork) -> tuple[str, ...]:
+    """What `held` changed."""
+    factor = made.threshold // wanted.threshold
+    change = int(np.abs(made.bias - wanted.bias * factor).max(initial=0))
+    notes = ["everything is in units of 1/" + str(factor) + " of a weight"] if factor > 1 else []
+    if change:
+        share = 100 * change / (made.threshold << INPUT_SHIFT)
+        notes.append(
+            f"NetX counts biases in whole weights: they are rounded, by {share:.2g} % of the threshold at most"
+        )
+    return tuple(notes)
+
+
+def _fill(file: h5py.File, network: FixedNetwork) -> None:
+    """Write the layers, as lava-dl's own exports have them."""
+    n = network.neurons
+    weight, recurrent = np.zeros((n + 1, network.inputs), np.int16), np.zeros((n + 1, n + 1), np.int16)
+    weight[:n] = network.weights.T
+    recurrent[n, :n], recurrent[:n, n] = network.threshold + 1, -network.lateral
+    values: dict[str, Any] = {
+        "0/shape": [network.inputs],
+        "1/shape": [n + 1],
+        "1/inFeatures": network.inputs,
+        "1/outFeatures": n + 1,
+        "1/bias": np.append(network.bias >> INPUT_SHIFT, 0).astype(np.int32),
+        "1/neuron/iDecay": DECAY_UNITY,
+        "1/neuron/vDecay": network.decay,
+        "1/neuron/vThMant": network.threshold,
+        "1/neuron/refDelay": 1,
+        "1/neuron/gradedSpike": False,
+    }
+    for name, value in values.items():
+        file[f"layer/{name}"] = value
+    for name, array in (("weight", weight), ("weight_rec", recurrent)):
+        file.create_dataset(f"layer/1/{name}", data=array, compression="gzip", shuffle=True)
+    for name, word in (("0/type", b"input"), ("1/type", b"dense_rec"), ("1/neuron/type", b"CUBA")):
+        file.create_dataset(f"layer/{name}", (1,), "S10", [word])
+
+
+def read(path: Path) -> Drawn:
+    """The network in the NetX file at ``path``: one dense layer, recurrent or not, behind its input.
+
+    Raises:
+        InputError: it cannot be read (`lava_vpr.exchange.hdf5`), or holds no network of this shape.
+    """
+    file = hdf5.read(path, WHAT)
+    try:
+        return _network(_layer(file), file.get("lava_vpr"))
+    except _Unfit as error:
+        raise InputError(f"{shown(path)}: the {WHAT} {error}; give one with a single dense CUBA layer") from None
+
+
+def _layer(file: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The one layer with synapses."""
+    layers = file.get("layer")
+    if not isinstance(layers, dict) or not all(isinstance(layer, dict) for layer in layers.values()):
+        raise _Unfit("has no layers")
+    kinds = {name: _word(layer) for name, layer in layers.items()}
+    if not kinds:
+        raise _Unfit("has no layers")
+    (*others, name) = sorted(kinds)
+    if kinds[name] not in ("dense", "dense_rec") or len(others) > 1 or any(kinds[one] != "input" for one in others):
+        raise _Unfit(f"has layers {brief([kinds[one] for one in sorted(kinds)])}")
+    layer = layers[name]
+    if any("neuron" in layers[one] for one in others):
+        raise _Unfit("has neurons in its input layer")
+    if "delay" in layer:
+        raise _Unfit("has synaptic delays")
+    return dict(layer)
+
+
+def _word(part: Mapping[str, Any]) -> str:
+    """The ``type`` of a layer or neuron, a text or an array of one."""
+    value = np.asarray(part.get("type", "none"), object).ravel()
+    return str(value[0]) if value.size == 1 else "none"
+
+
+def _numbers(part: Mapping[str, Any], name: str, axes: int) -> NDArray[np.float64]:
+    """The array ``name`` of so many axes, of whole numbers."""
+    array = np.asarray(part.get(name, []))
+    if array.dtype.kind not in "fiu" or array.ndim != axes or array.size == 0:
+        raise _Unfit(f"has no {name} of {axes} axes" if axes else f"has no number {name}")
+    values = array.astype(np.float64)
+    if not (np.isfinite(values) & (values == np.trunc(values)) & (np.abs(values) < 1 << 24)).all():
+        raise _Unfit(f"has a {name} that is no whole number of 24 bits")
+    return values
+
+
+def _network(layer: Mapping[str, Any], own: object) -> Drawn:
+    """The network of a layer, with what our own export keeps beside it."""
+    neuron = layer.get("neuron")
+    if not isinstance(neuron, dict) or _word(neuron) not in ("CUBA", "LOIHI"):
+        raise _Unfit("has no CUBA neurons")
+    current, decay = _numbers(neuron, "iDecay", 0), _numbers(neuron, "vDecay", 0)
+    if current != DECAY_UNITY or not 0 <= decay <= DECAY_UNITY:
+        raise _Unfit(f"has decays {int(current)} and {int(decay)}; currents must last a step ({DECAY_UNITY})")
+    weight, threshold = _numbers(layer, "weight", 2), float(_numbers(neuron, "vThMant", 0))
+    bias = _numbers(layer, "bias", 1) if "bias" in layer else np.zeros(len(weight))
+    if bias.shape != (len(weight),):
+        raise _Unfit(f"has {len(bias)} biases for {len(weight)} neurons")
+    taken = 0.0
+    if _word(layer) == "dense_rec":
+        taken = _inhibition(_numbers(layer, "weight_rec", 2), weight, bias, threshold)
+        weight, bias = weight[:-1], bias[:-1]
+    packed = own.get("references") if isinstance(own, dict) and own.get("format") == FORMAT else None
+    if packed is not None and not (isinstance(packed, np.ndarray) and packed.dtype == np.uint8):
+        raise _Unfit("has references that are no bytes")
+    return Drawn(
+        weights=weight.T * STEP_UNIT,
+        bias=bias * STEP_UNIT,
+        threshold=threshold * STEP_UNIT,
+        decay=float(decay) / DECAY_UNITY,
+        inhibition=taken * STEP_UNIT,
+        unit=float(STEP_UNIT),
+        references=None if packed is None else packed.tobytes(),
+    )
+
+
+def _inhibition(
+    recurrent: NDArray[np.float64], weight: NDArray[np.float64], bias: NDArray[np.float64], threshold: float
+) -> float:
+    """What the last neuron of a population takes from all others, seen to be the only recurrence."""
+    size = len(weight)
+    if recurrent.shape != (size, size) or size < 2:
+        raise _Unfit(f"has recurrent weights of shape {recurrent.shape} for {size} neurons")
+    taken = -recurrent[:-1, -1]
+    if recurrent[:-1, :-1].any() or recurrent[-1, -1] or taken.min() != taken.max() or taken[0] < 0:
+        raise _Unfit("has a recurrence other than one inhibitory neuron, the last, that takes the same from all")
+    if weight[-1].any() or bias[-1] or (recurrent[-1, :-1] <= threshold).any():
+        raise _Unfit("has a last neuron that does not fire by any spike of the others alone, or by more than that")
+    return float(taken[0])
