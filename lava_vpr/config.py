@@ -331,6 +331,8 @@ class Config:
             )
         if isinstance(self.network, ConductanceNetwork) and len(self.views.views) > 1:
             raise ConfigError("the conductance network learns one view; set views.shifts and views.scales to 1")
+        if INPUTS[self.encoder.kind].sees == "vector" and len(self.views.views) > 1:
+            raise ConfigError("a vector has one view; set views.shifts and views.scales to 1")
         if isinstance(self.network, ConductanceNetwork) and not INPUTS[self.encoder.kind].grey_levels:
             kinds = " or ".join(repr(name) for name, row in INPUTS.items() if row.grey_levels)
             raise ConfigError(f"the conductance network takes encoder.kind {kinds}, not {self.encoder.kind!r}")

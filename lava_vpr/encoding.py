@@ -7,8 +7,6 @@ for the ``paper`` preset's 0.1 ms. An input spikes when its draw of the same wid
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from enum import Flag, auto
 from itertools import islice
 from typing import Any
 
@@ -20,136 +18,42 @@ from lava_vpr.config import ConductanceNetwork, Config
 from lava_vpr.engine.inference.bias_input import bias_input_spikes
 from lava_vpr.engine.random import draws
 from lava_vpr.errors import InputError
+from lava_vpr.inputs.encoded import THUMBNAIL, EncodedTraverse, Keep
 from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
 from lava_vpr.inputs.hog import HOG_VALUES, hog
 from lava_vpr.inputs.patches import PATCH_SIDE, patch_normalised
+from lava_vpr.inputs.vectors import Standard, picture_of
 from lava_vpr.inputs.views import STRAIGHT, View, seen_as
+from lava_vpr.storage.text import shown
 from lava_vpr.traverse import Traverse
-
-THUMBNAIL = (64, 48)
-"""Width and height in pixels of the small colour images kept for reports."""
-
+from lava_vpr.vectors.source import checked_vectors
 
 _BLOCK = 64
 """Number of images whose query rates are made together."""
 
 
-class Keep(Flag):
-    """What is kept of images beside their activity: what SAD and HOG compare, what reports show."""
-
-    NOTHING = 0
-    PATCHES = auto()
-    THUMBNAILS = auto()
-    HOG = auto()
-    ALL = PATCHES | THUMBNAILS | HOG
-
-
-@dataclass(frozen=True)
-class EncodedTraverse:
-    """What is kept of images once they are read.
-
-    Attributes:
-        names: File name of each image.
-        indices: Absolute index of each image in its sequence, int64 (n,).
-        activity: Responses of the input channels, float32 (n, inputs), at least 0.
-        patches: Patch-normalised images, uint8 (n, 28, 28); None unless they were to be kept.
-        thumbnails: Small BGR images for reports, uint8 (n, 48, 64, 3); None unless they were to be kept.
-        hog: HOG descriptors, uint8 (n, 1764); None unless they were to be kept.
-    """
-
-    names: tuple[str, ...]
-    indices: NDArray[np.int64]
-    activity: NDArray[np.float32]
-    patches: NDArray[np.uint8] | None = None
-    thumbnails: NDArray[np.uint8] | None = None
-    hog: NDArray[np.uint8] | None = None
-
-    def __len__(self) -> int:
-        return len(self.names)
-
-    def patches_for(self, purpose: str) -> NDArray[np.uint8]:
-        """The patches, seen to be there; ``purpose`` is who needs them, and the message begins with it.
-
-        Raises:
-            InputError: they were not kept.
-        """
-        return _seen(self.patches, "patches", Keep.PATCHES, purpose)
-
-    def thumbnails_for(self, purpose: str) -> NDArray[np.uint8]:
-        """The thumbnails, seen to be there; ``purpose`` is who needs them, and the message begins with it.
-
-        Raises:
-            InputError: they were not kept.
-        """
-        return _seen(self.thumbnails, "thumbnails", Keep.THUMBNAILS, purpose)
-
-    def hog_for(self, purpose: str) -> NDArray[np.uint8]:
-        """The HOG descriptors, seen to be there; ``purpose`` is who needs them, and the message begins with it.
-
-        Raises:
-            InputError: they were not kept.
-        """
-        return _seen(self.hog, "HOG descriptors", Keep.HOG, purpose)
-
-
-def _seen(kept: NDArray[np.uint8] | None, what: str, keep: Keep, purpose: str) -> NDArray[np.uint8]:
-    """``kept``, unless it is None."""
-    if kept is None:
-        raise InputError(f"{purpose}: needs the images' {what}, which were not kept; encode them with {keep}")
-    return kept
-
-
-def check_encoded(encoded: EncodedTraverse, encoder: EncoderConfig, what: str) -> None:
-    """Refuse images that were not encoded with ``encoder``, or whose parts are not what `EncodedTraverse` says.
-
-    Compiled code goes through these arrays without looking at their ends.
-
-    Args:
-        encoded: Images from wherever.
-        encoder: The settings of the model.
-        what: The images in a word, which the message begins with.
-    Raises:
-        InputError: naming the first part that does not fit.
-    """
-    n, inputs = len(encoded), encoder.inputs
-    activity = encoded.activity
-    if activity.ndim == 2 and activity.shape[1] != inputs:
-        raise InputError(
-            f"{what} have {activity.shape[1]} inputs, the model {inputs}; encode them with the model's own settings"
-        )
-    parts: list[tuple[str, NDArray[Any] | None, type, tuple[int, ...]]] = [
-        ("activity", activity, np.float32, (n, inputs)),
-        ("indices", encoded.indices, np.int64, (n,)),
-        ("patches", encoded.patches, np.uint8, (n, PATCH_SIDE, PATCH_SIDE)),
-        ("thumbnails", encoded.thumbnails, np.uint8, (n, THUMBNAIL[1], THUMBNAIL[0], 3)),
-        ("hog", encoded.hog, np.uint8, (n, HOG_VALUES)),
-    ]
-    for name, array, dtype, shape in parts:
-        if array is not None and (array.dtype != dtype or array.shape != shape):
-            raise InputError(
-                f"{what} have {name} of type {array.dtype} and shape {array.shape}, not {np.dtype(dtype)} {shape}; "
-                "encode them anew"
-            )
-    most = 255 if INPUTS[encoder.kind].grey_levels else np.finfo(np.float32).max
-    with np.errstate(invalid="ignore"):  # NaN fits no range
-        fits = activity.size == 0 or (activity.min() >= 0 and activity.max() <= most)
-    if not fits or encoded.indices.min(initial=0) < 0:
-        wrong = "indices below 0" if fits else f"activity that is not in 0..{most:g}"
-        raise InputError(f"{what} have {wrong}; encode them anew")
-
-
 def activity_of(
-    image: NDArray[np.uint8], encoder: EncoderConfig, patch: NDArray[np.uint8] | None = None
+    image: NDArray[Any],
+    encoder: EncoderConfig,
+    patch: NDArray[np.uint8] | None = None,
+    standard: Standard | None = None,
 ) -> NDArray[np.float32]:
     """Responses of the input channels to one image, float32 (inputs,).
 
     Args:
-        image: The image as it was read, uint8 (h, w) or (h, w, 3) BGR.
+        image: The image as it was read, uint8 (h, w) or (h, w, 3) BGR; or a vector, float32 (values,).
         encoder: Settings.
         patch: `patch_normalised` (image) if that is known already.
+        standard: What vectors are measured by, for a kind of input that needs it.
+    Raises:
+        InputError: it needs it, and it is not there.
     """
     row = INPUTS[encoder.kind]
-    if row.sees == "image":
+    if row.standardised:
+        if standard is None:
+            raise InputError("vectors are measured by what was fitted on references; encode these with the model's own")
+        return row.activity(standard.seen(image[None])[0], encoder)
+    if row.sees != "patch":
         return row.activity(image, encoder)
     return row.activity(patch_normalised(image) if patch is None else patch, encoder)
 
@@ -165,18 +69,21 @@ def encode_traverse(
     encoder: EncoderConfig,
     keep: Keep = Keep.NOTHING,
     progress: Callable[[int], None] | None = None,
+    standard: Standard | None = None,
 ) -> EncodedTraverse:
     """Read every image once, one at a time.
 
     Args:
-        traverse: The images.
+        traverse: The images, or vectors.
         encoder: Settings.
         keep: What is kept beside the activity.
         progress: Called with 1 after every image.
+        standard: What vectors are measured by (`lava_vpr.model.Model.standard`).
     Raises:
-        InputError: an image cannot be read.
+        InputError: an image cannot be read, or they are vectors and the settings are for images, or the other way
+            round, or vectors of another number of values.
     """
-    return encode_views(traverse, encoder, (STRAIGHT,), keep, progress)[0]
+    return encode_views(traverse, encoder, (STRAIGHT,), keep, progress, standard)[0]
 
 
 def encode_views(
@@ -185,38 +92,83 @@ def encode_views(
     views: Sequence[View],
     keep: Keep = Keep.NOTHING,
     progress: Callable[[int], None] | None = None,
+    standard: Standard | None = None,
 ) -> tuple[EncodedTraverse, ...]:
     """`encode_traverse` of every image in each of ``views``: one encoded traverse a view, in their order."""
-    return _encoded(traverse.names, traverse.indices, traverse.images(), encoder, views, keep, progress)
+    check_seen(traverse, encoder)
+    return _encoded(traverse.names, traverse.indices, traverse.images(), encoder, views, keep, progress, standard)
+
+
+def check_seen(traverse: Traverse, encoder: EncoderConfig) -> None:
+    """Refuse vectors where the settings are for images, images where they are for vectors, and vectors of another size.
+
+    Raises:
+        InputError: naming the source, and what is asked for.
+    """
+    wanted, values = encoder.vector_values, None if traverse.stored is None else traverse.stored.values
+    where, of = shown(traverse.source), f" of {wanted:,} values" if wanted else ""
+    if INPUTS[encoder.kind].sees != "vector":
+        if values is not None:
+            raise InputError(
+                f"{where}: holds vectors, but inputs {encoder.kind!r} see images; give images, or train with vectors"
+            )
+    elif values is None:
+        raise InputError(
+            f"{where}: holds images, but inputs {encoder.kind!r} see vectors{of}; give a file of vectors (.npy, .npz) "
+            "that the program of the others made of them"
+        )
+    elif values != wanted:
+        raise InputError(
+            f"{where}: holds vectors of {values:,} values, but the model learned those of {wanted:,}; make them "
+            "with the same program"
+        )
 
 
 def encode_arrays(
-    images: Sequence[NDArray[np.uint8]],
+    images: Sequence[NDArray[Any]],
     encoder: EncoderConfig,
     views: Sequence[View] = (STRAIGHT,),
     keep: Keep = Keep.NOTHING,
     names: Sequence[str] | None = None,
+    standard: Standard | None = None,
 ) -> tuple[EncodedTraverse, ...]:
-    """`encode_views` of images that are in memory, counted from 0.
+    """`encode_views` of images, or vectors, that are in memory, counted from 0.
 
     Args:
-        images: Each (h, w) grey or (h, w, 3) BGR, uint8.
-        encoder, views, keep: As in `encode_views`.
-        names: A name for each; None: ``image 000000`` and so on.
+        images: Each (h, w) grey or (h, w, 3) BGR, uint8; or a vector of real numbers (values,).
+        encoder, views, keep, standard: As in `encode_views`.
+        names: A name for each; None: ``image 000000``, or ``vector 000000``, and so on.
     Raises:
-        InputError: one of them is no image, or there is not one name for each.
+        InputError: one of them is no image, or no such vector, or there is not one name for each.
     """
+    vectors = INPUTS[encoder.kind].sees == "vector"
+    taken = _vectors(images, encoder.vector_values) if vectors else _images(images)
+    word = "vector" if vectors else "image"
+    named = tuple(f"{word} {k:06d}" for k in range(len(taken))) if names is None else tuple(names)
+    if len(named) != len(taken):
+        raise InputError(f"there are {len(named)} names for {len(taken)} {word}s; give one for each")
+    indices = np.arange(len(taken), dtype=np.int64)
+    return _encoded(named, indices, iter(taken), encoder, views, keep, None, standard)
+
+
+def _images(images: Sequence[NDArray[Any]]) -> Sequence[NDArray[Any]]:
+    """``images``, each seen to be one."""
     for number, image in enumerate(images):
         array = np.asarray(image)
         if array.dtype != np.uint8 or array.ndim not in (2, 3) or array.shape[2:] not in ((), (3,)) or not array.size:
             raise InputError(
                 f"image {number} is of type {array.dtype} and shape {array.shape}; give uint8 (h, w) or (h, w, 3) BGR"
             )
-    named = tuple(f"image {k:06d}" for k in range(len(images))) if names is None else tuple(names)
-    if len(named) != len(images):
-        raise InputError(f"there are {len(named)} names for {len(images)} images; give one for each")
-    indices = np.arange(len(images), dtype=np.int64)
-    return _encoded(named, indices, iter(images), encoder, views, keep, None)
+    return images
+
+
+def _vectors(vectors: Sequence[NDArray[Any]], values: int) -> NDArray[np.float32]:
+    """``vectors`` as float32 (n, values), each seen to have as many values."""
+    for number, vector in enumerate(vectors):
+        shape = np.shape(vector)
+        if shape != (values,):
+            raise InputError(f"vector {number} has shape {shape}, but the model learned ({values},); give such vectors")
+    return np.asarray(checked_vectors(np.asarray(vectors), "vectors"), np.float32)
 
 
 def encoded_batches(
@@ -226,35 +178,40 @@ def encoded_batches(
     size: int,
     progress: Callable[[int], None] | None = None,
     first: int | None = None,
+    standard: Standard | None = None,
 ) -> Iterator[tuple[EncodedTraverse, ...]]:
     """`encode_views` for ``size`` images at a time, in order; a batch is encoded when it is asked for.
 
     Args:
-        traverse, encoder, views, progress: As in `encode_views`.
+        traverse, encoder, views, progress, standard: As in `encode_views`.
         size: Images in a batch, but for the last.
         first: Images in the first batch, if those shall be fewer; each is twice as large as the one before, up to
             ``size``.
     Raises:
-        InputError: an image cannot be read.
+        InputError: as `encode_views`.
     """
+    check_seen(traverse, encoder)
     images = traverse.images()  # once for all batches: a video is decoded in one pass
     start, count = 0, size if first is None else min(first, size)
     while start < len(traverse):
         part = traverse.take(range(start, min(start + count, len(traverse))))
-        yield _encoded(part.names, part.indices, images, encoder, views, Keep.NOTHING, progress)
+        yield _encoded(part.names, part.indices, images, encoder, views, Keep.NOTHING, progress, standard)
         start, count = start + count, min(2 * count, size)
 
 
 def _encoded(
     names: tuple[str, ...],
     indices: NDArray[np.int64],
-    images: Iterator[NDArray[np.uint8]],
+    images: Iterator[NDArray[Any]],
     encoder: EncoderConfig,
     views: Sequence[View],
     keep: Keep,
     progress: Callable[[int], None] | None,
+    standard: Standard | None,
 ) -> tuple[EncodedTraverse, ...]:
     """The next of ``images``, which have these names and indices, encoded in each of ``views``."""
+    if INPUTS[encoder.kind].sees == "vector":
+        return _encoded_vectors(names, indices, images, encoder, keep, progress, standard)
     n, v = len(names), len(views)
     activity = np.empty((v, n, encoder.inputs), np.float32)
     patches = np.empty((v, n, PATCH_SIDE, PATCH_SIDE), np.uint8) if Keep.PATCHES in keep else None
@@ -283,6 +240,34 @@ def _encoded(
         )
         for k in range(v)
     )
+
+
+def _encoded_vectors(
+    names: tuple[str, ...],
+    indices: NDArray[np.int64],
+    vectors: Iterator[NDArray[np.float32]],
+    encoder: EncoderConfig,
+    keep: Keep,
+    progress: Callable[[int], None] | None,
+    standard: Standard | None,
+) -> tuple[EncodedTraverse]:
+    """The next of ``vectors``, which have these names and indices, encoded; they have one view."""
+    n = len(names)
+    activity = np.empty((n, encoder.inputs), np.float32)
+    kept = np.empty((n, encoder.vector_values), np.float32) if Keep.VECTORS in keep else None
+    thumbnails = np.empty((n, THUMBNAIL[1], THUMBNAIL[0], 3), np.uint8) if Keep.THUMBNAILS in keep else None
+    for i, vector in enumerate(islice(vectors, n)):
+        try:
+            activity[i] = activity_of(vector, encoder, standard=standard)
+        except InputError as error:
+            raise InputError(f"{names[i]}: {error}") from None
+        if kept is not None:
+            kept[i] = vector
+        if thumbnails is not None:
+            thumbnails[i] = picture_of(vector, THUMBNAIL)
+        if progress is not None:
+            progress(1)
+    return (EncodedTraverse(names, indices, activity, thumbnails=thumbnails, vectors=kept),)
 
 
 def rates16(activity: NDArray[np.float32], spikes_per_step: float) -> NDArray[np.uint16]:

@@ -23,16 +23,20 @@ from lava_vpr.encoding import EncodedTraverse, Keep, encode_arrays, encode_views
 from lava_vpr.engine.adaptation import Motion
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
+from lava_vpr.inputs.vectors import Standard
 from lava_vpr.matching.answers import Together, accepted, answers_of, least_probability
 from lava_vpr.matching.forward_filter import NONE, RADIUS, Belief, ForwardFilter
 from lava_vpr.model import Model, prepare
 from lava_vpr.positions.frames import XY, Positions
 from lava_vpr.training.calibration import calibrated
 from lava_vpr.training.loop import train as train_encoded
-from lava_vpr.traverse import open_traverse
+from lava_vpr.training.standard import fitted, settings_for
+from lava_vpr.traverse import Traverse, open_traverse, vector_traverse
+from lava_vpr.vectors.source import Vectors, checked_vectors
 
-Images: TypeAlias = "str | Path | Sequence[NDArray[np.uint8]] | NDArray[np.uint8]"
-"""A folder, list, video or image; or images in memory, each uint8 (h, w) or (h, w, 3) BGR."""
+Images: TypeAlias = "str | Path | Sequence[NDArray[Any]] | NDArray[Any]"
+"""A folder, list, video, image or file of vectors; or images in memory, each uint8 (h, w) or (h, w, 3) BGR; or vectors,
+one for each image, real numbers (images, values)."""
 
 CANDIDATES = 5
 """Number of candidates that a match names."""
@@ -40,6 +44,7 @@ CANDIDATES = 5
 
 def train(
     *references: Images,
+    rates: NDArray[Any] | Sequence[NDArray[Any]] | None = None,
     preset: str = "loihi",
     config: Config | None = None,
     positions: Positions | NDArray[np.float64] | None = None,
@@ -49,7 +54,10 @@ def train(
     """Learn the places of a route.
 
     Args:
-        references: One or more traverses of the same places; image i of each shows place i.
+        references: One or more traverses of the same places; image i of each shows place i. Vectors are standardised on
+            all of them, and those of more than ``encoder.vector_kept`` values projected on so many.
+        rates: Instead of ``references``: what each input responds to each image, real numbers of at least 0, (images,
+            inputs), of one traverse or of each of several; they are taken as they are.
         preset: Name of the settings, if no ``config`` is given.
         config: All settings.
         positions: Where the first traverse's images were taken; an array is x and y in metres, float64 (places, 2).
@@ -60,15 +68,24 @@ def train(
     Raises:
         LavaVprError: images or settings cannot be used.
     """
-    if not references:
-        raise InputError("there is nothing to learn; give the images of a route")
+    if bool(references) == (rates is not None):
+        raise InputError("there is nothing to learn, or too much; give the images of a route, or rates")
     chosen = settings.preset(preset) if config is None else config
     if seed is not None:
         chosen = dataclasses.replace(chosen, seed=seed)
-    encoded = [seen for images in references for seen in _encoded(images, chosen)]
+    if rates is not None:
+        encoder = dataclasses.replace(chosen.encoder, kind="rates", vector_values=0)
+        chosen = dataclasses.replace(chosen, encoder=encoder)
+        references = (rates,) if np.ndim(rates[0]) == 1 else tuple(rates)
+    opened = [_opened(images, chosen) for images in references]
+    traverses = [images for images in opened if isinstance(images, Traverse)]
+    if traverses:
+        chosen = settings_for(chosen, traverses)
+    standard = fitted(chosen, traverses) if len(traverses) == len(opened) else None
+    encoded = [seen for images in opened for seen in _encoded(images, chosen, standard)]
     where = Positions(np.asarray(positions, np.float64), XY) if isinstance(positions, np.ndarray) else positions
     jobs = cores() if threads is None else threads
-    return calibrated(train_encoded(encoded, chosen, positions=where, jobs=jobs), jobs)
+    return calibrated(train_encoded(encoded, chosen, positions=where, standard=standard, jobs=jobs), jobs)
 
 
 def load(path: str | Path) -> Model:
@@ -80,11 +97,33 @@ def load(path: str | Path) -> Model:
     return open_model(path)
 
 
-def _encoded(images: Images, config: Config) -> tuple[EncodedTraverse, ...]:
-    """A traverse in all views, with all that a model keeps."""
+def _opened(images: Images, config: Config) -> Traverse | Sequence[NDArray[Any]]:
+    """What is on the disk, or vectors, as a traverse; images in memory as they are."""
     if isinstance(images, (str, Path)):
-        return encode_views(open_traverse(images, events=config.events), config.encoder, config.views.views, Keep.ALL)
-    return encode_arrays(list(images), config.encoder, config.views.views, Keep.ALL)
+        return open_traverse(images, events=config.events)
+    if len(images) and np.ndim(images[0]) == 1:
+        rows = images if isinstance(images, np.ndarray) else _stacked(images)
+        return vector_traverse("vectors", Vectors(checked_vectors(rows, "vectors")))
+    return list(images)
+
+
+def _stacked(vectors: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """Vectors of one length as one array."""
+    for number, vector in enumerate(vectors):
+        if np.shape(vector) != np.shape(vectors[0]):
+            raise InputError(
+                f"vector {number} has shape {np.shape(vector)}, the first {np.shape(vectors[0])}; give equal ones"
+            )
+    return np.stack([np.asarray(vector) for vector in vectors])
+
+
+def _encoded(
+    images: Traverse | Sequence[NDArray[Any]], config: Config, standard: Standard | None
+) -> tuple[EncodedTraverse, ...]:
+    """A traverse in all views, with all that a model keeps."""
+    if isinstance(images, Traverse):
+        return encode_views(images, config.encoder, config.views.views, Keep.ALL, None, standard)
+    return encode_arrays(list(images), config.encoder, config.views.views, Keep.ALL, None, standard)
 
 
 @dataclass(frozen=True)
@@ -182,18 +221,19 @@ class Localizer:
         self._asker, self._moving = Asker(self._model, self._asking, self._seed), Motion()
         self._belief, self._begun = Belief.unknown(self._model.places), False
 
-    def update(self, image: NDArray[np.uint8], stamp: float | None = None, odometry: float | None = None) -> Match:
+    def update(self, image: NDArray[Any], stamp: float | None = None, odometry: float | None = None) -> Match:
         """Take the next image.
 
         Args:
-            image: uint8 (h, w) grey or (h, w, 3) BGR.
+            image: uint8 (h, w) grey or (h, w, 3) BGR; or a vector, real numbers (values,), of a map of vectors.
             stamp: When it was taken, in seconds; handed on with the match.
             odometry: Metres driven since the last image, backwards below 0 (or either way, with motion ``any``); None:
                 unknown. Needs a map with positions.
         Raises:
             InputError: the image is none, or the odometry cannot be used.
         """
-        seen = encode_arrays([image], self._model.config.encoder, self._views)
+        model = self._model
+        seen = encode_arrays([image], model.config.encoder, self._views, standard=model.standard)
         shown = self._asker.presentations(seen)
         counts = summed(self._backend.count_spikes(self._model, shown)[0], self._asking.views)
         scores = self._scores_of(counts)
@@ -248,7 +288,7 @@ class Localizer:
         where = Positions(np.asarray(positions, np.float64), frame) if isinstance(positions, np.ndarray) else positions
         taken: Any = images
         if isinstance(images, (str, Path)):
-            taken = _encoded(images, self._model.config)
+            taken = _encoded(_opened(images, self._model.config), self._model.config, self._model.standard)
         before = self._belief
         self._use(maps.extend(self._model, taken, names=names, positions=where))
         new = np.zeros(self._model.places - len(before.places))

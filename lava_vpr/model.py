@@ -18,6 +18,7 @@ from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import LavaVprError, ModelFileError
 from lava_vpr.gate import IntegerConfig, as_integer_config, not_integer
+from lava_vpr.inputs.vectors import Standard
 from lava_vpr.matching import decoders
 from lava_vpr.matching.equations import assign
 from lava_vpr.modelfile import LEARNED, checked
@@ -25,6 +26,7 @@ from lava_vpr.positions.frames import Positions
 from lava_vpr.storage import container
 from lava_vpr.storage.arrays import UnfitError
 from lava_vpr.storage.text import shown
+from lava_vpr.vectors.kept import STANDARD, standard_of
 
 
 @dataclass(frozen=True)
@@ -63,7 +65,7 @@ class Model:
         route_images: Images in the whole first traverse, of which the places may be a part.
         labels: Place of each reference image, int64 (images,): one image per place, view and traverse, traverse after
             traverse, of each view after view.
-        patches: Patch-normalised reference images, uint8 (images, 28, 28).
+        patches: Patch-normalised reference images, uint8 (images, 28, 28); None of vectors.
         activity: Input responses to the reference images, float32 (images, inputs).
         thumbnails: First traverse's images, small, uint8 (places, 48, 64, 3) BGR.
         training: Figures of the training run: spikes per image, neurons used, places covered.
@@ -73,6 +75,8 @@ class Model:
         frame: The frame of ``positions`` (`lava_vpr.positions.frames`); None without them.
         calibration: Margins of references, right, wrong and off the map, float32 (k, 2)
             (`lava_vpr.matching.probability.Calibration`); None where they were not measured.
+        vectors: Reference vectors as they were given, float32 (images, values); None of images.
+        standard: What vectors are measured by; None of images, and of vectors that are taken as they are.
         bundle: Folder of the deployed bundle that it was read from; None for a model file.
     """
 
@@ -85,7 +89,7 @@ class Model:
     place_names: tuple[str, ...]
     route_images: int
     labels: NDArray[np.int64]
-    patches: NDArray[np.uint8]
+    patches: NDArray[np.uint8] | None
     activity: NDArray[np.float32]
     thumbnails: NDArray[np.uint8]
     training: dict[str, float]
@@ -93,6 +97,8 @@ class Model:
     positions: NDArray[np.float64] | None = None
     frame: str | None = None
     calibration: NDArray[np.float32] | None = None
+    vectors: NDArray[np.float32] | None = None
+    standard: Standard | None = None
     bundle: Path | None = None
 
     @property
@@ -191,10 +197,10 @@ def content(model: Model, network: bool = True) -> tuple[dict[str, Any], dict[st
         "route_images": model.route_images,
         "training": model.training,
     }
-    if model.hog is not None:
-        arrays["hog"] = model.hog
-    if model.calibration is not None:
-        arrays["calibration"] = model.calibration
+    optional = {name: getattr(model, name) for name in ("patches", "hog", "vectors", "calibration")}
+    arrays.update({name: array for name, array in optional.items() if array is not None})
+    if model.standard is not None:
+        arrays.update({f"{STANDARD}{name}": array for name, array in model.standard.arrays.items()})
     if model.positions is not None:
         arrays["positions"] = model.positions
         header["frame"] = model.frame
@@ -260,11 +266,13 @@ def assemble(
         responses=arrays["responses"],
         place_indices=arrays["place_indices"],
         labels=arrays["labels"],
-        patches=arrays["patches"],
+        patches=arrays.get("patches"),
         activity=arrays["activity"],
         thumbnails=arrays["thumbnails"],
         hog=arrays.get("hog"),
         positions=arrays.get("positions"),
         frame=found.frame,
         calibration=arrays.get("calibration"),
+        vectors=arrays.get("vectors"),
+        standard=standard_of(arrays),
     )

@@ -18,10 +18,10 @@ traverses, I inputs (of the settings), N neurons:
     frame          the name of a frame (`lava_vpr.positions.frames`); there if and only if the array ``positions`` is
 
 and no other key. The arrays are those of `_rules`, all but ``hog``, ``positions`` and ``calibration``, which may be
-missing, and no other: each of its type and shape, its least and most value within its range, none of them NaN. Beyond
-that, positions are within the range of their frame, place_indices differ from each other and are below route_images,
-and labels are 0..P-1, T times over. What a query to it costs is within the limits
-``presentation_operations`` and ``presentation_bytes``.
+missing, and no other: a model of images has patches, one of vectors has these and what they are measured by. Each is of
+its type and shape, its least and most value within its range, none of them NaN. Beyond that, positions are within the
+range of their frame, place_indices differ from each other and are below route_images, and labels are 0..P-1, T times
+over. What a query to it costs is within the limits ``presentation_operations`` and ``presentation_bytes``.
 """
 
 from __future__ import annotations
@@ -40,19 +40,19 @@ from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork
 from lava_vpr.errors import ConfigError, brief
 from lava_vpr.inputs.encoder import INPUTS
-from lava_vpr.inputs.hog import HOG_VALUES
 from lava_vpr.loihi import WEIGHT_LIMIT
 from lava_vpr.matching.probability import KINDS
 from lava_vpr.positions.frames import LAT_LON, MOST_METRES, XY, fits, is_frame
 from lava_vpr.ranges import real, whole
 from lava_vpr.storage.arrays import Rule, UnfitError, check_arrays
 from lava_vpr.storage.limits import excess
+from lava_vpr.vectors.kept import check_standard, seen_rules
 
 FIGURES = ("spikes_per_image", "neurons_used", "places_covered")
 """The figures of the training run."""
 
-LEARNED = ("learned", "responses", "place_indices", "labels", "patches", "activity", "thumbnails")
-"""The arrays of a model beside those of its network."""
+LEARNED = ("learned", "responses", "place_indices", "labels", "activity", "thumbnails")
+"""The arrays of every model beside those of its network."""
 
 _OPTIONAL = ("hog", "positions", "calibration")
 """Arrays that a model may lack: HOG if it is old or learned from activity alone, positions where nobody gave them, a
@@ -122,10 +122,11 @@ def checked(
         rules["learned"] = rules["learned"]._replace(shape=(0, 0))
     for name in _OPTIONAL:
         if name not in kept:
-            del rules[name]
+            rules.pop(name, None)
     if "calibration" in kept:
         rules["calibration"] = _calibration_rule(kept["calibration"], config)
     check_arrays(kept, rules)
+    check_standard(kept)
     frame = _frame(header, kept)
     route_images = count(header["route_images"], "route_images", sizes.places)
     _check_places(kept, sizes, route_images)
@@ -140,6 +141,10 @@ def check_model(config: Config, places: int, traverses: int, neurons: int) -> No
         ConfigError: naming its size and the limit.
     """
     sizes = Sizes(places, places * traverses, config.encoder.inputs, neurons)
+    if sizes.inputs == 0:
+        raise ConfigError(
+            f"inputs {config.encoder.kind!r} see vectors, of which nothing is known; give vectors to learn"
+        )
     rules = {**_rules(config, sizes), **_network_rules(config, sizes)}
     content = sum(math.prod(rule.shape) * np.dtype(rule.dtype).itemsize for rule in rules.values())
     beyond = excess("model_bytes", content + _HEADERS + 300 * places)  # and their names
@@ -153,6 +158,8 @@ def _config(header: Mapping[str, Any], network: FixedNetwork | None) -> Config:
         if name not in header:
             raise UnfitError(brief(name))
     config = from_dict(header["config"])
+    if config.encoder.inputs == 0:
+        raise UnfitError(f"inputs {config.encoder.kind!r} of vectors without values")
     fixed = ("fixed",) if network is None and not isinstance(config.network, ConductanceNetwork) else ()
     for name in fixed:
         if name not in header:
@@ -337,16 +344,15 @@ def _rules(config: Config, sizes: Sizes) -> dict[str, Rule]:
         "responses": Rule("int32", (neurons, places), most=images // places * repeats * network.steps),
         "place_indices": Rule("int64", (places,), most=_MOST_COUNT),
         "labels": Rule("int64", (images,), most=places - 1),
-        "patches": Rule("uint8", (images, 28, 28), most=255),
         "activity": Rule(
             "float32",
             (images, inputs),
             most=255 if INPUTS[config.encoder.kind].grey_levels else _MOST_FLOAT,
         ),
         "thumbnails": Rule("uint8", (places, 48, 64, 3), most=255),
-        "hog": Rule("uint8", (images, HOG_VALUES), most=255),
         "positions": Rule("float64", (places, 2), least=-MOST_METRES, most=MOST_METRES),
         "calibration": Rule("float32", (_MOST_SAMPLES, 2), least=-1.0, most=_MOST_FLOAT),
+        **seen_rules(config.encoder, images),
     }
 
 

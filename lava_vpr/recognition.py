@@ -155,7 +155,13 @@ def answer_stream(
     scores_of = prepare(model)
     asking.check(model)
     batches = encoded_batches(
-        traverse, model.config.encoder, asking.of(model), BATCH, read, 1 if at_once and calls == 1 else None
+        traverse,
+        model.config.encoder,
+        asking.of(model),
+        BATCH,
+        read,
+        1 if at_once and calls == 1 else None,
+        model.standard,
     )
     asker, first = Asker(model, asking, seed), 0
     shown = (asker.presentations(batch) for batch in batches)

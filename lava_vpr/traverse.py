@@ -1,9 +1,9 @@
-"""Traverses: the images of one drive along a route, in order.
+"""Traverses: the images of one drive along a route, in order, or vectors in their place.
 
 A traverse is read from a folder, a list, a video, a ROS bag, a recording of events or one image, and is lazy: it holds
-names and loads one image at a time. Every image keeps its absolute index, its number (from 0) in the whole sequence of
-its source, also when only a part of that is taken; positions and ground truth (`lava_vpr.truth.groundtruth`) are in
-absolute indices, too.
+names and loads one image at a time. Or it is read from a file of vectors, one for each image, which another program
+made of them. Every image keeps its absolute index, its number (from 0) in the whole sequence of its source, also when
+only a part of that is taken; positions and ground truth (`lava_vpr.truth.groundtruth`) are in absolute indices, too.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,8 @@ from lava_vpr.positions.stamps import in_seconds, stamp_of
 from lava_vpr.positions.tables import read_stamps
 from lava_vpr.positions.track import MOST_GAP_S, Asked, images_on, read_track
 from lava_vpr.storage.text import shown
+from lava_vpr.vectors.files import VECTOR_SUFFIXES, read_vectors
+from lava_vpr.vectors.source import Vectors, VectorSource
 
 _NOTES = logging.getLogger("lava_vpr")
 EVENTS = EventsConfig()
@@ -45,16 +48,17 @@ class Traverse:
     Attributes:
         source: What the user gave.
         indices: Absolute index of each image in the whole sequence of the source, int64 (n,).
-        paths: File of each image, as text, since a `Path` takes three times as much; of a video or a file of events,
-            that one file; of a bag, itself and what is in its folder.
-        frames: Number of each image in a video, in a bag's topic or among the windows of events, int64 (n,); None
-            unless this is one.
+        paths: File of each image, as text, since a `Path` takes three times as much; of a video, a file of events or of
+            vectors, that one file; of a bag, itself and what is in its folder.
+        frames: Number of each image in a video, in a bag's topic, among the windows of events or among vectors, int64
+            (n,); None unless this is one.
         stamps: When each image was taken, in seconds (`lava_vpr.positions.stamps`), float64 (n,): of a video since its
             first frame; None if nobody says.
         positions: Where each image was taken; None if nobody says.
         bag: Whether this is a bag.
         topic: Its topic that was asked for; None: the only one.
         drive: The events, and how they are cut into windows; None unless these are events.
+        stored: Where its vectors come from, if it is one of vectors.
     """
 
     source: str
@@ -66,6 +70,7 @@ class Traverse:
     bag: bool = False
     topic: str | None = None
     drive: Drive | None = None
+    stored: VectorSource | None = None
 
     def __len__(self) -> int:
         return len(self.indices)
@@ -73,14 +78,19 @@ class Traverse:
     @property
     def names(self) -> tuple[str, ...]:
         """File name of each image, or ``frame 000012`` with the frame's number in the video (``window 000012`` of
-        events); made anew when asked."""
+        events); of vectors, the names beside them, or ``vector 000012``; made anew when asked."""
+        if self.frames is not None and self.stored is not None:
+            own = self.stored.names
+            return tuple(f"vector {number:06d}" if own is None else own[number] for number in self.frames)
         if self.frames is not None:
             what = "frame" if self.drive is None else "window"
             return tuple(f"{what} {number:06d}" for number in self.frames)
         return tuple(printable(path) for path in self.paths)
 
-    def images(self) -> Iterator[NDArray[np.uint8]]:
-        """All images in order, each (h, w, 3) BGR or (h, w) grey; a video is decoded in one pass.
+    def images(self) -> Iterator[NDArray[Any]]:
+        """All images in order, each uint8 (h, w, 3) BGR or (h, w) grey; a video is decoded in one pass. Or all vectors,
+        each float32 (values,).
+
         Raises:
             InputError: an image cannot be read; the message names it.
         """
@@ -90,18 +100,20 @@ class Traverse:
             for path in self.paths:
                 yield read_image(Path(path))
 
-    def load(self, i: int) -> NDArray[np.uint8]:
-        """Image number ``i`` of this traverse, 0 <= i < len. Of a video, bag or events, all before it is read first."""
+    def load(self, i: int) -> NDArray[Any]:
+        """Image or vector ``i``, 0 <= i < len. Of a video, bag or events, all before it is read first."""
         if not 0 <= i < len(self):
             raise IndexError(f"image {i} of a traverse of {len(self)}")
         if self.frames is not None:
             return next(self._frames(self.frames[i : i + 1]))
         return read_image(Path(self.paths[i]))
 
-    def _frames(self, numbers: NDArray[np.int64]) -> Iterator[NDArray[np.uint8]]:
-        """The images of a video, a bag or events that have these numbers in it."""
+    def _frames(self, numbers: NDArray[np.int64]) -> Iterator[NDArray[Any]]:
+        """The images of a video, a bag or events, or the vectors, that have these numbers in it."""
         if self.drive is not None:
             return self.drive.frames(numbers)
+        if self.stored is not None:
+            return map(self.stored.row, numbers.tolist())
         path = Path(self.paths[0])
         return bag_frames(path, self.topic, numbers) if self.bag else video_frames(path, numbers)
 
@@ -114,7 +126,8 @@ class Traverse:
         if not 0 <= first < end:
             raise InputError(f"places {first}:{end} are no range; give A:B with 0 <= A < B")
         if end > len(self):
-            what = "images" if self.frames is None else "frames at this --every"
+            video = "frames at this --every" if self.stored is None else "vectors"
+            what = "images" if self.frames is None else video
             raise InputError(
                 f"{shown(self.source)}: has {len(self)} {what}; places {first}:{end} go beyond, use at most "
                 f"0:{len(self)}"
@@ -134,6 +147,7 @@ class Traverse:
             self.bag,
             self.topic,
             self.drive,
+            self.stored,
         )
 
 
@@ -173,7 +187,9 @@ def open_traverse(
     * a ROS bag (.bag, .db3, .mcap, or a folder with metadata.yaml), one image every ``every`` seconds; ``bag:/topic``
       if several of its topics have images;
     * a file of events (.aedat4, .h5, .hdf5, .npz), a window of ``events`` every ``every`` seconds;
+    * vectors (.npy, .npz), one row for each image, with names and more beside (`lava_vpr.vectors.files`);
     * one image.
+
     Args:
         source: Path of the folder or file.
         places: (A, B) takes images A..B-1 of that sequence.
@@ -208,10 +224,13 @@ def open_traverse(
         whole = _of_video(text, path, every, None if places is None else places[1])
     elif suffix in EVENT_SUFFIXES and is_events(path):
         whole = _of_events(text, path, every, events)
+    elif suffix in VECTOR_SUFFIXES:
+        whole = _of_vectors(text, path)
     elif suffix in IMAGE_SUFFIXES:
         whole = _of_files(text, [str(path)])
     else:
-        known = " ".join(LIST_SUFFIXES + VIDEO_SUFFIXES + BAG_SUFFIXES + EVENT_SUFFIXES + IMAGE_SUFFIXES)
+        suffixes = LIST_SUFFIXES + VIDEO_SUFFIXES + BAG_SUFFIXES + EVENT_SUFFIXES + VECTOR_SUFFIXES + IMAGE_SUFFIXES
+        known = " ".join(dict.fromkeys(suffixes))
         raise InputError(f"{shown(path)}: is of no known type; give a folder of images or one of {known}")
     return whole if places is None else whole.between(*places)
 
@@ -274,6 +293,26 @@ def _of_files(source: str, files: list[str]) -> Traverse:
     whole = Traverse(source, np.arange(len(files), dtype=np.int64), tuple(files))
     names = whole.names
     return replace(whole, stamps=stamps_of_names(names), positions=positions_of_names(names, shown(source)))
+
+
+def vector_traverse(source: str, stored: VectorSource, paths: tuple[str, ...] = ()) -> Traverse:
+    """A traverse of vectors from wherever; of `Vectors`, with the positions and times that they know.
+
+    Args:
+        source: What a message calls it.
+        stored: The vectors.
+        paths: The files that they come from.
+    """
+    numbers = np.arange(len(stored), dtype=np.int64)
+    whole = Traverse(source, numbers, paths, numbers, stored=stored)
+    names = () if stored.names is None else stored.names
+    positions, stamps = (stored.positions, stored.stamps) if isinstance(stored, Vectors) else (None, None)
+    positions = positions_of_names(names, shown(source)) if positions is None else positions
+    return replace(whole, stamps=stamps_of_names(names) if stamps is None else stamps, positions=positions)
+
+
+def _of_vectors(source: str, path: Path) -> Traverse:
+    return vector_traverse(source, read_vectors(path), (str(path),))
 
 
 def _of_video(source: str, path: Path, every: float, stop: int | None) -> Traverse:

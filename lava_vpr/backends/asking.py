@@ -12,6 +12,7 @@ from lava_vpr.backends.interface import Presentations, query_presentations
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.adaptation import Adaptation, Motion, RunningMean
 from lava_vpr.errors import ConfigError
+from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.inputs.views import View, ViewsConfig
 from lava_vpr.model import Model, integer_model
 
@@ -32,9 +33,12 @@ class Asking:
         """Refuse what ``model`` cannot be asked.
 
         Raises:
-            ConfigError: an even number of views, a time constant below 1, adaptation of a network without biases.
+            ConfigError: an even number of views, or several of vectors; a time constant below 1; adaptation of a
+                network without biases.
         """
         _ = self.of(model)
+        if self.views > 1 and INPUTS[model.config.encoder.kind].sees == "vector":
+            raise ConfigError(f"--query-views is {self.views}, but the model learned vectors, which have one view")
         if self.adapt is None:
             return
         if not self.adapt >= 1:

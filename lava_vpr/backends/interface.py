@@ -10,9 +10,10 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.encoding import EncodedTraverse, check_encoded, query_rates
+from lava_vpr.encoding import query_rates
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.engine.trains import Trains
+from lava_vpr.inputs.encoded import EncodedTraverse, check_encoded
 from lava_vpr.model import Model
 
 Advance = Callable[[int], None]

@@ -2,6 +2,8 @@
 
 * ``sad`` and ``hog`` compare the images themselves, patch-normalised ones of 28 x 28 pixels and HOG descriptors of 64 x
   64; ``cosine`` compares the network's own input rates (`lava_vpr.matching.baselines`).
+* ``vectors`` and ``standardised`` compare vectors where the model learned those, as they were given, and less the
+  mean of the references: cosines that show what inputs and spikes cost.
 * ``template`` is the network without learning: the references' rates as weights, one neuron a place, the same inputs,
   spikes, integers and decoder (`lava_vpr.training.templates`), on the host engine.
 """
@@ -10,7 +12,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, reduce
+from operator import or_
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,6 +25,7 @@ from lava_vpr.backends.interface import Presentations
 from lava_vpr.encoding import EncodedTraverse, Keep, query_rates
 from lava_vpr.engine.adaptation import Adaptation
 from lava_vpr.errors import ConfigError
+from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.matching import baselines
 from lava_vpr.model import IntegerModel, Model, as_integer, decode
 
@@ -30,14 +34,28 @@ BASELINES = {
     "cosine": "the network's own input rates",
     "hog": "grey images of 64x64 pixels",
     "template": "the network's own input spikes, without learning",
+    "vectors": "the vectors as they were given",
+    "standardised": "the vectors, standardised on the references",
 }
 """What each baseline sees of an image, by its name."""
+_OF_VECTORS = ("vectors", "standardised")
+
+
+def strange(model: Model) -> dict[str, str]:
+    """Why baselines of vectors have no place beside ``model``, by the names of those that have none."""
+    row = INPUTS[model.config.encoder.kind]
+    if row.sees != "vector":
+        return {name: "the model learned images; it compares vectors" for name in _OF_VECTORS}
+    return {} if row.standardised else {"standardised": f"inputs {row.name!r} take vectors as they are"}
 
 
 def missing(model: Model) -> dict[str, str]:
-    """Why ``model`` cannot be compared with a baseline, by the names of those with which it cannot."""
+    """Why ``model`` cannot be compared with a baseline, by the names of those with which it cannot; those that have no
+    place beside it (`strange`) are not among them."""
     reasons = {}
-    if model.hog is None:
+    if model.vectors is not None:
+        reasons = {name: "the model learned vectors; it compares images" for name in ("sad", "hog")}
+    elif model.hog is None:
         reasons["hog"] = "the model keeps no HOG descriptors of its references; train it again"
     if as_integer(model) is None:
         reasons["template"] = "preset paper is the float conductance model, templates are an integer network's"
@@ -53,7 +71,7 @@ def chosen(model: Model, wanted: Sequence[str] | None) -> tuple[str, ...]:
     Raises:
         ConfigError: it cannot be compared with one that is wanted.
     """
-    reasons = missing(model)
+    reasons = missing(model) | strange(model)
     if wanted is None:
         return tuple(name for name in BASELINES if name not in reasons)
     for name in wanted:
@@ -64,7 +82,18 @@ def chosen(model: Model, wanted: Sequence[str] | None) -> tuple[str, ...]:
 
 def kept_for(names: Sequence[str]) -> Keep:
     """What the baselines ``names`` need of query images beside their activity."""
-    return (Keep.PATCHES if "sad" in names else Keep.NOTHING) | (Keep.HOG if "hog" in names else Keep.NOTHING)
+    needs = {"sad": Keep.PATCHES, "hog": Keep.HOG, "vectors": Keep.VECTORS, "standardised": Keep.VECTORS}
+    return reduce(or_, (needs.get(name, Keep.NOTHING) for name in names), Keep.NOTHING)
+
+
+def compared_vectors(
+    model: Model, queries: EncodedTraverse, name: str
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """What the baseline ``name`` of vectors compares: that of the queries (n, values), and of the references."""
+    pair = queries.vectors_for(name), np.asarray(model.vectors, np.float32)
+    if name == "vectors" or model.standard is None:
+        return pair
+    return model.standard.standardised(pair[0]), model.standard.standardised(pair[1])
 
 
 class Scored(NamedTuple):
@@ -140,13 +169,16 @@ class Rivals:
     def _similarities(self, name: str, own: bool = False) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Scores (n, places) of the queries, and with ``own`` those of the references themselves (images, places)."""
         model, labels = self.model, self.model.labels
+        queries: NDArray[Any]
         references: NDArray[Any]
         if name == "sad":
-            queries, references = self.queries.patches_for("SAD"), model.patches
+            queries, references = self.queries.patches_for("SAD"), np.asarray(model.patches)
             of = [-baselines.sad_distances(references, some, labels) for some in (queries, references)[: 1 + own]]
         else:
             if name == "hog":
                 queries, references = self.queries.hog_for("HOG"), np.asarray(model.hog)
+            elif name in _OF_VECTORS:
+                queries, references = compared_vectors(model, self.queries, name)
             else:
                 queries, references = self._rates, query_rates(model.activity, model.config)
             of = [baselines.cosine_similarities(references, some, labels) for some in (queries, references)[: 1 + own]]

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.backends.rivals import chosen
+from lava_vpr.backends.rivals import BASELINES, chosen, compared_vectors
 from lava_vpr.bench.measure.child import host_answer
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Peer
@@ -98,7 +98,8 @@ def _grouped(labels: NDArray[np.int64], places: int) -> tuple[NDArray[np.int64],
 def sad_answer(model: Model, patches: NDArray[np.uint8]) -> tuple[Callable[[slice], Places], int]:
     """Nearest place of ``patches`` (n, 28, 28) by SAD, and bytes kept."""
     order, starts = _grouped(model.labels, model.places)
-    kept = np.ascontiguousarray(model.patches.reshape(len(model.patches), -1)[order])
+    own = np.asarray(model.patches)
+    kept = np.ascontiguousarray(own.reshape(len(own), -1)[order])
     flat = np.ascontiguousarray(patches.reshape(len(patches), -1))
 
     def answer(part: slice) -> Places:
@@ -124,6 +125,12 @@ def cosine_answer(model: Model, rates: NDArray[Any]) -> tuple[Callable[[slice], 
 def hog_answer(model: Model, hog: NDArray[np.uint8]) -> tuple[Callable[[slice], Places], int]:
     """Nearest place of HOG descriptors ``hog`` (n, 1764) by cosine, and bytes kept."""
     return _nearest_by_cosine(np.asarray(model.hog), hog, model)
+
+
+def vectors_answer(queries: QuerySet, name: str, times: int) -> tuple[Callable[[slice], Places], int]:
+    """Nearest place of the queries' vectors, repeated, by the baseline ``name``, and bytes kept."""
+    asked, references = compared_vectors(queries.model, queries.images, name)
+    return _nearest_by_cosine(references, np.tile(asked, (times, 1)), queries.model)
 
 
 def _nearest_by_cosine(
@@ -154,7 +161,6 @@ def _matchers(queries: QuerySet, known: Recognition) -> list[TimedMatcher]:
     model, times = queries.model, repeats(queries)
     rates = np.tile(queries.shown.rates, (times, 1))
     host = host_answer(model, queries.shown.seed)
-    sad, sad_bytes = sad_answer(model, np.tile(queries.images.patches_for("SAD"), (times, 1, 1)))
     cosine, cosine_bytes = cosine_answer(model, rates)
     found = [
         TimedMatcher(
@@ -165,13 +171,6 @@ def _matchers(queries: QuerySet, known: Recognition) -> list[TimedMatcher]:
             known.metrics[known.default],
         ),
         TimedMatcher(
-            "sad",
-            "sum of absolute differences of patch-normalised 28x28 images (Milford and Wyeth 2012), 8-bit integers",
-            sad_bytes,
-            sad,
-            known.metrics["sad"],
-        ),
-        TimedMatcher(
             "cosine",
             "nearest neighbour by cosine of the network's own input rates, float32 matrix product",
             cosine_bytes,
@@ -180,7 +179,17 @@ def _matchers(queries: QuerySet, known: Recognition) -> list[TimedMatcher]:
         ),
     ]
     for name in chosen(model, None):
-        if name == "hog":
+        if name == "sad":
+            sad, sad_bytes = sad_answer(model, np.tile(queries.images.patches_for("SAD"), (times, 1, 1)))
+            what = (
+                "sum of absolute differences of patch-normalised 28x28 images (Milford and Wyeth 2012), 8-bit integers"
+            )
+            found.insert(1, TimedMatcher("sad", what, sad_bytes, sad, known.metrics["sad"]))
+        elif name in ("vectors", "standardised"):
+            answer, kept = vectors_answer(queries, name, times)
+            what = f"nearest neighbour by cosine of {BASELINES[name]}, float32 matrix product"
+            found.append(TimedMatcher(name, what, kept, answer, known.metrics[name]))
+        elif name == "hog":
             hog, hog_bytes = hog_answer(model, np.tile(queries.images.hog_for("HOG"), (times, 1)))
             what = "cosine of OpenCV's HOG of 64x64 grey images, its own settings (Dalal and Triggs 2005), float32"
             found.append(TimedMatcher("hog", what, hog_bytes, hog, known.metrics["hog"]))

@@ -272,7 +272,7 @@ def _unavailable(model: Model, board: Board, reason: str) -> Modelled:
 def _measured(traverse: Traverse, queries: QuerySet, request: Request, begin: Begin) -> tuple[Measured, ...]:
     """Every backend that was asked for, timed; the encoding before it, and the public path."""
     begin("timing encoding", 1)
-    rows = [measure_encoding(traverse, queries.model.config)]
+    rows = [measure_encoding(traverse, queries.model.config, standard=queries.model.standard)]
     begin("timing the localizer", 1)
     rows.append(measure_localizer(traverse, queries.model, request.seed))
     for name in request.backends:

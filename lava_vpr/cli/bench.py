@@ -20,7 +20,7 @@ from lava_vpr.cli.common import (
     RegisteredName,
     asking_options,
     console,
-    encode_in_views,
+    encode_queries,
     every_option,
     places_option,
     print_whole,
@@ -107,7 +107,7 @@ def bench(
     traverse = open_queries(model, query, places, every, outputs=outputs)
     truth = truth_in_order(model, traverse)
     kept = kept_for(chosen(model, None)) if peers else Keep.NOTHING
-    queries, *further = encode_in_views(traverse, model.config.encoder, asking.of(model), kept)
+    queries, *further = encode_queries(traverse, model, asking.of(model), kept)
     request = Request(
         targets=tuple(dict.fromkeys(targets)) or tuple(BOARDS),
         backends=tuple(dict.fromkeys(names)) or backends.timed_by_default(),

@@ -19,8 +19,10 @@ from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.config import EncoderConfig
 from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_views
+from lava_vpr.inputs.vectors import Standard
 from lava_vpr.inputs.views import STRAIGHT, View
 from lava_vpr.matching.forward_filter import MOTIONS, NONE
+from lava_vpr.model import Model
 from lava_vpr.storage.text import harmless
 from lava_vpr.traverse import Traverse
 
@@ -232,17 +234,19 @@ def backend_progress(backend: str, queries: int) -> Iterator[Callable[[int], Non
         yield lambda done: advance(done, "")
 
 
-def encode(traverse: Traverse, encoder: EncoderConfig, keep: Keep = Keep.NOTHING) -> EncodedTraverse:
-    """Read and encode a traverse, with a progress bar; ``keep`` is what is kept beside the activity."""
-    return encode_in_views(traverse, encoder, (STRAIGHT,), keep)[0]
+def encode_queries(
+    traverse: Traverse, model: Model, views: Sequence[View] = (STRAIGHT,), keep: Keep = Keep.NOTHING
+) -> tuple[EncodedTraverse, ...]:
+    """Read a traverse and encode it as ``model`` does, in each of ``views``, with a progress bar."""
+    return encode_in_views(traverse, model.config.encoder, views, keep, model.standard)
 
 
 def encode_in_views(
-    traverse: Traverse, encoder: EncoderConfig, views: Sequence[View], keep: Keep = Keep.NOTHING
+    traverse: Traverse, encoder: EncoderConfig, views: Sequence[View], keep: Keep, standard: Standard | None
 ) -> tuple[EncodedTraverse, ...]:
-    """`encode` in each of ``views``."""
+    """Read and encode a traverse, with a progress bar; ``keep`` is what is kept beside the activity."""
     with progress_bar(f"reading {traverse.source}", len(traverse)) as advance:
-        return encode_views(traverse, encoder, views, keep, lambda n: advance(n, ""))
+        return encode_views(traverse, encoder, views, keep, lambda n: advance(n, ""), standard)
 
 
 def print_whole(table: Table) -> None:

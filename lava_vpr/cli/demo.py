@@ -10,11 +10,11 @@ import click
 from lava_vpr import model as model_file
 from lava_vpr.backends.opening import calibration_of
 from lava_vpr.cli.choose import open_queries
-from lava_vpr.cli.common import PATH, Number, console, encode, progress_bar, seed_type
+from lava_vpr.cli.common import PATH, Number, console, encode_queries, progress_bar, seed_type
 from lava_vpr.cli.evaluate import print_table, print_trust
 from lava_vpr.cli.outputs import Outputs, write_json
 from lava_vpr.config import preset
-from lava_vpr.encoding import Keep
+from lava_vpr.encoding import Keep, encode_traverse
 from lava_vpr.engine.threads import cores
 from lava_vpr.events.writing import WRITTEN
 from lava_vpr.recognition import Comparison, as_json, recognise
@@ -104,13 +104,15 @@ def demo(out: Path) -> None:
     config = preset("loihi")
     reference = open_traverse(out / "reference")
     started = time.perf_counter()
-    model = calibrated(train_model([encode(reference, config.encoder, Keep.ALL)], config, jobs=cores()), cores())
+    model = calibrated(
+        train_model([encode_traverse(reference, config.encoder, Keep.ALL)], config, jobs=cores()), cores()
+    )
     console.print(
         f"learned them in {time.perf_counter() - started:.1f} s with {model.neurons} neurons and "
         f"{model.weight_bits}-bit weights: {shown(out / 'model.lvpr')}",
     )
     traverse = open_queries(model, str(out / "query"), None, 1.0)
-    queries = encode(traverse, config.encoder, Keep.ALL)
+    queries, *_ = encode_queries(traverse, model, keep=Keep.ALL)
     comparison = Comparison(motion="any", calibration=calibration_of(model))
     result = recognise(model, queries, aligned_truth(model, traverse), comparison, threads=cores())
     print_table(model, result)

@@ -20,7 +20,7 @@ from lava_vpr.cli.common import (
     check_dense_rows,
     console,
     dense_rows_option,
-    encode,
+    encode_queries,
     every_option,
     places_option,
     print_whole,
@@ -168,7 +168,7 @@ def _calibration(
 ) -> Calibration:
     """The calibration images and which place each shows."""
     traverse = open_queries(model, source, places, every, outputs=outputs)
-    return encode(traverse, model.config.encoder), aligned_truth(model, traverse)
+    return encode_queries(traverse, model)[0], aligned_truth(model, traverse)
 
 
 def _compressed(

@@ -22,7 +22,7 @@ from lava_vpr.cli.common import (
     asking_options,
     backend_progress,
     console,
-    encode_in_views,
+    encode_queries,
     every_option,
     motion_option,
     places_option,
@@ -111,7 +111,7 @@ def evaluate(
         calibration=calibration_of(model, cores()) if sequence == query_views == 1 else None,
     )
     kept = kept_for(names) | (Keep.THUMBNAILS if page is not None else Keep.NOTHING)
-    queries, *further = encode_in_views(traverse, model.config.encoder, asking.of(model), kept)
+    queries, *further = encode_queries(traverse, model, asking.of(model), kept)
     with backend_progress(backend, len(queries)) as advance:
         result = recognise(
             model,

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import click
 
 from lava_vpr import model as model_file
+from lava_vpr.backends.opening import open_model
 from lava_vpr.cli.common import (
     PATH,
     F,
@@ -33,6 +34,7 @@ from lava_vpr.configfile import read_toml, update
 from lava_vpr.encoding import EncodedTraverse, Keep
 from lava_vpr.engine.threads import cores
 from lava_vpr.inputs.encoder import INPUTS
+from lava_vpr.inputs.vectors import Standard
 from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.model import Model, Stretch
 from lava_vpr.storage.locking import only_one
@@ -43,6 +45,7 @@ from lava_vpr.training.door import check_references
 from lava_vpr.training.keyframes import choose_places
 from lava_vpr.training.loop import Progress, check_size, presentations
 from lava_vpr.training.loop import train as train_model
+from lava_vpr.training.standard import check_asked, fitted, in_words, settings_for, standard_like
 from lava_vpr.traverse import Traverse, open_traverses
 
 EPOCHS = {"template": 1, "slayer": 10}
@@ -124,6 +127,15 @@ def window_options(command: F) -> F:
     metavar="X",
     help="Learn only images whose input changed by X since the place before: 1 - cosine, above 0 to 1.",
 )
+@click.option(
+    "--standard",
+    "like",
+    type=PATH,
+    default=None,
+    metavar="MODEL",
+    help="Vectors: measure them by the mean, scale and projection of this model, not their own, so that both can be "
+    "merged.",
+)
 @click.option("--jobs", type=click.IntRange(1, 1024), default=None, help="Threads (default: all processors).")
 @click.option("--seed", type=seed_type, default=None, help="Seed of start weights and spikes.  [default: 0]")
 @click.option("--resume", is_flag=True, help="Go on from the checkpoint of a training that was interrupted.")
@@ -140,14 +152,16 @@ def train(
     where: WhereEach,
     spacing: float | None,
     change: float | None,
+    like: Path | None,
     **options: Any,
 ) -> None:
     """Learn the places of a route.
 
-    REFERENCE is a folder of images (naturally sorted), a text or CSV list of image files, or a video; several are
-    several traverses of the same route, where image i of each shows place i. With positions of each they may differ in
-    length: the images nearest to the places of the first are taken. While it learns, progress is kept beside MODEL in a
-    .checkpoint file, from which --resume goes on.
+    REFERENCE is a folder of images (naturally sorted), a text or CSV list of image files, or a video; or a file of
+    vectors (.npy, .npz), one for each image, which another program made of them. Several are several traverses of the
+    same route, where image i of each shows place i. With positions of each they may differ in length: the images
+    nearest to the places of the first are taken. While it learns, progress is kept beside MODEL in a .checkpoint file,
+    from which --resume goes on.
     """
     if options["window_ms"] is not None and options["window_events"] is not None:
         raise click.UsageError("--window-ms and --window-events both say how long a window is; give one of them")
@@ -155,16 +169,20 @@ def train(
         raise click.UsageError("--spacing and --keyframes both say which images become places; give one of them")
     config = settings(preset_name, config_file, options)
     checkpoint = output.with_name(output.name + ".checkpoint")
-    outputs = Outputs((output, checkpoint), read=(config_file, *where.files), images=references)
+    outputs = Outputs((output, checkpoint), read=(config_file, like, *where.files), images=references)
     with only_one(output):
         check_resume(checkpoint, resume)
         whole = open_traverses(references, every=every, events=config.events)
         outputs.spare(path for traverse in whole for path in traverse.paths)
         ranges = [traverse.between(*places) if places else traverse for traverse in whole]
+        if options["input_kind"] is not None:
+            check_asked(ranges, config)
+        config = settings_for(config, ranges)
         chosen = _places(where.of(ranges, [len(traverse) for traverse in whole]), config, spacing, change)
         check_references([len(traverse) for traverse in chosen], references)
         stretches = check_size(len(chosen[0]), config, len(chosen), parts)
-        encoded = encode_references(chosen, config)
+        standard = _standard(chosen, config, like)
+        encoded = encode_references(chosen, config, standard)
         started = time.perf_counter()
         try:
             with learning_bar(stretches, config, len(chosen)) as bar:
@@ -173,6 +191,7 @@ def train(
                     config,
                     route_images=len(whole[0]),
                     positions=chosen[0].positions,
+                    standard=standard,
                     parts=parts,
                     jobs=jobs or cores(),
                     checkpoint=checkpoint,
@@ -198,11 +217,25 @@ def _places(traverses: list[Traverse], config: Config, spacing: float | None, ch
     if change is None:
         chosen = choose_places(traverses, config.encoder, spacing=spacing)
     else:
+        standard = fitted(config, traverses)
         with progress_bar(f"looking for places in {first.source}", len(first)) as advance:
-            chosen = choose_places(traverses, config.encoder, change=change, progress=lambda read: advance(read, ""))
+            chosen = choose_places(
+                traverses, config.encoder, standard=standard, change=change, progress=lambda read: advance(read, "")
+            )
     if len(chosen[0]) < len(first):
         stderr.print(f"note: {len(chosen[0])} of {len(first)} images of {shown(first.source)} become places")
     return chosen
+
+
+def _standard(traverses: list[Traverse], config: Config, like: Path | None) -> Standard | None:
+    """What vectors are measured by, which is told; ``like`` is the model that they are to be measured like."""
+    if like is None:
+        standard = fitted(config, traverses)
+    else:
+        standard = standard_like(open_model(like).standard, config)
+    if standard is not None:
+        stderr.print(f"note: {in_words(config, standard)}")
+    return standard
 
 
 def settings(preset_name: str | None, config_file: Path | None, options: dict[str, Any]) -> Config:
@@ -241,14 +274,16 @@ def _learning(word: str, config: Config) -> dict[str, Any]:
     return {"arithmetic": word} | ({"rule": "stdp"} if config.learning.rule in EPOCHS else {})
 
 
-def encode_references(traverses: Sequence[Traverse], config: Config) -> list[EncodedTraverse]:
+def encode_references(
+    traverses: Sequence[Traverse], config: Config, standard: Standard | None
+) -> list[EncodedTraverse]:
     """The images of ``traverses`` as training takes them, in all views, with a progress bar for each."""
     return [
         seen
         # A model keeps the thumbnails of its first traverse.
         for number, traverse in enumerate(traverses)
         for seen in encode_in_views(
-            traverse, config.encoder, config.views.views, Keep.PATCHES | Keep.HOG if number else Keep.ALL
+            traverse, config.encoder, config.views.views, Keep.ALL & ~Keep.THUMBNAILS if number else Keep.ALL, standard
         )
     ]
 

@@ -20,7 +20,7 @@ from lava_vpr.cli.common import (
     OneSource,
     RegisteredName,
     asking_options,
-    encode_in_views,
+    encode_queries,
     every_option,
     places_option,
     print_reasons,
@@ -78,7 +78,7 @@ def verify(
     # The truth of all queries, then the first of them: fewer queries than places would be refused as not aligned.
     truth = aligned_truth(model, traverse)[:limit]
     compared = traverse.take(range(min(limit, len(traverse))))
-    queries, *further = encode_in_views(compared, model.config.encoder, asking.of(model))
+    queries, *further = encode_queries(compared, model, asking.of(model))
     chosen = ("host", *(name for name in names if name != "host")) if names else None
     with ExitStack() as bars:
 

@@ -24,7 +24,7 @@ _MIX_2 = np.uint64(0x94D049BB133111EB)
 _ZERO, _S27, _S30, _S31, _S32 = (np.uint64(x) for x in (0, 27, 30, 31, 32))
 _MASK = (1 << 64) - 1
 
-ROLES = ("train", "response", "query", "start", "delay", "calibration")
+ROLES = ("train", "response", "query", "start", "delay", "calibration", "projection")
 
 
 @compiled(nb.uint64(nb.uint64), inline="always")
@@ -72,7 +72,8 @@ def presentation_key(seed: int, role: str, image: int, epoch: int = 0) -> int:
         seed: Seed of the run, in [0, 2^63).
         role: One of `ROLES`; ``train`` (with its epoch), ``response`` (the frozen network on the references) and
             ``query`` keep their noise apart.
-        image: The image's key (`image_keys`); for ``start``, that of a stretch (`stretch_key`); of any size.
+        image: The image's key (`image_keys`); for ``start``, that of a stretch (`stretch_key`); of a
+            ``projection`` of vectors 0; of any size.
         epoch: Epoch of a training presentation.
     """
     return _next_key(_key_before(seed, role, epoch), image)

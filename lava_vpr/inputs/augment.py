@@ -1,7 +1,8 @@
 """References as they might look another day: what a network that learns by gradients is shown in place of queries.
 
 All changes are made to the activity of inputs and know nothing but the references: appearance (contrast, illumination,
-noise, and things that are replaced by what stands elsewhere) and viewpoint (a shift sideways).
+noise, and things that are replaced by what stands elsewhere) and viewpoint (a shift sideways). Inputs of vectors have
+no place in an image: they are neither shifted nor lit.
 """
 
 from __future__ import annotations
@@ -52,13 +53,15 @@ def augmented(
         float32 (n, inputs), at least 0.
     """
     n, inputs = activity.shape
-    seen = shifted(activity, layout, rng.uniform(-config.shift, config.shift, n)).astype(np.float64)
+    cells = rng.uniform(-config.shift, config.shift, n)
+    seen = (activity if layout.points else shifted(activity, layout, cells)).astype(np.float64)
     seen **= np.exp(rng.normal(0.0, config.contrast, (n, 1)))
     seen *= np.exp(rng.normal(0.0, config.noise, seen.shape))
     slope = rng.normal(0.0, config.illumination, (n, 2))
-    across = np.linspace(-1.0, 1.0, layout.grid)
-    gain = np.exp(slope[:, :1, None] * across[:, None] + slope[:, 1:, None] * across)
-    seen *= np.tile(gain.reshape(n, -1), layout.channels)
+    if not layout.points:
+        across = np.linspace(-1.0, 1.0, layout.grid)
+        gain = np.exp(slope[:, :1, None] * across[:, None] + slope[:, 1:, None] * across)
+        seen *= np.tile(gain.reshape(n, -1), layout.channels)
     replaced = rng.random((n, inputs)) < config.altered
     others = rng.integers(0, n, (n, inputs))
     return np.where(replaced, activity[others, np.arange(inputs)], seen).astype(np.float32)

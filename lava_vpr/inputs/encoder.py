@@ -7,9 +7,10 @@ files and reports ask for the row.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from lava_vpr.errors import ConfigError
 from lava_vpr.inputs.orientation import orientation_channels
 from lava_vpr.inputs.patches import PATCH_SIDE, on_off
+from lava_vpr.inputs.vectors import as_rates, signed_channels, without_weak
 from lava_vpr.ranges import need, whole, within
 from lava_vpr.registry import Registry
 
@@ -27,7 +29,7 @@ class EncoderConfig:
 
     Attributes:
         kind: Name of a row in `INPUTS`: ``orientation`` (complex-cell edge channels), ``onoff`` or ``pixels`` (the
-            paper's patch-normalised ones).
+            paper's patch-normalised ones); or of descriptors in place of images ``vector`` or ``rates``.
         image_size: Side in pixels of the square image that the orientation channels are computed on.
         cell: Side in pixels of one pooling cell; ``image_size`` must be a multiple of it.
         orientations: Number of orientations, evenly spaced over 180 degrees.
@@ -38,6 +40,12 @@ class EncoderConfig:
         query_spikes: Expected input spikes per step while answering a query.
         query_inputs: Only so many inputs, those that respond most, spike while answering a query; 0: all.
         max_rate_hz: ``pixels`` under the ``paper`` preset: rate of a white pixel, in Hz.
+        vector_values: Values of a vector as it is given; training takes it from the references. 0: not known yet.
+        vector_kept: Most values that ``vector`` has inputs for, two for each; longer vectors are projected on so many.
+        vector_scale: What ``vector`` divides values by, once the mean of the references is off: one scale ``shared`` by
+            all, or each by its ``own``.
+        vector_dead_zone: What ``vector`` takes off the magnitude of each value, in units of the mean magnitude of the
+            vector.
     """
 
     kind: str = "orientation"
@@ -51,6 +59,10 @@ class EncoderConfig:
     query_spikes: float = 20.0
     query_inputs: int = 520
     max_rate_hz: float = 63.75
+    vector_values: int = 0
+    vector_kept: int = 1984
+    vector_scale: Literal["shared", "own"] = "shared"
+    vector_dead_zone: float = 0.5
 
     def __post_init__(self) -> None:
         need(self.kind in INPUTS, "encoder.kind", self.kind, "one of " + ", ".join(INPUTS))
@@ -69,7 +81,11 @@ class EncoderConfig:
             query_spikes="(0, 1000]",
             query_inputs="[0, 1000000]",
             max_rate_hz="(0, 1000]",
+            vector_values="[0, 1000000]",
+            vector_kept="[1, 1000000]",
+            vector_dead_zone="[0, 10]",
         )
+        need(self.vector_scale in ("shared", "own"), "encoder.vector_scale", self.vector_scale, "shared or own")
 
     @property
     def layout(self) -> Layout:
@@ -88,15 +104,17 @@ class Layout(NamedTuple):
     Attributes:
         channels: Channels at each point of the grid.
         grid: Side of the grid.
+        points: Points that each channel has, where those fill the grid but for its end; 0: all of it.
     """
 
     channels: int
     grid: int
+    points: int = 0
 
     @property
     def inputs(self) -> int:
         """The number of inputs, over all channels."""
-        return self.channels * self.grid**2
+        return self.channels * (self.points or self.grid**2)
 
 
 @dataclass(frozen=True)
@@ -107,22 +125,25 @@ class Input:
         name: How options and settings call it.
         layout: The channels under given settings.
         sees: What `activity` is given: the ``image`` as it was read, uint8 (h, w) or (h, w, 3) BGR, or its
-            patch-normalised form, the ``patch``, uint8 (28, 28).
+            patch-normalised form, the ``patch``, uint8 (28, 28); or a ``vector``, float32 (values,).
         activity: Responses of the channels, float32 (inputs,), at least 0, ordered as in `Layout`.
         grey_levels: Whether responses are grey levels 0..255, which the conductance network takes as rates.
         drawing: How a report draws what a neuron has learned: ``strokes``, one for each channel along the edge that
             excites it, where channel k of K belongs to a gradient at 180 k / K degrees, the y axis pointing down; or
             ``grey`` levels of the only channel, or of the difference between the first and the second.
         legend: What the report says about these drawings, a sentence.
+        standardised: Whether vectors are measured by what was fitted on the references
+            (`lava_vpr.inputs.vectors.Standard`) before `activity` is given them.
     """
 
     name: str
     layout: Callable[[EncoderConfig], Layout]
-    sees: Literal["image", "patch"]
-    activity: Callable[[NDArray[np.uint8], EncoderConfig], NDArray[np.float32]]
+    sees: Literal["image", "patch", "vector"]
+    activity: Callable[[NDArray[Any], EncoderConfig], NDArray[np.float32]]
     grey_levels: bool
     drawing: Literal["strokes", "grey"]
     legend: str
+    standardised: bool = False
 
 
 INPUTS: Registry[Input] = Registry("kind of input", ConfigError)
@@ -177,5 +198,36 @@ INPUTS.register(
         grey_levels=True,
         drawing="grey",
         legend="The whiter a pixel, the larger its weight.",
+    )
+)
+
+
+def _line(channels: int, values: int) -> Layout:
+    """So many channels of so many values, row by row in the smallest square that holds them."""
+    return Layout(channels, math.isqrt(max(0, values - 1)) + 1 if values else 0, values)
+
+
+INPUTS.register(
+    Input(
+        "vector",
+        layout=lambda encoder: _line(2, min(encoder.vector_values, encoder.vector_kept)),
+        sees="vector",
+        activity=lambda values, encoder: signed_channels(without_weak(values, encoder.vector_dead_zone)),
+        grey_levels=False,
+        drawing="grey",
+        legend="The values of a vector, row by row. White: the neuron expects more than the mean of the references; "
+        "black: less; grey: it does not care.",
+        standardised=True,
+    )
+)
+INPUTS.register(
+    Input(
+        "rates",
+        layout=lambda encoder: _line(1, encoder.vector_values),
+        sees="vector",
+        activity=lambda values, encoder: as_rates(values),
+        grey_levels=False,
+        drawing="grey",
+        legend="The values of a vector, row by row: the whiter, the larger the weight.",
     )
 )

@@ -27,7 +27,7 @@ from lava_vpr.traverse import ranges_of
 
 def extend(
     model: Model,
-    images: Sequence[EncodedTraverse] | Sequence[NDArray[np.uint8]] | NDArray[np.uint8],
+    images: Sequence[EncodedTraverse] | Sequence[NDArray[Any]] | NDArray[Any],
     *,
     names: Sequence[str] | None = None,
     route_images: int | None = None,
@@ -41,7 +41,7 @@ def extend(
         model: A model with an integer network and its learned weights.
         images: Encoded traverses of the new places, as many as the model was learned from, each in all views
             (`lava_vpr.encoding.encode_views`, `Keep.ALL`); or, for a model of one traverse, images in memory, each
-            uint8 (h, w) or (h, w, 3) BGR.
+            uint8 (h, w) or (h, w, 3) BGR, or vectors of real numbers (values,), as the model learned.
         names: A name for each of ``images`` in memory; None: ``image 000000`` and so on.
         route_images: Images in the whole first traverse of the new places, if they may be another part of the model's
             own traverse; None: they are none, and their indices are counted on.
@@ -58,8 +58,8 @@ def extend(
     part, references = part_of(model, "extending"), _encoded(images, model, names)
     own = check_encoded_references(references, config, route_images, least=1)
     stretches = check_extension(model, len(references[0]), len(references) // len(config.views.views))
-    route = Route(references, own, positions)
-    route.check()
+    route = Route(references, own, positions, model.standard)
+    route.check(config.encoder)
     check_positions((part.route, route))
     trainers = trainers_of(stretches, references, config)
     learn(trainers, stretches, references, config, jobs=jobs, progress=progress)
@@ -92,7 +92,8 @@ def remove(model: Model, places: Iterable[int], *, jobs: int = 1) -> IntegerMode
         raise InputError("no neuron would be left for the other places; remove fewer, or train these anew")
     route = part.route
     positions = None if route.positions is None else route.positions.take(~gone)
-    route = Route([taken(reference, ~gone) for reference in route.references], route.images, positions)
+    kept_references = [taken(reference, ~gone) for reference in route.references]
+    route = Route(kept_references, route.images, positions, model.standard)
     learned = np.ascontiguousarray(part.learned[:, kept])
     return integer_model(joined(learned, model.config, stretches, route, jobs), "removing places")
 
@@ -124,7 +125,7 @@ def _encoded(images: Any, model: Model, names: Sequence[str] | None) -> Sequence
         if names is not None:
             raise InputError("encoded traverses have names of their own; give names with images in memory only")
         return list(images)
-    return encode_arrays(images, model.config.encoder, model.config.views.views, Keep.ALL, names)
+    return encode_arrays(images, model.config.encoder, model.config.views.views, Keep.ALL, names, model.standard)
 
 
 def _known(model: Model, places: Iterable[int]) -> NDArray[np.int64]:

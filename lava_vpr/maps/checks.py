@@ -89,6 +89,10 @@ def check_mergeable(models: Sequence[Model], paths: Sequence[Path] = ()) -> None
                 f"{name} was trained with {setting} {brief(theirs)}, the first with {brief(ours)}; train one of them "
                 "again with the settings of the other"
             )
+        if not _measure_alike(first, model):
+            raise ConfigError(
+                f"{name} measures vectors by references of its own; train it again with --standard and the first model"
+            )
         if traverses_of(model) != traverses_of(first):
             raise InputError(
                 f"{name} was learned from {_counted(traverses_of(model))}, the first from "
@@ -96,6 +100,13 @@ def check_mergeable(models: Sequence[Model], paths: Sequence[Path] = ()) -> None
             )
     places, neurons = sum(model.places for model in models), sum(model.neurons for model in models)
     check_whole(first.config, places, traverses_of(first), neurons)
+
+
+def _measure_alike(one: Model, other: Model) -> bool:
+    """Whether both measure vectors by the same standard, or neither has one."""
+    if one.standard is None or other.standard is None:
+        return one.standard is other.standard
+    return one.standard.same(other.standard)
 
 
 def check_positions(routes: Sequence[Route]) -> None:

@@ -14,7 +14,7 @@ from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.maps.checks import check_learned
 from lava_vpr.model import IntegerModel, Model, Stretch, integer_model
 from lava_vpr.positions import frames
-from lava_vpr.training.joining import Route, joined
+from lava_vpr.training.joining import Route, in_one, joined
 from lava_vpr.training.references import references_of
 
 
@@ -37,7 +37,7 @@ def part_of(model: Model, purpose: str) -> Part:
     return Part(
         check_learned(model, purpose).learned,
         model.stretches,
-        Route(references_of(model), model.route_images, model.whereabouts),
+        Route(references_of(model), model.route_images, model.whereabouts, model.standard),
     )
 
 
@@ -71,26 +71,20 @@ def _one_route(routes: Sequence[Route], same_traverse: bool) -> Route:
         indices = np.concatenate([indices, own])
     known = [route.positions for route in routes if route.positions is not None]
     references = [_one_traverse(same, indices) for same in zip(*(route.references for route in routes), strict=True)]
-    return Route(references, images, frames.joined(known) if known else None)
+    return Route(references, images, frames.joined(known) if known else None, routes[0].standard)
 
 
 def _one_traverse(parts: Sequence[EncodedTraverse], indices: NDArray[np.int64]) -> EncodedTraverse:
     """Images of several parts, one part after another."""
-    hogs = [part.hog for part in parts if part.hog is not None]
     return EncodedTraverse(
         tuple(name for part in parts for name in part.names),
         indices,
         np.concatenate([part.activity for part in parts]),
-        np.concatenate([part.patches_for("joining") for part in parts]),
-        _thumbnails(parts),
-        np.concatenate(hogs) if len(hogs) == len(parts) else None,
+        in_one([part.patches for part in parts]),
+        in_one([part.thumbnails for part in parts]),  # which the first traverse alone needs to have
+        in_one([part.hog for part in parts]),
+        in_one([part.vectors for part in parts]),
     )
-
-
-def _thumbnails(parts: Sequence[EncodedTraverse]) -> NDArray[np.uint8] | None:
-    """Thumbnails of all parts, which the first traverse alone needs to have."""
-    own = [part.thumbnails for part in parts if part.thumbnails is not None]
-    return np.concatenate(own) if len(own) == len(parts) else None
 
 
 def taken(encoded: EncodedTraverse, chosen: NDArray[np.bool_]) -> EncodedTraverse:
@@ -102,4 +96,5 @@ def taken(encoded: EncodedTraverse, chosen: NDArray[np.bool_]) -> EncodedTravers
         None if encoded.patches is None else encoded.patches[chosen],
         None if encoded.thumbnails is None else encoded.thumbnails[chosen],
         None if encoded.hog is None else encoded.hog[chosen],
+        None if encoded.vectors is None else encoded.vectors[chosen],
     )

@@ -16,6 +16,8 @@ MATCHERS.register(Matcher("cosine", title="cosine of the inputs", confidence=cer
 MATCHERS.register(Matcher("hog", title="HOG", confidence=certainty.margin))
 MATCHERS.register(Matcher("template", title="no learning", confidence=certainty.contrast))
 MATCHERS.register(Matcher("descriptors", title="descriptors", confidence=certainty.margin))
+MATCHERS.register(Matcher("vectors", title="cosine of the vectors", confidence=certainty.margin))
+MATCHERS.register(Matcher("standardised", title="standardised vectors", confidence=certainty.margin))
 MATCHERS.register(Matcher("sequence", title="sequence", confidence=certainty.margin))
 
 

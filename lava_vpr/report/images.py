@@ -54,12 +54,15 @@ def contact_sheet(images: NDArray[np.uint8], budget: int = 2_000_000) -> tuple[s
     return data_uri(sheet), columns, rows
 
 
-def weight_image(weights: NDArray[Any], grid: int) -> NDArray[np.uint8]:
+def weight_image(weights: NDArray[Any], grid: int, points: int = 0) -> NDArray[np.uint8]:
     """One neuron's weights of one channel (grid^2,) or two (2 grid^2,) as grey levels, (grid, grid).
 
     One channel: black is 0, white the largest weight. Two: white is the first alone, black the second, grey neither.
+    Channels of fewer ``points`` fill the grid but for its end, where there is no weight.
     """
-    maps = weights.astype(np.float64).reshape(-1, grid, grid)
+    maps = np.zeros((len(weights) // (points or grid**2), grid**2))
+    maps[:, : points or grid**2] = weights.reshape(len(maps), -1)
+    maps = maps.reshape(-1, grid, grid)
     top = max(float(np.abs(maps).max()), 1e-12)
     level = maps[0] / top if len(maps) == 1 else 0.5 + 0.5 * (maps[0] - maps[1]) / top
     return np.clip(np.round(255 * level), 0, 255).astype(np.uint8)

@@ -187,9 +187,9 @@ def receptive_fields(data: ReportData) -> str:
         place = int(data.neuron_places[neuron])
         weights = data.weights[:, neuron]
         if data.drawing == "strokes":
-            drawn = strokes(weights, *data.input_layout)
+            drawn = strokes(weights, data.input_layout.channels, data.input_layout.grid)
         else:
-            image = data_uri(weight_image(weights, data.input_layout.grid), lossless=True)
+            image = data_uri(weight_image(weights, *data.input_layout[1:]), lossless=True)
             drawn = f'<img src="{image}" alt="Weights of neuron {neuron}">'
         height, width = data.place_thumbnails.shape[1:3]
         reference = _image(data.place_thumbnails, place, f"Place {_place(data, place)}")

@@ -31,13 +31,16 @@ Shape = tuple[int | str, ...]
 """The length of each axis, or what it counts if any will do."""
 
 
-def array_of(data: bytes | memoryview, kind: DTypeLike = None, shape: Shape | None = None) -> NDArray[Any]:
+def array_of(
+    data: bytes | memoryview, kind: DTypeLike = None, shape: Shape | None = None, *, texts: bool = False
+) -> NDArray[Any]:
     """The array in the content of a ``.npy`` file: a view of ``data`` where its memory allows, writeable if that is.
 
     Args:
         data: The content.
         kind: The type that its numbers must have; None: any whole, real or truth values.
         shape: The shape that it must have; None: any.
+        texts: Whether an array of texts of fixed length is taken, too.
     Raises:
         ValueError: there is none, or one of another type or shape; fit for a message, as in "FILE: is ...".
     """
@@ -45,7 +48,7 @@ def array_of(data: bytes | memoryview, kind: DTypeLike = None, shape: Shape | No
     header = _HEADER.fullmatch(data[_BEGIN:end])
     if bytes(data[: len(_MAGIC)]) != _MAGIC or header is None:
         raise ValueError("is no array of numbers (it does not begin as numpy.save would write it)")
-    found = _type(header[1].decode("latin-1"))
+    found = _type(header[1].decode("latin-1"), "biufU" if texts else "biuf")
     sizes = tuple(int(size) for size in header[3].split(b",") if size.strip())
     if (
         len(sizes) > _MOST_AXES
@@ -67,15 +70,15 @@ def array_of(data: bytes | memoryview, kind: DTypeLike = None, shape: Shape | No
     return array if array.flags.aligned else array.copy()
 
 
-def _type(code: str) -> np.dtype[Any]:
-    """The type that a header's ``code`` stands for, if it is of whole, real or truth values."""
+def _type(code: str, kinds: str) -> np.dtype[Any]:
+    """The type that a header's ``code`` stands for, if it is of one of ``kinds``, as NumPy calls them."""
     if code == "|O":
         raise ValueError("is no array of numbers (but of pickled objects)")
     try:
         found = np.dtype(code) if _TYPE.fullmatch(code) else None
     except TypeError:  # numbers of seven bytes
         found = None
-    if found is None or found.kind not in "biuf":
+    if found is None or found.kind not in kinds:
         raise ValueError(f"is no array of numbers (but of {brief(code)}; whole, real and truth values are read)")
     return found
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from lava_vpr.config import Config
-from lava_vpr.encoding import EncodedTraverse, check_encoded
 from lava_vpr.errors import InputError
+from lava_vpr.inputs.encoded import EncodedTraverse, check_encoded
 from lava_vpr.modelfile import check_names
 from lava_vpr.storage.arrays import UnfitError
 from lava_vpr.storage.text import shown

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +21,13 @@ from lava_vpr.engine.inference import quantise
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import InputError
 from lava_vpr.gate import integer_config
+from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
+from lava_vpr.inputs.vectors import Standard
 from lava_vpr.model import Model, Stretch
 from lava_vpr.positions.frames import Positions
 from lava_vpr.training.references import coverage, reference_responses, shown_references
+
+T = TypeVar("T", bound=np.generic)
 
 
 @dataclass(frozen=True)
@@ -33,24 +38,36 @@ class Route:
         references: Traverses of the same places, each in all views, view after view.
         images: Images in the whole first traverse.
         positions: Where the first traverse's images were taken; None if that is unknown.
+        standard: What vectors are measured by; None of images.
     """
 
     references: Sequence[EncodedTraverse]
     images: int
     positions: Positions | None = None
+    standard: Standard | None = None
 
-    def check(self) -> None:
-        """Refuse references that a model could not keep, before hours of work.
+    def check(self, encoder: EncoderConfig) -> None:
+        """Refuse references that a model of these settings could not keep, before hours of work.
 
         Raises:
-            InputError: they were encoded without patches or thumbnails, or there is not one position for each place.
+            InputError: they were encoded without patches, vectors or thumbnails, or without what vectors are measured
+                by, or there is not one position for each place.
         """
+        row = INPUTS[encoder.kind]
         for reference in self.references:
-            reference.patches_for("training")
+            _ = reference.vectors_for("training") if row.sees == "vector" else reference.patches_for("training")
+        if row.standardised != (self.standard is not None):
+            raise InputError("training needs what vectors were measured by, and of nothing else; give it with them")
         self.references[0].thumbnails_for("training")
         places = len(self.references[0])
         if self.positions is not None and len(self.positions) != places:
             raise InputError(f"there are {len(self.positions)} positions for {places} places; give one for each")
+
+
+def in_one(parts: Sequence[NDArray[T] | None]) -> NDArray[T] | None:
+    """All parts, one after another; None where one has none."""
+    own = [part for part in parts if part is not None]
+    return np.concatenate(own) if len(own) == len(parts) else None
 
 
 def integer_network(
@@ -106,7 +123,6 @@ def model_of(
     used, covered = coverage(responses)
     learning = config.learning
     repeats = min(learning.label_epochs, learning.epochs) if isinstance(learning, ConductanceLearning) else 1
-    hogs = [reference.hog for reference in references if reference.hog is not None]
     return Model(
         config=config,
         network=network,
@@ -117,10 +133,12 @@ def model_of(
         place_names=first.names,
         route_images=route.images,
         labels=np.tile(np.arange(places), len(references)),
-        patches=np.concatenate([reference.patches_for("training") for reference in references]),
+        patches=in_one([reference.patches for reference in references]),
         activity=np.concatenate([reference.activity for reference in references]),
         thumbnails=first.thumbnails_for("training"),
-        hog=np.concatenate(hogs) if len(hogs) == len(references) else None,
+        hog=in_one([reference.hog for reference in references]),
+        vectors=in_one([reference.vectors for reference in references]),
+        standard=route.standard,
         positions=None if positions is None else positions.values,
         frame=None if positions is None else positions.frame,
         training={

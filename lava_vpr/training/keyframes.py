@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 from lava_vpr.config import EncoderConfig
 from lava_vpr.encoding import activity_of
 from lava_vpr.errors import InputError
+from lava_vpr.inputs.vectors import Standard
 from lava_vpr.positions.frames import Positions
 from lava_vpr.storage.text import shown
 from lava_vpr.traverse import Traverse
@@ -78,6 +79,7 @@ def choose_places(
     traverses: Sequence[Traverse],
     encoder: EncoderConfig,
     *,
+    standard: Standard | None = None,
     spacing: float | None = None,
     change: float | None = None,
     progress: Callable[[int], None] | None = None,
@@ -91,6 +93,7 @@ def choose_places(
     Args:
         traverses: Of one route.
         encoder: Settings, for the change of the input.
+        standard: What vectors are measured by, for the same.
         spacing: Least metres between two places.
         change: Least change of the input between two places (`changed`); all images of the first traverse are read.
         progress: Called with 1 after every image that is read.
@@ -105,7 +108,7 @@ def choose_places(
             raise InputError(f"{shown(first.source)}: --spacing needs positions of its images; give --positions FILE")
         kept = spaced(first.positions.points(), spacing)
     elif change is not None:
-        kept = changed(_activities(first, encoder, progress), change)
+        kept = changed(_activities(first, encoder, standard, progress), change)
     if kept is not None and len(kept) < 2:
         option = "--spacing" if spacing is not None else "--keyframes"
         raise InputError(f"{shown(first.source)}: with this {option} all {len(first)} images are one place; lower it")
@@ -114,11 +117,11 @@ def choose_places(
 
 
 def _activities(
-    traverse: Traverse, encoder: EncoderConfig, progress: Callable[[int], None] | None
+    traverse: Traverse, encoder: EncoderConfig, standard: Standard | None, progress: Callable[[int], None] | None
 ) -> Iterable[NDArray[np.float32]]:
     """The activity of each image in turn."""
     for image in traverse.images():
-        yield activity_of(image, encoder)
+        yield activity_of(image, encoder, standard=standard)
         if progress is not None:
             progress(1)
 

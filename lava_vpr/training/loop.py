@@ -21,6 +21,7 @@ from lava_vpr.engine.learning import integer, stdp
 from lava_vpr.engine.random import image_keys, presentation_key, stretch_key
 from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.gate import as_integer_config, integer_config
+from lava_vpr.inputs.vectors import Standard
 from lava_vpr.model import Model, Stretch
 from lava_vpr.modelfile import check_model
 from lava_vpr.positions.frames import Positions
@@ -142,6 +143,7 @@ def train(
     *,
     route_images: int | None = None,
     positions: Positions | None = None,
+    standard: Standard | None = None,
     parts: Sequence[int] = (),
     jobs: int = 1,
     checkpoint: Path | None = None,
@@ -158,6 +160,7 @@ def train(
         config: Settings; equal settings and images give the bit-identical model whatever ``jobs``.
         route_images: Images in the whole first traverse (default: up to the last place).
         positions: Where the first traverse's images were taken, one for each place; None if that is unknown.
+        standard: What vectors were measured by when they were encoded; None of images.
         parts: Numbers of places in a row, each part of the route cut into stretches by itself; none: the whole route is
             one part. Training parts together gives the model that training each and `lava_vpr.maps.merge` gives.
         jobs: Threads; each learns one stretch at a time.
@@ -172,8 +175,8 @@ def train(
         ModelFileError: the checkpoint cannot be used or written.
         NetworkLimitError: the trained network could overflow.
     """
-    route = Route(references, check_encoded_references(references, config, route_images), positions)
-    route.check()
+    route = Route(references, check_encoded_references(references, config, route_images), positions, standard)
+    route.check(config.encoder)
     traverses = len(references) // len(config.views.views)
     stretches = check_size(len(references[0]), config, traverses, parts)
     store = Checkpoint(checkpoint, fingerprint(references, config, stretches), interval)

@@ -34,9 +34,10 @@ def references_of(model: Model) -> list[EncodedTraverse]:
                 model.place_names,
                 model.place_indices,
                 model.activity[images],
-                model.patches[images],
+                None if model.patches is None else model.patches[images],
                 model.thumbnails,
                 None if model.hog is None else model.hog[images],
+                None if model.vectors is None else model.vectors[images],
             )
         )
     return parts

@@ -27,5 +27,12 @@ def template_of(model: Model, threads: int = 1) -> IntegerModel:
         "network": {"neurons": 0, "neurons_per_place": 1},
     }
     settings, cut = update(config, changes), parts_of(model)
-    made = train(references_of(model), settings, route_images=model.route_images, parts=cut, jobs=threads)
+    made = train(
+        references_of(model),
+        settings,
+        route_images=model.route_images,
+        standard=model.standard,
+        parts=cut,
+        jobs=threads,
+    )
     return integer_model(made, "the baseline template")

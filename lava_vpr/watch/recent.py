@@ -11,6 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.inputs.encoded import THUMBNAIL
+from lava_vpr.inputs.vectors import picture_of
 from lava_vpr.model import Model
 from lava_vpr.report.images import data_uri, shrunk
 from lava_vpr.watch.watching import Watched
@@ -104,11 +106,16 @@ class Recent:
             "at": at,
             "where": ", ".join(f"{name} {values[name]}" for name in ("x", "y", "lat", "lon") if name in values),
             "candidates": [found | {"at": self._number(found["place"])} for found in values["candidates"]],
-            "query_image": data_uri(shrunk(last.seen.image, _QUERY_SIDE)),
+            "query_image": data_uri(_pictured(last.seen.image)),
             "match_image": data_uri(self._thumbnails[at]) if at >= 0 else _NOTHING,
             "raster": data_uri(raster(spikes), lossless=True),
             "history": history,
         }
+
+
+def _pictured(seen: NDArray[Any]) -> NDArray[np.uint8]:
+    """An image, or a vector, as the page shows it."""
+    return picture_of(seen, THUMBNAIL) if seen.ndim == 1 else shrunk(seen, _QUERY_SIDE)
 
 
 def raster(spikes: list[NDArray[np.uint16]]) -> NDArray[np.uint8]:

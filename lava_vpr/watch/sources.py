@@ -6,7 +6,7 @@ import math
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,12 +29,12 @@ class Seen(NamedTuple):
     Attributes:
         name: Its file name, or ``frame 000012`` with the frame's number.
         stamp: When it was taken, in seconds (`lava_vpr.positions.stamps`); None if nobody says.
-        image: uint8 (h, w) or (h, w, 3) BGR; or why it cannot be read.
+        image: uint8 (h, w) or (h, w, 3) BGR; or a vector, float32 (values,); or why it cannot be read.
     """
 
     name: str
     stamp: float | None
-    image: NDArray[np.uint8] | InputError
+    image: NDArray[Any] | InputError
 
 
 def open_source(source: str, *, every: float = 1.0, existing: bool = True, topic: str | None = None) -> Iterator[Seen]:
@@ -103,6 +103,9 @@ def _of_bag(path: Path, topic: str | None, every: float) -> Iterator[Seen]:
 
 def _of_list(source: str) -> Iterator[Seen]:
     traverse = open_traverse(source)
+    if traverse.stored is not None:
+        stamps = [None] * len(traverse) if traverse.stamps is None else traverse.stamps.tolist()
+        return (Seen(*seen) for seen in zip(traverse.names, stamps, traverse.images(), strict=True))
     return (Seen(printable(path), _stamp(path), _read(path)) for path in traverse.paths)
 
 

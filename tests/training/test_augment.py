@@ -119,3 +119,9 @@ def test_a_shift_moves_columns_and_repeats_the_edge() -> None:
     assert np.array_equal(row[1], [0, 0, 10, 20])
     assert np.allclose(row[2], [2.5, 12.5, 22.5, 30])
     assert np.array_equal(row[3], [30, 30, 30, 30])
+
+
+def test_inputs_of_vectors_are_neither_shifted_nor_lit() -> None:
+    activity = np.random.default_rng(1).random((4, 10)).astype(np.float32)
+    config = AugmentConfig(shift=3, contrast=0, illumination=5, noise=0, altered=0)
+    assert np.array_equal(augmented(activity, Layout(2, 3, 5), config, np.random.default_rng(0)), activity)

@@ -32,6 +32,7 @@ from lava_vpr.config import Config
 from lava_vpr.encoding import activity_of, query_rates
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import BackendUnavailableError, LavaVprError
+from lava_vpr.inputs.vectors import Standard
 from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.localizer import Localizer
 from lava_vpr.model import Model
@@ -191,7 +192,7 @@ def _lava(model: Model, shown: Presentations, made: Measured, least: int, rapl_r
     )
 
 
-def each_image(traverse: Traverse, work: Callable[[NDArray[np.uint8]], object], limit: int = 200) -> list[float]:
+def each_image(traverse: Traverse, work: Callable[[NDArray[Any]], object], limit: int = 200) -> list[float]:
     """Milliseconds in which each of at most ``limit`` images is read from its file, and ``work`` done with it.
 
     Raises:
@@ -210,17 +211,21 @@ def each_image(traverse: Traverse, work: Callable[[NDArray[np.uint8]], object], 
     return taken
 
 
-def measure_encoding(traverse: Traverse, config: Config, limit: int = 200) -> Measured:
-    """The figures of the stage before: an image file read and turned into input rates, one after another.
+def measure_encoding(
+    traverse: Traverse, config: Config, limit: int = 200, standard: Standard | None = None
+) -> Measured:
+    """The figures of the stage before: an image file read, or a vector taken, and turned into input rates, one by one.
 
     Raises:
         InputError: an image cannot be read.
     """
 
-    def encode(image: NDArray[np.uint8]) -> None:
-        query_rates(activity_of(image, config.encoder)[None], config)
+    def encode(image: NDArray[Any]) -> None:
+        query_rates(activity_of(image, config.encoder, standard=standard)[None], config)
 
     does = "an image file read, its channels computed, to input rates; one thread"
+    if traverse.stored is not None:
+        does = "a vector in memory to input rates; one thread; what made it of an image is not in it"
     return _stage("encoding", does, each_image(traverse, encode, limit))
 
 

@@ -94,7 +94,7 @@ def extend(
         check_references([len(traverse) for traverse in chosen], images, least=1)
         stretches = checks.check_extension(model, len(chosen[0]), len(chosen), model_path)
         positions = _positions(model, chosen[0], bool(where.positions), model_path)
-        references = encode_references(chosen, model.config)
+        references = encode_references(chosen, model.config, model.standard)
         started = time.perf_counter()
         with learning_bar(stretches, model.config, len(chosen)) as bar:
             made = maps.extend(

@@ -1,0 +1,1 @@
+"""Files of vectors: descriptors that another program made of each image, with names, positions and times beside."""

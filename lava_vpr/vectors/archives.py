@@ -1,0 +1,85 @@
+"""Reads vectors from ``.npz`` archives, without pickle, and never more than the limits allow."""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from lava_vpr.errors import InputError, brief
+from lava_vpr.storage.limits import excess
+from lava_vpr.storage.npy import array_of
+from lava_vpr.storage.reading import open_regular
+from lava_vpr.storage.text import shown
+
+DESCRIPTORS = "descriptors"
+BESIDE = ("names", "positions", "stamps", "frame")
+"""What may stand beside vectors, by its name."""
+_MOST_ENTRIES = 1000
+_REMEDY = "write it with numpy.savez(file, descriptors=..., names=...)"
+_UNREADABLE = (zipfile.BadZipFile, zlib.error, ValueError, EOFError, NotImplementedError, RuntimeError)
+
+
+def chosen(shapes: Mapping[str, tuple[int, ...]], path: Path, remedy: str) -> str:
+    """The name of the array that holds the vectors: `DESCRIPTORS`, or the only one (images, values) not in `BESIDE`.
+
+    Args:
+        shapes: The shape of each array in the file.
+        path: The file, for messages.
+        remedy: What a message tells to do.
+    Raises:
+        InputError: there is none, or nothing says which it is.
+    """
+    if DESCRIPTORS in shapes:
+        return DESCRIPTORS
+    found = [name for name, shape in shapes.items() if len(shape) == 2 and name not in BESIDE]
+    if len(found) == 1:
+        return found[0]
+    cause = f"{len(found)} arrays (images, values)" if found else f"no array (images, values) among {brief([*shapes])}"
+    raise InputError(f"{shown(path)}: has {cause}; name the one with the vectors {DESCRIPTORS!r}, or {remedy}")
+
+
+def read_npz(path: Path) -> tuple[NDArray[Any], dict[str, NDArray[Any]]]:
+    """The vectors in an archive that `numpy.savez` wrote, and what stands beside them (`BESIDE`).
+
+    Raises:
+        InputError: it cannot be read, is damaged, unpacks to more than the limit ``array_bytes``, holds pickled objects
+            or no vectors.
+    """
+    try:
+        with open_regular(path) as file, zipfile.ZipFile(file) as archive:
+            arrays = _arrays(archive, path)
+    except OSError as error:
+        raise InputError(f"{shown(path)}: cannot be read ({error.strerror or error}); {_REMEDY}") from None
+    except _UNREADABLE as error:
+        raise InputError(f"{shown(path)}: is no sound .npz archive ({_cause(error)}); {_REMEDY}") from None
+    name = chosen({name: array.shape for name, array in arrays.items()}, path, _REMEDY)
+    return arrays[name], {key: arrays[key] for key in BESIDE if key in arrays}
+
+
+def _arrays(archive: zipfile.ZipFile, path: Path) -> dict[str, NDArray[Any]]:
+    """Every array of numbers or texts in ``archive``, by its name."""
+    entries = archive.infolist()
+    if len(entries) > _MOST_ENTRIES:
+        raise ValueError(f"it has more than {_MOST_ENTRIES} entries")
+    beyond = excess("array_bytes", sum(entry.file_size for entry in entries))
+    if beyond is not None:
+        raise InputError(f"{shown(path)}: unpacks to {beyond}")
+    arrays: dict[str, NDArray[Any]] = {}
+    for entry in entries:
+        name = entry.filename.removesuffix(".npy")
+        with archive.open(entry) as member:
+            data = member.read(entry.file_size + 1)
+        try:
+            arrays[name] = array_of(data, texts=name in BESIDE)
+        except ValueError as error:
+            raise InputError(f"{shown(path)}: {brief(name)} {error}; {_REMEDY}") from None
+    return arrays
+
+
+def _cause(error: Exception) -> str:
+    return " ".join(str(error).split())[:120] or type(error).__name__

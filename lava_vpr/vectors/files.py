@@ -1,0 +1,112 @@
+"""Vectors in files: ``.npy``, ``.npz`` and HDF5."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.errors import InputError, brief
+from lava_vpr.positions.frames import XY, Positions, fits, is_frame
+from lava_vpr.storage.npy import read_array
+from lava_vpr.storage.text import shown
+from lava_vpr.vectors.archives import read_npz
+from lava_vpr.vectors.source import REMEDY, Vectors, checked_vectors
+
+VECTOR_SUFFIXES = (".npy", ".npz")
+_LONGEST_NAME = 1024
+
+
+class Stored(NamedTuple):
+    """What a file holds of vectors, as far as it was understood.
+
+    Attributes:
+        array: The vectors.
+        beside: What stands beside them, by its name: ``names``, ``positions``, ``stamps`` and ``frame``.
+    """
+
+    array: NDArray[Any]
+    beside: dict[str, NDArray[Any]]
+
+
+def _npy(path: Path) -> Stored:
+    return Stored(read_array(path, REMEDY), {})
+
+
+READERS: dict[str, Callable[[Path], Stored]] = {".npy": _npy, ".npz": lambda path: Stored(*read_npz(path))}
+"""What reads a file, by its suffix."""
+
+
+def read_vectors(path: Path) -> Vectors:
+    """The vectors in a file, with what stands beside them.
+
+    Args:
+        path: ``.npy``: the vectors alone, as `numpy.save` writes them. ``.npz``, as `numpy.savez` writes it: the array
+            ``descriptors``, or the only one that is (images, values); beside it ``names``, a text for each;
+            ``positions`` (images, 2), in the frame that ``frame`` names (`lava_vpr.positions.frames`), metres without;
+            ``stamps``, in seconds.
+    Raises:
+        InputError: it cannot be read, is larger than the limit ``array_bytes``, holds no vectors, or what stands beside
+            them does not fit them.
+    """
+    stored = READERS[path.suffix.lower()](path)
+    array = checked_vectors(stored.array, shown(path))
+    n = len(array)
+    return Vectors(
+        array,
+        _names(stored.beside.get("names"), n, path),
+        _positions(stored.beside.get("positions"), stored.beside.get("frame"), n, path),
+        _stamps(stored.beside.get("stamps"), n, path),
+    )
+
+
+def _names(array: NDArray[Any] | None, n: int, path: Path) -> tuple[str, ...] | None:
+    """A name for each vector, if there are names."""
+    if array is None:
+        return None
+    names = tuple(str(name) for name in array.ravel()) if array.dtype.kind == "U" else ()
+    if array.ndim != 1 or len(names) != n:
+        raise InputError(
+            f"{shown(path)}: has names of type {array.dtype} and shape {array.shape} for {n} vectors; give a text each"
+        )
+    for number, name in enumerate(names):
+        if not name or len(name) > _LONGEST_NAME or "\0" in name:
+            raise InputError(f"{shown(path)}: name {number} is {brief(name)}; give each vector a name in one line")
+    return names
+
+
+def _positions(array: NDArray[Any] | None, frame: NDArray[Any] | None, n: int, path: Path) -> Positions | None:
+    """Where each image was taken, if there are positions."""
+    if array is None:
+        if frame is not None:
+            raise InputError(f"{shown(path)}: has a frame, but no positions; add them, or leave it out")
+        return None
+    if array.shape != (n, 2) or array.dtype.kind not in "fiu":
+        raise InputError(
+            f"{shown(path)}: has positions of type {array.dtype} and shape {array.shape} for {n} vectors; give two "
+            "coordinates each"
+        )
+    name = XY if frame is None else str(frame.ravel()[0]) if frame.size == 1 and frame.dtype.kind == "U" else ""
+    if not is_frame(name):
+        raise InputError(f"{shown(path)}: has the frame {brief(name)}; name xy, latlon, or a zone as in UTM 32N")
+    values = array.astype(np.float64)
+    good = fits(values, name).all(axis=1)
+    if not good.all():
+        row = int(np.flatnonzero(~good)[0])
+        raise InputError(f"{shown(path)}: position {row} is not finite, or out of the range of {name}; correct it")
+    return Positions(values, name)
+
+
+def _stamps(array: NDArray[Any] | None, n: int, path: Path) -> NDArray[np.float64] | None:
+    """When each image was taken, if there are times."""
+    if array is None:
+        return None
+    if array.shape != (n,) or array.dtype.kind not in "fiu" or not np.isfinite(array.astype(np.float64)).all():
+        raise InputError(
+            f"{shown(path)}: has stamps of type {array.dtype} and shape {array.shape} for {n} vectors; give a finite "
+            "number of seconds each"
+        )
+    return array.astype(np.float64)

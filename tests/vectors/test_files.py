@@ -1,0 +1,164 @@
+"""Files of vectors: what is read, and what is refused in one line with file, cause and remedy."""
+
+from __future__ import annotations
+
+import pickle
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lava_vpr.errors import InputError
+from lava_vpr.positions.frames import LAT_LON, XY
+from lava_vpr.traverse import open_traverse
+from lava_vpr.vectors.files import read_vectors
+
+N, VALUES = 6, 5
+
+
+def vectors(seed: int = 0) -> NDArray[np.float32]:
+    return np.random.default_rng(seed).normal(size=(N, VALUES)).astype(np.float32)
+
+
+@pytest.mark.parametrize("dtype", ["float16", "float32", "float64", ">f4", "int8", "uint8", "int64"])
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_npy_of_every_real_type_gives_its_rows(tmp_path: Path, dtype: str, order: Any) -> None:
+    array = np.asarray(10 * vectors()).astype(dtype, order=order)
+    np.save(tmp_path / "v.npy", array)
+    if dtype == ">f4":
+        with pytest.raises(InputError, match=r"v\.npy: is no array of numbers"):
+            open_traverse(tmp_path / "v.npy")
+        return
+    traverse = open_traverse(tmp_path / "v.npy", places=(1, 5))
+    assert np.array_equal(np.stack(list(traverse.images())), array[1:5].astype(np.float32))
+    assert traverse.names[0] == "vector 000001"
+    assert traverse.indices.tolist() == [1, 2, 3, 4]
+    assert np.array_equal(traverse.load(2), array[3].astype(np.float32))
+    assert traverse.load(2).dtype == np.float32
+
+
+@pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
+def test_npz_gives_vectors_names_positions_and_times(tmp_path: Path, save: Any) -> None:
+    path, positions = tmp_path / "v.npz", np.stack([np.linspace(50, 51, N), np.linspace(8, 9, N)], axis=1)
+    names, stamps = np.array([f"place {k}é.jpg" for k in range(N)]), 1e9 + np.arange(N)
+    save(path, descriptors=vectors(), names=names, positions=positions, frame="latlon", stamps=stamps, other=np.eye(3))
+    traverse = open_traverse(path).take([4, 0])
+    assert traverse.names == ("place 4é.jpg", "place 0é.jpg")
+    assert np.array_equal(np.stack(list(traverse.images())), vectors()[[4, 0]])
+    assert traverse.positions is not None
+    assert traverse.positions.frame == LAT_LON
+    assert np.array_equal(traverse.positions.values, positions[[4, 0]])
+    assert traverse.stamps is not None
+    assert traverse.stamps.tolist() == [1e9 + 4, 1e9]
+
+
+def test_the_only_matrix_of_an_npz_is_its_vectors_and_names_tell_positions(tmp_path: Path) -> None:
+    names = np.array([f"@{400000 + 10 * k}@5500000@32@U@.jpg" for k in range(N)])
+    np.savez(tmp_path / "v.npz", netvlad=vectors(), names=names, labels=np.arange(N))
+    found = open_traverse(tmp_path / "v.npz")
+    assert np.array_equal(found.load(0), vectors()[0])
+    assert found.positions is not None
+    assert found.positions.values[1].tolist() == [400010, 5500000]
+    np.savez(tmp_path / "xy.npz", descriptors=vectors(), positions=np.zeros((N, 2), np.int64))
+    where = read_vectors(tmp_path / "xy.npz").positions
+    assert where is not None
+    assert where.frame == XY
+
+
+def _with(row: int, value: float) -> NDArray[np.float64]:
+    array = vectors().astype(np.float64)
+    array[row, 2] = value
+    return array
+
+
+@pytest.mark.parametrize(
+    ("array", "message"),
+    [
+        (_with(3, np.nan), r"row 3 holds NaN or infinite values; compute it again"),
+        (_with(5, np.inf), r"row 5 holds NaN or infinite values; compute it again"),
+        (_with(2, -1e30), r"row 2 holds values beyond 1e\+18; scale them"),
+        (np.zeros(7), r"has shape \(7,\), not \(images, values\); give one row"),
+        (np.zeros((2, 3, 4)), r"has shape \(2, 3, 4\), not \(images, values\)"),
+        (np.zeros((0, 4)), r"is empty, of shape \(0, 4\); give one row"),
+        (np.zeros((4, 0)), r"is empty, of shape \(4, 0\)"),
+        (np.zeros((4, 2), bool), r"holds bool, not real numbers; give one row"),
+        (np.zeros((4, 2), complex), r"no array of numbers"),
+    ],
+)
+@pytest.mark.parametrize("suffix", [".npy", ".npz"])
+def test_what_are_no_vectors_is_refused(tmp_path: Path, array: NDArray[Any], message: str, suffix: str) -> None:
+    path = tmp_path / f"v{suffix}"
+    _ = np.save(path, array) if suffix == ".npy" else np.savez(path, descriptors=array)
+    with pytest.raises(InputError, match=message) as told:
+        open_traverse(path)
+    assert str(told.value).startswith(str(path))
+    assert "\n" not in str(told.value)
+
+
+def test_no_pickle_is_opened(tmp_path: Path) -> None:
+    trap = np.array([{"a": 1}, None], object)
+    np.save(tmp_path / "v.npy", trap, allow_pickle=True)
+    np.savez(tmp_path / "v.npz", descriptors=vectors(), names=trap)
+    (tmp_path / "raw.npy").write_bytes(pickle.dumps([1, 2]))
+    for name in ("v.npy", "v.npz", "raw.npy"):
+        with pytest.raises(InputError, match=rf"{name}: .*is no array of numbers"):
+            open_traverse(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("beside", "message"),
+    [
+        ({"names": np.array(["a"] * (N - 1))}, r"has names of type <U1 and shape \(5,\) for 6 vectors"),
+        ({"names": np.arange(N)}, r"has names of type int64"),
+        ({"names": np.array(["a"] * 5 + [""])}, r"name 5 is ''"),
+        ({"positions": np.zeros((N, 3))}, r"has positions of type float64 and shape \(6, 3\)"),
+        ({"positions": np.full((N, 2), np.nan)}, r"position 0 is not finite, or out of the range of xy"),
+        ({"positions": np.full((N, 2), 91.0), "frame": np.array("latlon")}, r"position 0 is not finite, or out of"),
+        ({"positions": np.zeros((N, 2)), "frame": np.array("moon")}, r"has the frame 'moon'; name xy, latlon"),
+        ({"frame": np.array("xy")}, r"has a frame, but no positions"),
+        ({"stamps": np.full(N, np.nan)}, r"has stamps of type float64 and shape \(6,\) for 6 vectors"),
+    ],
+)
+def test_what_stands_beside_must_fit(tmp_path: Path, beside: dict[str, Any], message: str) -> None:
+    np.savez(tmp_path / "v.npz", descriptors=vectors(), **beside)
+    with pytest.raises(InputError, match=message):
+        open_traverse(tmp_path / "v.npz")
+
+
+def test_an_npz_says_which_array_is_meant(tmp_path: Path) -> None:
+    np.savez(tmp_path / "two.npz", a=vectors(), b=vectors())
+    np.savez(tmp_path / "none.npz", a=np.zeros(3))
+    with pytest.raises(InputError, match=r"two\.npz: has 2 arrays \(images, values\); name the one with the vectors"):
+        open_traverse(tmp_path / "two.npz")
+    with pytest.raises(InputError, match=r"none\.npz: has no array \(images, values\) among \['a'\]"):
+        open_traverse(tmp_path / "none.npz")
+
+
+def test_what_is_no_archive_and_what_unpacks_to_too_much_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "text.npz").write_bytes(b"no zip at all")
+    with zipfile.ZipFile(tmp_path / "odd.npz", "w") as archive:
+        archive.writestr("descriptors.npy", b"abc")
+    np.savez(tmp_path / "cut.npz", descriptors=vectors())
+    whole = (tmp_path / "cut.npz").read_bytes()
+    (tmp_path / "cut.npz").write_bytes(whole[:240] + b"\xff\xff" + whole[242:])
+    with pytest.raises(InputError, match=r"text\.npz: is no sound \.npz archive"):
+        open_traverse(tmp_path / "text.npz")
+    with pytest.raises(InputError, match=r"odd\.npz: 'descriptors' is no array of numbers"):
+        open_traverse(tmp_path / "odd.npz")
+    with pytest.raises(InputError, match=r"cut\.npz: (is no sound|'descriptors' is no array)"):
+        open_traverse(tmp_path / "cut.npz")
+    np.savez_compressed(tmp_path / "bomb.npz", descriptors=np.zeros((4000, 4000)))
+    monkeypatch.setenv("LAVA_VPR_MAX_ARRAY_BYTES", "1000000")
+    with pytest.raises(InputError, match=r"bomb\.npz: unpacks to 128,000,\d+ bytes, more than the 1,000,000 allowed"):
+        open_traverse(tmp_path / "bomb.npz")
+
+
+def test_more_vectors_than_there_are_is_refused(tmp_path: Path) -> None:
+    np.save(tmp_path / "v.npy", vectors())
+    with pytest.raises(InputError, match="has 6 vectors; places 2:9 go beyond, use at most 0:6"):
+        open_traverse(tmp_path / "v.npy", places=(2, 9))

@@ -1,0 +1,156 @@
+"""What vectors are measured by: mean, scale and projection, against plain matrices."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.linalg import hadamard as matrix
+
+from lava_vpr.config import Config, preset
+from lava_vpr.encoding import encode_traverse
+from lava_vpr.errors import ConfigError, InputError
+from lava_vpr.inputs.encoder import EncoderConfig
+from lava_vpr.inputs.vectors import hadamard, picture_of, signed_channels, width_for, without_weak
+from lava_vpr.training.standard import fitted, settings_for, standard_like
+from lava_vpr.traverse import Traverse, vector_traverse
+from lava_vpr.vectors.source import Vectors
+
+
+def traverse(array: NDArray[np.float32], name: str = "v.npy") -> Traverse:
+    return vector_traverse(name, Vectors(array))
+
+
+def vectors(n: int, values: int, seed: int = 0) -> NDArray[np.float32]:
+    drawn = np.random.default_rng(seed).normal(size=(n, values)) * np.linspace(1, 5, values) + 3
+    return drawn.astype(np.float32)
+
+
+def of(array: NDArray[np.float32], **encoder: object) -> Config:
+    base = preset("loihi")
+    config = dataclasses.replace(base, encoder=dataclasses.replace(base.encoder, **encoder))  # type: ignore[arg-type]
+    return settings_for(config, [traverse(array)])
+
+
+@pytest.mark.parametrize("width", [1, 2, 8, 128])
+def test_the_transform_is_the_hadamard_matrix(width: int) -> None:
+    rows = vectors(5, width)
+    expected = rows.astype(np.float64) @ matrix(width).T / width**0.5
+    assert np.allclose(hadamard(rows), expected, rtol=1e-5, atol=1e-5)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(1, 70), st.integers(1, 6), st.integers(0, 5))
+def test_a_projection_is_the_same_alone_and_with_others(values: int, kept: int, seed: int) -> None:
+    array = vectors(7, values, seed)
+    config = of(array, vector_kept=kept)
+    standard = fitted(config, [traverse(array)])
+    assert standard is not None
+    together = standard.seen(array)
+    assert together.shape == (7, min(values, kept))
+    for one, row in zip(together, array, strict=True):
+        assert np.array_equal(standard.seen(row[None])[0], one)
+
+
+def test_a_projection_is_signs_transform_and_choice() -> None:
+    array = vectors(40, 100)
+    config = of(array, vector_kept=60)
+    standard = fitted(config, [traverse(array)])
+    assert standard is not None
+    assert standard.projects
+    assert len(standard.signs) == width_for(100) == 128
+    assert len(set(standard.kept.tolist())) == 60
+    wide = np.zeros((40, 128))
+    wide[:, :100] = standard.standardised(array)
+    expected = (wide * standard.signs) @ matrix(128).T / 128**0.5
+    assert np.allclose(standard.seen(array), expected[:, standard.kept], atol=1e-4)
+    assert 30 < (standard.signs == 1).sum() < 98
+    other = fitted(dataclasses.replace(config, seed=1), [traverse(array)])
+    assert other is not None
+    assert not standard.same(other)
+    # Angles stay nearly what they are.
+    cosines = [np.corrcoef(x)[np.triu_indices(40, 1)] for x in (standard.standardised(array), standard.seen(array))]
+    assert np.corrcoef(*cosines)[0, 1] > 0.5
+
+
+@pytest.mark.parametrize("scale", ["shared", "own"])
+def test_mean_and_scale_are_those_of_all_references(scale: str) -> None:
+    array = vectors(50, 12)
+    array[:, 4] = 7.0  # says nothing
+    two = [traverse(array[:30]), traverse(array[30:])]
+    standard = fitted(of(array, vector_scale=scale), two)
+    assert standard is not None
+    assert np.allclose(standard.mean, array.mean(axis=0), atol=1e-5)
+    spread = array.astype(np.float64).std(axis=0)
+    shared = np.sqrt((spread**2).mean())
+    expected = np.maximum(spread, 1e-3 * shared) if scale == "own" else np.full(12, shared)
+    assert np.allclose(standard.scale, expected, rtol=1e-5)
+    assert not standard.projects
+    assert np.allclose(standard.seen(array), (array - array.mean(axis=0)) / expected, atol=1e-2)
+
+
+def test_weak_values_are_silent_and_the_others_keep_their_sign() -> None:
+    values = np.array([4, -1, 0.5, -2.5], np.float32)  # mean magnitude 2
+    assert np.array_equal(without_weak(values, 0.5), np.array([3, 0, 0, -1.5], np.float32))
+    assert np.array_equal(signed_channels(without_weak(values, 0.5)), np.array([3, 0, 0, 0, 0, 0, 0, 1.5], np.float32))
+    assert np.array_equal(without_weak(np.zeros(3, np.float32), 0.5), np.zeros(3))
+    assert np.array_equal(without_weak(values, 0), values)
+
+
+def test_settings_follow_from_the_references() -> None:
+    array = vectors(4, 9)
+    config = of(array)
+    assert (config.encoder.kind, config.encoder.vector_values, config.encoder.query_inputs) == ("vector", 9, 0)
+    assert config.encoder.inputs == 18
+    assert of(array, kind="rates").encoder.inputs == 9
+    assert of(array, kind="vector", query_inputs=7).encoder.query_inputs == 7
+    assert of(vectors(4, 3000)).encoder.inputs == 2 * EncoderConfig().vector_kept
+    with pytest.raises(ConfigError, match=r"encoder\.vector_values is 8, but v\.npy holds vectors of 9 values"):
+        of(array, vector_values=8)
+    with pytest.raises(InputError, match=r"w\.npy: holds vectors of 10 values, but the model learned those of 9"):
+        settings_for(preset("loihi"), [traverse(array), traverse(vectors(4, 10), "w.npy")])
+    base = preset("loihi")
+    sideways = dataclasses.replace(base, views=dataclasses.replace(base.views, shifts=3))
+    with pytest.raises(ConfigError, match="a vector has one view; set views"):
+        settings_for(sideways, [traverse(array)])
+    with pytest.raises(ConfigError, match=r"the conductance network takes encoder\.kind 'pixels', not 'vector'"):
+        settings_for(preset("paper"), [traverse(array)])
+
+
+def test_equal_vectors_and_negative_rates_are_refused() -> None:
+    same = np.ones((5, 4), np.float32)
+    with pytest.raises(InputError, match=r"v\.npy: all vectors are equal, so nothing tells places apart"):
+        fitted(of(same), [traverse(same)])
+    array = -vectors(3, 4)
+    config = of(array, kind="rates")
+    with pytest.raises(
+        InputError, match=r"vector 000000: value 0 is -.*, but rates are at least 0; use the input 'vec"
+    ):
+        encode_traverse(traverse(array), config.encoder)
+
+
+def test_another_models_standard_must_fit() -> None:
+    array = vectors(6, 20)
+    config = of(array)
+    standard = fitted(config, [traverse(array)])
+    assert standard is not None
+    assert standard_like(standard, config) is standard
+    with pytest.raises(ConfigError, match="--standard names a model that was not trained with vectors"):
+        standard_like(None, config)
+    with pytest.raises(ConfigError, match="of vectors of 20 values, 20 of them seen, but these are of 21, 21 seen"):
+        standard_like(standard, of(vectors(6, 21)))
+    with pytest.raises(ConfigError, match="but these are of 20, 10 seen"):
+        standard_like(standard, of(array, vector_kept=10))
+
+
+def test_a_vector_is_pictured_row_by_row() -> None:
+    picture = picture_of(np.arange(12, dtype=np.float32), (4, 3))
+    assert picture.shape == (3, 4, 3)
+    brightness = picture.astype(int).sum(axis=2).ravel()
+    assert brightness[0] < brightness[5] < brightness[11]
+    assert len(np.unique(picture_of(np.full(7, 2.0, np.float32), (64, 48)).reshape(-1, 3), axis=0)) <= 2
+    assert picture_of(np.zeros(100_000, np.float32), (64, 48)).shape == (48, 64, 3)
