@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,14 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
+from lava_vpr.events.files import EVENT_SUFFIXES, is_events
 from lava_vpr.images.bags import bag_images, is_bag, split_topic
 from lava_vpr.images.files import VIDEO_SUFFIXES
 from lava_vpr.images.imagefiles import read_image
 from lava_vpr.images.videos import video_stream
+from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.positions.names import stamps_of_names
 from lava_vpr.storage.text import shown
-from lava_vpr.traverse import open_traverse, printable
+from lava_vpr.traverse import EVENTS, Traverse, open_traverse, printable
 from lava_vpr.watch.camera import camera_images, is_camera
+from lava_vpr.watch.events import event_images, is_event_stream
 from lava_vpr.watch.folder import appearing
 
 
@@ -27,7 +30,7 @@ class Seen(NamedTuple):
     """An image of a source.
 
     Attributes:
-        name: Its file name, or ``frame 000012`` with the frame's number.
+        name: Its file name, or ``frame 000012`` with the frame's number, ``window 000012`` of events.
         stamp: When it was taken, in seconds (`lava_vpr.positions.stamps`); None if nobody says.
         image: uint8 (h, w) or (h, w, 3) BGR; or a vector, float32 (values,); or why it cannot be read.
     """
@@ -37,15 +40,24 @@ class Seen(NamedTuple):
     image: NDArray[Any] | InputError
 
 
-def open_source(source: str, *, every: float = 1.0, existing: bool = True, topic: str | None = None) -> Iterator[Seen]:
+def open_source(
+    source: str,
+    *,
+    every: float = 1.0,
+    existing: bool = True,
+    topic: str | None = None,
+    events: EventsConfig = EVENTS,
+) -> Iterator[Seen]:
     """The images of ``source`` as they come; what can be seen to be wrong with it is said at once.
 
     Args:
         source: A folder that images are written to; ``-``, paths of images on standard input, one a line; a video;
-            a camera (`lava_vpr.watch.camera`); a ROS bag; or what else `open_traverse` takes.
-        every: Seconds between two images of a video, camera or bag.
+            a camera (`lava_vpr.watch.camera`); ``events:346x260``, events on standard input
+            (`lava_vpr.watch.events`); a ROS bag; a recording of events; or what else `open_traverse` takes.
+        every: Seconds between two images of a video, camera, bag or stream of events.
         topic: Topic of a bag; None: the only one with images, or that of ``bag:/topic``.
         existing: Take the images that are in the folder already, too.
+        events: How events become images.
     Raises:
         InputError: it cannot be watched; from the iterator: it goes away or is damaged.
     """
@@ -55,6 +67,8 @@ def open_source(source: str, *, every: float = 1.0, existing: bool = True, topic
         return _of_standard_input()
     if is_camera(source):
         return _of_camera(source, every)
+    if is_event_stream(source):
+        return _of_events(event_images(source, events, every))
     name, of_name = split_topic(source) if "\0" not in source else (source, None)
     path = Path(name)
     if source and "\0" not in source and is_bag(path):
@@ -65,6 +79,8 @@ def open_source(source: str, *, every: float = 1.0, existing: bool = True, topic
         return _of_folder(path, existing)
     if path.suffix.lower() in VIDEO_SUFFIXES and path.is_file():
         return _of_video(path, every)
+    if path.suffix.lower() in EVENT_SUFFIXES and path.is_file() and is_events(path):
+        return _of_recording(open_traverse(source, every=every, events=events))
     return _of_list(source)
 
 
@@ -89,6 +105,17 @@ def _of_folder(folder: Path, existing: bool) -> Iterator[Seen]:
 def _of_video(path: Path, every: float) -> Iterator[Seen]:
     for number, stamp, image in video_stream(path, every):
         yield Seen(f"frame {number:06d}", stamp, image)
+
+
+def _of_events(images: Iterable[tuple[int, float, NDArray[np.uint8]]]) -> Iterator[Seen]:
+    for number, stamp, image in images:
+        yield Seen(f"window {number:06d}", stamp, image)
+
+
+def _of_recording(traverse: Traverse) -> Iterator[Seen]:
+    stamps = traverse.stamps if traverse.stamps is not None else np.empty(0)
+    for name, stamp, image in zip(traverse.names, stamps.tolist(), traverse.images(), strict=True):
+        yield Seen(name, stamp, image)
 
 
 def _of_bag(path: Path, topic: str | None, every: float) -> Iterator[Seen]:

@@ -5,13 +5,15 @@ from __future__ import annotations
 import csv
 import json
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 from support.common.commands import run
-from support.common.eventfiles import Made, aedat4, dsec, made
+from support.common.eventfiles import EVENT, Made, aedat4, dsec, made
 
 from lava_vpr.cli import main
 from lava_vpr.events.files import open_events
@@ -148,3 +150,16 @@ def test_an_earlier_drive_is_replaced_and_nothing_else(tmp_path: Path) -> None:
     ]  # fmt: skip
     (tmp_path / "w" / "mine.txt").write_text("mine")
     assert "holds something else (mine.txt)" in error("synth", tmp_path / "w", "--places", 2, "--events")
+
+
+def test_events_on_standard_input_are_watched(there: Path) -> None:
+    events = [part for part in open_events(Path("w/query_events.h5")).events()][0]
+    rows = zip(events.t[:60_000].tolist(), events.x.tolist(), events.y.tolist(), strict=False)
+    data = b"".join(EVENT.pack(t, x, y, True) for t, x, y in rows)
+    command = [sys.executable, "-m", "lava_vpr", "watch", "m.lvpr", "events:128x64", *EVERY]
+    result = subprocess.run(command, input=data, capture_output=True, check=True)
+    lines = [json.loads(line) for line in result.stdout.splitlines()]
+    assert len(lines) > 2
+    assert [line["query_name"] for line in lines[:2]] == ["window 000000", "window 000001"]
+    assert lines[0]["time"] == pytest.approx(0.075, abs=1e-3)
+    assert lines[1]["probability"] is not None
