@@ -153,7 +153,7 @@ def test_an_earlier_drive_is_replaced_and_nothing_else(tmp_path: Path) -> None:
 
 
 def test_events_on_standard_input_are_watched(there: Path) -> None:
-    events = [part for part in open_events(Path("w/query_events.h5")).events()][0]
+    events = next(iter(open_events(Path("w/query_events.h5")).events()))
     rows = zip(events.t[:60_000].tolist(), events.x.tolist(), events.y.tolist(), strict=False)
     data = b"".join(EVENT.pack(t, x, y, True) for t, x, y in rows)
     command = [sys.executable, "-m", "lava_vpr", "watch", "m.lvpr", "events:128x64", *EVERY]
