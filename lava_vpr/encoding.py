@@ -114,8 +114,8 @@ def check_seen(traverse: Traverse, encoder: EncoderConfig) -> None:
             )
     elif values is None:
         raise InputError(
-            f"{where}: holds images, but inputs {encoder.kind!r} see vectors{of}; give a file of vectors (.npy, .npz) "
-            "that the program of the others made of them"
+            f"{where}: holds images, but inputs {encoder.kind!r} see vectors{of}; give a file of vectors "
+            "(.npy, .npz, .h5) that the program of the others made of them"
         )
     elif values != wanted:
         raise InputError(

@@ -187,7 +187,7 @@ def open_traverse(
     * a ROS bag (.bag, .db3, .mcap, or a folder with metadata.yaml), one image every ``every`` seconds; ``bag:/topic``
       if several of its topics have images;
     * a file of events (.aedat4, .h5, .hdf5, .npz), a window of ``events`` every ``every`` seconds;
-    * vectors (.npy, .npz), one row for each image, with names and more beside (`lava_vpr.vectors.files`);
+    * vectors (.npy, .npz, .h5, .hdf5), one row for each image, with names and more beside (`lava_vpr.vectors.files`);
     * one image.
 
     Args:

@@ -158,8 +158,8 @@ def train(
     """Learn the places of a route.
 
     REFERENCE is a folder of images (naturally sorted), a text or CSV list of image files, or a video; or a file of
-    vectors (.npy, .npz), one for each image, which another program made of them. Several are several traverses of the
-    same route, where image i of each shows place i. With positions of each they may differ in length: the images
+    vectors (.npy, .npz, .h5), one for each image, which another program made of them. Several are several traverses of
+    the same route, where image i of each shows place i. With positions of each they may differ in length: the images
     nearest to the places of the first are taken. While it learns, progress is kept beside MODEL in a .checkpoint file,
     from which --resume goes on.
     """

@@ -28,11 +28,11 @@ from numpy.typing import NDArray
 
 from lava_vpr.engine.inference.fixed import DIRECT, FixedNetwork
 from lava_vpr.errors import InputError, NetworkLimitError, brief
-from lava_vpr.exchange import hdf5
 from lava_vpr.exchange.drawn import STEP_UNIT, Drawn
 from lava_vpr.exchange.nir_writing import FORMAT, container_of
 from lava_vpr.loihi import DECAY_UNITY, INPUT_SHIFT, SIGNED_WEIGHT_LIMIT, WEIGHT_BITS
 from lava_vpr.model import IntegerModel
+from lava_vpr.storage import hdf5
 from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import write_atomically
 
@@ -156,7 +156,7 @@ def read(path: Path) -> Drawn:
     """The network in the NetX file at ``path``: one dense layer, recurrent or not, behind its input.
 
     Raises:
-        InputError: it cannot be read (`lava_vpr.exchange.hdf5`), or holds no network of this shape.
+        InputError: it cannot be read (`lava_vpr.storage.hdf5`), or holds no network of this shape.
     """
     file = hdf5.read(path, WHAT)
     try:

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from lava_vpr.engine.inference.fixed import FAN_IN, SCALARS, inhibitory_depth
 from lava_vpr.errors import InputError, brief
-from lava_vpr.exchange import hdf5
 from lava_vpr.exchange.drawn import Drawn
 from lava_vpr.exchange.nir_writing import FORMAT
 from lava_vpr.loihi import WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
 from lava_vpr.ranges import real, whole
+from lava_vpr.storage import hdf5
 from lava_vpr.storage.reading import parse_json
 from lava_vpr.storage.text import shown
 
@@ -57,7 +57,7 @@ def read(path: Path, time_step: float) -> Drawn:
         path: The file.
         time_step: Seconds of a step, where the file does not say.
     Raises:
-        InputError: it cannot be read (`lava_vpr.exchange.hdf5`), is no NIR graph, or none of this shape.
+        InputError: it cannot be read (`lava_vpr.storage.hdf5`), is no NIR graph, or none of this shape.
     """
     file = hdf5.read(path, "NIR graph")
     try:

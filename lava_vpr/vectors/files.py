@@ -1,4 +1,4 @@
-"""Vectors in files: ``.npy``, ``.npz`` and HDF5."""
+"""Vectors in files: ``.npy``, ``.npz`` and HDF5, by their suffix."""
 
 from __future__ import annotations
 
@@ -13,10 +13,9 @@ from lava_vpr.errors import InputError, brief
 from lava_vpr.positions.frames import XY, Positions, fits, is_frame
 from lava_vpr.storage.npy import read_array
 from lava_vpr.storage.text import shown
-from lava_vpr.vectors.archives import read_npz
+from lava_vpr.vectors.archives import BESIDE, chosen, read_npz
 from lava_vpr.vectors.source import REMEDY, Vectors, checked_vectors
 
-VECTOR_SUFFIXES = (".npy", ".npz")
 _LONGEST_NAME = 1024
 
 
@@ -36,8 +35,31 @@ def _npy(path: Path) -> Stored:
     return Stored(read_array(path, REMEDY), {})
 
 
-READERS: dict[str, Callable[[Path], Stored]] = {".npy": _npy, ".npz": lambda path: Stored(*read_npz(path))}
+def _hdf5(path: Path) -> Stored:
+    """What stands at the top of an HDF5 file; groups are left alone."""
+    from lava_vpr.storage import hdf5  # h5py takes a tenth of a second: who has no such file does not wait for it
+
+    held = hdf5.read(path, "file of vectors", "array_bytes", "array_bytes")
+    arrays = {name: _array(value) for name, value in held.items() if not isinstance(value, dict)}
+    shapes = {name: array.shape for name, array in arrays.items()}
+    name = chosen(shapes, path, "write one matrix at the top of the file")
+    return Stored(arrays[name], {key: arrays[key] for key in BESIDE if key in arrays})
+
+
+def _array(value: Any) -> NDArray[Any]:
+    """A dataset as an array; texts as such."""
+    array = np.asarray(value)
+    return array.astype(str) if array.dtype == object else array
+
+
+READERS: dict[str, Callable[[Path], Stored]] = {
+    ".npy": _npy,
+    ".npz": lambda path: Stored(*read_npz(path)),
+    ".h5": _hdf5,
+    ".hdf5": _hdf5,
+}
 """What reads a file, by its suffix."""
+VECTOR_SUFFIXES = tuple(READERS)
 
 
 def read_vectors(path: Path) -> Vectors:
@@ -47,7 +69,7 @@ def read_vectors(path: Path) -> Vectors:
         path: ``.npy``: the vectors alone, as `numpy.save` writes them. ``.npz``, as `numpy.savez` writes it: the array
             ``descriptors``, or the only one that is (images, values); beside it ``names``, a text for each;
             ``positions`` (images, 2), in the frame that ``frame`` names (`lava_vpr.positions.frames`), metres without;
-            ``stamps``, in seconds.
+            ``stamps``, in seconds. ``.h5`` or ``.hdf5``: datasets of these names at the top of the file.
     Raises:
         InputError: it cannot be read, is larger than the limit ``array_bytes``, holds no vectors, or what stands beside
             them does not fit them.

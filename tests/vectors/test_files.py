@@ -7,6 +7,7 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -162,3 +163,34 @@ def test_more_vectors_than_there_are_is_refused(tmp_path: Path) -> None:
     np.save(tmp_path / "v.npy", vectors())
     with pytest.raises(InputError, match="has 6 vectors; places 2:9 go beyond, use at most 0:6"):
         open_traverse(tmp_path / "v.npy", places=(2, 9))
+
+
+@pytest.mark.parametrize("suffix", [".h5", ".hdf5"])
+def test_hdf5_gives_vectors_names_positions_and_times(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"v{suffix}"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("descriptors", data=vectors().astype(np.float16), compression="gzip")
+        file.create_dataset("names", data=[f"é {k}" for k in range(N)], dtype=h5py.string_dtype())
+        file["positions"], file["frame"], file["stamps"] = np.ones((N, 2)), "UTM 32N", 1e9 + np.arange(N)
+        file["group/other"] = np.eye(3)
+    found = open_traverse(path)
+    assert np.array_equal(np.stack(list(found.images())), vectors().astype(np.float16).astype(np.float32))
+    assert found.names[2] == "é 2"
+    assert found.positions is not None
+    assert found.positions.frame == "UTM 32N"
+    assert found.stamps is not None
+
+
+def test_an_hdf5_file_without_vectors_or_with_links_is_refused(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "none.h5", "w") as file:
+        file["a"] = np.zeros(3)
+    with h5py.File(tmp_path / "link.h5", "w") as file:
+        file["descriptors"] = h5py.ExternalLink("other.h5", "/x")
+    (tmp_path / "text.h5").write_bytes(b"hello")
+    for name, message in (
+        ("none.h5", r"has no array \(images, values\) among \['a'\]; name the one with the vectors"),
+        ("link.h5", r"the file of vectors has '/descriptors', a link to somewhere else"),
+        ("text.h5", r"is no HDF5 file, which a file of vectors is; give the right file"),
+    ):
+        with pytest.raises(InputError, match=rf"{name}: {message}"):
+            open_traverse(tmp_path / name)

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from lava_vpr.errors import InputError
-from lava_vpr.exchange import hdf5
-from lava_vpr.exchange.hdf5 import read
+from lava_vpr.storage import hdf5
+from lava_vpr.storage.hdf5 import read
 
 
 def written(path: Path, fill: Callable[[h5py.File], object]) -> Path:

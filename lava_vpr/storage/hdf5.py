@@ -1,6 +1,6 @@
 """HDF5 files that anybody may have written, read into plain dictionaries without following what they name.
 
-A file is read whole, within the limit on model files, and opened from memory. Its objects are walked by hard links
+A file is read whole, within a limit, and opened from memory. Its objects are walked by hard links
 alone: a soft or external link, a dataset that lies in other files (external or virtual), an unknown filter and any type
 but numbers and texts are refused, and what all datasets unpack to is added up before the first is read.
 """
@@ -31,24 +31,26 @@ class Unfit(Exception):
     """The file is no HDF5 that is read here; the message says why, as in "has a soft link"."""
 
 
-def read(path: Path, what: str) -> dict[str, Any]:
+def read(path: Path, what: str, limit_name: str = "model_file_bytes", unpacked: str = "model_bytes") -> dict[str, Any]:
     """Everything in the HDF5 file at ``path``: groups as dictionaries, datasets as arrays, numbers and texts.
 
     Args:
         path: The file.
         what: What it should be, for messages: "NIR graph".
+        limit_name: The limit on its bytes.
+        unpacked: The limit on the bytes that it unpacks to.
     Raises:
         InputError: missing, no HDF5, truncated, damaged, too large, or with parts that are not read (see above).
     """
     try:
-        data = read_bytes(path, "model_file_bytes")
+        data = read_bytes(path, limit_name)
     except OSError as error:
         raise InputError(f"{shown(path)}: the {what} cannot be read ({error.strerror}); check the path") from None
     if not data.startswith(b"\x89HDF\r\n\x1a\n"):
         raise InputError(f"{shown(path)}: is no HDF5 file, which a {what} is; give the right file")
     try:
         with h5py.File(io.BytesIO(data), "r") as file:
-            names = _found(file, len(data))
+            names = _found(file, len(data), unpacked)
             return _values(file, names)
     except Unfit as error:
         raise InputError(f"{shown(path)}: the {what} {error}; write it again without") from None
@@ -59,7 +61,7 @@ def read(path: Path, what: str) -> dict[str, Any]:
         raise InputError(f"{shown(path)}: the {what} is truncated or damaged ({cause}); fetch an intact copy") from None
 
 
-def _found(file: h5py.File, packed: int) -> list[str]:
+def _found(file: h5py.File, packed: int, unpacked: str) -> list[str]:
     """The names of all datasets, each seen to be one that is read here.
 
     Raises:
@@ -82,7 +84,7 @@ def _found(file: h5py.File, packed: int) -> list[str]:
                 continue
             total += _size(part, path)
             datasets.append(path)
-    beyond = excess("model_bytes", total)
+    beyond = excess(unpacked, total)
     if beyond is None and total > _UNSUSPICIOUS:
         beyond = excess("unpacked_times", total // packed)
     if beyond is not None:

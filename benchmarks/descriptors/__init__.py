@@ -1,0 +1,1 @@
+"""Vectors as inputs: what the network makes of descriptors, beside their own cosine."""
