@@ -1,6 +1,6 @@
 """Maps of many synthetic places: time and memory to learn, to ask and to deploy, each in a process of its own.
 
-    python -m benchmarks.large_maps [--places 500 --places 3000 ...] [--deploy 3000]
+    python -m benchmarks.large_maps [--places 500 --places 3000 ...] [--deploy 3000] [--eval 3000]
 
 Memory is the most that a run held at any time (ru_maxrss), less what `lava-vpr --version` holds. Times are those of the
 whole process, its start included, processor time that of all threads. A map of so many places as ``--deploy`` says is
@@ -35,8 +35,8 @@ def _row(table: Table, what: str, places: int, run: Run, base: float, *rest: str
     table.add_row(f"{places:,} places: {what}", *figures, f"{1e3 * held / places:.0f}", *rest)
 
 
-def print_sizes(place: Path, sizes: Sequence[int], base: float) -> None:
-    """Print what learning maps of ``sizes`` takes, and asking them."""
+def print_sizes(place: Path, sizes: Sequence[int], base: float, many: int) -> None:
+    """Print what learning maps of ``sizes`` takes, asking them, and evaluating ``many`` queries."""
     table = Table(title="maps of the synthetic world", title_justify="left")
     for name in ("", "s", "processor s", "ms a place", "MB", "kB a place"):
         table.add_column(name, justify="right" if name else "left")
@@ -46,6 +46,10 @@ def print_sizes(place: Path, sizes: Sequence[int], base: float) -> None:
         _row(table, "learned", places, measured([LAVA_VPR, *words], place), base)
         asked = measured([LAVA_VPR, "query", model, "asked", "-o", "answers.csv"], place)
         _row(table, f"{QUERIES} queries", places, asked, base)
+        if many:
+            words = ["eval", model, "world/query", "--places", f"0:{min(many, places)}", "--baseline", "cosine"]
+            all_held = measured([LAVA_VPR, *words], place)
+            _row(table, f"{min(many, places):,} queries, eval with cosine", places, all_held, base)
         size = (place / model).stat().st_size
         table.add_row(f"{places:,} places: file", "", "", "", f"{size / 1e6:.1f}", f"{size / 1e3 / places:.1f}")
     console.print(table)
@@ -74,8 +78,9 @@ def print_deployed(place: Path, places: int, base: float) -> None:
 
 @click.command()
 @click.option("--places", "sizes", type=int, multiple=True, default=(500, 1500, 3000, 10000), show_default=True)
-@click.option("--deploy", "deployed", type=int, default=3000, show_default=True, help="Places of the map to deploy.")
-def main(sizes: Sequence[int], deployed: int) -> None:
+@click.option("--deploy", "deployed", type=int, default=3000, show_default=True, help="Places to deploy; 0: none.")
+@click.option("--eval", "many", type=int, default=3000, show_default=True, help="Queries to evaluate; 0: none.")
+def main(sizes: Sequence[int], deployed: int, many: int) -> None:
     """Print time and memory of maps of many places."""
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
@@ -85,8 +90,9 @@ def main(sizes: Sequence[int], deployed: int) -> None:
             name = f"place_{k * min(sizes) // QUERIES:05d}.png"
             shutil.copy(place / "world/query" / name, place / "asked" / name)
         base = measured([LAVA_VPR, "--version"], place).held
-        print_sizes(place, sorted({*sizes, deployed}), base)
-        print_deployed(place, deployed, base)
+        print_sizes(place, sorted({*sizes, deployed} - {0}), base, many)
+        if deployed:
+            print_deployed(place, deployed, base)
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ from lava_vpr.matching.equations import assign
 from lava_vpr.modelfile import LEARNED, checked
 from lava_vpr.positions.frames import Positions
 from lava_vpr.storage import container
-from lava_vpr.storage.arrays import UnfitError
+from lava_vpr.storage.arrays import UnfitError, narrow
 from lava_vpr.storage.text import shown
 from lava_vpr.vectors.kept import STANDARD, standard_of
 
@@ -58,7 +58,7 @@ class Model:
         config: Settings that it was trained with.
         network: What runs: integers for preset ``loihi``, the conductance model's state for ``paper``.
         learned: Float weights as STDP left them, float32 (inputs, neurons); to quantise anew. Empty for ``paper``.
-        responses: S^R, spikes of each neuron for each place, int32 (neurons, places).
+        responses: S^R, spikes of each neuron for each place, uint16, or int32 where one is beyond (neurons, places).
         stretches: Parts of the route, in order.
         place_indices: Absolute index of each place in its traverse, int64 (places,).
         place_names: File name of each place's image in the first traverse.
@@ -83,7 +83,7 @@ class Model:
     config: Config
     network: FixedNetwork | ConductanceState
     learned: NDArray[np.float32]
-    responses: NDArray[np.int32]
+    responses: NDArray[Any]
     stretches: tuple[Stretch, ...]
     place_indices: NDArray[np.int64]
     place_names: tuple[str, ...]
@@ -263,7 +263,7 @@ def assemble(
         route_images=found.route_images,
         training=found.training,
         learned=arrays["learned"],
-        responses=arrays["responses"],
+        responses=narrow(arrays["responses"]),
         place_indices=arrays["place_indices"],
         labels=arrays["labels"],
         patches=arrays.get("patches"),

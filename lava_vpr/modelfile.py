@@ -117,6 +117,8 @@ def checked(
             raise UnfitError(f"references of {sizes.neurons} neurons for a network of shape {network.weights.shape}")
         whole_network = network
     rules = _rules(config, sizes)
+    if "responses" in kept and kept["responses"].dtype == np.int32:  # whose counts need it, or as older files have them
+        rules["responses"] = rules["responses"]._replace(dtype="int32")
     bare = kept.get("learned", kept["labels"]).shape == (0, 0)  # a bundle's model, saved
     if network is not None or bare:
         rules["learned"] = rules["learned"]._replace(shape=(0, 0))
@@ -339,9 +341,10 @@ def _rules(config: Config, sizes: Sizes) -> dict[str, Rule]:
     network, learning = config.network, config.learning
     learned = (0, 0) if isinstance(learning, ConductanceLearning) else (inputs, neurons)
     repeats = min(learning.label_epochs, learning.epochs) if isinstance(learning, ConductanceLearning) else 1
+    most = images // places * repeats * network.steps
     return {
         "learned": Rule("float32", learned, least=-_MOST_FLOAT if learning.rule == "slayer" else 0, most=_MOST_FLOAT),
-        "responses": Rule("int32", (neurons, places), most=images // places * repeats * network.steps),
+        "responses": Rule("uint16" if most < 2**16 else "int32", (neurons, places), most=most),
         "place_indices": Rule("int64", (places,), most=_MOST_COUNT),
         "labels": Rule("int64", (images,), most=places - 1),
         "activity": Rule(

@@ -15,18 +15,20 @@ from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import PLAINLY, Asker, Asking, summed
 from lava_vpr.backends.interface import Advance, Backend, Events, Presentations, query_presentations
 from lava_vpr.backends.registry import BACKENDS
-from lava_vpr.backends.rivals import Rivals, Scored
+from lava_vpr.backends.rivals import Adapted, Rivals, Scored, decoded
 from lava_vpr.backends.rivals import chosen as rivals_of
 from lava_vpr.encoding import EncodedTraverse, encoded_batches
 from lava_vpr.engine.adaptation import Adaptation, Motion
 from lava_vpr.matching import baselines, sequences
-from lava_vpr.matching.answers import ALONE, Answers, LookingBack, Together, answers_of
+from lava_vpr.matching.answers import ALONE, Answers, LookingBack, Together
 from lava_vpr.matching.decoders import DECODERS
-from lava_vpr.matching.evaluation import Metrics, evaluate
-from lava_vpr.matching.forward_filter import NONE, Belief, ForwardFilter, filtered, smooth
+from lava_vpr.matching.evaluation import Metrics
+from lava_vpr.matching.forward_filter import NONE
+from lava_vpr.matching.held import Followed, Held, InBlocks, follow, hold
 from lava_vpr.matching.probability import Calibration
 from lava_vpr.matching.trust import Trust, trust
 from lava_vpr.model import Model, decode, integer_model, prepare
+from lava_vpr.storage.arrays import narrow
 from lava_vpr.traverse import Traverse
 from lava_vpr.truth.alignment import PositionErrors
 
@@ -70,7 +72,7 @@ class Recognition:
     filtered: Answers | None = field(repr=False)
     trust: dict[str, Trust]
     contradiction: str | None
-    counts: NDArray[np.int32] = field(repr=False)
+    counts: NDArray[Any] = field(repr=False)
     events: dict[str, int]
 
 
@@ -249,46 +251,41 @@ def recognise(
     shown_counts, events = count_query_spikes(
         model, queries, backend=backend, threads=threads, advance=advance, shown=shown
     )
-    counts = summed(shown_counts, comparison.asking.views)
+    counts = narrow(summed(shown_counts, comparison.asking.views))
+    del shown_counts
     default = model.config.decoder.default
     rivals = Rivals(model, queries, shown, names, comparison.asking, threads)
-    kept: dict[str, NDArray[np.float64]] = {}
-    metrics = {}
-    # One matrix at a time: of long routes, all of them together would not fit small memories.
-    followed: dict[str, Metrics] = {}
-    pace = sequences.Pace()
-    by_filter: Answers | None = None
+    sequence, pace = comparison.sequence, sequences.Pace()
+    held: dict[str, Held] = {}
+    followed: Followed | None = None
     for name, matcher, scores in _every_matcher(model, counts, rivals, others):
-        calibration = comparison.calibration if name == default else None
-        matrix, answers = _answers(matcher, scores, comparison.sequence, calibration)
-        metrics[name] = evaluate(matrix, answers.confidence, truth)
-        if name == default:
-            default_answers = single = answers
-            pace.update(scores)
-            if comparison.motion != NONE and comparison.sequence == 1:
-                rates = shown.rates[: len(queries)]
-                by_filter, followed = _followed(comparison.motion, scores, rates, answers.confidence, truth)
-        if comparison.keep_scores and (name == default or name not in DECODERS):
-            kept[name] = matrix
-        del scores, matrix  # before the next are made
-    adapted = {}
-    for name, matcher, scores in _adapted_matchers(rivals, backend, advance):
-        matrix, answers = _answers(matcher, scores, comparison.sequence)
-        adapted[name] = evaluate(matrix, answers.confidence, truth)
-        if name == default:
-            default_answers = answers
+        answers_here = name == default
+        calibration = comparison.calibration if answers_here else None
+        keep = comparison.keep_scores and (answers_here or name not in DECODERS)
+        seen = pace if answers_here else None
+        held[name] = hold(matcher, scores, truth, sequence, calibration, pace=seen, keep=keep)
+        if answers_here and comparison.motion != NONE and sequence == 1:
+            moving = Motion().moving(shown.rates[: len(queries)])
+            followed = follow(comparison.motion, scores, moving, held[name].answers.confidence, truth)
+    adapted = {
+        name: hold(matcher, InBlocks.made(scores), truth, sequence)
+        for name, matcher, scores in _adapted_matchers(rivals, backend, advance)
+    }
+    single = held[default].answers
+    answers = adapted[default].answers if default in adapted else single
+    by_filter = None if followed is None else followed.answers
     return Recognition(
         default=default,
-        scores=kept,
-        metrics=metrics,
-        adapted=adapted,
-        followed=followed,
+        scores={name: one.scores for name, one in held.items() if one.scores is not None},
+        metrics={name: one.metrics for name, one in held.items()},
+        adapted={name: one.metrics for name, one in adapted.items()},
+        followed={} if followed is None else {FILTERED: followed.filtered, SMOOTHED: followed.smoothed},
         truth=truth,
-        matches=default_answers.matches,
-        confidence=default_answers.confidence,
-        single=single if comparison.sequence == 1 else None,
+        matches=answers.matches,
+        confidence=answers.confidence,
+        single=single if sequence == 1 else None,
         filtered=by_filter,
-        contradiction=pace.contradiction(comparison.sequence) if comparison.sequence > 1 else None,
+        contradiction=pace.contradiction(sequence) if sequence > 1 else None,
         trust=_trusts(comparison, single, by_filter, truth),
         counts=counts,
         events=events,
@@ -307,34 +304,7 @@ def _trusts(
     return {name: value for name, value in found.items() if value is not None}
 
 
-def _followed(
-    motion: str,
-    scores: NDArray[np.float64],
-    rates: NDArray[Any],
-    confidence: NDArray[np.float64],
-    truth: NDArray[np.bool_],
-) -> tuple[Answers, dict[str, Metrics]]:
-    """What a filter makes of ``scores`` (n, places) of queries in driving order, and its figures."""
-    state, moving = ForwardFilter(Belief.unknown(scores.shape[1]), motion), Motion().moving(rates)
-    beliefs, metrics = filtered(state, scores, moving), {}
-    places, probability = beliefs.best()
-    metrics[FILTERED] = evaluate(beliefs.places, probability, truth)
-    smooth(state, beliefs, scores, moving)
-    metrics[SMOOTHED] = evaluate(beliefs.places, beliefs.best()[1], truth)
-    return Answers(places, confidence, probability), metrics
-
-
-def _answers(
-    name: str, scores: NDArray[np.float64], sequence: int, calibration: Calibration | None = None
-) -> tuple[NDArray[np.float64], Answers]:
-    """Scores of a matcher, of sequences if they are asked for, and the answers that they give."""
-    if sequence == 1:
-        return scores, answers_of(name, scores, calibration)
-    together = sequences.sequence_scores(scores, sequence)
-    return together, answers_of("sequence", together)
-
-
-def _adapted_matchers(rivals: Rivals, backend: str | Backend, advance: Advance | None) -> Iterator[Scored]:
+def _adapted_matchers(rivals: Rivals, backend: str | Backend, advance: Advance | None) -> Iterator[Adapted]:
     """The scores of the default decoder and the baselines, all adapted; none unless that is asked."""
     model, shown, asking, threads = rivals.model, rivals.shown, rivals.asking, rivals.threads
     if asking.adapt is None:
@@ -345,7 +315,7 @@ def _adapted_matchers(rivals: Rivals, backend: str | Backend, advance: Advance |
     counts, _ = count_query_spikes(
         model, rivals.queries, backend=backend, threads=threads, advance=advance, shown=adapting
     )
-    yield Scored(default, default, decode(model, summed(counts, asking.views), default))
+    yield Adapted(default, default, decode(model, summed(counts, asking.views), default))
     yield from rivals.adapted(asking.adapt)
 
 
@@ -362,15 +332,15 @@ def _descriptor_scores(
 
 
 def _every_matcher(
-    model: Model, counts: NDArray[np.int32], rivals: Rivals, others: dict[str, NDArray[np.float64]]
+    model: Model, counts: NDArray[Any], rivals: Rivals, others: dict[str, NDArray[np.float64]]
 ) -> Iterator[Scored]:
     """The scores (n, places) of every decoder, of the baselines and of ``others``, one by one."""
-    # The default's matrix is kept, so it comes last.
+    # The default is followed by a filter, too, so it comes last.
     for name in sorted(DECODERS, key=lambda name: name == model.config.decoder.default):
-        yield Scored(name, name, decode(model, counts, name))
+        yield Scored(name, name, decoded(model, counts, name))
     yield from rivals.plain()
     for name, scores in others.items():
-        yield Scored(name, name, scores)
+        yield Scored(name, name, InBlocks.made(scores))
 
 
 def as_json(model: Model, result: Recognition, errors: PositionErrors | None = None) -> dict[str, Any]:

@@ -104,7 +104,7 @@ def answered(where: Map, seed: int) -> Answered:
 def follow(scores: NDArray[np.float64], motion: str, frames: NDArray[np.int64]) -> Answers:
     """What the filter answers to frames, by their rows of scores; the same row again is a robot that stands still."""
     moving = np.append(True, np.diff(frames) != 0)
-    beliefs = filtered(ForwardFilter(Belief.unknown(scores.shape[1]), motion), scores[frames], moving)
+    _, beliefs = filtered(ForwardFilter(Belief.unknown(scores.shape[1]), motion), scores[frames], moving)
     places, chance = beliefs.best()
     return Answers(places, np.zeros(len(places)), chance)
 

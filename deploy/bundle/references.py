@@ -84,7 +84,7 @@ class References:
             raise BundleError(f"{bundle.at(MANIFEST)}: says places {brief(said)}, but holds {model.places}; {AGAIN}")
         rates = bundle.array(RATES, np.uint16, (images, network.inputs))
         keys = bundle.array(KEYS, np.uint64, (images,))
-        own: dict[str, NDArray[Any]] = {RESPONSES: model.responses, LABELS: model.labels}
+        own: dict[str, NDArray[Any]] = {RESPONSES: model.responses.astype(np.int32), LABELS: model.labels}
         for name, array in own.items():
             if not np.array_equal(bundle.array(name, array.dtype, array.shape), array):
                 raise BundleError(f"{bundle.at(name)}: differs from what {REFERENCES} says; {AGAIN}")

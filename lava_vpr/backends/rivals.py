@@ -10,9 +10,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, reduce
+from functools import cached_property, partial, reduce
 from operator import or_
 from typing import Any, NamedTuple
 
@@ -26,7 +26,8 @@ from lava_vpr.encoding import EncodedTraverse, Keep, query_rates
 from lava_vpr.engine.adaptation import Adaptation
 from lava_vpr.errors import ConfigError
 from lava_vpr.inputs.encoder import INPUTS
-from lava_vpr.matching import baselines
+from lava_vpr.matching import baselines, decoders
+from lava_vpr.matching.held import InBlocks
 from lava_vpr.model import IntegerModel, Model, as_integer, decode
 
 BASELINES = {
@@ -96,18 +97,41 @@ def compared_vectors(
     return model.standard.standardised(pair[0]), model.standard.standardised(pair[1])
 
 
+Similar = Callable[[NDArray[Any]], NDArray[np.float64]]
+"""A function from what a baseline sees of n images to scores (n, places)."""
+
+
 class Scored(NamedTuple):
-    """Scores of a rival.
+    """Scores of a decoder or a rival.
 
     Attributes:
-        name: Its name in `BASELINES`.
+        name: Its name in `DECODERS` or `BASELINES`.
         matcher: Name of the decoder or matcher whose confidence its answers have.
+        scores: Scores of the queries.
+    """
+
+    name: str
+    matcher: str
+    scores: InBlocks
+
+
+class Adapted(NamedTuple):
+    """Scores of a decoder or a rival, adapted to the queries before.
+
+    Attributes:
+        name, matcher: As in `Scored`.
         scores: Scores float64 (n, places), higher is better.
     """
 
     name: str
     matcher: str
     scores: NDArray[np.float64]
+
+
+def decoded(model: Model, counts: NDArray[Any], name: str) -> InBlocks:
+    """Scores of spike counts (n, neurons) by the decoder ``name``."""
+    scores_of = decoders.prepare(name, model.responses, gamma=model.config.decoder.gamma)
+    return InBlocks(len(counts), model.places, lambda rows: scores_of(counts[rows]))
 
 
 @dataclass(frozen=True)
@@ -146,40 +170,48 @@ class Rivals:
         """The scores of each baseline, one by one."""
         for name in self.names:
             if name == "template":
-                yield self._of_template(self.shown)
+                decoder = self.template.config.decoder.default
+                yield Scored(name, decoder, decoded(self.template, self._of_template(self.shown), decoder))
             else:
-                yield Scored(name, name, self._similarities(name)[0])
+                seen, references = self._seen(name)
+                of = partial(_of_rows, partial(self._similar, name, references), seen)
+                yield Scored(name, name, InBlocks(len(seen), self.model.places, of))
 
-    def adapted(self, tau: float) -> Iterator[Scored]:
+    def adapted(self, tau: float) -> Iterator[Adapted]:
         """The scores of each baseline, adapted to the queries before with a time constant of ``tau`` queries."""
         for name in self.names:
             if name == "template":
                 bias = Adaptation(self.template.network, tau).biases(self._rates)
-                yield self._of_template(replace(self.shown, bias=np.tile(bias, (self.asking.views, 1))))
+                shown = replace(self.shown, bias=np.tile(bias, (self.asking.views, 1)))
+                decoder = self.template.config.decoder.default
+                yield Adapted(name, decoder, decode(self.template, self._of_template(shown), decoder))
             else:
-                scores, own = self._similarities(name, own=True)
-                yield Scored(name, name, adapted_scores(scores, own.mean(axis=0), self._rates, tau))
+                seen, references = self._seen(name)
+                scores, own = (self._similar(name, references, items) for items in (seen, references))
+                yield Adapted(name, name, adapted_scores(scores, own.mean(axis=0), self._rates, tau))
 
-    def _of_template(self, shown: Presentations) -> Scored:
-        """What the network without learning makes of the queries, by the model's own decoder."""
+    def _of_template(self, shown: Presentations) -> NDArray[np.int32]:
+        """The spike counts (n, neurons) of the network without learning."""
         counts, _ = HostBackend(self.threads).count_spikes(self.template, shown)
-        decoder = self.template.config.decoder.default
-        return Scored("template", decoder, decode(self.template, summed(counts, self.asking.views), decoder))
+        return summed(counts, self.asking.views)
 
-    def _similarities(self, name: str, own: bool = False) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Scores (n, places) of the queries, and with ``own`` those of the references themselves (images, places)."""
-        model, labels = self.model, self.model.labels
-        queries: NDArray[Any]
-        references: NDArray[Any]
+    def _seen(self, name: str) -> tuple[NDArray[Any], NDArray[Any]]:
+        """What a baseline that compares images or vectors sees of the queries and of the references, an item each."""
         if name == "sad":
-            queries, references = self.queries.patches_for("SAD"), np.asarray(model.patches)
-            of = [-baselines.sad_distances(references, some, labels) for some in (queries, references)[: 1 + own]]
-        else:
-            if name == "hog":
-                queries, references = self.queries.hog_for("HOG"), np.asarray(model.hog)
-            elif name in _OF_VECTORS:
-                queries, references = compared_vectors(model, self.queries, name)
-            else:
-                queries, references = self._rates, query_rates(model.activity, model.config)
-            of = [baselines.cosine_similarities(references, some, labels) for some in (queries, references)[: 1 + own]]
-        return of[0], of[-1]
+            return self.queries.patches_for("SAD"), np.asarray(self.model.patches)
+        if name == "hog":
+            return self.queries.hog_for("HOG"), np.asarray(self.model.hog)
+        if name in _OF_VECTORS:
+            return compared_vectors(self.model, self.queries, name)
+        return self._rates, query_rates(self.model.activity, self.model.config)
+
+    def _similar(self, name: str, references: NDArray[Any], seen: NDArray[Any]) -> NDArray[np.float64]:
+        """The scores (n, places) of ``seen``, n items of what the baseline ``name`` compares."""
+        if name == "sad":
+            return -baselines.sad_distances(references, seen, self.model.labels)
+        return baselines.cosine_similarities(references, seen, self.model.labels)
+
+
+def _of_rows(similar: Similar, seen: NDArray[Any], rows: slice) -> NDArray[np.float64]:
+    """The scores of some of the queries."""
+    return similar(seen[rows])

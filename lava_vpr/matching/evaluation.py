@@ -90,8 +90,12 @@ def truth_from_indices(query_idx: NDArray[Any], place_idx: NDArray[Any], toleran
     """
     if tolerance < 0:
         raise InputError(f"tolerance is {tolerance}, must be at least 0 (0: exact match)")
-    apart = np.asarray(query_idx, np.int64)[:, None] - np.asarray(place_idx, np.int64)[None, :]
-    return np.abs(apart) <= tolerance
+    queries, places = np.asarray(query_idx, np.int64), np.asarray(place_idx, np.int64)
+    truth = np.empty((len(queries), len(places)), np.bool_)
+    for start in range(0, len(queries), _BLOCK):
+        rows = slice(start, start + _BLOCK)
+        truth[rows] = np.abs(queries[rows, None] - places[None, :]) <= tolerance
+    return truth
 
 
 def truth_from_positions(ref_xy: NDArray[Any], query_xy: NDArray[Any], radius: float) -> Truth:
@@ -124,7 +128,12 @@ def truth_from_positions(ref_xy: NDArray[Any], query_xy: NDArray[Any], radius: f
         raise InputError(f"reference and query positions have {dims} coordinates; use the same frame for both")
     from scipy.spatial.distance import cdist  # a query needs no scipy
 
-    return np.asarray(cdist(arrays[1], arrays[0]) <= radius)
+    places, queries = arrays
+    truth = np.empty((len(queries), len(places)), np.bool_)
+    for start in range(0, len(queries), _BLOCK):
+        rows = slice(start, start + _BLOCK)
+        truth[rows] = cdist(queries[rows], places) <= radius
+    return truth
 
 
 def _true_rank(scores: Scores, truth: Truth) -> NDArray[np.int64]:
@@ -152,14 +161,15 @@ def _exact_curve(confidence: Scores, correct: NDArray[np.bool_]) -> tuple[Scores
     return recall, precision, np.concatenate([[np.inf], falling[last]])
 
 
-def _vprsnn_curve(scores: Scores, correct: NDArray[np.bool_]) -> tuple[Scores, Scores, Scores]:
+def _vprsnn_curve(most: Scores, least: float, correct: NDArray[np.bool_]) -> tuple[Scores, Scores, Scores]:
     """The released code's curve: 99 even thresholds on the distance max S - S, recall = TP / (TP + rejected).
 
-    Recall is 0 where nothing is either correct or rejected.
+    Recall is 0 where nothing is either correct or rejected. ``most`` is the highest score of each query, ``least`` the
+    lowest of all.
     """
-    top = scores.max()
-    distance = top - scores.max(axis=1)
-    limits = np.linspace(0.0, top - scores.min(), VPRSNN_THRESHOLDS)
+    top = most.max()
+    distance = top - most
+    limits = np.linspace(0.0, top - least, VPRSNN_THRESHOLDS)
     accepted = distance[None, :] <= limits[:, None]
     hits = np.count_nonzero(accepted & correct, axis=1)
     answered = np.count_nonzero(accepted, axis=1)
@@ -190,6 +200,67 @@ def _checked(scores: Scores, confidence: Scores, truth: Truth) -> tuple[Scores, 
     return scores, confidence
 
 
+class Tally:
+    """What is counted of the queries of one matcher, some at a time; then its figures.
+
+    Args:
+        queries: Number of queries; each must be added once before `metrics` is asked for.
+    """
+
+    def __init__(self, queries: int) -> None:
+        self._places = 0
+        self._rank = np.zeros(queries, np.int64)
+        self._confidence, self._most, self._least = (np.zeros(queries) for _ in range(3))
+        self._has_place = np.zeros(queries, np.bool_)
+
+    def add(self, rows: slice, scores: Scores, confidence: Scores, truth: Truth) -> None:
+        """Count some queries.
+
+        Args:
+            rows: Which of the queries they are.
+            scores, confidence, truth: Theirs, as in `evaluate`.
+        Raises:
+            InputError: arrays that do not belong together, or NaN.
+        """
+        scores, confidence = _checked(scores, confidence, truth)
+        self._places = scores.shape[1]
+        self._rank[rows] = _true_rank(scores, truth)
+        self._confidence[rows] = np.where(scores.any(axis=1), confidence, -np.inf)
+        self._most[rows], self._least[rows] = scores.max(axis=1), scores.min(axis=1)
+        self._has_place[rows] = truth.any(axis=1)
+
+    def metrics(self, n: Sequence[int] = (5, 10), pr: Literal["exact", "vprsnn"] = "exact") -> Metrics:
+        """The figures of all queries, as `evaluate` gives them.
+
+        Raises:
+            InputError: an N below 1.
+        """
+        if min(n, default=1) < 1:
+            raise InputError(f"recall at {min(n)} is not defined; N must be at least 1")
+        n_queries, correct = len(self._rank), self._rank == 0
+        if n_queries == 0:
+            nan, none = math.nan, np.zeros(0)
+            return Metrics(nan, {k: nan for k in n}, nan, nan, nan, 0, 0, recall=none, precision=none, threshold=none)
+        if pr == "vprsnn":
+            recall, precision, threshold = _vprsnn_curve(self._most, float(self._least.min()), correct)
+        else:
+            recall, precision, threshold = _exact_curve(self._confidence, correct)
+        recall_at_1 = float(np.count_nonzero(correct) / n_queries)
+        return Metrics(
+            recall_at_1=recall_at_1,
+            # Looking at more places than there are would count the rank that stands for "no true place".
+            recall_at_n={k: float(np.count_nonzero(self._rank < min(k, self._places)) / n_queries) for k in n},
+            recall_at_100_precision=float(recall[precision == 1.0].max()),
+            precision_at_100_recall=recall_at_1,  # every query is answered, so all queries stand below the line
+            auc=float(np.sum(np.diff(recall) * (precision[1:] + precision[:-1]) / 2.0)),
+            queries=n_queries,
+            without_place=int(np.count_nonzero(~self._has_place)),
+            recall=recall,
+            precision=precision,
+            threshold=threshold,
+        )
+
+
 def evaluate(
     scores: Scores,
     confidence: Scores,
@@ -211,32 +282,6 @@ def evaluate(
     Raises:
         InputError: arrays that do not belong together, NaN, or an N below 1.
     """
-    scores, confidence = _checked(scores, confidence, truth)
-    if min(n, default=1) < 1:
-        raise InputError(f"recall at {min(n)} is not defined; N must be at least 1")
-    n_queries = len(scores)
-    if n_queries == 0:
-        nan, none = math.nan, np.zeros(0)
-        return Metrics(nan, {k: nan for k in n}, nan, nan, nan, 0, 0, recall=none, precision=none, threshold=none)
-    rank = _true_rank(scores, truth)
-    # Looking at more places than there are would count the rank that stands for "no true place".
-    places = scores.shape[1]
-    recall_at_n = {k: float(np.count_nonzero(rank < min(k, places)) / n_queries) for k in n}
-    correct = rank == 0
-    if pr == "vprsnn":
-        recall, precision, threshold = _vprsnn_curve(scores, correct)
-    else:
-        recall, precision, threshold = _exact_curve(np.where(scores.any(axis=1), confidence, -np.inf), correct)
-    recall_at_1 = float(np.count_nonzero(correct) / n_queries)
-    return Metrics(
-        recall_at_1=recall_at_1,
-        recall_at_n=recall_at_n,
-        recall_at_100_precision=float(recall[precision == 1.0].max()),
-        precision_at_100_recall=recall_at_1,  # every query is answered, so all queries stand below the line
-        auc=float(np.sum(np.diff(recall) * (precision[1:] + precision[:-1]) / 2.0)),
-        queries=n_queries,
-        without_place=int(np.count_nonzero(~truth.any(axis=1))),
-        recall=recall,
-        precision=precision,
-        threshold=threshold,
-    )
+    tally = Tally(len(scores))
+    tally.add(slice(0, len(scores)), scores, confidence, truth)
+    return tally.metrics(n, pr)

@@ -223,38 +223,50 @@ class Beliefs:
         return places, np.array(near)
 
 
-def filtered(state: ForwardFilter, scores: Scores, moving: NDArray[np.bool_]) -> Beliefs:
-    """The belief after each query of a traverse.
+def filtered(
+    state: ForwardFilter, scores: Scores, moving: NDArray[np.bool_], *, begun: bool = False
+) -> tuple[ForwardFilter, Beliefs]:
+    """The filter after some queries of a traverse, and the belief after each.
 
     Args:
-        state: The filter before the first.
+        state: The filter before the first of them.
         scores: float64 (n, places), at least 0.
         moving: Whether each query shows something else than the one before, bool (n,).
+        begun: Whether the traverse has queries before these.
     """
     beliefs = Beliefs(np.empty(scores.shape), np.empty(len(scores)))
     for number, (row, moves) in enumerate(zip(scores, moving, strict=True)):
-        state = state.update(row, moving=bool(moves), first=number == 0)
+        state = state.update(row, moving=bool(moves), first=number == 0 and not begun)
         beliefs.places[number], beliefs.off_map[number] = state.belief.places, state.belief.off_map
-    return beliefs
+    return state, beliefs
 
 
-def smooth(state: ForwardFilter, beliefs: Beliefs, scores: Scores, moving: NDArray[np.bool_]) -> None:
+def smooth(
+    state: ForwardFilter, beliefs: Beliefs, scores: Scores, moving: NDArray[np.bool_], later: Belief | None = None
+) -> Belief:
     """Make ``beliefs`` those of who has seen all queries, where they stand.
 
     Args:
         state: As `filtered` was given.
         beliefs: What `filtered` returned.
         scores, moving: As `filtered` was given.
+        later: What this function returned for the queries that follow these; None: none do.
+    Returns:
+        How likely these queries and all later ones are from each place before the first of them, up to a factor.
     """
-    later = Belief(np.ones(scores.shape[1]), 1.0)
-    for number in range(len(scores) - 1, 0, -1):
+    seen = later is not None
+    later = Belief(np.ones(scores.shape[1]), 1.0) if later is None else later
+    for number in range(len(scores) - 1, -1, -1):
+        places, off_map = beliefs.places[number], beliefs.off_map
+        if seen:
+            places *= later.places
+            off_map[number] *= later.off_map
+            total = float(places.sum()) + float(off_map[number])
+            places /= total
+            off_map[number] /= total
+        seen = True
         if moving[number]:
             later = state.backward(Belief(later.places * evidence(scores[number]), later.off_map))
             most = max(float(later.places.max()), later.off_map)
             later = Belief(later.places / most, later.off_map / most)
-        places, off_map = beliefs.places[number - 1], beliefs.off_map
-        places *= later.places
-        off_map[number - 1] *= later.off_map
-        total = float(places.sum()) + float(off_map[number - 1])
-        places /= total
-        off_map[number - 1] /= total
+    return later

@@ -25,6 +25,12 @@ class Rule(NamedTuple):
     most: float = math.inf
 
 
+def narrow(counts: NDArray[Any]) -> NDArray[Any]:
+    """Spike counts of any shape, at least 0, as uint16 where all of them fit, else as int32: long maps have many."""
+    fits = int(counts.max(initial=0)) <= np.iinfo(np.uint16).max
+    return counts.astype(np.uint16 if fits else np.int32, copy=False)
+
+
 def check_arrays(arrays: Mapping[str, NDArray[Any]], rules: Mapping[str, Rule]) -> None:
     """Refuse ``arrays`` that are not what ``rules`` say, or not all of them, or more.
 

@@ -45,7 +45,7 @@ LIMITS: dict[str, Limit] = {
     "model_bytes": Limit(
         9 * GIB // 4,
         "bytes",
-        "a model of 20,000 places with a neuron each, of which 1.6e9 bytes are reference responses",
+        "a model of 20,000 places with a neuron each; its reference responses take 0.8e9 bytes, older ones 1.6e9",
     ),
     "unpacked_times": Limit(
         100,

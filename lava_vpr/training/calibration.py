@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,7 +101,7 @@ def _asked(
     return fixed.count_spikes(network, rates, keys, threads=threads)[0]
 
 
-def _scores(model: IntegerModel, responses: NDArray[np.int32], counts: NDArray[np.int32]) -> NDArray[np.float64]:
+def _scores(model: IntegerModel, responses: NDArray[Any], counts: NDArray[np.int32]) -> NDArray[np.float64]:
     """Scores by the model's own decoder, of places with these ``responses``."""
     decoder = model.config.decoder
     return decoders.decode(decoder.default, responses, counts, gamma=decoder.gamma)

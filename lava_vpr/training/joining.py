@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
 from lava_vpr.inputs.vectors import Standard
 from lava_vpr.model import Model, Stretch
 from lava_vpr.positions.frames import Positions
+from lava_vpr.storage.arrays import narrow
 from lava_vpr.training.references import coverage, reference_responses, shown_references
 
 T = TypeVar("T", bound=np.generic)
@@ -112,7 +113,7 @@ def joined(
 def model_of(
     network: FixedNetwork | ConductanceState,
     learned: NDArray[np.float32],
-    responses: NDArray[np.int32],
+    responses: NDArray[Any],
     config: Config,
     stretches: tuple[Stretch, ...],
     route: Route,
@@ -127,7 +128,7 @@ def model_of(
         config=config,
         network=network,
         learned=learned,
-        responses=responses,
+        responses=narrow(responses),
         stretches=stretches,
         place_indices=first.indices,
         place_names=first.names,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,6 +16,10 @@ from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.quantise import Shown
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.model import Model, Stretch, integer_model
+from lava_vpr.storage.arrays import narrow
+
+_TOGETHER = 1024
+"""References whose spikes are counted together."""
 
 
 def expected_rates(model: Model) -> NDArray[np.float64]:
@@ -73,25 +77,40 @@ def shown_references(stretches: Sequence[Stretch], activity: NDArray[np.float32]
     )
 
 
-def measured_responses(model: Model, network: FixedNetwork, threads: int) -> NDArray[np.int32]:
-    """S^R of ``network`` on the references that ``model`` keeps, int32 (neurons, places), traverses summed."""
-    rates = query_rates16(model.activity, model.config.encoder)
-    counts, _, _ = fixed.count_spikes(network, rates, response_keys(rates, model.config.seed), threads=threads)
-    responses = np.zeros((network.neurons, model.places), np.int32)
-    np.add.at(responses.T, model.labels, counts)
-    return responses
+def measured_responses(model: Model, network: FixedNetwork, threads: int) -> NDArray[Any]:
+    """S^R of ``network`` on the references that ``model`` keeps, `narrow` (neurons, places), traverses summed."""
+    total = _no_responses(network, model.places, len(model.labels) // model.places)
+    for rows, counts in _response_counts(network, model.activity, model.config, threads):
+        np.add.at(total.T, model.labels[rows], counts.astype(total.dtype))
+    return narrow(total)
 
 
 def reference_responses(
     network: FixedNetwork, references: Sequence[EncodedTraverse], config: Config, threads: int
-) -> NDArray[np.int32]:
-    """S^R of the frozen ``network`` on the references, int32 (neurons, places), traverses summed."""
-    total = np.zeros((network.neurons, len(references[0])), np.int32)
+) -> NDArray[Any]:
+    """S^R of the frozen ``network`` on the references, `narrow` (neurons, places), traverses summed."""
+    total = _no_responses(network, len(references[0]), len(references))
     for reference in references:
-        rates = query_rates16(reference.activity, config.encoder)
+        for rows, counts in _response_counts(network, reference.activity, config, threads):
+            total[:, rows] += counts.T.astype(total.dtype)
+    return narrow(total)
+
+
+def _no_responses(network: FixedNetwork, places: int, images: int) -> NDArray[Any]:
+    """Counts of 0 (neurons, places), of a type that holds what ``images`` of a place can add up to."""
+    most = images * network.steps
+    return np.zeros((network.neurons, places), np.uint16 if most <= np.iinfo(np.uint16).max else np.int32)
+
+
+def _response_counts(
+    network: FixedNetwork, activity: NDArray[np.float32], config: Config, threads: int
+) -> Iterator[tuple[slice, NDArray[np.int32]]]:
+    """The spike counts int32 (rows, neurons) of references, some at a time: of a long map, all would not fit."""
+    for start in range(0, len(activity), _TOGETHER):
+        rows = slice(start, start + _TOGETHER)
+        rates = query_rates16(activity[rows], config.encoder)
         counts, _, _ = fixed.count_spikes(network, rates, response_keys(rates, config.seed), threads=threads)
-        total += counts.T
-    return total
+        yield rows, counts
 
 
 def coverage(responses: NDArray[Any]) -> tuple[int, int]:

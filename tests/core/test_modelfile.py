@@ -66,6 +66,16 @@ def of_type(name: str, dtype: str) -> Forge:
     return lambda header, arrays: arrays.__setitem__(name, arrays[name].astype(dtype))
 
 
+def wide_responses(value: int) -> Forge:
+    """Responses as older files have them, in 32 bits, the first of them ``value``."""
+
+    def forge(header: Header, arrays: Arrays) -> None:
+        arrays["responses"] = arrays["responses"].astype(np.int32)
+        arrays["responses"][0, 0] = value
+
+    return forge
+
+
 def instead(name: str, array: np.ndarray) -> Forge:
     return lambda header, arrays: arrays.__setitem__(name, array)
 
@@ -204,7 +214,8 @@ FORGED: list[tuple[str, Forge, str]] = [
     # the other arrays
     *(("loihi", first("activity", v), "activity with values") for v in (np.nan, np.inf, -1)),
     *(("loihi", first("learned", v), "learned with values") for v in (np.nan, np.inf, -1)),
-    *(("loihi", first("responses", v), "responses with values") for v in (-1, 129)),
+    ("loihi", first("responses", 129), "responses with values"),
+    *(("loihi", wide_responses(v), "responses with values") for v in (-1, 129)),
     ("loihi", instead("place_indices", np.zeros(8, np.int64)), "place_indices of which two are equal"),
     ("loihi", first("place_indices", -1), "place_indices with values"),
     ("loihi", instead("labels", np.zeros(8, np.int64)), "labels that are not the places"),
@@ -310,3 +321,12 @@ def test_a_training_with_positions_keeps_them(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.positions, values)
     with pytest.raises(InputError, match="there are 7 positions for 8 places; give one for each"):
         train([encoded()], small_config(), positions=Positions(values[:7], "xy"))
+
+
+@pytest.mark.parametrize("kind", ["loihi", "paper", "references"])
+def test_responses_in_32_bits_are_read_as_those_in_16(kind: str) -> None:
+    """Older files have them so, and those of counts beyond 65,535 need it."""
+    plain = assembled(kind, lambda header, arrays: None)
+    found = assembled(kind, of_type("responses", "int32"))
+    assert found.responses.dtype == plain.responses.dtype == np.uint16
+    np.testing.assert_array_equal(found.responses, plain.responses)

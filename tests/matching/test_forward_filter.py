@@ -69,7 +69,7 @@ def test_the_filter_is_the_markov_model(motion: str, seed: int) -> None:
         state = state / state.sum()
         forward.append(state)
     start, moving = ForwardFilter(Belief.unknown(n), motion), np.ones(len(scores), bool)
-    beliefs = filtered(start, scores, moving)
+    _, beliefs = filtered(start, scores, moving)
     found = np.concatenate([beliefs.places, beliefs.off_map[:, None]], axis=1)
     np.testing.assert_allclose(found, np.array(forward), rtol=1e-10)
     later = np.ones(n + 1)
@@ -87,7 +87,7 @@ def test_the_filter_is_the_markov_model(motion: str, seed: int) -> None:
 def test_the_filter_does_not_look_ahead() -> None:
     scores = drawn(7)
     start, moving = ForwardFilter(Belief.unknown(scores.shape[1])), np.ones(len(scores), bool)
-    whole, part = filtered(start, scores, moving), filtered(start, scores[:5], moving[:5])
+    (_, whole), (_, part) = filtered(start, scores, moving), filtered(start, scores[:5], moving[:5])
     assert np.array_equal(whole.places[:5], part.places)
 
 
@@ -119,7 +119,7 @@ def test_a_drive_at_any_speed_is_followed(drive: str) -> None:
     scores = world(1, truth)
     moving = np.append(True, np.diff(truth) != 0)
     alone = float((scores.argmax(axis=1) == truth).mean())
-    beliefs = filtered(ForwardFilter(Belief.unknown(PLACES)), scores, moving)
+    _, beliefs = filtered(ForwardFilter(Belief.unknown(PLACES)), scores, moving)
     places, chance = beliefs.best()
     near = np.abs(places - truth) <= 1
     assert near.mean() > max(alone, 0.9)
@@ -128,13 +128,14 @@ def test_a_drive_at_any_speed_is_followed(drive: str) -> None:
 
 def test_who_is_carried_off_is_found_again() -> None:
     truth = np.concatenate([np.arange(5, 25), np.arange(40, 52)])
-    places, _ = filtered(ForwardFilter(Belief.unknown(PLACES)), world(2, truth), np.ones(len(truth), bool)).best()
+    _, beliefs = filtered(ForwardFilter(Belief.unknown(PLACES)), world(2, truth), np.ones(len(truth), bool))
+    places, _ = beliefs.best()
     assert np.array_equal(places[-4:], truth[-4:])
 
 
 def test_off_the_map_is_an_answer() -> None:
     truth = np.concatenate([np.arange(10, 40), np.full(25, -1)])
-    beliefs = filtered(ForwardFilter(Belief.unknown(PLACES)), world(3, truth), np.ones(len(truth), bool))
+    _, beliefs = filtered(ForwardFilter(Belief.unknown(PLACES)), world(3, truth), np.ones(len(truth), bool))
     assert beliefs.off_map[-10:].min() > 0.9
     assert beliefs.off_map[10:30].max() < 0.3
     assert beliefs.best()[1][-10:].max() < 0.1
@@ -175,7 +176,8 @@ def test_what_makes_no_sense_is_refused() -> None:
 @pytest.mark.parametrize("cuts", [[], [1], [4, 5, 9]])
 def test_a_stream_is_followed_in_any_parts(cuts: list[int]) -> None:
     scores, moving = drawn(1), np.random.default_rng(0).random(12) < 0.7
-    whole = filtered(ForwardFilter(Belief.unknown(9)), scores, moving).best()
+    _, beliefs = filtered(ForwardFilter(Belief.unknown(9)), scores, moving)
+    whole = beliefs.best()
     state, found = LookingBack.of("contrast", 9, Together(motion="any")), []
     for some, moves in zip(np.split(scores, cuts), np.split(moving, cuts), strict=True):
         state, answers = state.update(some, moves)

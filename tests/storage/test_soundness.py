@@ -53,6 +53,16 @@ def become(name: str, dtype: str) -> Change:
     return lambda header, held: held.update({f"a.{name}.npy": held[f"a.{name}.npy"].astype(dtype)})
 
 
+def older(value: int) -> Change:
+    """Responses in 32 bits, as older files have them, with another number in front."""
+
+    def change(header: Any, held: Arrays) -> None:
+        become("responses", "i4")(header, held)
+        put("responses", (0, 0), value)(header, held)
+
+    return change
+
+
 def at_places(frame: object, corner: Any, dtype: str = "f8") -> Change:
     """Positions, the first of them at ``corner``."""
 
@@ -106,7 +116,8 @@ MODELS: list[tuple[str, str, Change]] = [
     ("M8", "float", put("activity", (0, 0), np.nan)),
     ("M8", "pixels", put("activity", (0, 0), 256)),
     ("M9", "float", put("responses", (0, 0), 65)),
-    ("M9", "paper", put("responses", (0, 0), -1)),
+    ("M9", "paper", older(-1)),
+    ("M9", "float", become("responses", "u4")),
     ("M10", "float", become("patches", "i2")),
     ("M11", "float", put("learned", (0, 0), -1e-6)),
     ("M12", "float", lambda header, held: header["place_names"].__setitem__(0, "a\0b")),

@@ -118,11 +118,11 @@ def check_model(data: bytes, view: Mapping[str, Any]) -> Findings:
                 as_set(said, neurons, config, findings)
             findings.need(shape[:1] == (inputs,), "M2", f"weights {shape} of {inputs} inputs")
             references(header, arrays, config, shape, findings)
-            _learned(arrays, shape, findings)
+            _learned(arrays, shape, config, findings)
     else:
         shape = _conductance(arrays, config, inputs, findings)
         references(header, arrays, config, shape, findings)
-        _learned(arrays, None, findings)
+        _learned(arrays, None, config, findings)
     as_returned(header, arrays, view, findings)
     return findings
 
@@ -140,14 +140,18 @@ def _positions(frame: object, positions: Any, places: int, findings: Findings) -
         findings.need(within, "M15", f"positions beyond {frame}")
 
 
-def _learned(arrays: Arrays, shape: tuple[int, ...] | None, findings: Findings) -> None:
+def _learned(arrays: Arrays, shape: tuple[int, ...] | None, config: Any, findings: Findings) -> None:
+    """M11; what gradients learned has either sign."""
     learned = arrays.get("learned")
     if not findings.need(learned is not None, "M11", "no learned weights") or learned is None:
         return
     fits = learned.shape == (0, 0) or (shape is not None and learned.shape == shape)
     findings.need(learned.dtype == np.float32 and fits, "M11", f"learned {learned.dtype} {learned.shape}")
     if learned.dtype.kind == "f":
-        findings.need(bool((np.isfinite(learned) & (learned >= 0)).all()), "M11", "learned weights beyond all bounds")
+        least = -np.inf if config["learning"]["rule"] == "slayer" else 0
+        findings.need(
+            bool((np.isfinite(learned) & (learned >= least)).all()), "M11", "learned weights beyond all bounds"
+        )
 
 
 def _conductance(arrays: Arrays, config: Any, inputs: int, findings: Findings) -> tuple[int, ...]:
@@ -210,7 +214,8 @@ def references(
     findings.need(whole_traverses and told == [*range(places)] * shown, "M7", f"labels {told[:9]}")
     _images(arrays, len(labels), places, settings.inputs_of(config), config, findings)
     responses = arrays.get("responses")
-    if _is(responses, "i4", (neurons, places), "M9", "responses", findings) and responses is not None:
+    kind = "i4" if responses is not None and responses.dtype == np.int32 else "u2"
+    if _is(responses, kind, (neurons, places), "M9", "responses", findings) and responses is not None:
         most = _most_spikes(config, len(labels) // max(1, places))
         sound = bool(((responses >= 0) & (responses <= most)).all())
         findings.need(

@@ -44,6 +44,20 @@ EVENTS: dict[str, Range | tuple[str, ...] | tuple[bool, ...]] = {
     "refractory_us": ("i", 0, 10_000_000),
     "hot_pixels": ("f", 0, 1_000_000),
 }
+SLAYER: dict[str, Range | tuple[str, ...] | tuple[bool, ...]] = {
+    "start": ("template", "scratch"),
+    "rate": ("f<", 0, 10),
+    "batch": ("i", 1, 10_000),
+    "sharpness": ("f<", 0, 100),
+    "surrogate": ("f", 0.001, 100),
+}
+AUGMENT: dict[str, Range | tuple[str, ...] | tuple[bool, ...]] = {
+    "shift": ("f", 0, 100),
+    "contrast": ("f", 0, 10),
+    "illumination": ("f", 0, 10),
+    "noise": ("f", 0, 10),
+    "altered": ("f", 0, 1),
+}
 LIF: dict[str, Range | tuple[str, ...] | tuple[bool, ...]] = {
     "model": ("lif",),
     "neurons": ("i", 0, 100_000),
@@ -59,7 +73,7 @@ LIF: dict[str, Range | tuple[str, ...] | tuple[bool, ...]] = {
     "input_mode": ("injected", "bias"),
 }
 STDP: dict[str, Range | tuple[str, ...] | tuple[bool, ...]] = {
-    "rule": ("stdp", "template"),
+    "rule": ("stdp", "template", "slayer"),
     "arithmetic": ("float", "integer"),
     "trains": ("poisson", "regular"),
     "theta_update": ("spike", "presentation"),
@@ -132,6 +146,8 @@ def check(config: Any, findings: Findings) -> bool:
         "events": EVENTS,
         "network": CONDUCTANCE if conductance else LIF,
         "learning": RULES if conductance else STDP,
+        "slayer": SLAYER,
+        "augment": AUGMENT,
         "decoder": DECODER,
     }
     findings.need(set(config) == {*TOP, *tables}, "T1", f"top level {sorted(config)}")
