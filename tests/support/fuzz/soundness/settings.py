@@ -18,7 +18,7 @@ TRUTH = (False, True)
 
 MOST = math.inf
 ENCODER: dict[str, Range | tuple[str, ...] | tuple[bool, ...]] = {
-    "kind": ("orientation", "onoff", "pixels"),
+    "kind": ("orientation", "onoff", "pixels", "vector", "rates"),
     "image_size": ("i", 8, 512),
     "cell": ("i", 1, 512),
     "orientations": ("i", 2, 16),
@@ -29,6 +29,10 @@ ENCODER: dict[str, Range | tuple[str, ...] | tuple[bool, ...]] = {
     "query_spikes": ("f<", 0, 1000),
     "query_inputs": ("i", 0, 1_000_000),
     "max_rate_hz": ("f<", 0, 1000),
+    "vector_values": ("i", 0, 1_000_000),
+    "vector_kept": ("i", 1, 1_000_000),
+    "vector_scale": ("shared", "own"),
+    "vector_dead_zone": ("f", 0, 10),
 }
 VIEWS: dict[str, Range | tuple[str, ...] | tuple[bool, ...]] = {
     "shifts": ("i", 1, 99),
@@ -214,6 +218,10 @@ def inputs_of(config: dict[str, Any]) -> int:
     encoder = config["encoder"]
     if encoder["kind"] == "orientation":
         return int(encoder["orientations"] * (encoder["image_size"] // encoder["cell"]) ** 2)
+    if encoder["kind"] == "vector":
+        return int(2 * min(encoder["vector_values"], encoder["vector_kept"]))
+    if encoder["kind"] == "rates":
+        return int(encoder["vector_values"])
     return 784 * (2 if encoder["kind"] == "onoff" else 1)
 
 
