@@ -20,13 +20,17 @@ from typing import Any, NamedTuple
 import click
 import numpy as np
 
-from benchmarks.results.places import TEMPLATES, Section, places, sections_of
+from benchmarks.nordland import images_of
+from benchmarks.results.places import FOLDERS, TEMPLATES, Section, places, sections_of
 from lava_vpr.bench.sweep.points import Case, current, figures, runs_of
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
+from lava_vpr.encoding import EncodedTraverse, Keep, encode_views
 from lava_vpr.engine.threads import cores
+from lava_vpr.slayer.front_end import EPOCHS, learned_filters
 from lava_vpr.training.loop import train
+from lava_vpr.traverse import Traverse, open_traverse
 
 SECTIONS = sections_of("nordland", 500)
 SEEDS = (0, 1, 2)
@@ -44,7 +48,10 @@ LEARNERS: Mapping[str, Mapping[str, Any]] = {
     "STDP in integers": {"learning": {"arithmetic": "integer"}},
     "SLAYER from scratch": SCRATCH,
     "SLAYER from templates": {"learning": {"rule": "slayer", "epochs": 10}},
+    "templates behind filters before learning": {"learning": TEMPLATES, "encoder": {"kind": "filters"}},
+    "templates behind filters that SLAYER learned": {"learning": TEMPLATES, "encoder": {"kind": "filters"}},
 }
+UNLEARNED = "templates behind filters before learning"
 
 
 class Row(NamedTuple):
@@ -64,10 +71,15 @@ class Row(NamedTuple):
 
 def measured(learner: str, config: Config, section: Section) -> Row:
     """Learn a section and ask for its places."""
-    references, queries = places(section, 0, config), places(section, 1, config)[0]
+    began = time.process_time()
+    if config.encoder.kind == "filters":
+        epochs = 0 if learner == UNLEARNED else EPOCHS
+        config = update(config, {"encoder": {"filters": learned_filters(taken(section, 0).images(), config, epochs)}})
+    seconds = time.process_time() - began
+    (queries,), references = encoded(section, 1, config), encoded(section, 0, config)
     began = time.process_time()
     model = train(references, config, jobs=cores())
-    seconds = time.process_time() - began
+    seconds += time.process_time() - began
     case = Case(model, queries, np.eye(len(queries), dtype=bool))
     (run,) = runs_of([case], current(model), KAPOHO_BAY, cores())
     (found,) = figures(run, [math.inf])
@@ -77,6 +89,19 @@ def measured(learner: str, config: Config, section: Section) -> Row:
     percent = (round(100 * value, 2) for value in recall)
     costs = (round(seconds, 2), round(found.microjoules, 4), round(found.milliseconds, 4))
     return Row(learner, str(section), config.seed, *percent, *costs, bits)
+
+
+def taken(section: Section, which: int) -> Traverse:
+    """References (0) or queries (1) of a section as they were taken."""
+    dataset, first, end = section
+    return open_traverse(images_of(dataset, FOLDERS[dataset][which])).take(range(first, end))
+
+
+def encoded(section: Section, which: int, config: Config) -> tuple[EncodedTraverse, ...]:
+    """References (0) or queries (1) of a section, of the whole journey once where inputs are fixed."""
+    if config.encoder.kind != "filters":
+        return places(section, which, config)
+    return encode_views(taken(section, which), config.encoder, config.views.views, Keep.ALL)
 
 
 def read(log: Path) -> list[Row]:

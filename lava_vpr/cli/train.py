@@ -37,6 +37,7 @@ from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.inputs.vectors import Standard
 from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.model import Model, Stretch
+from lava_vpr.slayer.front_end import learned_filters
 from lava_vpr.storage.locking import only_one
 from lava_vpr.storage.text import shown
 from lava_vpr.training.calibration import calibrated
@@ -181,6 +182,7 @@ def train(
         chosen = _places(where.of(ranges, [len(traverse) for traverse in whole]), config, spacing, change)
         check_references([len(traverse) for traverse in chosen], references)
         stretches = check_size(len(chosen[0]), config, len(chosen), parts)
+        config = with_front_end(config, chosen[0])
         standard = _standard(chosen, config, like)
         encoded = encode_references(chosen, config, standard)
         started = time.perf_counter()
@@ -209,6 +211,18 @@ def train(
         remove_checkpoint(checkpoint)
     among = f" in {len(model.stretches)} stretches" if len(model.stretches) > 1 else ""
     tell(model, f"learned {model.places} places{among} in {seconds:.1f} s: {describe(model)}\nmodel: {shown(output)}")
+
+
+def with_front_end(config: Config, first: Traverse) -> Config:
+    """``config`` with the filters that the images of ``first`` teach, if it asks for such inputs and has none.
+
+    Raises:
+        ConfigError: lava-dl is missing.
+    """
+    if config.encoder.kind != "filters" or config.encoder.filters:
+        return config
+    stderr.print(f"note: the filters of the inputs are learned from {shown(first.source)}")
+    return update(config, {"encoder": {"filters": learned_filters(first.images(), config)}})
 
 
 def _places(traverses: list[Traverse], config: Config, spacing: float | None, change: float | None) -> list[Traverse]:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import ConfigError
+from lava_vpr.inputs.filters import filter_channels, parsed
 from lava_vpr.inputs.orientation import orientation_channels
 from lava_vpr.inputs.patches import PATCH_SIDE, on_off
 from lava_vpr.inputs.vectors import as_rates, signed_channels, without_weak
@@ -29,7 +30,8 @@ class EncoderConfig:
 
     Attributes:
         kind: Name of a row in `INPUTS`: ``orientation`` (complex-cell edge channels), ``onoff`` or ``pixels`` (the
-            paper's patch-normalised ones); or of descriptors in place of images ``vector`` or ``rates``.
+            paper's patch-normalised ones), or ``filters`` (a learned convolutional layer in place of orientations); or
+            of descriptors in place of images ``vector`` or ``rates``.
         image_size: Side in pixels of the square image that the orientation channels are computed on.
         cell: Side in pixels of one pooling cell; ``image_size`` must be a multiple of it.
         orientations: Number of orientations, evenly spaced over 180 degrees.
@@ -39,6 +41,7 @@ class EncoderConfig:
         train_spikes: Expected input spikes per step while training ("tot"), all inputs together.
         query_spikes: Expected input spikes per step while answering a query.
         query_inputs: Only so many inputs, those that respond most, spike while answering a query; 0: all.
+        filters: What the layer of ``filters`` has learned (`lava_vpr.inputs.filters.written`); empty: train learns it.
         max_rate_hz: ``pixels`` under the ``paper`` preset: rate of a white pixel, in Hz.
         vector_values: Values of a vector as it is given; training takes it from the references. 0: not known yet.
         vector_kept: Most values that ``vector`` has inputs for, two for each; longer vectors are projected on so many.
@@ -63,6 +66,7 @@ class EncoderConfig:
     vector_kept: int = 1984
     vector_scale: Literal["shared", "own"] = "shared"
     vector_dead_zone: float = 0.5
+    filters: str = ""
 
     def __post_init__(self) -> None:
         need(self.kind in INPUTS, "encoder.kind", self.kind, "one of " + ", ".join(INPUTS))
@@ -86,6 +90,8 @@ class EncoderConfig:
             vector_dead_zone="[0, 10]",
         )
         need(self.vector_scale in ("shared", "own"), "encoder.vector_scale", self.vector_scale, "shared or own")
+        if self.filters:
+            parsed(self.filters, self.orientations)
 
     @property
     def layout(self) -> Layout:
@@ -175,6 +181,27 @@ INPUTS.register(
         grey_levels=False,
         drawing="strokes",
         legend="A stroke runs along the edge that excites the neuron; the longer and stronger, the larger the weight.",
+    )
+)
+INPUTS.register(
+    Input(
+        "filters",
+        layout=_orientation_layout,
+        sees="image",
+        activity=lambda image, encoder: filter_channels(
+            image,
+            encoder.image_size,
+            encoder.cell,
+            encoder.orientations,
+            encoder.window,
+            encoder.pool_floor,
+            encoder.blur,
+            encoder.filters,
+        ),
+        grey_levels=False,
+        drawing="strokes",
+        legend="A stroke stands for a learned filter, drawn along the edge that filters of its number start from; the "
+        "longer and stronger, the larger the weight.",
     )
 )
 INPUTS.register(

@@ -30,6 +30,9 @@ Tensor = Any
 UNIT = 1 << INPUT_SHIFT
 """SLAYER counts states in units of 64 weights of 1, so that gradients are of the order of 1."""
 
+STATE_UNIT = UNIT << INPUT_SHIFT
+"""Units of its membrane in one unit of its currents."""
+
 _WIDTH, _HEIGHT = 0.01, 10.0
 """lava-dl multiplies the width of its surrogate gradient by 100 and its height by 0.1; these take both back."""
 
@@ -86,16 +89,22 @@ def spikes(
     taken[:, 1:, 0] = inhibitory[:, :-1] * np.float32(-network.lateral)
     gained = (network.bias / UNIT).astype(np.float32)
     current = (drive + torch.from_numpy(taken) + torch.from_numpy(gained)) / UNIT
-    return _neuron(network, width)(current.transpose(1, 2).contiguous())
+    neuron = spiking(network.threshold / UNIT, network.decay / DECAY_UNITY, width)
+    return neuron(current.transpose(1, 2).contiguous())
 
 
-def _neuron(network: FixedNetwork, width: float) -> Any:
-    """lava-dl's neuron with the threshold and decay of ``network``; a membrane at its threshold has the gradient 1."""
-    threshold = network.threshold / UNIT
+def spiking(threshold: float, decay: float, width: float) -> Any:
+    """lava-dl's neuron, from currents (n, neurons, steps) to spikes; its gradient is 1 at the threshold.
+
+    Args:
+        threshold: Its threshold, in units of 4,096 of the membrane.
+        decay: Share of the membrane that is lost in a step.
+        width: As in `spikes`.
+    """
     return libraries().slayer.neuron.cuba.Neuron(
         threshold=threshold,
         current_decay=1.0,
-        voltage_decay=network.decay / DECAY_UNITY,
+        voltage_decay=decay,
         tau_grad=width * _WIDTH,
         scale_grad=2 * width * threshold * _HEIGHT,
     )

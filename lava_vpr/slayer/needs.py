@@ -37,7 +37,7 @@ def require() -> None:
     reason = missing()
     if reason is not None:
         raise ConfigError(
-            f"learning.rule slayer needs lava-dl: {reason}; install lava-vpr with its extra, pip install "
+            f"learning by SLAYER needs lava-dl: {reason}; install lava-vpr with its extra, pip install "
             "'lava-vpr[dl]' (Python 3.10, 6 GB with torch), or use --learning float"
         )
 
