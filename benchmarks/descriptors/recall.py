@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from benchmarks.nordland import images_of
 from benchmarks.results.places import FOLDERS, Section, sections_of
-from lava_vpr.config import Config, preset
+from lava_vpr.config import Config, StdpLearning, preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import Keep, encode_traverse
 from lava_vpr.engine.threads import cores
@@ -42,6 +42,8 @@ COLUMNS = ("vectors", "standardised", "cosine", "template", "contrast")
 
 WAYS: dict[str, dict[str, Any]] = {
     "as it is": {},
+    "learned for 350 steps": {"steps": 350},
+    "learned for 1,400 steps": {"steps": 1400},
     "520 of the inputs": {"query_inputs": 520},
     "no dead zone": {"vector_dead_zone": 0.0},
     "dead zone 0.3": {"vector_dead_zone": 0.3},
@@ -49,10 +51,10 @@ WAYS: dict[str, dict[str, Any]] = {
     "a scale for each value": {"vector_scale": "own"},
     "projected on 1,024": {"vector_kept": 1024},
     "projected on 1,024, no dead zone": {"vector_kept": 1024, "vector_dead_zone": 0.0},
-    "one input a value (rates)": {"kind": "rates", "query_inputs": 0},
-    "one input a value, 520 of them": {"kind": "rates"},
+    "one input a value (rates)": {"kind": "rates"},
+    "one input a value, 520 of them": {"kind": "rates", "query_inputs": 520},
 }
-"""Ways to encode vectors: settings of ``[encoder]`` beside the defaults."""
+"""Ways to encode vectors: settings of ``[encoder]``, and ``steps`` of ``[learning]``, beside the defaults."""
 
 
 class Figures(NamedTuple):
@@ -93,7 +95,9 @@ def with_way(settings: dict[str, Any], seed: int) -> Config:
     config = dataclasses.replace(preset("loihi"), seed=seed)
     if not settings:
         return config
-    return update(config, {"encoder": {"kind": "vector", "query_inputs": 0} | settings})
+    encoder = {"kind": "vector", "query_inputs": 0} | settings
+    steps = encoder.pop("steps", 2 * StdpLearning.steps)
+    return update(config, {"encoder": encoder, "learning": {"steps": steps}})
 
 
 def mean_over(sections: Sequence[Section], seeds: Sequence[int], settings: dict[str, Any]) -> list[Figures]:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.config import Config
+from lava_vpr.config import Config, StdpLearning, preset
 from lava_vpr.encoding import check_seen
 from lava_vpr.engine.random import presentation_key, uniform
 from lava_vpr.errors import ConfigError, InputError
@@ -24,8 +24,9 @@ _FLAT = 1e-3
 def settings_for(config: Config, traverses: Sequence[Traverse]) -> Config:
     """``config`` for what the references are: settings for images become those for vectors where these are given.
 
-    Settings for images become the input ``vector``, and all inputs that are not silent may spike in a query, since the
-    dead zone keeps the weak ones silent already.
+    Settings for images become the input ``vector``. Of these, what is as the preset has it becomes what was chosen for
+    vectors: all inputs may spike in a query, since the dead zone keeps the weak ones silent already; and learning shows
+    each vector for twice the steps, since as many spikes are shared by more inputs.
 
     Args:
         config: Settings.
@@ -48,7 +49,8 @@ def settings_for(config: Config, traverses: Sequence[Traverse]) -> Config:
             check_seen(traverses[0], encoder)
         return config
     if INPUTS[encoder.kind].sees != "vector":
-        encoder = dataclasses.replace(encoder, kind="vector", query_inputs=0)
+        config = _of_vectors(config)
+        encoder = config.encoder
     if encoder.vector_values not in (0, first.values):
         raise ConfigError(
             f"encoder.vector_values is {encoder.vector_values}, but {shown(traverses[0].source)} holds vectors of "
@@ -58,6 +60,16 @@ def settings_for(config: Config, traverses: Sequence[Traverse]) -> Config:
     for traverse in traverses[1:]:
         check_seen(traverse, encoder)
     return dataclasses.replace(config, encoder=encoder)
+
+
+def _of_vectors(config: Config) -> Config:
+    """Settings for images as settings for vectors."""
+    usual, encoder, learning = preset(config.preset), config.encoder, config.learning
+    shown = 0 if encoder.query_inputs == usual.encoder.query_inputs else encoder.query_inputs
+    if isinstance(learning, StdpLearning) and learning.steps == StdpLearning.steps:
+        learning = dataclasses.replace(learning, steps=2 * learning.steps)
+    encoder = dataclasses.replace(encoder, kind="vector", query_inputs=shown)
+    return dataclasses.replace(config, encoder=encoder, learning=learning)
 
 
 def check_asked(traverses: Sequence[Traverse], config: Config) -> None:

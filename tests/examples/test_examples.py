@@ -164,3 +164,18 @@ def test_the_node_runs_until_it_is_stopped(
     monkeypatch.setattr(Node, "given", {"model": "none.lvpr"}, raising=False)
     with pytest.raises(SystemExit, match=r"^lava_vpr: none\.lvpr"):
         node_module.main()
+
+
+def test_images_are_described_learned_and_recognised(here: Path) -> None:
+    for name in ("reference", "query"):
+        command = [sys.executable, str(EXAMPLES / "describe_images.py"), name, "-o", f"{name}.npz"]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+        assert (done.returncode, done.stdout) == (0, f"8 descriptors of 1,764 values: {name}.npz\n"), done.stderr
+    run("train", "reference.npz", "-o", "d.lvpr")
+    lines = run("query", "d.lvpr", "query.npz", "-o", "-").stdout.splitlines()
+    assert [line.split(",")[1] for line in lines[1:]] == [path.name for path in images("query")]
+    assert sum(line.split(",")[0] == line.split(",")[2] for line in lines[1:]) >= 7
+    broken = [sys.executable, str(EXAMPLES / "describe_images.py"), "nothing", "-o", "x.npz"]
+    done = subprocess.run(broken, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: nothing: cannot be opened")
