@@ -7,7 +7,8 @@ seeds that no table uses; everything else is computed once, by `make results`. T
 in the order of `ENCODER`, `LEARNING` and `NETWORK`: settings take their values in turn, round after round, and a value
 is kept if it raises the score by more than `MARGIN` points. The encoder is chosen with templates, so that learning does
 not speak for it; learning with the network of the search's start; then each preset of `GOALS` has its network chosen
-under a limit of steps and of modelled energy. The log has a line for every setting that was tried.
+under a limit of steps and of modelled energy. A last stage shows what recruiting brings. The log has a line for every
+setting that was tried.
 """
 
 from __future__ import annotations
@@ -93,7 +94,7 @@ class Goal(NamedTuple):
 START = {
     "encoder": {"query_inputs": 520, "query_spikes": 20},
     "network": {"steps": 128, "threshold": 1.0, "inhibition": 0.67, "tau_membrane": 12, "weight_bits": 3, "prune": 0},
-    "learning": {"consolidation_x_target": 0.0, "consolidation_eta": 0.03, "threshold": 10.0},
+    "learning": {"consolidation_x_target": 0.0, "consolidation_eta": 0.03, "threshold": 10.0, "recruit": True},
 }
 """The network that chooses encoder and learning, and where their search and those of the presets start."""
 GOALS = {
@@ -273,7 +274,17 @@ def choose_network(base: Config, cases: Sequence[Case], fresh: Sequence[Case], g
     return configured(base, descend(start, NETWORK, measure, goal.microjoules, log, again))
 
 
-STAGES = ("encoder", "learning", "network")
+def show_recruiting(base: Config, log: Log) -> None:
+    """What recruiting brings, with either seeds. It is no setting that is chosen: without it places have no neuron."""
+    for recruit in (False, True):
+        for seeds in (SEEDS, FRESH):
+            cases = cases_of(update(base, {"learning": {"recruit": recruit}}), seeds)
+            without = sum(case.model.places - int(case.model.training["places_covered"]) for case in cases)
+            result = measured(cases, current(cases[0].model))._replace(ceiling=0.0)
+            log.result(f"recruit = {recruit}, {without} places without", result, recruit)
+
+
+STAGES = ("encoder", "learning", "network", "recruiting")
 
 
 @click.command()
@@ -293,6 +304,9 @@ def main(path: Path, stages: Sequence[str], names: Sequence[str]) -> None:
         if "learning" in stages:
             log.write("learning")
             config = choose_learning(update(config, {"learning": START["learning"]}), log)
+        if "recruiting" in stages:
+            log.write("recruiting: each with the seeds above, and with fresh ones")
+            show_recruiting(config, log)
         if "network" not in stages:
             return
         cases, fresh = cases_of(config), cases_of(config, FRESH)

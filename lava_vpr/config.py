@@ -111,6 +111,8 @@ class StdpLearning:
         consolidation_eta, consolidation_tau_trace, consolidation_x_target: The same in the second phase.
         threshold, theta_plus: Threshold at the start, and what each spike of the first phase adds to it for good.
         consolidation_threshold: Factor on the thresholds when the second phase begins.
+        recruit: After the second phase, show places that no neuron has made its own to neurons that have no place, as
+            often as it showed all (`engine.learning.recruiting`).
         inhibition: What the inhibitory neuron takes, in the units of the threshold, from all but the neurons whose
             spikes made it fire: while they learn, winners are spared.
         tau_membrane, floor: Membrane time constant in steps; ``floor`` bounds the membrane from below.
@@ -138,6 +140,7 @@ class StdpLearning:
     threshold: float = 10.0
     theta_plus: float = 0.3
     consolidation_threshold: float = 0.5
+    recruit: bool = True
     inhibition: float = 30.0
     tau_membrane: float = 20.0
     floor: float = -60.0
@@ -151,6 +154,7 @@ class StdpLearning:
         need(self.rule in rules, "learning.rule", self.rule, "stdp, template or slayer with the lif network")
         need(self.arithmetic in ("float", "integer"), "learning.arithmetic", self.arithmetic, "float or integer")
         need(self.trains in TRAINS, "learning.trains", self.trains, "one of " + ", ".join(TRAINS))
+        need(isinstance(self.recruit, bool), "learning.recruit", self.recruit, "true or false")
         updates = ("spike", "presentation")
         need(self.theta_update in updates, "learning.theta_update", self.theta_update, "spike or presentation")
         within(self, "learning", epochs="[1, 10000]", steps="[1, 100000]")

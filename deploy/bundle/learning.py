@@ -36,6 +36,7 @@ from lava_vpr.engine.learning.lava_order import (
     library_seed,
     start_state,
 )
+from lava_vpr.engine.learning.recruiting import key_again, recruit, rounds
 from lava_vpr.engine.random import image_keys, presentation_key
 from lava_vpr.errors import BundleError, ConfigError, NetworkLimitError, brief
 from lava_vpr.gate import integer_config
@@ -64,6 +65,9 @@ class ChipLearning:
         seeds: Lava's ``rng_seed`` of each epoch.
         epochs, images, keys: The epoch, the row of ``rates`` and the key of each presentation, in order.
         rates: Rates of the inputs for all reference images, uint16 (images, inputs), units of 2^-16.
+        places: Places of the stretch: every epoch shows all of them, traverse after traverse, in one order.
+        again: How often places that no neuron has made its own are shown again after the last epoch
+            (`engine.learning.recruiting`).
     """
 
     phases: tuple[FoldedPhase, ...]
@@ -73,6 +77,13 @@ class ChipLearning:
     images: NDArray[np.int32]
     keys: NDArray[np.uint64]
     rates: NDArray[np.uint16]
+    places: int
+    again: int
+
+    @property
+    def presentations(self) -> int:
+        """The most presentations that training takes: those of the schedule, and the last epoch's again."""
+        return len(self.epochs) + self.again * int(np.count_nonzero(self.epochs == self.epochs.max(initial=0)))
 
     def trainer(self) -> FoldedTrainer:
         """A new trainer at the start."""
@@ -81,12 +92,20 @@ class ChipLearning:
 
     def train(self) -> NDArray[np.uint8]:
         """The weights after all presentations on the host, uint8 (inputs, neurons)."""
-        trainer, epoch = self.trainer(), -1
+        trainer, epoch, shown = self.trainer(), -1, list[tuple[int, int]]()
+        counts = np.zeros((self.places, len(self.start.theta)), np.int64)
         for number, image, key in zip(self.epochs.tolist(), self.images.tolist(), self.keys.tolist(), strict=True):
             if number != epoch:
-                epoch = number
+                epoch, shown, counts[:] = number, [], 0
                 trainer.begin_epoch(epoch)
-            trainer.present(self.rates[image], key)
+            counts[len(shown) % self.places] += trainer.present(self.rates[image], key)
+            shown.append((image, key))
+
+        def again(place: int, times: int) -> NDArray[np.int64]:
+            images = shown[place :: self.places]
+            return np.sum([trainer.present(self.rates[image], key_again(key, times)) for image, key in images], axis=0)
+
+        recruit(trainer.thresholds(), counts, self.again, again)
         weights: NDArray[np.uint8] = trainer.state()["weights"].astype(np.uint8)
         return weights
 
@@ -134,6 +153,8 @@ def stretch_learning(model: Model, stretch: Stretch) -> ChipLearning:
         images=np.array([shown_as * model.places + place for _, shown_as, place in shown], np.int32),
         keys=np.array(keys, np.uint64),
         rates=rates,
+        places=stretch.places,
+        again=rounds(learning),
     )
 
 
@@ -253,8 +274,9 @@ def learning_files(model: Model) -> dict[str, bytes]:
         folder = _folder(number)
         values: tuple[NDArray[Any], ...] = (part.start.weights, part.start.theta, part.epochs, part.images, part.keys)
         files |= {f"{folder}/{name}.npy": array_bytes(value) for name, value in zip(ARRAYS, values, strict=True)}
+        told = {"rng_seeds": list(part.seeds), "again": part.again}
         phases = [_phase_json(phase) for phase in part.phases]
-        stretches.append({**asdict(stretch), "folder": folder, "rng_seeds": list(part.seeds), "phases": phases})
+        stretches.append({**asdict(stretch), "folder": folder, **told, "phases": phases})
     files[SETTINGS] = json_bytes({"seed": model.config.seed, "stretches": stretches})
     return files
 
@@ -276,7 +298,8 @@ def read_learning(bundle: Bundle) -> tuple[ChipLearning, ...]:
     except (KeyError, TypeError, ValueError, IndexError, NetworkLimitError) as error:
         raise BundleError(f"{bundle.at(SETTINGS)}: lacks or garbles {error}; {AGAIN}") from None
     operations = sum(
-        len(part.keys) * (max(phase.chip.interval for phase in part.phases)) * part.start.weights.size for part in parts
+        part.presentations * (max(phase.chip.interval for phase in part.phases)) * part.start.weights.size
+        for part in parts
     )
     beyond = excess("training_operations", operations)
     if beyond is not None:
@@ -313,6 +336,9 @@ def _part(bundle: Bundle, number: int, described: Any, rates: NDArray[np.uint16]
     within(bundle, files["epochs"], "epoch", epochs, len(seeds))
     if (np.diff(epochs) < 0).any():
         raise ValueError(f"epochs of stretch {number}, which go back")
+    places, last = _whole(described, "places", least=1), int(np.count_nonzero(epochs == epochs.max(initial=0)))
+    if not last or last % places:
+        raise ValueError(f"a last epoch of stretch {number} that does not show {places} places equally often")
     images = bundle.array(files["images"], np.int32, epochs.shape)
     within(bundle, files["images"], "image", images, len(rates))
     return ChipLearning(
@@ -323,6 +349,8 @@ def _part(bundle: Bundle, number: int, described: Any, rates: NDArray[np.uint16]
         images,
         bundle.array(files["keys"], np.uint64, epochs.shape),
         rates,
+        places,
+        _whole(described, "again", _MOST_EPOCHS),
     )
 
 

@@ -18,6 +18,7 @@ from lava_vpr.encoding import EncodedTraverse, training_rates
 from lava_vpr.engine import effort
 from lava_vpr.engine.inference import quantise
 from lava_vpr.engine.learning import integer, stdp
+from lava_vpr.engine.learning.recruiting import key_again, recruit, rounds
 from lava_vpr.engine.random import image_keys, presentation_key, stretch_key
 from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.gate import as_integer_config, integer_config
@@ -320,23 +321,39 @@ def _epoch(
     progress: Callable[[Progress], None] | None,
     stop: threading.Event,
 ) -> bool:
-    """Show the images of one stretch in its view, first traverse first; False if training was stopped."""
+    """Show the images of one stretch in its view, first traverse first; False if training was stopped.
+
+    After the last epoch neurons without a place are recruited for places without a neuron.
+    """
     counts = np.zeros((stretch.places, stretch.neurons), np.int64)
     shown = 0
     trainer.begin_epoch(epoch)
     views = len(config.views.views)
     traverses = traverses_shown(config, epoch, len(rates) // views)
-    for shown_as in range(stretch.view, traverses * views, views):
+    in_view = range(stretch.view, traverses * views, views)
+
+    def present(shown_as: int, place: int, times: int = 0) -> NDArray[Any]:
+        image = stretch.first_place + place
+        key = presentation_key(config.seed, "train", int(keys[shown_as][image]), epoch * len(rates) + shown_as)
+        return trainer.present(rates[shown_as][image], key_again(key, times), place, epoch)
+
+    def again(place: int, times: int) -> NDArray[Any] | None:
+        if stop.is_set():
+            return None
+        return np.sum([present(shown_as, place, times) for shown_as in in_view], axis=0)
+
+    for shown_as in in_view:
         for place in range(stretch.places):
             if stop.is_set():
                 return False
-            image = stretch.first_place + place
-            key = presentation_key(config.seed, "train", int(keys[shown_as][image]), epoch * len(rates) + shown_as)
-            counts[place] += trainer.present(rates[shown_as][image], key, place, epoch)
+            counts[place] += present(shown_as, place)
             shown += 1
             if progress is not None:
                 progress(_progress(number, epoch, shown, counts, shown == stretch.places * traverses))
-    return True
+    settings, thresholds = as_integer_config(config), trainer.thresholds()
+    if settings is None or thresholds is None or epoch < config.learning.epochs - 1:
+        return True
+    return recruit(thresholds, counts, rounds(settings.learning), again)
 
 
 def _progress(number: int, epoch: int, shown: int, counts: NDArray[np.int64], whole: bool) -> Progress:

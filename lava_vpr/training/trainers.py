@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from lava_vpr.config import ConductanceLearning, Config
 from lava_vpr.engine.conductance import model as conductance
 from lava_vpr.engine.learning import integer, stdp
+from lava_vpr.engine.learning.recruiting import Thresholds
 from lava_vpr.errors import ConfigError
 from lava_vpr.gate import as_integer_config, integer_config
 from lava_vpr.loihi import THRESHOLD_LIMIT, WEIGHT_LIMIT
@@ -23,7 +24,8 @@ class StretchTrainer(Protocol):
     """What learns one stretch: shown an image, it learns and tells its spike counts. Its state is named live arrays.
 
     `reach` says between which least and most value learning can have brought the values of each array, after so many
-    epochs of so many traverses; an array that it leaves out is never changed.
+    epochs of so many traverses; an array that it leaves out is never changed. `thresholds` are None where nothing is
+    recruited.
     """
 
     def begin_epoch(self, epoch: int) -> None: ...
@@ -31,6 +33,8 @@ class StretchTrainer(Protocol):
     def present(self, rates: NDArray[Any], key: int, place: int, epoch: int) -> NDArray[np.int32]: ...
 
     def state(self) -> dict[str, NDArray[Any]]: ...
+
+    def thresholds(self) -> Thresholds | None: ...
 
     def reach(self, epochs: int, traverses: int) -> dict[str, tuple[float, float]]: ...
 
@@ -78,6 +82,9 @@ class LifTrainer:
     def state(self) -> dict[str, NDArray[Any]]:
         return {"weights": self._trainer.state.weights, "theta": self._trainer.state.theta}
 
+    def thresholds(self) -> Thresholds:
+        return Thresholds(self._trainer.state.theta, self._learning.threshold, math.inf)
+
     def reach(self, epochs: int, traverses: int) -> dict[str, tuple[float, float]]:
         learning, inputs = self._learning, len(self._trainer.state.weights)
         spikes = epochs * self._places * learning.steps  # of the first traverse: thresholds rise in the first phase
@@ -99,6 +106,7 @@ class IntegerLifTrainer:
             config.seed,
             key,
         )
+        self._start = float(self._trainer.state.theta[0])
 
     def begin_epoch(self, epoch: int) -> None:
         self._trainer.begin_epoch(epoch)
@@ -108,6 +116,9 @@ class IntegerLifTrainer:
 
     def state(self) -> dict[str, NDArray[Any]]:
         return {"weights": self._trainer.state.weights, "theta": self._trainer.state.theta}
+
+    def thresholds(self) -> Thresholds:
+        return Thresholds(self._trainer.state.theta, self._start, THRESHOLD_LIMIT - 1)
 
     def reach(self, epochs: int, traverses: int) -> dict[str, tuple[float, float]]:
         return {"weights": (0, WEIGHT_LIMIT), "theta": (1, THRESHOLD_LIMIT - 1)}
@@ -128,6 +139,9 @@ class TemplateTrainer:
 
     def state(self) -> dict[str, NDArray[Any]]:
         return {"weights": self._weights}
+
+    def thresholds(self) -> None:
+        return None
 
     def reach(self, epochs: int, traverses: int) -> dict[str, tuple[float, float]]:
         return {"weights": (0, epochs * traverses)}
@@ -159,6 +173,9 @@ class ConductanceTrainer:
             "delays": self.network.delays,
             "responses": self.responses,
         }
+
+    def thresholds(self) -> None:
+        return None
 
     def reach(self, epochs: int, traverses: int) -> dict[str, tuple[float, float]]:
         learning, steps = self._learning, self._config.network.steps

@@ -74,10 +74,12 @@ def test_learning_in_integers_recognises_it_too(journeys: Journeys) -> None:
     assert found["contrast"].recall_at_1 >= 0.95
 
 
+ALONE = {"recruit": False}
+"""By themselves: the places that the phases of learning leave without a neuron stay without."""
 BROKEN: dict[str, dict[str, Any]] = {
     "nothing is learned": {"learning": {"eta": 0.0, "consolidation_eta": 0.0}},
-    "nobody competes": {"learning": {"eta": 0.0}},
-    "one neuron wins everything": {"learning": {"theta_plus": 0.0}},
+    "nobody competes": {"learning": {"eta": 0.0, **ALONE}},
+    "one neuron wins everything": {"learning": {"theta_plus": 0.0, **ALONE}},
     "what all share stays": {"network": {"signed": False}},
 }
 
@@ -85,6 +87,13 @@ BROKEN: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("what", BROKEN)
 def test_the_bounds_fail_where_learning_is_broken(what: str, journeys: Journeys) -> None:
     assert figures(learned(journeys, "loihi", BROKEN[what]), journeys)["contrast"].recall_at_1 < 0.5
+
+
+@pytest.mark.parametrize(("what", "least"), [("nobody competes", 0.9), ("one neuron wins everything", 0.7)])
+def test_recruits_learn_the_places_that_competition_leaves_out(what: str, least: float, journeys: Journeys) -> None:
+    changes = {**BROKEN[what]["learning"], "recruit": True}
+    recruited = learned(journeys, "loihi", {"learning": changes})
+    assert figures(recruited, journeys)["contrast"].recall_at_1 > least
 
 
 def test_the_bounds_fail_where_decoding_is_broken(journeys: Journeys) -> None:

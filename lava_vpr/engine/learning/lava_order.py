@@ -42,6 +42,7 @@ from lava_vpr.engine.learning.integer import (
     unit,
 )
 from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS, StepDraws
+from lava_vpr.engine.learning.recruiting import Thresholds
 from lava_vpr.engine.random import GOLDEN, derived_key, mix, presentation_key
 from lava_vpr.errors import ConfigError, InputError, NetworkLimitError
 from lava_vpr.kernelcache import compiled
@@ -256,6 +257,7 @@ class FoldedTrainer:
         self.learning, self._state, self.seeds = tuple(learning), state, tuple(seeds)
         self.phase, self.common = self.learning[0], common_threshold(state.theta)
         self.draws = LibraryDraws(0)
+        self._start = float(state.theta.min())
 
     def begin_epoch(self, epoch: int) -> None:
         """Choose phase and common threshold of ``epoch`` (from 0); to be called before the epoch's first image."""
@@ -306,6 +308,10 @@ class FoldedTrainer:
         )
         self.end(boundary, chip.weights, counts)
         return counts, {"weights": chip.weights, "traces": traces}, film
+
+    def thresholds(self) -> Thresholds:
+        """The thresholds that the host keeps; a neuron at the highest one gets next to no weights."""
+        return Thresholds(self._state.theta, self._start, THRESHOLD_LIMIT - 1)
 
     def state(self) -> dict[str, NDArray[np.uint8] | NDArray[np.int32]]:
         """Live arrays: the host's ``weights`` and ``theta``."""

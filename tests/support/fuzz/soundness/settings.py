@@ -81,6 +81,7 @@ STDP: dict[str, Range | tuple[str, ...] | tuple[bool, ...]] = {
     "arithmetic": ("float", "integer"),
     "trains": ("poisson", "regular"),
     "theta_update": ("spike", "presentation"),
+    "recruit": TRUTH,
     "epochs": ("i", 1, 10_000),
     "competition_epochs": ("i", 1, 10_000),
     "steps": ("i", 1, 100_000),
