@@ -83,6 +83,9 @@ class SlayerTrainer:
         """Weights, and the means of gradients and of their squares that Adam keeps."""
         return {"weights": self._weights, "first": self._first, "second": self._second}
 
+    def thresholds(self) -> None:
+        return None
+
     def reach(self, epochs: int, traverses: int) -> dict[str, tuple[float, float]]:
         """Anything finite that training can come near."""
         return {"weights": (-_FAR, _FAR), "first": (-_FAR, _FAR), "second": (0, _FAR)}
