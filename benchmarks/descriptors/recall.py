@@ -13,7 +13,7 @@ places), for every way to encode vectors that was tried.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -51,10 +51,13 @@ WAYS: dict[str, dict[str, Any]] = {
     "a scale for each value": {"vector_scale": "own"},
     "projected on 1,024": {"vector_kept": 1024},
     "projected on 1,024, no dead zone": {"vector_kept": 1024, "vector_dead_zone": 0.0},
+    "PCA of the references": {"pca": True},
+    "PCA of the references, no dead zone": {"pca": True, "vector_dead_zone": 0.0},
     "one input a value (rates)": {"kind": "rates"},
     "one input a value, 520 of them": {"kind": "rates", "query_inputs": 520},
 }
-"""Ways to encode vectors: settings of ``[encoder]``, and ``steps`` of ``[learning]``, beside the defaults."""
+"""Ways to encode vectors: settings of ``[encoder]``, and ``steps`` of ``[learning]``, beside the defaults; ``pca``: all
+components of the references in place of the vectors."""
 
 
 class Figures(NamedTuple):
@@ -71,12 +74,20 @@ def hogs(dataset: str, which: int) -> NDArray[np.float32]:
     return np.stack([hog(image) for image in images]).astype(np.float32) / np.float32(255)
 
 
-def measured(section: Section, config: Config, made: Callable[[str, int], NDArray[np.float32]] = hogs) -> Figures:
-    """What the vectors of a section reach; ``made`` gives those of the references (0) or queries (1) of a dataset."""
+def components(references: NDArray[np.float32], queries: NDArray[np.float32]) -> tuple[NDArray[np.float32], ...]:
+    """Both as the principal components of the references, all that those differ in."""
+    mean = references.mean(axis=0)
+    _, sizes, axes = np.linalg.svd(references - mean, full_matrices=False)
+    kept = axes[sizes > 1e-6 * sizes[0]].T
+    return (references - mean) @ kept, (queries - mean) @ kept
+
+
+def measured(section: Section, config: Config, pca: bool = False) -> Figures:
+    """What the vectors of a section reach, or, with ``pca``, their components."""
     places = slice(section.first, section.end)
-    references, queries = (
-        vector_traverse(f"{section}", Vectors(made(section.dataset, which)[places])) for which in (0, 1)
-    )
+    pair: Sequence[NDArray[np.float32]] = [hogs(section.dataset, which)[places] for which in (0, 1)]
+    pair = components(*pair) if pca else pair
+    references, queries = (vector_traverse(f"{section}", Vectors(vectors)) for vectors in pair)
     config = settings_for(config, [references])
     standard = fitted(config, [references])
     learned = encode_traverse(references, config.encoder, Keep.ALL, standard=standard)
@@ -97,6 +108,7 @@ def with_way(settings: dict[str, Any], seed: int) -> Config:
         return config
     encoder = {"kind": "vector", "query_inputs": 0} | settings
     steps = encoder.pop("steps", 2 * StdpLearning.steps)
+    encoder.pop("pca", None)
     return update(config, {"encoder": encoder, "learning": {"steps": steps}})
 
 
@@ -104,7 +116,7 @@ def mean_over(sections: Sequence[Section], seeds: Sequence[int], settings: dict[
     """The figures of each section, mean over the seeds."""
     found = []
     for section in sections:
-        every = [measured(section, with_way(settings, seed)) for seed in seeds]
+        every = [measured(section, with_way(settings, seed), "pca" in settings) for seed in seeds]
         found.append(Figures(np.mean([one.recall for one in every], axis=0), every[0].inputs))
     return found
 
