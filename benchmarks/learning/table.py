@@ -121,7 +121,9 @@ def table(rows: Sequence[Row]) -> str:
         cells = [_recall(own), _recall([row for row in own if row.section in late])]
         cells += [f"{np.mean([row.training_s for row in own]):.1f}", f"{np.mean([row.microjoules for row in own]):.2f}"]
         cells += [f"{np.mean([row.milliseconds for row in own]):.2f}", f"{own[0].bits} and a sign"]
-        lines.append(f"| {learner} | {' | '.join(cells)} |")
+        seeds = sorted({row.seed for row in own})
+        name = learner if len(seeds) == len(SEEDS) else f"{learner} (seed {', '.join(map(str, seeds))})"
+        lines.append(f"| {name} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
