@@ -97,7 +97,7 @@ def test_sources_that_cannot_be_opened(tmp_path: Path) -> None:
     refused(lambda: open_traverse(tmp_path / "empty"), "empty: holds no images (jpg jpeg png", "give a folder that")
     folder(tmp_path / "parent" / "summer", "1.png")
     refused(lambda: open_traverse(tmp_path / "parent"), "holds no images", "one of its subfolders, such as summer")
-    refused(lambda: open_traverse(written(tmp_path / "x.npy", b"")), "x.npy: is of no known type; give a folder")
+    refused(lambda: open_traverse(written(tmp_path / "x.dat", b"")), "x.dat: is of no known type; give a folder")
     (tmp_path / "loop.png").symlink_to(tmp_path / "loop.png")
     refused(lambda: open_traverse(tmp_path / "loop.png"), "loop.png: cannot be opened (Too many levels of symbolic")
     refused(lambda: open_traverse(tmp_path), "loop.png: cannot be ", "Too many levels of symbolic links")
