@@ -8,7 +8,7 @@ of its own. Units stand in the names. Sources: ``docs/network.md`` for the ``loi
 from __future__ import annotations
 
 import typing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from lava_vpr.errors import ConfigError, brief
@@ -398,3 +398,19 @@ def preset(name: str) -> Config:
     if name not in PRESETS:
         raise ConfigError(f"there is no preset {brief(name)}; choose from {', '.join(PRESETS)}")
     return PRESETS[name]()
+
+
+def for_events(config: Config) -> Config:
+    """``config`` for images of events, where it does not say otherwise: the input ``events``, three views, and the
+    decoder ``standard``, chosen by ``python -m benchmarks.events.choose``. The conductance network takes pixels.
+    """
+    if isinstance(config.network, ConductanceNetwork):
+        return config
+    encoder, views, decoder = config.encoder, config.views, config.decoder
+    if encoder.kind == EncoderConfig.kind:
+        encoder = replace(encoder, kind="events")
+    if len(views.views) == 1:
+        views = replace(views, shifts=3)
+    if decoder.default == DecoderConfig.default:
+        decoder = replace(decoder, default="standard")
+    return replace(config, encoder=encoder, views=views, decoder=decoder)

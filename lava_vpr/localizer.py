@@ -23,6 +23,7 @@ from lava_vpr.encoding import EncodedTraverse, Keep, encode_arrays, encode_views
 from lava_vpr.engine.adaptation import Motion
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
+from lava_vpr.events.files import is_recording
 from lava_vpr.inputs.vectors import Standard
 from lava_vpr.matching.answers import Together, accepted, answers_of, least_probability
 from lava_vpr.matching.forward_filter import NONE, RADIUS, Belief, ForwardFilter
@@ -58,7 +59,8 @@ def train(
             all of them, and those of more than ``encoder.vector_kept`` values projected on so many.
         rates: Instead of ``references``: what each input responds to each image, real numbers of at least 0, (images,
             inputs), of one traverse or of each of several; they are taken as they are.
-        preset: Name of the settings, if no ``config`` is given.
+        preset: Name of the settings, if no ``config`` is given; recordings of events are learned with
+            `lava_vpr.config.for_events` of it.
         config: All settings.
         positions: Where the first traverse's images were taken; an array is x and y in metres, float64 (places, 2).
         seed: Another seed than that of the settings.
@@ -71,6 +73,8 @@ def train(
     if bool(references) == (rates is not None):
         raise InputError("there is nothing to learn, or too much; give the images of a route, or rates")
     chosen = settings.preset(preset) if config is None else config
+    if config is None and any(isinstance(images, (str, Path)) and is_recording(images) for images in references):
+        chosen = settings.for_events(chosen)
     if seed is not None:
         chosen = dataclasses.replace(chosen, seed=seed)
     if rates is not None:

@@ -29,10 +29,11 @@ from lava_vpr.cli.common import (
 )
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.whereabouts import WhereEach, reference_positions_options
-from lava_vpr.config import PRESETS, Config, preset
+from lava_vpr.config import PRESETS, Config, for_events, preset
 from lava_vpr.configfile import read_toml, update
 from lava_vpr.encoding import EncodedTraverse, Keep
 from lava_vpr.engine.threads import cores
+from lava_vpr.events.files import is_recording
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.inputs.vectors import Standard
 from lava_vpr.inputs.windows import EventsConfig
@@ -80,6 +81,12 @@ def window_options(command: F) -> F:
 @places_option("Images A..B-1 of each REFERENCE (default: all).")
 @every_option
 @click.option("--input", "input_kind", type=RegisteredName(INPUTS), default=None, help="What the inputs encode.")
+@click.option(
+    "--events",
+    is_flag=True,
+    help="REFERENCE are images of events: learn them as recordings of events are learned, with the input 'events', "
+    "three views and the decoder 'standard' where nothing else is said.",
+)
 @window_options
 @click.option("--epochs", type=click.IntRange(1, 10_000), default=None, help="Times that every image is shown.")
 @click.option("--neurons", type=click.IntRange(1, 100_000), default=None, help="Excitatory neurons of each stretch.")
@@ -168,6 +175,7 @@ def train(
         raise click.UsageError("--window-ms and --window-events both say how long a window is; give one of them")
     if spacing is not None and change is not None:
         raise click.UsageError("--spacing and --keyframes both say which images become places; give one of them")
+    options["events"] = options["events"] or any(is_recording(source) for source in references)
     config = settings(preset_name, config_file, options)
     checkpoint = output.with_name(output.name + ".checkpoint")
     outputs = Outputs((output, checkpoint), read=(config_file, like, *where.files), images=references)
@@ -263,6 +271,8 @@ def settings(preset_name: str | None, config_file: Path | None, options: dict[st
         config = read_toml(config_file, base)
     else:
         config = base or preset("loihi")
+    if options.get("events"):
+        config = for_events(config)
     changes: dict[str, Any] = {}
     for name, section, key in (
         ("input_kind", "encoder", "kind"),

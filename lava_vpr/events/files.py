@@ -103,6 +103,12 @@ def is_events(path: Path) -> bool:
     return any(path.suffix.lower() in one.suffixes and one.holds(path) for one in FORMATS)
 
 
+def is_recording(source: str | Path) -> bool:
+    """Whether ``source``, whatever it is, names a file of events."""
+    path = Path(source)
+    return path.suffix.lower() in EVENT_SUFFIXES and "\0" not in str(path) and path.is_file() and is_events(path)
+
+
 def open_events(path: Path) -> Recording:
     """The events of a file.
 

@@ -20,6 +20,7 @@ from lava_vpr.inputs.filters import filter_channels, parsed
 from lava_vpr.inputs.orientation import orientation_channels
 from lava_vpr.inputs.patches import PATCH_SIDE, on_off
 from lava_vpr.inputs.vectors import as_rates, signed_channels, without_weak
+from lava_vpr.inputs.windows import saturated
 from lava_vpr.ranges import need, whole, within
 from lava_vpr.registry import Registry
 
@@ -30,8 +31,8 @@ class EncoderConfig:
 
     Attributes:
         kind: Name of a row in `INPUTS`: ``orientation`` (complex-cell edge channels), ``onoff`` or ``pixels`` (the
-            paper's patch-normalised ones), or ``filters`` (a learned convolutional layer in place of orientations); or
-            of descriptors in place of images ``vector`` or ``rates``.
+            paper's patch-normalised ones), ``events`` (``orientation`` of images of events), or ``filters`` (a learned
+            convolutional layer in place of orientations); or of descriptors in place of images ``vector`` or ``rates``.
         image_size: Side in pixels of the square image that the orientation channels are computed on.
         cell: Side in pixels of one pooling cell; ``image_size`` must be a multiple of it.
         orientations: Number of orientations, evenly spaced over 180 degrees.
@@ -42,6 +43,7 @@ class EncoderConfig:
         query_spikes: Expected input spikes per step while answering a query.
         query_inputs: Only so many inputs, those that respond most, spike while answering a query; 0: all.
         filters: What the layer of ``filters`` has learned (`lava_vpr.inputs.filters.written`); empty: train learns it.
+        saturation: ``events``: share of the pixels that are not 0 that keep their level; what is above is cut.
         max_rate_hz: ``pixels`` under the ``paper`` preset: rate of a white pixel, in Hz.
         vector_values: Values of a vector as it is given; training takes it from the references. 0: not known yet.
         vector_kept: Most values that ``vector`` has inputs for, two for each; longer vectors are projected on so many.
@@ -61,6 +63,7 @@ class EncoderConfig:
     train_spikes: float = 12.0
     query_spikes: float = 20.0
     query_inputs: int = 520
+    saturation: float = 0.8
     max_rate_hz: float = 63.75
     vector_values: int = 0
     vector_kept: int = 1984
@@ -84,6 +87,7 @@ class EncoderConfig:
             train_spikes="(0, 1000]",
             query_spikes="(0, 1000]",
             query_inputs="[0, 1000000]",
+            saturation="(0, 1]",
             max_rate_hz="(0, 1000]",
             vector_values="[0, 1000000]",
             vector_kept="[1, 1000000]",
@@ -225,6 +229,18 @@ INPUTS.register(
         grey_levels=True,
         drawing="grey",
         legend="The whiter a pixel, the larger its weight.",
+    )
+)
+INPUTS.register(
+    Input(
+        "events",
+        layout=_orientation_layout,
+        sees="image",
+        activity=lambda image, encoder: _orientation_activity(saturated(image, encoder.saturation), encoder),
+        grey_levels=False,
+        drawing="strokes",
+        legend="A stroke runs along the edge whose events excite the neuron; the longer and stronger, the larger the "
+        "weight.",
     )
 )
 

@@ -9,6 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
 from lava_vpr.ranges import need, within
 
 EventImage = Literal["counts", "surface"]
@@ -30,7 +34,7 @@ class EventsConfig:
             left out; 0: none is.
     """
 
-    window_ms: float = 200.0
+    window_ms: float = 400.0
     window_events: int = 0
     image: EventImage = "counts"
     side: int = 128
@@ -48,3 +52,19 @@ class EventsConfig:
             refractory_us="[0, 10000000]",
             hot_pixels="[0, 1000000]",
         )
+
+
+def saturated(image: NDArray[np.uint8], share: float) -> NDArray[np.uint8]:
+    """An image of events whose brightest pixels are no brighter than others, uint8 (h, w).
+
+    A few pixels have most of a window's events: those on an edge that flickers, or near the camera. They would decide
+    alone.
+
+    Args:
+        image: Numbers of events, or how recent they are, uint8 (h, w) or (h, w, 3) BGR.
+        share: The least level that so many of the pixels above 0 do not exceed becomes white, and so does all above.
+    """
+    grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    counts = np.bincount(grey.reshape(-1), minlength=256)[1:].cumsum()
+    top = 1 + int(np.searchsorted(counts, share * counts[-1]))
+    return (np.minimum(grey, top).astype(np.uint16) * 255 // top).astype(np.uint8)

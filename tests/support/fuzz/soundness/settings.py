@@ -18,7 +18,8 @@ TRUTH = (False, True)
 
 MOST = math.inf
 ENCODER: dict[str, Range | tuple[str, ...] | tuple[bool, ...]] = {
-    "kind": ("orientation", "onoff", "pixels", "vector", "rates"),
+    "kind": ("orientation", "onoff", "pixels", "events", "vector", "rates"),
+    "saturation": ("f<", 0, 1),
     "image_size": ("i", 8, 512),
     "cell": ("i", 1, 512),
     "orientations": ("i", 2, 16),
@@ -217,7 +218,7 @@ def views_of(config: dict[str, Any]) -> int:
 def inputs_of(config: dict[str, Any]) -> int:
     """The number of inputs under sound settings."""
     encoder = config["encoder"]
-    if encoder["kind"] == "orientation":
+    if encoder["kind"] in ("orientation", "events"):
         return int(encoder["orientations"] * (encoder["image_size"] // encoder["cell"]) ** 2)
     if encoder["kind"] == "vector":
         return int(2 * min(encoder["vector_values"], encoder["vector_kept"]))
