@@ -92,16 +92,13 @@ def figures(folder: Path) -> None:
     world = World(seed=0, places=PLACES)
     reference = written(folder, world, "summer", 10.0)
     config = for_events(preset("loihi"))
-    print(
-        f"world 0, {PLACES * world.spacing_m:g} m; learned in summer at 10 m/s; right within {RADIUS_M:g} m; mean of seeds"
-    )
+    length = PLACES * world.spacing_m
+    print(f"world 0, {length:g} m; learned in summer at 10 m/s; right within {RADIUS_M:g} m; mean of seeds")
     names = ("ours", "filtered", "cosine", "sad", "hog", "template")
     print(f"{'query':22} {'file':5} queries " + " ".join(f"{name:>9}" for name in names), flush=True)
     for condition, speed in QUERIES:
         end = ".npz" if (condition, speed) == ("summer", 10.0) else ".h5"
-        query = (
-            written(folder, world, condition, speed, end) if end == ".npz" else written(folder, world, condition, speed)
-        )
+        query = written(folder, world, condition, speed, end)
         _, count, found = measured(config, reference, query)
         row = " ".join(f"{found[name]:9.3f}" for name in names)
         print(f"{condition + f', {speed:g} m/s':22} {end:5} {count:7} {row}", flush=True)
