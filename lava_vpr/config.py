@@ -304,7 +304,9 @@ class DecoderConfig:
     gamma: float = 0.02
 
     def __post_init__(self) -> None:
-        need(self.default in DECODERS, "decoder.default", self.default, "one of " + ", ".join(DECODERS))
+        if self.default not in DECODERS:
+            known = f"one of {', '.join(DECODERS.names())}{DECODERS.elsewhere}"
+            need(False, "decoder.default", self.default, known)
         within(self, "decoder", gamma="[0, 1]")
 
 

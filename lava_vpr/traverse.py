@@ -8,7 +8,6 @@ only a part of that is taken; positions and ground truth (`lava_vpr.truth.ground
 
 from __future__ import annotations
 
-import logging
 import math
 import os
 from collections.abc import Iterable, Iterator, Sequence
@@ -20,23 +19,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
-from lava_vpr.events.files import EVENT_SUFFIXES, Drive, is_events, survey
-from lava_vpr.images.bags import BAG_SUFFIXES, bag_files, bag_frames, is_bag, sample_bag, split_topic
-from lava_vpr.images.files import IMAGE_SUFFIXES, VIDEO_SUFFIXES, folder_images
+from lava_vpr.images.bags import split_topic
+from lava_vpr.images.files import IMAGE_SUFFIXES
 from lava_vpr.images.imagefiles import read_image
-from lava_vpr.images.lists import LIST_SUFFIXES, listed_images
-from lava_vpr.images.videos import sample_video, video_frames
 from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.positions.frames import Positions
 from lava_vpr.positions.names import positions_of_names, stamps_of_names
 from lava_vpr.positions.stamps import in_seconds, stamp_of
 from lava_vpr.positions.tables import read_stamps
 from lava_vpr.positions.track import MOST_GAP_S, Asked, images_on, read_track
+from lava_vpr.readers import Film, Found, Wanted, reader_of, suffixes
 from lava_vpr.storage.text import shown
-from lava_vpr.vectors.files import VECTOR_SUFFIXES, read_vectors
 from lava_vpr.vectors.source import Vectors, VectorSource
 
-_NOTES = logging.getLogger("lava_vpr")
 EVENTS = EventsConfig()
 """How events become images unless a model says otherwise."""
 
@@ -55,9 +50,7 @@ class Traverse:
         stamps: When each image was taken, in seconds (`lava_vpr.positions.stamps`), float64 (n,): of a video since its
             first frame; None if nobody says.
         positions: Where each image was taken; None if nobody says.
-        bag: Whether this is a bag.
-        topic: Its topic that was asked for; None: the only one.
-        drive: The events, and how they are cut into windows; None unless these are events.
+        film: What shows the images of a video, a bag or events, or the vectors; None where each image is a file.
         stored: Where its vectors come from, if it is one of vectors.
     """
 
@@ -67,9 +60,7 @@ class Traverse:
     frames: NDArray[np.int64] | None = None
     stamps: NDArray[np.float64] | None = None
     positions: Positions | None = None
-    bag: bool = False
-    topic: str | None = None
-    drive: Drive | None = None
+    film: Film | None = None
     stored: VectorSource | None = None
 
     def __len__(self) -> int:
@@ -79,12 +70,10 @@ class Traverse:
     def names(self) -> tuple[str, ...]:
         """File name of each image, or ``frame 000012`` with the frame's number in the video (``window 000012`` of
         events); of vectors, the names beside them, or ``vector 000012``; made anew when asked."""
-        if self.frames is not None and self.stored is not None:
-            own = self.stored.names
-            return tuple(f"vector {number:06d}" if own is None else own[number] for number in self.frames)
-        if self.frames is not None:
-            what = "frame" if self.drive is None else "window"
-            return tuple(f"{what} {number:06d}" for number in self.frames)
+        if self.frames is not None and self.stored is not None and self.stored.names is not None:
+            return tuple(self.stored.names[number] for number in self.frames)
+        if self.frames is not None and self.film is not None:
+            return tuple(f"{self.film.word} {number:06d}" for number in self.frames)
         return tuple(printable(path) for path in self.paths)
 
     def images(self) -> Iterator[NDArray[Any]]:
@@ -94,8 +83,8 @@ class Traverse:
         Raises:
             InputError: an image cannot be read; the message names it.
         """
-        if self.frames is not None:
-            yield from self._frames(self.frames)
+        if self.frames is not None and self.film is not None:
+            yield from self.film.show(self.frames)
         else:
             for path in self.paths:
                 yield read_image(Path(path))
@@ -104,18 +93,9 @@ class Traverse:
         """Image or vector ``i``, 0 <= i < len. Of a video, bag or events, all before it is read first."""
         if not 0 <= i < len(self):
             raise IndexError(f"image {i} of a traverse of {len(self)}")
-        if self.frames is not None:
-            return next(self._frames(self.frames[i : i + 1]))
+        if self.frames is not None and self.film is not None:
+            return next(iter(self.film.show(self.frames[i : i + 1])))
         return read_image(Path(self.paths[i]))
-
-    def _frames(self, numbers: NDArray[np.int64]) -> Iterator[NDArray[Any]]:
-        """The images of a video, a bag or events, or the vectors, that have these numbers in it."""
-        if self.drive is not None:
-            return self.drive.frames(numbers)
-        if self.stored is not None:
-            return map(self.stored.row, numbers.tolist())
-        path = Path(self.paths[0])
-        return bag_frames(path, self.topic, numbers) if self.bag else video_frames(path, numbers)
 
     def between(self, first: int, end: int) -> Traverse:
         """Images ``first`` .. ``end`` - 1 of this traverse.
@@ -144,9 +124,7 @@ class Traverse:
             None if self.frames is None else self.frames[order].astype(np.int64),
             None if self.stamps is None else self.stamps[order],
             None if self.positions is None else self.positions.take(order),
-            self.bag,
-            self.topic,
-            self.drive,
+            self.film,
             self.stored,
         )
 
@@ -206,32 +184,19 @@ def open_traverse(
     if places is not None and not 0 <= places[0] < places[1]:
         raise InputError(f"places {places[0]}:{places[1]} are no range; give A:B with 0 <= A < B")
     name, topic = split_topic(text)
-    path, suffix = Path(name), Path(name).suffix.lower()
+    path = Path(name)
     try:
-        is_folder = path.is_dir()
         path.stat()
     except OSError as error:
         raise InputError(f"{shown(path)}: cannot be opened ({error.strerror}); check the path") from None
-    if is_bag(path):
-        whole = _of_bag(text, path, topic, every, None if places is None else places[1])
-    elif is_folder:
-        whole = _of_files(text, folder_images(path))
-    elif not path.is_file():
-        raise InputError(f"{shown(path)}: is neither a folder nor a file; give a folder of images, a list or a video")
-    elif suffix in LIST_SUFFIXES:
-        whole = _of_files(text, listed_images(path))
-    elif suffix in VIDEO_SUFFIXES:
-        whole = _of_video(text, path, every, None if places is None else places[1])
-    elif suffix in EVENT_SUFFIXES and is_events(path):
-        whole = _of_events(text, path, every, events)
-    elif suffix in VECTOR_SUFFIXES:
-        whole = _of_vectors(text, path)
-    elif suffix in IMAGE_SUFFIXES:
-        whole = _of_files(text, [str(path)])
-    else:
-        suffixes = LIST_SUFFIXES + VIDEO_SUFFIXES + BAG_SUFFIXES + EVENT_SUFFIXES + VECTOR_SUFFIXES + IMAGE_SUFFIXES
-        known = " ".join(dict.fromkeys(suffixes))
+    reader = reader_of(path)
+    if reader is None:
+        if not path.is_file():
+            hint = "give a folder of images, a list or a video"
+            raise InputError(f"{shown(path)}: is neither a folder nor a file; {hint}")
+        known = " ".join(suffixes())
         raise InputError(f"{shown(path)}: is of no known type; give a folder of images or one of {known}")
+    whole = _opened(text, reader.open(Wanted(path, every, None if places is None else places[1], topic, events)))
     return whole if places is None else whole.between(*places)
 
 
@@ -279,7 +244,7 @@ def _stamps(traverse: Traverse, said: str) -> NDArray[np.float64]:
     """When the images were taken: what ``said``, a file or the time at which a video begins, tells."""
     start = stamp_of(said)
     if math.isfinite(start) and not os.path.exists(said):
-        if traverse.frames is None or traverse.stamps is None or traverse.bag:
+        if traverse.film is None or traverse.stamps is None or not traverse.film.since_start:
             raise InputError(f"--stamps {said} is when a video begins; give a CSV file with a time for each image")
         return traverse.stamps + float(in_seconds(np.array([start]))[0])
     rows = read_stamps(Path(said))
@@ -289,8 +254,15 @@ def _stamps(traverse: Traverse, said: str) -> NDArray[np.float64]:
     return rows[traverse.indices]
 
 
-def _of_files(source: str, files: list[str]) -> Traverse:
-    whole = Traverse(source, np.arange(len(files), dtype=np.int64), tuple(files))
+def _opened(source: str, found: Found) -> Traverse:
+    """The traverse of what ``source`` holds."""
+    if found.vectors is not None:
+        return vector_traverse(source, found.vectors, found.paths)
+    film = found.film
+    if film is not None:
+        indices = np.arange(len(film.numbers), dtype=np.int64)
+        return Traverse(source, indices, found.paths, film.numbers, film.stamps, film=film)
+    whole = Traverse(source, np.arange(len(found.paths), dtype=np.int64), found.paths)
     names = whole.names
     return replace(whole, stamps=stamps_of_names(names), positions=positions_of_names(names, shown(source)))
 
@@ -304,30 +276,9 @@ def vector_traverse(source: str, stored: VectorSource, paths: tuple[str, ...] = 
         paths: The files that they come from.
     """
     numbers = np.arange(len(stored), dtype=np.int64)
-    whole = Traverse(source, numbers, paths, numbers, stored=stored)
+    film = Film(numbers, lambda chosen: map(stored.row, chosen.tolist()), word="vector")
+    whole = Traverse(source, numbers, paths, numbers, film=film, stored=stored)
     names = () if stored.names is None else stored.names
     positions, stamps = (stored.positions, stored.stamps) if isinstance(stored, Vectors) else (None, None)
     positions = positions_of_names(names, shown(source)) if positions is None else positions
     return replace(whole, stamps=stamps_of_names(names) if stamps is None else stamps, positions=positions)
-
-
-def _of_vectors(source: str, path: Path) -> Traverse:
-    return vector_traverse(source, read_vectors(path), (str(path),))
-
-
-def _of_video(source: str, path: Path, every: float, stop: int | None) -> Traverse:
-    frames, stamps = sample_video(path, every, stop)
-    return Traverse(source, np.arange(len(frames), dtype=np.int64), (str(path),), frames, stamps)
-
-
-def _of_bag(source: str, path: Path, topic: str | None, every: float, stop: int | None) -> Traverse:
-    numbers, stamps = sample_bag(path, topic, every, stop)
-    indices = np.arange(len(numbers), dtype=np.int64)
-    return Traverse(source, indices, tuple(bag_files(path)), numbers, stamps, bag=True, topic=topic)
-
-
-def _of_events(source: str, path: Path, every: float, config: EventsConfig) -> Traverse:
-    drive = survey(path, config, every)
-    _NOTES.info("%s", drive.told())
-    numbers = np.arange(len(drive.stamps), dtype=np.int64)
-    return Traverse(source, numbers, (str(path),), numbers, drive.stamps, drive=drive)

@@ -9,7 +9,7 @@ from lava_vpr import loihi
 from lava_vpr.deploy.boards.constants import LOIHI_1, CostConstants
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import BackendUnavailableError
-from lava_vpr.registry import Registry
+from lava_vpr.rows.registry import Registry
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from lava_vpr.deploy.bundle.core_files import Player
 from lava_vpr.deploy.bundle.folder import Bundle
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import BackendUnavailableError
-from lava_vpr.registry import Registry
+from lava_vpr.rows.registry import Registry
 
 
 @dataclass(frozen=True)

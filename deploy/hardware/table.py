@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Mapping
 from lava_vpr.deploy.boards.constants import HOST_POWER, LOIHI_1, Constant
 from lava_vpr.deploy.hardware import loihi_1, loihi_2, nxsdk_calls, nxsdk_registers
 from lava_vpr.deploy.hardware.belief import Belief, Given
-from lava_vpr.registry import Registry
+from lava_vpr.rows.registry import Registry
 
 ASSUMED = frozenset({"host_message", "host_power", "register_time", "word_time"})
 """Constants of the cost model that no public text shows."""

@@ -11,9 +11,11 @@ from lava_vpr.backends.interface import Advance, Backend, BackendRow
 from lava_vpr.backends.lava import lava_missing, loihi2_missing, maker
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.model import Model, integer_model
-from lava_vpr.registry import Registry
+from lava_vpr.rows.registry import Registry
 
-BACKENDS: Registry[BackendRow] = Registry("backend", BackendUnavailableError)
+BACKENDS: Registry[BackendRow] = Registry(
+    "backend", BackendUnavailableError, group="lava_vpr.backends", row_class=BackendRow
+)
 """Every backend by name; the first is the one that others are compared with."""
 
 

@@ -23,6 +23,7 @@ from lava_vpr.inputs.vectors import Standard
 from lava_vpr.inputs.views import STRAIGHT, View
 from lava_vpr.matching.forward_filter import MOTIONS, NONE
 from lava_vpr.model import Model
+from lava_vpr.rows.registry import Registry
 from lava_vpr.storage.text import harmless
 from lava_vpr.traverse import Traverse
 
@@ -76,14 +77,18 @@ class Number(click.FloatRange):
 class RegisteredName(click.Choice):
     """The name of a row in a registry, which is asked whenever a name is to be checked or the names are to be shown."""
 
-    def __init__(self, registry: Mapping[str, Any]) -> None:
+    def __init__(self, registry: Registry[Any]) -> None:
         self.registry = registry
         self.case_sensitive = True
 
     @property
     def choices(self) -> tuple[str, ...]:  # type: ignore[override]
-        """The names of all rows in the registry, as they are now."""
-        return tuple(self.registry)
+        """The names of all rows in the registry, as they are now; plug-ins are not loaded for it."""
+        return self.registry.names()
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """``value`` if a row has that name, which takes no look at plug-ins for one that is built in."""
+        return value if value in self.registry else super().convert(value, param, ctx)
 
 
 class OneSource(click.Command):

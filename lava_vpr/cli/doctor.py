@@ -6,6 +6,7 @@ import importlib.metadata
 import importlib.util
 import platform
 import shutil
+from typing import Any
 
 import click
 from rich.table import Table
@@ -16,6 +17,10 @@ from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.cli.common import console, print_reasons
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import BackendUnavailableError
+from lava_vpr.inputs.encoder import INPUTS
+from lava_vpr.matching.decoders import DECODERS
+from lava_vpr.readers import READERS
+from lava_vpr.rows.registry import Registry
 
 NEEDED = {
     "numpy": "arrays",
@@ -34,6 +39,8 @@ OPTIONAL = {
     "lava-loihi": ("vendor", "Intel's closed package that drives Loihi 2; from Intel's research cloud"),
     "nxsdk": ("vendor", "Intel's closed package that drives Kapoho Bay; from Intel's research cloud"),
 }
+PLUGGED: tuple[Registry[Any], ...] = (INPUTS, DECODERS, BACKENDS, READERS)
+"""The registries whose rows packages can bring."""
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 
@@ -57,6 +64,20 @@ def _costing() -> list[tuple[str, str, str]]:
     return [
         ("RAPL", there, f"energy of the processor, for bench{why}"),
     ]
+
+
+def _show_plugins() -> None:
+    """Say which rows other packages bring, and why one cannot be used."""
+    table = Table(title="plug-ins", title_justify="left")
+    for column in ("what", "name", "package", "version", "usable"):
+        table.add_column(column, no_wrap=column != "usable", overflow="fold")
+    for registry in PLUGGED:
+        for plugin, reason in registry.plugged():
+            table.add_row(registry.kind, plugin.name, plugin.package, plugin.version, reason or "yes")
+    if table.row_count:
+        console.print(table)
+    else:
+        console.print(f"no plug-ins (entry points {', '.join(registry.group or '' for registry in PLUGGED)})")
 
 
 @click.command()
@@ -88,6 +109,7 @@ def doctor() -> None:
         names.add_row(name, "yes" if reasons[name] is None and not missing else "no", row.title)
     console.print(names)
     print_reasons(reasons)
+    _show_plugins()
     if missing:
         raise BackendUnavailableError(
             f"{', '.join(missing)} missing; install again: pip install --force-reinstall lava-vpr"

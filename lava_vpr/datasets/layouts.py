@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Literal
 
 from lava_vpr.errors import InputError
-from lava_vpr.registry import Registry
+from lava_vpr.rows.registry import Registry
 from lava_vpr.storage.text import shown
 from lava_vpr.traverse import Traverse, open_traverse
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from lava_vpr.errors import InputError
 from lava_vpr.exchange.drawn import Drawn
 from lava_vpr.model import IntegerModel
-from lava_vpr.registry import Registry
+from lava_vpr.rows.registry import Registry
 from lava_vpr.storage.text import shown
 
 TIME_STEP = 1e-4

@@ -22,7 +22,7 @@ from lava_vpr.inputs.patches import PATCH_SIDE, on_off
 from lava_vpr.inputs.vectors import as_rates, signed_channels, without_weak
 from lava_vpr.inputs.windows import saturated
 from lava_vpr.ranges import need, whole, within
-from lava_vpr.registry import Registry
+from lava_vpr.rows.registry import Registry
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,8 @@ class EncoderConfig:
     filters: str = ""
 
     def __post_init__(self) -> None:
-        need(self.kind in INPUTS, "encoder.kind", self.kind, "one of " + ", ".join(INPUTS))
+        if self.kind not in INPUTS:
+            need(False, "encoder.kind", self.kind, f"one of {', '.join(INPUTS.names())}{INPUTS.elsewhere}")
         within(self, "encoder", image_size="[8, 512]")
         need(whole(self.cell) and 1 <= self.cell <= self.image_size, "encoder.cell", self.cell, "in 1..image_size")
         need(self.image_size % self.cell == 0, "encoder.image_size", self.image_size, f"a multiple of {self.cell}")
@@ -156,7 +157,7 @@ class Input:
     standardised: bool = False
 
 
-INPUTS: Registry[Input] = Registry("kind of input", ConfigError)
+INPUTS: Registry[Input] = Registry("kind of input", ConfigError, group="lava_vpr.inputs", row_class=Input)
 """All kinds of input by name, the default one first."""
 
 

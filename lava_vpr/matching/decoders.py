@@ -22,7 +22,7 @@ from lava_vpr.errors import ConfigError
 from lava_vpr.matching import certainty, equations
 from lava_vpr.matching.certainty import Matcher
 from lava_vpr.matching.equations import RELEASED, VARIANTS, Counts, Scores, ScoresOf, Variant, check_variant
-from lava_vpr.registry import Registry
+from lava_vpr.rows.registry import Registry
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ class Decoder(Matcher):
             raise TypeError(f"decoder {self.name!r}: no score function for the variant {', '.join(missing)}")
 
 
-DECODERS: Registry[Decoder] = Registry("decoder", ConfigError)
+DECODERS: Registry[Decoder] = Registry("decoder", ConfigError, group="lava_vpr.decoders", row_class=Decoder)
 """All decoders by name, the default one first."""
 
 

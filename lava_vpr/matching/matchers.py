@@ -7,7 +7,7 @@ from lava_vpr.matching import certainty
 from lava_vpr.matching.certainty import Matcher
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.matching.equations import Scores
-from lava_vpr.registry import Registry
+from lava_vpr.rows.registry import Registry
 
 MATCHERS: Registry[Matcher] = Registry("matcher", ConfigError)
 """The baselines of `matching.baselines`, and ``sequence``: the scores of any matcher, added up over a sequence."""

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
-from lava_vpr.events.files import EVENT_SUFFIXES, is_events
 from lava_vpr.images.bags import bag_images, is_bag, split_topic
 from lava_vpr.images.files import VIDEO_SUFFIXES
 from lava_vpr.images.imagefiles import read_image
@@ -79,9 +78,7 @@ def open_source(
         return _of_folder(path, existing)
     if path.suffix.lower() in VIDEO_SUFFIXES and path.is_file():
         return _of_video(path, every)
-    if path.suffix.lower() in EVENT_SUFFIXES and path.is_file() and is_events(path):
-        return _of_recording(open_traverse(source, every=every, events=events))
-    return _of_list(source)
+    return _of_traverse(open_traverse(source, every=every, events=events))
 
 
 def _of_standard_input() -> Iterator[Seen]:
@@ -112,12 +109,6 @@ def _of_events(images: Iterable[tuple[int, float, NDArray[np.uint8]]]) -> Iterat
         yield Seen(f"window {number:06d}", stamp, image)
 
 
-def _of_recording(traverse: Traverse) -> Iterator[Seen]:
-    stamps = traverse.stamps if traverse.stamps is not None else np.empty(0)
-    for name, stamp, image in zip(traverse.names, stamps.tolist(), traverse.images(), strict=True):
-        yield Seen(name, stamp, image)
-
-
 def _of_bag(path: Path, topic: str | None, every: float) -> Iterator[Seen]:
     for found in bag_images(path, topic, every):
         image: NDArray[np.uint8] | InputError
@@ -128,9 +119,8 @@ def _of_bag(path: Path, topic: str | None, every: float) -> Iterator[Seen]:
         yield Seen(f"frame {found.number:06d}", found.stamp, image)
 
 
-def _of_list(source: str) -> Iterator[Seen]:
-    traverse = open_traverse(source)
-    if traverse.stored is not None:
+def _of_traverse(traverse: Traverse) -> Iterator[Seen]:
+    if traverse.film is not None:
         stamps = [None] * len(traverse) if traverse.stamps is None else traverse.stamps.tolist()
         return (Seen(*seen) for seen in zip(traverse.names, stamps, traverse.images(), strict=True))
     return (Seen(printable(path), _stamp(path), _read(path)) for path in traverse.paths)

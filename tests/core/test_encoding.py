@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from support.common.small_models import encoded, small_config, small_model
 
-from lava_vpr import traverse as traverses
+from lava_vpr import readers
 from lava_vpr.config import EncoderConfig
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse, encoded_batches
 from lava_vpr.errors import InputError
@@ -70,9 +70,11 @@ def test_batches_of_a_video_are_decoded_in_one_pass(tmp_path: Path, monkeypatch:
     for picture in np.random.default_rng(0).integers(0, 256, (11, 6, 8, 3)).astype(np.uint8):
         writer.write(cv2.resize(picture, (64, 48)))
     writer.release()
+    passes: list[object] = []
+    monkeypatch.setattr(readers, "video_frames", lambda *given: passes.append(given) or video_frames(*given))
     video = open_traverse(tmp_path / "drive.avi", every=0.1).between(2, 11)
-    whole, passes = encode_traverse(video, EncoderConfig()), []
-    monkeypatch.setattr(traverses, "video_frames", lambda *given: passes.append(given) or video_frames(*given))
+    whole = encode_traverse(video, EncoderConfig())
+    passes.clear()
     batches = [batch for (batch,) in encoded_batches(video, EncoderConfig(), (STRAIGHT,), 4)]
     assert [batch.names for batch in batches] == [whole.names[:4], whole.names[4:8], whole.names[8:]]
     np.testing.assert_array_equal(np.concatenate([batch.activity for batch in batches]), whole.activity)

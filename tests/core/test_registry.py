@@ -9,7 +9,7 @@ from typing import Any, Literal
 import pytest
 
 from lava_vpr.errors import ConfigError
-from lava_vpr.registry import Registry
+from lava_vpr.rows.registry import Registry
 
 
 @dataclass(frozen=True)

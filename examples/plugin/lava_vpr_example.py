@@ -1,0 +1,70 @@
+"""A kind of input and a decoder for lava-vpr: each a function and a row, named in pyproject.toml as an entry point."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.inputs.encoder import EncoderConfig, Input, Layout
+from lava_vpr.matching import certainty
+from lava_vpr.matching.decoders import Decoder, Reading, in_every_variant
+from lava_vpr.matching.equations import Counts, Scores, ScoresOf
+
+GRID = 28
+
+
+def centre_surround(image: NDArray[np.uint8], encoder: EncoderConfig) -> NDArray[np.float32]:
+    """How much brighter or darker each point of an image is than what surrounds it, as a retina's ON and OFF cells.
+
+    Args:
+        image: uint8 (h, w) or (h, w, 3) BGR.
+        encoder: Settings; these channels need none.
+    Returns:
+        float32 (2 x 28 x 28,): ON, then OFF, each row by row, at least 0.
+    """
+    grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image
+    small = cv2.resize(grey, (2 * GRID, 2 * GRID), interpolation=cv2.INTER_AREA).astype(np.float32)
+    difference = cv2.GaussianBlur(small, (0, 0), 1.0) - cv2.GaussianBlur(small, (0, 0), 3.0)
+    normal = difference / (cv2.GaussianBlur(np.abs(difference), (0, 0), 6.0) + 1.0)
+    both = (np.maximum(normal, 0), np.maximum(-normal, 0))
+    pooled = [cv2.resize(channel, (GRID, GRID), interpolation=cv2.INTER_AREA) for channel in both]
+    return np.stack(pooled).astype(np.float32).reshape(-1)
+
+
+def count_cosine(responses: Counts, reading: Reading) -> ScoresOf:
+    """The cosine of the angle between a query's spike counts and those of each place's references.
+
+    Args:
+        responses: S^R, int (neurons, places).
+        reading: How equations of the paper are read; this is none of them.
+    Returns:
+        The function from counts int (queries, neurons) to scores float64 (queries, places) in [0, 1].
+    """
+    templates = responses.astype(np.float64)
+    templates /= np.maximum(np.linalg.norm(templates, axis=0), 1.0)
+
+    def scores(counts: Counts) -> Scores:
+        found = np.zeros((len(counts), templates.shape[1]))
+        for score, row in zip(found, counts.astype(np.float64), strict=True):  # one by one: whatever others are asked
+            score[:] = row @ templates / max(float(np.linalg.norm(row)), 1.0)
+        return found
+
+    return scores
+
+
+CENTRE_SURROUND = Input(
+    "centre-surround",
+    layout=lambda encoder: Layout(2, GRID),
+    sees="image",
+    activity=centre_surround,
+    grey_levels=False,
+    drawing="grey",
+    legend="White: the neuron expects a point brighter than its surroundings; black: a darker one.",
+)
+COUNT_COSINE = Decoder(
+    "count-cosine",
+    title="cosine of the counts",
+    confidence=certainty.margin,
+    scores=in_every_variant(count_cosine),
+)

@@ -1,0 +1,1 @@
+"""Registries: one table for each kind of thing that can be added, by this package or by another."""

@@ -1,0 +1,73 @@
+"""The example package, installed beside lava-vpr: its input is learned with, its decoder answers, doctor lists both."""
+
+from __future__ import annotations
+
+import csv
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from support.common.commands import CONFIG, PLACES
+
+from lava_vpr.synthetic.world import write_traverses
+
+SOURCE = Path(__file__).resolve().parents[2] / "examples" / "plugin"
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder in which pip has installed the example."""
+    folder = tmp_path_factory.mktemp("plugin")
+    shutil.copytree(SOURCE, folder / "source", ignore=shutil.ignore_patterns("*.egg-info", "build", "__pycache__"))
+    options = ("--quiet", "--disable-pip-version-check", "--no-deps", "--no-index", "--no-build-isolation")
+    where = ("--target", folder / "site", folder / "source")
+    subprocess.run([sys.executable, "-m", "pip", "install", *options, *where], check=True, timeout=300)
+    return folder / "site"
+
+
+def lava_vpr(folder: Path, site: Path | None, *words: object) -> subprocess.CompletedProcess[str]:
+    """A command, with the example on the path or without."""
+    others = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    return subprocess.run(
+        [sys.executable, "-m", "lava_vpr", *map(str, words)],
+        cwd=folder,
+        env=others if site is None else {**others, "PYTHONPATH": str(site)},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+
+
+def test_its_input_and_its_decoder_are_used(site: Path, tmp_path: Path) -> None:
+    write_traverses(tmp_path, PLACES, 0)
+    (tmp_path / "quick.toml").write_text(f"{CONFIG}[decoder]\ndefault = 'count-cosine'\n")
+    words = ("train", "reference", "-o", "m.lvpr", "--config", "quick.toml", "--input", "centre-surround")
+    done = lava_vpr(tmp_path, site, *words)
+    assert (done.returncode, done.stderr) == (0, "")
+    done = lava_vpr(tmp_path, site, "query", "m.lvpr", "query", "-o", "m.csv")
+    assert (done.returncode, done.stderr) == (0, "")
+    with (tmp_path / "m.csv").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert sum(int(row["query"]) == int(row["place"]) for row in rows) >= PLACES - 2
+    assert all(0 <= float(row["confidence"]) <= 1 for row in rows)  # a margin between cosines
+    done = lava_vpr(tmp_path, site, "doctor")
+    assert done.returncode == 0
+    listed = [line.split() for line in done.stdout.splitlines() if "lava-vpr-example" in line]
+    assert [[word for word in line if word not in "│┃"][-4:] for line in listed] == [
+        ["centre-surround", "lava-vpr-example", "0.1.0", "yes"],
+        ["count-cosine", "lava-vpr-example", "0.1.0", "yes"],
+    ]
+
+    done = lava_vpr(tmp_path, None, "query", "m.lvpr", "query")
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(
+        "lava-vpr: error: m.lvpr: the model cannot be used (decoder.default is 'count-cosine', but must be one of "
+        "contrast, standard, weighted, probability, weighted_probability, or install the package that has it among its "
+        "entry points lava_vpr.decoders; "
+    )
+    assert "no plug-ins" in lava_vpr(tmp_path, None, "doctor").stdout
