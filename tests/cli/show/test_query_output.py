@@ -117,12 +117,12 @@ def test_candidates_of_a_sequence_are_those_of_its_end(here: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "parts"),
     [
-        ((), (" may show place 3 (place_00003.png): not accepted, probability 48%, and none is enough for this ",)),
-        (("--target-precision", 0.3), (" shows place 3 (place_00003.png): accepted, probability 48%.",)),
+        ((), (" may show place 3 (place_00003.png): not accepted, probability 47%, and none is enough for this ",)),
+        (("--target-precision", 0.3), (" shows place 3 (place_00003.png): accepted, probability 47%.",)),
         (("--query-views", 3), (" shows place 3 (place_00003.png): accepted, confidence ",)),
         (
             ("--min-confidence", "99"),
-            (" may show place 3 (place_00003.png): not accepted, probability 48%, confidence ",),
+            (" may show place 3 (place_00003.png): not accepted, probability 47%, confidence ",),
         ),
         (("--min-confidence", "0"), (" shows place 3 (place_00003.png): accepted, ",)),
         (("--top", 2), ("not accepted", "\n2. place ", "score ")),

@@ -15,6 +15,8 @@ Range = tuple[str, float, float]
 """Type (``i``, ``f``; with ``<`` or ``>`` the low or high end itself is outside), least and most."""
 
 TRUTH = (False, True)
+TEXT: tuple[str, ...] = ()
+"""Any text; what else it must be is not told apart here."""
 
 MOST = math.inf
 ENCODER: dict[str, Range | tuple[str, ...] | tuple[bool, ...]] = {
@@ -30,6 +32,7 @@ ENCODER: dict[str, Range | tuple[str, ...] | tuple[bool, ...]] = {
     "query_spikes": ("f<", 0, 1000),
     "query_inputs": ("i", 0, 1_000_000),
     "max_rate_hz": ("f<", 0, 1000),
+    "filters": TEXT,
     "vector_values": ("i", 0, 1_000_000),
     "vector_kept": ("i", 1, 1_000_000),
     "vector_scale": ("shared", "own"),
@@ -173,6 +176,9 @@ def _section(values: dict[str, Any], table: dict[str, Any], name: str, findings:
         value = values.get(key)
         if allowed is TRUTH:
             findings.need(type(value) is bool, "T1", f"{name}.{key} is {value!r:.40}")
+            continue
+        if allowed is TEXT:
+            findings.need(isinstance(value, str), "T1", f"{name}.{key} is {value!r:.40}")
             continue
         if not _is_range(allowed):
             findings.need(isinstance(value, str) and value in allowed, "T2", f"{name}.{key} is {value!r:.40}")
