@@ -20,7 +20,7 @@ TEXT: tuple[str, ...] = ()
 
 MOST = math.inf
 ENCODER: dict[str, Range | tuple[str, ...] | tuple[bool, ...]] = {
-    "kind": ("orientation", "onoff", "pixels", "events", "vector", "rates"),
+    "kind": ("orientation", "filters", "onoff", "pixels", "events", "vector", "rates"),
     "saturation": ("f<", 0, 1),
     "image_size": ("i", 8, 512),
     "cell": ("i", 1, 512),
