@@ -27,6 +27,7 @@ from lava_vpr.bench.peers import cosine_answer, sad_answer
 from lava_vpr.config import preset
 from lava_vpr.encoding import query_rates
 from lava_vpr.engine.threads import cores, share
+from lava_vpr.inputs.encoded import Keep
 from lava_vpr.matching import baselines
 from lava_vpr.model import Model
 
@@ -40,7 +41,7 @@ def matchers(model: Model, presentations: int) -> tuple[dict[str, Callable[[], M
     winter, threads = encoded("winter", model.config.encoder), cores()
     times = -(-presentations // len(winter))
     rates = np.tile(query_rates(winter.activity, model.config), (times, 1))
-    patches = np.tile(winter.patches_for("SAD"), (times, 1, 1))
+    patches = np.tile(winter.kept(Keep.PATCHES, "SAD"), (times, 1, 1))
     known, answer = query_rates(model.activity, model.config), host_answer(model, model.config.seed)
     (sad, _), (cosine, _) = sad_answer(model, patches), cosine_answer(model, rates)
 

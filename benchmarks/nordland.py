@@ -53,9 +53,9 @@ def part(traverse: EncodedTraverse, chosen: slice | NDArray[np.int64]) -> Encode
         traverse,
         names=tuple(traverse.names[i] for i in order),
         indices=traverse.indices[order],
-        patches=traverse.patches_for("a part")[order],
+        patches=traverse.kept(Keep.PATCHES, "a part")[order],
         activity=traverse.activity[order],
-        thumbnails=traverse.thumbnails_for("a part")[order],
+        thumbnails=traverse.kept(Keep.THUMBNAILS, "a part")[order],
         hog=None if traverse.hog is None else traverse.hog[order],
     )
 

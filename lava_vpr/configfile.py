@@ -13,7 +13,7 @@ import tomli_w
 
 from lava_vpr.config import Config, preset
 from lava_vpr.errors import ConfigError, brief
-from lava_vpr.ranges import CHANGE_IT
+from lava_vpr.settings.ranges import CHANGE_IT
 from lava_vpr.storage.reading import read_bytes
 from lava_vpr.storage.text import harmless, shown
 

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.config import ConductanceNetwork, Config
+from lava_vpr.config import Config
 from lava_vpr.engine.inference.bias_input import bias_input_spikes
 from lava_vpr.engine.random import draws
 from lava_vpr.errors import InputError
@@ -24,6 +24,7 @@ from lava_vpr.inputs.hog import HOG_VALUES, hog
 from lava_vpr.inputs.patches import PATCH_SIDE, patch_normalised
 from lava_vpr.inputs.vectors import Standard, picture_of
 from lava_vpr.inputs.views import STRAIGHT, View, seen_as
+from lava_vpr.settings.conductance import ConductanceNetwork
 from lava_vpr.storage.text import shown
 from lava_vpr.traverse import Traverse
 from lava_vpr.vectors.source import checked_vectors

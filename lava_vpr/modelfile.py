@@ -33,7 +33,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.config import ConductanceLearning, ConductanceNetwork, Config
+from lava_vpr.config import Config
 from lava_vpr.configfile import from_dict
 from lava_vpr.engine import effort
 from lava_vpr.engine.conductance.model import ConductanceState
@@ -43,7 +43,8 @@ from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.loihi import WEIGHT_LIMIT
 from lava_vpr.matching.probability import KINDS
 from lava_vpr.positions.frames import LAT_LON, MOST_METRES, XY, fits, is_frame
-from lava_vpr.ranges import real, whole
+from lava_vpr.settings.conductance import ConductanceLearning, ConductanceNetwork
+from lava_vpr.settings.ranges import real, whole
 from lava_vpr.storage.arrays import Rule, UnfitError, check_arrays
 from lava_vpr.storage.limits import excess
 from lava_vpr.vectors.kept import check_standard, seen_rules

@@ -22,14 +22,16 @@ from numpy.typing import NDArray
 from benchmarks.peers import vprtempo
 from lava_vpr.bench.peers import TimedMatcher, repeats
 from lava_vpr.bench.results import Peer
-from lava_vpr.config import ConductanceNetwork, Config, preset
+from lava_vpr.config import Config, preset
 from lava_vpr.configfile import to_dict
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.conductance.model import ConductanceState, initial_state
 from lava_vpr.errors import BackendUnavailableError
+from lava_vpr.inputs.encoded import Keep
 from lava_vpr.isolated.child import run_child
 from lava_vpr.matching.evaluation import evaluate
 from lava_vpr.model import Model
+from lava_vpr.settings.conductance import ConductanceNetwork
 from lava_vpr.traverse import Traverse
 
 PYTHON = "LAVA_VPR_PEERS"
@@ -101,7 +103,7 @@ def vprtempo_matchers(
         seen = "its own 56x56 images, gamma-corrected and patch-normalised"
         found.append(vprtempo_matcher("vprtempo_own", seen, own[0], model.labels, own[1], truth))
     seen = "the model's 28x28 patch-normalised images, which VPRSNN and SAD see"
-    patches = queries.patches_for("VPRTempo")
+    patches = queries.kept(Keep.PATCHES, "VPRTempo")
     return [*found, vprtempo_matcher("vprtempo", seen, model.patches, model.labels, patches, truth)]
 
 
@@ -172,7 +174,7 @@ def brian2_peer(model: Model, queries: EncodedTraverse, limit: int, python: str 
     config, state, which = _reference(model)
     network = config.network
     silent = f" and {network.rest_steps} of rest" if isinstance(network, ConductanceNetwork) else ""
-    patches = queries.patches_for("Brian2")[:limit].reshape(min(limit, len(queries)), -1)
+    patches = queries.kept(Keep.PATCHES, "Brian2")[:limit].reshape(min(limit, len(queries)), -1)
     try:
         answer = in_brian2(config, state, patches * (config.encoder.max_rate_hz / 255.0), chosen)
     except BackendUnavailableError as error:

@@ -82,9 +82,9 @@ def _joined(one: EncodedTraverse, two: EncodedTraverse) -> EncodedTraverse:
         one.names + tuple(f"long-{name}" for name in two.names),
         np.concatenate([one.indices, two.indices + len(one)]),
         np.concatenate([one.activity, two.activity]),
-        np.concatenate([one.patches_for("a list"), two.patches_for("a list")]),
-        np.concatenate([one.thumbnails_for("a list"), two.thumbnails_for("a list")]),
-        np.concatenate([one.hog_for("a list"), two.hog_for("a list")]),
+        np.concatenate([one.kept(Keep.PATCHES, "a list"), two.kept(Keep.PATCHES, "a list")]),
+        np.concatenate([one.kept(Keep.THUMBNAILS, "a list"), two.kept(Keep.THUMBNAILS, "a list")]),
+        np.concatenate([one.kept(Keep.HOG, "a list"), two.kept(Keep.HOG, "a list")]),
     )
 
 

@@ -19,7 +19,7 @@ from lava_vpr.deploy.registers.simulator import Chips
 from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork
 from lava_vpr.errors import BundleError, ModelFileError, brief
 from lava_vpr.loihi import WEIGHT_BITS
-from lava_vpr.ranges import whole
+from lava_vpr.settings.ranges import whole
 from lava_vpr.storage.limits import excess
 from lava_vpr.storage.npy import Shape
 

@@ -26,7 +26,7 @@ from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.bundle.listing import BeyondError, Facts, listed_files, strict_json
 from lava_vpr.errors import BundleError, brief
 from lava_vpr.interrupts import held
-from lava_vpr.ranges import whole
+from lava_vpr.settings.ranges import whole
 from lava_vpr.storage.limits import excess
 from lava_vpr.storage.npy import Shape, array_of
 from lava_vpr.storage.reading import open_regular, read_bytes

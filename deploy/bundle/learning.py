@@ -42,7 +42,7 @@ from lava_vpr.errors import BundleError, ConfigError, NetworkLimitError, brief
 from lava_vpr.gate import integer_config
 from lava_vpr.loihi import INPUT_LIMIT, LOIHI_2_RESET_LIMIT, THRESHOLD_LIMIT, TRACE_LIMIT, WEIGHT_LIMIT
 from lava_vpr.model import Model, Stretch
-from lava_vpr.ranges import real, whole
+from lava_vpr.settings.ranges import real, whole
 from lava_vpr.storage.limits import excess
 from lava_vpr.storage.text import shown
 from lava_vpr.training.loop import start_key, traverses_shown

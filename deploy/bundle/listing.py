@@ -6,7 +6,7 @@ import re
 from typing import Any, NamedTuple
 
 from lava_vpr.errors import brief
-from lava_vpr.ranges import whole
+from lava_vpr.settings.ranges import whole
 from lava_vpr.storage.limits import excess
 from lava_vpr.storage.reading import parse_json
 

@@ -29,7 +29,7 @@ from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork
 from lava_vpr.engine.inference.neuron_bias import bias_registers
 from lava_vpr.errors import BundleError, NetworkLimitError, brief
 from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT, NO_MEMORY_DECAY, WEIGHT_BITS
-from lava_vpr.ranges import whole
+from lava_vpr.settings.ranges import whole
 
 WEIGHTS, BIAS, PARAMETERS = "network/weights.npy", "network/bias.npy", "network/parameters.json"
 

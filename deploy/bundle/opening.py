@@ -20,7 +20,7 @@ from lava_vpr.deploy.bundle.references import References
 from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.errors import BundleError, brief
 from lava_vpr.model import Model
-from lava_vpr.ranges import whole
+from lava_vpr.settings.ranges import whole
 
 
 class Opened(NamedTuple):

@@ -16,7 +16,7 @@ from lava_vpr.engine.effort import check_query
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import BundleError, LavaVprError, brief
 from lava_vpr.model import Model, assemble, content
-from lava_vpr.ranges import whole
+from lava_vpr.settings.ranges import whole
 from lava_vpr.storage import container
 from lava_vpr.training.references import response_keys
 

@@ -91,7 +91,7 @@ def compared_vectors(
     model: Model, queries: EncodedTraverse, name: str
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """What the baseline ``name`` of vectors compares: that of the queries (n, values), and of the references."""
-    pair = queries.vectors_for(name), np.asarray(model.vectors, np.float32)
+    pair = queries.kept(Keep.VECTORS, name), np.asarray(model.vectors, np.float32)
     if name == "vectors" or model.standard is None:
         return pair
     return model.standard.standardised(pair[0]), model.standard.standardised(pair[1])
@@ -198,9 +198,9 @@ class Rivals:
     def _seen(self, name: str) -> tuple[NDArray[Any], NDArray[Any]]:
         """What a baseline that compares images or vectors sees of the queries and of the references, an item each."""
         if name == "sad":
-            return self.queries.patches_for("SAD"), np.asarray(self.model.patches)
+            return self.queries.kept(Keep.PATCHES, "SAD"), np.asarray(self.model.patches)
         if name == "hog":
-            return self.queries.hog_for("HOG"), np.asarray(self.model.hog)
+            return self.queries.kept(Keep.HOG, "HOG"), np.asarray(self.model.hog)
         if name in _OF_VECTORS:
             return compared_vectors(self.model, self.queries, name)
         return self._rates, query_rates(self.model.activity, self.model.config)

@@ -25,6 +25,7 @@ from lava_vpr.encoding import query_rates
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.threads import cores, share
 from lava_vpr.errors import InputError
+from lava_vpr.inputs.encoded import Keep
 from lava_vpr.kernelcache import compiled
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.model import Model
@@ -180,7 +181,7 @@ def _matchers(queries: QuerySet, known: Recognition) -> list[TimedMatcher]:
     ]
     for name in chosen(model, None):
         if name == "sad":
-            sad, sad_bytes = sad_answer(model, np.tile(queries.images.patches_for("SAD"), (times, 1, 1)))
+            sad, sad_bytes = sad_answer(model, np.tile(queries.images.kept(Keep.PATCHES, "SAD"), (times, 1, 1)))
             what = (
                 "sum of absolute differences of patch-normalised 28x28 images (Milford and Wyeth 2012), 8-bit integers"
             )
@@ -190,7 +191,7 @@ def _matchers(queries: QuerySet, known: Recognition) -> list[TimedMatcher]:
             what = f"nearest neighbour by cosine of {BASELINES[name]}, float32 matrix product"
             found.append(TimedMatcher(name, what, kept, answer, known.metrics[name]))
         elif name == "hog":
-            hog, hog_bytes = hog_answer(model, np.tile(queries.images.hog_for("HOG"), (times, 1)))
+            hog, hog_bytes = hog_answer(model, np.tile(queries.images.kept(Keep.HOG, "HOG"), (times, 1)))
             what = "cosine of OpenCV's HOG of 64x64 grey images, its own settings (Dalal and Triggs 2005), float32"
             found.append(TimedMatcher("hog", what, hog_bytes, hog, known.metrics["hog"]))
         elif name == "template":

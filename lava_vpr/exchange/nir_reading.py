@@ -20,7 +20,7 @@ from lava_vpr.errors import InputError, brief
 from lava_vpr.exchange.drawn import Drawn
 from lava_vpr.exchange.nir_writing import FORMAT
 from lava_vpr.loihi import WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
-from lava_vpr.ranges import real, whole
+from lava_vpr.settings.ranges import real, whole
 from lava_vpr.storage import hdf5
 from lava_vpr.storage.reading import parse_json
 from lava_vpr.storage.text import shown

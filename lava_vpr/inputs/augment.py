@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.inputs.encoder import Layout
-from lava_vpr.ranges import within
+from lava_vpr.settings.ranges import within
 
 
 @dataclass(frozen=True)

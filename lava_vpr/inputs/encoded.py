@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Flag, auto
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,6 @@ from lava_vpr.errors import InputError
 from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
 from lava_vpr.inputs.hog import HOG_VALUES
 from lava_vpr.inputs.patches import PATCH_SIDE
-
-T = TypeVar("T", bound=np.generic)
 
 THUMBNAIL = (64, 48)
 """Width and height in pixels of the small colour images kept for reports."""
@@ -56,44 +54,20 @@ class EncodedTraverse:
     def __len__(self) -> int:
         return len(self.names)
 
-    def patches_for(self, purpose: str) -> NDArray[np.uint8]:
-        """The patches, seen to be there; ``purpose`` is who needs them, and the message begins with it.
+    def kept(self, part: Keep, purpose: str) -> NDArray[Any]:
+        """One part of what may be kept, seen to be there, as the attribute of its name holds it.
 
+        Args:
+            part: The part.
+            purpose: Who needs it; the message begins with it.
         Raises:
-            InputError: they were not kept.
+            InputError: it was not kept.
         """
-        return _seen(self.patches, "patches", Keep.PATCHES, purpose)
-
-    def thumbnails_for(self, purpose: str) -> NDArray[np.uint8]:
-        """The thumbnails, seen to be there; ``purpose`` is who needs them, and the message begins with it.
-
-        Raises:
-            InputError: they were not kept.
-        """
-        return _seen(self.thumbnails, "thumbnails", Keep.THUMBNAILS, purpose)
-
-    def hog_for(self, purpose: str) -> NDArray[np.uint8]:
-        """The HOG descriptors, seen to be there; ``purpose`` is who needs them, and the message begins with it.
-
-        Raises:
-            InputError: they were not kept.
-        """
-        return _seen(self.hog, "HOG descriptors", Keep.HOG, purpose)
-
-    def vectors_for(self, purpose: str) -> NDArray[np.float32]:
-        """The vectors, seen to be there; ``purpose`` is who needs them, and the message begins with it.
-
-        Raises:
-            InputError: they were not kept.
-        """
-        return _seen(self.vectors, "vectors", Keep.VECTORS, purpose)
-
-
-def _seen(kept: NDArray[T] | None, what: str, keep: Keep, purpose: str) -> NDArray[T]:
-    """``kept``, unless it is None."""
-    if kept is None:
-        raise InputError(f"{purpose}: needs the images' {what}, which were not kept; encode them with {keep}")
-    return kept
+        found: NDArray[Any] | None = getattr(self, str(part.name).lower())
+        if found is None:
+            what = "HOG descriptors" if part is Keep.HOG else str(part.name).lower()
+            raise InputError(f"{purpose}: needs the images' {what}, which were not kept; encode them with {part}")
+        return found
 
 
 def check_encoded(encoded: EncodedTraverse, encoder: EncoderConfig, what: str) -> None:

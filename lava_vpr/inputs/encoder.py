@@ -21,8 +21,8 @@ from lava_vpr.inputs.orientation import orientation_channels
 from lava_vpr.inputs.patches import PATCH_SIDE, on_off
 from lava_vpr.inputs.vectors import as_rates, signed_channels, without_weak
 from lava_vpr.inputs.windows import saturated
-from lava_vpr.ranges import need, whole, within
 from lava_vpr.rows.registry import Registry
+from lava_vpr.settings.ranges import need, whole, within
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.ranges import need, whole, within
+from lava_vpr.settings.ranges import need, whole, within
 
 
 class View(NamedTuple):

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.ranges import need, within
+from lava_vpr.settings.ranges import need, within
 
 EventImage = Literal["counts", "surface"]
 EVENT_IMAGES: tuple[str, ...] = get_args(EventImage)

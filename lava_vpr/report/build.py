@@ -10,6 +10,7 @@ from lava_vpr.configfile import to_toml
 from lava_vpr.encoding import EncodedTraverse, query_rates16
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.random import image_keys, presentation_keys
+from lava_vpr.inputs.encoded import Keep
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.model import Model, as_integer
 from lava_vpr.positions.frames import joined
@@ -61,7 +62,7 @@ def report_data(
         place_names=model.place_names[:places],
         query_names=queries.names[:n],
         place_thumbnails=model.thumbnails[:places],
-        query_thumbnails=queries.thumbnails_for("the report")[:n],
+        query_thumbnails=queries.kept(Keep.THUMBNAILS, "the report")[:n],
         input_layout=config.encoder.layout,
         drawing=kind.drawing,
         legend=kind.legend,

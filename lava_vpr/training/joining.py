@@ -14,17 +14,19 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.config import ConductanceLearning, Config
+from lava_vpr.config import Config
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference import quantise
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import InputError
 from lava_vpr.gate import integer_config
+from lava_vpr.inputs.encoded import Keep
 from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
 from lava_vpr.inputs.vectors import Standard
 from lava_vpr.model import Model, Stretch
 from lava_vpr.positions.frames import Positions
+from lava_vpr.settings.conductance import ConductanceLearning
 from lava_vpr.storage.arrays import narrow
 from lava_vpr.training.references import coverage, reference_responses, shown_references
 
@@ -56,10 +58,14 @@ class Route:
         """
         row = INPUTS[encoder.kind]
         for reference in self.references:
-            _ = reference.vectors_for("training") if row.sees == "vector" else reference.patches_for("training")
+            _ = (
+                reference.kept(Keep.VECTORS, "training")
+                if row.sees == "vector"
+                else reference.kept(Keep.PATCHES, "training")
+            )
         if row.standardised != (self.standard is not None):
             raise InputError("training needs what vectors were measured by, and of nothing else; give it with them")
-        self.references[0].thumbnails_for("training")
+        self.references[0].kept(Keep.THUMBNAILS, "training")
         places = len(self.references[0])
         if self.positions is not None and len(self.positions) != places:
             raise InputError(f"there are {len(self.positions)} positions for {places} places; give one for each")
@@ -136,7 +142,7 @@ def model_of(
         labels=np.tile(np.arange(places), len(references)),
         patches=in_one([reference.patches for reference in references]),
         activity=np.concatenate([reference.activity for reference in references]),
-        thumbnails=first.thumbnails_for("training"),
+        thumbnails=first.kept(Keep.THUMBNAILS, "training"),
         hog=in_one([reference.hog for reference in references]),
         vectors=in_one([reference.vectors for reference in references]),
         standard=route.standard,

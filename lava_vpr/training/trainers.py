@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.config import ConductanceLearning, Config
+from lava_vpr.config import Config
 from lava_vpr.engine.conductance import model as conductance
 from lava_vpr.engine.learning import integer, stdp
 from lava_vpr.engine.learning.recruiting import Thresholds
@@ -16,6 +16,7 @@ from lava_vpr.errors import ConfigError
 from lava_vpr.gate import as_integer_config, integer_config
 from lava_vpr.loihi import THRESHOLD_LIMIT, WEIGHT_LIMIT
 from lava_vpr.model import Stretch
+from lava_vpr.settings.conductance import ConductanceLearning
 from lava_vpr.slayer.trainer import SlayerTrainer
 from lava_vpr.storage.arrays import Rule, UnfitError, check_arrays
 

@@ -66,7 +66,7 @@ def test_a_traverse_is_encoded_in_every_view_as_its_shifted_images_are(tmp_path:
     assert len(encoded) == 3
     straight = encode_traverse(traverse, encoder, Keep.ALL)
     assert np.array_equal(encoded[0].activity, straight.activity)
-    assert np.array_equal(encoded[0].patches_for("a test"), straight.patches_for("a test"))
+    assert np.array_equal(encoded[0].kept(Keep.PATCHES, "a test"), straight.kept(Keep.PATCHES, "a test"))
     assert all((other.activity != straight.activity).any(axis=1).all() for other in encoded[1:])
     batches = list(encoded_batches(traverse, encoder, views, 2))
     assert [len(batch[0]) for batch in batches] == [2, 2, 1]

@@ -18,6 +18,7 @@ from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.engine.draw import LANES, draw_block, prepare_draws, scratch
 from lava_vpr.engine.inference.bias_input import biases, schedule, slopes, start_membranes
 from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.inputs.encoded import Keep
 from lava_vpr.model import checked_network
 
 SINGLES, SECONDS = 1000, 1.0
@@ -90,7 +91,7 @@ def sad(queries: QuerySet) -> float:
     Raises:
         InputError: the queries were encoded without patches.
     """
-    patches = queries.images.patches_for("SAD")[:SINGLES]
+    patches = queries.images.kept(Keep.PATCHES, "SAD")[:SINGLES]
     answer, _ = sad_answer(queries.model, patches)
     return _median(lambda k: answer(slice(k, k + 1)), len(patches))
 
@@ -103,7 +104,7 @@ def hog(queries: QuerySet) -> float:
         ConfigError: the model keeps none.
     """
     chosen(queries.model, ("hog",))
-    descriptors = queries.images.hog_for("HOG")[:SINGLES]
+    descriptors = queries.images.kept(Keep.HOG, "HOG")[:SINGLES]
     answer, _ = hog_answer(queries.model, descriptors)
     with one_blas_thread():
         return _median(lambda k: answer(slice(k, k + 1)), len(descriptors))
