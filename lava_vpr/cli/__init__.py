@@ -31,6 +31,11 @@ COMMANDS = {
     ),
     "import": ("lava_vpr.cli.models.exchange", "import_model", "Make a model of a network in another format."),
     "bench": ("lava_vpr.cli.bench", "bench", "Say what a query costs: recall, time, memory, energy."),
+    "datasets": (
+        "lava_vpr.cli.published.datasets",
+        "datasets",
+        "Say what the benchmark datasets are, and check one.",
+    ),
     "doctor": ("lava_vpr.cli.doctor", "doctor", "Say what is installed and what can run."),
 }
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import wraps
 from pathlib import Path
 from typing import Any, TypeVar
@@ -14,8 +14,12 @@ from numpy.typing import NDArray
 
 from lava_vpr.cli.common import PATH, Number, stderr
 from lava_vpr.cli.outputs import Outputs
+from lava_vpr.cli.published.options import Route
 from lava_vpr.cli.whereabouts import WhereOptions, query_positions_options
+from lava_vpr.errors import InputError
 from lava_vpr.model import Model
+from lava_vpr.storage.text import shown
+from lava_vpr.training.keyframes import nearest
 from lava_vpr.traverse import Traverse, open_traverse, ranges_of
 from lava_vpr.truth.alignment import NEAR_M, Located, aligned_truth, by_number, choose_queries, located_by
 from lava_vpr.truth.groundtruth import read_ground_truth
@@ -32,6 +36,7 @@ def open_queries(
     aligned: bool = True,
     outputs: Outputs | None = None,
     where: WhereOptions | None = None,
+    in_step: bool = True,
 ) -> Traverse:
     """The query images to answer.
 
@@ -44,6 +49,8 @@ def open_queries(
         outputs: Of the command; none may be one of the images of ``source``.
         where: What the user says of where they were taken; where that and the model's own positions are known, queries
             need not be in order. None: it does not matter.
+        in_step: Whether order may tell which place a query shows. If not, positions must, unless there is a ground
+            truth: the image nearest to each place is its query.
     Raises:
         InputError: the images cannot be used; see `choose_queries`.
     """
@@ -54,6 +61,16 @@ def open_queries(
         return choose_queries(model, whole, places, aligned=aligned)
     where.check(model)
     known = model.positions is not None and where.known(whole)
+    if not in_step and known:
+        found = where.of(whole, len(whole))
+        if model.whereabouts is not None and found.positions is not None:
+            return found.take(nearest(model.whereabouts, found.positions)[0].tolist())
+    if not in_step and aligned:
+        raise InputError(
+            f"{shown(whole.source)}: nothing tells which place a query shows, since the traverses of this dataset are "
+            "not in step; train with --positions and give --query-positions FILE, or give --gt FILE, or --positions "
+            "REF.csv QUERY.csv --radius M"
+        )
     return where.of(choose_queries(model, whole, places, aligned=aligned and not known), len(whole))
 
 
@@ -77,6 +94,7 @@ class TruthOptions:
         radius: Metres within which a place is correct, by positions.
         tolerance: Places along the route that a match may be off, without ``gt`` and positions.
         where: Where the queries were taken, to be held against the model's own positions.
+        in_step: Whether order may tell which place a query shows.
     """
 
     gt: Path | None
@@ -84,6 +102,7 @@ class TruthOptions:
     radius: float | None
     tolerance: int
     where: WhereOptions
+    in_step: bool = True
 
     def __post_init__(self) -> None:
         if self.positions is not None and (self.radius is None or self.gt is not None):
@@ -97,6 +116,17 @@ class TruthOptions:
                 "--tolerance counts places along the route; --gt and positions (with --radius M) say themselves what "
                 "is correct"
             )
+
+    def for_route(self, route: Route) -> TruthOptions:
+        """The same for the traverses of ``route``: where these are not in step, and places are some metres apart, an
+        answer is correct within half of that, unless the user says otherwise."""
+        if not route.by_position or route.opened is None:
+            return self
+        if self.tolerance:
+            raise click.UsageError("--tolerance counts along the route, and no order tells that here; give --radius M")
+        spacing = route.opened.layout.spacing
+        exact = spacing is not None and self.radius is None and self.gt is None
+        return replace(self, in_step=False, radius=spacing / 2 if exact and spacing is not None else self.radius)
 
     @property
     def aligned(self) -> bool:
@@ -114,7 +144,16 @@ class TruthOptions:
         """`open_queries`, with what is known of where they were taken."""
         if self.tolerance:  # by order, whatever their names tell
             return open_queries(model, source, places, every, outputs=outputs)
-        return open_queries(model, source, places, every, aligned=self.aligned, outputs=outputs, where=self.where)
+        return open_queries(
+            model,
+            source,
+            places,
+            every,
+            aligned=self.aligned,
+            outputs=outputs,
+            where=self.where,
+            in_step=self.in_step,
+        )
 
     def located(self, model: Model, queries: Traverse) -> Located | None:
         """Where the model's places and the queries were taken, if both are known.

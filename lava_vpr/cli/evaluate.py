@@ -30,6 +30,7 @@ from lava_vpr.cli.common import (
     stderr,
 )
 from lava_vpr.cli.outputs import Outputs, write_json
+from lava_vpr.cli.published.options import BenchmarkOptions, asked_places, benchmark_options
 from lava_vpr.encoding import EncodedTraverse, Keep
 from lava_vpr.engine.threads import cores
 from lava_vpr.matching.evaluation import Metrics
@@ -44,6 +45,7 @@ from lava_vpr.truth.alignment import PositionErrors
 @click.argument("query", type=str)
 @places_option("Query images A..B-1 (default: the model's own range).")
 @every_option
+@benchmark_options
 @truth_options
 @click.option(
     "--sequence", type=click.IntRange(min=1), default=1, show_default=True, help="Consecutive queries matched together."
@@ -74,6 +76,7 @@ def evaluate(
     query: str,
     places: tuple[int, int] | None,
     every: float,
+    benchmark: BenchmarkOptions,
     truth: TruthOptions,
     sequence: int,
     rivals: tuple[str, ...],
@@ -89,15 +92,18 @@ def evaluate(
     """Recognise the images of QUERY and print recall, precision and baselines.
 
     Without --gt or positions, query i shows place i, and both must be equally many. Where the model has positions and
-    those of the queries are told, by --query-positions or their names, places within --radius metres are correct.
+    those of the queries are told, by --query-positions or their names, places within --radius metres are correct. With
+    --dataset, QUERY is the folder that holds a benchmark dataset (lava-vpr datasets), and MODEL was trained with it.
     """
     page = report_folder and report_folder / "report.html"
     read = (*truth.files, *(descriptors or ()))
-    outputs = Outputs((json_path,), made=(page,), read=read, model=model_path, images=(query,))
+    route = benchmark.recognised(query, every, places=places)
+    outputs = Outputs((json_path,), made=(page,), read=read, model=model_path, images=route.sources)
     model, asking = open_model(model_path), Asking(query_views, adapt)
     asking.check(model)
     backends.require(backend, model)
-    traverse = truth.open(model, query, places, every, outputs)
+    truth = truth.for_route(route)
+    traverse = truth.open(model, route.sources[0], asked_places(route, model, places), route.every, outputs)
     located = truth.located(model, traverse)
     correct = truth.of(model, traverse, located)
     names = rivals_of(model, rivals or None)

@@ -28,6 +28,7 @@ from lava_vpr.cli.common import (
     stderr,
 )
 from lava_vpr.cli.outputs import Outputs
+from lava_vpr.cli.published.options import BenchmarkOptions, benchmark_options
 from lava_vpr.cli.whereabouts import WhereEach, reference_positions_options
 from lava_vpr.config import PRESETS, Config, for_events, preset
 from lava_vpr.configfile import read_toml, update
@@ -80,6 +81,7 @@ def window_options(command: F) -> F:
 @click.option("--config", "config_file", type=PATH, default=None, metavar="FILE", help="Settings in TOML.")
 @places_option("Images A..B-1 of each REFERENCE (default: all).")
 @every_option
+@benchmark_options
 @click.option("--input", "input_kind", type=RegisteredName(INPUTS), default=None, help="What the inputs encode.")
 @click.option(
     "--events",
@@ -154,6 +156,7 @@ def train(
     config_file: Path | None,
     places: tuple[int, int] | None,
     every: float,
+    benchmark: BenchmarkOptions,
     parts: tuple[int, ...],
     jobs: int | None,
     resume: bool,
@@ -168,7 +171,8 @@ def train(
     REFERENCE is a folder of images (naturally sorted), a text or CSV list of image files, or a video; or a file of
     vectors (.npy, .npz, .h5), one for each image, which another program made of them. Several are several traverses of
     the same route, where image i of each shows place i. With positions of each they may differ in length: the images
-    nearest to the places of the first are taken. While it learns, progress is kept beside MODEL in a .checkpoint file,
+    nearest to the places of the first are taken. With --dataset, REFERENCE is the folder that holds a benchmark dataset
+    (lava-vpr datasets). While it learns, progress is kept beside MODEL in a .checkpoint file,
     from which --resume goes on.
     """
     if options["window_ms"] is not None and options["window_events"] is not None:
@@ -178,17 +182,19 @@ def train(
     options["events"] = options["events"] or any(is_recording(source) for source in references)
     config = settings(preset_name, config_file, options)
     checkpoint = output.with_name(output.name + ".checkpoint")
-    outputs = Outputs((output, checkpoint), read=(config_file, like, *where.files), images=references)
+    route = benchmark.learned(references, every, places=places, keyframes=change)
+    outputs = Outputs((output, checkpoint), read=(config_file, like, *where.files), images=route.sources)
     with only_one(output):
         check_resume(checkpoint, resume)
-        whole = open_traverses(references, every=every, events=config.events)
+        whole = open_traverses(route.sources, every=route.every, events=config.events)
         outputs.spare(path for traverse in whole for path in traverse.paths)
-        ranges = [traverse.between(*places) if places else traverse for traverse in whole]
+        ranges = route.sampled(whole, places)
         if options["input_kind"] is not None:
             check_asked(ranges, config)
         config = settings_for(config, ranges)
-        chosen = _places(where.of(ranges, [len(traverse) for traverse in whole]), config, spacing, change)
-        check_references([len(traverse) for traverse in chosen], references)
+        located = where.of(ranges, [len(traverse) for traverse in whole])
+        chosen = route.of_section(_places(located, config, route.spacing(spacing, located), change))
+        check_references([len(traverse) for traverse in chosen], route.sources)
         stretches = check_size(len(chosen[0]), config, len(chosen), parts)
         config = with_front_end(config, chosen[0])
         standard = _standard(chosen, config, like)

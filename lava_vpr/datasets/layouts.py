@@ -1,19 +1,21 @@
-"""Where the five benchmark datasets keep their images, and which of their traverses the paper uses.
+"""Where the five benchmark datasets keep their images, and what of them the paper uses.
 
-Source: Hussaini et al. 2022 (doi 10.1109/LRA.2022.3149030), section on datasets, for the choice of traverses and the
-sampling; the folders are those of the datasets as distributed, or of the usual curated copies.
+Source: Hussaini et al. 2022 (doi 10.1109/LRA.2022.3149030), section IV.B, for traverses, sampling and sections; what it
+does not say is a field of its own. The folders are those of the datasets as distributed, or of the usual curated
+copies: VPR-Bench's ``ref`` and ``query``, or one folder for each condition.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from lava_vpr.errors import InputError
 from lava_vpr.rows.registry import Registry
 from lava_vpr.storage.text import shown
-from lava_vpr.traverse import Traverse, open_traverse
+from lava_vpr.traverse import Traverse
 
 
 @dataclass(frozen=True)
@@ -27,6 +29,7 @@ class Layout:
         ground_truth: ``frames``: image k of every traverse shows the same place, and all are equally long;
             ``positions``: they were taken at different speeds, so a position or ground truth file must say.
         every: Seconds between two frames of a video.
+        spacing: Metres between two places, which positions must tell; None: every sampled image is a place.
     """
 
     references: tuple[str, ...]
@@ -34,19 +37,70 @@ class Layout:
     step: int = 1
     ground_truth: Literal["frames", "positions"] = "frames"
     every: float = 1.0
+    spacing: float | None = None
+
+    @property
+    def folders(self) -> tuple[str, ...]:
+        """The folders of all traverses, references first."""
+        return (*self.references, self.query)
+
+    @property
+    def needs_positions(self) -> bool:
+        """Whether nothing but positions tells which images of its references are the places."""
+        return self.spacing is not None or (self.ground_truth == "positions" and len(self.references) > 1)
 
 
 @dataclass(frozen=True)
 class Dataset:
-    """A benchmark dataset and the ways in which it may lie on disk.
+    """A benchmark dataset, the ways in which it may lie on disk, and what the paper does with it.
 
     Attributes:
-        name: How it is called.
+        name: By what name users choose it.
+        title: How the paper calls it.
         layouts: The ways in which it may lie on disk, in the order in which they are tried.
+        what: What it shows, a sentence.
+        page: The page that distributes it.
+        download: What to download there, and what to do with it.
+        learned: The paper's reference traverses, in words.
+        recognised: Its query traverse, in words.
+        sampling: How the paper chooses places, and how the layouts do.
+        truth: What says which place a query shows.
+        unsaid: What the paper does not say.
+        sections: Sections of the route that the paper learns, one model each.
+        places: Places of a section.
     """
 
     name: str
+    title: str
     layouts: tuple[Layout, ...]
+    what: str
+    page: str
+    download: str
+    learned: tuple[str, ...]
+    recognised: str
+    sampling: str
+    truth: str
+    unsaid: str
+    sections: int
+    places: int = 100
+
+    def section(self, number: int) -> tuple[int, int]:
+        """Places A, B of a section, A..B-1, counted among the sampled places.
+
+        Args:
+            number: From 1.
+        Raises:
+            InputError: the paper has no such section.
+        """
+        if not 1 <= number <= self.sections:
+            have = f"sections 1 to {self.sections}" if self.sections > 1 else "section 1 alone"
+            raise InputError(f"section {number} of {self.title} is none of the paper's; it has {have}")
+        return (number - 1) * self.places, number * self.places
+
+    @property
+    def task(self) -> str:
+        """What the paper learns and recognises, in words."""
+        return f"{' and '.join(self.learned)} learned, {self.recognised} recognised"
 
 
 DATASETS: Registry[Dataset] = Registry("dataset", InputError)
@@ -59,7 +113,7 @@ _MORNING, _AFTERNOON = ("190809{}0845", "180809{}1545")
 
 def _oxford(inner: str) -> Layout:
     # As distributed these are Bayer mosaics, which load as grey images; the dataset's own kit turns them into colour.
-    return Layout((_SUN + inner, _RAIN + inner), _DUSK + inner, ground_truth="positions")
+    return Layout((_SUN + inner, _RAIN + inner), _DUSK + inner, ground_truth="positions", spacing=10.0)
 
 
 def _synthia(prefix: str) -> Layout:
@@ -68,27 +122,105 @@ def _synthia(prefix: str) -> Layout:
 
 
 def _st_lucia(dash: str, inner: str) -> Layout:
-    return Layout((_MORNING.format(dash) + inner,), _AFTERNOON.format(dash) + inner, ground_truth="positions")
+    morning, afternoon = _MORNING.format(dash) + inner, _AFTERNOON.format(dash) + inner
+    return Layout((morning,), afternoon, ground_truth="positions", spacing=20.0)
 
 
-# One image a second; the paper takes every eighth. Images where the train is slow must have been removed.
-DATASETS.register(Dataset("nordland", (Layout(("spring", "fall"), "summer", step=8),)))
+DATASETS.register(
+    Dataset(
+        "nordland",
+        "Nordland",
+        (Layout(("spring", "fall"), "summer", step=8),),
+        what="A railway of 728 km in Norway, filmed from the train in four seasons.",
+        page="https://nrkbeta.no/2013/01/15/nordlandsbanen-minute-by-minute-season-by-season/",
+        download="Spring, fall and summer, an image a second, image k of each season at the same place; leave out "
+        "tunnels, stops and where the train is slower than 15 km/h (VPRSNN lists the images that it keeps: "
+        "https://github.com/QVPR/VPRSNN, dataset_imagenames/nordland_imageNames.txt).",
+        learned=("spring", "fall"),
+        recognised="summer",
+        sampling="Every eighth image, 8 s or about 100 m apart.",
+        truth="Image k shows the same place in every season.",
+        unsaid="Where in the first quarter of the journey each section begins: here they follow each other from the "
+        "first image on. 15 sections are 12,000 s, more than a quarter of 28,865 images a season "
+        "(https://arxiv.org/abs/1808.06516).",
+        sections=15,
+    )
+)
 DATASETS.register(
     Dataset(
         "oxford",
-        (_oxford("/stereo/left"), _oxford("/stereo/centre"), _oxford(""), Layout(("sun", "rain"), "dusk")),
+        "Oxford RobotCar",
+        (
+            *map(_oxford, ("/stereo/left", "/stereo/centre", "")),
+            Layout(("sun", "rain"), "dusk", ground_truth="positions"),
+        ),
+        what="A car's route through Oxford, driven twice a week for more than a year.",
+        page="https://robotcar-dataset.robots.ox.ac.uk/",
+        download=f"The stereo images and GPS/INS of {_SUN} (sun), {_RAIN} (rain) and {_DUSK} (dusk).",
+        learned=("sun", "rain"),
+        recognised="dusk",
+        sampling="A place about every 10 m; of folders sun, rain and dusk, which somebody has sampled, every image.",
+        truth="Positions (--positions, a file for each traverse), since the car drove at different speeds.",
+        unsaid="Which camera, where the sections begin, and how near the query of a place must be: here they follow "
+        "each other from the first image on, and the query is the nearest image.",
+        sections=4,
     )
 )
-DATASETS.register(Dataset("spedtest", (Layout(("ref",), "query"),)))
-# Five images a second, the paper takes one a second.
-DATASETS.register(Dataset("synthia", (_synthia("SYNTHIA-"), _synthia(""), Layout(("ref",), "query"))))
+DATASETS.register(
+    Dataset(
+        "spedtest",
+        "SPEDTest",
+        (Layout(("ref",), "query"),),
+        what="Surveillance cameras around the world, each seen at two times; no route.",
+        page="https://github.com/MubarizZaffar/VPR-Bench",
+        download="The folder SPEDTEST of VPR-Bench's datasets, with ref and query in it.",
+        learned=("ref",),
+        recognised="query",
+        sampling="Every image.",
+        truth="Image k of both folders is from the same camera.",
+        unsaid="Which images the sections hold, and which of the two times is learned: here they follow each other "
+        "from the first image on, and ref is learned.",
+        sections=6,
+    )
+)
+DATASETS.register(
+    Dataset(
+        "synthia",
+        "Synthia",
+        (_synthia("SYNTHIA-"), _synthia(""), Layout(("ref",), "query")),
+        what="A drawn town, driven through in several seasons and lights.",
+        page="https://synthia-dataset.net/downloads/",
+        download="The video sequences SYNTHIA-SEQS-04-FOG and SYNTHIA-SEQS-04-NIGHT; leave out where the car stands.",
+        learned=("fog",),
+        recognised="night",
+        sampling="About an image a second: every fifth of five a second; of folders ref and query every image.",
+        truth="Positions (--positions, a file for each traverse) or --gt, since the drives are no copies of each "
+        "other; of folders ref and query image k shows the same place.",
+        unsaid="Which camera, and where the section begins: here the left one that looks ahead (Omni_F), from the "
+        "first image on.",
+        sections=1,
+    )
+)
 DATASETS.register(
     Dataset(
         "st_lucia",
+        "St Lucia",
         (
             *(_st_lucia(dash, inner) for inner in ("/webcam_video.avi", "/frames", "") for dash in "_-"),
             Layout(("ref",), "query"),
         ),
+        what="A car's route through a suburb of Brisbane, filmed by a webcam at several times of day.",
+        page="https://open.qcr.ai/dataset/st-lucia-multiple/",
+        download="The drives 190809_0845 (morning) and 180809_1545 (afternoon) with their GPS; leave out where the "
+        "car stands.",
+        learned=("morning",),
+        recognised="afternoon",
+        sampling="A place about every 20 m; of folders ref and query, which somebody has sampled, every image.",
+        truth="Positions (--positions, a file for each traverse), since the car drove at different speeds; of folders "
+        "ref and query image k shows the same place.",
+        unsaid="Where the section begins, and how near the query of a place must be: here from the first image on, "
+        "and the query is the nearest image.",
+        sections=1,
     )
 )
 
@@ -110,47 +242,75 @@ def _below(root: Path, relative: str) -> Path | None:
     return path
 
 
-def find_layout(name: str, root: str | Path) -> tuple[Layout, tuple[Path, ...], Path]:
-    """How dataset ``name`` lies below ``root``: the layout, its references' paths and its query's path.
+class Opened(NamedTuple):
+    """A dataset as it lies on disk.
+
+    Attributes:
+        dataset: Its row.
+        layout: How it lies there.
+        references: Path of each reference traverse.
+        query: Path of the query traverse.
+    """
+
+    dataset: Dataset
+    layout: Layout
+    references: tuple[Path, ...]
+    query: Path
+
+    def sampled(self, traverse: Traverse) -> Traverse:
+        """The images of a whole ``traverse`` that are in use; absolute indices stay those of the whole."""
+        step = self.layout.step
+        return traverse if step == 1 else traverse.take(range(0, len(traverse), step))
+
+    def of_section(self, traverse: Traverse, number: int) -> Traverse:
+        """The places of a section.
+
+        Args:
+            traverse: All places, an image each.
+            number: From 1.
+        Raises:
+            InputError: the paper has no such section, or the places do not reach so far.
+        """
+        first, end = self.dataset.section(number)
+        if end > len(traverse):
+            raise InputError(
+                f"{shown(traverse.source)}: gives {len(traverse)} places, section {number} of {self.dataset.title} is "
+                f"places {first}:{end}; complete the images, or take an earlier section"
+            )
+        return traverse.take(range(first, end))
+
+
+def find_layout(name: str, root: str | Path) -> Opened:
+    """How dataset ``name`` (in `DATASETS`) lies below ``root``.
 
     Raises:
         InputError: no such dataset is known, or none of its layouts is there; lists the folders looked for.
     """
-    layouts = DATASETS[name].layouts
+    dataset = DATASETS[name]
     root = Path(root)
     if not root.is_dir():
         raise InputError(f"{shown(root)}: is not a folder; give the folder that holds the {name} dataset")
     missing = []
-    for layout in layouts:
-        folders = (*layout.references, layout.query)
-        paths = [_below(root, folder) for folder in folders]
+    for layout in dataset.layouts:
+        paths = [_below(root, folder) for folder in layout.folders]
         present = tuple(path for path in paths if path is not None)
-        if len(present) == len(folders):
-            return layout, present[:-1], present[-1]
-        parts = (f if path is not None else f"{f} (missing)" for f, path in zip(folders, paths, strict=True))
+        if len(present) == len(layout.folders):
+            return Opened(dataset, layout, present[:-1], present[-1])
+        parts = (f if path is not None else f"{f} (missing)" for f, path in zip(layout.folders, paths, strict=True))
         missing.append(" + ".join(parts))
     raise InputError(f"{shown(root)}: does not hold the {name} dataset; it needs the folders {', or '.join(missing)}")
 
 
-def open_dataset(name: str, root: str | Path, *, step: int | None = None) -> tuple[list[Traverse], Traverse]:
-    """The paper's reference traverses and query traverse of dataset ``name`` (in `DATASETS`) below ``root``.
+def check_lengths(opened: Opened, traverses: Sequence[Traverse]) -> None:
+    """Refuse traverses of unequal length where image k shows the same place in each.
 
     Args:
-        name: Name of a row in `DATASETS`.
-        root: The folder that holds the dataset.
-        step: Use every ``step``-th image instead of the layout's number; 1 if the images were sampled already.
-    Returns:
-        References, query. Images keep their absolute indices in the full folders.
+        opened: The dataset.
+        traverses: Whole, some of its traverses.
     Raises:
-        InputError: no such dataset, folders missing or empty, or traverses unequally long though images correspond.
+        InputError: they are.
     """
-    if step is not None and step < 1:
-        raise InputError(f"step is {step}, but must be at least 1")
-    layout, references, query = find_layout(name, root)
-    sources = (*references, query)
-    whole = [open_traverse(source, every=layout.every) for source in sources]
-    if layout.ground_truth == "frames" and len({len(traverse) for traverse in whole}) > 1:
-        lengths = ", ".join(f"{shown(source)} has {len(t)}" for source, t in zip(sources, whole, strict=True))
+    if opened.layout.ground_truth == "frames" and len({len(traverse) for traverse in traverses}) > 1:
+        lengths = ", ".join(f"{shown(traverse.source)} has {len(traverse)}" for traverse in traverses)
+        name = opened.dataset.name
         raise InputError(f"image k must show the same place in every traverse of {name}, but {lengths}; complete them")
-    sampled = [traverse.take(range(0, len(traverse), step or layout.step)) for traverse in whole]
-    return sampled[:-1], sampled[-1]

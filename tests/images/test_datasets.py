@@ -8,8 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
-from lava_vpr.datasets.layouts import DATASETS, Layout, find_layout, open_dataset
+from lava_vpr.datasets.checking import check
+from lava_vpr.datasets.layouts import DATASETS, Layout, check_lengths, find_layout
 from lava_vpr.errors import InputError
+from lava_vpr.traverse import Traverse, open_traverse
 
 
 def fill(folder: Path, images: int = 3, level: int = 0) -> None:
@@ -32,6 +34,15 @@ def build(root: Path, layout: Layout, images: int = 3) -> None:
             fill(root / relative, images, level)
 
 
+def opened(name: str, root: Path) -> tuple[list[Traverse], Traverse]:
+    """The sampled references and the sampled query of a dataset."""
+    found = find_layout(name, root)
+    whole = [open_traverse(path, every=found.layout.every) for path in (*found.references, found.query)]
+    check_lengths(found, whole)
+    *references, query = map(found.sampled, whole)
+    return references, query
+
+
 EVERY_LAYOUT = [
     pytest.param(name, layout, id=f"{name}-{k}")
     for name, dataset in DATASETS.items()
@@ -42,11 +53,11 @@ EVERY_LAYOUT = [
 @pytest.mark.parametrize(("name", "layout"), EVERY_LAYOUT)
 def test_every_layout_is_found(tmp_path: Path, name: str, layout: Layout) -> None:
     build(tmp_path, layout, 11)
-    found, references, query = find_layout(name, tmp_path)
-    assert found == layout
-    assert references == tuple(tmp_path / relative for relative in layout.references)
-    assert query == tmp_path / layout.query
-    traverses, queries = open_dataset(name, tmp_path)
+    found = find_layout(name, tmp_path)
+    assert found.layout == layout
+    assert found.references == tuple(tmp_path / relative for relative in layout.references)
+    assert found.query == tmp_path / layout.query
+    traverses, queries = opened(name, tmp_path)
     assert len(traverses) == len(layout.references)
     for traverse in (*traverses, queries):
         assert traverse.indices.tolist() == list(range(0, 11, layout.step))
@@ -67,18 +78,17 @@ def test_the_paper_s_traverses() -> None:
 
 def test_sampling_keeps_absolute_indices_and_the_order_of_traverses(tmp_path: Path) -> None:
     build(tmp_path, DATASETS["nordland"].layouts[0], 18)
-    (spring, fall), summer = open_dataset("nordland", tmp_path)
+    (spring, fall), summer = opened("nordland", tmp_path)
     assert summer.names == ("0.png", "8.png", "16.png")
     assert [int(image[0, 0]) for image in spring.images()] == [0, 8, 16]
     assert [int(image[0, 0]) for image in fall.images()] == [20, 28, 36]
     assert [int(image[0, 0]) for image in summer.images()] == [40, 48, 56]
-    assert len(open_dataset("nordland", tmp_path, step=1)[1]) == 18
 
 
 def test_letter_case_of_folders_does_not_matter(tmp_path: Path) -> None:
     for level, name in enumerate(("Sun", "RAIN", "Dusk")):
         fill(tmp_path / name, 2, level)
-    (sun, rain), dusk = open_dataset("oxford", tmp_path)
+    (sun, rain), dusk = opened("oxford", tmp_path)
     assert [int(t.load(0)[0, 0]) for t in (sun, rain, dusk)] == [0, 20, 40]
     assert rain.source == str(tmp_path / "RAIN")
 
@@ -86,35 +96,101 @@ def test_letter_case_of_folders_does_not_matter(tmp_path: Path) -> None:
 def test_what_is_missing_is_named(tmp_path: Path) -> None:
     fill(tmp_path / "spring")
     with pytest.raises(InputError) as caught:
-        open_dataset("nordland", tmp_path)
+        opened("nordland", tmp_path)
     assert str(caught.value) == (
         f"{tmp_path}: does not hold the nordland dataset; "
         "it needs the folders spring + fall (missing) + summer (missing)"
     )
     with pytest.raises(InputError, match=r"Omni_F \(missing\), or SEQS-04-FOG.*, or ref \(missing\) \+ query \(miss"):
-        open_dataset("synthia", tmp_path)
+        opened("synthia", tmp_path)
     with pytest.raises(InputError, match=r"no: is not a folder; give the folder that holds the spedtest dataset"):
-        open_dataset("spedtest", tmp_path / "no")
+        opened("spedtest", tmp_path / "no")
     with pytest.raises(InputError, match=r"no dataset 'kitti'; choose from nordland, oxford, spedtest, synthia, st_l"):
-        open_dataset("kitti", tmp_path)
-    with pytest.raises(InputError, match=r"step is 0, but must be at least 1"):
-        open_dataset("nordland", tmp_path, step=0)
+        find_layout("kitti", tmp_path)
 
 
 def test_unequal_lengths_are_refused_only_where_images_correspond(tmp_path: Path) -> None:
     fill(tmp_path / "sped" / "ref", 3)
     fill(tmp_path / "sped" / "query", 4)
     with pytest.raises(InputError, match=r"image k must show the same place.*ref has 3, .*query has 4; complete them"):
-        open_dataset("spedtest", tmp_path / "sped")
+        opened("spedtest", tmp_path / "sped")
     fog, night = (tmp_path / f"SYNTHIA-SEQS-04-{n}" / "RGB" / "Stereo_Left" / "Omni_F" for n in ("FOG", "NIGHT"))
     fill(fog, 6)
     fill(night, 12)
-    (reference,), query = open_dataset("synthia", tmp_path)
+    (reference,), query = opened("synthia", tmp_path)
     assert (reference.indices.tolist(), query.indices.tolist()) == ([0, 5], [0, 5, 10])
+
+
+def test_sections_are_counted_from_one_and_in_sampled_places(tmp_path: Path) -> None:
+    build(tmp_path, DATASETS["nordland"].layouts[0], 1700)
+    found = find_layout("nordland", tmp_path)
+    (spring, _), _ = opened("nordland", tmp_path)
+    assert DATASETS["nordland"].section(15) == (1400, 1500)
+    assert found.of_section(spring, 2).indices.tolist() == list(range(800, 1600, 8))
+    with pytest.raises(InputError, match=r"spring: gives 213 places, section 3 of Nordland is places 200:300; compl"):
+        found.of_section(spring, 3)
+    for number in (0, 16):
+        with pytest.raises(InputError, match=rf"section {number} of Nordland is none of the paper's; it has sections"):
+            found.of_section(spring, number)
+    seen = check("nordland", tmp_path)
+    assert (seen.places, seen.sections, seen.usable) == (213, 2, True)
+    assert [one.images for one in seen.traverses] == [1700] * 3
+    assert seen.differs == (
+        "213 places are enough for 2 of the paper's 15 sections of 100; all take 11,993 images of each traverse",
+    )
+
+
+def test_what_a_check_finds(tmp_path: Path) -> None:
+    fill(tmp_path / "ref", 100)
+    fill(tmp_path / "query", 100)
+    last = tmp_path / "query" / "99.png"
+    last.write_bytes(last.read_bytes()[:40])
+    seen = check("spedtest", tmp_path)
+    assert not seen.usable
+    assert len(seen.differs) == 2
+    assert str(last) in seen.differs[0]
+    cv2.imwrite(str(last), np.zeros((4, 4), np.uint8))
+    cv2.imwrite(str(tmp_path / "query" / "0.png"), np.zeros((6, 5), np.uint8))
+    seen = check("spedtest", tmp_path)
+    assert seen.usable
+    assert (seen.places, seen.sections) == (100, 1)
+    assert seen.differs[0] == ("images are of different sizes (pixels): ref 4 x 4, query 5 x 6; all are resized alike")
+    last.unlink()
+    seen = check("spedtest", tmp_path)
+    assert not seen.usable
+    assert "image k must show the same place in every traverse of spedtest, but" in seen.differs[0]
+
+
+@pytest.mark.parametrize(("name", "layout"), EVERY_LAYOUT)
+def test_a_check_of_every_layout(tmp_path: Path, name: str, layout: Layout) -> None:
+    """Eleven images are too few for a section, unless positions say how many places they are."""
+    build(tmp_path, layout, 11)
+    seen = check(name, tmp_path)
+    assert [one.folder for one in seen.traverses] == list(layout.folders)
+    assert {one.images for one in seen.traverses} == {11}
+    assert (seen.sections is None) == layout.needs_positions == seen.usable
+    values = seen.as_json()
+    assert values["sections_of_the_paper"] == DATASETS[name].sections
+    assert str(tmp_path) not in str(values)
+
+
+def test_every_row_names_a_page_and_the_paper_s_sections() -> None:
+    sections = {name: (row.sections, row.places) for name, row in DATASETS.items()}
+    assert sections == {
+        "nordland": (15, 100),
+        "oxford": (4, 100),
+        "spedtest": (6, 100),
+        "synthia": (1, 100),
+        "st_lucia": (1, 100),
+    }
+    assert all(row.page.startswith("https://") for row in DATASETS.values())
+    assert DATASETS["nordland"].task == "spring and fall learned, summer recognised"
+    assert {layout.spacing for layout in DATASETS["oxford"].layouts} == {10.0, None}
+    assert {layout.spacing for layout in DATASETS["st_lucia"].layouts} == {20.0, None}
 
 
 def test_an_empty_folder_is_named(tmp_path: Path) -> None:
     fill(tmp_path / "ref")
     (tmp_path / "query").mkdir()
     with pytest.raises(InputError, match=r"query: holds no images"):
-        open_dataset("spedtest", tmp_path)
+        opened("spedtest", tmp_path)

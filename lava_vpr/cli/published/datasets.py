@@ -1,0 +1,139 @@
+"""``lava-vpr datasets``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.table import Table
+
+from lava_vpr.cli.common import PATH, RegisteredName, console, print_whole
+from lava_vpr.cli.outputs import Outputs, write_json
+from lava_vpr.datasets.checking import Check, check
+from lava_vpr.datasets.layouts import DATASETS, Dataset, Layout
+
+
+@click.command()
+@click.argument("name", type=RegisteredName(DATASETS), required=False)
+@click.argument("folder", metavar="[DIR]", type=PATH, required=False)
+@click.option("--json", "json_path", type=PATH, default=None, metavar="FILE", help="Write what is printed as JSON.")
+def datasets(name: str | None, folder: Path | None, json_path: Path | None) -> None:
+    """Say what the five benchmark datasets are, and check what is there of one.
+
+    Without NAME: a list. With NAME: what to download and from where, which folders, and what the paper does with them.
+    With DIR, the folder that holds the dataset: which of its layouts was found, the images of each traverse, the places
+    and sections that they give, and what differs from what the paper needs; exit code 1 if nothing can be learned
+    from it.
+    """
+    Outputs((json_path,), images=() if folder is None else (str(folder),))
+    if name is None:
+        values: Any = {"datasets": [_described(dataset) for dataset in DATASETS.values()]}
+        _write(json_path, values)
+        _list()
+    elif folder is None:
+        _write(json_path, _described(DATASETS[name]))
+        _tell(DATASETS[name])
+    else:
+        found = check(name, folder)
+        _write(json_path, found.as_json())
+        _show(found)
+        if not found.usable:
+            sys.exit(1)
+
+
+def _write(path: Path | None, values: dict[str, Any]) -> None:
+    if path is not None:  # files first: whoever reads the table may go away
+        write_json(path, values)
+
+
+def _list() -> None:
+    """The datasets, a row each."""
+    table = Table(title="benchmark datasets", title_justify="left", caption_justify="left")
+    table.caption = "lava-vpr datasets NAME: what to download, and the folders\nlava-vpr datasets NAME DIR: check them"
+    for column in ("name", "dataset", "the paper's task", "sections", "places"):
+        table.add_column(column, no_wrap=True)
+    for name, row in DATASETS.items():
+        table.add_row(name, row.title, row.task, f"{row.sections} x {row.places}", _sampling(row))
+    print_whole(table)
+    for name, row in DATASETS.items():
+        console.print(f"{name}: {row.page}")
+
+
+def _sampling(row: Dataset) -> str:
+    """How the first layout samples, in few words."""
+    layout = row.layouts[0]
+    if layout.spacing is not None:
+        return f"every {layout.spacing:g} m"
+    return "every image" if layout.step == 1 else f"every {layout.step}th image"
+
+
+def _tell(row: Dataset) -> None:
+    """All that is known of one dataset."""
+    console.print(f"{row.title}: {row.what}")
+    for title, text in (
+        ("page", row.page),
+        ("download", row.download),
+        ("the paper", f"{row.task}; {row.sections} x {row.places} places, one model each."),
+        ("places", row.sampling),
+        ("truth", row.truth),
+        ("not said", row.unsaid),
+    ):
+        console.print(f"  {title + ':':<11}{text}")
+    console.print("  folders:   one of these below DIR; the query last")
+    for layout in row.layouts:
+        console.print(f"    {_folders(layout)}")
+
+
+def _folders(layout: Layout) -> str:
+    taken = [f"every {layout.step}th image"] if layout.step > 1 else []
+    taken += [f"a place every {layout.spacing:g} m"] if layout.spacing is not None else []
+    taken += ["positions needed"] if layout.ground_truth == "positions" else []
+    return " + ".join(layout.folders) + (f" ({', '.join(taken)})" if taken else "")
+
+
+def _described(row: Dataset) -> dict[str, Any]:
+    """A dataset as plain values."""
+    return {
+        "name": row.name,
+        "title": row.title,
+        "what": row.what,
+        "page": row.page,
+        "download": row.download,
+        "learned": list(row.learned),
+        "recognised": row.recognised,
+        "sampling": row.sampling,
+        "truth": row.truth,
+        "not_said": row.unsaid,
+        "sections": row.sections,
+        "places": row.places,
+        "layouts": [
+            {
+                "references": list(layout.references),
+                "query": layout.query,
+                "step": layout.step,
+                "spacing_m": layout.spacing,
+                "ground_truth": layout.ground_truth,
+            }
+            for layout in row.layouts
+        ],
+    }
+
+
+def _show(found: Check) -> None:
+    """What was found, and what differs."""
+    table = Table(title=f"{found.dataset.title}: {found.dataset.task}", title_justify="left")
+    for column in ("traverse", "images", "in use", "pixels"):
+        table.add_column(column, no_wrap=True, justify="left" if column == "traverse" else "right")
+    for seen in found.traverses:
+        size = "-" if seen.size is None else f"{seen.size[0]} x {seen.size[1]}"
+        table.add_row(seen.folder, f"{seen.images:,}", f"{seen.in_use:,}", size)
+    print_whole(table)
+    if found.places is None:
+        console.print("positions decide which images are places: " + found.dataset.truth)
+    else:
+        console.print(f"{found.places:,} places: {found.sections} of the paper's {found.dataset.sections} sections")
+    for sentence in found.differs:
+        console.print(f"differs: {sentence}")
+    console.print("usable" if found.usable else "not usable")
