@@ -36,6 +36,11 @@ class BackendUnavailableError(LavaVprError):
     """A backend whose software or device is not here."""
 
 
+class ClusterError(LavaVprError):
+    """A cluster that cannot be reached, has no workers or other ones than it takes, or was lost; or a task that failed
+    there."""
+
+
 class LavaRunError(LavaVprError):
     """A run of Lava that failed, was killed or took too long.
 

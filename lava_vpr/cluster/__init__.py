@@ -1,0 +1,1 @@
+"""How tasks are run: on threads here, or by the workers of a Dask cluster; either way with the same results."""

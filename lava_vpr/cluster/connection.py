@@ -1,0 +1,332 @@
+"""A Dask cluster: its scheduler connected to, its workers compared with us, tasks submitted and those lost run again.
+
+This module alone imports distributed. What crosses between the machines are pickles, so whoever can reach the scheduler
+can run programs on all of them: docs/security.md.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import queue
+import threading
+import time
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, Any
+
+from lava_vpr.cluster import versions
+from lava_vpr.cluster.tasks import Told
+from lava_vpr.errors import ClusterError, LavaVprError
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+CONNECT_S, WORKERS_S = 10.0, 10.0
+"""Seconds in which a scheduler must answer, and the first worker be there."""
+ABSENT_S = 60.0
+"""Seconds that a run waits while its cluster has no worker at all: who restarts one needs less."""
+COUNT_S = 1.0
+"""Seconds between two counts of the workers."""
+AGAIN = 3
+"""Times that a task is submitted again after it was with as many workers that died as the scheduler allows (4)."""
+_SEND_S = 1
+_GONE = (OSError, RuntimeError, TimeoutError, asyncio.TimeoutError)
+"""What distributed raises of a machine that is gone; the last two are one since Python 3.11."""
+INSTALL = "pip install 'lava-vpr[cluster]'"
+
+
+class Connection:
+    """A cluster that was connected to, as `lava_vpr.cluster.tasks.run_tasks` takes it.
+
+    Attributes:
+        address: Of its scheduler.
+        progress: Told where tasks stand, unless their own call names somebody; None: nobody.
+        most_absent: Seconds that a run waits while there is no worker.
+    """
+
+    def __init__(self, client: Client, address: str, progress: Told | None = None) -> None:
+        self._client, self.address, self.progress = client, address, progress
+        self.most_absent = ABSENT_S
+        self._threads: dict[str, int] = {}
+        self._counted = self._present = 0.0
+
+    def running(self, function: Callable[[Any, Any], Any], shared: Any) -> _Tasks:
+        """See `lava_vpr.cluster.tasks.Cluster`."""
+        return _Tasks(self, self._client, function, shared)
+
+    def threads(self) -> dict[str, int]:
+        """The threads of each worker by its address, counted at most a second ago.
+
+        Raises:
+            ClusterError: the scheduler is gone, or there has been no worker for too long.
+        """
+        self.require()
+        now = time.monotonic()
+        if not self._counted or now - self._counted >= COUNT_S:
+            try:
+                self._threads = dict(self._client.nthreads())
+            except Exception as error:
+                raise self.lost() from error
+            self._counted = time.monotonic()
+        if self._threads or not self._present:
+            self._present = now
+        elif now - self._present > self.most_absent:
+            raise ClusterError(
+                f"{self.address}: there has been no worker for {self.most_absent:.0f} s; start workers (dask worker "
+                f"{self.address}) and repeat the command, with --resume where a checkpoint was kept"
+            )
+        return self._threads
+
+    def require(self) -> None:
+        """Refuse to go on without the scheduler.
+
+        Raises:
+            ClusterError: it is gone.
+        """
+        if self._client.status != "running":
+            raise self.lost()
+
+    def lost(self) -> ClusterError:
+        """What is said when the scheduler is gone."""
+        return ClusterError(
+            f"{self.address}: the scheduler was lost; start it again (dask scheduler) and repeat the command, with "
+            "--resume where a checkpoint was kept"
+        )
+
+
+class _Task:
+    """A task that is not done: its number, its value, and how often it was submitted again."""
+
+    def __init__(self, number: int, task: Any) -> None:
+        self.number, self.task, self.again = number, task, 0
+
+
+class _Tasks:
+    """The tasks of one call, at the workers of a cluster."""
+
+    def __init__(
+        self, connection: Connection, client: Client, function: Callable[[Any, Any], Any], shared: Any
+    ) -> None:
+        self._connection, self._client, self._function, self._shared = connection, client, function, shared
+        self._sent: Future | None = None
+        self._open: dict[Future, _Task] = {}
+        self._done: queue.SimpleQueue[Future] = queue.SimpleQueue()
+
+    @property
+    def workers(self) -> int:
+        """Workers that are present."""
+        return len(self._connection.threads())
+
+    @property
+    def room(self) -> int:
+        """Two tasks for each thread, so that none waits for the next, and one in spare."""
+        return 2 * sum(self._connection.threads().values()) + 1
+
+    def submit(self, number: int, task: Any) -> None:
+        """Hand a task to the scheduler."""
+        self._submit(_Task(number, task))
+
+    def _submit(self, task: _Task) -> None:
+        self._connection.require()
+        try:
+            shared = self._send() if self._shared is not None else None
+            future = self._client.submit(
+                at_worker, self._function, dict(versions.here()), shared, task.task, pure=False, retries=0
+            )
+        except _GONE as error:
+            raise self._connection.lost() from error
+        self._open[future] = task
+        future.add_done_callback(self._done.put)
+
+    def _send(self) -> Future:
+        """The shared value, at every worker that is there; one that comes later takes it from another."""
+        while self._sent is None:
+            if not self._connection.threads():
+                time.sleep(0.2)
+                continue
+            try:
+                self._sent = self._client.scatter([self._shared], broadcast=True, hash=False, timeout=_SEND_S)[0]
+            except _GONE:  # a worker, or the scheduler
+                self._connection.require()
+        return self._sent
+
+    def wait(self, seconds: float) -> tuple[int, Any] | None:
+        """See `lava_vpr.cluster.tasks.Running`."""
+        from distributed import CancelledError, KilledWorker
+
+        self._connection.threads()  # an error if scheduler or workers are gone
+        try:
+            future = self._done.get(timeout=seconds)
+        except queue.Empty:
+            return None
+        task = self._open.pop(future, None)
+        if task is None:
+            return None
+        try:
+            return task.number, future.result()
+        except KilledWorker as error:
+            self._submit_again(task, f"worker after worker died with it, last {error.last_worker.address}")
+        except CancelledError:  # what it needs was with workers that are all gone
+            self._connection.require()
+            self._sent = None
+            self._submit_again(task, "what it needs was lost with its workers")
+        except LavaVprError:
+            raise
+        except Exception as error:
+            self._connection.require()
+            raise ClusterError(
+                f"task {task.number + 1} failed at a worker: {_named(error)}; its log says more"
+            ) from error
+        return None
+
+    def _submit_again(self, task: _Task, why: str) -> None:
+        """Submit a task that was lost, unless that has happened too often.
+
+        Raises:
+            ClusterError: it has.
+        """
+        task.again += 1
+        if task.again > AGAIN:
+            raise ClusterError(
+                f"task {task.number + 1}: {why}, {task.again} times over; it may need more memory than a worker has "
+                "(dask worker --memory-limit), whose log says more"
+            )
+        self._submit(task)
+
+    def end(self) -> None:
+        """See `lava_vpr.cluster.tasks.Running`; a worker ends the task that it is at, whose result is dropped."""
+        left = list(self._open)
+        self._open.clear()
+        with suppress(Exception):  # the scheduler may be gone
+            if left and self._client.status == "running":
+                self._client.cancel(left, force=True)
+        self._sent = None
+
+
+def _named(error: BaseException) -> str:
+    """An error in one line, with its class."""
+    text = " ".join(str(error).split())
+    if type(error) is Exception:  # what distributed makes of one that it cannot send
+        return text
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
+def at_worker(function: Callable[[Any, Any], Any], expected: Mapping[str, str], shared: Any, task: Any) -> Any:
+    """``function(shared, task)`` at a worker that is as ``expected`` (`versions.here` of who asks).
+
+    Raises:
+        ClusterError: it is another; one that comes late was not compared before.
+        Exception: what the function raises.
+    """
+    other = versions.difference(expected, versions.here())
+    if other is not None:
+        raise ClusterError(_differs("a worker that came late", other))
+    return function(shared, task)
+
+
+def _differs(worker: str, other: str) -> str:
+    return f"{worker} has {other}; install the same versions on all machines, and start the workers anew"
+
+
+@contextmanager
+def connected(address: str | None, progress: Told | None = None) -> Iterator[Connection | None]:
+    """The cluster whose scheduler is at ``address``, until the end of the block; None if there is no address.
+
+    Args:
+        address: ``tcp://HOST:PORT``, or ``tls://HOST:PORT`` with keys that Dask's own configuration names.
+        progress: Told where tasks stand.
+    Raises:
+        ClusterError: Dask is not installed; nobody answers there, or not in time; there are no workers; or one has
+            other versions than this process.
+    """
+    if address is None:
+        yield None
+        return
+    client = _client(address)
+    try:
+        connection = Connection(client, address, progress)
+        _check_workers(client, address)
+        yield connection
+    finally:
+        with suppress(Exception):
+            client.close(timeout=2)
+
+
+def _client(address: str) -> Client:
+    """A client of the scheduler at ``address``.
+
+    Raises:
+        ClusterError: as `connected`.
+    """
+    try:
+        import dask
+        from distributed import Client
+        from distributed.versions import VersionMismatchWarning
+    except ImportError as error:
+        raise ClusterError(f"--cluster needs Dask, which is not installed ({error.name}): {INSTALL}") from None
+    # We say ourselves, in one line, what it would log or warn of; large tasks are meant to be.
+    for name in [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]:
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    warnings.filterwarnings("ignore", category=VersionMismatchWarning)
+    dask.config.set({"distributed.admin.large-graph-warning-threshold": "1GiB"})
+    remedy = f"start one there (dask scheduler), and name what it prints as its address: {address!r} was given"
+    try:
+        return _in_time(lambda: Client(address, timeout=CONNECT_S, set_as_default=False, name="lava-vpr"))
+    except ValueError as error:
+        raise ClusterError(f"--cluster takes tcp://HOST:PORT, not {address!r} ({_named(error)})") from None
+    except (OSError, TimeoutError, asyncio.TimeoutError) as error:
+        raise ClusterError(
+            f"no scheduler of a cluster answers ({_named(error.__cause__ or error)}); {remedy}"
+        ) from None
+    except (TypeError, RuntimeError, ImportError) as error:
+        raise ClusterError(f"cannot connect to the cluster ({_named(error)}); {remedy}") from None
+
+
+def _in_time(connect: Callable[[], Client]) -> Client:
+    """What ``connect`` returns; it waits for ever for somebody who listens there but is no scheduler.
+
+    Raises:
+        TimeoutError: it takes too long.
+        Exception: what it raises.
+    """
+    found: queue.SimpleQueue[Client | BaseException] = queue.SimpleQueue()
+
+    def run() -> None:
+        try:
+            found.put(connect())
+        except BaseException as error:
+            found.put(error)
+
+    threading.Thread(target=run, daemon=True).start()
+    try:
+        client = found.get(timeout=CONNECT_S + 1)
+    except queue.Empty:
+        raise TimeoutError(f"no answer in {CONNECT_S:g} s") from None
+    if isinstance(client, BaseException):
+        raise client
+    return client
+
+
+def _check_workers(client: Client, address: str) -> None:
+    """Wait for the first worker, and compare all that are there with this process.
+
+    Raises:
+        ClusterError: there is none, or one has other versions.
+    """
+    end = time.monotonic() + WORKERS_S
+    while not client.nthreads():
+        if time.monotonic() > end:
+            raise ClusterError(f"{address}: the cluster has no workers; start some: dask worker {address}")
+        time.sleep(0.1)
+    try:
+        found: dict[str, Any] = client.run(versions.here, on_error="return")
+    except Exception as error:  # a worker that cannot even load the question raises it whole
+        raise ClusterError(f"{address}: a worker cannot run lava-vpr ({_named(error)}); install it there") from None
+    for worker, theirs in found.items():
+        if isinstance(theirs, BaseException):
+            raise ClusterError(f"worker {worker} cannot run lava-vpr ({_named(theirs)}); install it there")
+        other = versions.difference(versions.here(), theirs)
+        if other is not None:
+            raise ClusterError(_differs(f"worker {worker}", other))

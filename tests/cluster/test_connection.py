@@ -1,0 +1,212 @@
+"""Tasks at the workers of a Dask cluster: two processes here, which are killed, are others, or are not there."""
+
+from __future__ import annotations
+
+import socket
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.common.daskcluster import DaskCluster, die, die_once, refuse, rest, times
+
+from lava_vpr.cluster import connection, versions
+from lava_vpr.cluster.connection import Connection, connected
+from lava_vpr.cluster.tasks import Standing, run_tasks
+from lava_vpr.errors import ClusterError, ConfigError
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaskCluster]:
+    """Two workers; a test that kills some leaves two."""
+    made = DaskCluster(tmp_path_factory.mktemp("cluster"))
+    yield made
+    made.end()
+
+
+@pytest.fixture
+def own(tmp_path: Path) -> Iterator[DaskCluster]:
+    """A scheduler without workers."""
+    made = DaskCluster(tmp_path, workers=0)
+    yield made
+    made.end()
+
+
+@pytest.fixture
+def at(cluster: DaskCluster) -> Iterator[Connection]:
+    with connected(cluster.address) as found:
+        assert found is not None
+        found._client.wait_for_workers(2, 60)
+        yield found
+
+
+def test_no_address_is_no_cluster() -> None:
+    with connected(None) as found:
+        assert found is None
+
+
+def test_results_come_in_order_and_arrays_as_they_are(at: Connection) -> None:
+    shared, told = np.arange(6, dtype=np.int16).reshape(2, 3), []
+    at.progress = told.append
+    tasks = [np.full((2, 3), number, np.int16) for number in range(9)]
+    found = list(run_tasks(times, iter(tasks), shared=shared, cluster=at, called="blocks"))
+    assert all(np.array_equal(one, shared * number) for number, one in enumerate(found))
+    assert {(one.dtype, one.flags.writeable) for one in found} == {(np.dtype(np.int16), True)}
+    assert told[-1] == Standing("blocks", 9, 2)
+
+
+def test_an_error_of_ours_is_raised_as_it_is(at: Connection) -> None:
+    with pytest.raises(ConfigError, match=r"^3 is too many; give 2$"):
+        list(run_tasks(refuse, range(9), shared=0, cluster=at))
+    assert list(run_tasks(refuse, range(3), shared=0, cluster=at)) == [0, 1, 2]
+
+
+def test_any_other_error_is_one_line(at: Connection) -> None:
+    with pytest.raises(ClusterError, match=r"^task 4 failed at a worker: ValueError: three lines; its log says more$"):
+        list(run_tasks(refuse, range(9), shared=1, cluster=at))
+
+
+def test_killed_workers_cost_their_tasks_alone(cluster: DaskCluster, at: Connection) -> None:
+    """Even all at once, with what they all had been sent."""
+    found = []
+    for result in run_tasks(rest, range(8), shared=(np.ones(9), 0.1), cluster=at):
+        found.append(result)
+        if result == 1:
+            for worker in cluster.workers:
+                worker.kill()
+            cluster.workers = [cluster.add(), cluster.add()]
+    assert found == list(range(8))
+
+
+def test_more_deaths_than_the_scheduler_allows_do_not_end_a_run(
+    cluster: DaskCluster, at: Connection, tmp_path: Path
+) -> None:
+    """Dask gives a task up after four workers; a task with which six died, by chance or for want of memory, goes on."""
+    cluster.workers += [cluster.add() for _ in range(6)]
+    assert list(run_tasks(die_once, range(5), shared=str(tmp_path), cluster=at)) == list(range(5))
+    assert len(list(tmp_path.glob("died-*"))) == 6
+    cluster.workers = [worker for worker in cluster.workers if worker.poll() is None]
+    assert len(cluster.workers) == 2
+
+
+def test_a_task_that_kills_its_workers_is_not_run_for_ever(own: DaskCluster, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connection, "AGAIN", 0)
+    for _ in range(4):
+        own.add()
+    with connected(own.address) as found, pytest.raises(ClusterError) as refused:
+        list(run_tasks(die, [0], shared=None, cluster=found))
+    assert str(refused.value).startswith("task 1: worker after worker died with it, last tcp://127.0.0.1:")
+    assert "it may need more memory than a worker has (dask worker --memory-limit)" in str(refused.value)
+
+
+def slowly(found: Connection | None, at: int, do: Callable[[], object]) -> None:
+    """Fifty tasks, and what is done once the result of one is here."""
+    for result in run_tasks(rest, range(50), shared=(None, 0.05), cluster=found):
+        if result == at:
+            do()
+
+
+def test_a_scheduler_that_is_lost(own: DaskCluster) -> None:
+    own.add()
+    with connected(own.address) as found, pytest.raises(ClusterError) as refused:
+        slowly(found, 1, own.scheduler.kill)
+    assert str(refused.value) == (
+        f"{own.address}: the scheduler was lost; start it again (dask scheduler) and repeat the command, with --resume "
+        "where a checkpoint was kept"
+    )
+
+
+def test_workers_that_do_not_come_back(own: DaskCluster) -> None:
+    worker = own.add()
+    with connected(own.address) as found:
+        assert found is not None
+        found.most_absent = 1.0
+        with pytest.raises(ClusterError, match=r"there has been no worker for 1 s; start workers \(dask worker tcp://"):
+            slowly(found, 0, worker.kill)
+
+
+def refusal(address: str) -> str:
+    """What is said of a cluster that cannot be connected to."""
+    with pytest.raises(ClusterError) as refused, connected(address):
+        raise AssertionError("it was")
+    assert "\n" not in str(refused.value)
+    return str(refused.value)
+
+
+def test_no_workers(own: DaskCluster, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connection, "WORKERS_S", 0.2)
+    said = refusal(own.address)
+    assert said == f"{own.address}: the cluster has no workers; start some: dask worker {own.address}"
+
+
+def test_nobody_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connection, "CONNECT_S", 0.5)
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    said = refusal(f"tcp://127.0.0.1:{port}")
+    assert said.startswith("no scheduler of a cluster answers (")
+    remedy = "start one there (dask scheduler), and name what it prints as its address"
+    assert said.endswith(f"{remedy}: 'tcp://127.0.0.1:{port}' was given")
+    assert refusal("tcp://no.such.host.invalid:8786").startswith("no scheduler of a cluster answers (")
+
+
+def test_somebody_else_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who listens and says nothing."""
+    monkeypatch.setattr(connection, "CONNECT_S", 0.5)
+    with socket.socket() as silent:
+        silent.bind(("127.0.0.1", 0))
+        silent.listen()
+        assert refusal(f"tcp://127.0.0.1:{silent.getsockname()[1]}").startswith("no scheduler of a cluster answers (")
+
+
+@pytest.mark.parametrize("address", ["nonsense://1:2", "tcp://", "tcp://here:words", "127.0.0.1", ""])
+def test_no_address(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connection, "CONNECT_S", 0.5)
+    assert repr(address) in refusal(address)
+
+
+def test_tls_without_keys(own: DaskCluster) -> None:
+    assert refusal(own.address.replace("tcp", "tls")).startswith("cannot connect to the cluster (")
+
+
+def test_dask_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "dask", None)
+    said = refusal("tcp://127.0.0.1:1")
+    assert said == "--cluster needs Dask, which is not installed (dask): pip install 'lava-vpr[cluster]'"
+
+
+OTHER = "import lava_vpr; lava_vpr.__version__ = '0.0.9'"
+NONE = "import sys; sys.modules['lava_vpr'] = None"
+
+
+def test_a_worker_of_another_version(own: DaskCluster) -> None:
+    own.add(program=OTHER)
+    said, ours = refusal(own.address), versions.here()["lava-vpr"]
+    assert f"has lava-vpr 0.0.9 ({ours.split('(')[1]}, here {ours}; install the same versions on all machines" in said
+
+
+def test_a_worker_without_lava_vpr(own: DaskCluster) -> None:
+    own.add(program=NONE)
+    assert "cannot run lava-vpr (ModuleNotFoundError" in refusal(own.address)
+
+
+def test_a_worker_of_another_version_that_comes_late(own: DaskCluster) -> None:
+    first = own.add()
+    with connected(own.address) as found, pytest.raises(ClusterError, match=r"^a worker that came late has lava-vpr"):
+        slowly(found, 0, lambda: (own.add(program=OTHER), first.kill()))
+
+
+def test_versions_name_what_computes() -> None:
+    ours = dict(versions.here())
+    assert versions.difference(ours, ours) is None
+    theirs = {**ours, "numpy": "0.1"}
+    assert versions.difference(ours, theirs) == f"numpy 0.1, here {ours['numpy']}"
+    assert versions.difference(ours, {}) is not None
+
+
+def test_another_source_is_another_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    before, read = versions._source(), Path.read_bytes
+    monkeypatch.setattr(Path, "read_bytes", lambda path: read(path) + (b"#" if path.name == "loihi.py" else b""))
+    assert versions._source() != before

@@ -1,0 +1,105 @@
+"""A Dask cluster on the loopback address, scheduler and workers as processes; functions that workers can import.
+
+Used by cluster.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from lava_vpr.errors import ConfigError
+
+TESTS = Path(__file__).resolve().parents[2]
+DEADLINE = 120.0  # seconds; reached only when something hangs
+QUIET = ("--no-dashboard", "--host", "127.0.0.1")
+
+
+class DaskCluster:
+    """A scheduler, and workers of one thread each that come, go and are killed."""
+
+    def __init__(self, folder: Path, workers: int = 2) -> None:
+        self.folder = folder
+        self.processes: list[subprocess.Popen[bytes]] = []
+        file = folder / "scheduler.json"
+        self.scheduler = self._start("scheduler", "--port", "0", *QUIET, "--scheduler-file", str(file))
+        self.address = str(self._read(file)["address"])
+        self.workers = [self.add() for _ in range(workers)]
+
+    def _start(self, *words: str, program: str | None = None) -> subprocess.Popen[bytes]:
+        """``dask`` with these words; ``program`` is Python that comes before."""
+        start = f"{program or ''}\nfrom dask.__main__ import main; main()"
+        folders = os.pathsep.join((str(TESTS), str(TESTS.parent)))
+        environment = {**os.environ, "PYTHONPATH": folders, "PYTHONWARNINGS": "ignore"}
+        log = (self.folder / f"{len(self.processes)}.log").open("wb")
+        with log:
+            command = [sys.executable, "-c", start, *words]
+            process = subprocess.Popen(command, stdout=log, stderr=log, env=environment, cwd=self.folder)
+        self.processes.append(process)
+        return process
+
+    def _read(self, file: Path) -> dict[str, Any]:
+        end = time.monotonic() + DEADLINE
+        while time.monotonic() < end:
+            try:
+                found: dict[str, Any] = json.loads(file.read_text())
+                return found
+            except (OSError, ValueError):  # not there, or not whole
+                assert self.scheduler.poll() is None, self.logs()
+                time.sleep(0.02)
+        raise AssertionError(f"the scheduler does not start: {self.logs()}")
+
+    def add(self, *words: str, program: str | None = None) -> subprocess.Popen[bytes]:
+        """Another worker, which a kill ends for good; ``program`` runs in its process before."""
+        own = ("--nthreads", "1", "--no-nanny", "--memory-limit", "0", "--local-directory", str(self.folder))
+        return self._start("worker", self.address, *own, *QUIET, *words, program=program)
+
+    def logs(self) -> str:
+        """What all processes have written."""
+        return "\n".join(path.read_text(errors="replace") for path in sorted(self.folder.glob("*.log")))
+
+    def end(self) -> None:
+        """Kill what is left."""
+        for process in self.processes:
+            process.kill()
+        for process in self.processes:
+            process.wait(DEADLINE)
+
+
+def times(shared: Any, task: Any) -> Any:
+    """The product."""
+    return shared * task
+
+
+def refuse(shared: int, task: int) -> int:
+    """The task, or an error of the kind that ``shared`` says, if it is 3."""
+    if task == 3:
+        raise (ConfigError("3 is too many; give 2") if shared == 0 else ValueError("three\nlines"))
+    return task
+
+
+def rest(shared: tuple[Any, float], task: int) -> int:
+    """The task, after some seconds."""
+    time.sleep(shared[1])
+    return task
+
+
+def die(shared: object, task: int) -> None:
+    """End the worker."""
+    os._exit(1)
+
+
+def die_once(folder: str, task: int) -> int:
+    """The task; whoever is first to get task 2 dies of it, and so do the next five."""
+    for number in range(6) if task == 2 else ():
+        try:
+            (Path(folder) / f"died-{number}").touch(exist_ok=False)
+        except FileExistsError:
+            continue
+        os._exit(1)
+    return task
