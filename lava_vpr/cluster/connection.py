@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import queue
+import re
 import threading
 import time
 import warnings
@@ -262,7 +263,7 @@ def _client(address: str) -> Client:
     """
     try:
         import dask
-        from distributed import Client
+        from distributed import Client, Security
         from distributed.versions import VersionMismatchWarning
     except ImportError as error:
         raise ClusterError(f"--cluster needs Dask, which is not installed ({error.name}): {INSTALL}") from None
@@ -271,17 +272,35 @@ def _client(address: str) -> Client:
         logging.getLogger(name).setLevel(logging.CRITICAL)
     warnings.filterwarnings("ignore", category=VersionMismatchWarning)
     dask.config.set({"distributed.admin.large-graph-warning-threshold": "1GiB"})
+    _check_address(address, Security().get_connection_args("client").get("ssl_context"))
     remedy = f"start one there (dask scheduler), and name what it prints as its address: {address!r} was given"
     try:
         return _in_time(lambda: Client(address, timeout=CONNECT_S, set_as_default=False, name="lava-vpr"))
-    except ValueError as error:
-        raise ClusterError(f"--cluster takes tcp://HOST:PORT, not {address!r} ({_named(error)})") from None
     except (OSError, TimeoutError, asyncio.TimeoutError) as error:
         raise ClusterError(
             f"no scheduler of a cluster answers ({_named(error.__cause__ or error)}); {remedy}"
         ) from None
-    except (TypeError, RuntimeError, ImportError) as error:
+    except (RuntimeError, ImportError) as error:
         raise ClusterError(f"cannot connect to the cluster ({_named(error)}); {remedy}") from None
+
+
+def _check_address(address: str, keys: object) -> None:
+    """Refuse an address before a client is made of it: one that is refused later is never closed, and may hang others.
+
+    Args:
+        address: What --cluster names.
+        keys: What Dask's configuration says of keys for TLS; None: nothing.
+    Raises:
+        ClusterError: it is none, or needs keys.
+    """
+    form = re.fullmatch(r"(tcp|tls)://(\[[0-9A-Fa-f:.%]+\]|[^\s/:\[\]]+):([0-9]{1,5})", address)
+    if form is None or not 0 < int(form[3]) < 65536:
+        raise ClusterError(f"--cluster takes tcp://HOST:PORT, not {address!r}; name what dask scheduler prints")
+    if form[1] == "tls" and keys is None:
+        raise ClusterError(
+            f"{address}: Dask's configuration names no keys for TLS; set DASK_DISTRIBUTED__COMM__TLS__CA_FILE, and "
+            "..._TLS__CLIENT__CERT and ..._TLS__CLIENT__KEY"
+        )
 
 
 def _in_time(connect: Callable[[], Client]) -> Client:
