@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 from functools import lru_cache
 from pathlib import Path
@@ -48,16 +47,7 @@ def encoded(season: str, encoder: EncoderConfig) -> EncodedTraverse:
 
 def part(traverse: EncodedTraverse, chosen: slice | NDArray[np.int64]) -> EncodedTraverse:
     """Some images of an encoded traverse, with their absolute indices."""
-    order = np.arange(len(traverse))[chosen]
-    return dataclasses.replace(
-        traverse,
-        names=tuple(traverse.names[i] for i in order),
-        indices=traverse.indices[order],
-        patches=traverse.kept(Keep.PATCHES, "a part")[order],
-        activity=traverse.activity[order],
-        thumbnails=traverse.kept(Keep.THUMBNAILS, "a part")[order],
-        hog=None if traverse.hog is None else traverse.hog[order],
-    )
+    return traverse.take(chosen)
 
 
 def learn(places: tuple[int, int], config: Config) -> Model:

@@ -70,6 +70,25 @@ preset `paper` has no templates: such a baseline is left out, and an error if it
 empty without `--adapt`. `position_error` is null where positions of places or queries are not known: metres from query
 to match that half and 90 % of the `matched` queries do not exceed, and the share of all queries within `radius_m`.
 
+## The figures of `study --json`
+
+Fractions in 0..1; what cannot be computed is `null`. Equal inputs write equal bytes, whatever `--jobs` says.
+
+```
+{{"study": NAME, "varied": TEXT, "places": n, "queries": n, "seeds": [n, ...], "board": NAME, "settings": {{...}},
+ "points": [{{"point": TEXT, "value": x or null,
+             "network": {{"recall_at_1": S, "recall_at_100_precision": S, "auc": S}},
+             "baselines": {{NAME: {{"recall_at_1": x, "recall_at_100_precision": x, "auc": x}}}},
+             "modelled": {{"microjoules": x, "milliseconds": x}} or null,
+             "facts": {{NAME: S}}}}, ...]}}
+
+S = {{"mean": x, "deviation": x or null, "by_seed": {{"0": x, ...}}}}
+```
+
+`value` is null where points are no numbers. `deviation` is the sample standard deviation over seeds, null of one seed.
+`modelled` is of the first seed, null where costs do not change or the board cannot run the network. `facts` are what a
+study counts besides: `neurons`, `covered` (share of the places), `theta_hyper`, `removed` (share of the neurons).
+
 ## The matches of `query`
 
 Without `-o`, one image gets a sentence, and several get lines on standard output, as they do with `-o -`; each stands

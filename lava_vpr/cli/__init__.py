@@ -36,6 +36,7 @@ COMMANDS = {
         "datasets",
         "Say what the benchmark datasets are, and check one.",
     ),
+    "study": ("lava_vpr.cli.study", "study", "Say what one thing does to recall and cost, with several seeds."),
     "doctor": ("lava_vpr.cli.doctor", "doctor", "Say what is installed and what can run."),
 }
 
@@ -62,5 +63,6 @@ def main() -> None:
     lava-vpr fit route.lvpr --target kapoho-bay        what would each core hold?
     lava-vpr deploy route.lvpr --target loihi2 -o out  write all that a board needs
     lava-vpr bench route.lvpr WINTER/ --report report  what does a query cost?
+    lava-vpr study places SUMMER/ --query WINTER/      what does the number of places do?
     lava-vpr export route.lvpr -o net.nir              the network for other simulators and chips
     """

@@ -50,17 +50,46 @@ class Places(click.ParamType):
 
 
 class Numbers(click.ParamType):
-    """Whole numbers of at least 1, with commas between."""
+    """Whole numbers, with commas between.
+
+    Args:
+        least: The least that each may be.
+    """
 
     name = "N,N,..."
+
+    def __init__(self, least: int = 1) -> None:
+        self.least = least
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, ...]:
         if isinstance(value, tuple):
             return value
-        words = str(value).split(",")
-        if not all(word.isascii() and word.isdigit() and len(word) <= 9 and int(word) for word in words):
-            self.fail(f"{value!r} are no numbers of at least 1 with commas between, for instance 500,10", param, ctx)
+        words, least = str(value).split(","), self.least
+        if not all(word.isascii() and word.isdigit() and len(word) <= 9 and int(word) >= least for word in words):
+            example = f"{500 if least else 0},{10 if least else 1}"
+            self.fail(
+                f"{value!r} are no numbers of at least {least} with commas between, for instance {example}", param, ctx
+            )
         return tuple(int(word) for word in words)
+
+
+class Values(click.ParamType):
+    """Numbers above 0, each once, with commas between."""
+
+    name = "X,X,..."
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
+        if isinstance(value, tuple):
+            return value
+        try:
+            numbers = tuple(float(word) for word in str(value).split(","))
+        except ValueError:
+            numbers = ()
+        if not numbers or not all(math.isfinite(number) and number > 0 for number in numbers):
+            self.fail(f"{value!r} are no numbers above 0 with commas between, for instance 1,2,4", param, ctx)
+        if len(set(numbers)) < len(numbers):
+            self.fail(f"{value!r} names a number twice; give each once", param, ctx)
+        return numbers
 
 
 class Number(click.FloatRange):

@@ -17,7 +17,9 @@ from lava_vpr.backends.rivals import chosen as rivals_of
 from lava_vpr.cli.choose import TruthOptions, truth_options
 from lava_vpr.cli.common import (
     PATH,
+    Numbers,
     OneSource,
+    Values,
     answer_options,
     asking_options,
     backend_progress,
@@ -229,17 +231,24 @@ def _row(metrics: Metrics) -> list[str]:
     return [_percent(value) for value in values]
 
 
+SILENT = ("json_path", "report_folder", "jobs")
+"""Parameters that a report does not repeat: they change nothing of what it says."""
+
+
 def command_line(ctx: click.Context) -> str:
     """How to repeat this command, file names without their folders (reports carry no paths)."""
     words = ["lava-vpr", ctx.info_name or ""]
     for param in ctx.command.params:
         value = ctx.params.get(param.name or "")
-        if value is None or value == () or value == param.default or param.name in ("json_path", "report_folder"):
+        if value is None or value == () or value == param.default or param.name in SILENT:
             continue
         values = value if isinstance(value, tuple) else (value,)
         if param.name == "places":
             values = (f"{values[0]}:{values[1]}",)
-        shown = [Path(v).name if isinstance(v, Path) or param.name in ("query", "stamps") else str(v) for v in values]
+        if isinstance(param.type, (Numbers, Values)):
+            values = (",".join(f"{number:g}" for number in values),)
+        sources = ("query", "references", "stamps")
+        shown = [Path(v).name if isinstance(v, Path) or param.name in sources else str(v) for v in values]
         if isinstance(param, click.Argument):
             words += shown
         elif isinstance(param, click.Option) and param.is_flag:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Flag, auto
 from typing import Any
 
@@ -53,6 +53,14 @@ class EncodedTraverse:
 
     def __len__(self) -> int:
         return len(self.names)
+
+    def take(self, chosen: slice | NDArray[np.int64]) -> EncodedTraverse:
+        """Some of the images, in the order of ``chosen``, with their absolute indices."""
+        arrays = ("patches", "thumbnails", "hog", "vectors")
+        kept = {name: array[chosen] for name in arrays if (array := getattr(self, name)) is not None}
+        order = np.arange(len(self))[chosen].tolist()
+        names = tuple(self.names[k] for k in order)
+        return replace(self, names=names, indices=self.indices[chosen], activity=self.activity[chosen], **kept)
 
     def kept(self, part: Keep, purpose: str) -> NDArray[Any]:
         """One part of what may be kept, seen to be there, as the attribute of its name holds it.

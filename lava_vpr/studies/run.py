@@ -1,0 +1,169 @@
+"""A study from its tasks to its table: measured task by task, then put together by point."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from lava_vpr.config import Config
+from lava_vpr.errors import ConfigError
+from lava_vpr.studies.study import Asked, Costs, Outcome, Recall, Study, Task
+from lava_vpr.training.loop import check_size
+
+Advance = Callable[[int, str], None]
+"""A function that is told how many more tasks are done, and what is measured next."""
+
+
+class Spread(NamedTuple):
+    """A figure over seeds.
+
+    Attributes:
+        mean: Of all seeds.
+        deviation: The sample standard deviation; None of one seed.
+        by_seed: The figure by seed, in order.
+    """
+
+    mean: float
+    deviation: float | None
+    by_seed: Mapping[int, float]
+
+    @classmethod
+    def of(cls, by_seed: Mapping[int, float]) -> Spread:
+        """That of figures by seed, at least one; sums are exact, so that every Python rounds them alike."""
+        values = list(by_seed.values())
+        mean = math.fsum(values) / len(values)
+        if len(values) == 1:
+            return cls(mean, None, by_seed)
+        squares = math.fsum((value - mean) ** 2 for value in values)
+        return cls(mean, math.sqrt(squares / (len(values) - 1)), by_seed)
+
+
+@dataclass(frozen=True)
+class Row:
+    """A point of a study over all seeds.
+
+    Attributes:
+        point: Its label.
+        value: Its place on an axis; None: it has none.
+        network: R@1, R@100P and AUC of the network.
+        baselines: Figures of baselines, by name.
+        costs: Modelled costs; None: not modelled, or the board cannot run it.
+        facts: Further figures by name.
+    """
+
+    point: str
+    value: float | None
+    network: dict[str, Spread]
+    baselines: dict[str, Recall]
+    costs: Costs | None
+    facts: dict[str, Spread]
+
+
+@dataclass(frozen=True)
+class Studied:
+    """What a study found.
+
+    Attributes:
+        study: The study.
+        places, queries: Numbers of the route.
+        seeds: The seeds.
+        config: Settings; each seed took the place of theirs.
+        rows: The points in order.
+        command: How to repeat it.
+    """
+
+    study: Study
+    places: int
+    queries: int
+    seeds: tuple[int, ...]
+    config: Config = field(repr=False)
+    rows: tuple[Row, ...]
+    command: str = ""
+
+
+def run(study: Study, asked: Asked, *, command: str = "", advance: Advance | None = None) -> Studied:
+    """Measure every point of ``study`` with every seed.
+
+    Args:
+        study: The study.
+        asked: What it is asked.
+        command: How to repeat it, for the page.
+        advance: Told of each task.
+    Returns:
+        The same for every number of threads.
+    Raises:
+        LavaVprError: values that the study does not take, settings that cannot be learned, or images that do not fit.
+    """
+    tasks = planned(study, asked)
+    outcomes = []
+    for task in tasks:
+        if advance is not None:
+            advance(0, in_words(task))
+        outcomes.append(study.measure(task))
+        if advance is not None:
+            advance(1, in_words(task))
+    found = rows([outcome for some in outcomes for outcome in some])
+    route = asked.route
+    return Studied(study, route.places, len(route.queries), asked.seeds, asked.config, found, command)
+
+
+def planned(study: Study, asked: Asked) -> Sequence[Task]:
+    """The tasks of ``study``, each seen to be one that can be learned.
+
+    Raises:
+        ConfigError: values that the study does not take, or settings that cannot be learned.
+        NetworkLimitError: integer learning that could overflow.
+    """
+    if asked.values and not study.values:
+        raise ConfigError(f"the study {study.name} takes no --values: its points are no numbers; leave them out")
+    wrong = next((value for value in asked.values if study.whole and not float(value).is_integer()), None)
+    if wrong is not None:
+        raise ConfigError(f"--values: {wrong:g} is no whole number, as the study {study.name} takes; correct it")
+    tasks = study.tasks(asked)
+    traverses = len(asked.route.references) // len(asked.config.views.views)
+    for places, config in {(task.route.places, point.config): None for task in tasks for point in task.points}:
+        check_size(places, config, traverses)
+    return tasks
+
+
+def in_words(task: Task) -> str:
+    """What a task measures, for a progress bar."""
+    labels = [point.label for point in task.points if point.label]
+    what = labels[0] if len(labels) == 1 else f"{labels[0]} .. {labels[-1]}" if labels else "learning"
+    return f"{what}, seed {task.seed}"
+
+
+def rows(outcomes: Iterable[Outcome]) -> tuple[Row, ...]:
+    """Outcomes by point, in the order of their first; of one point and seed the mean is taken."""
+    by_point: dict[str, list[Outcome]] = {}
+    for outcome in outcomes:
+        by_point.setdefault(outcome.point, []).append(outcome)
+    return tuple(_row(point, some) for point, some in by_point.items())
+
+
+def _row(point: str, some: Sequence[Outcome]) -> Row:
+    """The row of the outcomes of one point."""
+    network = {name: _spread([(one.seed, getattr(one.network, name)) for one in some]) for name in Recall._fields}
+    names = dict.fromkeys(name for one in some for name in one.baselines)
+    baselines = {name: _means(Recall, [one.baselines[name] for one in some if name in one.baselines]) for name in names}
+    costs = [one.costs for one in some if one.costs is not None]
+    facts = {
+        name: _spread([(one.seed, one.facts[name]) for one in some if name in one.facts])
+        for name in dict.fromkeys(name for one in some for name in one.facts)
+    }
+    return Row(point, some[0].value, network, baselines, _means(Costs, costs) if costs else None, facts)
+
+
+def _spread(figures: Iterable[tuple[int, float]]) -> Spread:
+    """Figures, each with its seed, over seeds; of several with one seed their mean."""
+    by_seed: dict[int, list[float]] = {}
+    for seed, value in figures:
+        by_seed.setdefault(seed, []).append(float(value))
+    return Spread.of({seed: math.fsum(values) / len(values) for seed, values in by_seed.items()})
+
+
+def _means(kind: Any, values: Sequence[Any]) -> Any:
+    """The means of each figure of ``values``, at least one, as a ``kind``."""
+    return kind(*(math.fsum(figures) / len(values) for figures in zip(*values, strict=True)))

@@ -1,0 +1,242 @@
+"""Studies of several networks that answer together: modules without hyperactive neurons, and ensembles."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.backends.host import HostBackend
+from lava_vpr.backends.interface import Presentations
+from lava_vpr.config import Config
+from lava_vpr.configfile import update
+from lava_vpr.encoding import query_rates
+from lava_vpr.engine.random import presentation_key, uniform
+from lava_vpr.errors import ConfigError
+from lava_vpr.gate import integer_config
+from lava_vpr.inputs.encoder import INPUTS
+from lava_vpr.matching import decoders, ensembles
+from lava_vpr.matching.certainty import best
+from lava_vpr.matching.hyperactive import calibrated_theta, foreign_images, hyperactive, without
+from lava_vpr.model import Model, decode
+from lava_vpr.studies.measuring import baselines, counted, judged_scores, learned, modelled, references_counted
+from lava_vpr.studies.study import Asked, Costs, Outcome, Point, Route, Study, Task
+from lava_vpr.training.calibration import ALTERED, altered
+
+REPEATS = 2
+"""Each reference is altered so often to calibrate theta_hyper."""
+
+
+class Modules(NamedTuple):
+    """Networks whose outputs are put side by side.
+
+    Attributes:
+        counts: Spikes on the queries, int32 (queries, neurons of all modules).
+        references: Spikes on the references, traverse after traverse, int32 (images, neurons).
+        calibration: Spikes on altered references, `REPEATS` times all places, int32 (presentations, neurons).
+        responses: S^R, int (neurons, places): each module's own; 0 at the places of the others.
+        neuron_modules: The module of each neuron, int64 (neurons,).
+        place_modules: The module that learned each place, int64 (places,).
+    """
+
+    counts: NDArray[np.int32]
+    references: NDArray[np.int32]
+    calibration: NDArray[np.int32]
+    responses: NDArray[Any]
+    neuron_modules: NDArray[np.int64]
+    place_modules: NDArray[np.int64]
+
+
+def _altered(model: Model, route: Route, threads: int) -> NDArray[np.int32]:
+    """Spikes of ``model`` on altered references of ``route``, int32 (`REPEATS` places, neurons)."""
+    encoder, activity = model.config.encoder, route.references[0].activity
+    channels = encoder.layout.channels if INPUTS[encoder.kind].sees == "vector" else 1
+    places = np.arange(route.places)
+    shown = [altered(activity, places, model.config.seed, k, ALTERED, channels) for k in range(REPEATS)]
+    rates = query_rates(np.concatenate(shown), model.config)
+    return HostBackend(threads).count_spikes(model, Presentations(rates, model.config.seed, "calibration"))[0]
+
+
+def side_by_side(route: Route, config: Config, size: int, threads: int) -> tuple[Modules, list[Model]]:
+    """A module for each ``size`` places in a row, each a network of its own that learned nothing else.
+
+    Where they do not come out even, the last module has fewer places, or one more.
+    """
+    starts = range(0, route.places - 1, size)  # a last place alone joins the module before it
+    ends = [*starts[1:], route.places]
+    models, parts, responses = [], [], np.zeros((0, route.places), np.int64)
+    for first, end in zip(starts, ends, strict=True):
+        model = learned(route.section(first, end), update(config, {"stretch": 0}), threads)
+        own = np.zeros((model.neurons, route.places), np.int64)
+        own[:, first:end] = model.responses
+        responses = np.concatenate([responses, own])
+        shown = (counted(model, route, threads), references_counted(model, route, "response", threads))
+        parts.append((*shown, _altered(model, route, threads)))
+        models.append(model)
+    counts, references, calibration = (np.concatenate(of, axis=1) for of in zip(*parts, strict=True))
+    neurons, sizes = [model.neurons for model in models], [end - first for first, end in zip(starts, ends, strict=True)]
+    numbers = np.arange(len(models))
+    return Modules(
+        counts, references, calibration, responses, np.repeat(numbers, neurons), np.repeat(numbers, sizes)
+    ), models
+
+
+def as_one(model: Model, route: Route, threads: int) -> Modules:
+    """One network whose stretches, learned apart, are the modules, all under one inhibition."""
+    return Modules(
+        counted(model, route, threads),
+        references_counted(model, route, "response", threads),
+        _altered(model, route, threads),
+        model.responses,
+        np.repeat(np.arange(len(model.stretches)), [part.neurons for part in model.stretches]),
+        np.repeat(np.arange(len(model.stretches)), [part.places for part in model.stretches]),
+    )
+
+
+def theta_of(modules: Modules, decoder: str, gamma: float) -> tuple[int, NDArray[np.bool_]]:
+    """theta_hyper by the recall of altered references, and the neurons that it takes out, bool (neurons,)."""
+    traverses = len(modules.references) // len(modules.place_modules)
+    foreign = foreign_images(modules.references, np.tile(modules.place_modules, traverses), modules.neuron_modules)
+    places = np.tile(np.arange(len(modules.place_modules)), REPEATS)
+
+    def worth(theta: int) -> float:
+        scores = _scored(modules.calibration, modules.responses, hyperactive(foreign, theta), decoder, gamma)
+        return float(np.mean(best(scores) == places))
+
+    theta = calibrated_theta(foreign, worth)
+    return theta, hyperactive(foreign, theta)
+
+
+def _scored(
+    counts: NDArray[np.int32], responses: NDArray[Any], removed: NDArray[np.bool_], decoder: str, gamma: float
+) -> NDArray[np.float64]:
+    """Scores (n, places) of spikes (n, neurons) of which those of the ``removed`` neurons are 0."""
+    kept = responses.copy()
+    kept[removed] = 0
+    return decoders.decode(decoder, kept, without(counts, removed), gamma=gamma)
+
+
+def hyperactive_tasks(asked: Asked) -> list[Task]:
+    """For each seed, and each number of places of a module, networks apart and one network."""
+    tasks = []
+    for value in asked.values or HYPERACTIVE.values:
+        size = int(value)
+        if not 2 <= size < asked.route.places:
+            raise ConfigError(
+                f"modules of {size} places, but the route has {asked.route.places}; choose --values of at least 2, "
+                "below that"
+            )
+        for seed in asked.seeds:
+            config = integer_config(update(asked.config, {"seed": seed, "stretch": size}), "the study hyperactive")
+            if len(config.views.views) > 1:
+                raise ConfigError("the study hyperactive takes one view; set views.shifts and views.scales to 1")
+            tasks.append(asked.task([Point(f"modules of {size}", config, size)], seed))
+    return tasks
+
+
+def measure_hyperactive(task: Task) -> list[Outcome]:
+    """Recall of modules side by side and of one network, as they are and without their hyperactive neurons."""
+    (point,), route, threads = task.points, task.route, task.threads
+    decoder, size = point.config.decoder, int(point.value or 0)
+    whole = learned(route, point.config, threads)
+    beside = baselines(whole, route, threads) if task.first else {}
+    apart, _ = side_by_side(route, point.config, size, threads)
+    outcomes = []
+    for kind, modules in (("one network", as_one(whole, route, threads)), ("apart", apart)):
+        theta, removed = theta_of(modules, decoder.default, decoder.gamma)
+        for label, out, facts in (
+            ("as they are", np.zeros_like(removed), {}),
+            ("without", removed, {"theta_hyper": float(theta), "removed": float(removed.mean())}),
+        ):
+            scores = _scored(modules.counts, modules.responses, out, decoder.default, decoder.gamma)
+            recall = judged_scores(decoder.default, scores, route.truth)
+            title = f"{point.label}, {kind}, {label}"
+            outcomes.append(Outcome(title, point.value, task.seed, recall, beside, None, facts))
+    return outcomes
+
+
+def ensemble_tasks(asked: Asked) -> list[Task]:
+    """For each seed one task, in which each member is learned once for all sizes."""
+    tasks, sizes = [], [int(value) for value in asked.values or ENSEMBLE.values]
+    if min(sizes) < 1:
+        raise ConfigError(f"an ensemble of {min(sizes)} members; choose --values of at least 1")
+    for seed in asked.seeds:
+        config = integer_config(update(asked.config, {"seed": seed}), "the study ensemble")
+        tasks.append(asked.task([Point(f"{size}", config, size) for size in sizes], seed))
+    return tasks
+
+
+def member_seed(seed: int, member: int) -> int:
+    """The seed of a member of the ensemble of ``seed``; the first has that seed itself."""
+    return seed if member == 0 else presentation_key(seed, "start", member) >> 1
+
+
+def shuffled_order(places: int, seed: int) -> NDArray[np.int64]:
+    """The order in which the member of ``seed`` learns, int64 (places,)."""
+    return np.argsort(uniform(presentation_key(seed, "start", -1), places), kind="stable")
+
+
+def measure_ensemble(task: Task) -> list[Outcome]:
+    """Recall of ensembles whose members differ in their seeds, and in the order of the places, too."""
+    config, route, threads = task.points[0].config, task.route, task.threads
+    most, decoder = max(int(point.value or 1) for point in task.points), config.decoder.default
+    beside: dict[str, Any] = {}
+    scores: dict[bool, list[NDArray[np.float64]]] = {False: [], True: []}
+    costs: list[Costs | None] = []
+    for member in range(most):
+        seed = member_seed(config.seed, member)
+        for shuffles in (False, True) if member else (False,):
+            order = shuffled_order(route.places, seed) if shuffles else np.arange(route.places)
+            model = learned(route.shuffled(order), update(config, {"seed": seed}), threads)
+            scored = decode(model, counted(model, route, threads), decoder)
+            scores[shuffles].append(ensembles.in_order(scored, order))
+            if not shuffles and task.first:
+                costs.append(modelled(model, route, threads))
+                beside = beside or baselines(model, route, threads)
+    scores[True].insert(0, scores[False][0])
+    outcomes = []
+    for shuffles, kind in ((False, "other seeds"), (True, "other seeds and orders")):
+        for point in task.points:
+            size = int(point.value or 1)
+            recall = judged_scores(decoder, ensembles.together(scores[shuffles][:size]), route.truth)
+            label = f"{size} member{'s' if size > 1 else ''}" + (f", {kind}" if size > 1 else "")
+            if size == 1 and shuffles:
+                continue
+            cost = None if shuffles else _all(costs[:size])
+            outcomes.append(Outcome(label, point.value, task.seed, recall, beside, cost))
+    return outcomes
+
+
+def _all(costs: list[Costs | None]) -> Costs | None:
+    """Energy of all members, and the time of the slowest: each has a board of its own."""
+    known = [cost for cost in costs if cost is not None]
+    if not known or len(known) < len(costs):
+        return None
+    return Costs(sum(cost.microjoules for cost in known), max(cost.milliseconds for cost in known))
+
+
+HYPERACTIVE = Study(
+    "hyperactive",
+    title="Without hyperactive neurons",
+    varied="places of a module, and how modules stand together",
+    values=(25, 50),
+    tasks=hyperactive_tasks,
+    measure=measure_hyperactive,
+    note="A module learns so many places and nothing else. apart: each is a network of its own, their outputs side by "
+    "side, as in the follow-up papers; one network: all under one inhibition, as models are here. without: spikes of "
+    "neurons are 0 that fire for at least theta_hyper references outside their module; theta_hyper is the one with "
+    "most recall of altered references, no query is asked. removed: share of the neurons.",
+    drawn="rows",
+)
+ENSEMBLE = Study(
+    "ensemble",
+    title="Ensembles",
+    varied="members",
+    values=(1, 2, 3, 5),
+    tasks=ensemble_tasks,
+    measure=measure_ensemble,
+    note="The sum of the scores of members that learned with other seeds, or also in another order of the places, so "
+    "that other places compete. Energy is that of all members, time that of the slowest: each has a board.",
+    drawn="rows",
+)

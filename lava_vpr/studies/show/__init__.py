@@ -1,0 +1,1 @@
+"""What a study found, as JSON, a table, a page and plots."""

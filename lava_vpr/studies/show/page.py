@@ -1,0 +1,58 @@
+"""The page of a study: one HTML file without a script, in the look of the reports."""
+
+from __future__ import annotations
+
+from lava_vpr.bench.show.page import html_table
+from lava_vpr.report.frame import document
+from lava_vpr.report.templates import render, text
+from lava_vpr.report.text import safe
+from lava_vpr.studies.run import Studied
+from lava_vpr.studies.show import plots
+from lava_vpr.studies.show.values import table
+
+
+def _drawings(found: Studied) -> str:
+    """The plots of a study, each in a panel."""
+    title, varied, rows = found.study.title, found.study.varied, found.rows
+    if found.study.drawn == "rows":
+        drawn = [("Recall: dots are seeds, marks their means", plots.lines(rows, safe(f"{title}: recall of each row")))]
+    else:
+        drawn = [
+            ("Recall: means of the seeds, bars from the least to the most", plots.curve(rows, varied, safe(title)))
+        ]
+    if found.study.costed and sum(row.costs is not None for row in rows) > 1:
+        drawing = plots.costs(rows, varied, safe(f"{title}: R@1 against modelled energy and time of a query"))
+        drawn.append(("Recall against modelled costs of a query", drawing))
+    return "".join(render("bench_figure.html", heading=safe(heading), drawing=svg) for heading, svg in drawn)
+
+
+def page(found: Studied) -> str:
+    """The whole page as HTML text; equal results give equal text."""
+    facts = {
+        "places": f"{found.places:,}",
+        "queries": f"{found.queries:,}",
+        "seeds": ", ".join(map(str, found.seeds)),
+        "preset": found.config.preset,
+        "decoder": found.config.decoder.default,
+    }
+    header = render(
+        "study_header.html",
+        title=safe(found.study.title),
+        facts="".join(f"<div><dt>{safe(name)}</dt><dd>{safe(value)}</dd></div>" for name, value in facts.items()),
+    )
+    command = f'<div class="panel"><h3>Command</h3><pre class="command"><code>{safe(found.command)}</code></pre></div>'
+    sections = {
+        "Plots": ("plots", _drawings(found)),
+        "Table": ("table", html_table(table(found))),
+        "Reproduction": ("setup", command),
+    }
+    body = render(
+        "bench_body.html",
+        header=header,
+        links="".join(f'<li><a href="#{name}">{heading}</a></li>' for heading, (name, _) in sections.items()),
+        sections="".join(
+            render("bench_section.html", name=name, heading=heading, note="", content=content)
+            for heading, (name, content) in sections.items()
+        ),
+    )
+    return document(found.study.title, body, style=f"\n{text('bench.css')}\n")

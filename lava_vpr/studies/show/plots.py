@@ -1,0 +1,112 @@
+"""Drawings of a study, as SVG text in the colours of the reports."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from matplotlib.axes import Axes
+from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator
+
+from lava_vpr.report.svg import THEME, Style, canvas, to_svg
+from lava_vpr.studies.run import Row, Spread
+
+WIDTH = 560
+"""Width of a drawing, in CSS pixels at its natural size."""
+KINDS = (("recall_at_1", "R@1", "c0", "o"), ("recall_at_100_precision", "R@100P", "c1", "s"), ("auc", "AUC", "c2", "^"))
+"""What is drawn: figure, name, colour and marker."""
+
+
+def _legend(axes: Axes, entries: Sequence[tuple[str, str, str, str]]) -> None:
+    """Names of what is drawn, above the axes: text, colour, marker, line."""
+    step = 1 / max(5, len(entries))
+    for k, (text, colour, marker, line) in enumerate(entries):
+        x = k * step
+        axes.plot(
+            [x, x + 0.04], [1.07, 1.07], color=THEME[colour], marker=marker, linestyle=line, markersize=5,
+            transform=axes.transAxes, clip_on=False,
+        )  # fmt: skip
+        axes.text(x + 0.055, 1.07, text, va="center", transform=axes.transAxes)
+
+
+def _extent(value: Spread) -> tuple[float, float]:
+    """The least and the most over seeds, in percent."""
+    return 100 * min(value.by_seed.values()), 100 * max(value.by_seed.values())
+
+
+def curve(rows: Sequence[Row], axis: str, label: str) -> str:
+    """Recall along an axis: means joined, bars from the least to the most seed; cosine dashed."""
+    rows = [row for row in rows if row.value is not None]
+    xs = [float(row.value or 0) for row in rows]
+    with Style():
+        figure = canvas(WIDTH, 300)
+        axes = figure.add_axes((0.1, 0.16, 0.88, 0.72))
+        axes.grid(axis="y", color=THEME["line"], linewidth=0.6, alpha=0.6)
+        axes.set_axisbelow(True)
+        axes.set(xscale="log")
+        entries = []
+        for key, text, colour, marker in KINDS:
+            axes.plot(
+                xs, [100 * row.network[key].mean for row in rows], color=THEME[colour], marker=marker, markersize=5
+            )
+            for x, row in zip(xs, rows, strict=True):
+                axes.plot([x, x], _extent(row.network[key]), color=THEME[colour], linewidth=3, alpha=0.45)
+            entries.append((text, colour, marker, "-"))
+        beside = [
+            (x, 100 * row.baselines["cosine"].recall_at_1)
+            for x, row in zip(xs, rows, strict=True)
+            if "cosine" in row.baselines
+        ]
+        if beside:
+            axes.plot(*zip(*beside, strict=True), color=THEME["c6"], linestyle="--")
+            entries.append(("cosine, R@1", "c6", "", "--"))
+        axes.xaxis.set_major_locator(FixedLocator(xs))
+        axes.xaxis.set_minor_locator(NullLocator())
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.set_xticklabels([row.point for row in rows])
+        axes.set_ylim(top=101.5)
+        axes.set(xlabel=axis, ylabel="percent")
+        _legend(axes, entries)
+        return to_svg(figure, "curve", label)
+
+
+def costs(rows: Sequence[Row], axis: str, label: str) -> str:
+    """R@1 against modelled energy and time, points named by their value."""
+    rows = [row for row in rows if row.costs is not None]
+    with Style():
+        figure = canvas(WIDTH, 270)
+        for k, what in enumerate(("energy, µJ", "time, ms")):
+            axes = figure.add_axes((0.1 + 0.46 * k, 0.18, 0.42, 0.74))
+            axes.grid(color=THEME["line"], linewidth=0.6, alpha=0.6)
+            axes.set_axisbelow(True)
+            points = [(row.costs[k], 100 * row.network["recall_at_1"].mean, row.point) for row in rows if row.costs]
+            axes.plot([x for x, _, _ in points], [y for _, y, _ in points], color=THEME["c0"], marker="o", markersize=5)
+            for x, y, name in points:
+                axes.annotate(name, (x, y), xytext=(4, -12), textcoords="offset points", fontsize=9)
+            axes.set(xlabel=f"modelled {what}", ylabel="R@1, %" if k == 0 else "")
+            axes.margins(0.12)
+        return to_svg(figure, "costs", label)
+
+
+def lines(rows: Sequence[Row], label: str) -> str:
+    """Recall of points that have no axis, one below the other: every seed a dot, the mean a mark."""
+    with Style():
+        height = 60 + 30 * len(rows)
+        figure = canvas(WIDTH, height)
+        left = min(0.55, 0.03 + 0.0112 * max(len(row.point) for row in rows))
+        axes = figure.add_axes((left, 40 / height, 0.98 - left, 1 - 68 / height))
+        axes.grid(axis="x", color=THEME["line"], linewidth=0.6, alpha=0.6)
+        axes.set_axisbelow(True)
+        for k, row in enumerate(rows):
+            for shift, (key, _, colour, marker) in zip((-0.22, 0, 0.22), KINDS, strict=True):
+                values = [100 * value for value in row.network[key].by_seed.values()]
+                axes.plot(values, [k + shift] * len(values), marker, color=THEME[colour], markersize=4, alpha=0.45)
+                mean = 100 * row.network[key].mean
+                axes.plot([mean, mean], [k + shift - 0.11, k + shift + 0.11], color=THEME[colour], linewidth=2.4)
+        axes.set(ylim=(len(rows) - 0.5, -0.5), xlabel="percent")
+        axes.set_yticks(range(len(rows)), [row.point for row in rows])
+        axes.tick_params(axis="y", length=0, labelcolor=THEME["ink"], labelsize=9)
+        top = 1 + 16 / (height - 68)
+        for k, (_, text, colour, marker) in enumerate(KINDS):
+            axes.plot(0.3 * k, top, marker, color=THEME[colour], markersize=5, transform=axes.transAxes, clip_on=False)
+            axes.text(0.3 * k + 0.03, top, text, va="center", transform=axes.transAxes)
+        return to_svg(figure, "lines", label)

@@ -1,0 +1,113 @@
+"""``lava-vpr study``: a table, JSON and a page of the same bytes every time; what is refused, in one line."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from support.common.commands import images, listed, run
+
+from lava_vpr.cli import main
+
+QUICK = ("--config", "quick.toml", "--seeds", "0,1")
+
+
+def study(*words: object) -> str:
+    return run("study", *words, *QUICK).stdout
+
+
+def fails(*words: object) -> str:
+    """The only line that a command says which must fail because of its data."""
+    result = CliRunner().invoke(main, ["study", *(str(word) for word in words)])
+    assert result.exit_code == 1, result.output
+    assert result.stdout == ""
+    (line,) = result.stderr.splitlines()
+    return line
+
+
+def test_equal_images_give_equal_bytes_whatever_the_jobs(here: Path) -> None:
+    words = ("bits", "reference", "--query", "query", "--values", "2,3")
+    texts = [
+        study(*words, "--json", f"{k}.json", "--report", f"{k}", "--jobs", jobs) for k, jobs in enumerate((1, 3, 1))
+    ]
+    assert len({text.replace(f"report: {k}/", "") for k, text in enumerate(texts)}) == 1
+    assert len({Path(f"{k}.json").read_bytes() for k in range(3)}) == 1
+    assert len({Path(f"{k}/study.html").read_bytes() for k in range(3)}) == 1
+    assert "lava-vpr study bits reference --query query" in Path("0/study.html").read_text()
+    assert "--seeds 0,1 --values 2,3" in Path("0/study.html").read_text()
+
+
+def test_the_keys_of_the_json_are_pinned(here: Path) -> None:
+    study("steps", "reference", "--query", "query", "--values", "64", "--json", "s.json")
+    found = json.loads(Path("s.json").read_text())
+    assert list(found) == ["study", "varied", "places", "queries", "seeds", "board", "settings", "points"]
+    (point,) = found["points"]
+    assert list(point) == ["point", "value", "network", "baselines", "modelled", "facts"]
+    assert list(point["network"]) == ["recall_at_1", "recall_at_100_precision", "auc"]
+    assert list(point["network"]["auc"]) == ["mean", "deviation", "by_seed"]
+    assert list(point["baselines"]["cosine"]) == ["recall_at_1", "recall_at_100_precision", "auc"]
+    assert list(point["modelled"]) == ["microjoules", "milliseconds"]
+    assert (found["study"], found["places"], point["value"]) == ("steps", 8, 64)
+    assert "seed" not in found["settings"]
+
+
+def test_places_take_a_part_of_each_traverse(here: Path) -> None:
+    order = listed("part.txt", images("reference")[2:6])
+    asked = listed("asked.txt", images("query")[2:6])
+    whole = study("seeds", "reference", "--query", "query", "--places", "2:6", "--json", "a.json")
+    study("seeds", order, "--query", asked, "--json", "b.json")
+    assert Path("a.json").read_bytes() == Path("b.json").read_bytes()
+    assert "4 queries, 4 places" in whole
+
+
+def test_several_traverses_are_learned_together(here: Path) -> None:
+    study("weighting", "reference", "query", "--query", "query", "--json", "w.json")
+    points = json.loads(Path("w.json").read_text())["points"]
+    assert {point["point"]: point["network"]["recall_at_1"]["mean"] for point in points}["decoder contrast"] == 1.0
+
+
+def test_a_table_says_what_it_shows(here: Path) -> None:
+    text = study("places", "reference", "--query", "query", "--values", "4,8", "--tolerance", 1)
+    assert re.search(r"│ 4 +│ +[\d.]+ ± [\d.]+ │", text)
+    assert "mean of seeds 0, 1, ± their standard deviation" in text
+    assert "modelled for Kapoho Bay" in text
+
+
+REFUSED = [
+    (("bits", "reference", "--query", "none"), "none: cannot be opened"),
+    (("bits", "reference", "--query", "one.txt"), "one.txt: has 1 images for 8 places; image i of the query must show"),
+    (("bits", "reference", "--query", "query", "--places", "0:1"), "reference: a route needs at least 2 places"),
+    (("bits", "reference", "--query", "query", "--values", "9"), "network.weight_bits is 9"),
+    (("seeds", "reference", "--query", "query", "--values", "9"), "the study seeds takes no --values"),
+    (("bits", "reference", "--query", "query", "--preset", "paper"), "the study bits needs an integer network"),
+    (("bits", "reference", "--query", "query", "--json", "no/f.json"), "no/f.json: the folder no does not exist"),
+    (("bits", "reference", "--query", "query", "--config", "no.toml"), "no.toml: cannot be read"),
+    (("bits", "reference", "--query", "query", "--json", "quick.toml", *QUICK), "quick.toml: is also an input"),
+]
+
+
+@pytest.mark.parametrize(("words", "said"), REFUSED)
+def test_what_cannot_be_is_one_line(words: tuple[str, ...], said: str, here: Path) -> None:
+    listed("one.txt", images("query")[:1])
+    assert fails(*words).startswith(f"lava-vpr: error: {said}")
+    assert not Path("study.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("more", "reference", "--query", "query"), "'more' is not one of 'places', 'neurons'"),
+        (("bits", "reference"), "Missing option '--query'"),
+        (("bits", "reference", "--query", "query", "--seeds", "0,0"), "--seeds names a seed twice"),
+        (("bits", "reference", "--query", "query", "--seeds", "x"), "'x' are no numbers of at least 0"),
+        (("bits", "reference", "--query", "query", "--values", "2,nan"), "'2,nan' are no numbers above 0"),
+        (("bits", "reference", "--query", "query", "--values", "2,2"), "'2,2' names a number twice"),
+    ],
+)
+def test_wrong_usage_is_said(words: tuple[str, ...], said: str, here: Path) -> None:
+    result = CliRunner().invoke(main, ["study", *words])
+    assert result.exit_code == 2
+    assert said in result.stderr
