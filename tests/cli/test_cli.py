@@ -123,7 +123,8 @@ def commands() -> Iterator[tuple[str, click.Command]]:
 def test_every_command_and_option_says_what_it_is() -> None:
     seen = dict(commands())
     changing = ["extend", "remove", "merge"]
-    asking = ["eval", "query", "watch", "verify", "fit", "deploy", "export", "import", "bench", "doctor"]
+    asking = ["eval", "query", "watch", "verify", "fit", "deploy", "export", "import", "bench"]
+    asking += ["datasets", "study", "doctor"]
     assert list(seen) == ["demo", "synth", "train", *changing, *asking]
     overview = run("--help").stdout
     assert overview == run("-h").stdout

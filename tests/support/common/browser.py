@@ -1,6 +1,6 @@
 """A real browser for tests of pages: load a file in headless Chromium, get its DOM and what its console said.
 
-Used by bench, report and watch.
+Used by bench, report, studies and watch.
 """
 
 from __future__ import annotations
