@@ -139,9 +139,11 @@ def test_every_command_and_option_says_what_it_is() -> None:
                 assert (param.help or "").split("  [default: ")[0].endswith("."), f"{name} {param.opts}"
                 assert param.opts[-1].removeprefix("--") in text
             else:
-                assert (param.metavar or param.human_readable_name).removesuffix("...") in (command.help or "") or (
-                    name in ("eval", "query") and param.human_readable_name == "MODEL"
-                ), f"{name}: the help does not speak of {param.human_readable_name}"
+                assert (param.metavar or param.human_readable_name).removesuffix("...").strip("[]") in (
+                    command.help or ""
+                ) or (name in ("eval", "query") and param.human_readable_name == "MODEL"), (
+                    f"{name}: the help does not speak of {param.human_readable_name}"
+                )
 
 
 def test_the_command_line_reference_is_up_to_date() -> None:
