@@ -17,13 +17,13 @@ from lava_vpr.datasets.layouts import DATASETS, Dataset, Layout
 
 @click.command()
 @click.argument("name", type=RegisteredName(DATASETS), required=False)
-@click.argument("folder", metavar="[DIR]", type=PATH, required=False)
+@click.argument("folder", type=PATH, required=False)
 @click.option("--json", "json_path", type=PATH, default=None, metavar="FILE", help="Write what is printed as JSON.")
 def datasets(name: str | None, folder: Path | None, json_path: Path | None) -> None:
     """Say what the five benchmark datasets are, and check what is there of one.
 
     Without NAME: a list. With NAME: what to download and from where, which folders, and what the paper does with them.
-    With DIR, the folder that holds the dataset: which of its layouts was found, the images of each traverse, the places
+    With FOLDER, the folder that holds the dataset: which of its layouts was found, the images of each traverse, the places
     and sections that they give, and what differs from what the paper needs; exit code 1 if nothing can be learned
     from it.
     """
@@ -51,7 +51,9 @@ def _write(path: Path | None, values: dict[str, Any]) -> None:
 def _list() -> None:
     """The datasets, a row each."""
     table = Table(title="benchmark datasets", title_justify="left", caption_justify="left")
-    table.caption = "lava-vpr datasets NAME: what to download, and the folders\nlava-vpr datasets NAME DIR: check them"
+    table.caption = (
+        "lava-vpr datasets NAME: what to download, and the folders\nlava-vpr datasets NAME FOLDER: check them"
+    )
     for column in ("name", "dataset", "the paper's task", "sections", "places"):
         table.add_column(column, no_wrap=True)
     for name, row in DATASETS.items():
@@ -81,7 +83,7 @@ def _tell(row: Dataset) -> None:
         ("not said", row.unsaid),
     ):
         console.print(f"  {title + ':':<11}{text}")
-    console.print("  folders:   one of these below DIR; the query last")
+    console.print("  folders:   one of these below FOLDER; the query last")
     for layout in row.layouts:
         console.print(f"    {_folders(layout)}")
 
