@@ -23,9 +23,8 @@ def datasets(name: str | None, folder: Path | None, json_path: Path | None) -> N
     """Say what the five benchmark datasets are, and check what is there of one.
 
     Without NAME: a list. With NAME: what to download and from where, which folders, and what the paper does with them.
-    With FOLDER, the folder that holds the dataset: which of its layouts was found, the images of each traverse, the places
-    and sections that they give, and what differs from what the paper needs; exit code 1 if nothing can be learned
-    from it.
+    With FOLDER, which holds the dataset: which of its layouts was found, the images of each traverse, the places and
+    sections that they give, and what differs from what the paper needs; exit code 1 if nothing can be learned from it.
     """
     Outputs((json_path,), images=() if folder is None else (str(folder),))
     if name is None:
