@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import click
@@ -23,6 +24,8 @@ from lava_vpr.cli.common import (
 from lava_vpr.cli.evaluate import command_line
 from lava_vpr.cli.outputs import Outputs, write_json
 from lava_vpr.cli.train import settings, with_front_end
+from lava_vpr.cluster.connection import connected
+from lava_vpr.cluster.tasks import Standing, Told
 from lava_vpr.config import PRESETS, Config
 from lava_vpr.encoding import Keep
 from lava_vpr.engine.threads import cores
@@ -31,7 +34,7 @@ from lava_vpr.inputs.views import STRAIGHT
 from lava_vpr.matching.evaluation import truth_from_indices
 from lava_vpr.storage.text import shown
 from lava_vpr.studies.registry import STUDIES
-from lava_vpr.studies.run import Studied, planned, run
+from lava_vpr.studies.run import CALLED, Studied, planned, run
 from lava_vpr.studies.show.values import as_json, table
 from lava_vpr.studies.study import Asked, Route
 from lava_vpr.training.door import check_references
@@ -70,6 +73,13 @@ from lava_vpr.traverse import Traverse, open_traverse, open_traverses
     "a module, members.",
 )
 @click.option("--jobs", type=click.IntRange(1, 1024), default=None, help="Threads (default: all processors).")
+@click.option(
+    "--cluster",
+    "address",
+    default=None,
+    metavar="ADDRESS",
+    help="Measure on the workers of the Dask cluster whose scheduler is at this address, tcp://HOST:PORT.",
+)
 @click.option("--json", "json_path", type=PATH, default=None, metavar="FILE", help="Write the figures as JSON.")
 @click.option("--report", "report_folder", type=PATH, default=None, metavar="DIR", help="Write DIR/study.html.")
 @click.pass_context
@@ -86,6 +96,7 @@ def study(
     seeds: tuple[int, ...],
     values: tuple[float, ...],
     jobs: int | None,
+    address: str | None,
     json_path: Path | None,
     report_folder: Path | None,
 ) -> None:
@@ -111,9 +122,11 @@ def study(
             "place i: choose with --places A:B, or give lists of matching images"
         )
     config, route = _route(learned, asked, config, tolerance)
-    row, said = STUDIES[name], Asked(route, config, seeds, values, jobs or cores())
-    with progress_bar(f"study {name}", len(planned(row, said))) as advance:
-        found = run(row, said, command=command_line(ctx), advance=advance)
+    row, said = STUDIES[name], Asked(route, config, seeds, values)
+    with connected(address) as cluster, progress_bar(f"study {name}", len(planned(row, said))) as advance:
+        found = run(
+            row, said, jobs=jobs or cores(), cluster=cluster, command=command_line(ctx), progress=_told(advance)
+        )
     _tell(found, json_path, page)
 
 
@@ -130,6 +143,18 @@ def _route(learned: list[Traverse], asked: Traverse, config: Config, tolerance: 
     (queries,) = encode_in_views(asked, config.encoder, (STRAIGHT,), kept, standard)
     order = np.arange(len(queries))
     return config, Route(tuple(references), queries, truth_from_indices(order, order, tolerance), standard)
+
+
+def _told(advance: Callable[[int, str], None]) -> Told:
+    """What moves the bar of a study as its tasks are done."""
+    done = 0
+
+    def told(standing: Standing) -> None:
+        nonlocal done
+        advance(standing.done - done, f"{standing.called}, {standing.workers} workers" if standing.workers else CALLED)
+        done = standing.done
+
+    return told
 
 
 def _tell(found: Studied, json_path: Path | None, page: Path | None) -> None:

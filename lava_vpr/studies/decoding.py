@@ -8,7 +8,7 @@ from lava_vpr.configfile import update
 from lava_vpr.matching import equations
 from lava_vpr.model import decode
 from lava_vpr.studies.measuring import baselines, counted, judged, judged_scores, learned
-from lava_vpr.studies.study import Asked, Outcome, Point, Study, Task
+from lava_vpr.studies.study import Asked, Outcome, Point, Route, Study, Task
 
 STEPS = ("a", "b", "c")
 """Involvement, strength and penalty, as `equations.weighted` takes them."""
@@ -31,12 +31,12 @@ def weighting_tasks(asked: Asked) -> list[Task]:
     return [asked.task([Point("", update(asked.config, {"seed": seed}))], seed) for seed in asked.seeds]
 
 
-def measure_weighting(task: Task) -> list[Outcome]:
+def measure_weighting(route: Route, task: Task) -> list[Outcome]:
     """Decode the same spikes by every combination of steps, and by the decoders beside."""
-    config, route = task.points[0].config, task.route
-    model = learned(route, config, task.threads)
-    counts = counted(model, route, task.threads)
-    beside = baselines(model, route, task.threads) if task.first else {}
+    config = task.points[0].config
+    model = learned(route, config)
+    counts = counted(model, route)
+    beside = baselines(model, route) if task.first else {}
     found = []
     for label, (involvement, strength, penalty) in COMBINATIONS.items():
         scores_of = equations.weighted(
@@ -67,15 +67,14 @@ def seed_tasks(asked: Asked) -> list[Task]:
     return tasks
 
 
-def measure_seeds(task: Task) -> list[Outcome]:
+def measure_seeds(route: Route, task: Task) -> list[Outcome]:
     """Learn the first point; ask it with the query noise of each of the others."""
-    route = task.route
-    model = learned(route, task.points[0].config, task.threads)
-    beside = baselines(model, route, task.threads) if task.first else {}
+    model = learned(route, task.points[0].config)
+    beside = baselines(model, route) if task.first else {}
     outcomes = []
     for point in task.points[1:]:
         noise = point.config.seed
-        recall = judged(model, counted(model, route, task.threads, noise), route.truth)
+        recall = judged(model, counted(model, route, noise), route.truth)
         outcomes.append(Outcome(point.label, None, noise if point.label == QUERIES else task.seed, recall, beside))
     return outcomes
 

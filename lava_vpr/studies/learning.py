@@ -11,7 +11,7 @@ from lava_vpr.deploy.compression.compression import requantised
 from lava_vpr.errors import ConfigError
 from lava_vpr.gate import integer_config
 from lava_vpr.studies.measuring import learned, whole
-from lava_vpr.studies.study import Asked, Outcome, Point, Study, Task
+from lava_vpr.studies.study import Asked, Outcome, Point, Route, Study, Task
 
 SECTIONS = 8
 """A number of places is measured on so many sections of the route at most."""
@@ -52,8 +52,7 @@ def place_tasks(asked: Asked) -> list[Task]:
     for number in _place_numbers(asked):
         for seed in asked.seeds:
             point = Point(f"{number:,}", update(asked.config, {"seed": seed}), number)
-            for first, end in sections(asked.route.places, number):
-                tasks.append(asked.task([point], seed, asked.route.section(first, end)))
+            tasks += [asked.task([point], seed, part) for part in sections(asked.route.places, number)]
     return tasks
 
 
@@ -67,13 +66,13 @@ def neuron_tasks(asked: Asked) -> list[Task]:
     return tasks
 
 
-def measure_learned(task: Task) -> list[Outcome]:
+def measure_learned(route: Route, task: Task) -> list[Outcome]:
     """Learn each point, and ask it the queries."""
     outcomes = []
     for point in task.points:
-        model = learned(task.route, point.config, task.threads)
+        model = learned(route, point.config)
         covered = model.training["places_covered"] / model.places
-        outcomes.append(whole(task, point, model, neurons=model.neurons, covered=covered))
+        outcomes.append(whole(route, task, point, model, neurons=model.neurons, covered=covered))
     return outcomes
 
 
@@ -88,12 +87,12 @@ def requantised_tasks(key: str, study: str, asked: Asked) -> list[Task]:
     return tasks
 
 
-def measure_requantised(task: Task) -> list[Outcome]:
+def measure_requantised(route: Route, task: Task) -> list[Outcome]:
     """Learn the first point once; quantise what it learned anew for the others, and ask each the queries."""
-    source, outcomes = learned(task.route, task.points[0].config, task.threads), []
+    source, outcomes = learned(route, task.points[0].config), []
     for point in task.points[1:]:
-        model = requantised(replace(source, config=point.config), threads=task.threads)
-        outcomes.append(whole(task, point, model))
+        model = requantised(replace(source, config=point.config))
+        outcomes.append(whole(route, task, point, model))
     return outcomes
 
 

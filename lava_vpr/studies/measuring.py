@@ -31,9 +31,9 @@ BESIDE = ("cosine", "sad", "standardised")
 """The cheap baselines, of which those stand beside that the model can be compared with."""
 
 
-def learned(route: Route, config: Config, threads: int) -> Model:
+def learned(route: Route, config: Config) -> Model:
     """A model of ``route``."""
-    return train(route.references, config, standard=route.standard, jobs=threads)
+    return train(route.references, config, standard=route.standard)
 
 
 def recall_of(metrics: Metrics) -> Recall:
@@ -41,23 +41,22 @@ def recall_of(metrics: Metrics) -> Recall:
     return Recall(metrics.recall_at_1, metrics.recall_at_100_precision, metrics.auc)
 
 
-def counted(model: Model, route: Route, threads: int, seed: int | None = None) -> NDArray[np.int32]:
+def counted(model: Model, route: Route, seed: int | None = None) -> NDArray[np.int32]:
     """Spike counts of the queries, int32 (queries, neurons), with the noise of ``seed`` (None: the model's)."""
-    return HostBackend(threads).count_spikes(model, query_presentations(model, route.queries, seed))[0]
+    return HostBackend().count_spikes(model, query_presentations(model, route.queries, seed))[0]
 
 
-def references_counted(model: Model, route: Route, role: str, threads: int) -> NDArray[np.int32]:
+def references_counted(model: Model, route: Route, role: str) -> NDArray[np.int32]:
     """Spike counts of all references of ``route``, traverse after traverse, int32 (images, neurons).
 
     Args:
         model: A model of these places or of others.
         route: The references.
         role: What the noise is for (`lava_vpr.engine.random.ROLES`).
-        threads: Threads.
     """
     activity = np.concatenate([reference.activity for reference in route.references])
     shown = Presentations(query_rates(activity, model.config), model.config.seed, role)
-    return HostBackend(threads).count_spikes(model, shown)[0]
+    return HostBackend().count_spikes(model, shown)[0]
 
 
 def judged(model: Model, counts: NDArray[Any], truth: NDArray[np.bool_]) -> Recall:
@@ -71,36 +70,35 @@ def judged_scores(matcher: str, scores: Scores, truth: NDArray[np.bool_]) -> Rec
     return recall_of(hold(matcher, InBlocks.made(scores), truth).metrics)
 
 
-def baselines(model: Model, route: Route, threads: int) -> dict[str, Recall]:
+def baselines(model: Model, route: Route) -> dict[str, Recall]:
     """Figures of the cheap baselines on the same images, by name."""
     names = tuple(name for name in BESIDE if name in chosen(model, None))
-    rivals = Rivals(model, route.queries, query_presentations(model, route.queries), names, threads=threads)
+    rivals = Rivals(model, route.queries, query_presentations(model, route.queries), names)
     return {
         scored.name: recall_of(hold(scored.matcher, scored.scores, route.truth).metrics) for scored in rivals.plain()
     }
 
 
-def modelled(model: Model, route: Route, threads: int) -> Costs | None:
+def modelled(model: Model, route: Route) -> Costs | None:
     """What a query costs on `BOARD`, mean of the first `COSTED`; None: the board cannot run the network."""
     try:
         plan = plan_of(model, BOARD)
     except (ConfigError, NetworkLimitError):
         return None
     some = slice(0, min(COSTED, len(route.queries)))
-    trains = HostBackend(threads).trains(model, query_presentations(model, route.queries).part(some))
+    trains = HostBackend().trains(model, query_presentations(model, route.queries).part(some))
     (found,) = figures(Run(model, plan, trains, route.truth[some]), (np.inf,))
     return Costs(found.microjoules, found.milliseconds)
 
 
-def whole(task: Task, point: Point, model: Model, *, costed: bool = True, **facts: float) -> Outcome:
+def whole(route: Route, task: Task, point: Point, model: Model, *, costed: bool = True, **facts: float) -> Outcome:
     """All that is measured of a model at a point, with the model's own noise."""
-    route, threads = task.route, task.threads
     return Outcome(
         point.label,
         point.value,
         task.seed,
-        judged(model, counted(model, route, threads), route.truth),
-        baselines(model, route, threads) if task.first else {},
-        modelled(model, route, threads) if task.first and costed else None,
+        judged(model, counted(model, route), route.truth),
+        baselines(model, route) if task.first else {},
+        modelled(model, route) if task.first and costed else None,
         facts,
     )

@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+from lava_vpr.cluster.tasks import Cluster, Told, run_tasks
 from lava_vpr.config import Config
 from lava_vpr.errors import ConfigError
-from lava_vpr.studies.study import Asked, Costs, Outcome, Recall, Study, Task
+from lava_vpr.studies.study import Asked, Costs, Outcome, Recall, Route, Study, Task
 from lava_vpr.training.loop import check_size
 
-Advance = Callable[[int, str], None]
-"""A function that is told how many more tasks are done, and what is measured next."""
+CALLED = "models"
+"""What tasks are called, for people: each learns a model, and asks it all that is asked of it."""
 
 
 class Spread(NamedTuple):
@@ -83,27 +84,47 @@ class Studied:
     command: str = ""
 
 
-def run(study: Study, asked: Asked, *, command: str = "", advance: Advance | None = None) -> Studied:
+class Shared(NamedTuple):
+    """What every task of a study takes.
+
+    Attributes:
+        route: The whole route.
+        measure: The study's own function.
+    """
+
+    route: Route
+    measure: Callable[[Route, Task], list[Outcome]]
+
+
+def measured(shared: Shared, task: Task) -> list[Outcome]:
+    """The outcomes of a task, wherever it is run."""
+    return shared.measure(task.route_of(shared.route), task)
+
+
+def run(
+    study: Study,
+    asked: Asked,
+    *,
+    jobs: int = 1,
+    cluster: Cluster | None = None,
+    command: str = "",
+    progress: Told | None = None,
+) -> Studied:
     """Measure every point of ``study`` with every seed.
 
     Args:
         study: The study.
         asked: What it is asked.
+        jobs: Threads, each at one task; they change no figure.
+        cluster: Whose workers measure instead.
         command: How to repeat it, for the page.
-        advance: Told of each task.
-    Returns:
-        The same for every number of threads.
+        progress: Told where tasks stand.
     Raises:
-        LavaVprError: values that the study does not take, settings that cannot be learned, or images that do not fit.
+        LavaVprError: values that the study does not take, settings that cannot be learned, images that do not fit, or
+            the cluster was lost.
     """
-    tasks = planned(study, asked)
-    outcomes = []
-    for task in tasks:
-        if advance is not None:
-            advance(0, in_words(task))
-        outcomes.append(study.measure(task))
-        if advance is not None:
-            advance(1, in_words(task))
+    tasks, shared = planned(study, asked), Shared(asked.route, study.measure)
+    outcomes = run_tasks(measured, tasks, shared=shared, cluster=cluster, jobs=jobs, called=CALLED, progress=progress)
     found = rows([outcome for some in outcomes for outcome in some])
     route = asked.route
     return Studied(study, route.places, len(route.queries), asked.seeds, asked.config, found, command)
@@ -123,16 +144,12 @@ def planned(study: Study, asked: Asked) -> Sequence[Task]:
         raise ConfigError(f"--values: {wrong:g} is no whole number, as the study {study.name} takes; correct it")
     tasks = study.tasks(asked)
     traverses = len(asked.route.references) // len(asked.config.views.views)
-    for places, config in {(task.route.places, point.config): None for task in tasks for point in task.points}:
-        check_size(places, config, traverses)
+    whole = (0, asked.route.places)
+    for (first, end), config in {
+        (task.section or whole, point.config): None for task in tasks for point in task.points
+    }:
+        check_size(end - first, config, traverses)
     return tasks
-
-
-def in_words(task: Task) -> str:
-    """What a task measures, for a progress bar."""
-    labels = [point.label for point in task.points if point.label]
-    what = labels[0] if len(labels) == 1 else f"{labels[0]} .. {labels[-1]}" if labels else "learning"
-    return f"{what}, seed {task.seed}"
 
 
 def rows(outcomes: Iterable[Outcome]) -> tuple[Row, ...]:

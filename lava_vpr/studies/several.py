@@ -48,17 +48,17 @@ class Modules(NamedTuple):
     place_modules: NDArray[np.int64]
 
 
-def _altered(model: Model, route: Route, threads: int) -> NDArray[np.int32]:
+def _altered(model: Model, route: Route) -> NDArray[np.int32]:
     """Spikes of ``model`` on altered references of ``route``, int32 (`REPEATS` places, neurons)."""
     encoder, activity = model.config.encoder, route.references[0].activity
     channels = encoder.layout.channels if INPUTS[encoder.kind].sees == "vector" else 1
     places = np.arange(route.places)
     shown = [altered(activity, places, model.config.seed, k, ALTERED, channels) for k in range(REPEATS)]
     rates = query_rates(np.concatenate(shown), model.config)
-    return HostBackend(threads).count_spikes(model, Presentations(rates, model.config.seed, "calibration"))[0]
+    return HostBackend().count_spikes(model, Presentations(rates, model.config.seed, "calibration"))[0]
 
 
-def side_by_side(route: Route, config: Config, size: int, threads: int) -> tuple[Modules, list[Model]]:
+def side_by_side(route: Route, config: Config, size: int) -> tuple[Modules, list[Model]]:
     """A module for each ``size`` places in a row, each a network of its own that learned nothing else.
 
     Where they do not come out even, the last module has fewer places, or one more.
@@ -67,12 +67,12 @@ def side_by_side(route: Route, config: Config, size: int, threads: int) -> tuple
     ends = [*starts[1:], route.places]
     models, parts, responses = [], [], np.zeros((0, route.places), np.int64)
     for first, end in zip(starts, ends, strict=True):
-        model = learned(route.section(first, end), update(config, {"stretch": 0}), threads)
+        model = learned(route.section(first, end), update(config, {"stretch": 0}))
         own = np.zeros((model.neurons, route.places), np.int64)
         own[:, first:end] = model.responses
         responses = np.concatenate([responses, own])
-        shown = (counted(model, route, threads), references_counted(model, route, "response", threads))
-        parts.append((*shown, _altered(model, route, threads)))
+        shown = (counted(model, route), references_counted(model, route, "response"))
+        parts.append((*shown, _altered(model, route)))
         models.append(model)
     counts, references, calibration = (np.concatenate(of, axis=1) for of in zip(*parts, strict=True))
     neurons, sizes = [model.neurons for model in models], [end - first for first, end in zip(starts, ends, strict=True)]
@@ -82,12 +82,12 @@ def side_by_side(route: Route, config: Config, size: int, threads: int) -> tuple
     ), models
 
 
-def as_one(model: Model, route: Route, threads: int) -> Modules:
+def as_one(model: Model, route: Route) -> Modules:
     """One network whose stretches, learned apart, are the modules, all under one inhibition."""
     return Modules(
-        counted(model, route, threads),
-        references_counted(model, route, "response", threads),
-        _altered(model, route, threads),
+        counted(model, route),
+        references_counted(model, route, "response"),
+        _altered(model, route),
         model.responses,
         np.repeat(np.arange(len(model.stretches)), [part.neurons for part in model.stretches]),
         np.repeat(np.arange(len(model.stretches)), [part.places for part in model.stretches]),
@@ -135,15 +135,15 @@ def hyperactive_tasks(asked: Asked) -> list[Task]:
     return tasks
 
 
-def measure_hyperactive(task: Task) -> list[Outcome]:
+def measure_hyperactive(route: Route, task: Task) -> list[Outcome]:
     """Recall of modules side by side and of one network, as they are and without their hyperactive neurons."""
-    (point,), route, threads = task.points, task.route, task.threads
+    (point,) = task.points
     decoder, size = point.config.decoder, int(point.value or 0)
-    whole = learned(route, point.config, threads)
-    beside = baselines(whole, route, threads) if task.first else {}
-    apart, _ = side_by_side(route, point.config, size, threads)
+    whole = learned(route, point.config)
+    beside = baselines(whole, route) if task.first else {}
+    apart, _ = side_by_side(route, point.config, size)
     outcomes = []
-    for kind, modules in (("one network", as_one(whole, route, threads)), ("apart", apart)):
+    for kind, modules in (("one network", as_one(whole, route)), ("apart", apart)):
         theta, removed = theta_of(modules, decoder.default, decoder.gamma)
         for label, out, facts in (
             ("as they are", np.zeros_like(removed), {}),
@@ -177,9 +177,9 @@ def shuffled_order(places: int, seed: int) -> NDArray[np.int64]:
     return np.argsort(uniform(presentation_key(seed, "start", -1), places), kind="stable")
 
 
-def measure_ensemble(task: Task) -> list[Outcome]:
+def measure_ensemble(route: Route, task: Task) -> list[Outcome]:
     """Recall of ensembles whose members differ in their seeds, and in the order of the places, too."""
-    config, route, threads = task.points[0].config, task.route, task.threads
+    config = task.points[0].config
     most, decoder = max(int(point.value or 1) for point in task.points), config.decoder.default
     beside: dict[str, Any] = {}
     scores: dict[bool, list[NDArray[np.float64]]] = {False: [], True: []}
@@ -188,12 +188,12 @@ def measure_ensemble(task: Task) -> list[Outcome]:
         seed = member_seed(config.seed, member)
         for shuffles in (False, True) if member else (False,):
             order = shuffled_order(route.places, seed) if shuffles else np.arange(route.places)
-            model = learned(route.shuffled(order), update(config, {"seed": seed}), threads)
-            scored = decode(model, counted(model, route, threads), decoder)
+            model = learned(route.shuffled(order), update(config, {"seed": seed}))
+            scored = decode(model, counted(model, route), decoder)
             scores[shuffles].append(ensembles.in_order(scored, order))
             if not shuffles and task.first:
-                costs.append(modelled(model, route, threads))
-                beside = beside or baselines(model, route, threads)
+                costs.append(modelled(model, route))
+                beside = beside or baselines(model, route)
     scores[True].insert(0, scores[False][0])
     outcomes = []
     for shuffles, kind in ((False, "other seeds"), (True, "other seeds and orders")):

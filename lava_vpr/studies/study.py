@@ -67,18 +67,20 @@ class Task:
     """Some points that are measured together, since they share what was learned: plain values, for any process.
 
     Attributes:
-        route: The places.
         points: What is measured, at least one point.
         seed: The seed that the figures are counted under.
         first: Whether what does not depend on the seed is measured, too: baselines and modelled costs.
-        threads: Threads; they change no figure.
+        section: The places ``(A, B)`` of the route that it is about; None: all.
     """
 
-    route: Route = field(repr=False)
     points: tuple[Point, ...]
     seed: int
     first: bool
-    threads: int = 1
+    section: tuple[int, int] | None = None
+
+    def route_of(self, whole: Route) -> Route:
+        """The part of the ``whole`` route that it is about."""
+        return whole if self.section is None else whole.section(*self.section)
 
 
 class Recall(NamedTuple):
@@ -133,19 +135,16 @@ class Asked:
         config: Settings; the seed is replaced.
         seeds: Seeds, each once.
         values: Points of the study; empty: those of its row.
-        threads: Threads; they change no figure.
     """
 
     route: Route
     config: Config
     seeds: tuple[int, ...]
     values: tuple[float, ...] = ()
-    threads: int = 1
 
-    def task(self, points: Sequence[Point], seed: int, route: Route | None = None) -> Task:
+    def task(self, points: Sequence[Point], seed: int, section: tuple[int, int] | None = None) -> Task:
         """A task of this study."""
-        place = self.route if route is None else route
-        return Task(place, tuple(points), seed, seed == self.seeds[0], self.threads)
+        return Task(tuple(points), seed, seed == self.seeds[0], section)
 
 
 @dataclass(frozen=True)
@@ -158,7 +157,7 @@ class Study:
         varied: The heading of what is varied.
         values: The points that are measured unless others are asked for; empty: they are not a matter of numbers.
         tasks: What is to be measured, in the order of the table.
-        measure: Measures a task; a function of a module, so that any process can be given it.
+        measure: Measures a task on its part of the route; a function of a module, so that any process can be given it.
         note: What is to be known about the figures.
         drawn: ``curve``: points along an axis; ``rows``: one below the other.
         whole: Whether values are whole numbers.
@@ -170,7 +169,7 @@ class Study:
     varied: str
     values: tuple[float, ...]
     tasks: Callable[[Asked], Sequence[Task]]
-    measure: Callable[[Task], list[Outcome]]
+    measure: Callable[[Route, Task], list[Outcome]]
     note: str
     drawn: Literal["curve", "rows"] = "curve"
     whole: bool = True

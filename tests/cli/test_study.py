@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 from support.common.commands import images, listed, run
+from support.common.daskcluster import DaskCluster
 
 from lava_vpr.cli import main
 
@@ -38,6 +39,19 @@ def test_equal_images_give_equal_bytes_whatever_the_jobs(here: Path) -> None:
     assert len({Path(f"{k}/study.html").read_bytes() for k in range(3)}) == 1
     assert "lava-vpr study bits reference --query query" in Path("0/study.html").read_text()
     assert "--seeds 0,1 --values 2,3" in Path("0/study.html").read_text()
+
+
+def test_a_cluster_gives_the_bytes_of_this_machine(here: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+    cluster = DaskCluster(tmp_path_factory.mktemp("cluster"))
+    words = ("hyperactive", "reference", "--query", "query", "--values", "4")
+    try:
+        there = study(*words, "--cluster", cluster.address, "--json", "there.json", "--report", "there")
+    finally:
+        cluster.end()
+    alone = study(*words, "--json", "here.json", "--report", "here")
+    assert alone == there.replace("report: there", "report: here")
+    assert Path("there.json").read_bytes() == Path("here.json").read_bytes()
+    assert Path("there/study.html").read_bytes() == Path("here/study.html").read_bytes()
 
 
 def test_the_keys_of_the_json_are_pinned(here: Path) -> None:
@@ -84,6 +98,7 @@ REFUSED = [
     (("seeds", "reference", "--query", "query", "--values", "9"), "the study seeds takes no --values"),
     (("bits", "reference", "--query", "query", "--preset", "paper"), "the study bits needs an integer network"),
     (("bits", "reference", "--query", "query", "--json", "no/f.json"), "no/f.json: the folder no does not exist"),
+    (("bits", "reference", "--query", "query", "--cluster", "here"), "--cluster takes tcp://HOST:PORT, not 'here'"),
     (("bits", "reference", "--query", "query", "--config", "no.toml"), "no.toml: cannot be read"),
     (("bits", "reference", "--query", "query", "--json", "quick.toml", *QUICK), "quick.toml: is also an input"),
 ]

@@ -14,6 +14,7 @@ import pytest
 from support.common.browser import visit
 from support.common.small_models import encoded, small_config, tiny_paper
 
+from lava_vpr.cluster.tasks import Standing
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.compression.compression import Changes, requantised
@@ -28,7 +29,7 @@ from lava_vpr.studies.decoding import BOTH, QUERIES, TRAINING
 from lava_vpr.studies.learning import sections
 from lava_vpr.studies.measuring import counted, learned, modelled
 from lava_vpr.studies.registry import STUDIES
-from lava_vpr.studies.run import Row, Spread, Studied, planned, rows, run
+from lava_vpr.studies.run import Row, Shared, Spread, Studied, measured, planned, rows, run
 from lava_vpr.studies.several import as_one, member_seed, shuffled_order, side_by_side, theta_of
 from lava_vpr.studies.show.page import page
 from lava_vpr.studies.show.values import as_json, table
@@ -50,8 +51,8 @@ def route(noise: float = 0.9) -> Route:
     return Route((encoded(PLACES),), encoded(PLACES, noise=noise), np.eye(PLACES, dtype=bool))
 
 
-def asked(name: str, threads: int = 1) -> Asked:
-    return Asked(route(), small_config(), (0, 3), VALUES.get(name, ()), threads)
+def asked(name: str) -> Asked:
+    return Asked(route(), small_config(), (0, 3), VALUES.get(name, ()))
 
 
 @lru_cache(maxsize=16)
@@ -67,7 +68,7 @@ def row(name: str, point: str) -> Row:
 @pytest.mark.parametrize("name", STUDIES)
 def test_a_study_is_the_same_every_time_and_with_other_threads(name: str) -> None:
     first = json.dumps(as_json(found(name)), allow_nan=False)
-    assert json.dumps(as_json(run(STUDIES[name], asked(name, threads=3)))) == first
+    assert json.dumps(as_json(run(STUDIES[name], asked(name), jobs=3))) == first
     assert page(found(name)) == page(dataclasses.replace(found(name)))
 
 
@@ -75,8 +76,9 @@ def test_a_study_is_the_same_every_time_and_with_other_threads(name: str) -> Non
 def test_its_tasks_go_to_any_process(name: str) -> None:
     """Outcomes of a task that was packed and unpacked are those of the task itself."""
     task: Task = planned(STUDIES[name], asked(name))[-1]
-    measure, again = pickle.loads(pickle.dumps((STUDIES[name].measure, task)))
-    assert measure(again) == STUDIES[name].measure(task)
+    shared = Shared(asked(name).route, STUDIES[name].measure)
+    function, there, again = pickle.loads(pickle.dumps((measured, shared, task)))
+    assert function(there, again) == measured(shared, task)
 
 
 @pytest.mark.parametrize("name", STUDIES)
@@ -99,7 +101,7 @@ def reference(one: Recall, row_: Row, seed: int) -> None:
 def test_a_point_is_what_eval_says_of_such_a_model() -> None:
     place = route()
     for seed in (0, 3):
-        model = learned(place, update(small_config(), {"seed": seed}), 1)
+        model = learned(place, update(small_config(), {"seed": seed}))
         result = recognise(model, place.queries, place.truth, Comparison(rivals=("cosine", "sad")))
         own = result.metrics["contrast"]
         reference(Recall(own.recall_at_1, own.recall_at_100_precision, own.auc), row("places", "8"), seed)
@@ -109,12 +111,12 @@ def test_a_point_is_what_eval_says_of_such_a_model() -> None:
         if seed == 0:
             sad = result.metrics["sad"]
             assert row("places", "8").baselines["sad"] == (sad.recall_at_1, sad.recall_at_100_precision, sad.auc)
-            assert row("places", "8").costs == modelled(model, place, 1)
+            assert row("places", "8").costs == modelled(model, place)
 
 
 def test_bits_and_steps_quantise_anew_what_was_learned_once() -> None:
     place = route()
-    model = learned(place, update(small_config(), {"seed": 3}), 1)
+    model = learned(place, update(small_config(), {"seed": 3}))
     for name, point, made in (
         ("bits", "2", requantised(model, Changes(weight_bits=2))),
         (
@@ -123,7 +125,7 @@ def test_bits_and_steps_quantise_anew_what_was_learned_once() -> None:
             requantised(dataclasses.replace(model, config=update(model.config, {"network": {"steps": 64}}))),
         ),
     ):
-        scores = decode(made, counted(made, place, 1), "contrast")
+        scores = decode(made, counted(made, place), "contrast")
         figures = evaluate(scores, confidence("contrast", scores), place.truth)
         assert row(name, point).network["auc"].by_seed[3] == figures.auc
     cheap, dear = row("steps", "64").costs, row("steps", "128").costs
@@ -139,26 +141,26 @@ def test_seeds_hold_still_what_they_say() -> None:
     for name in Recall._fields:
         assert queries.network[name].by_seed[0] == training.network[name].by_seed[0] == both.network[name].by_seed[0]
     for label, model_seed, noise in ((queries, 0, 3), (training, 3, 0), (both, 3, 3)):
-        model = learned(place, configs[model_seed], 1)
-        scores = decode(model, counted(model, place, 1, noise), "contrast")
+        model = learned(place, configs[model_seed])
+        scores = decode(model, counted(model, place, noise), "contrast")
         assert label.network["auc"].by_seed[3] == evaluate(scores, confidence("contrast", scores), place.truth).auc
 
 
 def test_modules_apart_are_models_of_their_own() -> None:
     place, config = route(), update(small_config(), {"seed": 3})
-    modules, models = side_by_side(place, config, 4, 1)
-    first = learned(place.section(0, 4), update(config, {"stretch": 0}), 1)
+    modules, models = side_by_side(place, config, 4)
+    first = learned(place.section(0, 4), update(config, {"stretch": 0}))
     assert np.array_equal(models[0].network.weights, first.network.weights)
-    assert np.array_equal(modules.counts[:, :4], counted(first, place, 1))
+    assert np.array_equal(modules.counts[:, :4], counted(first, place))
     assert np.array_equal(modules.responses[:4, :4], first.responses)
     assert not modules.responses[:4, 4:].any()
     assert modules.neuron_modules.tolist() == modules.place_modules.tolist() == [0] * 4 + [1] * 4
-    assert len(side_by_side(route().section(0, 7), config, 3, 1)[1]) == 2  # 3 places, and the last 4
+    assert len(side_by_side(route().section(0, 7), config, 3)[1]) == 2  # 3 places, and the last 4
 
 
 def test_theta_is_that_of_calibration_and_takes_out_what_it_says() -> None:
     config = update(small_config(), {"seed": 3})
-    modules, _ = side_by_side(route(), config, 4, 1)
+    modules, _ = side_by_side(route(), config, 4)
     theta, removed = theta_of(modules, "contrast", 0.02)
     again = row("hyperactive", "modules of 4, apart, without").facts
     assert (again["theta_hyper"].by_seed[3], again["removed"].by_seed[3]) == (theta, removed.mean())
@@ -170,7 +172,7 @@ def test_theta_is_that_of_calibration_and_takes_out_what_it_says() -> None:
 def test_a_neuron_that_fires_everywhere_is_taken_out() -> None:
     """Without it, altered references are recognised better: calibration finds so by itself."""
     config = update(small_config(), {"seed": 3})
-    modules = as_one(learned(route(), config, 1), route(), 1)
+    modules = as_one(learned(route(), config), route())
     loud = 1 + int(modules.references.max()) * np.ones((1, 1), np.int32)
     spoilt = modules._replace(
         **{
@@ -190,11 +192,11 @@ def test_an_ensemble_adds_up_its_members() -> None:
     turned = np.zeros((PLACES, PLACES))
     for member in range(2):
         seeded = update(config, {"seed": member_seed(3, member)})
-        model = learned(place, seeded, 1)
-        total += decode(model, counted(model, place, 1), "contrast")
+        model = learned(place, seeded)
+        total += decode(model, counted(model, place), "contrast")
         order = shuffled_order(PLACES, seeded.seed) if member else np.arange(PLACES)
-        model = learned(place.shuffled(order), seeded, 1)
-        scores = decode(model, counted(model, place, 1), "contrast")
+        model = learned(place.shuffled(order), seeded)
+        scores = decode(model, counted(model, place), "contrast")
         for k, place_k in enumerate(order):
             turned[:, place_k] += scores[:, k]
     for label, scores in (("2 members, other seeds", total), ("2 members, other seeds and orders", turned)):
@@ -226,8 +228,8 @@ def test_a_number_of_places_is_the_mean_of_itssections() -> None:
         figures = []
         for first, end in ((0, 4), (4, 8)):
             part = place.section(first, end)
-            model = learned(part, update(small_config(), {"seed": seed}), 1)
-            scores = decode(model, counted(model, part, 1), "contrast")
+            model = learned(part, update(small_config(), {"seed": seed}))
+            scores = decode(model, counted(model, part), "contrast")
             figures.append(evaluate(scores, confidence("contrast", scores), np.eye(4, dtype=bool)).auc)
         assert row("places", "4").network["auc"].by_seed[seed] == pytest.approx(mean(figures), abs=1e-15)
 
@@ -263,9 +265,9 @@ REFUSED = [
 
 @pytest.mark.parametrize(("name", "values", "said"), REFUSED)
 def test_points_that_cannot_be_are_refused_before_any_work(name: str, values: tuple[float, ...], said: str) -> None:
-    done: list[object] = []
+    done: list[Standing] = []
     with pytest.raises(ConfigError, match=said):
-        run(STUDIES[name], dataclasses.replace(asked(name), values=values), advance=lambda *_: done.append(_))
+        run(STUDIES[name], dataclasses.replace(asked(name), values=values), progress=done.append)
     assert done == []
 
 
@@ -292,11 +294,12 @@ def test_a_table_shows_a_gap_where_one_network_is_too_large() -> None:
     assert shown.rows[1][-2:] == ("-", "-")
 
 
-def test_progress_names_each_task_before_it_begins() -> None:
-    told: list[tuple[int, str]] = []
-    run(STUDIES["places"], asked("places"), advance=lambda by, text: told.append((by, text)))
-    assert told[:2] == [(0, "4, seed 0"), (1, "4, seed 0")]
-    assert sum(by for by, _ in told) == len(planned(STUDIES["places"], asked("places")))
+def test_progress_tells_of_every_model() -> None:
+    told: list[Standing] = []
+    run(STUDIES["places"], asked("places"), progress=told.append)
+    whole = len(planned(STUDIES["places"], asked("places")))
+    assert [standing.done for standing in told] == list(range(whole + 1))
+    assert {standing.called for standing in told} == {"models"}
 
 
 @pytest.mark.parametrize("name", ["steps", "weighting"])

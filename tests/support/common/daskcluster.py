@@ -1,6 +1,6 @@
 """A Dask cluster on the loopback address, scheduler and workers as processes; functions that workers can import.
 
-Used by cluster.
+Used by cli and cluster.
 """
 
 from __future__ import annotations
