@@ -9,7 +9,7 @@ LOCK = requirements/$$($(BIN)/python -c 'import sys; print("lock" if sys.version
 # Tests run side by side, one row of them a processor.
 TESTS := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
-.PHONY: help demo test test-slow test-all lint format bench results recall peers peers-test oracles neurobench nir-peers sanafe test-dl learning tutorial wheel clean
+.PHONY: help demo test test-slow test-all lint format bench results recall peers peers-test oracles neurobench nir-peers sanafe test-dl learning tutorial site pictures links wheel clean
 .DEFAULT_GOAL := help
 
 help: ## What there is to make
@@ -33,12 +33,16 @@ test-slow: $(STAMP) ## The minutes-long tests only
 test-all: $(STAMP) ## The tests, the minutes-long ones included
 	@$(TESTS) --timeout 1800
 
+# The package as it is installed, processes/ and deploy/ in it, for tools that read sources.
+links:
+	@rm -rf .typing/lava_vpr && mkdir -p .typing/lava_vpr
+	@for f in lava_vpr/* processes deploy; do ln -s "../../$$f" ".typing/lava_vpr/$${f##*/}"; done
+
 lint: $(STAMP) ## ruff, mypy, and which room imports which (Python 3.10)
 	@test -x $(BIN)/mypy || { echo "make lint needs Python 3.10, as does lava-nc; remove $(VENV), and name one: make PYTHON=... lint"; exit 1; }
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
-	@rm -rf .typing/lava_vpr && mkdir -p .typing/lava_vpr
-	@for f in lava_vpr/* processes deploy; do ln -s "../../$$f" ".typing/lava_vpr/$${f##*/}"; done
+	@$(MAKE) --no-print-directory links
 	@$(BIN)/mypy .typing/lava_vpr
 	@cd .typing && ../$(BIN)/lint-imports --config ../pyproject.toml --no-cache --no-logo
 	@cd deploy/programs && for board in kapoho_bay loihi2; do MYPYPATH=common:$$board \
@@ -50,7 +54,7 @@ format: $(STAMP) ## Format the code
 bench: recall ## All benchmarks that need nothing beyond real images
 	@$(BIN)/python -m benchmarks.speed
 
-results: $(STAMP) ## Compute the figures of README's results that are out of date, and write them down (LAVA_VPR_DATA)
+results: $(STAMP) ## Compute the figures of docs/results.md that are out of date, and write them down (LAVA_VPR_DATA)
 	@$(BIN)/python -m benchmarks.results
 
 recall: $(STAMP) ## Recall on real images (LAVA_VPR_DATA)
@@ -117,18 +121,24 @@ test-dl: .venv-dl/.installed ## The tests of learning by SLAYER and of NetX, wit
 learning: .venv-dl/.installed ## Five kinds of learning side by side (LAVA_VPR_DATA; the environment of test-dl)
 	@.venv-dl/bin/python -m benchmarks.learning.table
 
-.venv-notebook/.installed: pyproject.toml requirements/lock.txt requirements/notebook.txt
-	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-notebook
-	@.venv-notebook/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/lock.txt -r requirements/notebook.txt
-	@.venv-notebook/bin/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
-	@touch .venv-notebook/.installed
+.venv-docs/.installed: pyproject.toml requirements/lock.txt requirements/docs.txt
+	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-docs
+	@.venv-docs/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/lock.txt -r requirements/docs.txt
+	@.venv-docs/bin/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
+	@touch .venv-docs/.installed
 
-tutorial: .venv-notebook/.installed ## Execute docs/tutorial.ipynb: the network in Lava, Process by Process
-	@.venv-notebook/bin/python scripts/run_notebook.py
+tutorial: .venv-docs/.installed ## Execute the notebooks of docs/notebooks
+	@.venv-docs/bin/python scripts/run_notebook.py
+
+site: .venv-docs/.installed links ## Build the documentation as a site into site/, warnings are errors
+	@NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --quiet --strict && echo "site/index.html"
+
+pictures: $(STAMP) ## Compute the pictures of README and docs anew
+	@$(BIN)/python scripts/draw_drive.py && $(BIN)/python scripts/draw_concepts.py
 
 wheel: $(STAMP) ## Build the wheel into dist/
 	@rm -rf dist build && $(BIN)/python -m build --quiet --no-isolation --wheel .
 
 clean: ## Remove everything made here, the environment too
-	rm -rf .venv .venv-* .typing demo dist build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage
+	rm -rf .venv .venv-* .typing .cache site demo dist build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -7,6 +7,7 @@ python scripts/cli_reference.py --check    say whether it is up to date, as an e
 from __future__ import annotations
 
 import inspect
+import re
 import sys
 from pathlib import Path
 
@@ -121,8 +122,8 @@ first, the match among them: `place`, `place_name`, `score`, `probability` (null
 
 
 def cell(text: str) -> str:
-    """Text for one cell of a table: on one line, its bars no separators."""
-    return " ".join(text.split()).replace("|", r"\|")
+    """Text for one cell of a table: on one line, its bars no separators, a range in brackets no link."""
+    return re.sub(r"\[(?=[^\[\]]*(?:x[<>]|[<>]=?x))", r"\\[", " ".join(text.split()).replace("|", r"\|"))
 
 
 def paragraphs(text: str) -> str:

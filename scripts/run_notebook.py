@@ -1,6 +1,7 @@
-"""Executes a notebook from the top and fails with the first cell that fails: python scripts/run_notebook.py [NOTEBOOK]
+"""Executes notebooks from the top: python scripts/run_notebook.py [NOTEBOOK...]; fails with the first cell that fails.
 
-Needs requirements/notebook.txt. Stored outputs play no part; ``--save`` replaces them by those of this run.
+Without a name: all of docs/notebooks. Needs requirements/docs.txt. A terminal is told which cell runs. Stored outputs
+play no part; ``--save`` replaces them by those of this run.
 """
 
 from __future__ import annotations
@@ -37,6 +38,12 @@ def prepare(folder: str) -> None:
     )
 
 
+def told(cell: int, cells: int) -> None:
+    """Tell a terminal which cell runs."""
+    if sys.stderr.isatty():
+        print(f"\r  cell {cell} of {cells}\x1b[K", end="", file=sys.stderr, flush=True)
+
+
 def execute(notebook: nbformat.NotebookNode, timeout: int) -> str | None:
     """Run all cells in a kernel of their own, in an empty folder; what failed, or None.
 
@@ -55,6 +62,7 @@ def execute(notebook: nbformat.NotebookNode, timeout: int) -> str | None:
             extra_arguments=["--log-level=ERROR"],
         )
         client.on_notebook_start = lambda notebook: groups.append(client.km.provisioner.pgid)
+        client.on_cell_execute = lambda cell, cell_index: told(cell_index + 1, len(notebook.cells))
         try:
             client.execute()
         except CellExecutionError as error:
@@ -106,31 +114,41 @@ def warnings_of(notebook: nbformat.NotebookNode) -> str:
     return "".join(output.text for output in outputs if output.get("name") == "stderr")
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description="Execute a notebook; exit with 1 if a cell fails.")
-    parser.add_argument("notebook", type=Path, nargs="?", default=ROOT / "docs" / "tutorial.ipynb")
-    parser.add_argument("--save", action="store_true", help="write the outputs into the notebook")
-    parser.add_argument("--timeout", type=int, default=300, help="seconds that one cell may take (default: 300)")
-    args = parser.parse_args()
-    notebook = nbformat.read(args.notebook, as_version=4)
+def run(path: Path, timeout: int, save: bool) -> str | None:
+    """Execute the notebook ``path``, and write its outputs into it if they are to be saved; what failed, or None."""
+    notebook = nbformat.read(path, as_version=4)
     cells = sum(cell.cell_type == "code" for cell in notebook.cells)
     started = time.perf_counter()
-    failure = execute(notebook, args.timeout)
+    failure = execute(notebook, timeout)
+    if sys.stderr.isatty():
+        print("\r\x1b[K", end="", file=sys.stderr, flush=True)
     if failure is not None:
-        print(f"{args.notebook.name}: {failure}", file=sys.stderr)
-        return 1
+        return f"{path.name}: {failure}"
     print(warnings_of(notebook), end="", file=sys.stderr)
-    if args.save:
+    if save:
         tidy(notebook)
         text = nbformat.writes(notebook)
         for name in (str(ROOT), sys.prefix, str(Path.home()), socket.gethostname()):
             if re.search(rf"(?<![\w/+=]){re.escape(name)}\b", text):  # not by chance, within a picture
-                print(f"{args.notebook.name}: not saved, as an output names {name}", file=sys.stderr)
-                return 1
-        part = args.notebook.with_suffix(".part")
+                return f"{path.name}: not saved, as an output names {name}"
+        part = path.with_suffix(".part")
         part.write_text(text + "\n", encoding="utf-8")
-        part.replace(args.notebook)
-    print(f"{args.notebook.name}: {cells} cells run in {time.perf_counter() - started:.0f} s")
+        part.replace(path)
+    print(f"{path.name}: {cells} cells run in {time.perf_counter() - started:.0f} s", flush=True)
+    return None
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="Execute notebooks; exit with 1 if a cell fails.")
+    parser.add_argument("notebooks", type=Path, nargs="*", help="default: all of docs/notebooks")
+    parser.add_argument("--save", action="store_true", help="write the outputs into the notebooks")
+    parser.add_argument("--timeout", type=int, default=300, help="seconds that one cell may take (default: 300)")
+    args = parser.parse_args()
+    for path in args.notebooks or sorted((ROOT / "docs" / "notebooks").glob("*.ipynb")):
+        failure = run(path, args.timeout, args.save)
+        if failure is not None:
+            print(failure, file=sys.stderr)
+            return 1
     return 0
 
 

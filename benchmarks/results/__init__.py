@@ -1,1 +1,1 @@
-"""The figures of README's results that follow from sources, settings and images alone: computed, kept, written down."""
+"""The figures of the results that follow from sources, settings and images alone: computed, kept, written down."""

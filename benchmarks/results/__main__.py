@@ -1,4 +1,4 @@
-"""Compute the figures of README's results and write docs/results.json and README.md; `make results` calls it.
+"""Compute the figures of the results; write docs/results.json, docs/results.md and README.md. `make results` calls it.
 
     LAVA_VPR_DATA=... python -m benchmarks.results [--all]
 
@@ -14,7 +14,7 @@ from pathlib import Path
 
 import click
 
-from benchmarks.results.page import PAGE, ROWS, check, filled
+from benchmarks.results.page import PAGES, ROWS, check, filled
 from benchmarks.results.record import FILE, Record, key, sources_hash
 from benchmarks.results.rows import SEEDS, Row, measure
 from lava_vpr.errors import LavaVprError
@@ -39,16 +39,18 @@ def bring_up_to_date(record: Record, rows: Sequence[Row], file: Path, every: boo
 @click.command()
 @click.option("--all", "every", is_flag=True, help="Compute rows that are up to date, too.")
 def main(every: bool) -> None:
-    """Compute the figures of README's results."""
+    """Compute the figures of the results."""
     try:
-        check(PAGE.read_text(encoding="utf-8"))
+        for path in PAGES:
+            check(path.read_text(encoding="utf-8"), path)
         record = Record.read()
         bring_up_to_date(record, ROWS, FILE, every)
-        page = filled(PAGE.read_text(encoding="utf-8"), record)
+        pages = {path: filled(path.read_text(encoding="utf-8"), path, record) for path in PAGES}
     except LavaVprError as error:
         raise SystemExit(str(error)) from None
-    write_atomically(PAGE, lambda out: out.write(page.encode()))
-    click.echo(f"{FILE} and {PAGE}: {len(ROWS)} rows, up to date")
+    for path, page in pages.items():
+        write_atomically(path, lambda out, page=page: out.write(page.encode()))  # type: ignore[misc]
+    click.echo(f"{FILE}, {', '.join(map(str, PAGES))}: {len(ROWS)} rows, up to date")
 
 
 if __name__ == "__main__":

@@ -1,14 +1,15 @@
-"""The tables of README's results, written from docs/results.json between comments."""
+"""The tables of docs/results.md and the six figures of README, written from docs/results.json between comments."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from pathlib import Path
 
-from benchmarks.results import adapted, long, sections, views
+from benchmarks.results import adapted, long, sections, six, views
 from benchmarks.results.record import ROOT, Record
 from lava_vpr.errors import InputError
 
-PAGE = ROOT / "README.md"
+RESULTS, README = ROOT / "docs" / "results.md", ROOT / "README.md"
 KINDS = {"sections": sections, "long": long, "adapted": adapted, "views": views}
 """The kinds of rows, by the names of their tables."""
 ROWS = tuple(row for kind in KINDS.values() for row in kind.ROWS)
@@ -19,13 +20,17 @@ def origin(record: Record) -> list[str]:
     """Where the tables come from."""
     settings, sources = record.origin
     return [
-        f"`make results` wrote these tables from [docs/results.json](docs/results.json): settings `{settings}`, "
+        f"`make results` wrote these tables from [results.json](results.json): settings `{settings}`, "
         f"sources `{sources}`."
     ]
 
 
-PARTS: dict[str, Callable[[Record], list[str]]] = {name: kind.lines for name, kind in KINDS.items()}
-PARTS["origin"] = origin
+Parts = Mapping[str, Callable[[Record], list[str]]]
+PAGES: dict[Path, Parts] = {
+    RESULTS: {**{name: kind.lines for name, kind in KINDS.items()}, "origin": origin},
+    README: {"six figures": six.lines},
+}
+"""The pages, and the lines of each of their parts."""
 
 
 def begin(name: str) -> str:
@@ -33,26 +38,26 @@ def begin(name: str) -> str:
     return f"<!-- results: {name}, written by make results -->"
 
 
-def check(page: str) -> None:
-    """Refuse a page that lacks the marks of a part.
+def check(page: str, path: Path) -> None:
+    """Refuse the text ``page`` of the file ``path`` if it lacks the marks of a part.
 
     Raises:
         InputError: it lacks them.
     """
-    for name in PARTS:
+    for name in PAGES[path]:
         _, found, rest = page.partition(begin(name))
         if not found or END not in rest:
-            raise InputError(f"{PAGE}: lacks the marks of {name}; put back {begin(name)} and {END}")
+            raise InputError(f"{path}: lacks the marks of {name}; put back {begin(name)} and {END}")
 
 
-def filled(page: str, record: Record) -> str:
-    """The page with every part as the record has it.
+def filled(page: str, path: Path, record: Record) -> str:
+    """The text ``page`` of the file ``path`` with every part as the record has it.
 
     Raises:
         InputError: the page lacks the marks of a part.
     """
-    check(page)
-    for name, lines in PARTS.items():
+    check(page, path)
+    for name, lines in PAGES[path].items():
         head, found, rest = page.partition(begin(name))
         tail = rest.partition(END)[2]
         page = "\n".join([head + found, "", *lines(record), "", END + tail])

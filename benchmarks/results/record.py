@@ -18,10 +18,10 @@ from lava_vpr.storage.writing import write_atomically
 
 ROOT = Path(__file__).resolve().parents[2]
 FILE = ROOT / "docs" / "results.json"
-REMEDY = "run `make results` (LAVA_VPR_DATA names the images), and commit docs/results.json and README.md"
+REMEDY = "run `make results` (LAVA_VPR_DATA names the images), and commit docs/results.json, its page and README.md"
 DECIDING = (
     *(f"lava_vpr/{name}.py" for name in ("config", "encoding", "loihi", "model", "recognition", "traverse")),
-    *(f"lava_vpr/{room}" for room in ("images", "inputs", "matching", "training")),
+    *(f"lava_vpr/{room}" for room in ("images", "inputs", "matching", "settings", "training")),
     *(f"lava_vpr/engine/{name}" for name in ("general", "inference", "learning")),
     *(f"lava_vpr/engine/{name}.py" for name in ("adaptation", "draw", "random", "trains")),
     *(f"lava_vpr/backends/{name}.py" for name in ("asking", "host", "interface", "rivals")),

@@ -34,7 +34,7 @@ NEEDED = {
     "nir": "networks as NIR graphs",
 }
 OPTIONAL = {
-    "lava-nc": ("Python 3.10", "Intel's Lava, archived: the backends lava-*, the Processes and the tutorial"),
+    "lava-nc": ("Python 3.10", "Intel's Lava, archived: the backends lava-*, the Processes and their notebook"),
     "lava-dl": ("dl", "Lava's deep-learning library, pulls torch (5.6 GB): pip install 'lava-vpr[dl]'"),
     "lava-loihi": ("vendor", "Intel's closed package that drives Loihi 2; from Intel's research cloud"),
     "nxsdk": ("vendor", "Intel's closed package that drives Kapoho Bay; from Intel's research cloud"),

@@ -1,4 +1,4 @@
-"""README's results: their tables are those of docs/results.json, and its figures those of today's code."""
+"""The results: tables of pages are those of docs/results.json, and its figures those of today's code."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ from lava_vpr.configfile import update
 from lava_vpr.errors import InputError
 
 
-def test_tables_of_the_readme_are_those_of_the_file() -> None:
-    text = page.PAGE.read_text(encoding="utf-8")
-    assert page.filled(text, Record.read()) == text, REMEDY
+@pytest.mark.parametrize("path", page.PAGES, ids=lambda path: path.name)
+def test_tables_of_a_page_are_those_of_the_file(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    assert page.filled(text, path, Record.read()) == text, REMEDY
 
 
 def test_the_file_has_todays_rows_under_todays_settings() -> None:
@@ -35,14 +36,15 @@ def test_the_file_has_every_section_and_seed_of_a_row() -> None:
     assert len({row.name for row in page.ROWS}) == len(page.ROWS)
 
 
-def test_the_page_keeps_what_stands_around_the_tables() -> None:
-    text = page.PAGE.read_text(encoding="utf-8")
-    for name in page.PARTS:
+@pytest.mark.parametrize("path", page.PAGES, ids=lambda path: path.name)
+def test_a_page_keeps_what_stands_around_the_tables(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    for name in page.PAGES[path]:
         assert text.count(page.begin(name)) == 1
     changed = re.sub(r"\d", "7", text)
-    assert re.sub(r"\d", "7", page.filled(changed, Record.read())) == changed
+    assert re.sub(r"\d", "7", page.filled(changed, path, Record.read())) == changed
     with pytest.raises(InputError, match="put back"):
-        page.filled(text.replace(page.begin("views"), ""), Record.read())
+        page.filled(text.replace(page.begin(next(iter(page.PAGES[path]))), ""), path, Record.read())
 
 
 @pytest.mark.parametrize("name", INTEGER)
@@ -119,7 +121,7 @@ def test_what_is_up_to_date_is_not_computed_again(tmp_path: Path, monkeypatch: p
         assert Record.read(file).lacks([one, two]) == []
 
 
-def test_what_the_readme_says_of_its_tables_is_so() -> None:
+def test_what_the_page_says_of_its_tables_is_so() -> None:
     """Learning one clean traverse brings nothing; where cosine is ahead; what `fast` takes the chip."""
     kept = Record.read()
     for row in page.ROWS:
@@ -133,7 +135,7 @@ def test_what_the_readme_says_of_its_tables_is_so() -> None:
     assert np.all(np.array(kept.mean(every, "cosine")) > kept.mean(every))
     adapted = (kept.mean(LEARNED[DEFAULT], f"{name}, adapted") for name in ("cosine", "network"))
     assert np.all(np.greater(*adapted))
-    assert "1.1 µJ, is a hundredth" in page.PAGE.read_text(encoding="utf-8").replace("\n  ", " ")
+    assert "1.1 µJ, is a hundredth" in page.RESULTS.read_text(encoding="utf-8").replace("\n  ", " ")
     assert f"{kept.mean(LEARNED['fast'], 'costs')[0]:.1f}" == "1.1"
 
 

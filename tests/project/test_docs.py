@@ -14,16 +14,23 @@ from lava_vpr.cli.group import LazyGroup
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+TYPED = [
+    ROOT / "README.md",
+    *(ROOT / "docs" / f"{name}.md" for name in ("index", "quickstart", "own_data", "own_board")),
+]
+"""Pages whose commands a newcomer types."""
 
 
 def commands() -> list[str]:
-    """Every `lava-vpr ...` line of the README's code blocks."""
-    blocks = re.findall(r"```sh\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
-    return [line.partition("#")[0].strip() for block in blocks for line in block.splitlines() if "lava-vpr " in line]
+    """Every `lava-vpr ...` line of code blocks of `TYPED`, each once."""
+    text = "\n".join(page.read_text(encoding="utf-8") for page in TYPED)
+    blocks = re.findall(r"```sh\n(.*?)```", text, re.DOTALL)
+    lines = [line.partition("#")[0].strip() for block in blocks for line in block.splitlines()]
+    return list(dict.fromkeys(line for line in lines if line.startswith("lava-vpr ")))
 
 
 @pytest.mark.parametrize("line", commands())
-def test_commands_of_the_readme_parse(line: str) -> None:
+def test_commands_of_the_pages_parse(line: str) -> None:
     _, name, *words = shlex.split(line)
     command = main.get_command(click.Context(main), name)
     assert command is not None
@@ -33,7 +40,7 @@ def test_commands_of_the_readme_parse(line: str) -> None:
 
 
 def test_there_are_commands_to_check() -> None:
-    assert len(commands()) >= 9
+    assert len(commands()) >= 40
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -42,11 +49,13 @@ def test_links_lead_somewhere(page: Path) -> None:
         assert (page.parent / target).exists(), target
 
 
-def test_benchmarks_that_the_readme_names_exist() -> None:
-    modules = re.findall(r"python -m (benchmarks\.[a-z_.]+)", (ROOT / "README.md").read_text())
-    assert modules
+def test_benchmarks_that_the_pages_name_exist() -> None:
+    text = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
+    modules = {name.rstrip(".") for name in re.findall(r"python -m (benchmarks\.[a-z_.]+)", text)}
+    assert len(modules) > 20
     for module in modules:
-        assert (ROOT / (module.replace(".", "/") + ".py")).exists()
+        place = ROOT / module.replace(".", "/")
+        assert place.with_suffix(".py").exists() or (place / "__main__.py").exists(), module
 
 
 def test_listed_help_is_the_commands_own() -> None:
