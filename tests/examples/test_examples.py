@@ -1,4 +1,4 @@
-"""The examples run: a bag is replayed without ROS, and the ROS 2 node answers images, with a stand-in for rclpy."""
+"""The examples run; the ROS 2 node answers images with stand-ins for rclpy and cv_bridge."""
 
 from __future__ import annotations
 
@@ -17,14 +17,20 @@ from support.common.commands import images, run
 
 from lava_vpr import Localizer
 from lava_vpr.images.imagefiles import read_image
+from lava_vpr.matching.decoders import DECODERS
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
 
+def example(name: str, *words: object) -> subprocess.CompletedProcess[str]:
+    """The example called ``name`` in a process of its own."""
+    command = [sys.executable, str(EXAMPLES / f"{name}.py"), *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+
+
 def replayed(*words: object) -> subprocess.CompletedProcess[str]:
     """`replay_bag.py` in a process of its own."""
-    command = [sys.executable, str(EXAMPLES / "replay_bag.py"), *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    return example("replay_bag", *words)
 
 
 def test_a_bag_is_replayed(here: Path) -> None:
@@ -168,14 +174,49 @@ def test_the_node_runs_until_it_is_stopped(
 
 def test_images_are_described_learned_and_recognised(here: Path) -> None:
     for name in ("reference", "query"):
-        command = [sys.executable, str(EXAMPLES / "describe_images.py"), name, "-o", f"{name}.npz"]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+        done = example("describe_images", name, "-o", f"{name}.npz")
         assert (done.returncode, done.stdout) == (0, f"8 descriptors of 1,764 values: {name}.npz\n"), done.stderr
     run("train", "reference.npz", "-o", "d.lvpr")
     lines = run("query", "d.lvpr", "query.npz", "-o", "-").stdout.splitlines()
     assert [line.split(",")[1] for line in lines[1:]] == [path.name for path in images("query")]
     assert sum(line.split(",")[0] == line.split(",")[2] for line in lines[1:]) >= 7
-    broken = [sys.executable, str(EXAMPLES / "describe_images.py"), "nothing", "-o", "x.npz"]
-    done = subprocess.run(broken, capture_output=True, text=True, timeout=120, check=False)
+    done = example("describe_images", "nothing", "-o", "x.npz")
     assert done.returncode == 1
     assert done.stderr.startswith("error: nothing: cannot be opened")
+
+
+def test_a_route_is_learned_and_followed(here: Path) -> None:
+    done = example("map_and_localise", "reference", "query", "-o", "followed.lvpr")
+    assert done.returncode == 0, done.stderr
+    *lines, last = done.stdout.splitlines()
+    robot = Localizer("followed.lvpr", motion="any")
+    matches = [robot.update(read_image(path)) for path in images("query")]
+    for line, path, match in zip(lines, images("query"), matches, strict=True):
+        assert line.startswith(f"{path.name}: {match.name if match.accepted else ''}")
+        assert line.endswith(f"(probability {match.probability:.2f}, {match.spikes.sum()} spikes)")
+    assert last == f"{sum(match.accepted for match in matches)} of 8 images accepted"
+    done = example("map_and_localise", "reference", "nothing")
+    assert (done.returncode, done.stderr.splitlines()[0][:27]) == (1, "error: nothing: cannot be o")
+
+
+def test_a_decoder_of_ones_own_stands_beside_the_others(here: Path) -> None:
+    done = example("own_decoder", "reference", "query")
+    assert done.returncode == 0, done.stderr
+    found = {name: float(share.rstrip("%")) for name, share, _ in map(str.split, done.stdout.splitlines())}
+    assert set(found) == {*DECODERS, "votes"}
+    assert found["votes"] >= 87
+    done = example("own_decoder", "reference", images("query")[0])
+    assert done.returncode == 1
+    assert "has 1 images, reference 8; give as many" in done.stderr
+
+
+def test_a_bundle_counts_the_spikes_of_its_model(here: Path) -> None:
+    run("deploy", "m.lvpr", "--target", "kapoho-bay", "-o", "bundle")
+    done = example("board_from_bundle", "bundle", "m.lvpr", "query", "--limit", 3)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.startswith("3 images, ")
+    assert done.stdout.splitlines()[1] == "the bundle counts the same"
+    run("train", "reference", "-o", "other.lvpr", "--seed", 9)
+    done = example("board_from_bundle", "bundle", "other.lvpr", "query")
+    assert done.returncode == 1
+    assert "counts differ: it was made of another model" in done.stdout
