@@ -361,4 +361,18 @@ def as_json(model: Model, result: Recognition, errors: PositionErrors | None = N
         "position_error": None if errors is None else errors.as_json(),
         "followed": {name: metrics.as_json() for name, metrics in result.followed.items()},
         "probability": {name: found.as_json() for name, found in result.trust.items()},
+        "curves": {
+            group: {name: metrics.curve_json() for name, metrics in figures.items()}
+            for group, figures in _curves(result, order).items()
+        },
+    }
+
+
+def _curves(result: Recognition, order: Sequence[str]) -> dict[str, dict[str, Metrics]]:
+    """The figures that have curves, in the groups in which `as_json` has them; decoders in ``order``."""
+    return {
+        "decoders": {name: result.metrics[name] for name in order},
+        "baselines": {name: metrics for name, metrics in result.metrics.items() if name not in DECODERS},
+        "adapted": result.adapted,
+        "followed": result.followed,
     }

@@ -57,10 +57,18 @@ paths.
  "decoders": {{{decoders}}},
  "baselines": {{{baselines}}},
  "adapted": {{NAME: M}},
- "position_error": {{"median_m": x, "p90_m": x, "within": x, "radius_m": x, "matched": n}} or null}}
+ "position_error": {{"median_m": x, "p90_m": x, "within": x, "radius_m": x, "matched": n}} or null,
+ "followed": {{"filtered": M, "forward_backward": M}},
+ "probability": {{"single": P, "filtered": P}},
+ "curves": {{"decoders": {{NAME: C}}, "baselines": {{NAME: C}}, "adapted": {{NAME: C}}, "followed": {{NAME: C}}}}}}
 
 M = {{"recall_at_1": x, "recall_at_n": {{"5": x, "10": x}}, "recall_at_100_precision": x,
      "precision_at_100_recall": x, "auc": x}}
+P = {{"expected_calibration_error": x, "off_map": x,
+     "reliability": [{{"answers": n, "probability": x, "right": x}}, ...],
+     "thresholds": [{{"target": x, "probability": x, "accepted": x, "precision": x, "kept": x,
+                     "false_accepts": x}}, ...]}}
+C = {{"recall": [x, ...], "precision": [x, ...], "threshold": [x or null, ...]}}
 ```
 
 The first four decoders are those of the paper. `baselines` holds those that were computed: `sad` compares
@@ -70,6 +78,12 @@ rates as its weights. A model that was learned before there was `hog` keeps no d
 preset `paper` has no templates: such a baseline is left out, and an error if it is asked for by name. `adapted` is
 empty without `--adapt`. `position_error` is null where positions of places or queries are not known: metres from query
 to match that half and 90 % of the `matched` queries do not exceed, and the share of all queries within `radius_m`.
+`followed` is empty with `--motion none` and with sequences, and what is not known of probabilities is left out of
+`probability`. A row of `thresholds` is a target precision: the least `probability` that it accepts, the share of all
+queries that it `accepted`, the `precision` of these, the share of the queries on the map that it `kept`, accepted and
+right, and that of the queries off the map that it accepted. A curve of `curves` is that of the matcher of its name, one
+point for each distinct confidence, surest first: `threshold` is the least confidence that is accepted, null where it
+is infinite (at the first point, where nothing is accepted, and at the last, if some queries match no place).
 
 ## The figures of `study --json`
 

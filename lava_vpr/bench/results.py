@@ -5,10 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lava_vpr.bench.energy import Way
 from lava_vpr.deploy.boards.estimate import Estimate as Estimate
 from lava_vpr.deploy.cost.costs import Modelled as Modelled
 from lava_vpr.matching.evaluation import Metrics
+from lava_vpr.matching.trust import Trust
+from lava_vpr.truth.alignment import PositionErrors
 
 
 @dataclass(frozen=True)
@@ -187,6 +192,21 @@ class StepTimes:
     barrier: float
 
 
+@dataclass(frozen=True, eq=False)
+class OnMap:
+    """Where queries were taken and matched.
+
+    Attributes:
+        errors: How far from their true positions queries were placed.
+        matches: Place of each query, -1 for none, int64 (n,).
+        correct: Which of them are right, bool (n,).
+    """
+
+    errors: PositionErrors
+    matches: NDArray[np.int64] = field(repr=False)
+    correct: NDArray[np.bool_] = field(repr=False)
+
+
 @dataclass(frozen=True)
 class Bench:
     """Everything that one run finds out.
@@ -207,6 +227,8 @@ class Bench:
         asked: Recall and costs with views or adaptation; None: not asked for, or failed.
         energy: All the energy of a query by every way to answer it: boards, the host engine, cosine.
         failed: What was asked for and could not be done, by stage, with the reason.
+        trust: How far probabilities can be trusted, by way to answer; empty where there are none.
+        on_map: Where queries were matched; None where positions are not known.
     """
 
     model: dict[str, Any]
@@ -225,3 +247,5 @@ class Bench:
     asked: Asked | None = None
     energy: tuple[Way, ...] = ()
     failed: dict[str, str] = field(default_factory=dict)
+    trust: dict[str, Trust] = field(default_factory=dict)
+    on_map: OnMap | None = None

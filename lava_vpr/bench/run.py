@@ -22,7 +22,7 @@ from lava_vpr.bench.measure.timing import measure, measure_encoding, measure_loc
 from lava_vpr.bench.measure.workload import workload
 from lava_vpr.bench.peers import run_peers
 from lava_vpr.bench.query_set import QuerySet
-from lava_vpr.bench.results import Asked, Bench, Candidate, Measured, Modelled, Peer, StepTimes, Workload
+from lava_vpr.bench.results import Asked, Bench, Candidate, Measured, Modelled, OnMap, Peer, StepTimes, Workload
 from lava_vpr.bench.sweep.sweep import BUDGET, sweep
 from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.deploy.boards.constants import HOST_POWER, Constant, CostConstants
@@ -37,9 +37,12 @@ from lava_vpr.engine.threads import cores
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import ConfigError, LavaVprError, NetworkLimitError
 from lava_vpr.gate import not_integer
+from lava_vpr.matching.probability import Calibration
+from lava_vpr.matching.trust import is_right
 from lava_vpr.model import Model, as_integer
 from lava_vpr.recognition import Comparison, Recognition, recognise
 from lava_vpr.traverse import Traverse
+from lava_vpr.truth.alignment import NEAR_M, Located, PositionErrors
 
 T = TypeVar("T")
 
@@ -62,6 +65,9 @@ class Request:
         limit: Most queries that a backend is timed on; None: by backend.
         seed: The seed of the queries' noise; None: the model's.
         asking: How queries are asked besides once and plainly.
+        calibration: Of the model's decoder; None: probabilities are not known.
+        located: Where places and queries were taken; None: not known.
+        near: Metres within which a match counts.
     """
 
     targets: tuple[str, ...] = field(default_factory=lambda: tuple(BOARDS))
@@ -71,6 +77,9 @@ class Request:
     limit: int | None = None
     seed: int | None = None
     asking: Asking = PLAINLY
+    calibration: Calibration | None = None
+    located: Located | None = None
+    near: float = NEAR_M
 
 
 @dataclass
@@ -144,6 +153,8 @@ def run(
         asked=attempts.result("asking", lambda: _asked(queries, further, truth, request, plans, begin), None),
         energy=attempts.result("energy", lambda: _energy(queries, answers, boards, measured, begin), ()),
         failed=attempts.failed,
+        trust=answers.trust,
+        on_map=_on_map(answers, request),
     )
 
 
@@ -153,10 +164,18 @@ def _recall(queries: QuerySet, truth: NDArray[np.bool_], request: Request) -> Re
         queries.model,
         queries.images,
         truth,
-        Comparison(rivals=None if request.peers else ("cosine",), keep_scores=False),
+        Comparison(rivals=None if request.peers else ("cosine",), keep_scores=False, calibration=request.calibration),
         threads=cores(),
         shown=queries.shown,
     )
+
+
+def _on_map(answers: Recognition, request: Request) -> OnMap | None:
+    """Where queries were matched, if it is known where they were taken."""
+    if request.located is None:
+        return None
+    errors = PositionErrors(request.located, request.located.errors(answers.matches), request.near)
+    return OnMap(errors, answers.matches, is_right(answers.matches, answers.truth, 0))
 
 
 def _energy(

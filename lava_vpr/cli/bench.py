@@ -11,9 +11,9 @@ import click
 
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import Asking
-from lava_vpr.backends.opening import open_model
+from lava_vpr.backends.opening import calibration_of, open_model
 from lava_vpr.backends.rivals import chosen, kept_for
-from lava_vpr.cli.choose import open_queries, truth_in_order
+from lava_vpr.cli.choose import TruthOptions, truth_options
 from lava_vpr.cli.common import (
     PATH,
     OneSource,
@@ -31,6 +31,7 @@ from lava_vpr.cli.evaluate import command_line
 from lava_vpr.cli.outputs import Outputs, write_json
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.encoding import Keep
+from lava_vpr.engine.threads import cores
 from lava_vpr.errors import ConfigError
 from lava_vpr.model import Model, integer_model
 from lava_vpr.storage.text import shown
@@ -46,6 +47,7 @@ DEFAULT = backends.timed_by_default()
 @click.argument("query", type=str)
 @places_option("Query images A..B-1 (default: the model's own range).")
 @every_option
+@truth_options
 @click.option(
     "--target",
     "targets",
@@ -80,6 +82,7 @@ def bench(
     query: str,
     places: tuple[int, int] | None,
     every: float,
+    truth: TruthOptions,
     targets: tuple[str, ...],
     names: tuple[str, ...],
     sweep: bool,
@@ -94,18 +97,20 @@ def bench(
     """Say what it costs MODEL to recognise an image of QUERY: recall first, then time and memory measured here, then
     energy and time modelled for the boards.
 
-    Query i shows place i. What this machine lacks (a board, energy counters) is said, and the rest is told.
+    Which places are correct is told as to eval: without --gt or positions, query i shows place i. What this machine
+    lacks (a board, energy counters) is said, and the rest is told.
     """
     page = report_folder and report_folder / "bench.html"
-    outputs = Outputs((json_path,), made=(page,), model=model_path, images=(query,))
+    outputs = Outputs((json_path,), made=(page,), read=truth.files, model=model_path, images=(query,))
     # The cost model and what it needs take a second to import: --help does not wait for them.
     from lava_vpr.bench.run import Request, run
 
     model, asking = open_model(model_path), Asking(query_views, adapt)
     asking.check(model)
     _refuse(model, model_path, targets, names, sweep)
-    traverse = open_queries(model, query, places, every, outputs=outputs)
-    truth = truth_in_order(model, traverse)
+    traverse = truth.open(model, query, places, every, outputs)
+    located = truth.located(model, traverse)
+    correct = truth.of(model, traverse, located)
     kept = kept_for(chosen(model, None)) if peers else Keep.NOTHING
     queries, *further = encode_queries(traverse, model, asking.of(model), kept)
     request = Request(
@@ -116,6 +121,9 @@ def bench(
         limit=limit,
         seed=seed,
         asking=asking,
+        calibration=calibration_of(model, cores()),
+        located=located,
+        near=truth.near,
     )
     with ExitStack() as bars:
 
@@ -125,7 +133,7 @@ def bench(
             return lambda done: advance(done, "")
 
         words = command_line(ctx)
-        results = run(model, traverse, queries, truth, request, further=further, command=words, begin=begin)
+        results = run(model, traverse, queries, correct, request, further=further, command=words, begin=begin)
     _tell(results, json_path, page)
 
 

@@ -207,12 +207,14 @@ def print_trust(result: Recognition) -> None:
     off_map = next(iter(result.trust.values())).off_map
     table = Table(title="accepted by --target-precision", title_justify="left", caption_justify="left")
     table.caption = f"{_percent(off_map)} % of the queries are off the map; the calibration takes half for that"
-    for number, name in enumerate(("", "target", "least probability", "precision", "kept", "false accepts", "error")):
+    for number, name in enumerate(
+        ("", "target", "least probability", "accepted", "precision", "kept", "false accepts", "error")
+    ):
         table.add_column(name, justify="right" if number else "left", no_wrap=True)
     for name, found in result.trust.items():
         for number, row in enumerate(found.thresholds):
             least = f"{row.probability:.3f}" if np.isfinite(row.probability) else "none"
-            figures = [_percent(value) for value in (row.precision, row.kept, row.false_accepts)]
+            figures = [_percent(value) for value in (row.accepted, row.precision, row.kept, row.false_accepts)]
             first = (name, f"{100 * found.error:.1f}") if number == 0 else ("", "")
             table.add_row(first[0], _percent(row.target), least, *figures, first[1])
     print_whole(table)

@@ -75,6 +75,14 @@ class Metrics:
             "auc": plain(self.auc),
         }
 
+    def curve_json(self) -> dict[str, list[float | None]]:
+        """The precision-recall curve as plain JSON values, lists of equal length; infinite thresholds become None."""
+        return {
+            "recall": self.recall.tolist(),
+            "precision": self.precision.tolist(),
+            "threshold": [value if math.isfinite(value) else None for value in self.threshold.tolist()],
+        }
+
 
 def truth_from_indices(query_idx: NDArray[Any], place_idx: NDArray[Any], tolerance: int = 0) -> Truth:
     """Ground truth of sequences that show the same route: equal indices, or at most ``tolerance`` apart.

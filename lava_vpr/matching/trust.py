@@ -23,6 +23,7 @@ class Threshold(NamedTuple):
     Attributes:
         target: The precision that was aimed at.
         probability: The least probability that is accepted.
+        accepted: Accepted, as a share of all queries.
         precision: Share of the accepted that were right; NaN where none was accepted.
         kept: Accepted and right, as a share of the queries on the map; NaN without such.
         false_accepts: Accepted, as a share of the queries off the map; NaN without such.
@@ -30,6 +31,7 @@ class Threshold(NamedTuple):
 
     target: float
     probability: float
+    accepted: float
     precision: float
     kept: float
     false_accepts: float
@@ -82,6 +84,7 @@ def trust(answers: Answers, truth: NDArray[np.bool_], together: Together) -> Tru
             Threshold(
                 target,
                 least,
+                float(good.mean()),
                 _share(right & good, good),
                 _share(right & good & on_map, on_map),
                 _share(good & ~on_map, ~on_map),

@@ -74,13 +74,13 @@ def report_data(
         seen={name: sees for name, sees in BASELINES.items() if name in result.metrics},
         place_numbers=tuple(int(k) for k in model.place_indices[:places]),
         query_numbers=tuple(int(k) for k in queries.indices[:n]),
-        map=None if errors is None else _map(errors, n, places),
+        map=None if errors is None else map_of(errors, n, places),
         trust=result.trust,
         followed=result.followed,
     )
 
 
-def _map(errors: PositionErrors, queries: int, places: int) -> MapData:
+def map_of(errors: PositionErrors, queries: int, places: int) -> MapData:
     """Where the first so many queries and places were taken, from the middle of them all."""
     located = errors.located
     points = joined([located.places.take(slice(places)), located.queries.take(slice(queries))]).plane()

@@ -154,9 +154,9 @@ def page(data: ReportData) -> str:
     parts = [
         _table(data),
         _curves(data),
-        trust.section(data),
+        trust.section(data.trust, data.followed),
         route,
-        sections.where(data, correct),
+        sections.where(data.map, data.matches, correct),
         sections.scores(data),
         sections.receptive_fields(data),
         sections.spikes(data),

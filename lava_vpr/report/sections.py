@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.report.data import Raster, ReportData
+from lava_vpr.report.data import MapData, Raster, ReportData
 from lava_vpr.report.fields import representatives, strokes
 from lava_vpr.report.images import contact_sheet, data_uri, shrunk, weight_image
 from lava_vpr.report.maps import route_map
@@ -141,13 +141,19 @@ def route(data: ReportData, correct: NDArray[np.bool_]) -> tuple[str, dict[str, 
     return section, values, style
 
 
-def where(data: ReportData, correct: NDArray[np.bool_]) -> str:
-    """The map, if positions are known."""
-    if data.map is None:
+def where(data: MapData | None, matches: NDArray[np.integer[Any]], correct: NDArray[np.bool_]) -> str:
+    """The map, if positions are known.
+
+    Args:
+        data: Where places and queries were taken.
+        matches: Place of each query, -1 for none, int (n_queries,).
+        correct: Which of them are right, bool (n_queries,).
+    """
+    if data is None:
         return ""
-    alt = f"Map of {len(data.place_names)} places and {len(correct)} queries, {int(correct.sum())} of them right"
-    drawing = route_map(data.map, data.matches, correct, alt)
-    figures = data.map.figures
+    alt = f"Map of {len(data.places)} places and {len(correct)} queries, {int(correct.sum())} of them right"
+    drawing = route_map(data, matches, correct, alt)
+    figures = data.figures
     return render("report_map.html", figures=safe(figures[:1].upper() + figures[1:]), drawing=drawing)
 
 

@@ -56,9 +56,11 @@ def to_svg(figure: Figure, prefix: str, label: str) -> str:
     for name, colour in THEME.items():
         svg = svg.replace(colour, f"var(--{name})")
     svg = re.sub(r"'DejaVu Sans'[^;\"]*", "var(--sans)", svg)
-    view = re.search(r'viewBox="[^"]*"', svg)
-    # Neither a fixed size nor namespaces: the page scales the drawing, and HTML knows what SVG is.
-    opening = f'<svg role="img" aria-label="{label}" {view.group(0) if view else ""}>'
+    view = re.search(r'viewBox="[\d.]+ [\d.]+ ([\d.]+) [^"]*"', svg)
+    # Neither a fixed size nor namespaces: the page scales the drawing, and HTML knows what SVG is. On a narrow screen
+    # the style sheet keeps a share of the natural width, so that words can be read.
+    frame = f'{view.group(0)} style="--natural:{float(view.group(1)):g}px"' if view else ""
+    opening = f'<svg role="img" aria-label="{label}" {frame}>'
     return opening + re.sub(r"\n\s*", "\n", svg[svg.index(">") + 1 :])
 
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from lava_vpr.matching.trust import Threshold, Trust
-from lava_vpr.report.data import Figures, ReportData
+from lava_vpr.report.data import Figures
 from lava_vpr.report.svg import THEME, Style, canvas, to_svg
 from lava_vpr.report.templates import render
 from lava_vpr.report.text import fraction, is_number, safe
 
 _WAYS = {"single": ("each image alone", "c0", "o"), "filtered": ("filtered", "c3", "D")}
 """Title, colour and marker of each way to answer."""
-_HEADS = ("", "target precision", "least probability", "precision", "kept", "false accepts")
+_HEADS = ("", "target precision", "least probability", "accepted", "precision", "kept", "false accepts")
 _FOLLOWED = {"filtered": "filtered", "forward_backward": "forward-backward"}
 
 
@@ -50,29 +50,34 @@ def _followed(followed: Mapping[str, Figures]) -> str:
     return f"R@1 of queries in driving order: {'; '.join(parts)}; filtered looks back, forward-backward also ahead."
 
 
-def section(data: ReportData) -> str:
-    """The section, if there are probabilities."""
-    if not data.trust:
+def section(trust: Mapping[str, Trust], followed: Mapping[str, Figures]) -> str:
+    """The section, if there are probabilities.
+
+    Args:
+        trust: How far probabilities can be trusted, by way to answer.
+        followed: Figures of a filter; empty if there was none.
+    """
+    if not trust:
         return ""
-    errors = "; ".join(f"{_WAYS[name][0]} {100 * found.error:.1f} %" for name, found in data.trust.items())
+    errors = "; ".join(f"{_WAYS[name][0]} {100 * found.error:.1f} %" for name, found in trust.items())
     alt = f"Share of the answers that were right over their probability; expected calibration error: {errors}"
     legend = "".join(
         f'<li><svg viewBox="0 0 34 12" aria-hidden="true"><line x1="0" x2="34" y1="6" y2="6" '
         f'stroke="var(--{_WAYS[name][1]})" stroke-width="3"/></svg><span>{safe(_WAYS[name][0])}</span></li>'
-        for name in data.trust
+        for name in trust
     )
     rows = "".join(
         _row(_WAYS[name][0] if number == 0 else "", row)
-        for name, found in data.trust.items()
+        for name, found in trust.items()
         for number, row in enumerate(found.thresholds)
     )
-    off_map = next(iter(data.trust.values())).off_map
+    off_map = next(iter(trust.values())).off_map
     return render(
         "report_trust.html",
         off_map=f"{100 * off_map:.1f}",
         errors=safe(errors),
-        followed=safe(_followed(data.followed)),
-        drawing=reliability(data.trust, safe(alt)),
+        followed=safe(_followed(followed)),
+        drawing=reliability(trust, safe(alt)),
         legend=legend,
         heads="".join(f'<th scope="col">{head}</th>' for head in _HEADS),
         rows=rows,

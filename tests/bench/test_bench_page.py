@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.common.browser import visit
+from support.common.browser import PHONE, on_phone, visit
 
 from lava_vpr.bench.anchors import ANCHORS
 from lava_vpr.bench.energy import Way, on_board
@@ -21,6 +21,7 @@ from lava_vpr.bench.results import (
     Candidate,
     Measured,
     Modelled,
+    OnMap,
     Peer,
     StepTimes,
     Workload,
@@ -33,8 +34,12 @@ from lava_vpr.bench.show.terminal import absences, tables
 from lava_vpr.cli.common import PlainConsole
 from lava_vpr.deploy.boards.constants import Constant
 from lava_vpr.deploy.boards.estimate import Estimate
+from lava_vpr.matching.answers import Answers, Together
 from lava_vpr.matching.evaluation import Metrics, evaluate
+from lava_vpr.matching.trust import Trust, trust
+from lava_vpr.positions.frames import Positions
 from lava_vpr.report import write_page
+from lava_vpr.truth.alignment import Located, PositionErrors
 
 
 def metrics(wrong: int = 2) -> Metrics:
@@ -42,6 +47,23 @@ def metrics(wrong: int = 2) -> Metrics:
     scores = np.eye(10) + 0.01
     scores[:wrong] = np.roll(scores[:wrong], 1, axis=1)
     return evaluate(scores, np.linspace(0, 1, 10), np.eye(10, dtype=np.bool_))
+
+
+def probabilities() -> Trust:
+    """Of ten queries, two of them wrong and unsure."""
+    sure = np.linspace(0.1, 1, 10)
+    found = trust(Answers(np.arange(10), sure, sure), np.eye(10, dtype=np.bool_), Together(motion="any"))
+    assert found is not None
+    return found
+
+
+def on_map() -> OnMap:
+    """Ten queries five metres beside their places, two of them matched elsewhere."""
+    places = np.stack([20.0 * np.arange(10), np.zeros(10)], axis=1)
+    located = Located(Positions(places, "xy"), Positions(places + np.array([0.0, 5.0]), "xy"))
+    matches = np.array([4, 3, *range(2, 10)])
+    errors = PositionErrors(located, located.errors(matches), 25.0)
+    return OnMap(errors, matches, matches == np.arange(10))
 
 
 def modelled(**changes: Any) -> Modelled:
@@ -132,6 +154,8 @@ def bench(**changes: Any) -> Bench:
         "step_times": (StepTimes("kapoho-bay", *(tuple(x + 0.3 * rng.random(53)) for x in (1, 0.7, 1.1, 2)), 0.6),),
         "command": "lava-vpr bench m.lvpr query --sweep",
         "energy": tuple(way for way in ways() if way is not None),
+        "trust": {"single": probabilities()},
+        "on_map": on_map(),
     }
     return Bench(**values | changes)
 
@@ -398,3 +422,28 @@ def test_a_browser_shows_it(text: str, tmp_path: Path) -> None:
     seen = visit(file)
     assert seen.console == ()
     assert seen.dom.count("<svg") >= 5
+
+
+def test_a_map_and_thresholds_stand_where_they_are_known() -> None:
+    text = page(bench())
+    assert '<section id="map">' in text
+    assert "Metres of error: median" in text
+    assert len(re.findall(r'id="map-query-(?:right|wrong)', text)) == 2
+    assert '<section id="trust">' in text
+    values = as_json(bench())
+    assert values["position_error"]["matched"] == 10
+    assert values["position_error"]["within"] == 0.8
+    assert values["probability"]["single"] == probabilities().as_json()
+    row = next(row for row in described.thresholds(bench()).rows if row[0] == "95.0")
+    assert row[2:4] == ("20.0", "100.0")
+    without = bench(trust={}, on_map=None)
+    assert as_json(without)["position_error"] is None
+    assert not re.search(r'<section id="(map|trust)">', page(without))
+    assert described.thresholds(without).rows == ()
+
+
+def test_on_a_phone_nothing_sticks_out_and_words_can_be_read(tmp_path: Path) -> None:
+    seen = on_phone(page(bench()), tmp_path)
+    assert seen.wide <= PHONE
+    assert seen.smallest is not None
+    assert seen.smallest >= 7

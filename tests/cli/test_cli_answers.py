@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import dataclasses
 import json
 import re
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 from click.testing import CliRunner
 from support.common.commands import figures, images, listed, matches, recall, run
 
@@ -37,11 +39,15 @@ def test_the_json_has_these_keys_in_this_order(here: Path) -> None:
         "position_error",
         "followed",
         "probability",
+        "curves",
     ]
     assert values["position_error"] is None
     assert values["adapted"] == {}
     assert list(values["followed"]) == ["filtered", "forward_backward"]
     assert list(values["probability"]) == ["single", "filtered"]
+    (row, *_) = values["probability"]["single"]["thresholds"]
+    assert list(row) == ["target", "probability", "accepted", "precision", "kept", "false_accepts"]
+    assert list(values["curves"]) == ["decoders", "baselines", "adapted", "followed"]
     assert (values["places"], values["queries"], values["default_decoder"]) == (8, 8, "contrast")
     assert values["network"] == {"neurons": 8, "weight_bits": 3, "steps": 256}
     assert list(values["decoders"]) == DECODERS
@@ -53,6 +59,32 @@ def test_the_json_has_these_keys_in_this_order(here: Path) -> None:
         assert all(isinstance(x, float) and 0 <= x <= 1 for x in numbers)
         assert matcher["recall_at_n"]["10"] == 1.0  # of 8 places
     assert recall(values) >= 0.75
+
+
+def test_the_json_has_the_curve_of_every_figure(here: Path) -> None:
+    values = figures("query", "--adapt", 4)
+    for group, curves in values["curves"].items():
+        assert list(curves) == list(values[group])
+        for name, curve in curves.items():
+            matcher, recalls, precisions = values[group][name], curve["recall"], curve["precision"]
+            assert len(recalls) == len(precisions) == len(curve["threshold"])
+            assert (recalls[0], precisions[0], curve["threshold"][0]) == (0.0, 1.0, None)
+            falling = [threshold for threshold in curve["threshold"][1:] if threshold is not None]
+            assert falling == sorted(falling, reverse=True)
+            assert recalls[-1] == precisions[-1] == matcher["recall_at_1"]  # every query is answered
+            sure = [recall for recall, precision in zip(recalls, precisions, strict=True) if precision == 1]
+            assert max(sure) == matcher["recall_at_100_precision"]
+            area = np.sum(np.diff(recalls) * (np.array(precisions[1:]) + precisions[:-1]) / 2)
+            assert area == pytest.approx(matcher["auc"])
+
+
+def test_thresholds_say_what_they_accept(here: Path) -> None:
+    run("query", "m.lvpr", "query", "-o", "q.csv", "--motion", "none", "--target-precision", 0.9)
+    with Path("q.csv").open(newline="", encoding="utf-8") as file:
+        accepted = [row["accepted"] == "true" for row in csv.DictReader(file)]
+    (row, *_) = figures("query")["probability"]["single"]["thresholds"]
+    assert row["target"] == 0.9
+    assert row["accepted"] == sum(accepted) / len(accepted)
 
 
 def test_equal_inputs_write_equal_bytes_wherever_they_are(here: Path) -> None:

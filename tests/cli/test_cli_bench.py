@@ -343,3 +343,18 @@ def test_bad_data_is_one_line_and_leaves_nothing(
     assert result.exit_code == 1, result.output
     assert message.lower() in result.stderr.lower(), result.stderr
     assert {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()} == before
+
+
+def test_positions_bring_a_map(quick: Path) -> None:
+    run("train", "reference", "-o", "p.lvpr", "--config", "quick.toml", "--positions", "reference_positions.csv")
+    words = ("p.lvpr", "query", "--query-positions", "query_positions.csv")
+    run("bench", *words, "--json", "b.json", "--report", "r")
+    run("eval", *words, "--json", "e.json")
+    values, figures = (json.loads(Path(name).read_text()) for name in ("b.json", "e.json"))
+    assert values["position_error"] == figures["position_error"]
+    assert values["recall"] == figures["decoders"]["contrast"]
+    assert values["probability"]["single"] == figures["probability"]["single"]
+    text = Path("r/bench.html").read_text()
+    assert '<section id="map">' in text
+    assert '<section id="trust">' in text
+    assert "accepted by --target-precision" in run(*BENCH).stdout

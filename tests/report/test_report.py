@@ -17,7 +17,7 @@ import matplotlib
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from support.common.browser import visit
+from support.common.browser import PHONE, on_phone, visit
 
 from lava_vpr.config import Config
 from lava_vpr.configfile import to_toml
@@ -392,3 +392,10 @@ def test_positions_that_do_not_belong_to_the_images_are_refused() -> None:
         mapped(BEND, BEND[1:])
     with pytest.raises(ValueError, match=r"map\.places must be finite"):
         mapped(np.full((12, 2), np.nan))
+
+
+def test_on_a_phone_nothing_sticks_out_and_words_can_be_read(tmp_path: Path) -> None:
+    seen = on_phone(page(mapped()), tmp_path)
+    assert seen.wide <= PHONE
+    assert seen.smallest is not None
+    assert seen.smallest >= 7

@@ -9,16 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from lava_vpr.matching.answers import ALONE, Answers, Together
-from lava_vpr.matching.evaluation import Metrics, evaluate
+from lava_vpr.matching.evaluation import evaluate
 from lava_vpr.matching.trust import Trust, trust
 from lava_vpr.report.trust import reliability, section
-
-
-class Shown:
-    """As much of a report's data as the section needs."""
-
-    def __init__(self, trust: dict[str, Trust], followed: dict[str, Metrics]) -> None:
-        self.trust, self.followed = trust, followed
 
 
 def answers(seed: int, n: int = 80) -> tuple[Answers, NDArray[np.bool_]]:
@@ -41,7 +34,7 @@ def found() -> dict[str, Trust]:
 
 
 def test_every_threshold_is_a_row(found: dict[str, Trust]) -> None:
-    text = section(Shown(found, {}))  # type: ignore[arg-type]
+    text = section(found, {})
     rows = re.findall(r'<tr><th scope="row">(.*?)</th>(.*?)</tr>', text)
     assert [title for title, _ in rows] == ["each image alone", "", "", "", "filtered", "", "", ""]
     for row, (_, cells) in zip((row for one in found.values() for row in one.thresholds), rows, strict=True):
@@ -66,9 +59,9 @@ def test_the_filter_is_told_in_words(found: dict[str, Trust]) -> None:
     rng = np.random.default_rng(3)
     scores, truth = rng.random((20, 5)), np.eye(20, 5, dtype=bool)
     figures = evaluate(scores, scores.max(axis=1), truth)
-    text = section(Shown(found, {"filtered": figures, "forward_backward": figures}))  # type: ignore[arg-type]
+    text = section(found, {"filtered": figures, "forward_backward": figures})
     assert f"filtered {figures.recall_at_1:.3f} (AUC {figures.auc:.3f}); forward-backward" in text
 
 
 def test_without_probabilities_there_is_no_section() -> None:
-    assert section(Shown({}, {})) == ""  # type: ignore[arg-type]
+    assert section({}, {}) == ""

@@ -7,11 +7,12 @@ import json
 import pickle
 from collections.abc import Sequence
 from functools import lru_cache
+from pathlib import Path
 from statistics import mean, stdev
 
 import numpy as np
 import pytest
-from support.common.browser import visit
+from support.common.browser import PHONE, on_phone, visit
 from support.common.small_models import encoded, small_config, tiny_paper
 
 from lava_vpr.cluster.tasks import Standing
@@ -309,3 +310,12 @@ def test_a_browser_has_nothing_to_say_of_the_page(name: str, tmp_path_factory: p
     seen = visit(target)
     assert seen.console == ()
     assert STUDIES[name].title in seen.dom
+
+
+@pytest.mark.parametrize("name", ["bits", "hyperactive"])
+def test_on_a_phone_nothing_sticks_out_and_words_can_be_read(name: str, tmp_path: Path) -> None:
+    seen = on_phone(page(found(name)), tmp_path)
+    assert seen.wide <= PHONE
+    assert seen.said == STUDIES[name].title
+    assert seen.smallest is not None
+    assert seen.smallest >= 7

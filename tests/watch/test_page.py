@@ -17,7 +17,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from support.common.browser import visit
+from support.common.browser import PHONE, on_phone, visit
 from support.common.imagefiles import refused, smooth_picture
 
 from lava_vpr import Localizer, load
@@ -204,33 +204,17 @@ def test_a_browser_shows_it(model: Model, answers: list[Watched], tmp_path: Path
     assert cv2.imread(str(shot)).std() > 20
 
 
-WIDTH = """new Promise((done) => setTimeout(done, 1500)).then(() => {
-  const said = document.querySelector("#say").textContent;
-  parent.postMessage([document.documentElement.scrollWidth, innerWidth, said], "*");
-});"""
-
-
 def test_it_is_as_wide_as_a_phone(model: Model, answers: list[Watched], tmp_path: Path) -> None:
-    """At 400 pixels nothing sticks out; a frame is so wide, since no window of the browser is."""
+    """At 400 pixels nothing sticks out."""
     recent = Recent(model)
     for answer in answers:
         recent.add(answer)
     state = recent.state(-1).decode().replace("<", "\\u003c")
     stub = f"<script>window.fetch = () => Promise.resolve({{json: () => ({state})}});</script>"
-    text = re.sub(
-        r'<meta http-equiv="Content-Security-Policy"[^>]*>', stub.replace("\\", "\\\\"), page(model, "x" * 90)
-    )
-    (tmp_path / "inner.html").write_text(text.replace("</body>", f"<script>{WIDTH}</script></body>"), encoding="utf-8")
-    outer = tmp_path / "outer.html"
-    told = "onmessage = (e) => { document.body.textContent = 'FOUND' + JSON.stringify(e.data); }"
-    outer.write_text(
-        f'<body><script>{told}</script><iframe src="inner.html" style="width:400px;height:900px;border:0">'
-    )
-    found = re.search(r"FOUND(\[.*?\])", visit(outer).dom)
-    assert found is not None
-    wide, window, said = json.loads(found[1])
-    assert wide <= window == 400
-    assert "place" in said
+    seen = on_phone(page(model, "x" * 90), tmp_path, says="#say", stub=stub)
+    assert seen.wide <= PHONE
+    assert seen.said is not None
+    assert "place" in seen.said
 
 
 @pytest.mark.parametrize(

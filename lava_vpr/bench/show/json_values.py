@@ -71,6 +71,8 @@ def as_json(bench: Bench) -> dict[str, Any]:
         "model": bench.model,
         "queries": bench.images,
         "recall": bench.recall.as_json(),
+        "probability": {name: found.as_json() for name, found in bench.trust.items()},
+        "position_error": None if bench.on_map is None else bench.on_map.errors.as_json(),
         "energy": {way.name: way.as_json() for way in bench.energy} or None,
         "measured": {row.name: _measured(row) for row in bench.measured},
         "modelled": {name: row.as_json() for name, row in bench.targets.items()},

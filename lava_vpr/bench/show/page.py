@@ -10,7 +10,10 @@ from lava_vpr.bench.show import plots
 from lava_vpr.bench.show.json_values import absent, assumptions, percentiles
 from lava_vpr.bench.show.sections import sections
 from lava_vpr.bench.show.tables import NONE, Table, counted, figure, modelled, named, title_of
+from lava_vpr.report import trust
+from lava_vpr.report.build import map_of
 from lava_vpr.report.frame import document
+from lava_vpr.report.sections import where
 from lava_vpr.report.templates import render, text
 from lava_vpr.report.text import fraction, safe
 
@@ -100,6 +103,14 @@ def _in_short(costs: Modelled) -> str:
         span = f"({figure(value.low)} to {figure(value.high)})"
         figures.append(f'{_text(f"{figure(value.nominal)} {unit}")} <span class="note">{span}</span>')
     return ", ".join(figures)
+
+
+def _on_map(bench: Bench) -> str:
+    """The map of the queries and their matches, if positions are known."""
+    found = bench.on_map
+    if found is None:
+        return ""
+    return where(map_of(found.errors, len(found.matches), int(bench.model["places"])), found.matches, found.correct)
 
 
 def _modelled(bench: Bench) -> str:
@@ -193,6 +204,8 @@ def page(bench: Bench) -> str:
     peers_note = "The same images, the same machine, the same run."
     parts = {
         "Recall": _section("recall", "Recall", "", _html_tables(tables["recall"])),
+        "Probability": trust.section(bench.trust, {}),
+        "Map": _on_map(bench),
         "Energy": _section("energy", "All the energy of a query", "", _html_tables(tables["energy"])),
         "Modelled": _modelled(bench),
         "Measured": _measured(bench, tables["measured"]),

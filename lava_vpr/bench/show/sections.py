@@ -12,6 +12,7 @@ def sections(bench: Bench) -> dict[str, tuple[Table, ...]]:
     on_board = (tables.modelled(costs) for costs in bench.targets.values() if not costs.unavailable)
     tables_of = {
         "recall": (tables.recall(bench),),
+        "probability": (tables.thresholds(bench),),
         "energy": (energy.table(bench.energy),),
         "measured": (tables.measured(bench.measured), tables.on_boards(bench.measured), tables.timed(bench.measured)),
         "modelled": (*on_board, tables.counted(bench), tables.asked(bench.asked)),

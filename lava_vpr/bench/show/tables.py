@@ -106,6 +106,21 @@ def recall(bench: Bench) -> Table:
     )
 
 
+def thresholds(bench: Bench) -> Table:
+    """What each target precision accepts; no row where there are no probabilities."""
+    rows = tuple(
+        (percent(row.target), figure(row.probability), *map(percent, (row.accepted, row.precision, row.kept)))
+        for found in bench.trust.values()
+        for row in found.thresholds
+    )
+    heads = ("target precision", "least probability", "accepted", "precision", "kept")
+    note = (
+        "Percent, but for the probability. accepted: of all queries; precision: of the accepted; kept: accepted and "
+        "right, of the queries on the map. Calibrated on the references alone."
+    )
+    return Table("accepted by --target-precision", heads, rows, note=note)
+
+
 def asked(row: Asked | None) -> Table:
     """What a query takes that is asked in several views, or adapted."""
     cells: list[tuple[str, ...]] = []

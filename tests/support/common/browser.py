@@ -5,6 +5,7 @@ Used by bench, report, studies and watch.
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -75,3 +76,52 @@ def visit(page: Path | str, *, size: str = "1200,1600", screenshot: Path | None 
         pytest.fail(f"{browser} exited with {done.returncode}: {log[-2000:]}")
     console = tuple(match["text"] for match in _CONSOLE.finditer(log))
     return Visit(done.stdout.decode("utf-8", "replace"), console)
+
+
+PHONE = 400
+"""Width of a phone's screen, in CSS pixels."""
+_MEASURE = """setTimeout(() => {
+  const words = [...document.querySelectorAll("svg text")].filter((word) => word.textContent.trim());
+  const scale = (word) => Math.hypot(word.getScreenCTM().c, word.getScreenCTM().d);
+  const sizes = words.map((word) => parseFloat(getComputedStyle(word).fontSize) * scale(word));
+  const least = sizes.length ? Math.min(...sizes) : null;
+  const said = document.querySelector(SAYS);
+  parent.postMessage([document.documentElement.scrollWidth, innerWidth, least, said && said.textContent], "*");
+}, 1500);"""
+
+
+@dataclass(frozen=True)
+class OnPhone:
+    """How a page looks on a phone.
+
+    Attributes:
+        wide: Width of what the page needs; more than `PHONE`, and it scrolls sideways as a whole.
+        smallest: Size of the smallest words in drawings, in CSS pixels; None without any.
+        said: What the element that was named says.
+    """
+
+    wide: int
+    smallest: float | None
+    said: str | None
+
+
+def on_phone(text: str, folder: Path, *, says: str = "h1", stub: str = "") -> OnPhone:
+    """Open a page in a frame of `PHONE` pixels, since no window of the browser is so narrow.
+
+    Args:
+        text: The page; its policy is taken off, so that it can be measured.
+        folder: Where to write files.
+        says: Selector of an element.
+        stub: HTML that takes the policy's place.
+    """
+    text = re.sub(r'<meta http-equiv="Content-Security-Policy"[^>]*>', lambda _: stub, text)
+    measure = _MEASURE.replace("SAYS", json.dumps(says))
+    (folder / "inner.html").write_text(text.replace("</body>", f"<script>{measure}</script></body>"), encoding="utf-8")
+    told = "onmessage = (e) => { document.body.textContent = 'FOUND' + JSON.stringify(e.data); }"
+    frame = f'<iframe src="inner.html" style="width:{PHONE}px;height:900px;border:0">'
+    (folder / "outer.html").write_text(f"<body><script>{told}</script>{frame}")
+    found = re.search(r"FOUND(\[.*?\])", visit(folder / "outer.html").dom)
+    assert found is not None, "the page does not tell how wide it is"
+    wide, window, smallest, said = json.loads(found[1])
+    assert window == PHONE
+    return OnPhone(wide, smallest, said)
