@@ -82,7 +82,7 @@ def test_verify_compares_every_spike_however_queries_are_asked(here: Path) -> No
 def test_eval_shows_adapted_figures_in_rows_of_their_own(here: Path) -> None:
     plain, adapted = figures("query"), figures("query", "--adapt", 5)
     assert plain["adapted"] == {}
-    assert {**adapted, "adapted": {}} == plain
+    assert {**adapted, "adapted": {}, "curves": {**adapted["curves"], "adapted": {}}} == plain
     assert set(adapted["adapted"]) == {"contrast", "sad", "cosine", "hog", "template"}
     table = run("eval", "m.lvpr", "query", "--adapt", 5).stdout
     assert "contrast, adapted" in table
