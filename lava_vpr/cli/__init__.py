@@ -37,6 +37,11 @@ COMMANDS = {
         "Say what the benchmark datasets are, and check one.",
     ),
     "study": ("lava_vpr.cli.study", "study", "Say what one thing does to recall and cost, with several seeds."),
+    "paper-table": (
+        "lava_vpr.cli.published.paper_table",
+        "paper_table",
+        "Compute the paper's table anew, beside the printed one.",
+    ),
     "doctor": ("lava_vpr.cli.doctor", "doctor", "Say what is installed and what can run."),
 }
 

@@ -233,7 +233,7 @@ def _row(metrics: Metrics) -> list[str]:
     return [_percent(value) for value in values]
 
 
-SILENT = ("json_path", "report_folder", "jobs", "address")
+SILENT = ("json_path", "csv_path", "report_folder", "jobs", "address", "keep")
 """Parameters that a report does not repeat: they change nothing of what it says."""
 
 

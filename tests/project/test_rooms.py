@@ -114,7 +114,7 @@ def test_a_helper_says_who_uses_it(module: Path) -> None:
         for path, text in texts().items()
         if path != module and used.search(text)
     }
-    said = re.search(r"Used by ([a-z,\s]+)\.$", ast.get_docstring(ast.parse(module.read_text(encoding="utf-8"))) or "")
+    said = re.search(r"Used by ([a-z_,\s]+)\.$", ast.get_docstring(ast.parse(module.read_text(encoding="utf-8"))) or "")
     assert said is not None, f"{dotted}: say who uses it: {', '.join(sorted(users))}"
     assert set(re.split(r",\s+|\s+and\s+", said[1])) == users
 

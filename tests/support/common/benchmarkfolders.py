@@ -1,6 +1,6 @@
 """Drawn images in the folders of the benchmark datasets, and rows of these with short sections.
 
-Used by cli.
+Used by cli and paper_table.
 """
 
 from __future__ import annotations

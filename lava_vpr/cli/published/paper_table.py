@@ -1,0 +1,234 @@
+"""``lava-vpr paper-table``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+
+from lava_vpr.bench.show.terminal import rendered
+from lava_vpr.cli.common import PATH, Numbers, console, print_whole, progress_bar, seed_type
+from lava_vpr.cli.evaluate import command_line
+from lava_vpr.cli.outputs import Outputs, write_json, write_text
+from lava_vpr.datasets.layouts import DATASETS
+from lava_vpr.engine.threads import cores
+from lava_vpr.errors import InputError
+from lava_vpr.paper_table.kept import Kept
+from lava_vpr.paper_table.methods import NETWORKS
+from lava_vpr.paper_table.run import PaperTable, Wanted, compute
+from lava_vpr.paper_table.show.markdown import markdown
+from lava_vpr.paper_table.show.tables import RULES, tables
+from lava_vpr.paper_table.show.values import as_csv, as_json
+from lava_vpr.paper_table.sources import Source, official, stand_in
+from lava_vpr.storage.text import shown
+
+
+@dataclass(frozen=True)
+class NamedPaths:
+    """Files or folders of a dataset; as text, without their folders.
+
+    Attributes:
+        name: Name of the dataset.
+        paths: The files or folders, in order.
+    """
+
+    name: str
+    paths: tuple[Path, ...]
+
+    def __str__(self) -> str:
+        return f"{self.name}={','.join(path.name for path in self.paths)}"
+
+
+class NamedPathsType(click.ParamType):
+    """The option value ``NAME=PATH,PATH..``.
+
+    Args:
+        name: How usage shows it.
+        count: How many paths; 0: any number from 1.
+    """
+
+    def __init__(self, name: str, count: int = 0) -> None:
+        self.name = name
+        self._count = count
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> NamedPaths:
+        if isinstance(value, NamedPaths):
+            return value
+        name, equals, rest = str(value).partition("=")
+        paths = [rest] if self._count == 1 else rest.split(",")
+        if not equals or not all(paths):
+            self.fail(f"{value!r} is not of the form {self.name}", param, ctx)
+        if name not in DATASETS:
+            self.fail(f"there is no dataset {name!r}; choose from {', '.join(DATASETS.names())}", param, ctx)
+        if self._count and len(paths) != self._count:
+            self.fail(f"{value!r} names {len(paths)} files; it is of the form {self.name}", param, ctx)
+        return NamedPaths(name, tuple(map(Path, paths)))
+
+
+@click.command("paper-table")
+@click.option(
+    "--dataset",
+    "folders",
+    type=NamedPathsType("NAME=DIR", 1),
+    multiple=True,
+    help="The folder that holds a dataset in its official layout (lava-vpr datasets NAME).",
+)
+@click.option(
+    "--traverses",
+    type=NamedPathsType("NAME=REFERENCE,..,QUERY"),
+    multiple=True,
+    help="Plain traverses (folders, lists) in place of a dataset, the query last; every image is a place.",
+)
+@click.option(
+    "--positions",
+    type=NamedPathsType("NAME=REFERENCE.csv,..,QUERY.csv"),
+    multiple=True,
+    help="Positions of each traverse of a dataset, the query's last, where the order of images tells nothing.",
+)
+@click.option(
+    "--descriptors",
+    type=NamedPathsType("NAME=REF.npy,QUERY.npy", 2),
+    multiple=True,
+    help="Descriptors of a dataset, made by NetVLAD: a row for each place, or for each image, traverse after traverse.",
+)
+@click.option(
+    "--only",
+    type=click.Choice(list(NETWORKS)),
+    multiple=True,
+    help="Compute the rows of this network alone; repeat it for several (default: all).",
+)
+@click.option(
+    "--sections",
+    type=Numbers(),
+    default=(),
+    metavar="K,K,...",
+    help="Compute these sections alone, counted from 1 (default: all of the paper's).",
+)
+@click.option("--epochs", type=click.IntRange(1, 10_000), default=None, help="Epochs of every network.")
+@click.option("--seed", type=seed_type, default=0, show_default=True, help="Seed of start weights and spikes.")
+@click.option("--jobs", type=click.IntRange(1, 1024), default=None, help="Threads (default: all processors).")
+@click.option("--keep", type=PATH, default=None, metavar="DIR", help="Keep finished sections there, and take them.")
+@click.option("--kept-only", is_flag=True, help="Compute nothing: the table of what is kept so far.")
+@click.option("--json", "json_path", type=PATH, default=None, metavar="FILE", help="Write the table as JSON.")
+@click.option("--csv", "csv_path", type=PATH, default=None, metavar="FILE", help="Write the table as CSV.")
+@click.option("--markdown", "markdown_path", type=PATH, default=None, metavar="FILE", help="Write it as Markdown.")
+@click.option("--report", "report_folder", type=PATH, default=None, metavar="DIR", help="Write DIR/paper_table.html.")
+@click.pass_context
+def paper_table(
+    ctx: click.Context,
+    folders: tuple[NamedPaths, ...],
+    traverses: tuple[NamedPaths, ...],
+    positions: tuple[NamedPaths, ...],
+    descriptors: tuple[NamedPaths, ...],
+    only: tuple[str, ...],
+    sections: tuple[int, ...],
+    epochs: int | None,
+    seed: int,
+    jobs: int | None,
+    keep: Path | None,
+    kept_only: bool,
+    json_path: Path | None,
+    csv_path: Path | None,
+    markdown_path: Path | None,
+    report_folder: Path | None,
+) -> None:
+    """Compute the paper's table anew, beside the numbers that it prints.
+
+    VPRSNN's network with the paper's four decoders, SAD, NetVLAD where its descriptors are given, and this package's
+    own presets and matchers on the same images, section by section. What is absent is a row that says why. A section
+    takes seconds, by preset paper one to two minutes: with --keep a run that is interrupted goes on where it was.
+    """
+    page = report_folder and report_folder / "paper_table.html"
+    given = [path for some in (*positions, *descriptors) for path in some.paths]
+    images = [str(path) for some in (*folders, *traverses) for path in some.paths]
+    outputs = Outputs((json_path, csv_path, markdown_path), made=(page,), read=given, images=images)
+    if kept_only and keep is None:
+        raise click.UsageError("--kept-only takes what is kept; give --keep DIR")
+    if keep is not None and keep.exists() and not keep.is_dir():
+        raise InputError(f"{shown(keep)}: is a file; name a folder with --keep")
+    sources = _sources(folders, traverses, positions)
+    outputs.spare(path for source in sources.values() for traverse in source.traverses for path in traverse.paths)
+    vectors = {name: (paths[0], paths[1]) for name, paths in _once(descriptors, "--descriptors").items()}
+    for name in vectors.keys() - sources.keys():
+        raise InputError(f"--descriptors {name}: no images of it are given; add --dataset or --traverses")
+    wanted = Wanted(sources, vectors, only or NETWORKS, sections, seed, epochs)
+    with progress_bar("paper's table", len(wanted.tasks())) as advance:
+        try:
+            table = compute(
+                wanted,
+                Kept(keep),
+                jobs=jobs or cores(),
+                kept_only=kept_only,
+                command=command_line(ctx),
+                advance=advance,
+            )
+        except KeyboardInterrupt:
+            if keep is not None:
+                click.echo(
+                    f"finished sections are kept in {shown(keep)}; the same command goes on from there", err=True
+                )
+            raise
+    _tell(table, json_path, csv_path, markdown_path, page)
+
+
+def _once(given: Sequence[NamedPaths], option: str) -> dict[str, tuple[Path, ...]]:
+    """Paths by dataset.
+
+    Raises:
+        UsageError: a dataset is named twice.
+    """
+    found: dict[str, tuple[Path, ...]] = {}
+    for one in given:
+        if one.name in found:
+            raise click.UsageError(f"{option} names {one.name} twice; give it once")
+        found[one.name] = one.paths
+    return found
+
+
+def _sources(
+    folders: Sequence[NamedPaths], traverses: Sequence[NamedPaths], positions: Sequence[NamedPaths]
+) -> dict[str, Source]:
+    """The datasets that are at hand, in the order of the table.
+
+    Raises:
+        InputError: one cannot be used.
+    """
+    official_ones, plain = _once(folders, "--dataset"), _once(traverses, "--traverses")
+    known = _once(positions, "--positions")
+    for name in official_ones.keys() & plain.keys():
+        raise click.UsageError(f"--dataset and --traverses both name {name}; give one of them")
+    for name in known.keys() - official_ones.keys() - plain.keys():
+        raise click.UsageError(f"--positions names {name}, of which no images are given; add --dataset or --traverses")
+    found = {}
+    for name in DATASETS:
+        if name in official_ones:
+            found[name] = official(name, official_ones[name][0], known.get(name, ()))
+        elif name in plain:
+            found[name] = stand_in(name, plain[name], known.get(name, ()))
+    return found
+
+
+def _tell(
+    table: PaperTable, json_path: Path | None, csv_path: Path | None, markdown_path: Path | None, page: Path | None
+) -> None:
+    """Write the files, then print the tables: whoever reads them may go away."""
+    if json_path is not None:
+        write_json(json_path, as_json(table))
+    if csv_path is not None:
+        write_text(csv_path, as_csv(table))
+    if markdown_path is not None:
+        write_text(markdown_path, markdown(table))
+    if page is not None:
+        # matplotlib takes a second to import: only those who want a report wait for it.
+        from lava_vpr.paper_table.show.page import page as page_of
+        from lava_vpr.report import write_page
+
+        write_page(page_of(table), page)
+    for one in tables(table):
+        print_whole(rendered(one))
+    console.print(RULES)
+    if page is not None:
+        console.print(f"report: {shown(page)}")

@@ -1,0 +1,51 @@
+"""The rows of the table: the paper's six methods, and those of this package beside them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from lava_vpr.errors import ConfigError
+from lava_vpr.rows.registry import Registry
+
+DESCRIPTORS = "descriptors"
+"""What a method belongs to that compares vectors of another program: no network is learned for it."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """A row of the table.
+
+    Attributes:
+        name: Its name in files.
+        title: What tables call it.
+        network: The preset that is learned for it, or `DESCRIPTORS`; its baselines come with that, on the same images.
+        matcher: The decoder or baseline that answers.
+    """
+
+    name: str
+    title: str
+    network: str
+    matcher: str
+
+
+METHODS: Registry[Method] = Registry("method", ConfigError)
+"""The methods by name, in the order of the table: the paper's columns first."""
+METHODS.register(Method("standard", "standard", "paper", "standard"))
+METHODS.register(Method("weighted", "weighted", "paper", "weighted"))
+METHODS.register(Method("probability", "probability", "paper", "probability"))
+METHODS.register(Method("weighted_probability", "weighted probability", "paper", "weighted_probability"))
+METHODS.register(Method("netvlad", "NetVLAD", DESCRIPTORS, "descriptors"))
+METHODS.register(Method("sad", "SAD", "loihi", "sad"))
+METHODS.register(Method("loihi", "preset loihi", "loihi", "contrast"))
+METHODS.register(Method("fast", "preset fast", "fast", "contrast"))
+METHODS.register(Method("template", "loihi without learning", "loihi", "template"))
+METHODS.register(Method("cosine", "cosine of inputs", "loihi", "cosine"))
+METHODS.register(Method("hog", "HOG", "loihi", "hog"))
+
+NETWORKS = ("loihi", "fast", DESCRIPTORS, "paper")
+"""What is learned, the quick ones first: a minute of all sections of Nordland, then half an hour."""
+
+
+def of_network(network: str) -> tuple[Method, ...]:
+    """The methods that belong to a network."""
+    return tuple(method for method in METHODS.values() if method.network == network)

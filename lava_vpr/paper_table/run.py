@@ -1,0 +1,213 @@
+"""The whole table: sections that are kept, sections that are computed, and rows that say why they are absent."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from lava_vpr.cluster.tasks import Cluster, as_done
+from lava_vpr.datasets.layouts import DATASETS, Dataset
+from lava_vpr.errors import InputError
+from lava_vpr.paper_table.kept import Kept
+from lava_vpr.paper_table.methods import DESCRIPTORS, METHODS, NETWORKS, Method
+from lava_vpr.paper_table.printed import printed
+from lava_vpr.paper_table.sections import Figures, Taken, Task, fingerprint, measure
+from lava_vpr.paper_table.sources import Source, tasks
+from lava_vpr.studies.run import Spread
+
+Advance = Callable[[int, str], None]
+"""A function that is told how many more sections are done, and which is the last."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What the table is computed from.
+
+    Attributes:
+        sources: The datasets that are at hand, by name.
+        descriptors: Files of descriptors of references and queries, by dataset.
+        networks: Names in `NETWORKS`.
+        sections: Numbers of the sections, from 1; empty: all that the images are enough for.
+        seed: Of start weights and spikes.
+        epochs: Times that every image is shown; None: as often as each preset says.
+    """
+
+    sources: Mapping[str, Source]
+    descriptors: Mapping[str, tuple[Path, Path]] = field(default_factory=dict)
+    networks: tuple[str, ...] = NETWORKS
+    sections: tuple[int, ...] = ()
+    seed: int = 0
+    epochs: int | None = None
+
+    def sections_of(self, source: Source) -> tuple[int, ...]:
+        """The sections of a dataset that are wanted and that its images are enough for."""
+        there = range(1, source.sections + 1)
+        return tuple(number for number in there if not self.sections or number in self.sections)
+
+    def tasks(self) -> list[Task]:
+        """All tasks, the quick networks first.
+
+        Raises:
+            InputError: descriptors that cannot be used, or no section at all.
+        """
+        found = [
+            task
+            for network in NETWORKS
+            if network in self.networks
+            for name, source in self.sources.items()
+            for task in tasks(
+                source, network, self.sections_of(source), self.seed, self.epochs, self.descriptors.get(name)
+            )
+        ]
+        for name, source in self.sources.items():
+            if not self.sections_of(source):
+                raise InputError(
+                    f"--sections: none of them is among sections 1 to {source.sections} of {name}, for which the "
+                    "images are enough; name others"
+                )
+        return found
+
+
+@dataclass(frozen=True)
+class Row:
+    """A method on a dataset.
+
+    Attributes:
+        method: The method.
+        printed: Mean R@100P that the paper prints, a fraction; None: it prints none.
+        sections: Figures by the section's number, from 1; empty if absent.
+        left: Sections that are wanted and were not computed.
+        absent: Why there are no figures; None if there are.
+    """
+
+    method: Method
+    printed: float | None
+    sections: Mapping[int, Figures]
+    left: tuple[int, ...]
+    absent: str | None
+
+    def spread(self, figure: str) -> Spread | None:
+        """A field of `Figures` over the sections; None if absent."""
+        if not self.sections:
+            return None
+        return Spread.of({number: getattr(row, figure) for number, row in self.sections.items()})
+
+
+@dataclass(frozen=True)
+class Part:
+    """The rows of a dataset.
+
+    Attributes:
+        dataset: Its row.
+        source: Where its images are; None: it is absent.
+        rows: A row for each method.
+    """
+
+    dataset: Dataset
+    source: Source | None
+    rows: tuple[Row, ...]
+
+
+@dataclass(frozen=True)
+class PaperTable:
+    """The table.
+
+    Attributes:
+        parts: A part for each dataset of the paper.
+        wanted: What it was computed from.
+        command: How to repeat it.
+    """
+
+    parts: tuple[Part, ...]
+    wanted: Wanted
+    command: str
+
+
+def compute(
+    wanted: Wanted,
+    kept: Kept,
+    *,
+    jobs: int = 1,
+    cluster: Cluster | None = None,
+    kept_only: bool = False,
+    command: str = "",
+    advance: Advance | None = None,
+) -> PaperTable:
+    """Compute the table, or what is not kept of it.
+
+    Args:
+        wanted: What it is computed from.
+        kept: Where figures of finished sections are kept.
+        jobs: Threads, a section each; they change no figure.
+        cluster: Workers that take the sections; None: threads of this process.
+        kept_only: Compute nothing: take what is kept.
+        command: How to repeat it.
+        advance: Told of every section that is done.
+    Raises:
+        LavaVprError: images or descriptors that cannot be used, or figures that cannot be kept.
+    """
+    told = (lambda by, note: None) if advance is None else advance
+    digests: dict[Taken, bytes] = {}
+    found: dict[Task, dict[str, Figures]] = {}
+    missing: list[tuple[Task, str]] = []
+    for task in wanted.tasks():
+        key = fingerprint(task, digests)
+        before = kept.find(task, key)
+        if before is not None:
+            found[task] = before
+            told(1, f"{task.in_words} (kept)")
+        elif not kept_only:
+            missing.append((task, key))
+    for number, figures in as_done(
+        _measure, [task for task, _ in missing], shared=None, cluster=cluster, jobs=jobs, called="sections"
+    ):
+        task, key = missing[number]
+        kept.keep(task, key, figures)
+        found[task] = figures
+        told(1, task.in_words)
+    return PaperTable(tuple(_part(row, wanted, found) for row in DATASETS.values()), wanted, command)
+
+
+def _measure(shared: None, task: Task) -> dict[str, Figures]:
+    """`measure` as tasks are run."""
+    return measure(task)
+
+
+def _part(dataset: Dataset, wanted: Wanted, found: Mapping[Task, dict[str, Figures]]) -> Part:
+    """The rows of a dataset."""
+    source = wanted.sources.get(dataset.name)
+    rows = []
+    for method in METHODS.values():
+        said = printed(dataset.name, method.name)
+        sections = {
+            task.section: figures[method.name]
+            for task, figures in found.items()
+            if task.dataset == dataset.name and method.name in figures
+        }
+        absent = None if sections else _absent(dataset.name, source, method, wanted)
+        left = () if source is None else tuple(k for k in wanted.sections_of(source) if k not in sections)
+        rows.append(Row(method, None if said is None else said / 100, dict(sorted(sections.items())), left, absent))
+    return Part(dataset, source, tuple(rows))
+
+
+def _absent(name: str, source: Source | None, method: Method, wanted: Wanted) -> str:
+    """Why a method has no figures on a dataset."""
+    if source is None:
+        return f"no images are given (--dataset {name}=DIR); lava-vpr datasets {name} says what to download"
+    if method.network not in wanted.networks:
+        return f"left out: --only names other networks than {method.network}"
+    if method.network == DESCRIPTORS and name not in wanted.descriptors:
+        return f"no descriptors are given (--descriptors {name}=REF.npy,QUERY.npy)"
+    return "not computed: --kept-only takes what is kept, and nothing is"
+
+
+def counted(sections: Sequence[int]) -> str:
+    """Numbers of sections as text: ranges with commas between, for instance ``1 to 3, 7``."""
+    parts: list[list[int]] = []
+    for number in sections:
+        if parts and number == parts[-1][-1] + 1:
+            parts[-1].append(number)
+        else:
+            parts.append([number])
+    return ", ".join(str(part[0]) if len(part) == 1 else f"{part[0]} to {part[-1]}" for part in parts)

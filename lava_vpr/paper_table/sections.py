@@ -1,0 +1,225 @@
+"""One section by one network: a function of plain values, for any process."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr import __version__
+from lava_vpr.backends.rivals import BASELINES
+from lava_vpr.config import Config, preset
+from lava_vpr.configfile import to_dict
+from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse
+from lava_vpr.errors import InputError
+from lava_vpr.matching.baselines import cosine_similarities, load_descriptors
+from lava_vpr.matching.equations import Scores
+from lava_vpr.matching.evaluation import evaluate
+from lava_vpr.matching.matchers import confidence
+from lava_vpr.model import decode
+from lava_vpr.paper_table.methods import DESCRIPTORS, of_network
+from lava_vpr.recognition import Comparison, recognise
+from lava_vpr.storage.reading import open_regular
+from lava_vpr.storage.text import shown
+from lava_vpr.training.loop import train
+from lava_vpr.traverse import Traverse, open_traverse
+
+FORM = 1
+"""Raised whenever a section's figures are computed otherwise, so that none that is kept is taken for today's."""
+
+
+@dataclass(frozen=True)
+class Taken:
+    """Some images of a traverse, as plain values.
+
+    Attributes:
+        source: Folder, list or video.
+        every: Seconds between two frames of a video.
+        indices: Their numbers in the whole traverse, in order.
+    """
+
+    source: str
+    every: float
+    indices: tuple[int, ...] = field(repr=False)
+
+    def open(self) -> Traverse:
+        """The images.
+
+        Raises:
+            InputError: the traverse cannot be opened any more.
+        """
+        whole = open_traverse(self.source, every=self.every)
+        if max(self.indices) >= len(whole):
+            raise InputError(f"{shown(self.source)}: has {len(whole)} images, fewer than before; start again")
+        return whole.take(self.indices)
+
+
+class Rows(NamedTuple):
+    """Rows of a file of descriptors.
+
+    Attributes:
+        path: The .npy file.
+        rows: Which rows, in order.
+    """
+
+    path: Path
+    rows: tuple[int, ...]
+
+    def read(self) -> NDArray[np.float64]:
+        """The rows, float64 (n, dimensions).
+
+        Raises:
+            InputError: as `load_descriptors`.
+        """
+        return np.asarray(load_descriptors(self.path)[list(self.rows)], np.float64)
+
+
+@dataclass(frozen=True)
+class Task:
+    """A section that is learned and recognised by one network: plain values, for any process.
+
+    Attributes:
+        dataset: Name of the dataset.
+        section: Its number, from 1.
+        network: Name of a preset, or `DESCRIPTORS`.
+        seed: Of start weights and spikes.
+        references: The places, in each reference traverse; empty with `DESCRIPTORS`.
+        query: Their queries, in the same order; None with `DESCRIPTORS`.
+        descriptors: Rows of the references, traverse after traverse, and of the queries; None without them.
+        epochs: Times that every image is shown; None: as often as the preset says.
+    """
+
+    dataset: str
+    section: int
+    network: str
+    seed: int
+    references: tuple[Taken, ...] = ()
+    query: Taken | None = None
+    descriptors: tuple[Rows, Rows] | None = None
+    epochs: int | None = None
+
+    @property
+    def config(self) -> Config:
+        """The settings of its network."""
+        config = dataclasses.replace(preset(self.network), seed=self.seed)
+        if self.epochs is None:
+            return config
+        return dataclasses.replace(config, learning=dataclasses.replace(config.learning, epochs=self.epochs))
+
+    @property
+    def in_words(self) -> str:
+        """What it is, for a progress bar."""
+        return f"{self.dataset}, section {self.section}, {self.network}"
+
+
+class Figures(NamedTuple):
+    """A method on a section, fractions in 0..1.
+
+    Attributes:
+        released: R@100P as the paper's released code counts it (`evaluate`, ``pr="vprsnn"``).
+        recall_at_100_precision: R@100P counted exactly, every query among all.
+        recall_at_1: R@1.
+        auc: Area under the exact precision-recall curve.
+    """
+
+    released: float
+    recall_at_100_precision: float
+    recall_at_1: float
+    auc: float
+
+
+def fingerprint(task: Task, digests: dict[Taken, bytes]) -> str:
+    """A hash of everything that decides the figures of a section: settings, rows and the bytes of all image files.
+
+    Args:
+        task: The section.
+        digests: Those of images that were read before; others are added.
+    Raises:
+        InputError: a file cannot be read.
+    """
+    said = {
+        "form": FORM,
+        "version": __version__,
+        "methods": [method.matcher for method in of_network(task.network)],
+        "settings": None if task.network == DESCRIPTORS else to_dict(task.config),
+    }
+    digest = hashlib.sha256(json.dumps(said, sort_keys=True).encode())
+    for taken in (*task.references, *(() if task.query is None else (task.query,))):
+        if taken not in digests:
+            digests[taken] = _digest(taken)
+        digest.update(digests[taken])
+    for rows in task.descriptors or ():
+        digest.update(np.ascontiguousarray(rows.read()).tobytes())
+    return digest.hexdigest()
+
+
+def _digest(taken: Taken) -> bytes:
+    """A hash of images: of their files, and of which frames of a video they are."""
+    traverse = taken.open()
+    frames = [] if traverse.frames is None else traverse.frames.tolist()
+    digest = hashlib.sha256(json.dumps([taken.every, frames]).encode())
+    for path in traverse.paths:
+        _add(digest, Path(path))
+    return digest.digest()
+
+
+def _add(digest: hashlib._Hash, path: Path) -> None:
+    """Add the bytes of a file."""
+    try:
+        with open_regular(path) as file:
+            while block := file.read(1 << 20):
+                digest.update(block)
+    except OSError as error:
+        raise InputError(f"{shown(path)}: cannot be read ({error.strerror}); check the file") from None
+
+
+def measure(task: Task) -> dict[str, Figures]:
+    """The figures of every method of a task's network on its section, by the method's name.
+
+    Query i shows place i and no other is right.
+
+    Raises:
+        LavaVprError: images or descriptors that cannot be used.
+    """
+    methods = of_network(task.network)
+    scores = _of_descriptors(task) if task.network == DESCRIPTORS else _of_network(task)
+    return {method.name: judged(method.matcher, scores[method.matcher]) for method in methods}
+
+
+def judged(matcher: str, scores: Scores) -> Figures:
+    """The figures of a matcher's scores (places, places), by both rules."""
+    truth, sure = np.eye(len(scores), dtype=np.bool_), confidence(matcher, scores)
+    exact, released = (evaluate(scores, sure, truth, pr=rule) for rule in ("exact", "vprsnn"))
+    return Figures(released.recall_at_100_precision, exact.recall_at_100_precision, exact.recall_at_1, exact.auc)
+
+
+def _of_descriptors(task: Task) -> dict[str, Scores]:
+    """Scores of the descriptors of another program."""
+    if task.descriptors is None:
+        raise InputError(f"{task.in_words}: there are no descriptors; give --descriptors {task.dataset}=REF,QUERY")
+    references, queries = (rows.read() for rows in task.descriptors)
+    labels = np.arange(len(references)) % len(queries)
+    return {"descriptors": cosine_similarities(references, queries, labels)}
+
+
+def _of_network(task: Task) -> dict[str, Scores]:
+    """Scores of a network's decoders, and of the baselines that come with it."""
+    config, wanted = task.config, {method.matcher for method in of_network(task.network)}
+    rivals = tuple(name for name in BASELINES if name in wanted)
+    references = [_encoded(taken, config) for taken in task.references]
+    queries = _encoded(task.query, config) if task.query is not None else references[0]
+    model = train(references, config)
+    found = recognise(model, queries, np.eye(model.places, dtype=np.bool_), Comparison(rivals=rivals))
+    own = {name: decode(model, found.counts, name) for name in wanted - set(rivals)}
+    return {**own, **{name: found.scores[name] for name in rivals}}
+
+
+def _encoded(taken: Taken, config: Config) -> EncodedTraverse:
+    """Images as the network sees them, with what baselines compare."""
+    return encode_traverse(taken.open(), config.encoder, Keep.ALL)

@@ -1,0 +1,99 @@
+"""The table as plain text cells, which terminal, Markdown and page only render."""
+
+from __future__ import annotations
+
+from lava_vpr.bench.show.tables import NONE, Table, percent
+from lava_vpr.paper_table.run import PaperTable, Part, Row, counted
+
+RULES = (
+    "R@100P released: as the paper's code counts it, by 99 thresholds on the scores, a rejected query missing at its "
+    "threshold alone; exact: every query counts, by each method's own confidence."
+)
+COLUMNS = ("method", "printed", "R@100P released", "lowest to highest", "R@100P exact", "R@1", "AUC", "sections")
+
+
+def conditions(part: Part) -> str:
+    """What is learned and recognised here, and by the paper, in sentences."""
+    source, row = part.source, part.dataset
+    if source is None:
+        return f"The paper: {row.task}. Here: absent."
+    if source.official:
+        here = f"The paper's traverses, {row.task}"
+    else:
+        fewer = len(row.learned) - len(source.learned)
+        number = f", {len(source.learned)} reference traverse instead of {len(row.learned)}" if fewer else ""
+        here = f"Plain traverses in place of the official folders: {source.task}{number}; the paper: {row.task}"
+    left = row.sections - source.sections
+    short = f"; the images are enough for {source.sections} of its {row.sections} sections" if left else ""
+    return f"{here}. {source.places:,} places{short}, {row.places} in a section, one model each; exact matches."
+
+
+def summary(part: Part) -> Table:
+    """The methods of a dataset: printed, recomputed, and their spread over sections."""
+    return Table(
+        f"{part.dataset.title}: percent",
+        COLUMNS,
+        tuple(_summary(row) for row in part.rows),
+        long=frozenset({7}),
+        note=conditions(part),
+    )
+
+
+def _summary(row: Row) -> tuple[str, ...]:
+    printed = percent(row.printed)
+    released = row.spread("released")
+    if released is None:
+        return (row.method.title, printed, *[NONE] * 5, row.absent or "")
+    others = (row.spread(name) for name in ("recall_at_100_precision", "recall_at_1", "auc"))
+    spread = "" if released.deviation is None else f" ± {percent(released.deviation)}"
+    values = released.by_seed.values()
+    return (
+        row.method.title,
+        printed,
+        percent(released.mean) + spread,
+        f"{percent(min(values))} to {percent(max(values))}",
+        *(percent(None if one is None else one.mean) for one in others),
+        counted(list(row.sections)) + (f"; {counted(row.left)} not computed" if row.left else ""),
+    )
+
+
+def by_section(part: Part, figure: str, heading: str) -> Table:
+    """A figure of every method, section by section."""
+    rows = [row for row in part.rows if row.sections]
+    numbers = sorted({number for row in rows for number in row.sections})
+    cells = []
+    for number in numbers:
+        first, end = part.dataset.section(number)
+        found = (row.sections.get(number) for row in rows)
+        values = (percent(None if one is None else getattr(one, figure)) for one in found)
+        cells.append((f"{number} (places {first}:{end})", *values))
+    columns = ("section", *(row.method.title for row in rows))
+    return Table(f"{part.dataset.title}, section by section: {heading}, percent", columns, tuple(cells))
+
+
+def absent(table: PaperTable) -> Table | None:
+    """The datasets of which there are no images, with what the paper prints; None if all are there."""
+    parts = [part for part in table.parts if part.source is None]
+    if not parts:
+        return None
+    named = [row for row in parts[0].rows if row.printed is not None]
+    rows = []
+    for part in parts:
+        printed = {row.method.name: percent(row.printed) for row in part.rows}
+        why = next(row.absent for row in part.rows)
+        rows.append((part.dataset.title, *(printed[row.method.name] for row in named), why or ""))
+    columns = ("dataset", *(row.method.title for row in named), "why")
+    return Table("absent: R@100P as printed, percent", columns, tuple(rows), long=frozenset({len(columns) - 1}))
+
+
+def tables(table: PaperTable) -> list[Table]:
+    """All tables in order."""
+    found = []
+    for part in table.parts:
+        if part.source is not None:
+            found.append(summary(part))
+            if any(len(row.sections) > 1 for row in part.rows):
+                found.append(by_section(part, "released", "R@100P released"))
+                found.append(by_section(part, "recall_at_1", "R@1"))
+    last = absent(table)
+    return found if last is None else [*found, last]

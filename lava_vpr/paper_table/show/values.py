@@ -1,0 +1,81 @@
+"""The table as JSON values and as CSV; equal results give equal bytes, and none holds a path or a time."""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import Any
+
+from lava_vpr.paper_table.printed import DOI
+from lava_vpr.paper_table.run import PaperTable, Part, Row
+from lava_vpr.paper_table.sections import Figures
+
+HEADER = ("dataset", "method", "section", *Figures._fields, "printed", "absent")
+
+
+def as_json(table: PaperTable) -> dict[str, Any]:
+    """The table in the layout that scripts rely on: fractions in 0..1, None where there is nothing."""
+    return {
+        "doi": DOI,
+        "seed": table.wanted.seed,
+        "epochs": table.wanted.epochs,
+        "datasets": [_part(part) for part in table.parts],
+    }
+
+
+def _part(part: Part) -> dict[str, Any]:
+    source = part.source
+    return {
+        "dataset": part.dataset.name,
+        "sections_of_the_paper": part.dataset.sections,
+        "places_of_a_section": part.dataset.places,
+        "paper": {"learned": list(part.dataset.learned), "recognised": part.dataset.recognised},
+        "here": None
+        if source is None
+        else {
+            "learned": list(source.learned),
+            "recognised": source.recognised,
+            "official": source.official,
+            "places": source.places,
+        },
+        "rows": [_row(row) for row in part.rows],
+    }
+
+
+def _row(row: Row) -> dict[str, Any]:
+    spreads = {name: row.spread(name) for name in Figures._fields}
+    return {
+        "method": row.method.name,
+        "printed": row.printed,
+        "absent": row.absent,
+        "not_computed": list(row.left),
+        "mean": {name: None if one is None else one.mean for name, one in spreads.items()},
+        "deviation": {name: None if one is None else one.deviation for name, one in spreads.items()},
+        "sections": {str(number): figures._asdict() for number, figures in row.sections.items()},
+    }
+
+
+def as_csv(table: PaperTable) -> str:
+    """The table as CSV: a line for each section, then ``mean`` and ``deviation``; one line says why a row is absent."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(HEADER)
+    for part in table.parts:
+        for row in part.rows:
+            start, printed = [part.dataset.name, row.method.name], "" if row.printed is None else f"{row.printed:g}"
+            if row.absent is not None:
+                writer.writerow([*start, "", *[""] * len(Figures._fields), printed, row.absent])
+                continue
+            for number, figures in row.sections.items():
+                writer.writerow([*start, number, *map(_number, figures), "", ""])
+            spreads = [row.spread(name) for name in Figures._fields]
+            means = [_number(one.mean) for one in spreads if one is not None]
+            writer.writerow([*start, "mean", *means, printed, ""])
+            deviations = ["" if one is None or one.deviation is None else _number(one.deviation) for one in spreads]
+            writer.writerow([*start, "deviation", *deviations, "", ""])
+    return text.getvalue()
+
+
+def _number(value: float) -> str:
+    """A fraction with as many digits as sections of 100 queries have, and some more."""
+    return f"{value:.6f}"

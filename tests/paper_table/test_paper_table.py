@@ -1,0 +1,309 @@
+"""The paper's table on drawn images in all official layouts, with sections of four places."""
+
+from __future__ import annotations
+
+import csv
+import json
+import pickle
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from support.common.benchmarkfolders import draw, short_sections
+from support.common.commands import run
+
+from lava_vpr.cli import main
+from lava_vpr.datasets.layouts import DATASETS
+from lava_vpr.paper_table import run as computing
+from lava_vpr.paper_table.kept import Kept
+from lava_vpr.paper_table.methods import METHODS, NETWORKS
+from lava_vpr.paper_table.printed import COLUMNS, PRINTED, printed
+from lava_vpr.paper_table.run import counted
+from lava_vpr.paper_table.sections import Figures, measure
+from lava_vpr.paper_table.sources import official, stand_in, tasks
+
+QUICK = ("--only", "fast", "--epochs", "4", "--jobs", "1")
+PLAIN = "nordland=spring,summer"
+
+
+@pytest.fixture(autouse=True)
+def four_places() -> Iterator[None]:
+    with short_sections(4):
+        yield
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def everything(root: Path) -> list[str]:
+    """All five datasets in their first layout of folders, ten places each, as options."""
+    words = []
+    for name, row in DATASETS.items():
+        layout = next(layout for layout in row.layouts if not layout.folders[0].endswith(".avi"))
+        tables = draw(root / name, layout, 10)
+        words += ["--dataset", f"{name}={root / name}"]
+        words += ["--positions", f"{name}={','.join(map(str, tables))}"] if tables else []
+    return words
+
+
+def nordland(root: Path, places: int = 9) -> Path:
+    draw(root, DATASETS["nordland"].layouts[0], places)
+    return root
+
+
+def speds(root: Path, places: int = 9) -> Path:
+    draw(root, DATASETS["spedtest"].layouts[0], places)
+    return root
+
+
+def rows(name: str) -> dict[tuple[str, str], dict[str, Any]]:
+    """The rows of a JSON file by dataset and method."""
+    values = json.loads(Path(name).read_text())
+    return {(part["dataset"], row["method"]): row for part in values["datasets"] for row in part["rows"]}
+
+
+def error(*words: object, code: int = 1) -> str:
+    """What the command says when it must fail, on its last line."""
+    result = CliRunner().invoke(main, ["paper-table", *map(str, words)])
+    assert result.exit_code == code, result.output
+    return result.stderr.splitlines()[-1]
+
+
+def test_the_printed_numbers_are_those_of_the_paper() -> None:
+    """Section VI says by how much the weighted and the probability-based assignments improve on average."""
+    assert set(PRINTED) == set(DATASETS)
+    assert COLUMNS == tuple(METHODS)[: len(COLUMNS)]
+    values = {column: [PRINTED[name][k] for name in PRINTED] for k, column in enumerate(COLUMNS)}
+    gains = [np.subtract(values[name], values["standard"]).mean() for name in ("weighted", "probability")]
+    assert gains == pytest.approx([9.1, 13.8], abs=0.07)  # as it rounds
+    assert printed("nordland", "weighted_probability") == 47.5
+    assert printed("nordland", "loihi") is None
+
+
+def test_all_five_datasets_twice_give_equal_bytes(folder: Path) -> None:
+    words = everything(folder / "data")
+    files = ("t.json", "t.csv", "t.md", "report/paper_table.html")
+
+    def written(*more: str) -> list[bytes]:
+        outputs = ("--json", files[0], "--csv", files[1], "--markdown", files[2], "--report", "report")
+        run("paper-table", *words, "--only", "fast", "--only", "loihi", "--epochs", 4, *outputs, *more)
+        return [Path(name).read_bytes() for name in files]
+
+    first = written("--jobs", "1")
+    assert first == written("--jobs", "2", "--keep", "kept") == written("--keep", "kept")
+    found = rows("t.json")
+    for name, dataset in DATASETS.items():
+        row = found[name, "fast"]
+        assert set(row["sections"]) == {str(k) for k in range(1, min(2, dataset.sections) + 1)}, name
+        assert row["mean"]["recall_at_1"] >= 0.75, name
+        assert row["absent"] is None
+        assert found[name, "sad"]["printed"] == pytest.approx(PRINTED[name][-1] / 100)
+        assert found[name, "standard"]["absent"] == "left out: --only names other networks than paper"
+        assert found[name, "standard"]["mean"]["released"] is None
+    page = first[2].decode()
+    assert "The paper's traverses, spring and fall learned, summer recognised. 10 places; the images are enough" in page
+    assert str(folder) not in b"".join(first).decode()
+    with Path("t.csv").open(newline="") as file:
+        lines = list(csv.DictReader(file))
+    means = {(line["dataset"], line["method"]): line for line in lines if line["section"] == "mean"}
+    assert float(means["oxford", "hog"]["recall_at_1"]) == pytest.approx(found["oxford", "hog"]["mean"]["recall_at_1"])
+
+
+def test_a_section_is_what_train_and_eval_make_of_it(folder: Path) -> None:
+    """Also by preset paper, with its four decoders."""
+    nordland(folder / "n")
+    data = ("n", "--dataset", "nordland", "--section", 2)
+    words = ("--dataset", "nordland=n", "--sections", 2, "--epochs", 2)
+    run("paper-table", *words, "--only", "fast", "--only", "paper", "--json", "t.json")
+    found = rows("t.json")
+    for network, names in (("fast", ("contrast",)), ("paper", COLUMNS[:4])):
+        run("train", *data, "--preset", network, "--epochs", 2, "-o", "m.lvpr")
+        run("eval", "m.lvpr", *data, "--json", "e.json")
+        values = json.loads(Path("e.json").read_text())["decoders"]
+        for name in names:
+            row = found["nordland", "fast" if network == "fast" else name]
+            assert set(row["sections"]) == {"2"}
+            own = row["sections"]["2"]
+            assert {key: own[key] for key in ("recall_at_1", "recall_at_100_precision", "auc")} == {
+                key: values[name][key] for key in ("recall_at_1", "recall_at_100_precision", "auc")
+            }
+            assert row["deviation"]["auc"] is None
+
+
+def test_plain_traverses_in_place_of_a_dataset(folder: Path) -> None:
+    """The table says so; lists of the same images give the figures of the folders that they lie in."""
+    layout = DATASETS["spedtest"].layouts[0]
+    draw(folder, layout, 9)
+    run("paper-table", "--traverses", "nordland=ref,query", *QUICK, "--json", "folders.json", "--markdown", "t.md")
+    page = Path("t.md").read_text()
+    said = (
+        "Plain traverses in place of the official folders: ref learned, query recognised, 1 reference traverse instead"
+    )
+    assert said in page
+    assert "--traverses nordland=ref,query --only fast --epochs 4 --markdown t.md" in page
+    for name in layout.folders:
+        Path(f"{name}.txt").write_text("".join(f"{name}/{k}.png\n" for k in range(9)))
+    run("paper-table", "--traverses", "nordland=ref.txt,query.txt", *QUICK, "--json", "lists.json")
+    assert Path("folders.json").read_bytes() == Path("lists.json").read_bytes()
+    here = json.loads(Path("lists.json").read_text())["datasets"][0]["here"]
+    assert here == {"learned": ["ref"], "recognised": "query", "official": False, "places": 9}
+
+
+def test_without_images_every_row_says_why_it_is_absent(folder: Path) -> None:
+    told = run("paper-table", "--json", "t.json").stdout
+    assert "47.5" in told
+    found = rows("t.json")
+    assert len(found) == len(DATASETS) * len(METHODS)
+    for (name, _), row in found.items():
+        assert row["absent"].startswith(f"no images are given (--dataset {name}=DIR)")
+        assert row["sections"] == {}
+
+
+def test_descriptors_by_place_and_by_image(folder: Path) -> None:
+    """Two reference traverses, a row for each of 9 places or of 72 images of each; the best of both counts."""
+    nordland(folder / "n")
+    ways = np.eye(9)
+    np.save("ref.npy", np.concatenate([ways, np.roll(ways, -1, axis=0)]))
+    np.save("query.npy", ways)
+    whole = np.zeros((72, 9))
+    whole[::8] = ways
+    np.save("all_ref.npy", np.concatenate([whole, np.roll(whole, -8, axis=0)]))
+    np.save("all_query.npy", whole)
+    words = ("--dataset", "nordland=n", "--only", "descriptors")
+    run("paper-table", *words, "--json", "absent.json")
+    assert rows("absent.json")["nordland", "netvlad"]["absent"].startswith("no descriptors are given (--descriptors")
+    for files in ("ref.npy,query.npy", "all_ref.npy,all_query.npy", "ref.npy,all_query.npy"):
+        run("paper-table", *words, "--descriptors", f"nordland={files}", "--json", "t.json")
+        row = rows("t.json")["nordland", "netvlad"]
+        assert set(row["sections"]) == {"1", "2"}
+        # Query k is as like place k - 1 in the second traverse as place k in the first; equal scores rank by the lower.
+        assert row["mean"]["recall_at_1"] == 0.25
+    np.save("ref.npy", np.concatenate([ways, ways]))
+    run("paper-table", *words, "--descriptors", "nordland=ref.npy,query.npy", "--json", "t.json")
+    assert rows("t.json")["nordland", "netvlad"]["mean"] == dict.fromkeys(Figures._fields, 1.0)
+    np.save("ref.npy", ways)
+    said = error(*words, "--descriptors", "nordland=ref.npy,query.npy")
+    assert "ref.npy: has 9 rows for 18 places, or 144 images; give one row for each, the reference traverses" in said
+    np.save("query.npy", np.eye(9)[:, :4])
+    np.save("ref.npy", np.concatenate([ways, ways]))
+    assert "elements; encode both alike" in error(*words, "--descriptors", "nordland=ref.npy,query.npy")
+
+
+def test_an_interrupted_run_goes_on(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    speds(folder / "s")
+    words = ("--dataset", "spedtest=s", *QUICK, "--keep", "kept")
+    done: list[int] = []
+
+    def noted(task: Any) -> Any:
+        done.append(task.section)
+        if task.section == 2 and done.count(2) == 1:
+            raise KeyboardInterrupt
+        return measure(task)
+
+    monkeypatch.setattr(computing, "measure", noted)
+    result = CliRunner().invoke(main, ["paper-table", *words])
+    assert result.exit_code != 0
+    assert "finished sections are kept in kept; the same command goes on from there" in result.stderr
+    told = run("paper-table", *words, "--kept-only", "--json", "so_far.json").stdout
+    assert "1; 2 not computed" in told
+    row = rows("so_far.json")["spedtest", "fast"]
+    assert (set(row["sections"]), row["not_computed"]) == ({"1"}, [2])
+    assert done == [1, 2]
+    run("paper-table", *words, "--json", "on.json")
+    assert done == [1, 2, 2]
+    run("paper-table", *words[:-2], "--json", "anew.json")
+    assert Path("on.json").read_bytes() == Path("anew.json").read_bytes()
+
+
+def test_what_is_kept_is_taken_for_the_same_images_and_settings_alone(folder: Path) -> None:
+    speds(folder / "s")
+    source = official("spedtest", folder / "s")
+    kept = Kept(folder / "kept")
+    wanted = computing.Wanted({"spedtest": source}, networks=("fast",), epochs=4)
+    computing.compute(wanted, kept)
+    (first, second), digests = tasks(source, "fast", (1, 2), 0, 4), {}
+    keys = [computing.fingerprint(task, digests) for task in (first, second)]
+    assert kept.find(first, keys[0]) == measure(first)
+    assert kept.find(first, keys[1]) is None
+    assert computing.fingerprint(tasks(source, "fast", (1,), 0, 5)[0], {}) != keys[0]
+    assert computing.fingerprint(tasks(source, "fast", (1,), 1, 4)[0], {}) != keys[0]
+    place = folder / "s" / "query" / "2.png"
+    place.write_bytes((folder / "s" / "query" / "3.png").read_bytes())
+    assert computing.fingerprint(first, {}) != keys[0]
+    assert computing.fingerprint(second, {}) == keys[1]
+    path = kept.file(first)
+    assert path is not None
+    for text in ("", "[]", "{", '{"fingerprint": "x"}', json.dumps({"fingerprint": keys[0], "figures": {"fast": [2]}})):
+        path.write_text(text)
+        assert kept.find(first, keys[0]) is None
+
+
+def test_a_task_is_plain_values(folder: Path) -> None:
+    """So that any process can be given it."""
+    task = tasks(stand_in("spedtest", [speds(folder) / "ref", folder / "query"]), "fast", (2,), 0, 4)[0]
+    again = pickle.loads(pickle.dumps(task))
+    assert again == task
+    assert measure(again) == measure(task)
+
+
+def test_what_cannot_be_used_is_one_line(folder: Path) -> None:
+    nordland(folder / "n")
+    speds(folder / "s")
+    dataset = ("--dataset", "nordland=n", *QUICK)
+    assert "'nordland' is not of the form NAME=DIR" in error("--dataset", "nordland", code=2)
+    assert "there is no dataset 'kitti'; choose from nordland, oxford" in error("--dataset", "kitti=n", code=2)
+    assert "--dataset names nordland twice" in error(*dataset, "--dataset", "nordland=n", code=2)
+    assert "--dataset and --traverses both name nordland" in error(*dataset, "--traverses", "nordland=n,s", code=2)
+    assert "--positions names oxford, of which no images are given" in error("--positions", "oxford=a,b", code=2)
+    assert "--descriptors oxford: no images of it are given" in error("--descriptors", "oxford=a.npy,b.npy")
+    assert "names 3 files; it is of the form NAME=REF.npy,QUERY.npy" in error("--descriptors", "oxford=a,b,c", code=2)
+    assert "does not hold the spedtest dataset; it needs the folders ref (missing)" in error("--dataset", "spedtest=n")
+    assert "no: is not a folder" in error("--dataset", "nordland=no")
+    assert "leave out --positions nordland=..." in error(*dataset, "--positions", "nordland=a.csv,b.csv,c.csv")
+    assert "--traverses nordland: names one traverse" in error("--traverses", "nordland=s/ref")
+    assert "--sections: none of them is among sections 1 to 2 of nordland" in error(*dataset, "--sections", "3")
+    assert "--kept-only takes what is kept; give --keep DIR" in error(*dataset, "--kept-only", code=2)
+    (folder / "file").write_text("")
+    assert "file: is a file; name a folder with --keep" in error(*dataset, "--keep", "file")
+    (folder / "s" / "query" / "8.png").unlink()
+    assert "query: has 8 images, s/ref has 9: image k must show the same place in each" in error(
+        "--traverses", "nordland=s/ref,s/query"
+    )
+    assert "image k must show the same place in every traverse of spedtest" in error("--dataset", "spedtest=s")
+    for k in range(3, 9):
+        (folder / "s" / "ref" / f"{k}.png").unlink()
+        (folder / "s" / "query" / f"{k}.png").unlink(missing_ok=True)
+    assert "ref: gives 3 places, a section of SPEDTest has 4; complete the images" in error("--dataset", "spedtest=s")
+    bad = folder / "n" / "fall" / "40.png"
+    bad.write_bytes(bad.read_bytes()[:50])
+    assert re.search(r"fall/40.png: .*", error(*dataset, "--keep", "kept"))
+    assert [path.name for path in Path("kept").iterdir()] == ["nordland-fast-01-seed-0.json"]
+
+
+def test_traverses_at_different_speeds_need_positions(folder: Path) -> None:
+    tables = draw(folder / "o", DATASETS["oxford"].layouts[2], 9)
+    words = ("--dataset", "oxford=o", *QUICK)
+    said = error(*words)
+    assert "only positions tell which images of Oxford RobotCar show the same place" in said
+    assert said.endswith("give --positions oxford=sun.csv,rain.csv,dusk.csv")
+    two = ",".join(map(str, tables[:2]))
+    assert "is one of 2 files of positions for 3 traverses; give one for each" in error(
+        *words, "--positions", f"oxford={two}"
+    )
+    source = official("oxford", folder / "o", tables)
+    assert [len(traverse) for traverse in source.traverses] == [9, 9, 9]
+    assert source.traverses[0].indices.tolist() == list(range(0, 18, 2))  # an image every 5 m, a place every 10
+    assert source.traverses[1].indices.tolist() == list(range(0, 36, 4))
+
+
+def test_numbers_of_sections_in_words() -> None:
+    assert counted([1, 2, 3, 7, 9, 10]) == "1 to 3, 7, 9 to 10"
+    assert counted([]) == ""
+    assert set(NETWORKS) == {method.network for method in METHODS.values()}
