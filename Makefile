@@ -9,7 +9,7 @@ LOCK = requirements/$$($(BIN)/python -c 'import sys; print("lock" if sys.version
 # Tests run side by side, one row of them a processor.
 TESTS := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
-.PHONY: help demo test test-slow test-all lint format bench results recall peers peers-test oracles neurobench nir-peers sanafe test-dl learning tutorial site pictures links wheel clean
+.PHONY: help demo test test-slow test-all lint format bench results recall peers peers-test oracles sanafe ci-torch test-dl learning nir-peers neurobench tutorial site pictures links wheel clean
 .DEFAULT_GOAL := help
 
 help: ## What there is to make
@@ -84,22 +84,6 @@ oracles: $(STAMP) $(ORACLES) ## Other simulators of Loihi against our integers (
 	@$(BIN)/python -m benchmarks.oracles.needs
 	@$(BIN)/python -m benchmarks.oracles.registers
 
-.venv-neurobench/.installed: requirements/neurobench.txt scripts/find_python.sh
-	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-neurobench
-	@.venv-neurobench/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/neurobench.txt
-	@touch $@
-
-neurobench: $(STAMP) .venv-neurobench/.installed ## Our metrics beside the package neurobench (an environment of its own, 6 GB)
-	@$(BIN)/python -m benchmarks.neurobench.metrics
-
-.venv-nir/.installed: requirements/nir.txt scripts/find_python.sh
-	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.11) && "$$python" -m venv --clear .venv-nir
-	@.venv-nir/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/nir.txt
-	@touch $@
-
-nir-peers: $(STAMP) .venv-nir/.installed ## Exported NIR graphs in snnTorch beside the host engine (Python 3.11, an environment of its own with torch)
-	@$(BIN)/python -m benchmarks.exchange.compare
-
 .venv-sanafe/.installed: requirements/sanafe.txt scripts/find_python.sh
 	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-sanafe
 	@.venv-sanafe/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/sanafe.txt
@@ -108,18 +92,27 @@ nir-peers: $(STAMP) .venv-nir/.installed ## Exported NIR graphs in snnTorch besi
 sanafe: $(STAMP) .venv-sanafe/.installed ## The cost model's closed form against SANA-FE (an environment of its own)
 	@$(BIN)/python -m benchmarks.sanafe.compare
 
-.venv-dl/.installed: pyproject.toml requirements/lock.txt requirements/dl.txt requirements/dl-alone.txt
-	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-dl
-	@.venv-dl/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/lock.txt -r requirements/dl.txt
-	@.venv-dl/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements/dl-alone.txt
-	@.venv-dl/bin/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
-	@touch .venv-dl/.installed
+.venv-torch/.installed: pyproject.toml requirements/lock.txt requirements/torch.txt
+	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-torch
+	@.venv-torch/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/lock.txt
+	@.venv-torch/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements/torch.txt
+	@.venv-torch/bin/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
+	@touch .venv-torch/.installed
 
-test-dl: .venv-dl/.installed ## The tests of learning by SLAYER and of NetX, with lava-dl (an environment of its own, 6 GB)
-	@.venv-dl/bin/python -m pytest tests/training tests/exchange -k 'slayer or netx' --timeout 1800
+ci-torch: .venv-torch/.installed ## All that needs torch, apart from CI; writes docs/logs/ci-torch.log (LAVA_VPR_DATA; an environment of 5 GB)
+	@.venv-torch/bin/python scripts/ci_torch.py
 
-learning: .venv-dl/.installed ## Five kinds of learning side by side (LAVA_VPR_DATA; the environment of test-dl)
-	@.venv-dl/bin/python -m benchmarks.learning.table
+test-dl: .venv-torch/.installed ## The tests of learning by SLAYER and of NetX, with lava-dl (the environment of ci-torch)
+	@.venv-torch/bin/python -m pytest tests/training tests/exchange -k 'slayer or netx' --timeout 1800
+
+learning: .venv-torch/.installed ## Five kinds of learning side by side (LAVA_VPR_DATA; the environment of ci-torch)
+	@.venv-torch/bin/python -m benchmarks.learning.table
+
+nir-peers: .venv-torch/.installed ## Exported NIR graphs in snnTorch beside the host engine (LAVA_VPR_DATA; the environment of ci-torch)
+	@.venv-torch/bin/python -m benchmarks.exchange.compare
+
+neurobench: .venv-torch/.installed ## Our metrics beside the package neurobench (LAVA_VPR_DATA; the environment of ci-torch)
+	@.venv-torch/bin/python -m benchmarks.neurobench.metrics
 
 .venv-docs/.installed: pyproject.toml requirements/lock.txt requirements/docs.txt
 	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-docs

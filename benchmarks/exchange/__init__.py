@@ -1,1 +1,1 @@
-"""Exported networks in other programs, each in an environment of its own, beside the host engine."""
+"""Exported networks in other programs, beside the host engine."""

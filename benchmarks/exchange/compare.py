@@ -37,7 +37,7 @@ from lava_vpr.loihi import DECAY_UNITY
 from lava_vpr.model import IntegerModel, Model, decode, integer_model
 
 HOME = Path(__file__).resolve().parents[2]
-PYTHON = HOME / ".venv-nir" / "bin" / "python"
+PYTHON = HOME / ".venv-torch" / "bin" / "python"
 WORKER = Path(__file__).with_name("in_snntorch.py")
 LIMIT_S = 1800
 NOTE = (

@@ -1,6 +1,6 @@
-"""The search that chose the settings of learning by SLAYER; needs lava-dl (`make test-dl` says how).
+"""The search that chose the settings of learning by SLAYER; needs lava-dl (`make ci-torch` sets it up).
 
-    LAVA_VPR_DATA=... .venv-dl/bin/python -m benchmarks.learning.search [--start template] [--log FILE]
+    LAVA_VPR_DATA=... .venv-torch/bin/python -m benchmarks.learning.search [--start template] [--log FILE]
 
 It sees places 0:200 of Nordland, as two sections, and 0:50 of Gardens Point within two places, and seeds that no table
 uses. One round of coordinate descent: settings take their values in turn, and a value is kept if it raises the score by

@@ -1,6 +1,6 @@
 """Kinds of learning side by side: recall, training time, modelled energy and time of a query, bits.
 
-    LAVA_VPR_DATA=... .venv-dl/bin/python -m benchmarks.learning.table [--learner NAME] [--log FILE]
+    LAVA_VPR_DATA=... .venv-torch/bin/python -m benchmarks.learning.table [--learner NAME] [--log FILE]
 
 Five Nordland sections of 100 places, summer learned and winter asked, three seeds; exact matches. Settings were chosen
 on the first two sections and Gardens Point (`benchmarks.learning.search`, `benchmarks.presets`). Training time is that

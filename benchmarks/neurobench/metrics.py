@@ -2,7 +2,7 @@
 
     LAVA_VPR_DATA=... python -m benchmarks.neurobench.metrics [--queries 20]
 
-`make neurobench` installs the package in an environment of its own; `benchmarks/neurobench/package.py` runs there, in a
+`make neurobench` installs the package in an environment beside; `benchmarks/neurobench/package.py` runs there, in a
 process of its own, and builds the network again in torch. The neurons there must spike as ours do, and every metric be
 equal: counts exactly, fractions to the digits that the package rounds to.
 """
@@ -33,7 +33,7 @@ from lava_vpr.isolated.child import run_child
 from lava_vpr.model import integer_model
 
 ROOT = Path(__file__).resolve().parents[2]
-PYTHON = ROOT / ".venv-neurobench" / "bin" / "python"
+PYTHON = ROOT / ".venv-torch" / "bin" / "python"
 PROGRAM = ROOT / "benchmarks" / "neurobench" / "package.py"
 NUMBERS = ("threshold", "decay", "inhibition", "inhibition_exponent")
 ROUNDED = 0.5e-4

@@ -1,4 +1,4 @@
-"""The network as the package neurobench sees it: python package.py PROBLEM.npz (in its own environment).
+"""The network as the package neurobench sees it: python package.py PROBLEM.npz (environment: `make neurobench`).
 
 Reads weights, numbers and input spikes (`benchmarks.neurobench.metrics` has the format), builds the network in torch
 with neurons of its own arithmetic, runs neurobench's benchmark on it, and prints metrics and spike counts as JSON.

@@ -1,0 +1,168 @@
+"""What `make ci-torch` writes: steps judged by their end, and a log of one form."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import re
+import subprocess
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+HEAD = ("result", "date", "commit", "python", "packages", "images", "total")
+STEP = re.compile(r"^\d+\. (.+): (passed|failed|left out)(?: \((.+)\))?, (\d+) s\n\$ python (.+)$", re.MULTILINE)
+
+
+@pytest.fixture
+def ci() -> ModuleType:
+    """scripts/ci_torch.py."""
+    spec = importlib.util.spec_from_file_location("ci_torch", ROOT / "scripts" / "ci_torch.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture
+def tree(ci: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A small tree under git, with one commit, which the script takes for the project's."""
+    folder = tmp_path / "tree"
+    folder.mkdir()
+    (folder / "a.py").write_text("print('here')\n")
+    nobody = {f"GIT_{who}_{what}": "nobody" for who in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")}
+    for words in (["init", "--quiet"], ["add", "a.py"], ["commit", "--quiet", "--message", "one"]):
+        subprocess.run(["git", *words], cwd=folder, env=os.environ | nobody, check=True, capture_output=True)
+    monkeypatch.setattr(ci, "ROOT", folder)
+    monkeypatch.delenv(ci.IMAGES, raising=False)
+    return folder
+
+
+def head(text: str) -> dict[str, str]:
+    """The head of a log by name, in order."""
+    lines = text.partition("\n\n")[0].splitlines()
+    return {name: value.strip() for name, _, value in (line.partition(":") for line in lines)}
+
+
+def says(*lines: str) -> tuple[str, ...]:
+    return ("-c", f"for line in {lines!r}: print(line)")
+
+
+def told(ci: ModuleType, tree: Path, *steps: Any) -> tuple[int, str]:
+    """The exit code and the log of some steps."""
+    code = ci.main(["--log", str(tree / "logs" / "x.log")], steps, lambda line: None)
+    assert sorted(path.name for path in (tree / "logs").iterdir()) == ["x.log"]
+    return code, (tree / "logs" / "x.log").read_text(encoding="utf-8")
+
+
+def test_a_log_says_when_on_what_and_how_each_step_ended(ci: ModuleType, tree: Path) -> None:
+    steps = [ci.Step("counts", says("1", "2", "3"), lines=2), ci.Step("is there", ("a.py",))]
+    code, text = told(ci, tree, *steps)
+    assert code == 0
+    assert tuple(head(text)) == HEAD
+    commit = subprocess.run(["git", "rev-parse", "HEAD"], cwd=tree, capture_output=True, text=True, check=True)
+    assert head(text)["commit"] == f"{commit.stdout.strip()} (clean)"
+    assert head(text)["result"] == "passed"
+    assert re.fullmatch(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d UTC", head(text)["date"])
+    assert f"numpy {ci.versions()['numpy']}" in head(text)["packages"]
+    assert [found[:3] for found in STEP.findall(text)] == [("counts", "passed", ""), ("is there", "passed", "")]
+    assert re.search(r"^\$ python -c .*\n2\n3\n\n2\. ", text, re.MULTILINE)
+    assert text.endswith("$ python a.py\nhere\n")
+    # The log of before is no change of the tree.
+    assert head(told(ci, tree, *steps)[1])["commit"] == head(text)["commit"]
+
+
+def test_a_step_that_fails_is_told_and_the_others_still_run(ci: ModuleType, tree: Path) -> None:
+    steps = (
+        ci.Step("broken", ("-c", "raise SystemExit('no such thing')")),
+        ci.Step("slow", ("-c", "import time; time.sleep(60)"), seconds=0.2),
+        ci.Step("well", says("all equal")),
+    )
+    code, text = told(ci, tree, *steps)
+    assert code == 1
+    assert head(text)["result"] == "2 of 3 steps failed"
+    results = [found[1:3] for found in STEP.findall(text)]
+    assert results == [("failed", "exit code 1"), ("failed", "took more than 0 s"), ("passed", "")]
+    assert "\nno such thing\n" in text
+    assert text.endswith("\nall equal\n")
+
+
+def test_a_tree_with_changes_says_so(ci: ModuleType, tree: Path) -> None:
+    (tree / "a.py").write_text("print('there')\n")
+    assert "(with changes that are not committed)" in head(told(ci, tree, ci.Step("a", ("a.py",)))[1])["commit"]
+    changes = ("-c", "import pathlib; pathlib.Path('b.py').write_text('')")
+    subprocess.run(["git", "checkout", "--quiet", "a.py"], cwd=tree, check=True)
+    assert head(told(ci, tree, ci.Step("b", changes))[1])["commit"].endswith("(clean; it changed under way)")
+
+
+def test_a_log_elsewhere_and_a_tree_without_git(ci: ModuleType, tree: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = tree.parent / "x.log"
+    step = ci.Step("a", ("a.py",))
+    assert ci.main(["--log", str(log)], [step], lambda line: None) == 0
+    assert head(log.read_text(encoding="utf-8"))["commit"].endswith(" (clean)")
+    (tree / ".git").rename(tree / "git")
+    monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tree.parent))
+    assert ci.main(["--log", str(log)], [step], lambda line: None) == 0
+    assert head(log.read_text(encoding="utf-8"))["commit"] == "unknown (with changes that are not committed)"
+
+
+def test_without_images_what_needs_them_is_left_out(
+    ci: ModuleType, tree: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    steps = ci.Step("images", says("asked"), images=True), ci.Step("none", says("asked"))
+    code, text = told(ci, tree, *steps)
+    assert code == 0
+    assert head(text)["result"] == "passed, 1 of 2 steps left out"
+    assert STEP.findall(text)[0][1:3] == ("left out", "LAVA_VPR_DATA names no real images")
+    (tree.parent / "pictures" / "data").mkdir(parents=True)
+    monkeypatch.setenv(ci.IMAGES, str(tree.parent / "pictures"))
+    where = ("-c", f"print({str(tree.parent / 'pictures' / 'data')!r}, {str(tree)!r})")
+    code, text = told(ci, tree, *steps, ci.Step("where", where))
+    assert head(text)["result"] == "passed"
+    assert text.endswith("\n$LAVA_VPR_DATA/data .\n")
+    assert str(tree.parent) not in text
+
+
+@pytest.mark.parametrize(
+    ("last", "images", "result"),
+    [
+        ("12 passed, 60 deselected in 75.21s (0:01:15)", True, ("passed", "")),
+        ("1 passed, 2 skipped, 60 deselected in 0.50s", False, ("passed", "")),
+        ("1 passed, 2 skipped in 0.50s", True, ("failed", "tests were skipped although the images are there")),
+        ("2 skipped, 9 deselected in 0.50s", False, ("failed", "no test ran")),
+        ("nothing", False, ("failed", "no test ran")),
+    ],
+)
+def test_skipping_is_no_passing(ci: ModuleType, last: str, images: bool, result: tuple[str, str]) -> None:
+    ended = ci.Ended(0, f"...s [100%]\nSKIPPED [2] a.py:1: 3 passed in 1.0s\n{last}\n", "")
+    assert ci.judged(ci.Step("tests", ("-m", "pytest")), ended, images) == result
+    assert ci.judged(ci.Step("tests", ("-m", "pytest")), ended._replace(code=1), images) == ("failed", "exit code 1")
+
+
+def test_pytest_is_judged_by_what_it_prints_today(ci: ModuleType, tree: Path) -> None:
+    (tree / "test_it.py").write_text("import pytest\ndef test_a(): pass\ndef test_b(): pytest.skip('why')\n")
+    steps = [ci.Step(which, ci._pytest("test_it.py", "-k", which)) for which in ("test_b", "test_a or test_b")]
+    _, text = told(ci, tree, *steps)
+    assert [found[1:3] for found in STEP.findall(text)] == [("failed", "no test ran"), ("passed", "")]
+    assert "-k 'test_a or test_b'\n" in text
+
+
+def test_a_log_that_cannot_be_written_is_one_line(
+    ci: ModuleType, tree: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert ci.main(["--log", str(tree / "a.py" / "x.log")], [ci.Step("a", ("a.py",))], lambda line: None) == 1
+    assert re.fullmatch(r".*x\.log: the log cannot be written: .+; name another with --log\n", capsys.readouterr().err)
+
+
+def test_the_steps_name_what_is_there(ci: ModuleType) -> None:
+    assert len({step.name for step in ci.STEPS}) == len(ci.STEPS) == 4
+    for step in ci.STEPS:
+        module = step.words[1].replace(".", "/")
+        files = [word for word in step.words if word.startswith("tests/")] or [f"{module}.py"]
+        assert all((ROOT / name).exists() for name in files), step.words
+    text = (ROOT / "tests" / "bench" / "test_workload.py").read_text(encoding="utf-8")
+    assert ci.STEPS[-1].words[-1] in text
