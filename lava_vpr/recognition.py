@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import PLAINLY, Asker, Asking, summed
+from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Advance, Backend, Events, Presentations, query_presentations
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.backends.rivals import Adapted, Rivals, Scored, decoded
 from lava_vpr.backends.rivals import chosen as rivals_of
+from lava_vpr.cluster.tasks import Cluster
 from lava_vpr.encoding import EncodedTraverse, encoded_batches
 from lava_vpr.engine.adaptation import Adaptation, Motion
 from lava_vpr.matching import baselines, sequences
@@ -227,6 +229,7 @@ def recognise(
     advance: Advance | None = None,
     shown: Presentations | None = None,
     further: Sequence[EncodedTraverse] = (),
+    cluster: Cluster | None = None,
 ) -> Recognition:
     """Answer every query and hold the answers against the truth.
 
@@ -237,10 +240,13 @@ def recognise(
         comparison: How queries are matched, and with what the decoder is compared.
         backend, seed, threads, advance, shown: As in `count_query_spikes`.
         further: The queries in the further views in which they are presented (`Asking.of`).
+        cluster: Who counts the spikes of the backend ``host`` instead of this process.
     Raises:
         LavaVprError: the queries, the descriptors, the baselines or the sequence do not fit the model, or the backend
             cannot run.
     """
+    if cluster is not None and backend == "host":
+        backend = HostBackend(threads, cluster)
     # What files or options can be wrong about comes first, before the work.
     if comparison.sequence > 1:
         truth = sequences.sequence_truth(truth, comparison.sequence)
@@ -254,7 +260,7 @@ def recognise(
     counts = narrow(summed(shown_counts, comparison.asking.views))
     del shown_counts
     default = model.config.decoder.default
-    rivals = Rivals(model, queries, shown, names, comparison.asking, threads)
+    rivals = Rivals(model, queries, shown, names, comparison.asking, threads, cluster)
     sequence, pace = comparison.sequence, sequences.Pace()
     held: dict[str, Held] = {}
     followed: Followed | None = None

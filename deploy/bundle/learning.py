@@ -37,7 +37,7 @@ from lava_vpr.engine.learning.lava_order import (
     start_state,
 )
 from lava_vpr.engine.learning.recruiting import key_again, recruit, rounds
-from lava_vpr.engine.random import image_keys, presentation_key
+from lava_vpr.engine.random import image_keys, presentation_key, stretch_key
 from lava_vpr.errors import BundleError, ConfigError, NetworkLimitError, brief
 from lava_vpr.gate import integer_config
 from lava_vpr.loihi import INPUT_LIMIT, LOIHI_2_RESET_LIMIT, THRESHOLD_LIMIT, TRACE_LIMIT, WEIGHT_LIMIT
@@ -45,7 +45,7 @@ from lava_vpr.model import Model, Stretch
 from lava_vpr.settings.ranges import real, whole
 from lava_vpr.storage.limits import excess
 from lava_vpr.storage.text import shown
-from lava_vpr.training.loop import start_key, traverses_shown
+from lava_vpr.training.stretches import traverses_shown
 
 SETTINGS, RATES = "learning/learning.json", "learning/rates.npy"
 PURPOSE = "learning on the chip"
@@ -144,7 +144,8 @@ def stretch_learning(model: Model, stretch: Stretch) -> ChipLearning:
         presentation_key(config.seed, "train", int(images[shown_as, place]), epoch * references + shown_as)
         for epoch, shown_as, place in shown
     ]
-    start = start_key(stretch, list(images))
+    first = stretch.first_place
+    start = stretch_key(images[stretch.view, first : first + stretch.places])  # as training draws its start weights
     return ChipLearning(
         phases=folded_phases(learning, inputs, spikes),
         start=start_state(learning, inputs, stretch.neurons, spikes, config.seed, start),

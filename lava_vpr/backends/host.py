@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.backends.interface import Events, Presentations
+from lava_vpr.cluster.tasks import Cluster
 from lava_vpr.encoding import draw_trains
-from lava_vpr.engine.conductance import model as conductance
+from lava_vpr.engine.blocks import Block, in_blocks, of_conductances, of_integers
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.trains import Trains
@@ -18,17 +19,19 @@ from lava_vpr.model import Model, checked_network
 
 @dataclass(frozen=True)
 class HostBackend:
-    """The compiled engine; results do not depend on the number of threads."""
+    """The compiled engine; results depend neither on the number of threads nor on a cluster that counts instead."""
 
     threads: int = 1
+    cluster: Cluster | None = None
 
     def count_spikes(self, model: Model, shown: Presentations) -> tuple[NDArray[np.int32], Events]:
         """See `lava_vpr.backends.interface.Backend.count_spikes`."""
+        block = Block(shown.rates, shown.keys, shown.bias)
         if isinstance(model.network, ConductanceState):
-            return conductance.count_spikes(model.network, shown.rates, shown.keys, model.config, threads=self.threads)
-        network = checked_network(model, "host")
-        counts, events, _ = fixed.count_spikes(network, shown.rates, shown.keys, bias=shown.bias, threads=self.threads)
-        return counts, events
+            network = model.network, model.config
+            return in_blocks(of_conductances, network, block, threads=self.threads, cluster=self.cluster)
+        integer = checked_network(model, "host")
+        return in_blocks(of_integers, integer, block, threads=self.threads, cluster=self.cluster)
 
     def trains(self, model: Model, shown: Presentations) -> Trains:
         """See `lava_vpr.backends.interface.Backend.trains`.

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from lava_vpr.backends.asking import PLAINLY, Asking, adapted_scores, summed
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Presentations
+from lava_vpr.cluster.tasks import Cluster
 from lava_vpr.encoding import EncodedTraverse, Keep, query_rates
 from lava_vpr.engine.adaptation import Adaptation
 from lava_vpr.errors import ConfigError
@@ -145,6 +146,7 @@ class Rivals:
         names: Names of the baselines, as `chosen` returns them.
         asking: How queries are asked.
         threads: Threads of the host engine.
+        cluster: Who counts spikes instead; None: those threads.
     """
 
     model: Model = field(repr=False)
@@ -153,13 +155,14 @@ class Rivals:
     names: tuple[str, ...]
     asking: Asking = PLAINLY
     threads: int = 1
+    cluster: Cluster | None = None
 
     @cached_property
     def template(self) -> IntegerModel:
         """The model without learning."""
         from lava_vpr.training.templates import template_of  # a query needs nothing of training
 
-        return template_of(self.model, self.threads)
+        return template_of(self.model, self.threads, self.cluster)
 
     @property
     def _rates(self) -> NDArray[Any]:
@@ -192,7 +195,7 @@ class Rivals:
 
     def _of_template(self, shown: Presentations) -> NDArray[np.int32]:
         """The spike counts (n, neurons) of the network without learning."""
-        counts, _ = HostBackend(self.threads).count_spikes(self.template, shown)
+        counts, _ = HostBackend(self.threads, self.cluster).count_spikes(self.template, shown)
         return summed(counts, self.asking.views)
 
     def _seen(self, name: str) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -33,6 +33,7 @@ from lava_vpr.cli.common import (
 )
 from lava_vpr.cli.outputs import Outputs, write_json
 from lava_vpr.cli.published.options import BenchmarkOptions, asked_places, benchmark_options
+from lava_vpr.cli.show.clusters import cluster_at, cluster_option
 from lava_vpr.encoding import EncodedTraverse, Keep
 from lava_vpr.engine.threads import cores
 from lava_vpr.matching.evaluation import Metrics
@@ -69,6 +70,7 @@ from lava_vpr.truth.alignment import PositionErrors
 @asking_options
 @answer_options
 @motion_option("any")
+@cluster_option
 @click.option("--json", "json_path", type=PATH, default=None, metavar="FILE", help="Write the figures as JSON.")
 @click.option("--report", "report_folder", type=PATH, default=None, metavar="DIR", help="Write DIR/report.html.")
 @click.pass_context
@@ -88,6 +90,7 @@ def evaluate(
     motion: str,
     backend: str,
     seed: int | None,
+    address: str | None,
     json_path: Path | None,
     report_folder: Path | None,
 ) -> None:
@@ -97,6 +100,8 @@ def evaluate(
     those of the queries are told, by --query-positions or their names, places within --radius metres are correct. With
     --dataset, QUERY is the folder that holds a benchmark dataset (lava-vpr datasets), and MODEL was trained with it.
     """
+    if address is not None and backend != "host":
+        raise click.UsageError(f"--cluster runs the backend host, not {backend}; leave one of the two out")
     page = report_folder and report_folder / "report.html"
     read = (*truth.files, *(descriptors or ()))
     route = benchmark.recognised(query, every, places=places)
@@ -109,29 +114,31 @@ def evaluate(
     located = truth.located(model, traverse)
     correct = truth.of(model, traverse, located)
     names = rivals_of(model, rivals or None)
-    comparison = Comparison(
-        sequence,
-        names,
-        descriptors,
-        keep_scores=page is not None,
-        asking=asking,
-        motion=motion,
-        calibration=calibration_of(model, cores()) if sequence == query_views == 1 else None,
-    )
     kept = kept_for(names) | (Keep.THUMBNAILS if page is not None else Keep.NOTHING)
-    queries, *further = encode_queries(traverse, model, asking.of(model), kept)
-    with backend_progress(backend, len(queries)) as advance:
-        result = recognise(
-            model,
-            queries,
-            correct,
-            comparison,
-            backend=backend,
-            seed=seed,
-            threads=cores(),
-            advance=advance,
-            further=further,
+    with cluster_at(address) as cluster:
+        comparison = Comparison(
+            sequence,
+            names,
+            descriptors,
+            keep_scores=page is not None,
+            asking=asking,
+            motion=motion,
+            calibration=calibration_of(model, cores(), cluster) if sequence == query_views == 1 else None,
         )
+        queries, *further = encode_queries(traverse, model, asking.of(model), kept)
+        with backend_progress(backend, len(queries)) as advance:
+            result = recognise(
+                model,
+                queries,
+                correct,
+                comparison,
+                backend=backend,
+                seed=seed,
+                threads=cores(),
+                advance=advance,
+                further=further,
+                cluster=cluster,
+            )
     errors = None if located is None else PositionErrors(located, located.errors(result.matches), truth.near)
     if json_path is not None:  # files first: whoever reads the table may go away
         write_json(json_path, as_json(model, result, errors))

@@ -23,8 +23,8 @@ from lava_vpr.cli.common import (
 )
 from lava_vpr.cli.evaluate import command_line
 from lava_vpr.cli.outputs import Outputs, write_json
+from lava_vpr.cli.show.clusters import cluster_at, cluster_option
 from lava_vpr.cli.train import settings, with_front_end
-from lava_vpr.cluster.connection import connected
 from lava_vpr.cluster.tasks import Standing, Told
 from lava_vpr.config import PRESETS, Config
 from lava_vpr.encoding import Keep
@@ -73,13 +73,7 @@ from lava_vpr.traverse import Traverse, open_traverse, open_traverses
     "a module, members.",
 )
 @click.option("--jobs", type=click.IntRange(1, 1024), default=None, help="Threads (default: all processors).")
-@click.option(
-    "--cluster",
-    "address",
-    default=None,
-    metavar="ADDRESS",
-    help="Measure on the workers of the Dask cluster whose scheduler is at this address, tcp://HOST:PORT.",
-)
+@cluster_option
 @click.option("--json", "json_path", type=PATH, default=None, metavar="FILE", help="Write the figures as JSON.")
 @click.option("--report", "report_folder", type=PATH, default=None, metavar="DIR", help="Write DIR/study.html.")
 @click.pass_context
@@ -123,7 +117,7 @@ def study(
         )
     config, route = _route(learned, asked, config, tolerance)
     row, said = STUDIES[name], Asked(route, config, seeds, values)
-    with connected(address) as cluster, progress_bar(f"study {name}", len(planned(row, said))) as advance:
+    with cluster_at(address) as cluster, progress_bar(f"study {name}", len(planned(row, said))) as advance:
         found = run(
             row, said, jobs=jobs or cores(), cluster=cluster, command=command_line(ctx), progress=_told(advance)
         )

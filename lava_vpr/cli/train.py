@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import click
 
@@ -29,6 +27,8 @@ from lava_vpr.cli.common import (
 )
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.published.options import BenchmarkOptions, benchmark_options
+from lava_vpr.cli.show.clusters import cluster_at, cluster_option
+from lava_vpr.cli.show.learning import learning_bar
 from lava_vpr.cli.whereabouts import WhereEach, reference_positions_options
 from lava_vpr.config import PRESETS, Config, for_events, preset
 from lava_vpr.configfile import read_toml, update
@@ -38,7 +38,7 @@ from lava_vpr.events.files import is_recording
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.inputs.vectors import Standard
 from lava_vpr.inputs.windows import EventsConfig
-from lava_vpr.model import Model, Stretch
+from lava_vpr.model import Model
 from lava_vpr.slayer.front_end import learned_filters
 from lava_vpr.storage.locking import only_one
 from lava_vpr.storage.text import shown
@@ -46,7 +46,7 @@ from lava_vpr.training.calibration import calibrated
 from lava_vpr.training.checkpoint import check_resume, remove_checkpoint
 from lava_vpr.training.door import check_references
 from lava_vpr.training.keyframes import choose_places
-from lava_vpr.training.loop import Progress, check_size, presentations
+from lava_vpr.training.loop import check_size
 from lava_vpr.training.loop import train as train_model
 from lava_vpr.training.standard import check_asked, fitted, in_words, settings_for, standard_like
 from lava_vpr.traverse import Traverse, open_traverses
@@ -147,6 +147,7 @@ def window_options(command: F) -> F:
     "merged.",
 )
 @click.option("--jobs", type=click.IntRange(1, 1024), default=None, help="Threads (default: all processors).")
+@cluster_option
 @click.option("--seed", type=seed_type, default=None, help="Seed of start weights and spikes.  [default: 0]")
 @click.option("--resume", is_flag=True, help="Go on from the checkpoint of a training that was interrupted.")
 def train(
@@ -164,6 +165,7 @@ def train(
     spacing: float | None,
     change: float | None,
     like: Path | None,
+    address: str | None,
     **options: Any,
 ) -> None:
     """Learn the places of a route.
@@ -184,7 +186,7 @@ def train(
     checkpoint = output.with_name(output.name + ".checkpoint")
     route = benchmark.learned(references, every, places=places, keyframes=change)
     outputs = Outputs((output, checkpoint), read=(config_file, like, *where.files), images=route.sources)
-    with only_one(output):
+    with only_one(output), cluster_at(address) as cluster:
         check_resume(checkpoint, resume)
         whole = open_traverses(route.sources, every=route.every, events=config.events)
         outputs.spare(path for traverse in whole for path in traverse.paths)
@@ -201,7 +203,7 @@ def train(
         encoded = encode_references(chosen, config, standard)
         started = time.perf_counter()
         try:
-            with learning_bar(stretches, config, len(chosen)) as bar:
+            with learning_bar(stretches, config, len(chosen), here=cluster is None) as bar:
                 model = train_model(
                     encoded,
                     config,
@@ -210,6 +212,7 @@ def train(
                     standard=standard,
                     parts=parts,
                     jobs=jobs or cores(),
+                    cluster=cluster,
                     checkpoint=checkpoint,
                     resume=resume,
                     progress=bar.show,
@@ -219,7 +222,7 @@ def train(
             if checkpoint.exists():
                 stderr.print(f"progress is kept in {shown(checkpoint)}; go on with --resume")
             raise
-        model = calibrated(model, cores())
+        model = calibrated(model, cores(), cluster)
         seconds = time.perf_counter() - started
         model_file.save(model, output)
         remove_checkpoint(checkpoint)
@@ -316,63 +319,6 @@ def encode_references(
             traverse, config.encoder, config.views.views, Keep.ALL & ~Keep.THUMBNAILS if number else Keep.ALL, standard
         )
     ]
-
-
-class LearningBar(NamedTuple):
-    """A bar over all training presentations.
-
-    Attributes:
-        show: Takes `Progress`, from any thread.
-        skip: Takes the epochs done of each stretch before this run.
-        epochs: Epochs that a whole training has.
-    """
-
-    show: Callable[[Progress], None]
-    skip: Callable[[dict[int, int]], None]
-    epochs: int
-
-    def resumed(self, checkpoint: Path) -> Callable[[dict[int, int]], None]:
-        """What says that training goes on from ``checkpoint``, given the epochs done of each stretch."""
-
-        def told(done: dict[int, int]) -> None:
-            self.skip(done)
-            finished = ", ".join(f"stretch {k + 1}: {epoch} of {self.epochs}" for k, epoch in sorted(done.items()))
-            stderr.print(f"resuming from {shown(checkpoint)}; epochs done: {finished}")
-
-        return told
-
-
-@contextmanager
-def learning_bar(stretches: Sequence[Stretch], config: Config, traverses: int) -> Iterator[LearningBar]:
-    """A bar that tells spikes per image, neurons used and places covered of the ``stretches`` that learn."""
-    epochs, views = config.learning.epochs, len(config.views.views)
-    places = sum(stretch.places for stretch in stretches) // views
-    lock = threading.Lock()
-    pending = [0, time.monotonic()]
-    with progress_bar("learning", presentations(config, places, traverses, epochs)) as advance:
-
-        def show(state: Progress) -> None:
-            with lock:
-                pending[0] += 1
-                now = time.monotonic()
-                if state.neurons_used < 0 and now - pending[1] < 0.1:
-                    return
-                note = ""
-                if state.neurons_used >= 0:
-                    part = stretches[state.stretch]
-                    where = f"stretch {state.stretch + 1}/{len(stretches)}, " if len(stretches) > 1 else ""
-                    note = (
-                        f"{where}epoch {state.epoch + 1}/{epochs}: {state.spikes_per_image:.1f} spikes/image, "
-                        f"{state.neurons_used}/{part.neurons} neurons, {state.places_covered}/{part.places} places"
-                    )
-                advance(int(pending[0]), note)
-                pending[0], pending[1] = 0, now
-
-        def skip(done: dict[int, int]) -> None:
-            shown = sum(presentations(config, stretches[k].places, traverses, epoch) for k, epoch in done.items())
-            advance(shown // views, "")
-
-        yield LearningBar(show, skip, epochs)
 
 
 def describe(model: Model) -> str:

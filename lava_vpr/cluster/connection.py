@@ -18,7 +18,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 from lava_vpr.cluster import versions
-from lava_vpr.cluster.tasks import Told
+from lava_vpr.cluster.tasks import PATIENCE, Told
 from lava_vpr.errors import ClusterError, LavaVprError
 
 if TYPE_CHECKING:
@@ -30,8 +30,8 @@ ABSENT_S = 60.0
 """Seconds that a run waits while its cluster has no worker at all: who restarts one needs less."""
 COUNT_S = 1.0
 """Seconds between two counts of the workers."""
-AGAIN = 3
-"""Times that a task is submitted again after it was with as many workers that died as the scheduler allows (4)."""
+DEATHS = 16
+"""Workers that may die with a task, four times as many as a scheduler allows; then the task is taken for the cause."""
 _SEND_S = 1
 _GONE = (OSError, RuntimeError, TimeoutError, asyncio.TimeoutError)
 """What distributed raises of a machine that is gone; the last two are one since Python 3.11."""
@@ -51,7 +51,9 @@ class Connection:
         self._client, self.address, self.progress = client, address, progress
         self.most_absent = ABSENT_S
         self._threads: dict[str, int] = {}
-        self._counted = self._present = 0.0
+        self._counted = 0.0
+        self._present: float | None = None
+        self._sent: tuple[Any, Future] | None = None
 
     def running(self, function: Callable[[Any, Any], Any], shared: Any) -> _Tasks:
         """See `lava_vpr.cluster.tasks.Cluster`."""
@@ -65,13 +67,13 @@ class Connection:
         """
         self.require()
         now = time.monotonic()
-        if not self._counted or now - self._counted >= COUNT_S:
+        if not self._threads or now - self._counted >= COUNT_S:
             try:
                 self._threads = dict(self._client.nthreads())
             except Exception as error:
                 raise self.lost() from error
             self._counted = time.monotonic()
-        if self._threads or not self._present:
+        if self._threads or self._present is None:
             self._present = now
         elif now - self._present > self.most_absent:
             raise ClusterError(
@@ -79,6 +81,30 @@ class Connection:
                 f"{self.address}) and repeat the command, with --resume where a checkpoint was kept"
             )
         return self._threads
+
+    def send(self, shared: Any) -> Future:
+        """A shared value at one worker; each other takes it, once, from one that has it.
+
+        The last is kept there for the next run of tasks.
+
+        Raises:
+            ClusterError: the cluster was lost.
+        """
+        while self._sent is None or self._sent[0] is not shared:
+            self._sent = None
+            if not self.threads():
+                time.sleep(PATIENCE)
+                continue
+            try:
+                future = self._client.scatter([shared], hash=False, timeout=_SEND_S)[0]
+                self._sent = shared, future
+            except _GONE:  # a worker, or the scheduler
+                self.require()
+        return self._sent[1]
+
+    def forget(self) -> None:
+        """Send the shared value anew when it is next asked for: it was lost with the workers that had it."""
+        self._sent = None
 
     def require(self) -> None:
         """Refuse to go on without the scheduler.
@@ -98,10 +124,10 @@ class Connection:
 
 
 class _Task:
-    """A task that is not done: its number, its value, and how often it was submitted again."""
+    """A task that is not done: its number, its value, and how many workers have died with it."""
 
     def __init__(self, number: int, task: Any) -> None:
-        self.number, self.task, self.again = number, task, 0
+        self.number, self.task, self.deaths = number, task, 0
 
 
 class _Tasks:
@@ -111,7 +137,6 @@ class _Tasks:
         self, connection: Connection, client: Client, function: Callable[[Any, Any], Any], shared: Any
     ) -> None:
         self._connection, self._client, self._function, self._shared = connection, client, function, shared
-        self._sent: Future | None = None
         self._open: dict[Future, _Task] = {}
         self._done: queue.SimpleQueue[Future] = queue.SimpleQueue()
 
@@ -132,7 +157,7 @@ class _Tasks:
     def _submit(self, task: _Task) -> None:
         self._connection.require()
         try:
-            shared = self._send() if self._shared is not None else None
+            shared = self._connection.send(self._shared) if self._shared is not None else None
             future = self._client.submit(
                 at_worker, self._function, dict(versions.here()), shared, task.task, pure=False, retries=0
             )
@@ -140,18 +165,6 @@ class _Tasks:
             raise self._connection.lost() from error
         self._open[future] = task
         future.add_done_callback(self._done.put)
-
-    def _send(self) -> Future:
-        """The shared value, at every worker that is there; one that comes later takes it from another."""
-        while self._sent is None:
-            if not self._connection.threads():
-                time.sleep(0.2)
-                continue
-            try:
-                self._sent = self._client.scatter([self._shared], broadcast=True, hash=False, timeout=_SEND_S)[0]
-            except _GONE:  # a worker, or the scheduler
-                self._connection.require()
-        return self._sent
 
     def wait(self, seconds: float) -> tuple[int, Any] | None:
         """See `lava_vpr.cluster.tasks.Running`."""
@@ -168,31 +181,32 @@ class _Tasks:
         try:
             return task.number, future.result()
         except KilledWorker as error:
-            self._submit_again(task, f"worker after worker died with it, last {error.last_worker.address}")
+            self._submit_again(task, error.allowed_failures + 1)
         except CancelledError:  # what it needs was with workers that are all gone
             self._connection.require()
-            self._sent = None
-            self._submit_again(task, "what it needs was lost with its workers")
+            self._connection.forget()
+            self._submit_again(task, 1)
         except LavaVprError:
             raise
         except Exception as error:
-            self._connection.require()
+            if future.status != "error":  # it is done, but its result does not come
+                raise self._connection.lost() from error
             raise ClusterError(
                 f"task {task.number + 1} failed at a worker: {_named(error)}; its log says more"
             ) from error
         return None
 
-    def _submit_again(self, task: _Task, why: str) -> None:
-        """Submit a task that was lost, unless that has happened too often.
+    def _submit_again(self, task: _Task, deaths: int) -> None:
+        """Submit a task again with which so many more workers have died, unless these were too many.
 
         Raises:
-            ClusterError: it has.
+            ClusterError: they were.
         """
-        task.again += 1
-        if task.again > AGAIN:
+        task.deaths += deaths
+        if task.deaths >= DEATHS:
             raise ClusterError(
-                f"task {task.number + 1}: {why}, {task.again} times over; it may need more memory than a worker has "
-                "(dask worker --memory-limit), whose log says more"
+                f"task {task.number + 1}: {task.deaths} workers have died with it, one after another; it may need more "
+                "memory than they have (dask worker --memory-limit), and their logs say more"
             )
         self._submit(task)
 
@@ -203,12 +217,14 @@ class _Tasks:
         with suppress(Exception):  # the scheduler may be gone
             if left and self._client.status == "running":
                 self._client.cancel(left, force=True)
-        self._sent = None
 
 
 def _named(error: BaseException) -> str:
     """An error in one line, with its class."""
     text = " ".join(str(error).split())
+    at_end, of_connection = re.subn(r"^in <[^<>]*>: ", "", text)  # an object's address tells nobody anything
+    if of_connection:
+        return at_end
     if type(error) is Exception:  # what distributed makes of one that it cannot send
         return text
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
@@ -248,7 +264,7 @@ def connected(address: str | None, progress: Told | None = None) -> Iterator[Con
     client = _client(address)
     try:
         connection = Connection(client, address, progress)
-        _check_workers(client, address)
+        _check_workers(connection, client)
         yield connection
     finally:
         with suppress(Exception):
@@ -328,14 +344,14 @@ def _in_time(connect: Callable[[], Client]) -> Client:
     return client
 
 
-def _check_workers(client: Client, address: str) -> None:
+def _check_workers(connection: Connection, client: Client) -> None:
     """Wait for the first worker, and compare all that are there with this process.
 
     Raises:
         ClusterError: there is none, or one has other versions.
     """
-    end = time.monotonic() + WORKERS_S
-    while not client.nthreads():
+    address, end = connection.address, time.monotonic() + WORKERS_S
+    while not connection.threads():
         if time.monotonic() > end:
             raise ClusterError(f"{address}: the cluster has no workers; start some: dask worker {address}")
         time.sleep(0.1)

@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import queue
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
@@ -47,11 +47,13 @@ class Standing:
         called: What the tasks are, in the plural.
         done: Tasks whose results are here.
         workers: Workers of the cluster; 0: threads of this process.
+        total: All tasks; None: that is not known.
     """
 
     called: str
     done: int
     workers: int
+    total: int | None = None
 
 
 Told = Callable[[Standing], None]
@@ -140,9 +142,10 @@ def run_tasks(
     cluster: Cluster | None = None,
     jobs: int = 1,
     called: str = "tasks",
+    total: int | None = None,
     progress: Told | None = None,
     stop: threading.Event | None = None,
-) -> Iterator[R]:
+) -> Generator[R, None, None]:
     """The results of ``function(shared, task)`` for all ``tasks``, in their order, each as soon as it can be told.
 
     Args:
@@ -152,6 +155,7 @@ def run_tasks(
         cluster: Who runs them; None: threads of this process.
         jobs: Threads of this process.
         called: What the tasks are, in the plural, for `Standing`.
+        total: How many they are, if that is known, for the same.
         progress: Told where they stand; None: who was named to the cluster, if anybody was.
         stop: Set as soon as one fails or the run is given up; what runs here can look at it and end early.
     Raises:
@@ -160,7 +164,7 @@ def run_tasks(
     """
     ready: dict[int, R] = {}
     due = 0
-    for number, result in _results(function, tasks, shared, cluster, jobs, called, progress, stop, ready):
+    for number, result in _results(function, tasks, shared, cluster, jobs, (called, total), progress, stop, ready):
         ready[number] = result
         while due in ready:
             yield ready.pop(due)
@@ -175,11 +179,12 @@ def as_done(
     cluster: Cluster | None = None,
     jobs: int = 1,
     called: str = "tasks",
+    total: int | None = None,
     progress: Told | None = None,
     stop: threading.Event | None = None,
-) -> Iterator[tuple[int, R]]:
+) -> Generator[tuple[int, R], None, None]:
     """`run_tasks` without their order: the number of each task, from 0, and its result, as soon as it is done."""
-    return _results(function, tasks, shared, cluster, jobs, called, progress, stop, {})
+    return _results(function, tasks, shared, cluster, jobs, (called, total), progress, stop, {})
 
 
 def _results(
@@ -188,11 +193,11 @@ def _results(
     shared: S,
     cluster: Cluster | None,
     jobs: int,
-    called: str,
+    told_as: tuple[str, int | None],
     progress: Told | None,
     stop: threading.Event | None,
     ready: dict[int, R],
-) -> Iterator[tuple[int, R]]:
+) -> Generator[tuple[int, R], None, None]:
     """Results as they come; those in ``ready`` wait for one before them, and take the room of tasks that could run."""
     running: Running
     if cluster is None:
@@ -211,7 +216,7 @@ def _results(
                 else:
                     running.submit(*following)
                     pending += 1
-            standing = Standing(called, done, running.workers)
+            standing = Standing(told_as[0], done, running.workers, told_as[1])
             if progress is not None and standing != told:
                 told = standing
                 progress(standing)

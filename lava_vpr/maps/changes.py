@@ -21,7 +21,8 @@ from lava_vpr.model import IntegerModel, Model, Stretch, integer_model
 from lava_vpr.positions.frames import Positions
 from lava_vpr.training.door import check_encoded_references
 from lava_vpr.training.joining import Route, joined
-from lava_vpr.training.loop import Progress, learn, learned_weights, trainers_of
+from lava_vpr.training.loop import learned_weights
+from lava_vpr.training.stretches import Progress, learn, trainers_of
 from lava_vpr.traverse import ranges_of
 
 

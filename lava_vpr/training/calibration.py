@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.cluster.tasks import Cluster
 from lava_vpr.encoding import query_rates16
-from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.blocks import Block, in_blocks, of_integers
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.random import image_keys, presentation_key, presentation_keys, uniform
 from lava_vpr.inputs.encoder import INPUTS
@@ -37,23 +38,25 @@ SAMPLES = 500
 _PARTS, _SHIFTS, _REPEATS = 4, 2, 4
 
 
-def calibrated(model: Model, threads: int = 1) -> Model:
+def calibrated(model: Model, threads: int = 1, cluster: Cluster | None = None) -> Model:
     """``model`` with its calibration, for its file to keep; as it is, if its network is the float conductance model's.
 
     Args:
         model: A model.
         threads: Threads; they do not change the result.
+        cluster: Who asks the networks instead; None: those threads.
     """
     integer = as_integer(model) if model.calibration is None else None
-    return model if integer is None else replace(model, calibration=measured(integer, threads).samples)
+    return model if integer is None else replace(model, calibration=measured(integer, threads, cluster).samples)
 
 
-def measured(model: IntegerModel, threads: int = 1) -> Calibration:
+def measured(model: IntegerModel, threads: int = 1, cluster: Cluster | None = None) -> Calibration:
     """The calibration of ``model``, measured on its references.
 
     Args:
         model: A model whose network is one of integers.
         threads: Threads; they do not change the result.
+        cluster: Who asks the networks instead; None: those threads.
     """
     activity = model.activity[: model.places]  # the first traverse, straight ahead
     repeats = min(_REPEATS, max(2, -(-SAMPLES // model.places)))
@@ -64,7 +67,7 @@ def measured(model: IntegerModel, threads: int = 1) -> Calibration:
     for repeat in range(repeats):
         share = np.array(shares)[(np.arange(len(places)) + repeat) % len(shares)]
         shown = altered(activity, places, model.config.seed, repeat, share, channels)
-        counts = _asked(model.network, model, shown, repeat, threads)
+        counts = _asked(model.network, model, shown, repeat, threads, cluster)
         scores = _scores(model, model.responses, counts)
         kinds = np.where(best(scores) == places, RIGHT, WRONG)
         samples.append(np.stack([margin(scores), kinds], axis=1))
@@ -72,7 +75,7 @@ def measured(model: IntegerModel, threads: int = 1) -> Calibration:
         chosen = left_out[:: max(1, len(left_out) * _PARTS * _SHIFTS // SAMPLES)]
         for repeat in range(repeats):
             draw = repeats + number * repeats + repeat
-            counts = _asked(network, model, activity[chosen], draw, threads)
+            counts = _asked(network, model, activity[chosen], draw, threads, cluster)
             margins = margin(_scores(model, responses, counts))
             samples.append(np.stack([margins, np.full(len(margins), OFF_MAP)], axis=1))
     return Calibration(np.concatenate(samples).astype(np.float32))
@@ -110,12 +113,17 @@ def altered(
 
 
 def _asked(
-    network: FixedNetwork, model: IntegerModel, activity: NDArray[np.float32], repeat: int, threads: int
+    network: FixedNetwork,
+    model: IntegerModel,
+    activity: NDArray[np.float32],
+    repeat: int,
+    threads: int,
+    cluster: Cluster | None,
 ) -> NDArray[np.int32]:
     """Spike counts (n, neurons) of images with ``activity``, with the noise of this repetition."""
     rates = query_rates16(activity, model.config.encoder)
     keys = presentation_keys(model.config.seed, "calibration", image_keys(rates), repeat)
-    return fixed.count_spikes(network, rates, keys, threads=threads)[0]
+    return in_blocks(of_integers, network, Block(rates, keys), threads=threads, cluster=cluster)[0]
 
 
 def _scores(model: IntegerModel, responses: NDArray[Any], counts: NDArray[np.int32]) -> NDArray[np.float64]:

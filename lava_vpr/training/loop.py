@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import itertools
-import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.cluster.tasks import Cluster
 from lava_vpr.config import Config
-from lava_vpr.encoding import EncodedTraverse, training_rates
+from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine import effort
 from lava_vpr.engine.inference import quantise
 from lava_vpr.engine.learning import integer, stdp
-from lava_vpr.engine.learning.recruiting import key_again, recruit, rounds
-from lava_vpr.engine.random import image_keys, presentation_key, stretch_key
 from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.gate import as_integer_config, integer_config
 from lava_vpr.inputs.vectors import Standard
@@ -30,20 +25,8 @@ from lava_vpr.slayer import needs
 from lava_vpr.training.checkpoint import Checkpoint, fingerprint
 from lava_vpr.training.door import check_encoded_references
 from lava_vpr.training.joining import Route, joined, model_of
-from lava_vpr.training.references import coverage
-from lava_vpr.training.trainers import ConductanceTrainer, StretchTrainer, trainer_of
-
-
-@dataclass(frozen=True)
-class Progress:
-    """Progress of one stretch; ``neurons_used`` and ``places_covered`` speak of its last whole epoch."""
-
-    stretch: int
-    epoch: int
-    presentations: int
-    spikes_per_image: float
-    neurons_used: int
-    places_covered: int
+from lava_vpr.training.stretches import Shown, learn, trainers_of, traverses_shown
+from lava_vpr.training.trainers import ConductanceTrainer, StretchTrainer
 
 
 def split(places: int, config: Config, parts: Sequence[int] = ()) -> tuple[Stretch, ...]:
@@ -147,10 +130,11 @@ def train(
     standard: Standard | None = None,
     parts: Sequence[int] = (),
     jobs: int = 1,
+    cluster: Cluster | None = None,
     checkpoint: Path | None = None,
     interval: float = 2.0,
     resume: bool = False,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Shown | None = None,
     resumed: Callable[[dict[int, int]], None] | None = None,
 ) -> Model:
     """Learn the places of a route.
@@ -165,14 +149,16 @@ def train(
         parts: Numbers of places in a row, each part of the route cut into stretches by itself; none: the whole route is
             one part. Training parts together gives the model that training each and `lava_vpr.maps.merge` gives.
         jobs: Threads; each learns one stretch at a time.
+        cluster: Who learns the stretches and measures responses instead; None: threads of this process.
         checkpoint: Where to keep checkpoints; None keeps none.
         interval: Least seconds between two checkpoints.
         resume: Go on from ``checkpoint``.
-        progress: Called after every presentation, from any thread.
+        progress: Called after every presentation here, from any thread; of a cluster, it is told where tasks stand.
         resumed: Function that is told the epochs done per stretch when training resumes.
     Raises:
         ConfigError: the settings cannot be learned, or model or training would cost more than the limits allow.
         InputError: references do not match each other or the settings.
+        ClusterError: the cluster was lost; stretches that had come back are in the checkpoint.
         ModelFileError: the checkpoint cannot be used or written.
         NetworkLimitError: the trained network could overflow.
     """
@@ -186,45 +172,17 @@ def train(
         store.load(trainers, config.learning.epochs, traverses)
         if resumed is not None:
             resumed(dict(store.epochs))
-    learn(trainers, stretches, references, config, jobs=jobs, store=store, progress=progress)
+    learn(trainers, stretches, references, config, jobs=jobs, cluster=cluster, store=store, progress=progress)
     try:
         if isinstance(trainers[0], ConductanceTrainer):
             network, responses = trainers[0].network, trainers[0].responses
             return model_of(network, np.zeros((0, 0), np.float32), responses, config, stretches, route)
-        return joined(learned_weights(trainers, config), config, stretches, route, jobs)
+        return joined(learned_weights(trainers, config), config, stretches, route, jobs, cluster)
     except (ConfigError, NetworkLimitError):
         # Only other settings help, and those cannot go on from here.
         if checkpoint is not None:
             checkpoint.unlink(missing_ok=True)
         raise
-
-
-def presented_keys(references: Sequence[EncodedTraverse], config: Config) -> list[NDArray[np.uint64]]:
-    """The image key of each reference as training shows it, uint64 (places,), of each of ``references``."""
-    return [image_keys(training_rates(reference.activity, config)) for reference in references]
-
-
-def start_key(stretch: Stretch, keys: Sequence[NDArray[np.uint64]]) -> int:
-    """The key that start weights of ``stretch`` are drawn for: that of its places' images in the first traverse.
-
-    Args:
-        stretch: The stretch.
-        keys: `presented_keys`.
-    """
-    return stretch_key(keys[stretch.view][stretch.first_place : stretch.first_place + stretch.places])
-
-
-def trainers_of(
-    stretches: Sequence[Stretch], references: Sequence[EncodedTraverse], config: Config
-) -> list[StretchTrainer]:
-    """A new trainer for each of ``stretches``."""
-    keys, views = presented_keys(references, config), len(config.views.views)
-
-    def shown(part: Stretch) -> NDArray[np.float32]:
-        places = slice(part.first_place, part.first_place + part.places)
-        return np.concatenate([reference.activity[places] for reference in references[part.view :: views]])
-
-    return [trainer_of(config, part, start_key(part, keys), shown(part)) for part in stretches]
 
 
 def learned_weights(trainers: Sequence[StretchTrainer], config: Config) -> NDArray[np.float32]:
@@ -239,126 +197,6 @@ def learned_weights(trainers: Sequence[StretchTrainer], config: Config) -> NDArr
     return np.concatenate(parts, axis=1)
 
 
-def learn(
-    trainers: Sequence[StretchTrainer],
-    stretches: Sequence[Stretch],
-    references: Sequence[EncodedTraverse],
-    config: Config,
-    *,
-    jobs: int = 1,
-    store: Checkpoint | None = None,
-    progress: Callable[[Progress], None] | None = None,
-) -> None:
-    """Let the trainers of all ``stretches`` learn; each sees the images of its own stretch and nothing of the others.
-
-    Args:
-        trainers, stretches: The trainer of each stretch, which is changed.
-        references, config, jobs, progress: As in `train`.
-        store: Where training stands; None: at its start, and no checkpoint is kept.
-    """
-    store = Checkpoint(None, "") if store is None else store
-    rates = [training_rates(reference.activity, config) for reference in references]
-    keys = [image_keys(some) for some in rates]
-    stop = threading.Event()
-
-    def learn_one(number: int) -> None:
-        stretch, trainer = stretches[number], trainers[number]
-        for epoch in range(store.epochs.get(number, 0), config.learning.epochs):
-            if not _epoch(trainer, stretch, number, epoch, rates, keys, config, progress, stop):
-                return
-            store.update(number, epoch + 1, trainer.state())
-
-    _run(learn_one, len(stretches), jobs, stop, store)
-
-
-def _run(learn: Callable[[int], None], stretches: int, jobs: int, stop: threading.Event, store: Checkpoint) -> None:
-    """Learn every stretch, on ``jobs`` threads; an interrupt or error stops all and saves what is known."""
-
-    def guarded(number: int) -> None:
-        try:
-            learn(number)
-        except BaseException:
-            stop.set()  # at once, before a thread takes up the next stretch
-            raise
-
-    with ThreadPoolExecutor(max(1, min(jobs, stretches))) as pool:
-        futures = [pool.submit(guarded, number) for number in range(stretches)]
-        try:
-            pending = set(futures)
-            while pending:  # a finite wait lets Ctrl-C through
-                done, pending = wait(pending, timeout=0.2, return_when=FIRST_EXCEPTION)
-                for future in done:
-                    future.result()
-        except BaseException:
-            stop.set()
-            for future in futures:
-                future.cancel()
-            wait(futures)
-            store.flush()
-            raise
-
-
-def traverses_shown(config: Config, epoch: int, traverses: int) -> int:
-    """The number of ``traverses`` that an epoch shows: while neurons compete for places, the first alone."""
-    settings = as_integer_config(config)
-    competing = settings is not None and epoch < settings.learning.competing
-    return 1 if competing else traverses
-
-
 def presentations(config: Config, places: int, traverses: int, epochs: int) -> int:
     """Training presentations of ``places`` places in all views in the first ``epochs`` epochs."""
     return places * len(config.views.views) * sum(traverses_shown(config, epoch, traverses) for epoch in range(epochs))
-
-
-def _epoch(
-    trainer: StretchTrainer,
-    stretch: Stretch,
-    number: int,
-    epoch: int,
-    rates: Sequence[NDArray[Any]],
-    keys: Sequence[NDArray[np.uint64]],
-    config: Config,
-    progress: Callable[[Progress], None] | None,
-    stop: threading.Event,
-) -> bool:
-    """Show the images of one stretch in its view, first traverse first; False if training was stopped.
-
-    After the last epoch neurons without a place are recruited for places without a neuron.
-    """
-    counts = np.zeros((stretch.places, stretch.neurons), np.int64)
-    shown = 0
-    trainer.begin_epoch(epoch)
-    views = len(config.views.views)
-    traverses = traverses_shown(config, epoch, len(rates) // views)
-    in_view = range(stretch.view, traverses * views, views)
-
-    def present(shown_as: int, place: int, times: int = 0) -> NDArray[Any]:
-        image = stretch.first_place + place
-        key = presentation_key(config.seed, "train", int(keys[shown_as][image]), epoch * len(rates) + shown_as)
-        return trainer.present(rates[shown_as][image], key_again(key, times), place, epoch)
-
-    def again(place: int, times: int) -> NDArray[Any] | None:
-        if stop.is_set():
-            return None
-        return np.sum([present(shown_as, place, times) for shown_as in in_view], axis=0)
-
-    for shown_as in in_view:
-        for place in range(stretch.places):
-            if stop.is_set():
-                return False
-            counts[place] += present(shown_as, place)
-            shown += 1
-            if progress is not None:
-                progress(_progress(number, epoch, shown, counts, shown == stretch.places * traverses))
-    settings, thresholds = as_integer_config(config), trainer.thresholds()
-    if settings is None or thresholds is None or epoch < config.learning.epochs - 1:
-        return True
-    return recruit(thresholds, counts, rounds(settings.learning), again)
-
-
-def _progress(number: int, epoch: int, shown: int, counts: NDArray[np.int64], whole: bool) -> Progress:
-    """Figures of one stretch; those that cost time only at the end of an epoch (else -1)."""
-    if not whole:
-        return Progress(number, epoch, shown, -1.0, -1, -1)
-    used, covered = coverage(counts.T)
-    return Progress(number, epoch, shown, float(counts.sum() / shown), used, covered)

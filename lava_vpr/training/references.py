@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.cluster.tasks import Cluster
 from lava_vpr.config import Config
 from lava_vpr.encoding import EncodedTraverse, query_rates, query_rates16
-from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.blocks import BLOCK, Block, counted, of_integers
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.quantise import Shown
 from lava_vpr.engine.random import image_keys, presentation_keys
@@ -77,21 +78,27 @@ def shown_references(stretches: Sequence[Stretch], activity: NDArray[np.float32]
     )
 
 
-def measured_responses(model: Model, network: FixedNetwork, threads: int) -> NDArray[Any]:
+def measured_responses(
+    model: Model, network: FixedNetwork, threads: int, cluster: Cluster | None = None
+) -> NDArray[Any]:
     """S^R of ``network`` on the references that ``model`` keeps, `narrow` (neurons, places), traverses summed."""
     total = _no_responses(network, model.places, len(model.labels) // model.places)
-    for rows, counts in _response_counts(network, model.activity, model.config, threads):
+    for rows, counts in _response_counts(network, model.activity, model.config, threads, cluster):
         np.add.at(total.T, model.labels[rows], counts.astype(total.dtype))
     return narrow(total)
 
 
 def reference_responses(
-    network: FixedNetwork, references: Sequence[EncodedTraverse], config: Config, threads: int
+    network: FixedNetwork,
+    references: Sequence[EncodedTraverse],
+    config: Config,
+    threads: int,
+    cluster: Cluster | None = None,
 ) -> NDArray[Any]:
     """S^R of the frozen ``network`` on the references, `narrow` (neurons, places), traverses summed."""
     total = _no_responses(network, len(references[0]), len(references))
     for reference in references:
-        for rows, counts in _response_counts(network, reference.activity, config, threads):
+        for rows, counts in _response_counts(network, reference.activity, config, threads, cluster):
             total[:, rows] += counts.T.astype(total.dtype)
     return narrow(total)
 
@@ -103,13 +110,22 @@ def _no_responses(network: FixedNetwork, places: int, images: int) -> NDArray[An
 
 
 def _response_counts(
-    network: FixedNetwork, activity: NDArray[np.float32], config: Config, threads: int
+    network: FixedNetwork, activity: NDArray[np.float32], config: Config, threads: int, cluster: Cluster | None
 ) -> Iterator[tuple[slice, NDArray[np.int32]]]:
     """The spike counts int32 (rows, neurons) of references, some at a time: of a long map, all would not fit."""
-    for start in range(0, len(activity), _TOGETHER):
-        rows = slice(start, start + _TOGETHER)
+    together = _TOGETHER if cluster is None else BLOCK
+    parts = [slice(start, start + together) for start in range(0, len(activity), together)]
+
+    def block(rows: slice) -> Block:
         rates = query_rates16(activity[rows], config.encoder)
-        counts, _, _ = fixed.count_spikes(network, rates, response_keys(rates, config.seed), threads=threads)
+        return Block(rates, response_keys(rates, config.seed))
+
+    blocks = map(block, parts)
+    if cluster is not None:
+        found = counted(of_integers, network, blocks, cluster=cluster, total=len(parts))
+    else:
+        found = (of_integers(network, some, threads) for some in blocks)
+    for rows, (counts, _) in zip(parts, found, strict=True):
         yield rows, counts
 
 

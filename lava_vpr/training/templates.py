@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from lava_vpr.cluster.tasks import Cluster
 from lava_vpr.configfile import update
 from lava_vpr.model import IntegerModel, Model, integer_model
 from lava_vpr.training.loop import train
 from lava_vpr.training.references import parts_of, references_of
 
 
-def template_of(model: Model, threads: int = 1) -> IntegerModel:
+def template_of(model: Model, threads: int = 1, cluster: Cluster | None = None) -> IntegerModel:
     """The model of the same references and settings whose weights are the references' mean rates, one neuron a place.
 
     It is the one that ``train --learning template`` makes of the same stretches, bit for bit: same inputs, same
@@ -17,6 +18,7 @@ def template_of(model: Model, threads: int = 1) -> IntegerModel:
     Args:
         model: A model with an integer network, of a bundle, too.
         threads: Threads that measure S^R; they change nothing.
+        cluster: Who measures it instead; None: those threads.
     Raises:
         ConfigError: the model is the float conductance model, or so many neurons cost more than the limits allow.
         NetworkLimitError: the network could overflow.
@@ -34,5 +36,6 @@ def template_of(model: Model, threads: int = 1) -> IntegerModel:
         standard=model.standard,
         parts=cut,
         jobs=threads,
+        cluster=cluster,
     )
     return integer_model(made, "the baseline template")

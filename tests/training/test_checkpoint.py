@@ -57,7 +57,7 @@ def epochs(value: object) -> Forge:
 
 
 def first(name: str, value: object) -> Forge:
-    return lambda header, arrays: arrays[name].reshape(-1).__setitem__(0, value)
+    return lambda header, arrays: arrays[name].flat.__setitem__(0, value)
 
 
 def changed(name: str, change: Callable[[np.ndarray], np.ndarray]) -> Forge:

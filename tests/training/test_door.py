@@ -18,7 +18,8 @@ from lava_vpr.configfile import update
 from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.recognition import count_query_spikes
 from lava_vpr.storage.limits import variable
-from lava_vpr.training.loop import Progress, check_size, train
+from lava_vpr.training.loop import check_size, train
+from lava_vpr.training.stretches import Progress
 
 
 def never(state: Progress) -> None:

@@ -18,8 +18,9 @@ from lava_vpr.engine.random import image_keys, presentation_key
 from lava_vpr.errors import ConfigError, InputError, ModelFileError, NetworkLimitError
 from lava_vpr.model import Model, integer_model
 from lava_vpr.storage import container
-from lava_vpr.training.loop import Progress, check_size, presentations, split, train
+from lava_vpr.training.loop import check_size, presentations, split, train
 from lava_vpr.training.references import coverage, measured_responses, reference_responses
+from lava_vpr.training.stretches import Progress
 
 
 class KilledError(Exception):
@@ -213,7 +214,7 @@ def test_no_two_training_presentations_share_noise(monkeypatch: pytest.MonkeyPat
         drawn.append(key_again(key, times))
         return drawn[-1]
 
-    monkeypatch.setattr("lava_vpr.training.loop.key_again", recorded)
+    monkeypatch.setattr("lava_vpr.training.stretches.key_again", recorded)
     train([encoded(), encoded(), encoded()], small_config())
     # Two epochs of the first traverse alone, three of all; and some place three times more, of all three.
     assert len(drawn) == len(set(drawn)) > 2 * 8 + 3 * 3 * 8

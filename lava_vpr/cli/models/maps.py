@@ -15,7 +15,8 @@ from lava_vpr import maps
 from lava_vpr import model as model_file
 from lava_vpr.cli.common import PATH, Places, every_option, places_option
 from lava_vpr.cli.outputs import Outputs
-from lava_vpr.cli.train import describe, encode_references, learning_bar, tell
+from lava_vpr.cli.show.learning import learning_bar
+from lava_vpr.cli.train import describe, encode_references, tell
 from lava_vpr.cli.whereabouts import WhereEach, reference_positions_options
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError, ModelFileError

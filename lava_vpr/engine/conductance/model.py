@@ -132,9 +132,9 @@ def initial_state(config: Config, inputs: int) -> ConductanceState:
     start = uniform(presentation_key(config.seed, "start", 0), inputs * network.neurons)
     delay = uniform(presentation_key(config.seed, "delay", 0), inputs * network.neurons)
     return ConductanceState(
-        weights=(START_WEIGHT * (start + 0.01)).reshape(shape),
+        weights=np.asfortranarray((START_WEIGHT * (start + 0.01)).reshape(shape)),  # as training needs and leaves them
         theta_mv=np.full(network.neurons, learning.theta_start_mv),
-        delays=np.floor(delay * longest + 0.5).astype(np.uint16).reshape(shape),
+        delays=np.asfortranarray(np.floor(delay * longest + 0.5).astype(np.uint16).reshape(shape)),
     )
 
 

@@ -1,0 +1,227 @@
+"""What one stretch learns, epoch by epoch; and all of them, on threads here or by a cluster's workers.
+
+A stretch sees its own images and nothing of the others, so what it learns is a function of those, of the settings and
+of the seed, wherever it learns. Here all trainers stand in this process, and what each has after an epoch is kept. A
+worker gets a stretch with its images, learns it whole, and sends back what its trainer holds.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.cluster.tasks import Cluster, as_done
+from lava_vpr.config import Config
+from lava_vpr.encoding import EncodedTraverse, training_rates
+from lava_vpr.engine.learning.recruiting import key_again, recruit, rounds
+from lava_vpr.engine.random import image_keys, presentation_key, stretch_key
+from lava_vpr.gate import as_integer_config
+from lava_vpr.model import Stretch
+from lava_vpr.training.checkpoint import Checkpoint
+from lava_vpr.training.references import coverage
+from lava_vpr.training.trainers import StretchTrainer, restore, trainer_of
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Progress of one stretch; ``neurons_used`` and ``places_covered`` speak of its last whole epoch."""
+
+    stretch: int
+    epoch: int
+    presentations: int
+    spikes_per_image: float
+    neurons_used: int
+    places_covered: int
+
+
+Shown = Callable[[Progress], None]
+
+
+class Lesson(NamedTuple):
+    """A stretch as a task.
+
+    Attributes:
+        stretch: The stretch.
+        activity: Input responses to its images in its view, float32 (traverses, places, inputs).
+        epochs: Whole epochs that it has learned before.
+        state: What its trainer held after those (`StretchTrainer.state`); empty before the first.
+    """
+
+    stretch: Stretch
+    activity: NDArray[np.float32]
+    epochs: int
+    state: dict[str, NDArray[Any]]
+
+
+class Images(NamedTuple):
+    """The images of a stretch in its view, as training shows them.
+
+    Attributes:
+        rates: Of each traverse, (places, inputs).
+        keys: Image keys of each traverse, uint64 (places,).
+    """
+
+    rates: list[NDArray[Any]]
+    keys: list[NDArray[np.uint64]]
+
+
+def activity_of(stretch: Stretch, references: Sequence[EncodedTraverse], config: Config) -> NDArray[np.float32]:
+    """Input responses to the images of ``stretch`` in its view, float32 (traverses, places, inputs)."""
+    places, views = slice(stretch.first_place, stretch.first_place + stretch.places), len(config.views.views)
+    return np.stack([reference.activity[places] for reference in references[stretch.view :: views]])
+
+
+def images_of(activity: NDArray[np.float32], config: Config) -> Images:
+    """The images with these responses (traverses, places, inputs), as training shows them."""
+    rates = [training_rates(traverse, config) for traverse in activity]
+    return Images(rates, [image_keys(traverse) for traverse in rates])
+
+
+def trainers_of(
+    stretches: Sequence[Stretch], references: Sequence[EncodedTraverse], config: Config
+) -> list[StretchTrainer]:
+    """A new trainer for each of ``stretches``."""
+    return [_trainer(stretch, activity_of(stretch, references, config), config) for stretch in stretches]
+
+
+def _trainer(stretch: Stretch, activity: NDArray[np.float32], config: Config) -> StretchTrainer:
+    """A new trainer of a stretch with these images, (traverses, places, inputs)."""
+    first = images_of(activity[:1], config).keys[0]  # start weights are drawn for these
+    return trainer_of(config, stretch, stretch_key(first), activity.reshape(-1, activity.shape[2]))
+
+
+def learn(
+    trainers: Sequence[StretchTrainer],
+    stretches: Sequence[Stretch],
+    references: Sequence[EncodedTraverse],
+    config: Config,
+    *,
+    jobs: int = 1,
+    cluster: Cluster | None = None,
+    store: Checkpoint | None = None,
+    progress: Shown | None = None,
+) -> None:
+    """Let the trainers of all ``stretches`` learn; each sees the images of its own stretch and nothing of the others.
+
+    An interrupt or error stops all and saves what is known.
+
+    Args:
+        trainers, stretches: The trainer of each stretch, which is changed.
+        references, config, jobs, cluster, progress: As in `lava_vpr.training.loop.train`.
+        store: Where training stands; None: at its start, and no checkpoint is kept.
+    """
+    known = Checkpoint(None, "") if store is None else store
+    epochs, views, stop = config.learning.epochs, len(config.views.views), threading.Event()
+    left = [number for number in range(len(stretches)) if known.epochs.get(number, 0) < epochs]
+
+    def learn_here(shared: None, number: int) -> None:
+        images = images_of(activity_of(stretches[number], references, config), config)
+        for epoch in range(known.epochs.get(number, 0), epochs):
+            if not _epoch(trainers[number], stretches[number], number, epoch, images, config, views, progress, stop):
+                return
+            known.update(number, epoch + 1, trainers[number].state())
+
+    def lesson(number: int) -> Lesson:
+        activity, done = activity_of(stretches[number], references, config), known.epochs.get(number, 0)
+        return Lesson(stretches[number], activity, done, trainers[number].state() if done else {})
+
+    try:
+        if cluster is None:
+            with closing(as_done(learn_here, left, shared=None, jobs=jobs, called="stretches", stop=stop)) as found:
+                for _ in found:
+                    pass
+            return
+        lessons = (lesson(number) for number in left)
+        with closing(
+            as_done(learned, lessons, shared=config, cluster=cluster, called="stretches", total=len(left))
+        ) as states:
+            for at, state in states:
+                trainer = trainers[left[at]]
+                restore(trainer, state, epochs, len(references) // views)
+                known.update(left[at], epochs, trainer.state())
+        known.flush()  # what comes next needs the cluster, too, and may lose it
+    except BaseException:
+        known.flush()
+        raise
+
+
+def learned(config: Config, lesson: Lesson) -> dict[str, NDArray[Any]]:
+    """What the trainer of a stretch holds when it has learned all epochs; a task of a cluster.
+
+    Args:
+        config: Settings.
+        lesson: The stretch, from an epoch on.
+    """
+    stretch, images, traverses = lesson.stretch, images_of(lesson.activity, config), len(lesson.activity)
+    trainer, stop = _trainer(stretch, lesson.activity, config), threading.Event()
+    if lesson.epochs:
+        restore(trainer, lesson.state, lesson.epochs, traverses)
+    for epoch in range(lesson.epochs, config.learning.epochs):
+        _epoch(trainer, stretch, 0, epoch, images, config, len(config.views.views), None, stop)
+    return trainer.state()
+
+
+def traverses_shown(config: Config, epoch: int, traverses: int) -> int:
+    """The number of ``traverses`` that an epoch shows: while neurons compete for places, the first alone."""
+    settings = as_integer_config(config)
+    competing = settings is not None and epoch < settings.learning.competing
+    return 1 if competing else traverses
+
+
+def _epoch(
+    trainer: StretchTrainer,
+    stretch: Stretch,
+    number: int,
+    epoch: int,
+    images: Images,
+    config: Config,
+    views: int,
+    progress: Shown | None,
+    stop: threading.Event,
+) -> bool:
+    """Show the images of one stretch in its view, first traverse first; False if training was stopped.
+
+    After the last epoch neurons without a place are recruited for places without a neuron.
+    """
+    counts = np.zeros((stretch.places, stretch.neurons), np.int64)
+    shown, references = 0, len(images.rates) * views
+    trainer.begin_epoch(epoch)
+    traverses = traverses_shown(config, epoch, len(images.rates))
+
+    def present(traverse: int, place: int, times: int = 0) -> NDArray[Any]:
+        shown_as = traverse * views + stretch.view  # its number among all references
+        image = int(images.keys[traverse][place])
+        key = presentation_key(config.seed, "train", image, epoch * references + shown_as)
+        return trainer.present(images.rates[traverse][place], key_again(key, times), place, epoch)
+
+    def again(place: int, times: int) -> NDArray[Any] | None:
+        if stop.is_set():
+            return None
+        return np.sum([present(traverse, place, times) for traverse in range(traverses)], axis=0)
+
+    for traverse in range(traverses):
+        for place in range(stretch.places):
+            if stop.is_set():
+                return False
+            counts[place] += present(traverse, place)
+            shown += 1
+            if progress is not None:
+                progress(_progress(number, epoch, shown, counts, shown == stretch.places * traverses))
+    settings, thresholds = as_integer_config(config), trainer.thresholds()
+    if settings is None or thresholds is None or epoch < config.learning.epochs - 1:
+        return True
+    return recruit(thresholds, counts, rounds(settings.learning), again)
+
+
+def _progress(number: int, epoch: int, shown: int, counts: NDArray[np.int64], whole: bool) -> Progress:
+    """Figures of one stretch; those that cost time only at the end of an epoch (else -1)."""
+    if not whole:
+        return Progress(number, epoch, shown, -1.0, -1, -1)
+    used, covered = coverage(counts.T)
+    return Progress(number, epoch, shown, float(counts.sum() / shown), used, covered)

@@ -1,0 +1,138 @@
+"""``--cluster``: two workers here, one of them killed in the middle, write the bytes that one machine writes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+from support.common.daskcluster import DaskCluster
+
+from lava_vpr.cli import main
+from lava_vpr.cli.show import clusters
+from lava_vpr.cluster import connection
+from lava_vpr.cluster.tasks import Standing
+from lava_vpr.engine import blocks
+from lava_vpr.synthetic.world import write_traverses
+from lava_vpr.training import references
+
+QUICK = "stretch = 4\n[network]\nsteps = 64\n[learning]\nsteps = 200\nepochs = 4\n"
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[DaskCluster]:
+    (tmp_path / "cluster").mkdir()
+    made = DaskCluster(tmp_path / "cluster")
+    yield made
+    made.end()
+
+
+@pytest.fixture
+def route(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A synthetic route of 24 places, in stretches of 4, and blocks of few presentations."""
+    write_traverses(tmp_path, 24, 0)
+    (tmp_path / "quick.toml").write_text(QUICK)
+    monkeypatch.chdir(tmp_path)
+    for module in (blocks, references):
+        monkeypatch.setattr(module, "BLOCK", 12)
+    return tmp_path
+
+
+def run(*words: object) -> Result:
+    return CliRunner().invoke(main, [str(word) for word in words])
+
+
+def kill_at(monkeypatch: pytest.MonkeyPatch, called: str, kill: Callable[[], object]) -> list[Standing]:
+    """Kill somebody once two of the tasks ``called`` so are done; what was told."""
+    told: list[Standing] = []
+    tell = clusters._Told.__call__
+
+    def telling(self: clusters._Told, standing: Standing) -> None:
+        told.append(standing)
+        if standing.called == called and standing.done == 2:
+            kill()
+        tell(self, standing)
+
+    monkeypatch.setattr(clusters._Told, "__call__", telling)
+    return told
+
+
+def killed_in_the_middle(
+    cluster: DaskCluster, summer: object, winter: object, options: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """``train`` and ``eval``, here and at a cluster that loses a worker in each; model and figures are equal bytes."""
+    to = ("--cluster", cluster.address)
+    assert run("train", summer, "-o", "here.lvpr", *options).exit_code == 0
+    with monkeypatch.context() as patched:
+        told = kill_at(patched, "stretches", cluster.workers[0].kill)
+        learned = run("train", summer, "-o", "there.lvpr", *options, *to)
+    assert learned.exit_code == 0, learned.output
+    assert learned.stderr.splitlines()[0] == f"note: {cluster.address}: 2 workers with 2 threads in all"
+    assert f"note: {cluster.address}: 1 worker" in learned.stderr.splitlines()
+    stretches = max(standing.total or 0 for standing in told if standing.called == "stretches")
+    assert stretches >= 3
+    assert Path("there.lvpr").read_bytes() == Path("here.lvpr").read_bytes()
+    assert not Path("there.lvpr.checkpoint").exists()
+
+    cluster.workers = [cluster.workers[1], cluster.add()]
+    assert run("eval", "here.lvpr", winter, "--json", "here.json").exit_code == 0
+    with monkeypatch.context() as patched:
+        kill_at(patched, "blocks", cluster.workers[0].kill)
+        asked = run("eval", "there.lvpr", winter, "--json", "there.json", *to)
+    assert asked.exit_code == 0, asked.output
+    assert cluster.workers[0].poll() is not None
+    assert Path("there.json").read_bytes() == Path("here.json").read_bytes()
+
+
+def test_two_workers_one_of_them_killed_in_the_middle(
+    route: Path, cluster: DaskCluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    killed_in_the_middle(cluster, "reference", "query", ["--config", "quick.toml"], monkeypatch)
+
+
+@pytest.mark.slow
+@pytest.mark.data
+def test_the_same_on_real_images(
+    data_root: Path, tmp_path: Path, cluster: DaskCluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The default preset on 500 places of a railway, a season apart."""
+    monkeypatch.chdir(tmp_path)
+    summer, winter = (data_root / "data" / "nordland" / season for season in ("summer", "winter"))
+    options = ["--places", "0:500", "--stretch", "50"]
+    killed_in_the_middle(cluster, summer, winter, options, monkeypatch)
+
+
+def test_a_lost_scheduler_is_one_line_and_training_resumes(
+    route: Path, cluster: DaskCluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = ("train", "reference", "-o", "m.lvpr", "--config", "quick.toml")
+    with monkeypatch.context() as patched:
+        kill_at(patched, "stretches", cluster.scheduler.kill)
+        lost = run(*words, "--cluster", cluster.address)
+    assert lost.exit_code == 1
+    said = f"lava-vpr: error: {cluster.address}: the scheduler was lost; start it again"
+    assert lost.stderr.splitlines()[-1].startswith(said)
+    assert Path("m.lvpr.checkpoint").exists()
+    resumed = run(*words, "--resume")
+    assert resumed.exit_code == 0
+    assert "resuming from m.lvpr.checkpoint; epochs done: stretch " in resumed.stderr
+    assert run(*words[:3], "whole.lvpr", *words[4:]).exit_code == 0
+    assert Path("m.lvpr").read_bytes() == Path("whole.lvpr").read_bytes()
+
+
+@pytest.mark.parametrize("command", [("train", "reference", "-o", "new.lvpr"), ("eval", "m.lvpr", "query")])
+def test_nobody_answers(here: Path, command: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connection, "CONNECT_S", 0.3)
+    refused = run(*command, "--cluster", "tcp://127.0.0.1:9")
+    assert refused.exit_code == 1
+    assert len(refused.stderr.splitlines()) == 1
+    assert refused.stderr.startswith("lava-vpr: error: no scheduler of a cluster answers (ConnectionRefused")
+    assert not os.path.exists("new.lvpr")
+
+
+def test_eval_shares_the_host_backend_alone(here: Path) -> None:
+    refused = run("eval", "m.lvpr", "query", "--cluster", "tcp://127.0.0.1:9", "--backend", "lava-fixed")
+    assert refused.exit_code == 2
+    assert "--cluster runs the backend host, not lava-fixed; leave one of the two out" in refused.stderr
