@@ -1,4 +1,4 @@
-"""What `make ci-torch` writes: steps judged by their end, and a log of one form."""
+"""What `make ci-torch` writes: steps judged by their end, a log of one form, and the one that is committed."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
+PINS = (ROOT / "requirements" / "torch.txt").read_text(encoding="utf-8")
 HEAD = ("result", "date", "commit", "python", "packages", "images", "total")
 STEP = re.compile(r"^\d+\. (.+): (passed|failed|left out)(?: \((.+)\))?, (\d+) s\n\$ python (.+)$", re.MULTILINE)
 
@@ -166,3 +167,21 @@ def test_the_steps_name_what_is_there(ci: ModuleType) -> None:
         assert all((ROOT / name).exists() for name in files), step.words
     text = (ROOT / "tests" / "bench" / "test_workload.py").read_text(encoding="utf-8")
     assert ci.STEPS[-1].words[-1] in text
+
+
+def test_the_committed_log_is_of_a_clean_run_of_all_steps_with_the_pinned_versions(ci: ModuleType) -> None:
+    """Red after a change of requirements/torch.txt: run `make ci-torch` on a committed tree, and commit the log."""
+    text = ci.LOG.read_text(encoding="utf-8")
+    found = head(text)
+    assert tuple(found) == HEAD
+    assert found["result"] == "passed"
+    assert re.fullmatch(r"[0-9a-f]{40} \(clean\)", found["commit"])
+    assert found["images"] == "those of LAVA_VPR_DATA"
+    assert [name for name, *_ in STEP.findall(text)] == [step.name for step in ci.STEPS]
+    packages = dict(one.split(" ") for one in found["packages"].split(", "))
+    assert tuple(packages) == ci.PACKAGES
+    pins = dict(re.findall(r"^([\w.-]+)==(\S+)$", PINS, re.MULTILINE))
+    here = pins.keys() & packages.keys()
+    assert here >= {"torch", "lava-dl", "snntorch", "nirtorch", "neurobench"}
+    assert {name: packages[name] for name in here} == {name: pins[name] for name in here}
+    assert not re.search(r"(?<![\w./$])/(?:home|root|tmp|usr|work|var|opt)\b", text)
