@@ -24,6 +24,7 @@ from lava_vpr.bench.peers import run_peers
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Asked, Bench, Candidate, Measured, Modelled, OnMap, Peer, StepTimes, Workload
 from lava_vpr.bench.sweep.sweep import BUDGET, sweep
+from lava_vpr.cluster.tasks import Cluster
 from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.deploy.boards.constants import HOST_POWER, Constant, CostConstants
 from lava_vpr.deploy.boards.plan import Plan
@@ -68,6 +69,7 @@ class Request:
         calibration: Of the model's decoder; None: probabilities are not known.
         located: Where places and queries were taken; None: not known.
         near: Metres within which a match counts.
+        cluster: Who measures the points of the sweep; None: this process.
     """
 
     targets: tuple[str, ...] = field(default_factory=lambda: tuple(BOARDS))
@@ -80,6 +82,7 @@ class Request:
     calibration: Calibration | None = None
     located: Located | None = None
     near: float = NEAR_M
+    cluster: Cluster | None = None
 
 
 @dataclass
@@ -372,4 +375,5 @@ def _sweep(queries: QuerySet, truth: NDArray[np.bool_], request: Request, begin:
     if not request.sweep:
         return ()
     advance = begin("sweep of settings", BUDGET)
-    return sweep(queries.model, queries.images, truth, seed=queries.shown.seed, threads=cores(), advance=advance)
+    seed, cluster = queries.shown.seed, request.cluster
+    return sweep(queries.model, queries.images, truth, seed=seed, threads=cores(), advance=advance, cluster=cluster)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,6 +30,7 @@ from lava_vpr.cli.common import (
 )
 from lava_vpr.cli.evaluate import command_line
 from lava_vpr.cli.outputs import Outputs, write_json
+from lava_vpr.cli.show.clusters import cluster_at, cluster_option
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.encoding import Keep
 from lava_vpr.engine.threads import cores
@@ -73,6 +75,7 @@ DEFAULT = backends.timed_by_default()
 )
 @asking_options
 @click.option("--seed", type=seed_type, default=None, help="Seed of the queries' spikes (default: the model's).")
+@cluster_option
 @click.option("--json", "json_path", type=PATH, default=None, metavar="FILE", help="Write the figures as JSON.")
 @click.option("--report", "report_folder", type=PATH, default=None, metavar="DIR", help="Write DIR/bench.html.")
 @click.pass_context
@@ -91,6 +94,7 @@ def bench(
     query_views: int,
     adapt: float | None,
     seed: int | None,
+    address: str | None,
     json_path: Path | None,
     report_folder: Path | None,
 ) -> None:
@@ -100,6 +104,8 @@ def bench(
     Which places are correct is told as to eval: without --gt or positions, query i shows place i. What this machine
     lacks (a board, energy counters) is said, and the rest is told.
     """
+    if address is not None and not sweep:
+        raise click.UsageError("--cluster shares the points of --sweep; all else measures this machine: add --sweep")
     page = report_folder and report_folder / "bench.html"
     outputs = Outputs((json_path,), made=(page,), read=truth.files, model=model_path, images=(query,))
     # The cost model and what it needs take a second to import: --help does not wait for them.
@@ -125,7 +131,7 @@ def bench(
         located=located,
         near=truth.near,
     )
-    with ExitStack() as bars:
+    with cluster_at(address) as cluster, ExitStack() as bars:
 
         def begin(text: str, parts: int) -> Callable[[int], None]:
             bars.close()
@@ -133,7 +139,8 @@ def bench(
             return lambda done: advance(done, "")
 
         words = command_line(ctx)
-        results = run(model, traverse, queries, correct, request, further=further, command=words, begin=begin)
+        asked = replace(request, cluster=cluster)
+        results = run(model, traverse, queries, correct, asked, further=further, command=words, begin=begin)
     _tell(results, json_path, page)
 
 

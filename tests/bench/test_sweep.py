@@ -5,12 +5,14 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from support.common.daskcluster import DaskCluster
 from support.common.small_models import encoded, small_model, tiny_paper
 
 from lava_vpr.backends.host import HostBackend
@@ -19,6 +21,7 @@ from lava_vpr.bench.results import Candidate
 from lava_vpr.bench.sweep.early_stopping import leads, stops
 from lava_vpr.bench.sweep.points import Case, Run, configured, current, fast_settings, figures, runs_of
 from lava_vpr.bench.sweep.sweep import FAST, MODEL, on_front, sweep
+from lava_vpr.cluster.connection import connected
 from lava_vpr.config import LifNetwork, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
@@ -148,6 +151,19 @@ def test_equal_input_gives_equal_points() -> None:
     one = case()
     again = sweep(one.model, one.queries, one.truth, budget=10, threads=2)
     assert [repr(point) for point in again] == [repr(point) for point in found()[0]]
+
+
+def test_a_cluster_measures_the_points_of_one_machine(tmp_path: Path) -> None:
+    """Eight at once, drawn as if the front stayed as it is; what is drawn from another front is drawn anew."""
+    one, made = case(), DaskCluster(tmp_path)
+    try:
+        with connected(made.address) as cluster:
+            done: list[int] = []
+            again = sweep(one.model, one.queries, one.truth, budget=10, cluster=cluster, advance=done.append)
+    finally:
+        made.end()
+    assert [repr(point) for point in again] == [repr(point) for point in found()[0]]
+    assert sum(done) == 10
 
 
 def test_other_numbers_of_neurons_are_learned_again() -> None:

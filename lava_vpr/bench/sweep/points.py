@@ -23,7 +23,7 @@ from lava_vpr.deploy.cost.costs import all_microseconds, outside_steps
 from lava_vpr.deploy.cost.events import count_events
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.trains import Trains
-from lava_vpr.errors import ConfigError
+from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.gate import integer_config
 from lava_vpr.matching.evaluation import Metrics, evaluate
 from lava_vpr.matching.matchers import confidence
@@ -69,6 +69,23 @@ class Run:
     plan: Plan = field(repr=False)
     trains: Trains = field(repr=False)
     truth: NDArray[np.bool_] = field(repr=False)
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What all points of a search are measured on.
+
+    Attributes:
+        cases: Models, their queries and truths.
+        board: Where they stand.
+        margins: Of early stopping; inf: none.
+        threads: Do not change the result.
+    """
+
+    cases: Sequence[Case] = field(repr=False)
+    board: Board
+    margins: tuple[float, ...]
+    threads: int = 1
 
 
 @dataclass(frozen=True)
@@ -214,3 +231,12 @@ def mean(measurements: Sequence[Measurement]) -> Measurement:
         [(measurement.microjoules, measurement.milliseconds, measurement.steps) for measurement in measurements], axis=0
     )
     return Measurement(metrics, *(float(value) for value in costs))
+
+
+def measured(asked: Asked, settings: Settings) -> list[Measurement]:
+    """The network of some settings with each margin: a task; nothing where it cannot be, or not on the board."""
+    try:
+        runs = runs_of(asked.cases, settings, asked.board, asked.threads)
+    except (ConfigError, NetworkLimitError):
+        return []
+    return [mean(each) for each in zip(*(figures(run, asked.margins) for run in runs), strict=True)]

@@ -15,18 +15,19 @@ import random
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.bench.results import Candidate
 from lava_vpr.bench.sweep.early_stopping import MARGINS
-from lava_vpr.bench.sweep.points import Case, Measurement, Settings, current, fast_settings, figures, mean, runs_of
+from lava_vpr.bench.sweep.points import Asked, Case, Measurement, Settings, current, fast_settings, measured
+from lava_vpr.cluster.tasks import Cluster, Standing, run_tasks
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
 from lava_vpr.deploy.compression.compression import UNCHANGED, with_settings
 from lava_vpr.encoding import EncodedTraverse
-from lava_vpr.errors import ConfigError, NetworkLimitError
+from lava_vpr.errors import NetworkLimitError
 from lava_vpr.model import Model
 
 BUDGET = 240
@@ -46,6 +47,10 @@ LATTICE: dict[str, tuple[float, ...]] = {
 """Values that each setting moves between. More than 21 input spikes a step are more than Kapoho Bay's host can send
 (50 a chip, six standard deviations above the mean)."""
 
+AHEAD = 8
+"""Points that a cluster measures at once. A point that moves the front makes those behind it others than were drawn:
+they are drawn anew, so that the search is the one that measures them one by one."""
+
 MODEL, FAST = "this model", "preset fast"
 """The two texts that `Candidate.chosen` can hold."""
 
@@ -59,27 +64,46 @@ Point = tuple[Settings, float, Measurement]
 """Settings, margin of early stopping (inf: none), figures."""
 
 
+class _Next(NamedTuple):
+    """Settings that are measured next if the front stays as it is.
+
+    Attributes:
+        settings: The settings.
+        drawn: The state of the search's random numbers after them.
+        misses: Settings drawn so far that had been measured before.
+        starts: Settings left to start from.
+    """
+
+    settings: Settings
+    drawn: Any
+    misses: int
+    starts: list[Settings]
+
+
 @dataclass
 class _Search:
-    """Points measured so far, by their settings: one for each margin; none where a network cannot be."""
+    """Points measured so far, by their settings: one for each margin; none where a network cannot be.
 
-    cases: Sequence[Case]
-    board: Board
-    threads: int
-    margins: tuple[float, ...]
+    ``ahead`` holds those that were measured because they came next if the front had stayed as it was.
+    """
+
+    asked: Asked
+    first: Settings
+    cluster: Cluster | None
     by_settings: dict[tuple[tuple[str, float], ...], list[Point]] = field(default_factory=dict)
+    ahead: dict[tuple[tuple[str, float], ...], list[Point]] = field(default_factory=dict)
 
-    def measure(self, settings: Settings) -> None:
-        """Measure a network of new settings with every margin."""
-        points: list[Point] = []
-        try:
-            runs = runs_of(self.cases, settings, self.board, self.threads)
-        except (ConfigError, NetworkLimitError):
-            runs = ()
-        if runs:
-            each = zip(*(figures(run, self.margins) for run in runs), strict=True)
-            points = [(settings, m, mean(measurements)) for m, measurements in zip(self.margins, each, strict=True)]
-        self.by_settings[_key(settings)] = points
+    def measure(self, chosen: Sequence[Settings]) -> None:
+        """Measure networks of new settings with every margin, all at once at a cluster."""
+        new = [settings for settings in chosen if _key(settings) not in self.ahead]
+        found = run_tasks(measured, new, shared=self.asked, cluster=self.cluster, called="points", progress=_nobody)
+        for settings, each in zip(new, found, strict=True):
+            points = zip(self.asked.margins, each, strict=True) if each else ()
+            self.ahead[_key(settings)] = [(settings, margin, measurement) for margin, measurement in points]
+
+    def take(self, settings: Settings) -> None:
+        """Count settings that were measured among the points."""
+        self.by_settings[_key(settings)] = self.ahead[_key(settings)]
 
     def points(self) -> list[Point]:
         """All points, in the order in which they were measured."""
@@ -144,6 +168,7 @@ def sweep(
     board: Board = KAPOHO_BAY,
     threads: int = 1,
     advance: Advance | None = None,
+    cluster: Cluster | None = None,
 ) -> tuple[Candidate, ...]:
     """Points around ``model`` and preset ``fast``, and which of them form the front.
 
@@ -157,6 +182,7 @@ def sweep(
         board: One whose energies and times are published.
         threads: Do not change the result.
         advance: Told, after each of ``budget`` points, how many more are done.
+        cluster: Who measures them instead: `AHEAD` at once, those that come next if the front stays as it is.
     Returns:
         Every point, this model first. The front is over R@1, energy and time of the mean query. No backend stops early
         yet, so points without early stopping also have a front of their own.
@@ -164,7 +190,27 @@ def sweep(
         ConfigError: the model has no integer network, or no float weights.
         NetworkLimitError: nothing that was tried fits the board.
     """
-    return search([Case(model, queries, truth, seed)], budget, retrain, board, threads, advance)
+    return search([Case(model, queries, truth, seed)], budget, retrain, board, threads, advance, cluster)
+
+
+def _following(state: _Search, now: _Next, budget: int, retrain: bool, most: int) -> list[_Next]:
+    """The settings that come next, at most so many, as long as the front stays as it is; none at the end."""
+    rng, misses, starts = random.Random(), now.misses, list(now.starts)
+    rng.setstate(now.drawn)
+    parents = state.parents() or [state.first]
+    taken, found = set(state.by_settings), list[_Next]()
+    while len(found) < most and len(taken) < budget and misses < 50 * budget:
+        settings = starts.pop(0) if starts else _moved(rng.choice(parents), rng, retrain)
+        if _key(settings) in taken:
+            misses += 1
+            continue
+        taken.add(_key(settings))
+        found.append(_Next(settings, rng.getstate(), misses, list(starts)))
+    return found
+
+
+def _nobody(standing: Standing) -> None:
+    """Who is told of tasks whose points are told themselves."""
 
 
 def search(
@@ -174,21 +220,24 @@ def search(
     board: Board = KAPOHO_BAY,
     threads: int = 1,
     advance: Advance | None = None,
+    cluster: Cluster | None = None,
 ) -> tuple[Candidate, ...]:
     """`sweep` over several models of equal settings with queries of their own: figures are means over them."""
-    state, rng = _Search(cases, board, threads, (np.inf, *MARGINS)), random.Random(0)
+    asked = Asked(cases, board, (np.inf, *MARGINS), threads if cluster is None else 1)
     as_learned, fast = current(cases[0].model), fast_settings(cases[0].model)
+    state = _Search(asked, as_learned, cluster)
     with_settings(cases[0].model, UNCHANGED)  # refuse what cannot be quantised anew
     chosen = {_key(fast): FAST, _key(as_learned): MODEL}
-    starts, misses = [as_learned, fast], 0
-    while len(state.by_settings) < budget and misses < 50 * budget:
-        settings = starts.pop(0) if starts else _moved(rng.choice(state.parents() or [as_learned]), rng, retrain)
-        if _key(settings) in state.by_settings:
-            misses += 1
-            continue
-        state.measure(settings)
-        if advance is not None:
-            advance(1)
+    now = _Next(as_learned, random.Random(0).getstate(), 0, [as_learned, fast])
+    while following := _following(state, now, budget, retrain, 1 if cluster is None else AHEAD):
+        state.measure([one.settings for one in following])
+        parents = state.parents()
+        for now in following:
+            state.take(now.settings)
+            if advance is not None:
+                advance(1)
+            if state.parents() != parents:
+                break  # the rest was drawn from another front
     points = state.points()
     if not points:
         raise NetworkLimitError(f"nothing that was tried fits {board.title}; learn fewer places, or use another board")

@@ -136,3 +136,9 @@ def test_eval_shares_the_host_backend_alone(here: Path) -> None:
     refused = run("eval", "m.lvpr", "query", "--cluster", "tcp://127.0.0.1:9", "--backend", "lava-fixed")
     assert refused.exit_code == 2
     assert "--cluster runs the backend host, not lava-fixed; leave one of the two out" in refused.stderr
+
+
+def test_bench_shares_the_sweep_alone(here: Path) -> None:
+    refused = run("bench", "m.lvpr", "query", "--cluster", "tcp://127.0.0.1:9")
+    assert refused.exit_code == 2
+    assert "--cluster shares the points of --sweep; all else measures this machine: add --sweep" in refused.stderr
