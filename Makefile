@@ -17,6 +17,7 @@ help: ## What there is to make
 
 $(STAMP): pyproject.toml requirements/lock.txt requirements/lock-host.txt scripts/find_python.sh
 	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh) && echo "using $$python" && "$$python" -m venv --clear $(VENV)
+	@echo "installing pinned versions into $(VENV), which takes about a minute"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -r $(LOCK)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
 	@touch $(STAMP)
