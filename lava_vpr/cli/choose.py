@@ -19,7 +19,6 @@ from lava_vpr.cli.whereabouts import WhereOptions, query_positions_options
 from lava_vpr.errors import InputError
 from lava_vpr.model import Model
 from lava_vpr.storage.text import shown
-from lava_vpr.training.keyframes import nearest
 from lava_vpr.traverse import Traverse, open_traverse, ranges_of
 from lava_vpr.truth.alignment import NEAR_M, Located, aligned_truth, by_number, choose_queries, located_by
 from lava_vpr.truth.groundtruth import read_ground_truth
@@ -62,6 +61,8 @@ def open_queries(
     where.check(model)
     known = model.positions is not None and where.known(whole)
     if not in_step and known:
+        from lava_vpr.training.keyframes import nearest  # a query needs no scipy
+
         found = where.of(whole, len(whole))
         if model.whereabouts is not None and found.positions is not None:
             return found.take(nearest(model.whereabouts, found.positions)[0].tolist())
