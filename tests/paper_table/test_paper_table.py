@@ -307,3 +307,14 @@ def test_numbers_of_sections_in_words() -> None:
     assert counted([1, 2, 3, 7, 9, 10]) == "1 to 3, 7, 9 to 10"
     assert counted([]) == ""
     assert set(NETWORKS) == {method.network for method in METHODS.values()}
+
+
+def test_the_page_in_docs_has_today_s_rows_and_the_printed_numbers() -> None:
+    """It is written by the command that stands in it."""
+    page = (Path(__file__).resolve().parents[2] / "docs" / "paper_table.md").read_text(encoding="utf-8")
+    assert "\nlava-vpr paper-table --traverses nordland=summer.txt,winter.txt " in page
+    for method in METHODS.values():
+        said = printed("nordland", method.name)
+        assert f"| {method.title} | {'-' if said is None else said} | " in page
+    for name in set(PRINTED) - {"nordland"}:
+        assert f"| {DATASETS[name].title} | {' | '.join(map(str, PRINTED[name]))} | no images are given" in page
