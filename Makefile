@@ -6,6 +6,8 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 # The versions for the Python of an environment.
 LOCK = requirements/$$($(BIN)/python -c 'import sys; print("lock" if sys.version_info[:2] == (3, 10) else "lock-host")').txt
+# Whoever waits at a terminal sees what is installed.
+QUIET := $(shell test -t 2 || echo --quiet)
 # Tests run side by side, one row of them a processor.
 TESTS := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
@@ -18,8 +20,8 @@ help: ## What there is to make
 $(STAMP): pyproject.toml requirements/lock.txt requirements/lock-host.txt scripts/find_python.sh
 	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh) && echo "using $$python" && "$$python" -m venv --clear $(VENV)
 	@echo "installing pinned versions into $(VENV), which takes about a minute"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -r $(LOCK)
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
+	@$(BIN)/python -m pip install $(QUIET) --disable-pip-version-check -r $(LOCK)
+	@$(BIN)/python -m pip install $(QUIET) --disable-pip-version-check --no-build-isolation --no-deps --editable .
 	@touch $(STAMP)
 
 demo: $(STAMP) ## The main job on built-in synthetic data; ends with a table and a report
@@ -63,8 +65,8 @@ recall: $(STAMP) ## Recall on real images (LAVA_VPR_DATA)
 
 .venv-peers/.installed: pyproject.toml requirements/lock.txt
 	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-peers
-	@.venv-peers/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/lock.txt -r requirements/peers.txt
-	@.venv-peers/bin/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
+	@.venv-peers/bin/python -m pip install $(QUIET) --disable-pip-version-check -r requirements/lock.txt -r requirements/peers.txt
+	@.venv-peers/bin/python -m pip install $(QUIET) --disable-pip-version-check --no-build-isolation --no-deps --editable .
 	@touch .venv-peers/.installed
 
 peers: .venv-peers/.installed ## Side by side with VPRSNN's network in Brian2 (an environment of its own)
@@ -77,7 +79,7 @@ ORACLES := .venv-brian2-loihi/.installed .venv-nengo-loihi/.installed
 
 $(ORACLES): .venv-%/.installed: requirements/%.txt scripts/find_python.sh
 	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-$*
-	@.venv-$*/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/$*.txt
+	@.venv-$*/bin/python -m pip install $(QUIET) --disable-pip-version-check -r requirements/$*.txt
 	@touch $@
 
 oracles: $(STAMP) $(ORACLES) ## Other simulators of Loihi against our integers (environments of their own)
@@ -87,7 +89,7 @@ oracles: $(STAMP) $(ORACLES) ## Other simulators of Loihi against our integers (
 
 .venv-sanafe/.installed: requirements/sanafe.txt scripts/find_python.sh
 	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-sanafe
-	@.venv-sanafe/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/sanafe.txt
+	@.venv-sanafe/bin/python -m pip install $(QUIET) --disable-pip-version-check -r requirements/sanafe.txt
 	@touch $@
 
 sanafe: $(STAMP) .venv-sanafe/.installed ## The cost model's closed form against SANA-FE (an environment of its own)
@@ -95,9 +97,9 @@ sanafe: $(STAMP) .venv-sanafe/.installed ## The cost model's closed form against
 
 .venv-torch/.installed: pyproject.toml requirements/lock.txt requirements/torch.txt
 	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-torch
-	@.venv-torch/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/lock.txt
-	@.venv-torch/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements/torch.txt
-	@.venv-torch/bin/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
+	@.venv-torch/bin/python -m pip install $(QUIET) --disable-pip-version-check -r requirements/lock.txt
+	@.venv-torch/bin/python -m pip install $(QUIET) --disable-pip-version-check --no-deps -r requirements/torch.txt
+	@.venv-torch/bin/python -m pip install $(QUIET) --disable-pip-version-check --no-build-isolation --no-deps --editable .
 	@touch .venv-torch/.installed
 
 ci-torch: .venv-torch/.installed ## All that needs torch, apart from CI; writes docs/logs/ci-torch.log (LAVA_VPR_DATA; an environment of 5 GB)
@@ -117,8 +119,8 @@ neurobench: .venv-torch/.installed ## Our metrics beside the package neurobench 
 
 .venv-docs/.installed: pyproject.toml requirements/lock.txt requirements/docs.txt
 	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-docs
-	@.venv-docs/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/lock.txt -r requirements/docs.txt
-	@.venv-docs/bin/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
+	@.venv-docs/bin/python -m pip install $(QUIET) --disable-pip-version-check -r requirements/lock.txt -r requirements/docs.txt
+	@.venv-docs/bin/python -m pip install $(QUIET) --disable-pip-version-check --no-build-isolation --no-deps --editable .
 	@touch .venv-docs/.installed
 
 tutorial: .venv-docs/.installed ## Execute the notebooks of docs/notebooks

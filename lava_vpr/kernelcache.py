@@ -12,6 +12,7 @@ import logging
 import os
 import stat
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,10 @@ SOURCES = ("engine/**/*.py", "events/*.py", "inputs/*.py")
 NOTES = logging.getLogger("lava_vpr")
 
 _noted = False
+_open = 0
+COMPILING_TEXT = "compiling kernels (first run)"
+COMPILING: list[Callable[[bool], None]] = []
+"""Who is told that kernels are compiled, True, and that one is done, False: the last of them."""
 
 
 def drop_stale() -> None:
@@ -118,14 +123,18 @@ def _cache_class() -> Any:
         """The cache of one kernel."""
 
         def load_overload(self, *what: Any) -> Any:
+            found = None
             try:
-                return super().load_overload(*what)
+                found = super().load_overload(*what)
             except Exception:  # a damaged pickle may raise anything
                 with contextlib.suppress(OSError), held():
                     self.flush()
-                return None
+            if found is None:
+                _tell(True)
+            return found
 
         def save_overload(self, *what: Any) -> None:
+            _tell(False)
             try:
                 with held():  # else half a file would be left
                     super().save_overload(*what)
@@ -133,6 +142,15 @@ def _cache_class() -> Any:
                 _note(self.cache_path, getattr(error, "strerror", None) or str(error))
 
     return Cache
+
+
+def _tell(begun: bool) -> None:
+    """Say that kernels are compiled now, or that the last of them is done: one may be compiled within another."""
+    global _open
+    _open += 1 if begun else -1
+    if _open == int(begun):
+        for told in COMPILING[-1:]:
+            told(begun)
 
 
 def _note(place: str, reason: str) -> None:

@@ -7,7 +7,9 @@ index, as public sources show; or also *dense*, without, which nobody has shown 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Literal
 
 import numpy as np
@@ -29,6 +31,7 @@ from lava_vpr.training.loop import split
 
 RowKind = Literal["sparse", "dense", "unknown"]
 Fullness = Literal["typical", "every"]
+NETWORKS: tuple[Fullness, ...] = ("typical", "every")
 
 _SIGNED = (
     (0.00, 0.01, 0.01, 0.02, 0.03, 0.04, 0.06, 0.11),
@@ -220,27 +223,55 @@ def _cores(sizing: Sizing) -> int | None:
     return fewest_cores(sizing) if sizing.board.core_bytes is None else least_cores(sizing)
 
 
-def table(config: Config, board: Board) -> tuple[Capacity, ...]:
+Told = Callable[[str], None]
+"""A function that is told each map that was found, in words."""
+
+
+def searches(config: Config, board: Board, weight_bits: int | None) -> int:
+    """How many maps `table` looks for, or `capacities` if the width of a weight is given.
+
+    Raises:
+        ConfigError: ``config`` learns no integer network.
+    """
+    widths = len(_widths(config, board)) if weight_bits is None else 1
+    return widths * len(_kinds(board)) * len(NETWORKS)
+
+
+def _widths(config: Config, board: Board) -> range:
+    """Bits of a weight's magnitude that ``board`` stores."""
+    return range(1, max(board.weight_bits) - integer_config(config, board.title).network.signed + 1)
+
+
+def _kinds(board: Board) -> tuple[RowKind, ...]:
+    """The ways of counting rows on ``board``."""
+    return ("unknown",) if board.synapse_words is None else ("sparse", "dense")
+
+
+def table(config: Config, board: Board, told: Told | None = None) -> tuple[Capacity, ...]:
     """`largest` for every width of a weight that ``board`` stores, both ways of counting rows, and both networks.
+
+    ``told`` is told of each.
 
     Raises:
         ConfigError: ``config`` learns no integer network.
     """
     settings = integer_config(config, board.title)
-    most = max(board.weight_bits) - settings.network.signed
     found: list[Capacity] = []
-    for bits in range(1, most + 1):
+    for bits in _widths(config, board):
         own = replace(config, network=replace(settings.network, weight_bits=bits))
-        found += capacities(own, board)
+        found += capacities(own, board, told)
     return tuple(found)
 
 
-def capacities(config: Config, board: Board) -> tuple[Capacity, ...]:
-    """`largest` with both ways of counting rows, and both networks.
+def capacities(config: Config, board: Board, told: Told | None = None) -> tuple[Capacity, ...]:
+    """`largest` with both ways of counting rows, and both networks; ``told`` is told of each.
 
     Raises:
         ConfigError: ``config`` learns no integer network.
     """
-    kinds: tuple[RowKind, ...] = ("unknown",) if board.synapse_words is None else ("sparse", "dense")
-    networks: tuple[Fullness, ...] = ("typical", "every")
-    return tuple(largest(config, board, rows, weights) for rows in kinds for weights in networks)
+    found = []
+    for rows, weights in product(_kinds(board), NETWORKS):
+        found.append(largest(config, board, rows, weights))
+        if told is not None:
+            told(f"{found[-1].weight_bits} bits, rows {rows}, weights {weights}: {found[-1].places:,} places")
+    return tuple(found)

@@ -27,6 +27,7 @@ from lava_vpr.cli.common import (
     print_whole,
     progress_bar,
     seed_type,
+    stage,
 )
 from lava_vpr.cli.evaluate import command_line
 from lava_vpr.cli.outputs import Outputs, write_json
@@ -170,7 +171,8 @@ def _tell(results: Bench, json_path: Path | None, page: Path | None) -> None:
         from lava_vpr.bench.show.page import page as page_of
         from lava_vpr.report import write_page
 
-        write_page(page_of(results), page)
+        with stage("writing the report"):
+            write_page(page_of(results), page)
     for table in tables(results):
         print_whole(table)
     for line in absences(results):

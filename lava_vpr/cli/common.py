@@ -6,6 +6,7 @@ import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -21,6 +22,7 @@ from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_views
 from lava_vpr.inputs.vectors import Standard
 from lava_vpr.inputs.views import STRAIGHT, View
+from lava_vpr.kernelcache import COMPILING, COMPILING_TEXT
 from lava_vpr.matching.forward_filter import MOTIONS, NONE
 from lava_vpr.model import Model
 from lava_vpr.rows.registry import Registry
@@ -250,7 +252,60 @@ def progress_bar(text: str, total: int) -> Iterator[Callable[[int, str], None]]:
             else:
                 bar.advance(task, by)
 
-        yield advance
+        with _telling(lambda note: bar.update(task, note=_one_line(note), refresh=True)):
+            yield advance
+
+
+_NOTES: list[Callable[[str], None]] = []
+"""Who says something beside the bar or the stage that is shown: the innermost last."""
+
+
+@contextmanager
+def _telling(note: Callable[[str], None]) -> Iterator[None]:
+    """Let ``note`` say what a bar or a stage adds while it is shown: that kernels are compiled, or a stage in it."""
+    _NOTES.append(note)
+    compiling = partial(_compiling, note)
+    COMPILING.append(compiling)
+    try:
+        yield
+    finally:
+        COMPILING.remove(compiling)
+        _NOTES.remove(note)
+
+
+def _compiling(note: Callable[[str], None], begun: bool) -> None:
+    note(COMPILING_TEXT if begun else "")
+
+
+@contextmanager
+def stage(text: str) -> Iterator[None]:
+    """Say on a terminal what is being done, from its beginning to its end; nothing in a pipe.
+
+    Within a bar, or another stage, it is said beside.
+    """
+    if not sys.stderr.isatty():
+        yield
+        return
+    if _NOTES:
+        note = _NOTES[-1]
+        note(text)
+        try:
+            yield
+        finally:
+            note("")
+        return
+    from rich.live import Live
+    from rich.spinner import Spinner
+
+    spinner = Spinner("dots", Text(harmless(text)))
+    with Live(spinner, console=stderr, transient=True, refresh_per_second=10) as live:
+
+        def note(more: str) -> None:
+            spinner.update(text=Text(harmless(f"{text}: {more}" if more else text)))
+            live.refresh()
+
+        with _telling(note):
+            yield
 
 
 def _one_line(text: str) -> str:
@@ -260,9 +315,10 @@ def _one_line(text: str) -> str:
 
 @contextmanager
 def backend_progress(backend: str, queries: int) -> Iterator[Callable[[int], None]]:
-    """A bar for the queries that a slow backend answers; the host is done before it would show."""
+    """A bar for the queries that a slow backend answers; of the host, which does not count them, a line."""
     if backend == "host":
-        yield lambda done: None
+        with stage(f"recognising {queries:,} images"):
+            yield lambda done: None
         return
     with progress_bar(f"running {backend}", queries) as advance:
         yield lambda done: advance(done, "")

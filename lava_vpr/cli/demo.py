@@ -10,11 +10,21 @@ import click
 from lava_vpr import model as model_file
 from lava_vpr.backends.opening import calibration_of
 from lava_vpr.cli.choose import open_queries
-from lava_vpr.cli.common import PATH, Number, console, encode_queries, progress_bar, seed_type
+from lava_vpr.cli.common import (
+    PATH,
+    Number,
+    backend_progress,
+    console,
+    encode_queries,
+    progress_bar,
+    seed_type,
+    stage,
+)
 from lava_vpr.cli.evaluate import print_table, print_trust
 from lava_vpr.cli.outputs import Outputs, write_json
+from lava_vpr.cli.train import encode_references, learning_bar
 from lava_vpr.config import preset
-from lava_vpr.encoding import Keep, encode_traverse
+from lava_vpr.encoding import Keep
 from lava_vpr.engine.threads import cores
 from lava_vpr.events.writing import WRITTEN
 from lava_vpr.recognition import Comparison, as_json, recognise
@@ -24,6 +34,7 @@ from lava_vpr.storage.text import shown
 from lava_vpr.synthetic.drives import EventDrive, write_drives
 from lava_vpr.synthetic.world import CONDITIONS, METRES_PER_S, World, write_traverses
 from lava_vpr.training.calibration import calibrated
+from lava_vpr.training.loop import check_size
 from lava_vpr.training.loop import train as train_model
 from lava_vpr.traverse import open_traverse
 from lava_vpr.truth.alignment import aligned_truth
@@ -85,7 +96,8 @@ def synth(
         for kind, count in zip(("reference", "query"), counts, strict=True):
             console.print(f"{count:,} events: {shown(folder / f'{kind}_events.{end}')}")
         return
-    write_traverses(folder, places, seed, conditions, spacing_m=metres)
+    with progress_bar("drawing", 2 * places) as advance:
+        write_traverses(folder, places, seed, conditions, spacing_m=metres, drawn=lambda: advance(1, ""))
     console.print(f"{places} places: {shown(folder / 'reference')}, {shown(folder / 'query')}")
 
 
@@ -99,14 +111,18 @@ def demo(out: Path) -> None:
     Outputs(made=results)
     # What only an earlier demo can have left is replaced; a single one of these files may be someone's own.
     earlier = all(path.is_file() for path in results)
-    write_traverses(out, 100, 0, keep=("model.lvpr", "figures.json", "report") if earlier else ())
+    kept = ("model.lvpr", "figures.json", "report") if earlier else ()
+    with progress_bar("drawing", 200) as advance:
+        write_traverses(out, 100, 0, keep=kept, drawn=lambda: advance(1, ""))
     console.print(f"drew 100 places in summer and winter: {shown(out / 'reference')}, {shown(out / 'query')}")
     config = preset("loihi")
     reference = open_traverse(out / "reference")
     started = time.perf_counter()
-    model = calibrated(
-        train_model([encode_traverse(reference, config.encoder, Keep.ALL)], config, jobs=cores()), cores()
-    )
+    encoded = encode_references([reference], config, None)
+    with learning_bar(check_size(len(reference), config), config, 1) as bar:
+        model = train_model(encoded, config, jobs=cores(), progress=bar.show)
+    with stage("calibrating probabilities"):
+        model = calibrated(model, cores())
     console.print(
         f"learned them in {time.perf_counter() - started:.1f} s with {model.neurons} neurons and "
         f"{model.weight_bits}-bit weights: {shown(out / 'model.lvpr')}",
@@ -114,10 +130,12 @@ def demo(out: Path) -> None:
     traverse = open_queries(model, str(out / "query"), None, 1.0)
     queries, *_ = encode_queries(traverse, model, keep=Keep.ALL)
     comparison = Comparison(motion="any", calibration=calibration_of(model))
-    result = recognise(model, queries, aligned_truth(model, traverse), comparison, threads=cores())
+    with backend_progress("host", len(queries)):
+        result = recognise(model, queries, aligned_truth(model, traverse), comparison, threads=cores())
     print_table(model, result)
     print_trust(result)
-    page = write_report(report_data(model, queries, result, "lava-vpr demo", 1, None), out / "report")
+    with stage("writing the report"):
+        page = write_report(report_data(model, queries, result, "lava-vpr demo", 1, None), out / "report")
     write_json(out / "figures.json", as_json(model, result))
     model_file.save(model, out / "model.lvpr")  # all three in a moment: see above
     console.print(f"report to open in a browser: {shown(page)}")

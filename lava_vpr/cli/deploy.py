@@ -25,6 +25,7 @@ from lava_vpr.cli.common import (
     places_option,
     print_whole,
     progress_bar,
+    stage,
     stderr,
 )
 from lava_vpr.cli.outputs import Outputs, write_json
@@ -115,15 +116,16 @@ def deploy(
     if calibrate is not None:
         calibration = _calibration(model, calibrate, places, every, outputs)
     compressed = _compressed(model, board, Changes(weight_bits, prune, input_mode), calibration, max_loss)
-    deployed = write_bundle(
-        compressed.model,
-        board,
-        output,
-        learning=learning,
-        compression=compressed.as_json(),
-        measured=not compressed.unchanged,
-        dense_rows=dense_rows,
-    )
+    with stage(f"placing {compressed.model.neurons:,} neurons, and writing the bundle"):
+        deployed = write_bundle(
+            compressed.model,
+            board,
+            output,
+            learning=learning,
+            compression=compressed.as_json(),
+            measured=not compressed.unchanged,
+            dense_rows=dense_rows,
+        )
     learned = _learned(deployed, model, calibration) if learning and calibration is not None else None
     if json_path is not None:  # files first: whoever reads the table may go away
         values = {
@@ -176,8 +178,9 @@ def _compressed(
 ) -> Compressed:
     """The model as it is to be deployed."""
     if calibration is None or max_loss is None:
-        compressed = for_board(model, board, changes, threads=cores())
-        return compressed if calibration is None else calibrated(compressed, calibration, threads=cores())
+        with stage("measuring the network for the board"):
+            compressed = for_board(model, board, changes, threads=cores())
+            return compressed if calibration is None else calibrated(compressed, calibration, threads=cores())
     with ExitStack() as bars:
         return search(
             model, board, calibration, max_loss, changes, threads=cores(), begin=lambda points: _told(bars, points)

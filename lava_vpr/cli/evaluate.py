@@ -29,6 +29,7 @@ from lava_vpr.cli.common import (
     motion_option,
     places_option,
     print_whole,
+    stage,
     stderr,
 )
 from lava_vpr.cli.outputs import Outputs, write_json
@@ -143,7 +144,8 @@ def evaluate(
     if json_path is not None:  # files first: whoever reads the table may go away
         write_json(json_path, as_json(model, result, errors))
     if page is not None:
-        _write_report(page, model, queries, result, errors, ctx)
+        with stage("writing the report"):
+            _write_report(page, model, queries, result, errors, ctx)
     print_table(model, result, sequence)
     if errors is not None:
         console.print(errors.in_words())

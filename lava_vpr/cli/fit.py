@@ -18,6 +18,8 @@ from lava_vpr.cli.common import (
     console,
     dense_rows_option,
     print_whole,
+    progress_bar,
+    stage,
     stderr,
 )
 from lava_vpr.cli.outputs import Outputs, write_json, write_text
@@ -110,8 +112,9 @@ def _model(
     from lava_vpr.deploy.show.tables import core_table, summary
 
     model = integer_model(open_model(model_path), board.title, model_path)
-    compressed = adapted(model, board, changes)
-    plan = plan_of(compressed.model, board, dense_rows=dense_rows)
+    with stage(f"placing {model.neurons:,} neurons"):
+        compressed = adapted(model, board, changes)
+        plan = plan_of(compressed.model, board, dense_rows=dense_rows)
     unproven = [WITHOUT_INDICES] if dense_rows and any(core.dense_inputs.any() for core in plan.cores) else []
     if json_path is not None:  # files first: whoever reads the table may go away
         values = {"places": model.places, "neurons": model.neurons, "weight_bits": compressed.model.weight_bits}
@@ -147,7 +150,9 @@ def _largest(
     chosen = {"weight_bits": weight_bits, "input_mode": mode, "neurons_per_place": neurons_per_place}
     changes = {name: value for name, value in chosen.items() if value is not None}
     config = update(preset("loihi"), {"network": changes, "views": {"shifts": views}})
-    rows = (largest_map.table if weight_bits is None else largest_map.capacities)(config, board)
+    find = largest_map.table if weight_bits is None else largest_map.capacities
+    with progress_bar("looking for the largest maps", largest_map.searches(config, board, weight_bits)) as advance:
+        rows = find(config, board, lambda found: advance(1, found))
     if json_path is not None:
         bound = board.synapse_words is None
         values = [asdict(row) | {"proven": row.proven, "at_most": bound} for row in rows]

@@ -15,6 +15,7 @@ import click
 
 from lava_vpr import interrupts
 from lava_vpr.errors import LavaVprError
+from lava_vpr.kernelcache import COMPILING, COMPILING_TEXT
 from lava_vpr.storage.text import harmless
 
 _SPACE = "free some space"
@@ -90,6 +91,33 @@ def _told_in_one_line() -> Iterator[None]:
         raise _Failure(f"no further thread can be started; {remedy}") from None
 
 
+@contextmanager
+def _loading(command: str) -> Iterator[None]:
+    """Say on a terminal that a command is being loaded; on a busy machine that takes seconds, and nothing is there yet.
+
+    Kernels whose types are known are compiled meanwhile, on the first run.
+    """
+    if not sys.stderr.isatty():
+        yield
+        return
+
+    def say(text: str) -> None:
+        with suppress(OSError):
+            sys.stderr.write(f"\r\x1b[2K{text}")
+            sys.stderr.flush()
+
+    def told(begun: bool) -> None:
+        say(COMPILING_TEXT if begun else f"loading {command}")
+
+    say(f"loading {command}")
+    COMPILING.append(told)
+    try:
+        yield
+    finally:
+        COMPILING.remove(told)
+        say("")
+
+
 def _told(error: OSError) -> str:
     """An error of the system: what it is about, what is wrong, what helps."""
     where = f"{os.fsdecode(error.filename)}: " if isinstance(error.filename, (str, bytes)) else ""
@@ -160,7 +188,8 @@ class LazyGroup(OneLineGroup):
         if cmd_name not in self.table:
             return None
         module, attribute, _ = self.table[cmd_name]
-        command = getattr(importlib.import_module(module), attribute)
+        with _loading(cmd_name):
+            command = getattr(importlib.import_module(module), attribute)
         if not isinstance(command, click.Command):
             raise TypeError(f"{module}.{attribute} is no command")
         interrupts.begin()  # all that a command needs is loaded, most of it

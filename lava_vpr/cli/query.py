@@ -6,7 +6,7 @@ import itertools
 import math
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import click
@@ -28,6 +28,7 @@ from lava_vpr.cli.common import (
     places_option,
     precision_option,
     progress_bar,
+    stage,
     stderr,
 )
 from lava_vpr.cli.outputs import Outputs, stdout_writer, text_writer
@@ -135,13 +136,16 @@ def query(
     least = least_probability(together, target_precision)
     pace = Pace() if sequence > 1 else None
     form = _form(form, file, one=output is None and len(traverse) == 1)
-    recognised = 0
+    recognised, waiting = 0, ExitStack()
     silent = file is None and sys.stdout.isatty()  # a bar would stand between the lines
     with (
+        waiting,
         query_progress(traverse.source, backend, len(traverse), silent=silent) as (read, advance),
         stdout_writer() if file is None else text_writer(file) as write,
     ):
         write(table.csv_header() if form == "csv" else "")
+        if silent:
+            waiting.enter_context(stage(f"reading {traverse.source}"))
         stream = answer_stream(
             model,
             traverse,
@@ -158,6 +162,7 @@ def query(
         for images_done, answers in stream:
             good = accepted(answers, least) if min_confidence is None else sure(answers, min_confidence)
             recognised += int(good.sum())
+            waiting.close()
             some = Some(model, images_done, answers, good)
             write(SHOWN[form](table, some, least if min_confidence is None else math.nan))
     contradiction = None if pace is None else pace.contradiction(sequence)

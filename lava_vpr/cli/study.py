@@ -20,6 +20,7 @@ from lava_vpr.cli.common import (
     places_option,
     print_whole,
     progress_bar,
+    stage,
 )
 from lava_vpr.cli.evaluate import command_line
 from lava_vpr.cli.outputs import Outputs, write_json
@@ -160,7 +161,8 @@ def _tell(found: Studied, json_path: Path | None, page: Path | None) -> None:
         from lava_vpr.report import write_page
         from lava_vpr.studies.show.page import page as page_of
 
-        write_page(page_of(found), page)
+        with stage("writing the report"):
+            write_page(page_of(found), page)
     print_whole(rendered(table(found)))
     if page is not None:
         console.print(f"report: {shown(page)}")

@@ -23,6 +23,7 @@ from lava_vpr.cli.common import (
     places_option,
     progress_bar,
     seed_type,
+    stage,
     stderr,
 )
 from lava_vpr.cli.outputs import Outputs
@@ -222,7 +223,8 @@ def train(
             if checkpoint.exists():
                 stderr.print(f"progress is kept in {shown(checkpoint)}; go on with --resume")
             raise
-        model = calibrated(model, cores(), cluster)
+        with stage("calibrating probabilities"):
+            model = calibrated(model, cores(), cluster)
         seconds = time.perf_counter() - started
         model_file.save(model, output)
         remove_checkpoint(checkpoint)

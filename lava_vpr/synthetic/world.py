@@ -210,7 +210,7 @@ def _receiver_error(world: World, condition: str, role: int, count: int) -> NDAr
     return generator(world.seed, SURVEY, *key).uniform(-_GPS_ERROR_M, _GPS_ERROR_M, (count, 2))
 
 
-def _write_journey(folder: Path, kind: str, world: World, condition: str) -> None:
+def _write_journey(folder: Path, kind: str, world: World, condition: str, drawn: Callable[[], None]) -> None:
     """Write one journey's images and positions below ``folder``, which exists."""
     (folder / kind).mkdir()
     rows = ["name,x,y,time"]
@@ -219,6 +219,7 @@ def _write_journey(folder: Path, kind: str, world: World, condition: str) -> Non
         name = f"place_{place:05d}.png"
         encoded = cv2.imencode(".png", render(world, place, condition))[1]
         (folder / kind / name).write_bytes(encoded.tobytes())
+        drawn()
         rows.append(f"{name},{x:.2f},{y:.2f},{shown_stamp(time)}")
     (folder / f"{kind}_positions.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
     seconds, xy = track(world, condition)
@@ -281,6 +282,7 @@ def write_traverses(
     conditions: Sequence[str] = ("summer", "winter"),
     keep: Collection[str] = (),
     spacing_m: float = 20.0,
+    drawn: Callable[[], None] = lambda: None,
 ) -> None:
     """Write two journeys along a synthetic route as folders of images.
 
@@ -295,6 +297,7 @@ def write_traverses(
         conditions: The conditions of the reference and of the query journey, each one of `CONDITIONS`.
         keep: Names of other entries that ``folder`` may hold; they stay as they are.
         spacing_m: As in `World`.
+        drawn: Called after each image, of ``2 places``.
     Raises:
         ConfigError: ``places`` or ``seed`` out of range.
         InputError: an unknown condition, a folder that holds something else or what is read-only, or a folder that
@@ -305,7 +308,7 @@ def write_traverses(
 
     def write(new: Path) -> None:
         for kind, condition in zip(_FOLDERS, conditions, strict=True):
-            _write_journey(new, kind, world, condition)
+            _write_journey(new, kind, world, condition, drawn)
 
     replace_folder(folder, write, keep)
 

@@ -8,7 +8,7 @@ import click
 
 from lava_vpr import model as model_file
 from lava_vpr.backends.opening import open_model
-from lava_vpr.cli.common import PATH, Number, RegisteredName, console, stderr
+from lava_vpr.cli.common import PATH, Number, RegisteredName, console, stage, stderr
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.train import describe, tell
 from lava_vpr.engine.threads import cores
@@ -49,7 +49,8 @@ def export(model_path: Path, output: Path, name: str | None, time_step: float, r
     row = format_of(output, name)
     Outputs((output,), model=model_path)
     model = integer_model(open_model(model_path), f"format {row.name}", model_path)
-    notes = row.write(model, output, Asked(time_step, references))
+    with stage(f"writing {shown(output)}"):
+        notes = row.write(model, output, Asked(time_step, references))
     for note in notes:
         stderr.print(f"note: {note}")
     network = model.network
@@ -81,7 +82,8 @@ def import_model(path: Path, output: Path, name: str | None, like: Path | None, 
     Outputs((output,), read=(path,), model=like)
     with only_one(output):
         other = None if like is None else open_model(like)
-        made = imported(path, row, other, time_step=time_step, threads=cores())
+        with stage(f"making a model of {shown(path)}"):
+            made = imported(path, row, other, time_step=time_step, threads=cores())
         model_file.save(made.model, output)
     for note in made.notes:
         stderr.print(f"note: {note}")

@@ -13,7 +13,7 @@ import click
 
 from lava_vpr import maps
 from lava_vpr import model as model_file
-from lava_vpr.cli.common import PATH, Places, every_option, places_option
+from lava_vpr.cli.common import PATH, Places, every_option, places_option, stage
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.show.learning import learning_bar
 from lava_vpr.cli.train import describe, encode_references, tell
@@ -107,7 +107,7 @@ def extend(
                 progress=bar.show,
             )
         seconds = time.perf_counter() - started
-        model_file.save(calibrated(made, cores()), target)
+        _save(made, target)
     new = made.place_indices[model.places :]
     _report(made, f"learned {len(new)} places more, {ranges_of(new)}, in {seconds:.1f} s", target)
 
@@ -128,8 +128,10 @@ def remove(model_path: Path, places: tuple[tuple[int, int], ...], output: Path |
     with _changed(model_path, target):
         model = model_file.load(model_path)
         checks.check_learned(model, "removing places", model_path)
-        made = maps.remove(model, _indices(model, places, model_path), jobs=jobs or cores())
-        model_file.save(calibrated(made, cores()), target)
+        indices = _indices(model, places, model_path)
+        with stage(f"joining what is left of {model.places:,} places"):
+            made = maps.remove(model, indices, jobs=jobs or cores())
+        _save(made, target)
     gone, lost = model.places - made.places, model.neurons - made.neurons
     _report(made, f"removed {gone} places with {lost} neurons", target)
 
@@ -151,9 +153,17 @@ def merge(model_paths: tuple[Path, ...], output: Path, jobs: int | None) -> None
     Outputs((output,), read=model_paths)
     with only_one(output):
         models = [model_file.load(path) for path in model_paths]
-        made = maps.merge(models, paths=model_paths, jobs=jobs or cores())
-        model_file.save(calibrated(made, cores()), output)
+        with stage(f"joining {len(models)} models"):
+            made = maps.merge(models, paths=model_paths, jobs=jobs or cores())
+        _save(made, output)
     _report(made, f"merged {len(models)} models", output)
+
+
+def _save(model: Model, path: Path) -> None:
+    """Write ``model`` with its calibration."""
+    with stage("calibrating probabilities"):
+        model = calibrated(model, cores())
+    model_file.save(model, path)
 
 
 @contextmanager
