@@ -33,7 +33,9 @@ ROOT = Path(__file__).resolve().parents[2]
 def test_demo_twice_into_the_same_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     module = importlib.import_module("lava_vpr.cli.demo")
     draw = module.write_traverses
-    monkeypatch.setattr(module, "write_traverses", lambda out, places, seed, keep: draw(out, 12, seed, keep=keep))
+    monkeypatch.setattr(
+        module, "write_traverses", lambda out, places, seed, keep, drawn: draw(out, 12, seed, keep=keep)
+    )
     monkeypatch.chdir(tmp_path)
     results = []
     for _ in range(2):
