@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import click
 from rich.console import Console, ConsoleOptions, RenderableType
@@ -243,7 +243,8 @@ def progress_bar(text: str, total: int) -> Iterator[Callable[[int, str], None]]:
         TimeRemainingColumn(),
         TextColumn("{task.fields[note]}", markup=False),
     )
-    with Progress(*columns, console=stderr, transient=True) as bar:
+    bar = Progress(*columns, console=stderr, transient=True)
+    with _alone(bar):
         task = bar.add_task(_one_line(text), total=total, note="")
 
         def advance(by: int, note: str) -> None:
@@ -254,6 +255,35 @@ def progress_bar(text: str, total: int) -> Iterator[Callable[[int, str], None]]:
 
         with _telling(lambda note: bar.update(task, note=_one_line(note), refresh=True)):
             yield advance
+
+
+class _Display(Protocol):
+    """What stands on a terminal until it is stopped."""
+
+    def start(self) -> None: ...
+
+    def stop(self) -> None: ...
+
+
+_DISPLAYS: list[_Display] = []
+"""What is shown on the terminal, or waits until what is shown within it is gone: the innermost last."""
+
+
+@contextmanager
+def _alone(display: _Display) -> Iterator[None]:
+    """Show ``display``, and nothing else meanwhile: a terminal has room for one."""
+    outer = _DISPLAYS[-1] if _DISPLAYS else None
+    if outer is not None:
+        outer.stop()
+    _DISPLAYS.append(display)
+    display.start()
+    try:
+        yield
+    finally:
+        display.stop()
+        _DISPLAYS.remove(display)
+        if outer is not None and outer in _DISPLAYS:
+            outer.start()
 
 
 _NOTES: list[Callable[[str], None]] = []
@@ -298,14 +328,15 @@ def stage(text: str) -> Iterator[None]:
     from rich.spinner import Spinner
 
     spinner = Spinner("dots", Text(harmless(text)))
-    with Live(spinner, console=stderr, transient=True, refresh_per_second=10) as live:
+    live = Live(spinner, console=stderr, transient=True, refresh_per_second=10)
 
-        def note(more: str) -> None:
-            spinner.update(text=Text(harmless(f"{text}: {more}" if more else text)))
-            live.refresh()
+    def say(more: str) -> None:
+        spinner.update(text=Text(harmless(f"{text}: {more}" if more else text)))
+        live.refresh()
 
-        with _telling(note):
-            yield
+    with _alone(live), _telling(say):
+        live.refresh()
+        yield
 
 
 def _one_line(text: str) -> str:

@@ -22,7 +22,8 @@ from lava_vpr.cli.common import (
 )
 from lava_vpr.cli.evaluate import print_table, print_trust
 from lava_vpr.cli.outputs import Outputs, write_json
-from lava_vpr.cli.train import encode_references, learning_bar
+from lava_vpr.cli.show.learning import learning_bar
+from lava_vpr.cli.train import encode_references
 from lava_vpr.config import preset
 from lava_vpr.encoding import Keep
 from lava_vpr.engine.threads import cores

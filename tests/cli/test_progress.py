@@ -9,6 +9,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -147,6 +148,23 @@ def _double(x: int) -> int:
     return 2 * x
 
 
+def test_a_bar_within_a_stage_takes_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Work that a stage names may have a bar of its own, as it has where a cluster does it."""
+    terminal = opened(monkeypatch)
+    with common.stage("the whole"):
+        with common.progress_bar("a part", 2) as advance:
+            advance(2, "")
+        done = len(terminal.said)
+        with common.stage("the end"):
+            pass
+    assert "a part" in terminal.said
+    assert "the whole: the end" in terminal.said[done:]
+    with ExitStack() as later:
+        with common.stage("first"):
+            later.enter_context(common.progress_bar("longer", 1))
+    assert common._DISPLAYS == []
+
+
 def test_a_failure_leaves_no_stage_behind(monkeypatch: pytest.MonkeyPatch) -> None:
     opened(monkeypatch)
     with pytest.raises(ValueError, match="broken"), common.stage("doing this"):
@@ -154,6 +172,7 @@ def test_a_failure_leaves_no_stage_behind(monkeypatch: pytest.MonkeyPatch) -> No
     with pytest.raises(ValueError, match="broken"), common.progress_bar("bar", 1), common.stage("within"):
         raise ValueError("broken")
     assert common._NOTES == []
+    assert common._DISPLAYS == []
     assert COMPILING == []
 
 
