@@ -32,11 +32,19 @@ class Block(NamedTuple):
         rates: Rates of the inputs, (n, inputs).
         keys: Their presentation keys, uint64 (n,).
         bias: Biases of the neurons in each, int32 (n, neurons); None: the network's.
+        kept: The neurons that the network consists of, bool (neurons,); None: all.
     """
 
     rates: NDArray[Any]
     keys: NDArray[np.uint64]
     bias: NDArray[np.int32] | None = None
+    kept: NDArray[np.bool_] | None = None
+
+    def parts(self, size: int) -> list[Block]:
+        """The same presentations in blocks of at most ``size``."""
+        cuts = [slice(start, start + size) for start in range(0, len(self.rates), size)]
+        biases = [None if self.bias is None else self.bias[cut] for cut in cuts]
+        return [Block(self.rates[cut], self.keys[cut], bias, self.kept) for cut, bias in zip(cuts, biases, strict=True)]
 
 
 Count = Callable[[N, Block, int], Counted]
@@ -45,6 +53,9 @@ Count = Callable[[N, Block, int], Counted]
 
 def of_integers(network: FixedNetwork, block: Block, threads: int) -> Counted:
     """Counts by the integer network; see `fixed.count_spikes`."""
+    if block.kept is not None:
+        weights, bias = network.weights[:, block.kept], network.bias[block.kept]
+        network = replace(network, weights=np.ascontiguousarray(weights), bias=np.ascontiguousarray(bias))
     return fixed.count_spikes(network, block.rates, block.keys, bias=block.bias, threads=threads)[:2]
 
 
@@ -54,45 +65,47 @@ def of_conductances(network: tuple[ConductanceState, Config], block: Block, thre
     return conductance.count_spikes(state, block.rates, block.keys, config, threads=threads)
 
 
-class _Asked(NamedTuple):
-    """What all blocks of a run are counted with."""
+class _Task(NamedTuple):
+    """A block as a task: how it is counted, and its presentations."""
 
     counting: Callable[[Any, Block, int], Counted]
-    network: Any
+    block: Block
 
 
-def counted(count: Count[N], network: N, blocks: Iterable[Block], *, cluster: Cluster, total: int) -> Iterator[Counted]:
-    """What ``total`` blocks count, in their order, by a cluster."""
-    plain = replace(network) if isinstance(network, FixedNetwork) else network  # without what it has laid out already
-    asked = _Asked(count, plain)
-    for sparse, events in run_tasks(sparsely, blocks, shared=asked, cluster=cluster, called="blocks", total=total):
+def counted(
+    count: Count[N], network: N, blocks: Iterable[Block], *, threads: int, cluster: Cluster | None, total: int
+) -> Iterator[Counted]:
+    """What ``total`` blocks count, in their order, each as soon as it can be told; equal whoever counts.
+
+    Args:
+        count: Counts a block.
+        network: What it is given first; a cluster keeps it as long as no other is asked.
+        blocks: The presentations; only so many are made at once as are counted.
+        threads: Threads of this process, which share each block.
+        cluster: Who counts instead, a thread a block; None: this process.
+        total: How many blocks there are.
+    """
+    if cluster is None:
+        yield from (count(network, block, threads) for block in blocks)
+        return
+    tasks = (_Task(count, block) for block in blocks)
+    for sparse, events in run_tasks(sparsely, tasks, shared=network, cluster=cluster, called="blocks", total=total):
         yield sparse.toarray(), events
 
 
-def sparsely(asked: _Asked, block: Block) -> tuple[Any, dict[str, int]]:
+def sparsely(network: Any, task: _Task) -> tuple[Any, dict[str, int]]:
     """A task: counts of one block, of which nearly all are 0 where places are many, as those that are not."""
-    counts, events = asked.counting(asked.network, block, 1)
+    counts, events = task.counting(network, task.block, 1)
     return csr_matrix(counts), events
 
 
 def in_blocks(count: Count[N], network: N, shown: Block, *, threads: int, cluster: Cluster | None) -> Counted:
-    """Spike counts and events of presentations; equal whoever counts.
-
-    Args:
-        count: Counts a block.
-        network: What it is given first.
-        shown: The presentations.
-        threads: Threads of this process.
-        cluster: Who counts instead; None: those threads.
-    """
+    """Spike counts and events of presentations; as `counted`, but all at once."""
     if cluster is None or not len(shown.rates):
         return count(network, shown, threads)
-    parts = [slice(start, start + BLOCK) for start in range(0, len(shown.rates), BLOCK)]
-    blocks = (
-        Block(shown.rates[part], shown.keys[part], None if shown.bias is None else shown.bias[part]) for part in parts
-    )
+    parts = shown.parts(BLOCK)
     counts, summed = [], dict[str, int]()
-    for some, events in counted(count, network, blocks, cluster=cluster, total=len(parts)):
+    for some, events in counted(count, network, parts, threads=threads, cluster=cluster, total=len(parts)):
         counts.append(some)
         summed = {name: summed.get(name, 0) + number for name, number in events.items()}
     return np.concatenate(counts), summed

@@ -12,15 +12,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
+from itertools import islice
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.cluster.tasks import Cluster
 from lava_vpr.encoding import query_rates16
-from lava_vpr.engine.blocks import Block, in_blocks, of_integers
-from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.blocks import BLOCK, Block, counted, of_integers
 from lava_vpr.engine.random import image_keys, presentation_key, presentation_keys, uniform
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.matching import decoders
@@ -58,27 +58,81 @@ def measured(model: IntegerModel, threads: int = 1, cluster: Cluster | None = No
         threads: Threads; they do not change the result.
         cluster: Who asks the networks instead; None: those threads.
     """
-    activity = model.activity[: model.places]  # the first traverse, straight ahead
     repeats = min(_REPEATS, max(2, -(-SAMPLES // model.places)))
     places = np.unique(np.linspace(0, model.places - 1, min(model.places, SAMPLES)).astype(np.int64))
     vectors = INPUTS[model.config.encoder.kind].sees == "vector"
     shares, channels = (ALTERED_VECTORS, model.config.encoder.layout.channels) if vectors else ((ALTERED,), 1)
-    samples = []
-    for repeat in range(repeats):
-        share = np.array(shares)[(np.arange(len(places)) + repeat) % len(shares)]
-        shown = altered(activity, places, model.config.seed, repeat, share, channels)
-        counts = _asked(model.network, model, shown, repeat, threads, cluster)
-        scores = _scores(model, model.responses, counts)
-        kinds = np.where(best(scores) == places, RIGHT, WRONG)
-        samples.append(np.stack([margin(scores), kinds], axis=1))
-    for number, (network, responses, left_out) in enumerate(_without_parts(model)):
-        chosen = left_out[:: max(1, len(left_out) * _PARTS * _SHIFTS // SAMPLES)]
-        for repeat in range(repeats):
-            draw = repeats + number * repeats + repeat
-            counts = _asked(network, model, activity[chosen], draw, threads, cluster)
-            margins = margin(_scores(model, responses, counts))
-            samples.append(np.stack([margins, np.full(len(margins), OFF_MAP)], axis=1))
+    on_map = [_OnMap(model, places, repeat, shares, channels) for repeat in range(repeats)]
+    off_map = [_OffMap(model, number, *part, repeats) for number, part in enumerate(_without_parts(model))]
+    asked: list[_OnMap | _OffMap] = [*on_map, *off_map]
+    size = BLOCK if cluster is not None else SAMPLES * _REPEATS
+    cuts = [-(-question.presentations // size) for question in asked]
+    blocks = (part for question in asked for part in question.block().parts(size))
+    counts = counted(of_integers, model.network, blocks, threads=threads, cluster=cluster, total=sum(cuts))
+    samples = [
+        question.samples(np.concatenate([some for some, _ in islice(counts, cut)]))
+        for question, cut in zip(asked, cuts, strict=True)
+    ]
     return Calibration(np.concatenate(samples).astype(np.float32))
+
+
+class _OnMap(NamedTuple):
+    """Altered references, asked of the whole network, with the noise of one repetition."""
+
+    model: IntegerModel
+    places: NDArray[np.int64]
+    repeat: int
+    shares: tuple[float, ...]
+    channels: int
+
+    @property
+    def presentations(self) -> int:
+        return len(self.places)
+
+    def block(self) -> Block:
+        """What is shown."""
+        model, repeat = self.model, self.repeat
+        share = np.array(self.shares)[(np.arange(len(self.places)) + repeat) % len(self.shares)]
+        first = model.activity[: model.places]  # the first traverse, straight ahead
+        return _block(model, altered(first, self.places, model.config.seed, repeat, share, self.channels), repeat)
+
+    def samples(self, counts: NDArray[np.int32]) -> NDArray[np.float64]:
+        """Margins, and whether the answers are right, (presentations, 2)."""
+        scores = _scores(self.model, self.model.responses, counts)
+        return np.stack([margin(scores), np.where(best(scores) == self.places, RIGHT, WRONG)], axis=1)
+
+
+class _OffMap(NamedTuple):
+    """References that were left out, asked of the network without the neurons of their part of the route."""
+
+    model: IntegerModel
+    number: int
+    kept: NDArray[np.bool_]
+    inside: NDArray[np.bool_]
+    left_out: NDArray[np.int64]
+    repeats: int
+
+    @property
+    def chosen(self) -> NDArray[np.int64]:
+        """The references that are asked."""
+        return self.left_out[:: max(1, len(self.left_out) * _PARTS * _SHIFTS // SAMPLES)]
+
+    @property
+    def presentations(self) -> int:
+        return len(self.chosen) * self.repeats
+
+    def block(self) -> Block:
+        """What is shown, repetition after repetition."""
+        first = self.repeats * (1 + self.number)
+        shown = [_block(self.model, self.model.activity[self.chosen], first + k) for k in range(self.repeats)]
+        keys = np.concatenate([one.keys for one in shown])
+        return Block(np.concatenate([one.rates for one in shown]), keys, kept=self.kept)
+
+    def samples(self, counts: NDArray[np.int32]) -> NDArray[np.float64]:
+        """Margins of answers that are off the map, (presentations, 2)."""
+        responses = np.ascontiguousarray(self.model.responses[self.kept][:, ~self.inside])
+        margins = margin(_scores(self.model, responses, counts))
+        return np.stack([margins, np.full(len(margins), OFF_MAP)], axis=1)
 
 
 def altered(
@@ -112,18 +166,10 @@ def altered(
     return made
 
 
-def _asked(
-    network: FixedNetwork,
-    model: IntegerModel,
-    activity: NDArray[np.float32],
-    repeat: int,
-    threads: int,
-    cluster: Cluster | None,
-) -> NDArray[np.int32]:
-    """Spike counts (n, neurons) of images with ``activity``, with the noise of this repetition."""
+def _block(model: IntegerModel, activity: NDArray[np.float32], repeat: int) -> Block:
+    """Images with ``activity``, with the noise of this repetition."""
     rates = query_rates16(activity, model.config.encoder)
-    keys = presentation_keys(model.config.seed, "calibration", image_keys(rates), repeat)
-    return in_blocks(of_integers, network, Block(rates, keys), threads=threads, cluster=cluster)[0]
+    return Block(rates, presentation_keys(model.config.seed, "calibration", image_keys(rates), repeat))
 
 
 def _scores(model: IntegerModel, responses: NDArray[Any], counts: NDArray[np.int32]) -> NDArray[np.float64]:
@@ -132,9 +178,9 @@ def _scores(model: IntegerModel, responses: NDArray[Any], counts: NDArray[np.int
     return decoders.decode(decoder.default, responses, counts, gamma=decoder.gamma)
 
 
-def _without_parts(model: IntegerModel) -> Iterator[tuple[FixedNetwork, NDArray[np.int32], NDArray[np.int64]]]:
-    """Networks without the neurons of one part of the route, their responses, and the places amid that part."""
-    network, places = model.network, model.places
+def _without_parts(model: IntegerModel) -> Iterator[tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.int64]]]:
+    """The neurons that are left without one part of the route, the places of that part, and those amid it."""
+    places = model.places
     parts = min(_PARTS, places)
     size, neuron_places = places / parts, model.neuron_places()
     for shift in range(_SHIFTS):
@@ -146,9 +192,4 @@ def _without_parts(model: IntegerModel) -> Iterator[tuple[FixedNetwork, NDArray[
             left_out = np.flatnonzero(inside & middle)
             if len(left_out) == 0 or not kept.any():
                 continue
-            smaller = replace(
-                network,
-                weights=np.ascontiguousarray(network.weights[:, kept]),
-                bias=np.ascontiguousarray(network.bias[kept]),
-            )
-            yield smaller, np.ascontiguousarray(model.responses[kept][:, ~inside]), left_out
+            yield kept, inside, left_out

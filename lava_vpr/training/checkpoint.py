@@ -98,7 +98,8 @@ def _by_stretch(arrays: dict[str, NDArray[Any]], done: dict[int, int]) -> dict[i
 class Checkpoint:
     """Where training stands, on disk: each stretch's state after its last whole epoch.
 
-    ``interval`` is the least time in seconds between two writes; the result does not depend on it.
+    ``interval`` is the least time in seconds between two writes; the result does not depend on it. A write that takes
+    long, as of many stretches, is followed by a longer pause, so that writes take a tenth of the time; 0: every state.
     """
 
     path: Path | None
@@ -108,6 +109,7 @@ class Checkpoint:
     arrays: dict[str, NDArray[Any]] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
     _written: float = field(default_factory=time.monotonic)
+    _took: float = 0.0
 
     def load(self, trainers: Sequence[StretchTrainer], epochs: int, traverses: int) -> None:
         """Take up the state on disk: the epochs done, and what each of them left in the trainer of its stretch.
@@ -147,7 +149,8 @@ class Checkpoint:
         with self._lock:
             self.epochs[number] = epoch
             self.arrays.update({f"{number}.{name}": value.copy() for name, value in state.items()})
-            if time.monotonic() - self._written >= self.interval:
+            pause = max(self.interval, 10 * self._took) if self.interval else 0.0
+            if time.monotonic() - self._written >= pause:
                 self._write()
 
     def flush(self) -> None:
@@ -160,5 +163,7 @@ class Checkpoint:
         if self.path is None:
             return
         header = {"fingerprint": self.fingerprint, "epochs": {str(k): v for k, v in self.epochs.items()}}
+        began = time.monotonic()
         container.save(self.path, "checkpoint", header, self.arrays)
         self._written = time.monotonic()
+        self._took = self._written - began

@@ -120,11 +120,8 @@ def _response_counts(
         rates = query_rates16(activity[rows], config.encoder)
         return Block(rates, response_keys(rates, config.seed))
 
-    blocks = map(block, parts)
-    if cluster is not None:
-        found = counted(of_integers, network, blocks, cluster=cluster, total=len(parts))
-    else:
-        found = (of_integers(network, some, threads) for some in blocks)
+    asked = map(block, parts)
+    found = counted(of_integers, network, asked, threads=threads, cluster=cluster, total=len(parts))
     for rows, (counts, _) in zip(parts, found, strict=True):
         yield rows, counts
 

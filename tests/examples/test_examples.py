@@ -220,3 +220,15 @@ def test_a_bundle_counts_the_spikes_of_its_model(here: Path) -> None:
     done = example("board_from_bundle", "bundle", "other.lvpr", "query")
     assert done.returncode == 1
     assert "counts differ: it was made of another model" in done.stdout
+
+
+def test_a_route_is_learned_on_a_cluster_of_this_machine(here: Path) -> None:
+    """With the bytes of the command alone."""
+    done = example("local_cluster", "reference", "-o", "there.lvpr", "--config", "quick.toml", "--stretch", 4)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stderr.splitlines()[0].startswith("note: tcp://127.0.0.1:")
+    run("train", "reference", "-o", "alone.lvpr", "--config", "quick.toml", "--stretch", 4)
+    assert Path("there.lvpr").read_bytes() == Path("alone.lvpr").read_bytes()
+    done = example("local_cluster", "nothing", "-o", "none.lvpr")
+    assert done.returncode == 1
+    assert "lava-vpr: error: nothing: cannot be opened" in done.stderr

@@ -15,6 +15,7 @@ from lava_vpr.config import Config
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.errors import ModelFileError
 from lava_vpr.storage import container
+from lava_vpr.training import checkpoint
 from lava_vpr.training.checkpoint import Checkpoint, fingerprint
 from lava_vpr.training.loop import split, train
 from lava_vpr.training.trainers import trainer_of
@@ -123,3 +124,23 @@ def test_what_training_saves_is_taken(kind: str, tmp_path: Path, monkeypatch: py
     monkeypatch.setattr(Checkpoint, "update", checked)
     train(references, config, checkpoint=path, interval=0.0)
     assert taken == [*range(1, config.learning.epochs + 1)] * len(split(8, config))
+
+
+def test_writes_take_a_tenth_of_the_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A state each second; a write that takes 3 seconds is followed by a pause of 30, a short one by the interval."""
+    clock, written = [0.0], []
+    monkeypatch.setattr(checkpoint.time, "monotonic", lambda: clock[0])
+
+    def save(*what: object) -> None:
+        written.append(clock[0])
+        clock[0] += 3.0 if clock[0] < 50 else 0.01
+
+    monkeypatch.setattr(checkpoint.container, "save", save)
+    store = Checkpoint(tmp_path / "c", "", interval=2.0)
+    store._written = 0.0
+    for _ in range(80):
+        clock[0] += 1.0
+        store.update(0, 1, {"weights": np.zeros(2)})
+    assert written[:2] == [2.0, 35.0]
+    assert np.allclose(np.diff(written[2:]), 2.0, atol=0.02)
+    assert len(written) > 5

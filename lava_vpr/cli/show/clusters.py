@@ -56,8 +56,6 @@ def cluster_at(address: str | None) -> Iterator[Connection | None]:
     with connected(address) as cluster, ExitStack() as bars:
         if cluster is not None:
             threads = cluster.threads()
-            stderr.print(
-                f"note: {cluster.address}: {_workers(len(threads))} with {sum(threads.values())} threads in all"
-            )
+            stderr.print(f"note: {cluster.address}: {_workers(len(threads))}, threads in all: {sum(threads.values())}")
             cluster.progress = _Told(bars, cluster.address, len(threads))
         yield cluster

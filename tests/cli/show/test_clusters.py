@@ -69,7 +69,7 @@ def killed_in_the_middle(
         told = kill_at(patched, "stretches", cluster.workers[0].kill)
         learned = run("train", summer, "-o", "there.lvpr", *options, *to)
     assert learned.exit_code == 0, learned.output
-    assert learned.stderr.splitlines()[0] == f"note: {cluster.address}: 2 workers with 2 threads in all"
+    assert learned.stderr.splitlines()[0] == f"note: {cluster.address}: 2 workers, threads in all: 2"
     assert f"note: {cluster.address}: 1 worker" in learned.stderr.splitlines()
     stretches = max(standing.total or 0 for standing in told if standing.called == "stretches")
     assert stretches >= 3

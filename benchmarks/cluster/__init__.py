@@ -1,0 +1,1 @@
+"""Long routes at a Dask cluster: time, bytes between machines, memory."""
