@@ -66,6 +66,7 @@ def killed_in_the_middle(
     to = ("--cluster", cluster.address)
     assert run("train", summer, "-o", "here.lvpr", *options).exit_code == 0
     with monkeypatch.context() as patched:
+        patched.setattr(connection, "COUNT_S", 0.0)  # workers are counted at every step
         told = kill_at(patched, "stretches", cluster.workers[0].kill)
         learned = run("train", summer, "-o", "there.lvpr", *options, *to)
     assert learned.exit_code == 0, learned.output
