@@ -30,7 +30,7 @@ demo: $(STAMP) ## The main job on built-in synthetic data; ends with a table and
 test: $(STAMP) ## The tests (real images too if LAVA_VPR_DATA names them)
 	@$(TESTS) -m "not slow"
 
-test-slow: $(STAMP) ## The minutes-long tests only
+test-slow: $(STAMP) ## The long tests only
 	@$(TESTS) -m slow --timeout 1800
 
 test-all: $(STAMP) ## The tests, the minutes-long ones included

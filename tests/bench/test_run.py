@@ -12,6 +12,7 @@ from lava_vpr.deploy.cost.costs import modelled
 from lava_vpr.deploy.cost.events import count_events
 
 
+@pytest.mark.slow
 def test_the_parts_of_a_step_add_up_to_its_time() -> None:
     """The picture of the steps and the table of costs say the same."""
     plan = busy_plan()

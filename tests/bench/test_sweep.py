@@ -153,6 +153,7 @@ def test_equal_input_gives_equal_points() -> None:
     assert [repr(point) for point in again] == [repr(point) for point in found()[0]]
 
 
+@pytest.mark.slow
 def test_a_cluster_measures_the_points_of_one_machine(tmp_path: Path) -> None:
     """Eight at once, drawn as if the front stayed as it is; what is drawn from another front is drawn anew."""
     one, made = case(), DaskCluster(tmp_path)

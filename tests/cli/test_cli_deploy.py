@@ -63,6 +63,7 @@ def test_fit_writes_a_picture_and_figures(here: Path) -> None:
     assert (Path("p.svg").read_bytes(), Path("f.json").read_bytes()) == before
 
 
+@pytest.mark.slow
 def test_fit_without_a_model_tells_the_largest_map(here: Path) -> None:
     text = run("fit", "--target", "kapoho-bay", "--weight-bits", 3, "--json", "c.json").stdout
     values = json.loads(Path("c.json").read_text())
@@ -177,6 +178,7 @@ def test_rows_without_indices_mean_nothing_on_loihi_2_or_without_a_model(here: P
     assert not Path("b").exists()
 
 
+@pytest.mark.slow
 def test_fit_for_loihi_2_promises_nothing(here: Path) -> None:
     text = run("fit", "--target", "loihi2", "--weight-bits", 7, "--json", "f.json").stdout
     assert "no larger maps can fit Loihi 2" in text

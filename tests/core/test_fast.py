@@ -135,6 +135,7 @@ def test_a_query_has_the_same_rates_in_any_batch() -> None:
     assert np.array_equal(together, np.concatenate([query_rates(row[None], preset("fast")) for row in activity]))
 
 
+@pytest.mark.slow
 @pytest.mark.data
 @pytest.mark.usefixtures("data_root")
 def test_it_keeps_its_promise_on_real_images() -> None:

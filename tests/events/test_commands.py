@@ -73,6 +73,7 @@ def test_a_query_is_answered_with_its_place_in_time(there: Path) -> None:
     assert np.median([float(row["error_m"]) for row in rows if row["error_m"]]) < 8
 
 
+@pytest.mark.slow
 def test_bench_and_verify_take_events(there: Path) -> None:
     run("bench", "m.lvpr", "w/query_events.h5", "--every", 1, "--places", "0:3", "--limit", 2, "--json", "b.json")
     assert json.loads(Path("b.json").read_text())
@@ -108,6 +109,7 @@ def test_the_truth_is_where_the_vehicle_is(there: Path) -> None:
         assert last / 1e6 == pytest.approx(rows[-1, 0] - rows[0, 0], abs=0.1)
 
 
+@pytest.mark.slow
 def test_equal_seeds_write_equal_files_and_npz_holds_the_same_events(there: Path) -> None:
     run("synth", "again", "--places", 5, "--events", "npz", "--query-condition", "rain", "--query-speed", 15)
     first, second = (

@@ -199,6 +199,7 @@ def test_a_route_is_learned_and_followed(here: Path) -> None:
     assert (done.returncode, done.stderr.splitlines()[0][:27]) == (1, "error: nothing: cannot be o")
 
 
+@pytest.mark.slow
 def test_a_decoder_of_ones_own_stands_beside_the_others(here: Path) -> None:
     done = example("own_decoder", "reference", "query")
     assert done.returncode == 0, done.stderr
@@ -222,6 +223,7 @@ def test_a_bundle_counts_the_spikes_of_its_model(here: Path) -> None:
     assert "counts differ: it was made of another model" in done.stdout
 
 
+@pytest.mark.slow
 def test_a_route_is_learned_on_a_cluster_of_this_machine(here: Path) -> None:
     """With the bytes of the command alone."""
     done = example("local_cluster", "reference", "-o", "there.lvpr", "--config", "quick.toml", "--stretch", 4)

@@ -71,6 +71,7 @@ def test_every_spike_equals_lavas_library() -> None:
         assert np.array_equal(film, rasters[name]), name
 
 
+@pytest.mark.slow
 @pytest.mark.lava
 @pytest.mark.data
 def test_the_trained_network_on_real_queries_equals_lavas_library(data_root: Path) -> None:

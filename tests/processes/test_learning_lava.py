@@ -93,6 +93,7 @@ def test_every_weight_trace_threshold_and_spike_equals_the_host_engine(phase: In
     assert hold_against_host(phase, *start()) > 30
 
 
+@pytest.mark.slow
 @pytest.mark.data
 def test_the_first_real_images_of_both_phases_equal_the_host_engine(data_root: Path) -> None:
     config = preset("loihi")
@@ -126,6 +127,7 @@ def test_the_library_alone_equals_the_host_engine() -> None:
     assert (state.weights != before).mean() > 0.2
 
 
+@pytest.mark.slow
 @pytest.mark.data
 def test_a_real_image_is_learned_alike_by_the_library(data_root: Path) -> None:
     config = preset("loihi")

@@ -43,7 +43,9 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("small", [{}, SMALL_LIMITS], ids=["direct", "leaves and relays"])
+@pytest.mark.parametrize(
+    "small", [pytest.param({}, id="direct"), pytest.param(SMALL_LIMITS, id="leaves and relays", marks=pytest.mark.slow)]
+)
 def test_composed_and_library_networks_equal_the_host(small: dict[str, int]) -> None:
     # All widths: test_many_random_place_networks_equal_lavas_library.
     arrays: dict[str, NDArray[Any]] = {}
@@ -128,6 +130,7 @@ def test_every_job_records_the_same() -> None:
     check_every_job(network, rates, keys, run_every_job(network, rates, keys))
 
 
+@pytest.mark.slow
 def test_every_job_records_the_same_with_leaves_and_relays() -> None:
     with limits(**SMALL_LIMITS):
         network = random_network(3, seed=1, regular=True)
@@ -135,7 +138,10 @@ def test_every_job_records_the_same_with_leaves_and_relays() -> None:
         check_every_job(network, rates, keys, run_every_job(network, rates, keys, limits=SMALL_LIMITS))
 
 
-@pytest.mark.parametrize("case", ["injected", "leaves and relays", "input compartments"])
+@pytest.mark.parametrize(
+    "case",
+    ["injected", *(pytest.param(case, marks=pytest.mark.slow) for case in ("leaves and relays", "input compartments"))],
+)
 def test_every_job_takes_the_biases_of_each_presentation(case: str) -> None:
     small = SMALL_LIMITS if case == "leaves and relays" else {}
     with limits(**small):

@@ -165,7 +165,9 @@ def plastic(**options: Any) -> dict[str, NDArray[Any]]:
     return run_isolated(f"{TARGETS}:plastic", arrays, {"tag": "fixed_pt", **options}, timeout=120)
 
 
-@pytest.mark.parametrize(("weight_exp", "rng_seed"), [(0, 1), (-2, 2), (1, 3)])
+@pytest.mark.parametrize(
+    ("weight_exp", "rng_seed"), [(-2, 2), *(pytest.param(*case, marks=pytest.mark.slow) for case in ((0, 1), (1, 3)))]
+)
 def test_learning_synapses_are_the_librarys(weight_exp: int, rng_seed: int) -> None:
     ours, library = (plastic(weight_exp=weight_exp, rng_seed=rng_seed, sub=sub) for sub in (False, True))
     assert ours["raster"].sum() > 10
@@ -188,6 +190,7 @@ def real(data_root: Path) -> tuple[FixedNetwork, NDArray[np.uint16], NDArray[np.
     return network, rates, presentation_keys(0, "query", image_keys(rates))
 
 
+@pytest.mark.slow
 @pytest.mark.data
 @pytest.mark.parametrize("bias_input", [True, False], ids=["input compartments", "Poisson, injected"])
 def test_five_real_queries_spike_alike(

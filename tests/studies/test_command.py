@@ -41,6 +41,7 @@ def test_equal_images_give_equal_bytes_whatever_the_jobs(here: Path) -> None:
     assert "--seeds 0,1 --values 2,3" in Path("0/study.html").read_text()
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_the_bytes_of_this_machine(here: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     cluster = DaskCluster(tmp_path_factory.mktemp("cluster"))
     words = ("hyperactive", "reference", "--query", "query", "--values", "4")

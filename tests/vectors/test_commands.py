@@ -102,6 +102,7 @@ def test_long_vectors_are_projected_with_a_word() -> None:
     assert recall(json.loads(Path("f.json").read_text())) >= 0.9
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("route")
 def test_a_deployed_model_gives_every_spike_and_bench_costs_it() -> None:
     run("deploy", "m.lvpr", "--target", "kapoho-bay", "-o", "kb", "--calibrate", "query.npy")

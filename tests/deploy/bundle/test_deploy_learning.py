@@ -198,7 +198,7 @@ def test_a_presentation_equals_a_literal_one(model: Model) -> None:
 
 
 @pytest.mark.lava
-@pytest.mark.parametrize("epoch", [0, 3])
+@pytest.mark.parametrize("epoch", [pytest.param(0, marks=pytest.mark.slow), 3])
 def test_lavas_library_learns_the_same(model: Model, epoch: int) -> None:
     """LearningDense and LIFReset alone, both phases: every spike, weight and trace of several presentations."""
     from lava_vpr.processes.jobs.learning import FOLDED

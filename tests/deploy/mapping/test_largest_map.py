@@ -62,6 +62,7 @@ def test_it_is_the_largest(limits: dict[str, int], changes: dict[str, object]) -
     assert ";" not in found.limit
 
 
+@pytest.mark.slow
 def test_what_fits_nowhere_says_why() -> None:
     chosen = update(config(), {"encoder": {"query_spikes": 40.0}})
     found = largest(chosen, KAPOHO_BAY)
