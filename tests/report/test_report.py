@@ -397,5 +397,4 @@ def test_positions_that_do_not_belong_to_the_images_are_refused() -> None:
 def test_on_a_phone_nothing_sticks_out_and_words_can_be_read(tmp_path: Path) -> None:
     seen = on_phone(page(mapped()), tmp_path)
     assert seen.wide <= PHONE
-    assert seen.smallest is not None
-    assert seen.smallest >= 7
+    assert (seen.smallest or 0) >= 7

@@ -1,0 +1,101 @@
+"""What `lava-vpr bench` prints, from made-up results."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any
+
+import pytest
+from support.common.bench_results import bench, metrics, modelled, printed
+
+from lava_vpr.bench.results import (
+    Candidate,
+    Measured,
+)
+from lava_vpr.bench.show import energy, plots
+from lava_vpr.bench.show import tables as described
+from lava_vpr.bench.show.json_values import as_json
+from lava_vpr.bench.show.page import page
+
+
+def test_recall_comes_first_and_what_is_modelled_says_so() -> None:
+    text = printed(bench())
+    parts = ("R@1", "energy of a query, all", "measured here", "modelled for Kapoho Bay", "counted events")
+    order = [text.index(part) for part in parts]
+    assert order == sorted(order)
+    assert re.search(r"energy, uJ +┃ +Kapoho Bay ┃ +this network, no board ┃ +cosine, no network ┃", text)
+    assert re.search(r"static in host I/O after that, modelled │ +1,000 \(0 to 7,000\) │ +- │ +- │", text), text
+    assert re.search(r"all of it +│ +8,380 \([\d,]+ to [\d,]+\) │ +8,000 \(4,000 to 16,000\) │ +7,150 \(", text), text
+    assert re.search(r"dynamic energy, uJ +│ +2\.23 │ +3\.04 │ +4\.02 │", text), text
+    assert re.search(r"host I/O, apart, ms: injected \(in use\) +│ +1\.00 │ +13\.9 │", text)
+    assert "absent: loihi2, modelled energy and time: no energy per operation" in text
+
+
+def test_every_modelled_figure_stands_below_the_word() -> None:
+    energies = ("uJ", "mJ", "pJ")
+    run = bench()
+    whole = energy.table(run.energy)
+    assert [whole.rows[k][0] for k in sorted(whole.strong)] == ["all but the encoding", "all of it"]
+    alone = energy.table(run.energy[1:])
+    assert [row[0] for row in alone.rows if "board" in row[0]] == []
+    assert [alone.rows[k][0] for k in sorted(alone.strong)] == ["all but the encoding", "all of it"]
+    assert all(("modelled" in row[0]) == (row[0].startswith("board")) for row in whole.rows)
+    shown = [described.modelled(run.targets["kapoho-bay"]), described.sweep(run.sweep)]
+    for grid in shown:
+        for column in grid.columns:
+            if any(unit in column for unit in energies) or column in ("ms", "modelled low"):
+                assert "modelled" in column
+        assert "modelled" in grid.title or "modelled" in " ".join(grid.columns)
+    assert all("modelled" in column for column in shown[0].columns)
+    drawings = [plots.energy(modelled().dynamic_by_component or {}, "e", ""), plots.pareto(run.sweep, "")]
+    drawings += [plots.step_times(run.step_times[0], "s", ""), plots.beside_anchors(modelled(), "")]
+    assert all("modelled" in drawing for drawing in drawings)
+    assert "modelled" not in plots.latencies(run.measured, "")
+
+
+def test_the_front_is_told_once_and_what_was_chosen_stands_out() -> None:
+    def point(energy: float, **changes: Any) -> Candidate:
+        values: dict[str, Any] = {"settings": {"steps": 30, "prune": 0.5}, "metrics": metrics(), "milliseconds": 0.1}
+        return Candidate(**{**values, "microjoules": energy, "mean_steps": 33.0, "front": True, **changes})
+
+    rows = [point(1.0), point(1.0, settings={"steps": 31}), point(2.0, front=False), point(3.0, chosen="fast")]
+    rows.append(point(0.5, settings={"stop_margin": 4.0}))
+    grid = described.sweep(rows)
+    assert [(row[0], row[4]) for row in grid.rows] == [
+        ("fast", "3.00"),
+        ("front", "1.00"),
+        ("front, stops early", "0.500"),
+    ]
+    assert grid.rows[1][-1] == "steps 30, prune 0.5"
+    assert grid.strong == {0}
+    assert "judge a choice on others" in grid.note
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0, "0"),
+        (None, "-"),
+        (math.nan, "-"),
+        (1234567.0, "1,230,000"),
+        (0.99996, "1.00"),
+        (12.34, "12.3"),
+        (0.0000123, "1.23e-05"),
+        (999.9, "1,000"),
+        (-0.05, "-0.0500"),
+    ],
+)
+def test_figures_have_three_significant_digits(value: float | None, text: str) -> None:
+    assert described.figure(value) == text
+
+
+def test_a_boards_own_figures_are_told() -> None:
+    there = Measured("loihi2", "a board", 9, queries_per_second=88.0, no_energy="x", board={"idle_milliwatts": 1234.5})
+    found = bench(measured=(there,), targets={}, sweep=(), step_times=())  # a page with nothing to draw
+    assert re.search(r"idle milliwatts +│ +1,234 │", printed(found))
+    assert "measured on a board" in page(found)
+    assert as_json(found)["measured"]["loihi2"]["board"] == {"idle_milliwatts": 1234.5}
+
+
+# Anchors
