@@ -18,7 +18,7 @@ def fill(folder: Path, images: int = 3, level: int = 0) -> None:
     """``images`` small images; the grey level tells the folder, unpadded numbers need the natural sort."""
     folder.mkdir(parents=True)
     for k in range(images):
-        cv2.imwrite(str(folder / f"{k}.png"), np.full((4, 4), 20 * level + k, dtype=np.uint8))
+        cv2.imwrite(str(folder / f"{k}.png"), np.full((4, 4), (20 * level + k) % 256, dtype=np.uint8))
 
 
 def build(root: Path, layout: Layout, images: int = 3) -> None:
