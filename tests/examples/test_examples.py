@@ -211,6 +211,7 @@ def test_a_decoder_of_ones_own_stands_beside_the_others(here: Path) -> None:
     assert "has 1 images, reference 8; give as many" in done.stderr
 
 
+@pytest.mark.slow
 def test_a_bundle_counts_the_spikes_of_its_model(here: Path) -> None:
     run("deploy", "m.lvpr", "--target", "kapoho-bay", "-o", "bundle")
     done = example("board_from_bundle", "bundle", "m.lvpr", "query", "--limit", 3)

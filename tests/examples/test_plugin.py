@@ -42,6 +42,7 @@ def lava_vpr(folder: Path, site: Path | None, *words: object) -> subprocess.Comp
     )
 
 
+@pytest.mark.slow
 def test_its_input_and_its_decoder_are_used(site: Path, tmp_path: Path) -> None:
     write_traverses(tmp_path, PLACES, 0)
     (tmp_path / "quick.toml").write_text(f"{CONFIG}[decoder]\ndefault = 'count-cosine'\n")

@@ -130,6 +130,7 @@ FIXED = [(job, "fixed_pt") for job in ("fused", "composed", "library")]
 FLOAT = [(job, "floating_pt") for job in ("composed", "library")]
 
 
+@pytest.mark.slow
 def test_every_network_on_every_backend_equals_the_host() -> None:
     networks = {
         "b3": random_network(3, seed=7, signed=True, regular=True, bias_input=True),

@@ -174,6 +174,7 @@ def float_presentation(
     return x / 127, raster
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phase", [COMPETITION, CONSOLIDATION], ids=["competition", "consolidation"])
 def test_the_floating_point_models_run_the_same_spec_without_rounding(phase: IntegerLearning) -> None:
     state, rates, keys = start()

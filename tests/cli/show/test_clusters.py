@@ -105,6 +105,7 @@ def test_the_same_on_real_images(
     killed_in_the_middle(cluster, summer, winter, options, monkeypatch)
 
 
+@pytest.mark.slow
 def test_a_lost_scheduler_is_one_line_and_training_resumes(
     route: Path, cluster: DaskCluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:

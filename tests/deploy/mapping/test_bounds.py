@@ -103,6 +103,7 @@ def larger(board: Board, weights: str) -> tuple[int, str]:
     return found.places, found.limit
 
 
+@pytest.mark.slow
 def test_the_largest_map_that_public_numbers_allow() -> None:
     """Of every weight stored: 4 bits of 2,048 inputs and those of the root, in the bytes of 128 cores."""
     places, limit = larger(LOIHI_2, "every")

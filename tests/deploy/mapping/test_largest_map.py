@@ -112,6 +112,7 @@ def test_what_takes_less_leaves_room_for_more() -> None:
     assert pruned.places > found["sparse", "typical"].places
 
 
+@pytest.mark.slow
 def test_the_default_preset_on_the_real_board() -> None:
     """Eight thousand places with the index of every weight, even if there were no zero; synapse memory binds."""
     found = {(row.rows, row.weights): row for row in capacities(preset("loihi"), KAPOHO_BAY)}
