@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from lava_vpr.bench.show.page import html_table
 from lava_vpr.report.frame import document
 from lava_vpr.report.templates import render, text
@@ -26,6 +28,34 @@ def _drawings(found: Studied) -> str:
     return "".join(render("bench_figure.html", heading=safe(heading), drawing=svg) for heading, svg in drawn)
 
 
+def sheet(title: str, facts: Mapping[str, str], sections: Mapping[str, tuple[str, str]], command: str) -> str:
+    """A page of tables and plots as HTML text: a head, its sections, and the command that repeats it.
+
+    Args:
+        title: What the page is about.
+        facts: Terms of the head, and what they say.
+        sections: By their headings, the anchor and the HTML of each; one without HTML is left out.
+        command: The command.
+    """
+    header = render(
+        "study_header.html",
+        title=safe(title),
+        facts="".join(f"<div><dt>{safe(name)}</dt><dd>{safe(value)}</dd></div>" for name, value in facts.items()),
+    )
+    repeat = f'<div class="panel"><h3>Command</h3><pre class="command"><code>{safe(command)}</code></pre></div>'
+    shown = {heading: part for heading, part in sections.items() if part[1]} | {"Reproduction": ("setup", repeat)}
+    body = render(
+        "bench_body.html",
+        header=header,
+        links="".join(f'<li><a href="#{name}">{heading}</a></li>' for heading, (name, _) in shown.items()),
+        sections="".join(
+            render("bench_section.html", name=name, heading=heading, note="", content=content)
+            for heading, (name, content) in shown.items()
+        ),
+    )
+    return document(title, body, style=f"\n{text('bench.css')}\n")
+
+
 def page(found: Studied) -> str:
     """The whole page as HTML text; equal results give equal text."""
     facts = {
@@ -35,24 +65,5 @@ def page(found: Studied) -> str:
         "preset": found.config.preset,
         "decoder": found.config.decoder.default,
     }
-    header = render(
-        "study_header.html",
-        title=safe(found.study.title),
-        facts="".join(f"<div><dt>{safe(name)}</dt><dd>{safe(value)}</dd></div>" for name, value in facts.items()),
-    )
-    command = f'<div class="panel"><h3>Command</h3><pre class="command"><code>{safe(found.command)}</code></pre></div>'
-    sections = {
-        "Plots": ("plots", _drawings(found)),
-        "Table": ("table", html_table(table(found))),
-        "Reproduction": ("setup", command),
-    }
-    body = render(
-        "bench_body.html",
-        header=header,
-        links="".join(f'<li><a href="#{name}">{heading}</a></li>' for heading, (name, _) in sections.items()),
-        sections="".join(
-            render("bench_section.html", name=name, heading=heading, note="", content=content)
-            for heading, (name, content) in sections.items()
-        ),
-    )
-    return document(found.study.title, body, style=f"\n{text('bench.css')}\n")
+    sections = {"Plots": ("plots", _drawings(found)), "Table": ("table", html_table(table(found)))}
+    return sheet(found.study.title, facts, sections, found.command)
