@@ -22,6 +22,21 @@ SHARED = Path("/dev/shm")
 STRANGER = 54321  # a user whom no list of users names
 READ_ALL = "-all,+dac_read_search"
 PROGRAM = (sys.executable, "-m", "lava_vpr")
+QUERY = ("query", "m.lvpr", "query", "-o")
+
+# The command line, but a signal (argv[1]) comes when the module argv[2] is first looked for.
+AT_IMPORT = """
+import os, sys
+number, name = int(sys.argv.pop(1)), sys.argv.pop(1)
+class Finder:
+    def find_spec(self, wanted, *rest):
+        if wanted == name:
+            sys.meta_path.remove(self)
+            os.kill(os.getpid(), number)
+sys.meta_path.insert(0, Finder())
+from lava_vpr.__main__ import run
+run()
+"""
 
 
 @dataclass(frozen=True)
@@ -142,3 +157,20 @@ def run(
     made = sorted(set(os.listdir(folder)) - before)
     texts = [(text or b"").decode(errors="replace") for text in (printed, said)]
     return Ended(child.returncode, texts[0], texts[1], left, made)
+
+
+def one_line(ended: Ended, *words: str) -> None:
+    """It failed with one line on stderr that holds all of ``words``."""
+    assert ended.code == 1, ended
+    assert len(ended.lines) == 1, ended.err
+    assert ended.lines[0].startswith("lava-vpr: error: ")
+    assert all(word in ended.lines[0] for word in words), ended.err
+    assert not ended.left
+
+
+def done(ended: Ended, *made: str) -> None:
+    """It did its work without a word on stderr but notes, and made just these files."""
+    assert ended.code == 0, ended
+    assert all(line.startswith("note: ") for line in ended.lines), ended.err
+    assert not ended.left
+    assert ended.made == sorted(made)
