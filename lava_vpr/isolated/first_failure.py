@@ -12,6 +12,8 @@ import os
 import signal
 import sys
 import tempfile
+import threading
+import time
 import traceback
 from pathlib import Path
 from typing import Any
@@ -21,6 +23,8 @@ from lava_vpr.errors import LavaRunError, LavaVprError
 
 LONGEST = 400  # characters of an exception's text in the one line of an error
 LOG_TAIL = 20_000  # characters
+NOTING = 5.0  # seconds in which a failure is noted, on the slowest of machines
+PAUSE = 0.01  # seconds between two looks whether it is
 
 
 def one_line(text: str) -> str:
@@ -45,11 +49,29 @@ def _known_class(error: BaseException) -> str:
 
 
 def record(folder: Path, values: dict[str, Any]) -> None:
-    """Note a failure, unless one has been noted before it."""
+    """Note a failure, unless one has been noted before it.
+
+    One that another process is noting just now is waited for: the end of this one may be the end of that.
+    """
     with contextlib.suppress(OSError):  # the folder is gone: nobody waits for it
-        os.close(os.open(folder / "error.lock", os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
-        (folder / "error.part").write_text(json.dumps(values), encoding="utf-8")
-        (folder / "error.part").replace(folder / "error.json")
+        try:
+            os.close(os.open(folder / "error.lock", os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
+        except FileExistsError:
+            if _noted(folder):
+                return
+        part = folder / f"error-{os.getpid()}-{threading.get_ident()}.part"
+        part.write_text(json.dumps(values), encoding="utf-8")
+        part.replace(folder / "error.json")
+
+
+def _noted(folder: Path) -> bool:
+    """Whether the failure is noted that another process or thread began to note; False if that was killed over it."""
+    end = time.monotonic() + NOTING
+    while not (folder / "error.json").exists():
+        if time.monotonic() > end:
+            return False
+        time.sleep(PAUSE)
+    return True
 
 
 def record_exception(folder: Path, error: BaseException, where: str = "") -> None:

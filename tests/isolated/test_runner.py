@@ -186,6 +186,15 @@ def test_our_own_errors_stay_what_they_are(place: Place) -> None:
         run_isolated("support.lava.lava_targets:fail", {}, {"what": "limit"}, timeout=LONG)
 
 
+def test_a_failure_that_is_being_noted_is_waited_for(place: Place) -> None:
+    """The end of the target is the end of whoever is noting it; of one that is killed over it, another is told."""
+    for killed, noting, said in ((False, LONG, "the first"), (True, 0.2, "the second")):
+        with pytest.raises(NetworkLimitError, match=f"^{said}$"):
+            run_isolated(
+                "support.lava.lava_targets:note_slowly", {}, {"killed": killed, "noting": noting}, timeout=LONG
+            )
+
+
 @pytest.mark.parametrize(
     ("target", "what", "line"),
     [

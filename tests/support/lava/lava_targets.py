@@ -5,8 +5,10 @@ Used by isolated.
 
 from __future__ import annotations
 
+import json
 import multiprocessing
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -18,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import BackendUnavailableError, NetworkLimitError
+from lava_vpr.isolated import first_failure
 from lava_vpr.isolated.worker import report
 
 Arrays = dict[str, NDArray[Any]]
@@ -53,6 +56,26 @@ def leave(arrays: Arrays, options: dict[str, Any]) -> Arrays:
     while not Path("go").exists():
         time.sleep(0.01)
     return {}
+
+
+def note_slowly(arrays: Arrays, options: dict[str, Any]) -> Arrays:
+    """Fails while another process is noting a failure of its own, which it ends, or else is killed over."""
+    dumps = json.dumps
+
+    def slow(values: dict[str, Any]) -> str:
+        if options["killed"]:
+            os.kill(os.getpid(), signal.SIGKILL)
+        time.sleep(0.5)
+        return dumps(values)
+
+    first_failure.NOTING = options["noting"]
+    if os.fork() == 0:
+        json.dumps = slow
+        first_failure.record_exception(Path.cwd(), NetworkLimitError("the first"))
+        os._exit(1)
+    while not Path("error.lock").exists():
+        time.sleep(0.001)
+    raise NetworkLimitError("the second")
 
 
 def act(arrays: Arrays, options: dict[str, Any]) -> Arrays:
