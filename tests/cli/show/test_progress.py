@@ -22,7 +22,7 @@ from lava_vpr.deploy.mapping import largest_map
 from lava_vpr.deploy.mapping.largest_map import Capacity
 from lava_vpr.kernelcache import COMPILING, COMPILING_TEXT, compiled
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 
 
 class Terminal(io.StringIO):
