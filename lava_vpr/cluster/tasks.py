@@ -19,7 +19,8 @@ once. A point of a study::
             ...  # in the order of the points, each as soon as it and those before it are done
 
 A point runs on one thread of its worker; it must not use a cluster itself. What it raises is raised here: a
-`LavaVprError` as it is.
+`LavaVprError` as it is. A task may run tasks of its own on threads here, as learning a model does; they are given up
+with it.
 """
 
 from __future__ import annotations
@@ -37,6 +38,13 @@ R = TypeVar("R")
 
 PATIENCE = 0.2
 """Seconds after which a wait for a result is broken off, so that Ctrl-C is minded and workers are counted."""
+
+_thread = threading.local()
+"""What a thread that is at a task knows: ``stop``, set when the run that the task belongs to is given up."""
+
+
+class GivenUpError(Exception):
+    """Raised out of a task that runs tasks of its own, when the run that it belongs to is given up; nobody is told."""
 
 
 @dataclass(frozen=True)
@@ -116,6 +124,7 @@ class _Threads:
         self._pool.submit(self._guarded, task).add_done_callback(lambda future: self._done.put((number, future)))
 
     def _guarded(self, task: Any) -> Any:
+        _thread.stop = self._stop
         try:
             return self._function(self._shared, task)
         except BaseException:
@@ -207,6 +216,7 @@ def _results(
         progress = progress or cluster.progress
     numbered, pending, done, more = enumerate(tasks), 0, 0, True
     told: Standing | None = None
+    above: threading.Event | None = getattr(_thread, "stop", None)
     try:
         while True:
             while more and (pending == 0 or pending + len(ready) < running.room):
@@ -223,6 +233,8 @@ def _results(
             if not pending:
                 return
             found = running.wait(PATIENCE)
+            if above is not None and above.is_set():
+                raise GivenUpError
             if found is not None:
                 pending, done = pending - 1, done + 1
                 yield found

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lava_vpr.cluster.tasks import Standing, as_done, run_tasks
+from lava_vpr.cluster.tasks import GivenUpError, Standing, as_done, run_tasks
 from lava_vpr.errors import ConfigError
 
 
@@ -96,6 +96,33 @@ def test_who_gives_up_stops_what_runs() -> None:
     assert next(found) == 0
     found.close()  # type: ignore[attr-defined]
     assert stop.is_set()
+
+
+def test_who_gives_up_stops_the_tasks_of_tasks() -> None:
+    """A task that learns a model is minutes of work; Ctrl-C waits for no more than one of its own tasks."""
+    begun, own, ended = threading.Event(), threading.Event(), []
+
+    def learning(shared: None, task: int) -> int:
+        if task == 0:
+            assert begun.wait(60)
+        else:
+            try:
+                list(run_tasks(until_stopped, range(50), shared=None, stop=own))
+            except GivenUpError:
+                ended.append(task)
+                raise
+        return task
+
+    def until_stopped(shared: None, task: int) -> int:
+        begun.set()
+        assert own.wait(60)
+        return task
+
+    found = run_tasks(learning, range(2), shared=None, jobs=2)
+    assert next(found) == 0
+    found.close()
+    assert ended == [1]
+    assert list(run_tasks(learning, range(1), shared=None, jobs=2)) == [0]  # what a thread knew is gone with its run
 
 
 def test_progress_is_told_of_every_task() -> None:
