@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -96,10 +95,6 @@ def measure_requantised(route: Route, task: Task) -> list[Outcome]:
     return outcomes
 
 
-def _of_setting(key: str, study: str, asked: Asked) -> Sequence[Task]:
-    return requantised_tasks(key, study, asked)
-
-
 PLACES_STUDY = Study(
     "places",
     title="Number of places",
@@ -127,7 +122,7 @@ BITS = Study(
     title="Bits of a weight",
     varied="bits",
     values=(1, 2, 3, 4, 5, 6, 7),
-    tasks=partial(_of_setting, "weight_bits", "bits"),
+    tasks=partial(requantised_tasks, "weight_bits", "bits"),
     measure=measure_requantised,
     costed=True,
     note="One learned model for each seed, quantised anew; a sign takes a bit more. All else is as the settings say.",
@@ -137,7 +132,7 @@ STEPS = Study(
     title="Steps of a query",
     varied="steps",
     values=(8, 16, 32, 64, 128, 256),
-    tasks=partial(_of_setting, "steps", "steps"),
+    tasks=partial(requantised_tasks, "steps", "steps"),
     measure=measure_requantised,
     costed=True,
     note="One learned model for each seed, asked in queries of so many steps, the silent ones included. All else is as "
