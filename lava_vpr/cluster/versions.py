@@ -1,4 +1,4 @@
-"""What must be the same wherever tasks run, for their results to be: this package, Python, and what computes."""
+"""What must be the same wherever and whenever tasks run, for their results to be: this package, Python, packages."""
 
 from __future__ import annotations
 
@@ -12,15 +12,21 @@ from pathlib import Path
 
 from lava_vpr import __version__
 
-COMPUTES = ("numpy", "numba", "scipy", "opencv-python-headless", "distributed")
-"""Packages whose versions can change a result, or what is said between machines."""
+COMPUTES = ("numpy", "numba", "scipy", "opencv-python-headless")
+"""Packages whose versions can change a result."""
+
+
+@cache
+def of_results() -> Mapping[str, str]:
+    """Versions by name: of this package with a hash of its source, of Python, and of the packages that compute."""
+    found = {"lava-vpr": f"{__version__} ({_source()})", "Python": platform.python_version()}
+    return found | {name: version(name) for name in COMPUTES}
 
 
 @cache
 def here() -> Mapping[str, str]:
-    """Versions by name: of this package with a hash of its source, of Python, and of the packages that compute."""
-    found = {"lava-vpr": f"{__version__} ({_source()})", "Python": platform.python_version()}
-    return found | {name: version(name) for name in COMPUTES}
+    """Those of `of_results`, and of what machines talk with: a cluster's machines must have the same."""
+    return {**of_results(), "distributed": version("distributed")}
 
 
 def _source() -> str:

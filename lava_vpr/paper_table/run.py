@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from lava_vpr.cluster.tasks import Cluster, as_done
+from lava_vpr.cluster.tasks import Cluster, Standing, as_done
 from lava_vpr.datasets.layouts import DATASETS, Dataset
 from lava_vpr.errors import InputError
 from lava_vpr.paper_table.kept import Kept
 from lava_vpr.paper_table.methods import DESCRIPTORS, METHODS, NETWORKS, Method
 from lava_vpr.paper_table.printed import printed
-from lava_vpr.paper_table.sections import Figures, Taken, Task, fingerprint, measure
+from lava_vpr.paper_table.sections import Figures, Section, Taken, Task, fingerprint, measure, read
 from lava_vpr.paper_table.sources import Source, tasks
 from lava_vpr.studies.run import Spread
 
@@ -140,7 +141,7 @@ def compute(
         wanted: What it is computed from.
         kept: Where figures of finished sections are kept.
         jobs: Threads, a section each; they change no figure.
-        cluster: Workers that take the sections; None: threads of this process.
+        cluster: Whose workers measure the sections, which are read here; None: those threads.
         kept_only: Compute nothing: take what is kept.
         command: How to repeat it.
         advance: Told of every section that is done.
@@ -159,19 +160,26 @@ def compute(
             told(1, f"{task.in_words} (kept)")
         elif not kept_only:
             missing.append((task, key))
-    for number, figures in as_done(
-        _measure, [task for task, _ in missing], shared=None, cluster=cluster, jobs=jobs, called="sections"
-    ):
-        task, key = missing[number]
-        kept.keep(task, key, figures)
-        found[task] = figures
-        told(1, task.in_words)
+
+    def standing(now: Standing) -> None:
+        if now.workers:
+            told(0, f"sections, {now.workers} workers")
+
+    sections = (task if cluster is None else read(task) for task, _ in missing)  # workers see no files
+    with closing(
+        as_done(_measure, sections, shared=None, cluster=cluster, jobs=jobs, called="sections", progress=standing)
+    ) as measured:
+        for number, figures in measured:
+            task, key = missing[number]
+            kept.keep(task, key, figures)
+            found[task] = figures
+            told(1, task.in_words)
     return PaperTable(tuple(_part(row, wanted, found) for row in DATASETS.values()), wanted, command)
 
 
-def _measure(shared: None, task: Task) -> dict[str, Figures]:
-    """`measure` as tasks are run."""
-    return measure(task)
+def _measure(shared: None, section: Task | Section) -> dict[str, Figures]:
+    """`measure` as tasks are run; what was not read before is read."""
+    return measure(read(section) if isinstance(section, Task) else section)
 
 
 def _part(dataset: Dataset, wanted: Wanted, found: Mapping[Task, dict[str, Figures]]) -> Part:

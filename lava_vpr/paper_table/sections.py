@@ -1,4 +1,4 @@
-"""One section by one network: a function of plain values, for any process."""
+"""One section by one network: what it needs is read here, and measured by any process."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr import __version__
 from lava_vpr.backends.rivals import BASELINES
+from lava_vpr.cluster import versions
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import to_dict
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse
@@ -29,9 +29,6 @@ from lava_vpr.storage.reading import open_regular
 from lava_vpr.storage.text import shown
 from lava_vpr.training.loop import train
 from lava_vpr.traverse import Traverse, open_traverse
-
-FORM = 1
-"""Raised whenever a section's figures are computed otherwise, so that none that is kept is taken for today's."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +79,7 @@ class Rows(NamedTuple):
 
 @dataclass(frozen=True)
 class Task:
-    """A section that is learned and recognised by one network: plain values, for any process.
+    """A section that is learned and recognised by one network: which images, and how.
 
     Attributes:
         dataset: Name of the dataset.
@@ -118,6 +115,23 @@ class Task:
         return f"{self.dataset}, section {self.section}, {self.network}"
 
 
+class Section(NamedTuple):
+    """A task with all that it needs in memory, for a process that sees no files.
+
+    Attributes:
+        task: The task.
+        references: The places, in each reference traverse, as its network sees them; empty with `DESCRIPTORS`.
+        query: Their queries, the same way; None with `DESCRIPTORS`.
+        descriptors: Of the references, traverse after traverse, and of the queries, float64 (n, dimensions); None
+            without them.
+    """
+
+    task: Task
+    references: tuple[EncodedTraverse, ...] = ()
+    query: EncodedTraverse | None = None
+    descriptors: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+
+
 class Figures(NamedTuple):
     """A method on a section, fractions in 0..1.
 
@@ -135,7 +149,7 @@ class Figures(NamedTuple):
 
 
 def fingerprint(task: Task, digests: dict[Taken, bytes]) -> str:
-    """A hash of everything that decides the figures of a section: settings, rows and the bytes of all image files.
+    """A hash of everything that decides the figures of a section: program, settings, rows, bytes of all image files.
 
     Args:
         task: The section.
@@ -144,8 +158,7 @@ def fingerprint(task: Task, digests: dict[Taken, bytes]) -> str:
         InputError: a file cannot be read.
     """
     said = {
-        "form": FORM,
-        "version": __version__,
+        "program": dict(versions.of_results()),
         "methods": [method.matcher for method in of_network(task.network)],
         "settings": None if task.network == DESCRIPTORS else to_dict(task.config),
     }
@@ -179,7 +192,21 @@ def _add(digest: hashlib._Hash, path: Path) -> None:
         raise InputError(f"{shown(path)}: cannot be read ({error.strerror}); check the file") from None
 
 
-def measure(task: Task) -> dict[str, Figures]:
+def read(task: Task) -> Section:
+    """A task with its images, encoded as its network sees them, or its descriptors.
+
+    Raises:
+        LavaVprError: images or descriptors that cannot be used.
+    """
+    if task.descriptors is not None:
+        references, queries = (rows.read() for rows in task.descriptors)
+        return Section(task, descriptors=(references, queries))
+    config = task.config
+    query = None if task.query is None else _encoded(task.query, config)
+    return Section(task, tuple(_encoded(taken, config) for taken in task.references), query)
+
+
+def measure(section: Section) -> dict[str, Figures]:
     """The figures of every method of a task's network on its section, by the method's name.
 
     Query i shows place i and no other is right.
@@ -187,9 +214,9 @@ def measure(task: Task) -> dict[str, Figures]:
     Raises:
         LavaVprError: images or descriptors that cannot be used.
     """
-    methods = of_network(task.network)
-    scores = _of_descriptors(task) if task.network == DESCRIPTORS else _of_network(task)
-    return {method.name: judged(method.matcher, scores[method.matcher]) for method in methods}
+    network = section.task.network
+    scores = _of_descriptors(section) if network == DESCRIPTORS else _of_network(section)
+    return {method.name: judged(method.matcher, scores[method.matcher]) for method in of_network(network)}
 
 
 def judged(matcher: str, scores: Scores) -> Figures:
@@ -199,21 +226,22 @@ def judged(matcher: str, scores: Scores) -> Figures:
     return Figures(released.recall_at_100_precision, exact.recall_at_100_precision, exact.recall_at_1, exact.auc)
 
 
-def _of_descriptors(task: Task) -> dict[str, Scores]:
+def _of_descriptors(section: Section) -> dict[str, Scores]:
     """Scores of the descriptors of another program."""
-    if task.descriptors is None:
+    task = section.task
+    if section.descriptors is None:
         raise InputError(f"{task.in_words}: there are no descriptors; give --descriptors {task.dataset}=REF,QUERY")
-    references, queries = (rows.read() for rows in task.descriptors)
+    references, queries = section.descriptors
     labels = np.arange(len(references)) % len(queries)
     return {"descriptors": cosine_similarities(references, queries, labels)}
 
 
-def _of_network(task: Task) -> dict[str, Scores]:
+def _of_network(section: Section) -> dict[str, Scores]:
     """Scores of a network's decoders, and of the baselines that come with it."""
-    config, wanted = task.config, {method.matcher for method in of_network(task.network)}
+    config, references = section.task.config, list(section.references)
+    wanted = {method.matcher for method in of_network(section.task.network)}
     rivals = tuple(name for name in BASELINES if name in wanted)
-    references = [_encoded(taken, config) for taken in task.references]
-    queries = _encoded(task.query, config) if task.query is not None else references[0]
+    queries = references[0] if section.query is None else section.query
     model = train(references, config)
     found = recognise(model, queries, np.eye(model.places, dtype=np.bool_), Comparison(rivals=rivals))
     own = {name: decode(model, found.counts, name) for name in wanted - set(rivals)}

@@ -6,6 +6,7 @@ import csv
 import json
 import pickle
 import re
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,15 +16,17 @@ import pytest
 from click.testing import CliRunner
 from support.common.benchmarkfolders import draw, short_sections
 from support.common.commands import run
+from support.common.daskcluster import DaskCluster
 
 from lava_vpr.cli import main
+from lava_vpr.cluster import versions
 from lava_vpr.datasets.layouts import DATASETS
 from lava_vpr.paper_table import run as computing
 from lava_vpr.paper_table.kept import Kept
 from lava_vpr.paper_table.methods import METHODS, NETWORKS
 from lava_vpr.paper_table.printed import COLUMNS, PRINTED, printed
 from lava_vpr.paper_table.run import counted
-from lava_vpr.paper_table.sections import Figures, measure
+from lava_vpr.paper_table.sections import Figures, measure, read
 from lava_vpr.paper_table.sources import official, stand_in, tasks
 
 QUICK = ("--only", "fast", "--epochs", "4", "--jobs", "1")
@@ -201,11 +204,11 @@ def test_an_interrupted_run_goes_on(folder: Path, monkeypatch: pytest.MonkeyPatc
     words = ("--dataset", "spedtest=s", *QUICK, "--keep", "kept")
     done: list[int] = []
 
-    def noted(task: Any) -> Any:
-        done.append(task.section)
-        if task.section == 2 and done.count(2) == 1:
+    def noted(section: Any) -> Any:
+        done.append(section.task.section)
+        if section.task.section == 2 and done.count(2) == 1:
             raise KeyboardInterrupt
-        return measure(task)
+        return measure(section)
 
     monkeypatch.setattr(computing, "measure", noted)
     result = CliRunner().invoke(main, ["paper-table", *words])
@@ -222,7 +225,9 @@ def test_an_interrupted_run_goes_on(folder: Path, monkeypatch: pytest.MonkeyPatc
     assert Path("on.json").read_bytes() == Path("anew.json").read_bytes()
 
 
-def test_what_is_kept_is_taken_for_the_same_images_and_settings_alone(folder: Path) -> None:
+def test_what_is_kept_is_taken_for_the_same_images_settings_and_program_alone(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     speds(folder / "s")
     source = official("spedtest", folder / "s")
     kept = Kept(folder / "kept")
@@ -230,10 +235,13 @@ def test_what_is_kept_is_taken_for_the_same_images_and_settings_alone(folder: Pa
     computing.compute(wanted, kept)
     (first, second), digests = tasks(source, "fast", (1, 2), 0, 4), {}
     keys = [computing.fingerprint(task, digests) for task in (first, second)]
-    assert kept.find(first, keys[0]) == measure(first)
+    assert kept.find(first, keys[0]) == measure(read(first))
     assert kept.find(first, keys[1]) is None
     assert computing.fingerprint(tasks(source, "fast", (1,), 0, 5)[0], {}) != keys[0]
     assert computing.fingerprint(tasks(source, "fast", (1,), 1, 4)[0], {}) != keys[0]
+    with monkeypatch.context() as patched:
+        patched.setattr(versions, "of_results", lambda: {"lava-vpr": "0.0.0 (another)"})
+        assert computing.fingerprint(first, {}) != keys[0]
     place = folder / "s" / "query" / "2.png"
     place.write_bytes((folder / "s" / "query" / "3.png").read_bytes())
     assert computing.fingerprint(first, {}) != keys[0]
@@ -245,12 +253,35 @@ def test_what_is_kept_is_taken_for_the_same_images_and_settings_alone(folder: Pa
         assert kept.find(first, keys[0]) is None
 
 
-def test_a_task_is_plain_values(folder: Path) -> None:
+def test_a_section_that_was_read_needs_no_files(folder: Path) -> None:
     """So that any process can be given it."""
     task = tasks(stand_in("spedtest", [speds(folder) / "ref", folder / "query"]), "fast", (2,), 0, 4)[0]
-    again = pickle.loads(pickle.dumps(task))
-    assert again == task
-    assert measure(again) == measure(task)
+    section = pickle.loads(pickle.dumps(read(task)))
+    figures = measure(read(task))
+    shutil.rmtree(folder / "ref")
+    shutil.rmtree(folder / "query")
+    assert measure(section) == figures
+
+
+def test_a_cluster_gives_the_bytes_of_this_machine(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Descriptors, too; the workers start in a folder of their own, and read nothing."""
+    speds(folder / "s")
+    np.save("ref.npy", np.eye(9))
+    words = ("--dataset", "spedtest=s", "--epochs", 4, "--descriptors", "spedtest=ref.npy,ref.npy")
+    words += ("--only", "fast", "--only", "descriptors")
+    files = ("t.json", "t.csv", "t.md")
+
+    def written(*more: object) -> list[bytes]:
+        run("paper-table", *words, "--json", files[0], "--csv", files[1], "--markdown", files[2], *more)
+        return [Path(name).read_bytes() for name in files]
+
+    cluster = DaskCluster(tmp_path_factory.mktemp("cluster"))
+    try:
+        there = written("--cluster", cluster.address)
+    finally:
+        cluster.end()
+    assert there == written("--jobs", 1)
+    assert set(rows("t.json")["spedtest", "netvlad"]["sections"]) == {"1", "2"}
 
 
 def test_what_cannot_be_used_is_one_line(folder: Path) -> None:

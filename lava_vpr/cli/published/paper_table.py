@@ -13,6 +13,7 @@ from lava_vpr.bench.show.terminal import rendered
 from lava_vpr.cli.common import PATH, Numbers, console, print_whole, progress_bar, seed_type
 from lava_vpr.cli.evaluate import command_line
 from lava_vpr.cli.outputs import Outputs, write_json, write_text
+from lava_vpr.cli.show.clusters import cluster_at, cluster_option
 from lava_vpr.datasets.layouts import DATASETS
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
@@ -110,6 +111,7 @@ class NamedPathsType(click.ParamType):
 @click.option("--epochs", type=click.IntRange(1, 10_000), default=None, help="Epochs of every network.")
 @click.option("--seed", type=seed_type, default=0, show_default=True, help="Seed of start weights and spikes.")
 @click.option("--jobs", type=click.IntRange(1, 1024), default=None, help="Threads (default: all processors).")
+@cluster_option
 @click.option("--keep", type=PATH, default=None, metavar="DIR", help="Keep finished sections there, and take them.")
 @click.option("--kept-only", is_flag=True, help="Compute nothing: the table of what is kept so far.")
 @click.option("--json", "json_path", type=PATH, default=None, metavar="FILE", help="Write the table as JSON.")
@@ -128,6 +130,7 @@ def paper_table(
     epochs: int | None,
     seed: int,
     jobs: int | None,
+    address: str | None,
     keep: Path | None,
     kept_only: bool,
     json_path: Path | None,
@@ -155,12 +158,13 @@ def paper_table(
     for name in vectors.keys() - sources.keys():
         raise InputError(f"--descriptors {name}: no images of it are given; add --dataset or --traverses")
     wanted = Wanted(sources, vectors, only or NETWORKS, sections, seed, epochs)
-    with progress_bar("paper's table", len(wanted.tasks())) as advance:
+    with cluster_at(address) as cluster, progress_bar("paper's table", len(wanted.tasks())) as advance:
         try:
             table = compute(
                 wanted,
                 Kept(keep),
                 jobs=jobs or cores(),
+                cluster=cluster,
                 kept_only=kept_only,
                 command=command_line(ctx),
                 advance=advance,

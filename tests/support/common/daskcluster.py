@@ -1,6 +1,6 @@
 """A Dask cluster on the loopback address, scheduler and workers as processes; functions that workers can import.
 
-Used by bench, cli, cluster, studies and training.
+Used by bench, cli, cluster, paper_table, studies and training.
 """
 
 from __future__ import annotations
