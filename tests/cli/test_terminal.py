@@ -14,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 from support.common.commands import run
 from support.common.imagefiles import write_images
+from support.common.terminal import opened
 
 from lava_vpr.cli import common, main
 
@@ -76,18 +77,11 @@ def test_a_refusal_names_a_file_in_plain_text(command: str, folder: str, place: 
 
 
 def test_a_progress_bar_shows_names_as_text(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    class Terminal(io.StringIO):
-        def isatty(self) -> bool:
-            return True
-
-    terminal = Terminal()
-    monkeypatch.setattr(sys, "stderr", terminal)
-    monkeypatch.setattr(common, "stderr", common.PlainConsole(file=terminal, width=400, force_terminal=True))
+    terminal = opened(monkeypatch, 400)
     with common.progress_bar(NASTY, 2) as advance:
         advance(1, NASTY)
-    sent = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", terminal.getvalue())  # rich's own colours and moves
-    assert sent.count(ESCAPED) >= 2
-    assert is_plain(sent.replace("\r", ""))
+    assert terminal.said.count(ESCAPED) >= 2
+    assert is_plain(terminal.said.replace("\r", ""))
 
 
 def test_tables_show_names_as_text(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import importlib
-import io
 import os
-import re
 import subprocess
-import sys
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
@@ -15,6 +12,7 @@ from typing import Any
 
 import pytest
 from numba.core.caching import FunctionCache
+from support.common.terminal import opened
 
 from lava_vpr import kernelcache
 from lava_vpr.cli import common, main
@@ -23,27 +21,6 @@ from lava_vpr.deploy.mapping.largest_map import Capacity
 from lava_vpr.kernelcache import COMPILING, COMPILING_TEXT, compiled
 
 ROOT = Path(__file__).resolve().parents[3]
-
-
-class Terminal(io.StringIO):
-    """What a terminal was sent."""
-
-    def isatty(self) -> bool:
-        return True
-
-    @property
-    def said(self) -> str:
-        """The text, without colours and moves."""
-        return re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", self.getvalue())
-
-
-def opened(monkeypatch: pytest.MonkeyPatch) -> Terminal:
-    """A terminal in the place of this process's streams; not from a fixture, since pytest puts its own back then."""
-    shown = Terminal()
-    monkeypatch.setattr(sys, "stderr", shown)
-    monkeypatch.setattr(sys, "stdout", io.StringIO())
-    monkeypatch.setattr(common, "stderr", common.PlainConsole(file=shown, width=200, force_terminal=True))
-    return shown
 
 
 STAGES = [
