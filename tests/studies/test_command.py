@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,9 @@ from support.common.commands import images, listed, run
 from support.common.daskcluster import DaskCluster
 
 from lava_vpr.cli import main
+from lava_vpr.studies.run import Row, Spread
+from lava_vpr.studies.show import plots
+from lava_vpr.studies.study import Costs, Recall
 
 QUICK = ("--config", "quick.toml", "--seeds", "0,1")
 
@@ -127,3 +131,15 @@ def test_wrong_usage_is_said(words: tuple[str, ...], said: str, here: Path) -> N
     result = CliRunner().invoke(main, ["study", *words])
     assert result.exit_code == 2
     assert said in result.stderr
+
+
+@pytest.mark.parametrize("draw", [plots.curve, plots.costs])
+@pytest.mark.parametrize("recall", [(1.0, 1.0), (0.62, 1.0), (0.97, 0.99)])
+def test_no_axis_of_recall_goes_on_beyond_all(draw: Callable[..., str], recall: tuple[float, ...]) -> None:
+    rows = [
+        Row(str(k), k, {name: Spread.of({0: value}) for name in Recall._fields}, {}, Costs(k / 8, k / 16), {})
+        for k, value in enumerate(recall, start=2)
+    ]
+    ticks = [float(text) for text in re.findall(r">(\d+(?:\.\d+)?)<", draw(rows, "bits", "label"))]
+    assert max(ticks) == 100
+    assert sum(tick <= 100 for tick in ticks if tick >= 90) >= 2

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator
 
 from lava_vpr.report.svg import THEME, Style, canvas, to_svg
@@ -31,6 +32,14 @@ def _legend(axes: Axes, entries: Sequence[tuple[str, str, str, str]]) -> None:
 def _extent(value: Spread) -> tuple[float, float]:
     """The least and the most over seeds, in percent."""
     return 100 * min(value.by_seed.values()), 100 * max(value.by_seed.values())
+
+
+def _in_percent(axis: Axis) -> None:
+    """Let an axis of recall end just above 100 %, show ten percent at least, and no tick beyond 100."""
+    low = min(90.0, *axis.get_view_interval())
+    limit = axis.axes.set_xlim if axis is axis.axes.xaxis else axis.axes.set_ylim
+    limit(low, 101.5)
+    axis.set_ticks([tick for tick in axis.get_ticklocs() if low <= tick <= 100.0])
 
 
 def curve(rows: Sequence[Row], axis: str, label: str) -> str:
@@ -63,7 +72,7 @@ def curve(rows: Sequence[Row], axis: str, label: str) -> str:
         axes.xaxis.set_minor_locator(NullLocator())
         axes.xaxis.set_minor_formatter(NullFormatter())
         axes.set_xticklabels([row.point for row in rows])
-        axes.set_ylim(top=101.5)
+        _in_percent(axes.yaxis)
         axes.set(xlabel=axis, ylabel="percent")
         _legend(axes, entries)
         return to_svg(figure, "curve", label)
@@ -80,10 +89,12 @@ def costs(rows: Sequence[Row], axis: str, label: str) -> str:
             axes.set_axisbelow(True)
             points = [(row.costs[k], 100 * row.network["recall_at_1"].mean, row.point) for row in rows if row.costs]
             axes.plot([x for x, _, _ in points], [y for _, y, _ in points], color=THEME["c0"], marker="o", markersize=5)
-            for x, y, name in points:
-                axes.annotate(name, (x, y), xytext=(4, -12), textcoords="offset points", fontsize=9)
+            for number, (x, y, name) in enumerate(points):
+                place = (4, 6 if number % 2 else -12)  # neighbours above and below
+                axes.annotate(name, (x, y), xytext=place, textcoords="offset points", fontsize=9)
             axes.set(xlabel=f"modelled {what}", ylabel="R@1, %" if k == 0 else "")
             axes.margins(0.12)
+            _in_percent(axes.yaxis)
         return to_svg(figure, "costs", label)
 
 
@@ -103,6 +114,7 @@ def lines(rows: Sequence[Row], label: str) -> str:
                 mean = 100 * row.network[key].mean
                 axes.plot([mean, mean], [k + shift - 0.11, k + shift + 0.11], color=THEME[colour], linewidth=2.4)
         axes.set(ylim=(len(rows) - 0.5, -0.5), xlabel="percent")
+        _in_percent(axes.xaxis)
         axes.set_yticks(range(len(rows)), [row.point for row in rows])
         axes.tick_params(axis="y", length=0, labelcolor=THEME["ink"], labelsize=9)
         top = 1 + 16 / (height - 68)
