@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
-from support.common.daskcluster import DaskCluster
+from support.common import surroundings
+from support.common.daskcluster import DaskCluster, made_keys
 
 from lava_vpr.cli import main
 from lava_vpr.cli.show import clusters
@@ -122,6 +124,33 @@ def test_a_lost_scheduler_is_one_line_and_training_resumes(
     assert "resuming from m.lvpr.checkpoint; epochs done: stretch " in resumed.stderr
     assert run(*words[:3], "whole.lvpr", *words[4:]).exit_code == 0
     assert Path("m.lvpr").read_bytes() == Path("whole.lvpr").read_bytes()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="keys for TLS are made by openssl")
+def test_by_tls(route: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """With the keys the bytes of one machine; without them, or with others, one line."""
+    folders = [tmp_path_factory.mktemp("keys") for _ in range(2)]
+    known, strange = map(made_keys, folders)
+    words = ("train", "reference", "--config", "quick.toml", "-o")
+    assert run(*words, "here.lvpr").exit_code == 0
+    made = DaskCluster(tmp_path_factory.mktemp("cluster"), keys=folders[0])
+    try:
+        assert made.address.startswith("tls://127.0.0.1:")
+        ended = surroundings.run(route, *words, "there.lvpr", "--cluster", made.address, set_to=known)
+        assert ended.code == 0, ended.err
+        assert ended.lines[0] == f"note: {made.address}: 2 workers, threads in all: 2"
+        assert (route / "there.lvpr").read_bytes() == (route / "here.lvpr").read_bytes()
+        for address, keys, said in (
+            (made.address, {}, f"{made.address}: Dask's configuration names no keys for TLS; set DASK_DISTRIBUTED__"),
+            (made.address, strange, "no scheduler of a cluster answers ("),
+            (made.address.replace("tls", "tcp"), known, "no scheduler of a cluster answers ("),
+        ):
+            refused = surroundings.run(route, *words, "no.lvpr", "--cluster", address, set_to=keys)
+            assert (refused.code, len(refused.lines), refused.made) == (1, 1, []), refused.err
+            assert refused.err.startswith(f"lava-vpr: error: {said}"), refused.err
+    finally:
+        made.end()
 
 
 @pytest.mark.parametrize("command", [("train", "reference", "-o", "new.lvpr"), ("eval", "m.lvpr", "query")])

@@ -20,15 +20,36 @@ DEADLINE = 120.0  # seconds; reached only when something hangs
 QUIET = ("--no-dashboard", "--host", "127.0.0.1")
 
 
+def made_keys(folder: Path) -> dict[str, str]:
+    """A key and a certificate that signs itself, in ``folder``; the environment variables of who uses them."""
+    subject = ("-subj", "/CN=lava-vpr", "-addext", "subjectAltName=IP:127.0.0.1", "-days", "2")
+    files = ("-keyout", folder / "key.pem", "-out", folder / "cert.pem")
+    subprocess.run(["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", *subject, *files], check=True)
+    comm = "DASK_DISTRIBUTED__COMM__TLS__"
+    return {
+        f"{comm}CA_FILE": str(folder / "cert.pem"),
+        f"{comm}CLIENT__CERT": str(folder / "cert.pem"),
+        f"{comm}CLIENT__KEY": str(folder / "key.pem"),
+    }
+
+
+def tls_options(keys: Path) -> tuple[str, ...]:
+    """What `dask scheduler` and `dask worker` are told of the files of `made_keys`."""
+    cert, key = str(keys / "cert.pem"), str(keys / "key.pem")
+    return "--tls-ca-file", cert, "--tls-cert", cert, "--tls-key", key
+
+
 class DaskCluster:
     """A scheduler, and workers of one thread each that come, go and are killed."""
 
-    def __init__(self, folder: Path, workers: int = 2, allowed_failures: int = 3) -> None:
+    def __init__(self, folder: Path, workers: int = 2, allowed_failures: int = 3, keys: Path | None = None) -> None:
+        """Start it, with its logs in ``folder``; ``keys``: a folder with the files of `made_keys`, for TLS."""
         self.folder = folder
+        self._said = QUIET if keys is None else (*QUIET, "--protocol", "tls", *tls_options(keys))
         self._failures = {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": str(allowed_failures)}
         self.processes: list[subprocess.Popen[bytes]] = []
         file = folder / "scheduler.json"
-        self.scheduler = self._start("scheduler", "--port", "0", *QUIET, "--scheduler-file", str(file))
+        self.scheduler = self._start("scheduler", "--port", "0", *self._said, "--scheduler-file", str(file))
         self.address = str(self._read(file)["address"])
         self.workers = [self.add() for _ in range(workers)]
         end = time.monotonic() + DEADLINE
@@ -62,7 +83,7 @@ class DaskCluster:
     def add(self, *words: str, program: str | None = None) -> subprocess.Popen[bytes]:
         """Another worker, which a kill ends for good; ``program`` runs in its process before."""
         own = ("--nthreads", "1", "--no-nanny", "--memory-limit", "0", "--local-directory", str(self.folder))
-        return self._start("worker", self.address, *own, *QUIET, *words, program=program)
+        return self._start("worker", self.address, *own, *self._said, *words, program=program)
 
     def logs(self) -> str:
         """What all processes have written."""
