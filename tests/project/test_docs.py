@@ -58,6 +58,19 @@ def test_benchmarks_that_the_pages_name_exist() -> None:
         assert place.with_suffix(".py").exists() or (place / "__main__.py").exists(), module
 
 
+def test_the_comparison_quotes_the_pages_that_it_links_to() -> None:
+    """Every figure of a paragraph, a fraction or a range, stands in one of them."""
+    text = (ROOT / "docs" / "comparison.md").read_text(encoding="utf-8")
+    quoted = []
+    for paragraph in re.split(r"\n- ", text.partition("## What each is better at")[2]):
+        pages = re.findall(r"\]\((\w+\.md)[#)]", paragraph)
+        linked = "\n".join((ROOT / "docs" / page).read_text(encoding="utf-8") for page in pages)
+        figures = re.findall(r"\b\d+ to \d+ times|(?<![\w.])\d*\.\d+", paragraph) if pages else []
+        assert [figure for figure in figures if figure not in linked] == [], paragraph
+        quoted += figures
+    assert {".927", ".63", "39.6", "95.7", "22 to 43 times"} <= set(quoted)
+
+
 def test_listed_help_is_the_commands_own() -> None:
     assert isinstance(main, LazyGroup)
     for name, (_, _, text) in main.table.items():
