@@ -17,6 +17,7 @@ from support.common import surroundings
 from support.common.surroundings import AT_IMPORT, QUERY, done
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+EACH = (signal.SIGINT, signal.SIGTERM, pytest.param(signal.SIGHUP, marks=pytest.mark.slow))
 
 # The command line, but the signal comes in the middle of a kernel's compilation, twice, where nothing can be raised.
 AT_COMPILATION = """
@@ -199,7 +200,7 @@ def test_told_to_stop_while_it_waits_for_another_program(here: Path) -> None:
     assert (ended.code, ended.err, ended.left, ended.made) == (-signal.SIGTERM, "\nAborted!\n", [], [])
 
 
-@pytest.mark.parametrize("number", SIGNALS)
+@pytest.mark.parametrize("number", EACH)
 def test_told_to_stop_where_another_exception_is_raised_instead(here: Path, number: int) -> None:
     """Python says of a class that could not be made why, as a RuntimeError; the signal was why."""
     program = [sys.executable, "-c", IN_A_CLASS, str(int(number))]
@@ -209,7 +210,7 @@ def test_told_to_stop_where_another_exception_is_raised_instead(here: Path, numb
     assert not ended.left
 
 
-@pytest.mark.parametrize("number", SIGNALS)
+@pytest.mark.parametrize("number", EACH)
 def test_told_to_stop_when_its_work_is_over(here: Path, number: int) -> None:
     program = [sys.executable, "-c", AT_FINISH, str(int(number))]
     ended = surroundings.run(here, *QUERY, "q.csv", program=program)
@@ -218,7 +219,7 @@ def test_told_to_stop_when_its_work_is_over(here: Path, number: int) -> None:
     assert not ended.left
 
 
-@pytest.mark.parametrize("number", SIGNALS)
+@pytest.mark.parametrize("number", EACH)
 def test_told_to_stop_when_all_is_done(here: Path, number: int) -> None:
     """What is done is called done: the process ends before it takes anything apart."""
     program = [sys.executable, "-c", AT_THE_END, str(int(number))]

@@ -263,6 +263,7 @@ def test_a_section_that_was_read_needs_no_files(folder: Path) -> None:
     assert measure(section) == figures
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_the_bytes_of_this_machine(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     """Descriptors, too; the workers start in a folder of their own, and read nothing."""
     speds(folder / "s")

@@ -107,7 +107,7 @@ def test_every_spike_of_the_frozen_network_equals_the_host_engine() -> None:
     assert got["raster"].shape == got["raster_inh"].shape == (3, 185, NEURONS)
 
 
-@pytest.mark.parametrize("rule", ["triplet", "paper"])
+@pytest.mark.parametrize("rule", ["paper", pytest.param("triplet", marks=pytest.mark.slow)])
 def test_every_weight_and_threshold_of_the_learning_network_equals_the_host_engine(rule: str) -> None:
     config = small(rule, rest_steps=10)
     state = initial_state(config, INPUTS)

@@ -87,7 +87,12 @@ def hold_against_host(
 
 
 @pytest.mark.parametrize(
-    "phase", [COMPETITION, CONSOLIDATION, LATE], ids=["competition", "consolidation", "late theta, regular trains"]
+    "phase",
+    [
+        pytest.param(COMPETITION, id="competition"),
+        pytest.param(CONSOLIDATION, id="consolidation", marks=pytest.mark.slow),
+        pytest.param(LATE, id="late theta, regular trains", marks=pytest.mark.slow),
+    ],
 )
 def test_every_weight_trace_threshold_and_spike_equals_the_host_engine(phase: IntegerLearning) -> None:
     assert hold_against_host(phase, *start()) > 30

@@ -89,8 +89,10 @@ OTHERS = ["rows of inputs, indices of 6 bits", "rows of the inhibitory neuron, i
 OTHERS += ["single synapses, indices of 6 bits"]
 
 
-@pytest.mark.parametrize("signed", [False, True])
-@pytest.mark.parametrize("dense", [0.0, 0.5])
+@pytest.mark.parametrize(
+    ("signed", "dense"),
+    [(True, 0.5), *(pytest.param(*case, marks=pytest.mark.slow) for case in ((False, 0.0), (False, 0.5), (True, 0.0)))],
+)
 def test_every_format_of_the_bundle_has_a_rung(board: Board, tmp_path: Path, signed: bool, dense: float) -> None:
     network = random_network(2, neurons=80, signed=signed, threshold=300 if signed else 900)
     made = make(tmp_path, plan_by_hand(network, WIDE, dense), images=2)  # type: ignore[arg-type]
@@ -145,7 +147,12 @@ WRONG: dict[str, tuple[str, str, str, tuple[str, ...]]] = {
 """A register that the board gets wrongly: file, text, what becomes of it, and rungs that must fail."""
 
 
-@pytest.mark.parametrize("name", WRONG)
+QUICK = ("decay", "sign", "clearing")
+
+
+@pytest.mark.parametrize(
+    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in WRONG]
+)
 def test_one_wrong_register_fails_its_rung(board: Board, tmp_path: Path, name: str) -> None:
     file, old, new, rungs = WRONG[name]
     made = make(tmp_path, layout("one core", random_network(3, signed=True, threshold=30), 0.0))
