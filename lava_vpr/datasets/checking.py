@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from lava_vpr.datasets.layouts import Dataset, Opened, check_lengths, find_layout
+from lava_vpr.datasets.layouts import Dataset, Layout, Opened, check_lengths, find_layout
 from lava_vpr.errors import InputError
 from lava_vpr.storage.text import shown
 from lava_vpr.traverse import Traverse, open_traverse
@@ -16,7 +16,7 @@ class Seen(NamedTuple):
     """What was seen of one traverse.
 
     Attributes:
-        folder: Its folder or video, below the dataset's root as the layout has it.
+        folder: Its folder, video or list, below the dataset's root as the layout has it.
         images: Images in all; 0 if it cannot be read.
         in_use: Images that sampling leaves.
         size: Width and height of its first image in pixels; None if that cannot be read.
@@ -89,7 +89,7 @@ def check(name: str, root: str | Path) -> Check:
         faults += _unequal(opened, whole)
     places = None if layout.needs_positions else min(one.in_use for one in seen[: len(layout.references)])
     sections = None if places is None else min(dataset.sections, places // dataset.places)
-    differs = faults + _shapes(seen) + _short(dataset, layout.step, places, sections)
+    differs = faults + _shapes(seen) + _more(layout, seen) + _short(dataset, layout.step, places, sections)
     return Check(dataset, tuple(seen), places, sections, tuple(differs), not faults and sections != 0)
 
 
@@ -122,6 +122,17 @@ def _shapes(seen: list[Seen]) -> list[str]:
         return []
     each = ", ".join(f"{one.folder} {one.size[0]} x {one.size[1]}" for one in seen if one.size is not None)
     return [f"images are of different sizes (pixels): {each}; all are resized alike"]
+
+
+def _more(layout: Layout, seen: list[Seen]) -> list[str]:
+    """What to say of folders that hold images which the authors leave out."""
+    most = max(one.images for one in seen)
+    if layout.kept is None or most <= layout.kept:
+        return []
+    return [
+        f"folders of {most:,} images, of which the paper keeps {layout.kept:,}: every {layout.step}th is another place "
+        "than the paper's; take the authors' lists, or leave the same images out"
+    ]
 
 
 def _short(dataset: Dataset, step: int, places: int | None, sections: int | None) -> list[str]:

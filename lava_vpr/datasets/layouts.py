@@ -2,7 +2,9 @@
 
 Source: Hussaini et al. 2022 (doi 10.1109/LRA.2022.3149030), section IV.B, for traverses, sampling and sections; what it
 does not say is a field of its own. The folders are those of the datasets as distributed, or of the usual curated
-copies: VPR-Bench's ``ref`` and ``query``, or one folder for each condition.
+copies: VPR-Bench's ``ref`` and ``query``, or one folder for each condition. The lists are the authors' own: VPRSNN's
+repository (github.com/QVPR/VPRSNN, commit d38f30c), ``dataset_imagenames``, of which they take every eighth line
+(``tools/data_utils.py``, option ``--skip``).
 """
 
 from __future__ import annotations
@@ -23,13 +25,14 @@ class Layout:
     """One way in which a dataset lies on disk.
 
     Attributes:
-        references: Folder (or video) of each reference traverse, below the dataset's root.
-        query: Folder (or video) of the query traverse.
+        references: Folder (or video, or list of images) of each reference traverse, below the dataset's root.
+        query: Folder (or video, or list) of the query traverse.
         step: Distance from one image in use to the next: 8 takes images 0, 8, 16 ...
         ground_truth: ``frames``: image k of every traverse shows the same place, and all are equally long;
             ``positions``: they were taken at different speeds, so a position or ground truth file must say.
         every: Seconds between two frames of a video.
         spacing: Metres between two places, which positions must tell; None: every sampled image is a place.
+        kept: Images of a traverse that the authors' list keeps; in folders with more, every step-th is another place.
     """
 
     references: tuple[str, ...]
@@ -38,6 +41,7 @@ class Layout:
     ground_truth: Literal["frames", "positions"] = "frames"
     every: float = 1.0
     spacing: float | None = None
+    kept: int | None = None
 
     @property
     def folders(self) -> tuple[str, ...]:
@@ -111,6 +115,12 @@ _SUN, _RAIN, _DUSK = "2015-08-12-15-04-18", "2015-10-29-12-18-17", "2014-11-21-1
 _MORNING, _AFTERNOON = ("190809{}0845", "180809{}1545")
 
 
+def _listed(dataset: str, *traverses: str) -> Layout:
+    """The authors' lists of a dataset's traverses, the query last: line k of each shows the same place."""
+    *references, query = (f"{dataset}_imageNames_{traverse}.txt" for traverse in traverses)
+    return Layout(tuple(references), query, step=8)
+
+
 def _oxford(inner: str) -> Layout:
     # As distributed these are Bayer mosaics, which load as grey images; the dataset's own kit turns them into colour.
     return Layout((_SUN + inner, _RAIN + inner), _DUSK + inner, ground_truth="positions", spacing=10.0)
@@ -130,19 +140,25 @@ DATASETS.register(
     Dataset(
         "nordland",
         "Nordland",
-        (Layout(("spring", "fall"), "summer", step=8),),
-        what="A railway of 728 km in Norway, filmed from the train in four seasons.",
-        page="https://nrkbeta.no/2013/01/15/nordlandsbanen-minute-by-minute-season-by-season/",
-        download="Spring, fall and summer, an image a second, image k of each season at the same place; leave out "
-        "tunnels, stops and where the train is slower than 15 km/h (VPRSNN lists the images that it keeps: "
-        "https://github.com/QVPR/VPRSNN, dataset_imagenames/nordland_imageNames.txt).",
+        (
+            _listed("nordland", "spring", "fall", "summer"),
+            Layout(("spring", "fall"), "summer", step=8, kept=27_592),
+        ),
+        what="A railway of 728 km in Norway, filmed from the train in four seasons "
+        "(https://nrkbeta.no/2013/01/15/nordlandsbanen-minute-by-minute-season-by-season/).",
+        page="https://huggingface.co/datasets/Somayeh-h/Nordland",
+        download="Spring, fall and summer, an image a second, image k of each season at the same place, as "
+        "FOLDER/nordland/spring and so on; and, into FOLDER, the authors' lists of what they keep, without tunnels, "
+        "stops and where the train is slower than 15 km/h: https://github.com/QVPR/VPRSNN, "
+        "dataset_imagenames/nordland_imageNames_spring.txt, _fall.txt and _summer.txt. Or leave those images out, and "
+        "name the folders FOLDER/spring and so on.",
         learned=("spring", "fall"),
         recognised="summer",
         sampling="Every eighth image, 8 s or about 100 m apart.",
         truth="Image k shows the same place in every season.",
         unsaid="Where in the first quarter of the journey each section begins: here they follow each other from the "
-        "first image on. 15 sections are 12,000 s, more than a quarter of 28,865 images a season "
-        "(https://arxiv.org/abs/1808.06516).",
+        "first image on, as the authors' code counts them. 15 sections are 12,000 s, more than a quarter of 27,592 "
+        "images a season.",
         sections=15,
     )
 )
@@ -151,18 +167,24 @@ DATASETS.register(
         "oxford",
         "Oxford RobotCar",
         (
+            _listed("ORC", "Sun", "Rain", "Dusk"),
             *map(_oxford, ("/stereo/left", "/stereo/centre", "")),
             Layout(("sun", "rain"), "dusk", ground_truth="positions"),
         ),
         what="A car's route through Oxford, driven twice a week for more than a year.",
         page="https://robotcar-dataset.robots.ox.ac.uk/",
-        download=f"The stereo images and GPS/INS of {_SUN} (sun), {_RAIN} (rain) and {_DUSK} (dusk).",
+        download=f"The stereo images and GPS/INS of {_SUN} (sun), {_RAIN} (rain) and {_DUSK} (dusk). Or those 3,876 of "
+        "each that the authors list, at the same places: https://github.com/QVPR/VPRSNN, dataset_imagenames: "
+        "ORC_Sun_timestamps.csv and so on say which image is FOLDER/ORC/Sun/000000.png; ORC_imageNames_Sun.txt, "
+        "_Rain.txt and _Dusk.txt go into FOLDER.",
         learned=("sun", "rain"),
         recognised="dusk",
-        sampling="A place about every 10 m; of folders sun, rain and dusk, which somebody has sampled, every image.",
-        truth="Positions (--positions, a file for each traverse), since the car drove at different speeds.",
+        sampling="A place about every 10 m; of the authors' lists every eighth line; of folders sun, rain and dusk, "
+        "which somebody has sampled, every image.",
+        truth="Positions (--positions, a file for each traverse), since the car drove at different speeds; of the "
+        "authors' lists, line k shows the same place in each.",
         unsaid="Which camera, where the sections begin, and how near the query of a place must be: here they follow "
-        "each other from the first image on, and the query is the nearest image.",
+        "each other from the first image on, and the query is the nearest image, or the same line of the lists.",
         sections=4,
     )
 )

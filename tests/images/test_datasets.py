@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import cv2
@@ -30,6 +31,10 @@ def build(root: Path, layout: Layout, images: int = 3) -> None:
             for _ in range(images):
                 writer.write(np.zeros((32, 32, 3), dtype=np.uint8))
             writer.release()
+        elif relative.endswith(".txt"):
+            folder = Path("images", Path(relative).stem)
+            fill(root / folder, images, level)
+            (root / relative).write_text("".join(f"./{folder}/{k}.png\n" for k in range(images)))
         else:
             fill(root / relative, images, level)
 
@@ -64,9 +69,15 @@ def test_every_layout_is_found(tmp_path: Path, name: str, layout: Layout) -> Non
 
 
 def test_the_paper_s_traverses() -> None:
-    nordland = DATASETS["nordland"].layouts[0]
+    nordland = DATASETS["nordland"].layouts[1]
     assert (nordland.references, nordland.query, nordland.step) == (("spring", "fall"), "summer", 8)
-    oxford = DATASETS["oxford"].layouts[0]
+    lists = DATASETS["nordland"].layouts[0]
+    assert lists.folders == tuple(f"nordland_imageNames_{season}.txt" for season in ("spring", "fall", "summer"))
+    assert lists.step == 8
+    drives = DATASETS["oxford"].layouts[0]
+    assert drives.folders == tuple(f"ORC_imageNames_{drive}.txt" for drive in ("Sun", "Rain", "Dusk"))
+    assert (drives.step, drives.ground_truth) == (8, "frames")
+    oxford = DATASETS["oxford"].layouts[1]
     assert oxford.references == ("2015-08-12-15-04-18/stereo/left", "2015-10-29-12-18-17/stereo/left")
     assert oxford.query == "2014-11-21-16-07-03/stereo/left"
     synthia = DATASETS["synthia"].layouts[0]
@@ -77,7 +88,7 @@ def test_the_paper_s_traverses() -> None:
 
 
 def test_sampling_keeps_absolute_indices_and_the_order_of_traverses(tmp_path: Path) -> None:
-    build(tmp_path, DATASETS["nordland"].layouts[0], 18)
+    build(tmp_path, DATASETS["nordland"].layouts[1], 18)
     (spring, fall), summer = opened("nordland", tmp_path)
     assert summer.names == ("0.png", "8.png", "16.png")
     assert [int(image[0, 0]) for image in spring.images()] == [0, 8, 16]
@@ -99,7 +110,8 @@ def test_what_is_missing_is_named(tmp_path: Path) -> None:
         opened("nordland", tmp_path)
     assert str(caught.value) == (
         f"{tmp_path}: does not hold the nordland dataset; "
-        "it needs the folders spring + fall (missing) + summer (missing)"
+        "it needs the folders nordland_imageNames_spring.txt (missing) + nordland_imageNames_fall.txt (missing) + "
+        "nordland_imageNames_summer.txt (missing), or spring + fall (missing) + summer (missing)"
     )
     with pytest.raises(InputError, match=r"Omni_F \(missing\), or SEQS-04-FOG.*, or ref \(missing\) \+ query \(miss"):
         opened("synthia", tmp_path)
@@ -122,7 +134,7 @@ def test_unequal_lengths_are_refused_only_where_images_correspond(tmp_path: Path
 
 
 def test_sections_are_counted_from_one_and_in_sampled_places(tmp_path: Path) -> None:
-    build(tmp_path, DATASETS["nordland"].layouts[0], 1700)
+    build(tmp_path, DATASETS["nordland"].layouts[1], 1700)
     found = find_layout("nordland", tmp_path)
     (spring, _), _ = opened("nordland", tmp_path)
     assert DATASETS["nordland"].section(15) == (1400, 1500)
@@ -138,6 +150,21 @@ def test_sections_are_counted_from_one_and_in_sampled_places(tmp_path: Path) -> 
     assert seen.differs == (
         "213 places are enough for 2 of the paper's 15 sections of 100; all take 11,993 images of each traverse",
     )
+
+
+def test_folders_of_more_images_than_the_paper_keeps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every eighth of them is another place than in the authors' lists."""
+    lists, folders = DATASETS["nordland"].layouts
+    assert (lists.kept, folders.kept) == (None, 27_592)
+    row = dataclasses.replace(DATASETS["nordland"], places=1, layouts=(lists, dataclasses.replace(folders, kept=10)))
+    monkeypatch.setitem(DATASETS._rows, "nordland", row)
+    build(tmp_path / "whole", folders, 18)
+    said = check("nordland", tmp_path / "whole").differs[0]
+    assert said.startswith("folders of 18 images, of which the paper keeps 10: every 8th is another place than the pap")
+    build(tmp_path / "kept", folders, 10)
+    assert "keeps" not in " ".join(check("nordland", tmp_path / "kept").differs)
+    build(tmp_path / "listed", lists, 18)
+    assert "keeps" not in " ".join(check("nordland", tmp_path / "listed").differs)
 
 
 def test_what_a_check_finds(tmp_path: Path) -> None:

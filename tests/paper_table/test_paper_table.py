@@ -57,7 +57,7 @@ def everything(root: Path) -> list[str]:
 
 
 def nordland(root: Path, places: int = 9) -> Path:
-    draw(root, DATASETS["nordland"].layouts[0], places)
+    draw(root, DATASETS["nordland"].layouts[1], places)
     return root
 
 
@@ -320,7 +320,7 @@ def test_what_cannot_be_used_is_one_line(folder: Path) -> None:
 
 
 def test_traverses_at_different_speeds_need_positions(folder: Path) -> None:
-    tables = draw(folder / "o", DATASETS["oxford"].layouts[2], 9)
+    tables = draw(folder / "o", DATASETS["oxford"].layouts[3], 9)
     words = ("--dataset", "oxford=o", *QUICK)
     said = error(*words)
     assert "only positions tell which images of Oxford RobotCar show the same place" in said

@@ -82,7 +82,7 @@ def _tell(row: Dataset) -> None:
         ("not said", row.unsaid),
     ):
         console.print(f"  {title + ':':<11}{text}")
-    console.print("  folders:   one of these below FOLDER; the query last")
+    console.print("  folders:   one of these below FOLDER, or lists of images; the query last")
     for layout in row.layouts:
         console.print(f"    {_folders(layout)}")
 

@@ -49,13 +49,14 @@ def place(number: int, look: str) -> Any:
 def draw(root: Path, layout: Layout, places: int) -> list[Path]:
     """A dataset of ``places`` places; the tables of positions, one a traverse, if its order tells nothing.
 
-    Images that sampling leaves out are blank. Positions are metres along a straight road, the layout's spacing (or 10)
-    from place to place.
+    Images that sampling leaves out are blank; those of a list stand in a folder of their own. Positions are metres
+    along a straight road, the layout's spacing (or 10) from place to place.
     """
     looks = [*LOOKS[: len(layout.references)], LOOKS[-1]]
     tables = []
     for number, (folder, look) in enumerate(zip(layout.folders, looks, strict=True)):
-        (root / folder).mkdir(parents=True)
+        own = Path("images", Path(folder).stem) if folder.endswith(".txt") else Path(folder)
+        (root / own).mkdir(parents=True)
         if layout.ground_truth == "frames":
             shown = [None if k % layout.step else k // layout.step for k in range(places * layout.step)]
         else:
@@ -68,5 +69,7 @@ def draw(root: Path, layout: Layout, places: int) -> list[Path]:
                 csv.writer(file).writerows([("x", "y"), *((f"{at:.2f}", "0") for at in metres)])
         for k, which in enumerate(shown):
             blank = np.full((48, 64, 3), 99, np.uint8)
-            cv2.imwrite(str(root / folder / f"{k}.png"), blank if which is None else place(which, look))
+            cv2.imwrite(str(root / own / f"{k}.png"), blank if which is None else place(which, look))
+        if folder.endswith(".txt"):
+            (root / folder).write_text("".join(f"./{own}/{k}.png\n" for k in range(len(shown))))
     return tables
