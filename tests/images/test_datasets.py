@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from support.common.benchmarkfolders import folder_of, layout_of
 
 from lava_vpr.datasets.checking import check
 from lava_vpr.datasets.layouts import DATASETS, Layout, check_lengths, find_layout
@@ -23,6 +24,7 @@ def fill(folder: Path, images: int = 3, level: int = 0) -> None:
 
 
 def build(root: Path, layout: Layout, images: int = 3) -> None:
+    root.mkdir(exist_ok=True)
     for level, relative in enumerate((*layout.references, layout.query)):
         if relative.endswith(".avi"):
             path = root / relative
@@ -31,12 +33,8 @@ def build(root: Path, layout: Layout, images: int = 3) -> None:
             for _ in range(images):
                 writer.write(np.zeros((32, 32, 3), dtype=np.uint8))
             writer.release()
-        elif relative.endswith(".txt"):
-            folder = Path("images", Path(relative).stem)
-            fill(root / folder, images, level)
-            (root / relative).write_text("".join(f"./{folder}/{k}.png\n" for k in range(images)))
         else:
-            fill(root / relative, images, level)
+            fill(folder_of(root, relative, images), images, level)
 
 
 def opened(name: str, root: Path) -> tuple[list[Traverse], Traverse]:
@@ -69,7 +67,7 @@ def test_every_layout_is_found(tmp_path: Path, name: str, layout: Layout) -> Non
 
 
 def test_the_paper_s_traverses() -> None:
-    nordland = DATASETS["nordland"].layouts[1]
+    nordland = layout_of("nordland", "spring")
     assert (nordland.references, nordland.query, nordland.step) == (("spring", "fall"), "summer", 8)
     lists = DATASETS["nordland"].layouts[0]
     assert lists.folders == tuple(f"nordland_imageNames_{season}.txt" for season in ("spring", "fall", "summer"))
@@ -88,7 +86,7 @@ def test_the_paper_s_traverses() -> None:
 
 
 def test_sampling_keeps_absolute_indices_and_the_order_of_traverses(tmp_path: Path) -> None:
-    build(tmp_path, DATASETS["nordland"].layouts[1], 18)
+    build(tmp_path, layout_of("nordland", "spring"), 18)
     (spring, fall), summer = opened("nordland", tmp_path)
     assert summer.names == ("0.png", "8.png", "16.png")
     assert [int(image[0, 0]) for image in spring.images()] == [0, 8, 16]
@@ -134,7 +132,7 @@ def test_unequal_lengths_are_refused_only_where_images_correspond(tmp_path: Path
 
 
 def test_sections_are_counted_from_one_and_in_sampled_places(tmp_path: Path) -> None:
-    build(tmp_path, DATASETS["nordland"].layouts[1], 1700)
+    build(tmp_path, layout_of("nordland", "spring"), 1700)
     found = find_layout("nordland", tmp_path)
     (spring, _), _ = opened("nordland", tmp_path)
     assert DATASETS["nordland"].section(15) == (1400, 1500)

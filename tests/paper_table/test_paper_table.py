@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from support.common.benchmarkfolders import draw, short_sections
+from support.common.benchmarkfolders import draw, layout_of, short_sections
 from support.common.commands import run
 from support.common.daskcluster import DaskCluster
 
@@ -57,7 +57,7 @@ def everything(root: Path) -> list[str]:
 
 
 def nordland(root: Path, places: int = 9) -> Path:
-    draw(root, DATASETS["nordland"].layouts[1], places)
+    draw(root, layout_of("nordland", "spring"), places)
     return root
 
 
@@ -320,7 +320,7 @@ def test_what_cannot_be_used_is_one_line(folder: Path) -> None:
 
 
 def test_traverses_at_different_speeds_need_positions(folder: Path) -> None:
-    tables = draw(folder / "o", DATASETS["oxford"].layouts[3], 9)
+    tables = draw(folder / "o", layout_of("oxford", "2015-08-12-15-04-18"), 9)
     words = ("--dataset", "oxford=o", *QUICK)
     said = error(*words)
     assert "only positions tell which images of Oxford RobotCar show the same place" in said

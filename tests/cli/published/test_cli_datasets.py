@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from support.common.benchmarkfolders import draw, short_sections
+from support.common.benchmarkfolders import draw, layout_of, short_sections
 from support.common.commands import run
 
 from lava_vpr import model as model_file
@@ -61,7 +61,7 @@ def test_the_list_and_each_dataset(folder: Path) -> None:
 
 
 def test_a_check_on_the_terminal(folder: Path) -> None:
-    draw(folder, DATASETS["nordland"].layouts[1], 9)
+    draw(folder, layout_of("nordland", "spring"), 9)
     told = run("datasets", "nordland", ".", "--json", "n.json").stdout
     assert "9 places: 2 of the paper's 15 sections" in told
     assert told.endswith("usable\n")
@@ -76,7 +76,7 @@ def test_a_check_on_the_terminal(folder: Path) -> None:
 
 def test_a_section_is_the_paper_s_sampled_places(folder: Path) -> None:
     """The same as training the sampled images of both traverses from lists, but for their absolute indices."""
-    draw(folder, DATASETS["nordland"].layouts[1], 9)
+    draw(folder, layout_of("nordland", "spring"), 9)
     run("train", ".", "--dataset", "nordland", "--section", 2, "-o", "two.lvpr", *QUICK)
     two = model_file.load("two.lvpr")
     assert two.place_indices.tolist() == [32, 40, 48, 56]
@@ -112,7 +112,7 @@ def test_all_places_and_one_section_of_the_queries(folder: Path) -> None:
 
 
 def test_traverses_at_different_speeds_take_positions(folder: Path) -> None:
-    sun, rain, dusk = draw(folder, DATASETS["oxford"].layouts[3], 9)
+    sun, rain, dusk = draw(folder, layout_of("oxford", "2015-08-12-15-04-18"), 9)
     learn = ("train", ".", "--dataset", "oxford", "--section", 2, "-o", "o.lvpr", *QUICK)
     said = error(*learn)
     assert "2015-08-12-15-04-18, 2015-10-29-12-18-17: only positions tell which images are the places of" in said

@@ -1,6 +1,6 @@
 """Drawn images in the folders of the benchmark datasets, and rows of these with short sections.
 
-Used by cli and paper_table.
+Used by cli, images and paper_table.
 """
 
 from __future__ import annotations
@@ -46,6 +46,20 @@ def place(number: int, look: str) -> Any:
     return render(World(seed=3, places=64, width=64, height=48), number, look)
 
 
+def layout_of(name: str, first: str) -> Layout:
+    """The layout of a dataset whose first traverse is so called."""
+    return next(layout for layout in DATASETS[name].layouts if layout.folders[0] == first)
+
+
+def folder_of(root: Path, traverse: str, images: int) -> Path:
+    """Where so many images of a traverse stand; if it is a list, it is written, and names them: 0.png, 1.png and on."""
+    if not traverse.endswith(".txt"):
+        return root / traverse
+    folder = Path("images", Path(traverse).stem)
+    (root / traverse).write_text("".join(f"./{folder}/{k}.png\n" for k in range(images)))
+    return root / folder
+
+
 def draw(root: Path, layout: Layout, places: int) -> list[Path]:
     """A dataset of ``places`` places; the tables of positions, one a traverse, if its order tells nothing.
 
@@ -54,9 +68,8 @@ def draw(root: Path, layout: Layout, places: int) -> list[Path]:
     """
     looks = [*LOOKS[: len(layout.references)], LOOKS[-1]]
     tables = []
+    root.mkdir(parents=True, exist_ok=True)
     for number, (folder, look) in enumerate(zip(layout.folders, looks, strict=True)):
-        own = Path("images", Path(folder).stem) if folder.endswith(".txt") else Path(folder)
-        (root / own).mkdir(parents=True)
         if layout.ground_truth == "frames":
             shown = [None if k % layout.step else k // layout.step for k in range(places * layout.step)]
         else:
@@ -67,9 +80,9 @@ def draw(root: Path, layout: Layout, places: int) -> list[Path]:
             metres = along * (layout.spacing or 10.0)
             with tables[-1].open("w", newline="") as file:
                 csv.writer(file).writerows([("x", "y"), *((f"{at:.2f}", "0") for at in metres)])
+        own = folder_of(root, folder, len(shown))
+        own.mkdir(parents=True)
         for k, which in enumerate(shown):
             blank = np.full((48, 64, 3), 99, np.uint8)
-            cv2.imwrite(str(root / own / f"{k}.png"), blank if which is None else place(which, look))
-        if folder.endswith(".txt"):
-            (root / folder).write_text("".join(f"./{own}/{k}.png\n" for k in range(len(shown))))
+            cv2.imwrite(str(own / f"{k}.png"), blank if which is None else place(which, look))
     return tables
