@@ -17,7 +17,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.nordland import encoded, learn, part
+from benchmarks.nordland import encoded, learn, part, required
 from lava_vpr.config import preset
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.bundle.deployment import deploy, plan_of
@@ -72,6 +72,7 @@ def row(places: int, queries: int, rounds: int) -> list[str]:
 @click.option("--rounds", default=5, show_default=True, help="Rounds, of which the fastest counts.")
 def main(queries: int, rounds: int) -> None:
     """Print how long deployments take and how fast their simulation runs."""
+    required("nordland")
     table = Table(title="Kapoho Bay, default preset", title_justify="left")
     names = ("places", "cores", "partition s", "whole deploy s", "MB", "bundle steps/s", "host steps/s", "ratio")
     for name in names:

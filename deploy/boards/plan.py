@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.board import Board
+from lava_vpr.deploy.boards.estimate import Estimate
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.loihi import THRESHOLD_LIMIT
+from lava_vpr.loihi import THRESHOLD_LIMIT, WEIGHT_BITS
 
 PopulationName = Literal["exc", "counters", "inh", "inputs"]
 
@@ -55,7 +56,7 @@ class Load:
         operations_dense, operations_sparse: Synaptic operations by the format of their rows.
         updates: Compartments that are accessed and updated.
         spikes: Spikes of its compartments.
-        nanoseconds: Time of all these, in ns.
+        nanoseconds: Time of all these, in ns, one after the other: what plans are compared by, no modelled time.
     """
 
     messages_in: float
@@ -79,6 +80,7 @@ class CorePlan:
             indices); else sparse: the weights that are not 0. A row without any weight is not stored.
         needs: What the content takes of the core's limits.
         load: What the core is expected to do in a step.
+        microseconds: Its modelled time of a step, mean; None without `Plan.times`.
     """
 
     chip: int
@@ -87,10 +89,38 @@ class CorePlan:
     dense_inputs: NDArray[np.bool_] = field(repr=False)
     needs: Needs
     load: Load
+    microseconds: float | None = None
 
     def part(self, population: PopulationName) -> Part:
         """The core's part of ``population``; of size 0 if it has none."""
         return next((part for part in self.parts if part.population == population), Part(population, 0, 0, 0))
+
+
+@dataclass(frozen=True)
+class Times:
+    """What a network is modelled to take on a board, when it is asked its own reference images.
+
+    Attributes:
+        asked, references: Images that were asked, evenly spread, and all there are.
+        step_microseconds: Time of one step, mean.
+        milliseconds: Time of a query.
+    """
+
+    asked: int
+    references: int
+    step_microseconds: Estimate
+    milliseconds: Estimate
+
+    def as_json(self) -> dict[str, Any]:
+        """The times as scripts read them, by the names that `bench` has for them."""
+        times = {"step_microseconds": self.step_microseconds, "milliseconds": self.milliseconds}
+        return {"activity": self.activity, **{name: value.as_json() for name, value in times.items()}}
+
+    @property
+    def activity(self) -> str:
+        """What the times rest on, in words."""
+        some = "" if self.asked == self.references else f"{self.asked} of "
+        return f"{some}its {self.references} reference images, asked as queries"
 
 
 @dataclass(frozen=True)
@@ -105,6 +135,7 @@ class Plan:
         hops: Expected tiles that messages between cores cross in one step; None: the mesh is not public.
         host_spikes: Spikes that the host sends to each chip in one step, mean plus six standard deviations; 0 if inputs
             integrate a bias.
+        times: What it is modelled to take; None: nobody asked, or the board's times are not public.
     """
 
     network: FixedNetwork = field(repr=False)
@@ -114,3 +145,10 @@ class Plan:
     inhibition_bits: int
     hops: float | None
     host_spikes: float
+    times: Times | None = None
+
+    @property
+    def single_bits(self) -> int:
+        """Bits of the synapses of counters, inhibitory neurons and relays, with their sign: as few as hold them, but 8
+        where weights take 8, so that a core has no narrower format."""
+        return WEIGHT_BITS if self.weight_bits == WEIGHT_BITS else max(RELAY_WEIGHT, COUNTER_WEIGHT).bit_length() + 1

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,12 +17,15 @@ from lava_vpr.deploy.bundle.programs import program_files
 from lava_vpr.deploy.bundle.readme import readme
 from lava_vpr.deploy.bundle.references import reference_files
 from lava_vpr.deploy.bundle.targets import TARGETS
-from lava_vpr.deploy.hardware.loihi_2 import WRITTEN_WHILE_PAUSED
+from lava_vpr.deploy.cost.expected import timed
+from lava_vpr.deploy.hardware.belief import BIAS_INPUT, DENSE, LEARNING, LONG, NARROW, Belief
+from lava_vpr.deploy.hardware.loihi_2 import RESET_SHOWN
 from lava_vpr.deploy.hardware.table import relied_on
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.deploy.registers.clearing import clearing
 from lava_vpr.engine.threads import cores
-from lava_vpr.model import Model, integer_model
+from lava_vpr.loihi import WEIGHT_BITS
+from lava_vpr.model import Model, checked_content, integer_model
 from lava_vpr.training.references import expected_rates, measured_responses
 
 
@@ -62,7 +63,7 @@ def contents(
     dense_rows: bool = False,
 ) -> tuple[dict[str, Any], dict[str, bytes], Plan]:
     """Manifest (for `deploy.bundle.folder.sealed`), files and plan of the bundle of ``model``; see `deploy`."""
-    plan, target = plan_of(model, board, dense_rows=dense_rows), TARGETS[board.name]
+    plan, target = timed(plan_of(model, board, dense_rows=dense_rows), model), TARGETS[board.name]
     network = plan.network
     if not measured:
         responses = measured_responses(model, network, cores())
@@ -76,26 +77,32 @@ def contents(
 
         files |= learning_files(model)
     files["mapping.json"] = json_bytes(mapping(plan))
-    files["README.md"] = readme(model, plan, target.guide, target.parts, learning)
+    rows = unproven(plan, learning=learning)
+    files["README.md"] = readme(model, plan, target.guide, target.parts, learning, rows)
     if picture:
         from lava_vpr.deploy.show.drawing import draw  # matplotlib takes a second to import
 
         files["mapping.svg"] = draw(plan)
-    return _manifest(model, plan, compression) | {"unproven": unproven(plan, files)}, files, plan
+    return _manifest(model, plan, compression) | {"unproven": [row.name for row in rows]}, files, plan
 
 
-def unproven(plan: Plan, files: Mapping[str, bytes]) -> list[str]:
-    """What a bundle relies on that no public source shows, in the words of docs/hardware.md; what all bundles for its
-    board rely on is left out.
+def unproven(plan: Plan, *, learning: bool = False) -> tuple[Belief, ...]:
+    """Every row of docs/hardware.md without a public source that the bundle of ``plan`` rests on. What options of its
+    host program need besides, ``--power`` and biases that queries bring, is left out.
 
     Args:
         plan: The plan of the network.
-        files: The bundle's files, by name.
+        learning: Whether the bundle also holds the network that learns.
     """
-    if plan.board.clearing == "reset":
-        return [WRITTEN_WHILE_PAUSED] if plan.network.bias_input else []
-    tables = [json.loads(content) for name, content in files.items() if name.endswith("/registers.json")]
-    return relied_on(form for table in tables for form in table["synapseFmt"] if form is not None)
+    chip = "Loihi 2" if plan.board.clearing == "reset" else "Loihi 1"
+    has = {
+        BIAS_INPUT: plan.network.bias_input,
+        DENSE: any(core.dense_inputs.any() for core in plan.cores),
+        LEARNING: learning,
+        LONG: plan.network.interval > RESET_SHOWN,
+        NARROW: plan.weight_bits < WEIGHT_BITS,
+    }
+    return relied_on({chip, *(f"{chip}: {name}" for name, there in has.items() if there)})
 
 
 def deploy(
@@ -123,9 +130,11 @@ def deploy(
     Raises:
         ConfigError: the model is no integer network.
         NetworkLimitError: it does not fit the board.
+        ModelFileError: its bundle could not be opened again.
         BundleError: the folder cannot be written.
     """
     bundle_folder.check_replaceable(path)
+    checked_content(integer_model(model, board.title), network=False)
     manifest, files, plan = contents(
         model,
         board,
@@ -160,7 +169,13 @@ def _manifest(model: Model, plan: Plan, compression: dict[str, Any] | None) -> d
         "clearing": clearing(network, board),
         "limits": limits,
         "compression": compression,
+        "modelled": modelled(plan),
     }
+
+
+def modelled(plan: Plan) -> dict[str, Any] | None:
+    """The modelled times as JSON; None where the board's are not public."""
+    return None if plan.times is None else plan.times.as_json()
 
 
 def mapping(plan: Plan) -> dict[str, Any]:
@@ -174,7 +189,7 @@ def mapping(plan: Plan) -> dict[str, Any]:
                 "parts": [asdict(part) for part in core.parts],
                 "dense_input_rows": int(core.dense_inputs.sum()),
                 "needs": {name: "unknown" if value is None else value for name, value in asdict(core.needs).items()},
-                "load": _load(plan.board, core),
+                "load": _load(core),
             }
         )
     return {
@@ -185,7 +200,7 @@ def mapping(plan: Plan) -> dict[str, Any]:
     }
 
 
-def _load(board: Board, core: CorePlan) -> dict[str, Any]:
-    """What a core is expected to do in a step."""
+def _load(core: CorePlan) -> dict[str, Any]:
+    """What a core is expected to do in a step with input, and its modelled time of a step, mean over all."""
     load = {name: round(value, 6) for name, value in asdict(core.load).items()}
-    return load if board.timed else load | {"nanoseconds": "unknown"}
+    return load | {"nanoseconds": "unknown" if core.microseconds is None else round(1e3 * core.microseconds, 6)}

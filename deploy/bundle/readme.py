@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import textwrap
+from collections.abc import Iterable
+
 from lava_vpr.deploy.boards.plan import Plan
+from lava_vpr.deploy.hardware.belief import Belief
+from lava_vpr.deploy.show.tables import modelled_time
 from lava_vpr.model import Model
 
 _TEXT = """\
@@ -11,6 +16,7 @@ _TEXT = """\
 It recognises {places} places (`{first}` to `{last}`) with {neurons} excitatory neurons, {inhibitory} inhibitory
 and {inputs} inputs; weights of {bits} bits{signs}; {steps} steps of input a query, then {silent} silent ones.
 Input is {way}.
+{time}
 
 {programs}
 ## What is what
@@ -23,6 +29,12 @@ Input is {way}.
 
 A place's score is the sum over neurons of responses[i, place] / responses[i].sum() * counts[i], which the
 configured decoder scales; the highest score is the place.
+
+## What no public source shows
+
+This bundle rests on these beliefs about the hardware; lava-vpr's docs/hardware.md says why they are held.
+
+{unproven}
 """
 
 KAPOHO_BAY = """\
@@ -80,7 +92,7 @@ _INJECTED = "{} trains, injected spike by spike"
 _BIAS = "integrated by input compartments from a bias written once a query"
 
 
-def readme(model: Model, plan: Plan, guide: str, parts: str, learning: bool) -> bytes:
+def readme(model: Model, plan: Plan, guide: str, parts: str, learning: bool, unproven: Iterable[Belief]) -> bytes:
     """What the folder is and how to run it.
 
     Args:
@@ -89,6 +101,7 @@ def readme(model: Model, plan: Plan, guide: str, parts: str, learning: bool) -> 
         guide: How to run the board's program.
         parts: What the files of the network are.
         learning: Whether the bundle also holds the network that learns.
+        unproven: The rows of the table of hardware that it rests on and no public source shows.
     """
     network = plan.network
     text = _TEXT.format(
@@ -103,8 +116,10 @@ def readme(model: Model, plan: Plan, guide: str, parts: str, learning: bool) -> 
         signs=" and a sign" if network.signed else "",
         steps=network.steps,
         silent=network.silent_steps,
+        time=textwrap.fill(modelled_time(plan), 110),
         way=_BIAS if network.bias_input else _INJECTED.format("regular" if network.regular else "Poisson"),
         programs=guide,
         parts=parts + _LEARNING if learning else parts,
+        unproven="\n".join(f"- {row.name}: if it is wrong, {row.breaks}" for row in unproven),
     )
     return text.encode()

@@ -151,7 +151,7 @@ def _with_figures(counted: Modelled, plan: Plan, events: EventCounts, constants:
     """``counted`` with the estimates of energies and times."""
     cleared = _clearing(plan, events, constants)
     steps = Estimate.of(lambda level: float(all_microseconds(plan, events, constants, level).mean()))
-    milliseconds = steps * (events.steps / 1e3) + outside_steps(plan, constants)[1]
+    milliseconds = query_milliseconds(plan, steps, constants)
     traffic = host_milliseconds(plan, events, constants)
     in_use = traffic[counted.input_mode]
     wall = Estimate.of(lambda level: max(milliseconds.at(level), in_use.at(level)))
@@ -274,6 +274,12 @@ def outside_steps(plan: Plan, constants: CostConstants) -> tuple[Estimate, Estim
     inputs set if they are compartments."""
     between = embedded.milliseconds(embedded.between_queries(plan), constants)
     return total(_outside_steps(plan, constants).values()), between
+
+
+def query_milliseconds(plan: Plan, step_microseconds: Estimate, constants: CostConstants) -> Estimate:
+    """Time of a query on the chip: all its steps, of that mean time, and what is read, cleared and set between two."""
+    between = embedded.milliseconds(embedded.between_queries(plan), constants)
+    return step_microseconds * (plan.network.interval / 1e3) + between
 
 
 def all_microseconds(plan: Plan, events: EventCounts, constants: CostConstants, level: Level) -> Floats:

@@ -7,6 +7,10 @@ from typing import Literal
 
 from lava_vpr import loihi
 
+BIAS_INPUT, DENSE, LEARNING = "inputs integrate a bias", "rows without indices", "the network that learns"
+NARROW, LONG = "weights of fewer than 8 bits", "long presentations"
+"""What some bundles have and others not, for `Belief.rests`."""
+
 Kind = Literal["limit", "arithmetic", "register", "call", "figure"]
 """What a belief is about. A ``limit`` is the most there is of something; a ``figure`` an energy, a time or a power."""
 
@@ -49,6 +53,8 @@ class Belief:
         source: The public text that shows it; None: unproven.
         why: Of an unproven one, why it is believed all the same, or what is missing; None where there is a source.
         constants: The names in `lava_vpr.loihi` that hold the value, so that it stands once.
+        rests: Of an unproven one, the bundles that rest on it: all of a chip, ``"Loihi 1"``, or those that have
+            something, ``"Loihi 1: bias input"`` (`lava_vpr.deploy.bundle.deployment.unproven`).
     """
 
     name: str
@@ -60,10 +66,13 @@ class Belief:
     source: str | None = None
     why: str | None = None
     constants: tuple[str, ...] = ()
+    rests: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if (self.source is None) == (self.why is None):
             raise TypeError(f"{self.name}: give a source, or why it is believed without one")
+        if self.proven and self.rests:
+            raise TypeError(f"{self.name}: has a source, so no bundle is said to rest on it without one")
 
     @property
     def proven(self) -> bool:
@@ -120,6 +129,7 @@ def of_constants(
     breaks: str,
     source: str | None = None,
     why: str | None = None,
+    rests: tuple[str, ...] = (),
 ) -> Belief:
     """A belief whose value is that of the constants ``at``, names in `lava_vpr.loihi` with blanks between them.
 
@@ -130,4 +140,4 @@ def of_constants(
     value: Value = values[0] if len(values) == 1 else Given(", ".join(map(_text, values)))
     if isinstance(value, range):
         value = Span(value.start, value.stop - 1)
-    return Belief(name, on, kind, value, unit, breaks, source, why, names)
+    return Belief(name, on, kind, value, unit, breaks, source, why, names, rests)

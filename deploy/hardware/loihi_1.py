@@ -48,6 +48,7 @@ CORE: tuple[Belief, ...] = (
         unit="share of a core's words",
         breaks="if NxSDK's packing needs more, it refuses the network; if it needs none, cores are wasted",
         why=f"nobody has published a core filled to the last word; {NENGO}builder/validate.py:52 allows it",
+        rests=("Loihi 1",),
     ),
     _core(
         "synapses of a block of synapse memory",
@@ -227,13 +228,14 @@ ARITHMETIC: tuple[Belief, ...] = (
     ),
     Belief(
         "rounding of decays",
-        "Loihi 1",
+        "Loihi 1, Loihi 2",
         "arithmetic",
         Given("magnitude times (4096 - decay), shifted right by 12; u decays by one unit more"),
         None,
         "membranes drift from the host's by a unit a step",
         why=f"{LAVA}proc/lif/models.py:145-150 says so, but lava-nc issue #322 reports that the chip differs in u and "
         "in thresholds; here u has no memory",
+        rests=("Loihi 1", "Loihi 2"),
     ),
 )
 """How the chip counts."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from lava_vpr.deploy.hardware.belief import Belief, Given, Span, of_constants
+from lava_vpr.deploy.hardware.belief import BIAS_INPUT, LEARNING, LONG, Belief, Given, Span, of_constants
 from lava_vpr.deploy.hardware.loihi_1 import LAVA
 from lava_vpr.loihi import (
     BIAS_BITS,
@@ -21,8 +21,8 @@ LAVA_DL = "lava-dl at d825ac5, "
 """Where paths of lava-dl begin."""
 
 BRIEF = "Intel Labs, Taking Neuromorphic Computing to the Next Level with Loihi 2, technology brief, 2021"
-WRITTEN_WHILE_PAUSED = "bias_mant, bias_exp and v are written while the run is paused"
-"""The name of the belief that inputs that integrate a bias rest on."""
+RESET_SHOWN = 32
+"""The longest interval, in steps, at which public programs reset."""
 
 _LIMITS = "fit says that maps are possible which the chip cannot hold"
 _TESTS = f"{LAVA_DL}tests/lava/lib/dl/netx/test_hdf5_nx.py"
@@ -62,6 +62,7 @@ CHIP: tuple[Belief, ...] = (
         "bytes",
         "whether a map fits is said by Intel's compiler alone: fit names bounds, and promises nothing within them",
         why="no public text gives it; bounds count a weight's bits and nothing else",
+        rests=("Loihi 2",),
     ),
     Belief(
         "steps between two resets of LIFReset",
@@ -81,6 +82,7 @@ CHIP: tuple[Belief, ...] = (
         "steps",
         "longer presentations are not cleared",
         why="public programs reset every 16 or 32 steps; no text has a limit",
+        rests=(f"Loihi 2: {LONG}",),
     ),
     Belief(
         "step of the first reset (reset_offset)",
@@ -165,6 +167,7 @@ SYNAPSES: tuple[Belief, ...] = (
         "powers of two",
         "weights are another power of two",
         why="nengo-loihi 1.1.0 has this range for Loihi 1; Lava checks none",
+        rests=("Loihi 2",),
     ),
     Belief(
         "weights of sign mode EXCITATORY",
@@ -250,6 +253,7 @@ SYNAPSES: tuple[Belief, ...] = (
         "the network that learns does not start",
         why="no public text shows the two together on a board, and lava-nc pull request #528, which prepared learning "
         "there, brought a LearningLIF; bundles hold the network, no program starts it there",
+        rests=(f"Loihi 2: {LEARNING}",),
     ),
     of_constants(
         "largest trace of a learning rule",
@@ -283,7 +287,7 @@ INPUT: tuple[Belief, ...] = (
         source=f"{_TESTS}:49-51, 103-104",
     ),
     Belief(
-        WRITTEN_WHILE_PAUSED,
+        "bias_mant, bias_exp and v are written while the run is paused",
         "Lava's LIF on Loihi 2",
         "call",
         Given("Var.set between two calls of run"),
@@ -291,6 +295,7 @@ INPUT: tuple[Belief, ...] = (
         "the second query is shown the first's image",
         why=f"Lava's runtime has the call for any Var ({LAVA}magma/runtime/runtime.py:545), and {_TESTS}:111-114 reads "
         "Vars of the chip; no public program writes them there",
+        rests=(f"Loihi 2: {BIAS_INPUT}",),
     ),
     Belief(
         "spikes are injected from Python, one step after the other, by PyToNxAdapter",

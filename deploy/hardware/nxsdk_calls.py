@@ -4,19 +4,28 @@ from __future__ import annotations
 
 from functools import partial
 
-from lava_vpr.deploy.hardware.belief import Belief, Given, of_constants
+from lava_vpr.deploy.hardware.belief import BIAS_INPUT, Belief, Given, of_constants
 from lava_vpr.deploy.hardware.loihi_1 import NENGO
 
-MODELS = "intel-nrc-ecosystem/models at 3dc53bf, nxsdk_modules_contrib/"
+MODELS = "intel-nrc-ecosystem/models at 3dc53bf, "
+CONTRIB, LSNN = f"{MODELS}nxsdk_modules_contrib/", f"{MODELS}nxsdk_modules_ncl/lsnn/apps/"
 """Where paths of that repository begin."""
 
 _START = "the host program stops before the first query, and says which call NxSDK refused"
 _IO = f"{NENGO}hardware/snips/nengo_io.c.template"
 
 
-def _call(name: str, form: str, breaks: str, source: str | None, why: str | None = None, on: str = "NxSDK") -> Belief:
+def _call(
+    name: str,
+    form: str,
+    breaks: str,
+    source: str | None,
+    why: str | None = None,
+    on: str = "NxSDK",
+    rests: tuple[str, ...] = (),
+) -> Belief:
     """A call in the form in which it is made."""
-    return Belief(name, on, "call", Given(form), None, breaks, source, why)
+    return Belief(name, on, "call", Given(form), None, breaks, source, why, rests=rests)
 
 
 _embedded = partial(_call, on="NxSDK, embedded processor")
@@ -34,7 +43,7 @@ HOST: tuple[Belief, ...] = (
         "which board",
         "environment variable KAPOHOBAY=1",
         _START,
-        "combra-lab/spiking-ddpg-mapless-navigation, README.md",
+        "combra-lab/spiking-ddpg-mapless-navigation at 00f394d, README.md:188",
     ),
     _call(
         "N2Board",
@@ -68,14 +77,14 @@ HOST: tuple[Belief, ...] = (
         "counters",
         "nothing: neurons are counted by compartments; NxSDK refuses probes beyond it",
         None,
-        "that they are limited is public (nengo-loihi pull request #281), the number is not; pcritical reads 512 on "
-        "one chip, pelenet's snip has a loop over 4,500 (snips/readspikes.c:20)",
+        "that they are limited is public (nengo-loihi pull request #281), the number is not; "
+        f"{CONTRIB}pelenet/pelenet/snips/readspikes.c:20 has a loop over 4,500",
     ),
     _call(
         "createSnip",
         "createSnip(name, cFilePath, includeDir, funcName, guardName, phase=Phase.EMBEDDED_MGMT, lmtId=0, chipId)",
         _START,
-        f"{MODELS}pelenet/pelenet/network/snips.py:25-33; {NENGO}hardware/interface.py:606-613",
+        f"{CONTRIB}pelenet/pelenet/network/snips.py:25-33; {NENGO}hardware/interface.py:606-613",
     ),
     _call(
         "createChannel",
@@ -87,13 +96,24 @@ HOST: tuple[Belief, ...] = (
         "channel.connect to the host",
         "channel.connect(None, snip), channel.connect(snip, None)",
         _START,
-        f"{MODELS}pelenet/pelenet/network/snips.py:50, pcritical/modules/pcritical.py:576",
+        f"{CONTRIB}pelenet/pelenet/network/snips.py:50, pcritical/modules/pcritical.py:576",
     ),
     _call(
-        "channel.write, channel.read",
-        "write(messages, flat list of words), read(messages)",
+        "channel.read",
+        "read(messages), a flat list of their words",
         "no packet arrives: the host program says so",
-        f"{MODELS}spytorch2loihi/ioProcess/ioProcess.py:326, 420; pcritical/modules/pcritical.py:245",
+        f"{LSNN}seqmnist/seq_img_classifier.py:221-222, 295 (a message of 64 bytes is 16 integers)",
+    ),
+    _call(
+        "channel.write of messages of several words",
+        "write(messages, flat list of all their words)",
+        "no packet arrives, or the first step waits for ever: the host program says so",
+        None,
+        f"public programs write messages of one word, as write(words, list of words) ({MODELS}"
+        f"nxsdk_modules_ncl/epl/src/multi_pattern_learning/epl_snips_utils.py:186-191, {LSNN[len(MODELS) :]}"
+        "seqmnist/seq_img_classifier.py:244-255); where one has messages of 16 words (214-216, 282), it gives the "
+        "length of its list, not the number of messages",
+        rests=("Loihi 1",),
     ),
     _call(
         "channel.probe",
@@ -101,6 +121,7 @@ HOST: tuple[Belief, ...] = (
         "the host program waits without a time limit of its own",
         None,
         "no public program of Loihi 1 calls it",
+        rests=("Loihi 1",),
     ),
     of_constants(
         "words of a packet, and those that say what it is",
@@ -141,25 +162,30 @@ POWER: tuple[Belief, ...] = (
         "power probe",
         "board.probe(ProbeParameter.ENERGY, PerformanceProbeCondition(tStart, tEnd, bufferSize, binSize))",
         "--power gives nothing, and says so",
-        f"{MODELS}pcritical/modules/pcritical.py:176-183 (nengo-loihi issue #292 reports an error with N2Board)",
+        f"{CONTRIB}pcritical/modules/pcritical.py:176-183 (nengo-loihi issue #292 reports an error with N2Board)",
     ),
     _call(
         "steps of a bin of the power probe",
         "a power of two",
         "--power gives nothing",
-        f"{MODELS}pcritical/modules/pcritical.py:182; spytorch2loihi_import_energy-delay.ipynb:157 (64)",
+        f"{CONTRIB}pcritical/modules/pcritical.py:182; {LSNN}"
+        "relnet/RelNet_bAbI_Loihi_performance_measurements.ipynb:792",
     ),
     _call(
         "measuring begins at step 1",
         "tStart=1",
         "power includes the warming up of the first buffer",
-        f"{MODELS}pcritical/modules/pcritical.py:179; spytorch2loihi_import_energy-delay.ipynb:159 starts later",
+        f"{CONTRIB}pcritical/modules/pcritical.py:179",
     ),
     _call(
         "power of a run",
         "board.energyTimeMonitor.powerProfileStats: timePerTimestep; power['total'], ['static'], ['dynamic'], ['idle']",
         "--power says that nothing was measured",
-        f"{MODELS}spytorch2loihi/spytorch2loihi_import_energy-delay.ipynb:578-582 (idle and static are two)",
+        None,
+        f"board.energyTimeMonitor.powerProfileStats is public ({CONTRIB}pcritical/modules/pcritical.py:188), these "
+        "keys are not: programs read power['core'] and power['lakemont'], each with 'static' and 'dynamic' "
+        f"({LSNN}relnet/RelNet_bAbI_Loihi_performance_measurements.ipynb:899-905, "
+        "seqmnist/sMNIST_Loihi_performance_measurements.ipynb:310-316)",
     ),
     _call(
         "Kapoho Bay has sensors of power",
@@ -185,22 +211,30 @@ EMBEDDED: tuple[Belief, ...] = (
         "cx_state, written",
         "(CxState){.U = 0, .V = 0} into core->cx_state[i], then nx_flush_core(core)",
         "membranes are not cleared: queries mix, which the self-test finds",
-        f"{MODELS}pelenet/pelenet/snips/reset.c:31-48",
+        None,
+        f"programs write whole cores by nx_fast_init64 and flush them ({CONTRIB}pelenet/pelenet/snips/reset.c:31-48), "
+        "or V alone of one compartment, without a flush (wilkieolin/loihi_bandit at b53c071, management.c:100); none "
+        "writes a CxState into one",
+        rests=("Loihi 1",),
     ),
     _embedded(
         "phases and accumulators stay as they are when states are cleared",
         "cx_meta_state and dendrite_accum are not written",
         "a neuron stays in another phase: counts differ, which the self-test finds",
         None,
-        "public reset programs clear both (intel-nrc-ecosystem/models, "
-        "nxsdk_modules_ncl/dnn/snips/reset_model_states/snip_reset.c:88-100); "
-        "here nothing is in flight and nothing is refractory when states are cleared",
+        f"public reset programs clear the one ({CONTRIB}pelenet/pelenet/snips/reset.c:60) or the other "
+        "(biphasic/Quartz-on-Loihi at a56d551, quartz/snips/reset.c:36); here nothing is in flight and nothing is "
+        "refractory when states are cleared",
+        rests=("Loihi 1",),
     ),
     _embedded(
         "cx_cfg, written",
         "core->cx_cfg[i].Bias and .BiasExp, the other fields as read",
-        "inputs spike at other rates, which the self-test finds",
-        f"{MODELS}spytorch2loihi/ioProcess/ioSnips/iomgmt.c:80-81, 193-194",
+        "inputs spike at other rates, which the self-test finds; so do neurons whose biases queries bring",
+        None,
+        f"programs on the host write these fields of cxCfg ({NENGO}hardware/builder.py:306); no public one writes them "
+        "on the chip",
+        rests=(f"Loihi 1: {BIAS_INPUT}",),
     ),
     _embedded(
         "a spike is injected in the management phase",
@@ -218,7 +252,7 @@ EMBEDDED: tuple[Belief, ...] = (
         "the guard is asked and the program called after every step",
         "int guard(runState *), void run(runState *); runState.time_step counts from 1",
         "queries are shown in other steps: counts differ, which the self-test finds",
-        f"{_IO}:21, 37, 80; {MODELS}pcritical/modules/snips/runmgmt.c:12-14",
+        f"{_IO}:21, 37, 80; {CONTRIB}pcritical/modules/snips/runmgmt.c:12-14",
     ),
     _embedded(
         "words of a message",

@@ -7,8 +7,8 @@ writes, behind the same name in brackets.
 from __future__ import annotations
 
 from lava_vpr import loihi
-from lava_vpr.deploy.hardware.belief import Belief, Given, Span, Value
-from lava_vpr.deploy.hardware.loihi_1 import NENGO
+from lava_vpr.deploy.hardware.belief import DENSE, NARROW, Belief, Given, Span, Value
+from lava_vpr.deploy.hardware.loihi_1 import DAVIES, NENGO
 
 UNUSED_FIELDS = (
     "wgtLimitMant",
@@ -27,14 +27,23 @@ UNUSED_FIELDS = (
 )
 """Fields of a synapse format that stay 0: no learning, no delays, no tags."""
 
-WITHOUT_INDICES = "rows without indices"
-"""What is asked for where rows are stored dense: bundles have such rows only where ``deploy --dense-rows`` asks."""
+
+WITH_INDICES = "rows with indices, of discrete axons"
+"""What is asked for where rows are stored sparse, as all bundles have some."""
 
 _BUILDER = f"{NENGO}hardware/builder.py"
 _ALL = "every spike"
 _DENSE = (
     f"{NENGO}block.py:521 counts no index bits with compression 3, but does so for sparse matrices, too (752), and "
     "never writes idxBits 0"
+)
+_INDEXED = (
+    f"{NENGO}block.py:519 counts index bits with compression 0, but writes it for population axons alone (781); axons "
+    "as here have compression 3 with index bits (752), which takes no more memory by its count (521)"
+)
+_NARROW = (
+    f"{NENGO}block.py:417 has the width of every code and builder/validate.py:106 allows them, as does the chip's "
+    f"paper ({DAVIES}: 1 to 9 bits); 8 bits alone are written (block.py:731)"
 )
 _DENSE_BREAKS = "NxSDK refuses the network, or weights go to other neurons; plans with such rows need more cores"
 
@@ -44,9 +53,10 @@ def _register(name: str, value: Value, line: str, breaks: str = _ALL, unit: str 
     return Belief(name, "NxSDK, Loihi 1 core", "register", value, unit, breaks, f"{_BUILDER}:{line}")
 
 
-def _unproven(name: str, value: Value, why: str, breaks: str) -> Belief:
-    """A value that no public program writes."""
-    return Belief(name, "NxSDK, Loihi 1 core", "register", value, None, breaks, None, why)
+def _unproven(name: str, value: Value, why: str, breaks: str, of: str = "") -> Belief:
+    """A value that no public program writes, but bundles do: all of them, or those that have what ``of`` says."""
+    rests = (f"Loihi 1: {of}" if of else "Loihi 1",)
+    return Belief(name, "NxSDK, Loihi 1 core", "register", value, None, breaks, None, why, rests=rests)
 
 
 NEURONS: tuple[Belief, ...] = (
@@ -109,11 +119,17 @@ SYNAPSES: tuple[Belief, ...] = (
         "synapseFmt.wgtBits",
         "NxSDK, Loihi 1 core",
         "register",
-        Span(1, len(loihi.LOIHI_1_WEIGHT_BITS)),
+        len(loihi.LOIHI_1_WEIGHT_BITS),
         "code of a width",
         "weights are read with other bits",
-        f"{_BUILDER}:136, builder/validate.py:106; fewer than 8 bits: intel-nrc-ecosystem/models at 3dc53bf, "
-        "nxsdk_modules_contrib/spytorch2loihi/slayer_rec/src/slayer2loihi.py:601-609",
+        f"{_BUILDER}:136, block.py:731 (8 bits)",
+    ),
+    _unproven(
+        f"synapseFmt.wgtBits ({NARROW})",
+        Span(1, len(loihi.LOIHI_1_WEIGHT_BITS) - 1),
+        _NARROW,
+        "weights are read with other bits; with --weight-bits 7 all have 8",
+        NARROW,
     ),
     Belief(
         "widths of a weight, by wgtBits from 1 on",
@@ -145,9 +161,14 @@ SYNAPSES: tuple[Belief, ...] = (
         "144, block.py:492, 729 (each weight has a sign)",
         "the sign of weights",
     ),
-    _register("synapseFmt.compression", loihi.COMPRESSION_SPARSE, "145, block.py:519, 781 (each weight has an index)"),
-    _unproven(f"synapseFmt.compression ({WITHOUT_INDICES})", loihi.COMPRESSION_DENSE, _DENSE, _DENSE_BREAKS),
-    _unproven(f"synapseFmt.idxBits ({WITHOUT_INDICES})", 0, _DENSE, _DENSE_BREAKS),
+    _register("synapseFmt.compression", loihi.COMPRESSION_DENSE, "145, block.py:752 (with index bits)"),
+    _unproven(
+        f"synapseFmt.compression ({WITH_INDICES})",
+        loihi.COMPRESSION_SPARSE,
+        _INDEXED,
+        "NxSDK refuses the network, or weights go to other neurons",
+    ),
+    _unproven(f"synapseFmt.idxBits ({DENSE})", 0, _DENSE, _DENSE_BREAKS, DENSE),
     *(
         _register(f"synapseFmt.{name}", 0, "129-147, block.py:441-461 (its defaults)", "weights learn or are late")
         for name in UNUSED_FIELDS
@@ -162,8 +183,11 @@ SYNAPSES: tuple[Belief, ...] = (
         "arithmetic",
         Given("multiples of 2^(9 - bits), the sign being one of the bits"),
         "weight units",
-        "weights lose their lowest bits",
-        f"{NENGO}block.py:512-514; slayer2loihi.py:601-604 (as wgtBits)",
+        "weights lose their lowest bits, or are another power of two",
+        None,
+        f"{NENGO}block.py:512-514 has the shift, builder/discretize.py:473 rounds by it; no public program writes such "
+        "weights to a board",
+        rests=(f"Loihi 1: {NARROW}",),
     ),
     _register("synapseMap.synapsePtr", Span(0, 1 << 20), "381", unit="synapse"),
     _register("synapseMap.synapseLen", Span(1, loihi.CORE_COMPARTMENTS), "382", unit="synapses"),

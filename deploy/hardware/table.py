@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection
 
 from lava_vpr.deploy.boards.constants import HOST_POWER, LOIHI_1, Constant
 from lava_vpr.deploy.hardware import loihi_1, loihi_2, nxsdk_calls, nxsdk_registers
@@ -63,16 +63,9 @@ def kind_of(row: Belief) -> str:
     return row.name.partition(" (")[2].removesuffix(")")
 
 
-def relied_on(forms: Iterable[Mapping[str, int]]) -> list[str]:
-    """The unproven kinds of values that synapse formats have, by the names of NxSDK's fields."""
-    found = set()
-    for form in forms:
-        for field, value in form.items():
-            name = f"synapseFmt.{field}"
-            found |= {
-                kind_of(row) for row in unproven_values(name) if not BELIEFS[name].allows(value) and row.allows(value)
-            }
-    return sorted(found)
+def relied_on(has: Collection[str]) -> tuple[Belief, ...]:
+    """The unproven rows that a bundle rests on of which all in ``has`` is true (`Belief.rests`)."""
+    return tuple(row for row in BELIEFS.values() if not set(row.rests).isdisjoint(has))
 
 
 def refusal(name: str, value: int, asked: Collection[str] = ()) -> str:

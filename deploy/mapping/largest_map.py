@@ -2,7 +2,8 @@
 
 Two networks are asked about: a typical one, with as many weights that are not 0 as real ones have, and the costliest,
 in which every input has a weight to every neuron. And two ways of counting rows: *sparse* alone, each synapse with its
-index, as public sources show; or also *dense*, without, which nobody has shown on a board.
+index, as public sources show; or also *dense*, without, which nobody has shown on a board. Nor has anybody shown
+weights of fewer than 8 bits, sign included.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.quantise import check_steps, mantissa_of
 from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.gate import IntegerConfig, integer_config
-from lava_vpr.loihi import DECAY_BITS
+from lava_vpr.loihi import DECAY_BITS, WEIGHT_BITS
 from lava_vpr.training.loop import split
 
 RowKind = Literal["sparse", "dense", "unknown"]
@@ -80,6 +81,7 @@ class Capacity:
         share: Share of the weights that are not 0.
         places, neurons, cores: The map's size; 0 if not even two places fit.
         limit: What one more place would exceed.
+        narrow: Whether weights have fewer than 8 bits, sign included, which no public program writes to a board.
     """
 
     weight_bits: int
@@ -90,11 +92,12 @@ class Capacity:
     neurons: int
     cores: int
     limit: str
+    narrow: bool = False
 
     @property
     def proven(self) -> bool:
         """Whether public sources show how rows are stored that are counted so."""
-        return self.rows == "sparse"
+        return self.rows == "sparse" and not self.narrow
 
 
 def shares(config: IntegerConfig, weights: Fullness) -> Floats:
@@ -179,7 +182,9 @@ def largest(config: Config, board: Board, rows: RowKind = "sparse", weights: Ful
         limit = f"more than {_MOST:,} neurons are not looked for"
     else:
         limit = cause(beyond, fewest_cores)
-    return Capacity(settings.network.weight_bits, rows, weights, share, low if sizes[0] else 0, *sizes, limit)
+    stored = settings.network.weight_bits + (settings.network.signed or not board.one_sign)
+    narrow = rows != "unknown" and any(stored <= bits < WEIGHT_BITS for bits in board.weight_bits)
+    return Capacity(settings.network.weight_bits, rows, weights, share, low if sizes[0] else 0, *sizes, limit, narrow)
 
 
 def _at_most(config: Config, board: Board, rows: RowKind, weights: Fullness) -> int:
@@ -250,7 +255,7 @@ def _kinds(board: Board) -> tuple[RowKind, ...]:
 def table(config: Config, board: Board, told: Told | None = None) -> tuple[Capacity, ...]:
     """`largest` for every width of a weight that ``board`` stores, both ways of counting rows, and both networks.
 
-    ``told`` is told of each.
+    What public sources show comes first. ``told`` is told of each.
 
     Raises:
         ConfigError: ``config`` learns no integer network.
@@ -260,7 +265,7 @@ def table(config: Config, board: Board, told: Told | None = None) -> tuple[Capac
     for bits in _widths(config, board):
         own = replace(config, network=replace(settings.network, weight_bits=bits))
         found += capacities(own, board, told)
-    return tuple(found)
+    return tuple(sorted(found, key=lambda row: not row.proven))
 
 
 def capacities(config: Config, board: Board, told: Told | None = None) -> tuple[Capacity, ...]:

@@ -17,6 +17,7 @@ from lava_vpr.deploy.registers.synapses import lateral_synapse, row_words
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import NetworkLimitError
+from lava_vpr.loihi import WEIGHT_BITS
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -138,12 +139,14 @@ class Sizing:
 
     @cached_property
     def inhibition_bits(self) -> int:
-        """Fewest bits that hold a synapse of the root, with its sign where the board stores it.
+        """Fewest bits that hold a synapse of the root, with its sign where the board stores it; those of the weights
+        where these take `WEIGHT_BITS`, so that a core has no narrower format.
 
         Raises:
             NetworkLimitError: the board stores none so wide.
         """
-        for bits in sorted(self.board.weight_bits):
+        widest = self.known_rows and self.weight_bits == WEIGHT_BITS
+        for bits in (WEIGHT_BITS,) if widest else sorted(self.board.weight_bits):
             try:
                 lateral_synapse(self.network, bits + self.board.one_sign)
             except NetworkLimitError:

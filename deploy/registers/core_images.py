@@ -154,20 +154,20 @@ def _rows(plan: Plan, core: CorePlan, axons: _Axons) -> tuple[Rows, list[Format 
         form = Format(plan.inhibition_bits, index, exponent)
         parts.append(formats.rows(np.full((1, neurons.size), taken), compartments, np.zeros(1, np.bool_), form))
     counted, of_counters = members_of(core, "counters")
-    parts.append(_single(formats, of_counters, np.arange(counted.size), COUNTER_WEIGHT))
+    bits = plan.single_bits
+    parts.append(_single(formats, of_counters, np.arange(counted.size), bits, COUNTER_WEIGHT))
     inh, of_inh = members_of(core, "inh")
     heard = [listener[np.isin(listener, inh)] for listener in listening(network)]
-    parts.append(_single(formats, of_inh, np.searchsorted(inh, np.concatenate(heard))))
+    parts.append(_single(formats, of_inh, np.searchsorted(inh, np.concatenate(heard)), bits))
     relays, of_relays = members_of(core, "inputs")
-    parts.append(_single(formats, of_relays, np.arange(relays.size if network.relayed else 0)))
+    parts.append(_single(formats, of_relays, np.arange(relays.size if network.relayed else 0), bits))
     return joined(parts), formats
 
 
 def _single(
-    formats: Formats, compartments: NDArray[np.int64], targets: NDArray[np.int64], weight: int = RELAY_WEIGHT
+    formats: Formats, compartments: NDArray[np.int64], targets: NDArray[np.int64], bits: int, weight: int = RELAY_WEIGHT
 ) -> Rows:
-    """Rows of one synapse, by which a spike brings ``weight`` to the compartment ``compartments[target]``."""
-    bits = weight.bit_length() + 1  # with its sign
+    """Rows of one synapse of ``bits`` bits, by which a spike brings ``weight`` to ``compartments[target]``."""
     form = Format.of_whole_numbers(bits, index_bits(compartments))
     ones = np.full((targets.size, 1), weight)
     rows = formats.rows(ones, np.zeros(1, np.int64), np.zeros(targets.size, np.bool_), form)

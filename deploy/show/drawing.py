@@ -22,7 +22,7 @@ from matplotlib.path import Path as Outline
 from matplotlib.textpath import TextPath
 
 from lava_vpr.deploy.boards.plan import CorePlan, Part, Plan
-from lava_vpr.deploy.show.tables import step_time, summary
+from lava_vpr.deploy.show.tables import microseconds, summary
 
 COLOURS = {"exc": "#0067a8", "counters": "#7a5ea8", "inh": "#c24a00", "inputs": "#00805c"}
 """Colours of the populations, as the report's curves have them."""
@@ -268,7 +268,7 @@ def _cards(plan: Plan) -> list[CorePlan]:
     """The cores that are drawn large: all if they are few, else the busiest, in the order of the chip."""
     if len(plan.cores) <= MOST_CARDS:
         return list(plan.cores)
-    busy = sorted(plan.cores, key=lambda core: -core.load.nanoseconds)[:_CARD_COLUMNS]
+    busy = sorted(plan.cores, key=lambda core: -(core.microseconds or core.load.nanoseconds))[:_CARD_COLUMNS]
     return [core for core in plan.cores if core in busy]
 
 
@@ -307,7 +307,7 @@ def _card(axes: Axes, plan: Plan, core: CorePlan, box: Box) -> None:
         FancyBboxPatch((left, y), width, height, boxstyle=style, facecolor="none", edgecolor=_LINE, linewidth=1)
     )
     name = f"chip {core.chip}, core {core.core}" if plan.board.chips > 1 else f"core {core.core}"
-    time = f"{step_time(plan.board, core)} a step" if plan.board.timed else ""
+    time = "" if core.microseconds is None else f"{microseconds(core.microseconds)} a step"
     _text(axes, left + 12, y + 18, name, 12, weight="bold")
     _text(axes, left + width - 12, y + 18, time, 10.5, ha="right", color=_MUTED)
     for line, part in enumerate(part for part in core.parts if part.size):

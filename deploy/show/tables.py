@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 from rich.table import Table
 
 from lava_vpr.deploy.boards.board import Board
+from lava_vpr.deploy.boards.estimate import Estimate
 from lava_vpr.deploy.boards.plan import CorePlan, Part, Plan
 from lava_vpr.deploy.registers.clearing import clearing
 
@@ -15,6 +17,7 @@ MOST_ROWS = 24
 """Rows of a table; what lies between the first and the last of more cores is left out."""
 
 UNKNOWN = "unknown"
+NONE = "-"
 
 
 def span(part: Part) -> str:
@@ -23,9 +26,40 @@ def span(part: Part) -> str:
     return f"{part.population} {part.first}{last}"
 
 
-def step_time(board: Board, core: CorePlan) -> str:
-    """What a core is modelled to take for a step; unknown where the board's times are not public."""
-    return f"{core.load.nanoseconds / 1000:.2f} µs" if board.timed else UNKNOWN
+def figure(value: float | None, digits: int = 3) -> str:
+    """A number with ``digits`` significant ones, thousands separated; a dash for none."""
+    if value is None or not math.isfinite(value):
+        return NONE
+    if value == 0:
+        return "0"
+    rounded = float(f"{value:.{digits - 1}e}")
+    places = digits - 1 - math.floor(math.log10(abs(rounded)))
+    if abs(rounded) < 1e-4:
+        return f"{value:.{digits - 1}e}"
+    return f"{rounded:,.{max(0, places)}f}"
+
+
+def microseconds(time: float | None) -> str:
+    """What a core, or the board, is modelled to take for a step; None: unknown."""
+    return UNKNOWN if time is None else f"{figure(time)} µs"
+
+
+def _range(time: Estimate, unit: str) -> str:
+    """An estimate in words."""
+    return f"{figure(time.nominal)} {unit} ({figure(time.low)} to {figure(time.high)})"
+
+
+def modelled_time(plan: Plan) -> str:
+    """The modelled time of a step and of a query, and what it rests on, as a sentence; without times: why."""
+    times, interval = plan.times, plan.network.interval
+    if times is None:
+        return f"Time of a step: {UNKNOWN}; nobody has published how long operations of {plan.board.title} take."
+    core = busiest(plan)
+    return (
+        f"Modelled on {times.activity}: {_range(times.milliseconds, 'ms')} a query of {interval} steps, "
+        f"{_range(times.step_microseconds, 'µs')} a step, {microseconds(core.microseconds)} of it on the busiest core "
+        f"({core_name(plan.board, core)}). `lava-vpr bench` models other queries."
+    )
 
 
 def rows_of(plan: Plan, core: CorePlan) -> tuple[int | None, int | None]:
@@ -80,7 +114,8 @@ def core_table(plan: Plan, *, most: int = MOST_ROWS) -> Table:
 def _caption(plan: Plan) -> str:
     """The table's caption, which says what its words mean."""
     bits = _bits(plan.weight_bits)
-    return f"row: the synapses of an input on a core, {bits} each, sparse ones with an index; a step: modelled time"
+    row = f"row: the synapses of an input on a core, {bits} each, sparse ones with an index; a step: modelled time"
+    return f"{row}, of all with the barrier and the embedded program" if plan.times is not None else row
 
 
 def _bits(bits: int) -> str:
@@ -101,7 +136,7 @@ def _row(plan: Plan, core: CorePlan) -> list[str]:
         share(needs.synapse_words, board.synapse_words),
         _of(dense, None),
         _of(sparse, None),
-        step_time(board, core),
+        microseconds(core.microseconds),
     ]
 
 
@@ -124,13 +159,13 @@ def _totals(plan: Plan) -> list[str]:
         *(_of(_sum(values), None) for values in ([n.axons_in for n in needs], [n.axons_out for n in needs])),
         UNKNOWN if words is None else f"{words * 8 / 1024:,.1f} KiB",
         *(_of(_sum(values), None) for values in ([dense for dense, _ in rows], [sparse for _, sparse in rows])),
-        step_time(plan.board, busiest(plan)),
+        microseconds(None if plan.times is None else plan.times.step_microseconds.nominal),
     ]
 
 
 def busiest(plan: Plan) -> CorePlan:
-    """The core that takes longest for a step; the first of equals."""
-    return max(plan.cores, key=lambda core: core.load.nanoseconds)
+    """The core that is modelled to take longest for a step; the first of equals."""
+    return max(plan.cores, key=lambda core: core.microseconds or 0.0)
 
 
 def _inhibitory(plan: Plan) -> str:
@@ -145,7 +180,7 @@ def _inhibitory(plan: Plan) -> str:
 
 def summary(plan: Plan) -> list[str]:
     """What matters of a plan, a sentence each."""
-    board, network, core = plan.board, plan.network, busiest(plan)
+    board, network = plan.board, plan.network
     least = "At least " if board.synapse_words is None else ""
     lines = [
         f"{least}{len(plan.cores)} of {board.chips * board.cores} cores, {_bits(plan.weight_bits)} a stored weight."
@@ -155,14 +190,9 @@ def summary(plan: Plan) -> list[str]:
         lines.append("Which cores they are, and how synapses are stored, is decided by Intel's compiler.")
     if board.known:
         lines.append(f"{board.known} Whether the network fits is unknown: it is beyond none of the public numbers.")
-    if board.timed:
-        lines.append(
-            f"Modelled: the busiest core ({core_name(board, core)}) takes {step_time(board, core)} a step, "
-            f"{network.interval * core.load.nanoseconds / 1e6:.2f} ms a query of {network.interval} steps"
-            + (f"; messages cross {plan.hops:.1f} tiles a step." if plan.hops is not None else ".")
-        )
-    else:
-        lines.append(f"Time of a step: {UNKNOWN}; nobody has published how long operations of {board.title} take.")
+    lines.append(modelled_time(plan))
+    if plan.hops is not None:
+        lines.append(f"Messages cross {plan.hops:.1f} tiles a step.")
     if network.bias_input:
         lines.append("The host sends no spikes: inputs integrate a bias that is written once a query.")
     else:

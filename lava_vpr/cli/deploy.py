@@ -23,6 +23,7 @@ from lava_vpr.cli.common import (
     encode_queries,
     every_option,
     places_option,
+    print_unproven,
     print_whole,
     progress_bar,
     stage,
@@ -31,7 +32,7 @@ from lava_vpr.cli.common import (
 from lava_vpr.cli.outputs import Outputs, write_json
 from lava_vpr.config import INPUT_MODES
 from lava_vpr.deploy.boards.board import BOARDS, Board
-from lava_vpr.deploy.bundle.deployment import Deployed
+from lava_vpr.deploy.bundle.deployment import Deployed, unproven
 from lava_vpr.deploy.bundle.deployment import deploy as write_bundle
 from lava_vpr.deploy.bundle.folder import check_replaceable
 from lava_vpr.deploy.bundle.targets import TARGETS
@@ -136,16 +137,16 @@ def deploy(
             "compression": compressed.as_json(),
             "learning": asdict(learned) if learned is not None else None,
             "unproven": deployed.bundle.manifest["unproven"],
+            "modelled": deployed.bundle.manifest["modelled"],
         }
         write_json(json_path, {"target": board.name, **values})
     for note in compressed.notes:
         stderr.print(f"note: {note}")
-    for belief in deployed.bundle.manifest["unproven"]:
-        stderr.print(f"note: relies on what no public source shows (docs/hardware.md): {belief}")
     if compressed.before is not None:
         print_whole(_figures(compressed, learned))
     print_whole(core_table(deployed.plan))
     console.print("\n".join(summary(deployed.plan)))
+    print_unproven(unproven(deployed.plan, learning=learning))
     console.print(f"bundle: {shown(output)}")
 
 

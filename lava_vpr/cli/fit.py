@@ -17,6 +17,7 @@ from lava_vpr.cli.common import (
     check_dense_rows,
     console,
     dense_rows_option,
+    print_unproven,
     print_whole,
     progress_bar,
     stage,
@@ -106,20 +107,20 @@ def _model(
     json_path: Path | None,
 ) -> None:
     """What each core of the board holds of a model."""
-    from lava_vpr.deploy.bundle.deployment import mapping, plan_of
+    from lava_vpr.deploy.bundle.deployment import mapping, modelled, plan_of, unproven
     from lava_vpr.deploy.compression.compression import adapted
-    from lava_vpr.deploy.hardware.nxsdk_registers import WITHOUT_INDICES
+    from lava_vpr.deploy.cost.expected import timed
     from lava_vpr.deploy.show.tables import core_table, summary
 
     model = integer_model(open_model(model_path), board.title, model_path)
     with stage(f"placing {model.neurons:,} neurons"):
         compressed = adapted(model, board, changes)
-        plan = plan_of(compressed.model, board, dense_rows=dense_rows)
-    unproven = [WITHOUT_INDICES] if dense_rows and any(core.dense_inputs.any() for core in plan.cores) else []
+        plan = timed(plan_of(compressed.model, board, dense_rows=dense_rows), compressed.model)
+    rows = unproven(plan)
     if json_path is not None:  # files first: whoever reads the table may go away
         values = {"places": model.places, "neurons": model.neurons, "weight_bits": compressed.model.weight_bits}
         fits = None if board.synapse_words is None else True
-        placed = {"mapping": mapping(plan), "unproven": unproven}
+        placed = {"mapping": mapping(plan), "unproven": [row.name for row in rows], "modelled": modelled(plan)}
         write_json(json_path, {"target": board.name, "fits": fits, **values, **placed})
     if picture is not None:
         from lava_vpr.deploy.show.drawing import draw  # matplotlib takes a second to import
@@ -127,10 +128,9 @@ def _model(
         write_text(picture, draw(plan).decode())
     for note in compressed.notes:
         stderr.print(f"note: {note}")
-    for belief in unproven:
-        stderr.print(f"note: relies on what no public source shows (docs/hardware.md): {belief}")
     print_whole(core_table(plan))
     console.print("\n".join(summary(plan)))
+    print_unproven(rows)
     if picture is not None:
         console.print(f"picture: {shown(picture)}")
 
@@ -165,7 +165,7 @@ def _capacities(board: Board, rows: tuple[Capacity, ...], views: int) -> Table:
     notes = (
         "places: with as many weights as real networks have; if every one: every input has a weight to every neuron",
         "sparse: each weight with its index, as public sources count; dense: also rows without indices, which nobody "
-        "has shown on a board (unproven)",
+        "has shown on a board; nor has anybody shown weights of fewer than 8 bits with their sign (unproven, both)",
     )
     seen = f", each place in {views} views" if views > 1 else ""
     unknown = board.synapse_words is None
@@ -183,6 +183,6 @@ def _capacities(board: Board, rows: tuple[Capacity, ...], views: int) -> Table:
     for row in rows:
         if row.weights == "typical":
             sizes = (f"{value:,}" for value in (row.places, row.neurons, row.cores, every[row.weight_bits, row.rows]))
-            kind = f"{row.rows} (unproven)" if row.rows == "dense" else row.rows
+            kind = row.rows if row.proven or unknown else f"{row.rows} (unproven)"
             table.add_row(f"{row.weight_bits}", kind, f"{100 * row.share:.0f} %", *sizes, row.limit)
     return table

@@ -1,7 +1,7 @@
 """Power and time of a run as NxSDK measures them.
 
-Names as in public programs for Nahuku, the board of Intel's cluster; whether Kapoho Bay has the sensors is not public.
-If NxSDK has nothing to tell, that is said.
+The probe is that of public programs for Nahuku, the board of Intel's cluster. The names of the figures are unproven,
+and whether Kapoho Bay has the sensors is not public. If NxSDK has nothing to tell, that is said.
 """
 
 import math

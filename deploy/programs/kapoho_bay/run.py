@@ -18,8 +18,8 @@ invented. If NxSDK raised an exception, R/failure.txt has its traceback. Exit co
 stderr that says why.
 
 This needs Python 3.6 with numpy 1.17 or later and the files beside it, not lava-vpr. `embedded.c` runs on the chips and
-says how the two talk. All names of NxSDK are those that public programs use: nengo-loihi 1.1.0 (hardware/builder.py,
-interface.py) and https://github.com/intel-nrc-ecosystem/models (packets to and from Python).
+says how the two talk. Each name of NxSDK stands in lava-vpr's docs/hardware.md, with its public source or the
+word unproven.
 """
 
 import argparse

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from lava_vpr.bench.energy import Way
-from lava_vpr.bench.show.tables import NONE, Table, figure, percent, title_of
+from lava_vpr.bench.show.tables import Table, percent, title_of
 from lava_vpr.deploy.boards.constants import HOST_POWER
 from lava_vpr.deploy.boards.estimate import LEVELS, Estimate
+from lava_vpr.deploy.show.tables import NONE, figure
 
 TITLES = {
     "host": "this network, no board",

@@ -9,7 +9,8 @@ from lava_vpr.bench.results import Bench, Modelled
 from lava_vpr.bench.show import plots
 from lava_vpr.bench.show.json_values import absent, assumptions, percentiles
 from lava_vpr.bench.show.sections import sections
-from lava_vpr.bench.show.tables import NONE, Table, counted, figure, modelled, named, title_of
+from lava_vpr.bench.show.tables import Table, counted, modelled, named, title_of
+from lava_vpr.deploy.show.tables import NONE, figure
 from lava_vpr.report import trust
 from lava_vpr.report.build import map_of
 from lava_vpr.report.frame import document

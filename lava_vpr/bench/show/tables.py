@@ -15,10 +15,10 @@ from lava_vpr.bench.results import Asked, Bench, Candidate, Measured, Modelled, 
 from lava_vpr.bench.show.json_values import PERCENTILES, counts, percentiles
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.boards.estimate import Estimate
+from lava_vpr.deploy.show.tables import NONE, figure
 from lava_vpr.matching.evaluation import Metrics
 
 FIGURES = ("R@1", "R@5", "R@10", "R@100P", "P@100R", "AUC")
-NONE = "-"
 
 
 @dataclass(frozen=True)
@@ -44,19 +44,6 @@ class Table:
     long: frozenset[int] = field(default=frozenset())
     note: str = ""
     page_only: bool = False
-
-
-def figure(value: float | None, digits: int = 3) -> str:
-    """A number with ``digits`` significant ones, thousands separated; a dash for none."""
-    if value is None or not math.isfinite(value):
-        return NONE
-    if value == 0:
-        return "0"
-    rounded = float(f"{value:.{digits - 1}e}")
-    places = digits - 1 - math.floor(math.log10(abs(rounded)))
-    if abs(rounded) < 1e-4:
-        return f"{value:.{digits - 1}e}"
-    return f"{rounded:,.{max(0, places)}f}"
 
 
 def percent(value: float | None) -> str:

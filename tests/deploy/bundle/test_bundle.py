@@ -300,6 +300,7 @@ def test_a_bundle_is_replaced_where_folders_cannot_be_exchanged(intact: Path, mo
     assert [entry.name for entry in intact.parent.iterdir()] == ["bundle"]
 
 
+@pytest.mark.usefixtures("ctrl_c")
 @pytest.mark.parametrize("stopped", [1, 2, 3])
 def test_a_replacement_that_is_interrupted_loses_neither_bundle(
     intact: Path, monkeypatch: pytest.MonkeyPatch, stopped: int

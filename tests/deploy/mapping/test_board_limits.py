@@ -76,10 +76,10 @@ def test_output_axons() -> None:
 
 
 def test_synapse_memory_and_every_remedy_that_is_named_helps() -> None:
-    made, board = network(60, 40, share=0.8, bits=7, inhibition=3), tiny(synapse_words=130)
+    made, board = network(64, 40, share=0.8, bits=7, inhibition=3), tiny(synapse_words=132)
     text = refused(made, board)
-    assert "a core with 15 of 60 neurons needs 124 words of synapse memory, but a core of Kapoho" in text
-    assert "has 123; use" in text
+    assert "a core with 16 of 64 neurons needs 134 words of synapse memory, but a core of Kapoho" in text
+    assert "has 125; use" in text
     bits = int(re.search(r"--weight-bits (\d)", text)[1])  # type: ignore[index]
     share = float(re.search(r"--prune ([\d.]+)", text)[1])  # type: ignore[index]
     less = 7 - bits

@@ -19,6 +19,7 @@ from support.boards.kapoho_board import Board, altered, answers, child, load_pro
 from support.boards.kapoho_bundles import LAYOUTS, Made, layout, make, plan_by_hand, random_network
 from support.common.small_models import small_model
 
+from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.deploy.registers.core_images import core_images
@@ -238,7 +239,12 @@ def test_self_test_tells_the_first_difference(board: Board, tmp_path: Path) -> N
 def test_a_deployed_model(board: Board, tmp_path: Path, mode: str) -> None:
     model = small_model()
     network = replace(model.network, threshold=2 * model.network.threshold, **{**OFF, **MODES[mode]})
-    bundle = deploy(replace(model, network=network), KAPOHO_BAY, tmp_path / "bundle", picture=False).bundle
+    way = {
+        "input_mode": "bias" if network.bias_input else "injected",
+        "trains": "regular" if network.regular else "poisson",
+    }
+    model = replace(model, network=network, config=update(model.config, {"network": way}))
+    bundle = deploy(model, KAPOHO_BAY, tmp_path / "bundle", picture=False).bundle
     held = {name: data for name, data in bundle.files.items() if name.startswith("program/")}
     assert held == {f"program/{name}": data for name, data in host_programs.files("kapoho_bay").items()}
     clearing = bundle.manifest["clearing"]

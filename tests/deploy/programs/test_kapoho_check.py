@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
 import sys
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import pytest
 from support.boards import kapoho_board
 from support.boards.kapoho_board import child
 from support.boards.kapoho_bundles import Made, layout, make, random_network
+from support.common import children
 
 
 @pytest.fixture(scope="module", params=[False, True])
@@ -33,7 +33,7 @@ def alone(made: Made, *words: str, bare: bool = False) -> tuple[int, str, str]:
     """The program without NxSDK and, if ``bare``, without numpy or anything else that is installed."""
     flags = ["-E", "-S"] if bare else ["-E"]
     command = [sys.executable, *flags, str(made.path / "program" / "run.py"), *words]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = children.run(command, capture_output=True, text=True, check=False)
     return done.returncode, done.stdout, done.stderr
 
 

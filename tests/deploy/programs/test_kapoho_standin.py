@@ -53,7 +53,10 @@ def test_a_probe_takes_the_arguments_that_public_programs_give(nxsdk: Any) -> No
     [
         ("fanoutType", 3, "fanoutType 3 is not 1 (nengo-loihi 1.1.0 "),
         ("fanoutType", 0, "fanoutType 0 is not 1 (nengo-loihi 1.1.0 "),
-        ("compression", 3, "compression 3: rows without indices is shown by no public source; ask for it by name"),
+        ("compression", 0, "compression 0: rows with indices, of discrete axons is shown by no public source; ask for"),
+        ("compression", 1, "compression 1 is not 3 (nengo-loihi 1.1.0 "),
+        ("wgtBits", 6, "wgtBits 6: weights of fewer than 8 bits is shown by no public source; ask for it by name"),
+        ("wgtBits", 8, "wgtBits 8 is not 7 (nengo-loihi 1.1.0 "),
         ("idxBits", 0, "idxBits 0: rows without indices is shown by no public source; ask for it by name"),
         ("idxBits", 8, "idxBits 8 is not 1 to 7 (nengo-loihi 1.1.0 "),
         ("wgtExp", 8, "wgtExp 8 is not -7 to 7 (nengo-loihi 1.1.0 "),

@@ -35,6 +35,7 @@ from support.boards.loihi2_bundles import (
     running,
     write_bundle,
 )
+from support.common import children
 from support.lava.small_networks import SMALL_LIMITS, limits
 
 from lava_vpr.deploy.bundle import folder as bundle_folder
@@ -325,7 +326,7 @@ def test_nothing_outlives_the_program(made: dict[str, Path], number: int, tmp_pa
     bundle = shutil.copytree(made["injected"], tmp_path / "bundle")
     words = ["--queries", str(made["queries"]), "--out", str(out), "--batch", "1"]
     command = [sys.executable, str(bundle / "program" / "run.py"), *words]
-    with subprocess.Popen(command, env=env, stderr=subprocess.PIPE, text=True) as process:
+    with children.Child(command, env=env, stderr=subprocess.PIPE, text=True) as process:
         until(
             lambda: process.poll() is not None or ((out / "done.npy").exists() and bool(np.load(out / "done.npy")[0]))
         )

@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 from support.boards.plans import random_network, simple_plan, small_plan
+from support.boards.small_boards import even, network
 
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.boards.plan import Part
+from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.deploy.registers.core_images import (
     CoreImage,
     HostTables,
@@ -23,6 +25,7 @@ from lava_vpr.deploy.registers.synapses import lateral_synapse
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import ModelFileError, NetworkLimitError
+from lava_vpr.loihi import LOIHI_1_WEIGHT_BITS
 
 
 def scalars_of(network: FixedNetwork) -> dict[str, int]:
@@ -134,6 +137,20 @@ def test_leaves_and_relays_word_by_word(monkeypatch: pytest.MonkeyPatch) -> None
     assert tables.inputs.tolist() == [[1, 0, 2], [1, 0, 3]]
     assert tables.inh.tolist() == [[1, 0, 0], [1, 0, 1], [0, 4, 6]]
     assert tables.counters.tolist() == [[0, 4, 3], [0, 4, 4], [0, 4, 5]]
+
+
+@pytest.mark.parametrize(("bits", "widths"), [(1, {2, 3, 5}), (5, {3, 5, 6}), (6, {8}), (7, {8})])
+@pytest.mark.parametrize("relayed", [False, True])
+def test_where_weights_take_8_bits_no_format_has_fewer(bits: int, widths: set[int], relayed: bool) -> None:
+    """Those of the inhibitory neuron, the counters and the relays, too: such a bundle needs no other width."""
+    neurons = 1100 if relayed else 12
+    made = network(neurons, 8, bits=bits, signed=True)
+    plan = partition(made, KAPOHO_BAY, even(made, 1.0))
+    forms = [form for image in core_images(plan) for form in image.registers["synapseFmt"] if form is not None]
+    assert made.relayed == relayed
+    found = {(0, *LOIHI_1_WEIGHT_BITS)[form["wgtBits"]] for form in forms}
+    assert found == widths
+    assert plan.inhibition_bits == (8 if bits > 5 else 5)
 
 
 def test_tables_of_a_small_network() -> None:

@@ -23,11 +23,12 @@ import pytest
 from numpy.typing import NDArray
 from support.boards import host_programs
 from support.boards.kapoho_bundles import Made
+from support.common import children
 
 from lava_vpr.deploy.bundle import folder as bundle
 
 STANDIN = Path(__file__).parents[1] / "standins" / "kapoho_bay"
-ASKED = ["rows without indices"]
+ASKED = ["rows without indices", "rows with indices, of discrete axons", "weights of fewer than 8 bits"]
 """Kinds of unproven values of registers that bundles may have; the stand-in takes them where a test says so."""
 SEEDS = {"KAPOHOBAY": "1", "PYTHONPATH": str(STANDIN), "PYTHONDONTWRITEBYTECODE": "1"}
 SEEDS |= {"STANDIN": json.dumps({"asked": ASKED})}
@@ -126,13 +127,10 @@ def start(made: Made, *words: object, before: str = "", env: dict[str, str] | No
         "TMPDIR": str(made.path.parent),
     }
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    return subprocess.Popen(
+    return children.Child(
         [*command, *map(str, words)],
         env=given,
         text=True,
-        start_new_session=True,
-        # Whoever starts the tests in the background may have them ignore it.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
         **pipes,
     )
 

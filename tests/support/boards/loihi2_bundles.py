@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from support.boards import host_programs
+from support.common import children
 from support.lava.small_networks import random_bias
 
 from lava_vpr.deploy.bundle import folder as bundle_folder
@@ -75,9 +75,7 @@ def environment(standin: Path | None = STANDIN, options: Path | None = None) -> 
 def program(bundle: Path, *words: object, env: dict[str, str] | None = None) -> tuple[int, str]:
     """Run a bundle's program; exit code and what it says."""
     command = [sys.executable, str(bundle / "program" / "run.py"), *map(str, words)]
-    ran = subprocess.run(
-        command, env=env or environment(None), capture_output=True, text=True, timeout=120, check=False
-    )
+    ran = children.run(command, env=env or environment(None), capture_output=True, text=True, timeout=120, check=False)
     return ran.returncode, (ran.stdout + ran.stderr).strip()
 
 

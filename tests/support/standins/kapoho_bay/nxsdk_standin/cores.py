@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.deploy.hardware.nxsdk_registers import WITH_INDICES
 from lava_vpr.deploy.hardware.table import BELIEFS
 from nxsdk_standin.faults import StandinError
 from nxsdk_standin.registers import Array, Register, fields_of, held
@@ -20,7 +21,7 @@ COMPARTMENTS, GROUP = held("compartments of a core"), held("compartments that ar
 PROFILES, THRESHOLDS = held("distinct pairs of decays of a core"), held("distinct thresholds of a core")
 FORMATS, BLOCK = held("synapse formats of a core, number 0 unused"), held("synapses of a block of synapse memory")
 WORD, HEADER = held("bits of a word of synapse memory"), held("bits before the synapses of a block")
-SPARSE = held("synapseFmt.compression")
+SPARSE = held(f"synapseFmt.compression ({WITH_INDICES})")
 
 
 class Axon(NamedTuple):

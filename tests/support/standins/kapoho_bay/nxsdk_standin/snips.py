@@ -79,7 +79,7 @@ class Snip:
             "-o",
             library,
         ]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
         if done.returncode or done.stderr:
             raise StandinError(f"{self.source} does not compile: {done.stderr[:2000]}")
         self.library = ctypes.CDLL(library)
