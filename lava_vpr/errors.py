@@ -6,6 +6,7 @@ The command line turns a `LavaVprError` into that line and exit code 1; anything
 from __future__ import annotations
 
 import reprlib
+from typing import Any
 
 
 class LavaVprError(Exception):
@@ -64,6 +65,11 @@ class _Brief(reprlib.Repr):
     def repr_int(self, x: int, level: int) -> str:
         """``x``, or how long it is."""
         return f"a number of {x.bit_length()} bits" if x.bit_length() > 128 else repr(x)
+
+    def repr_instance(self, x: Any, level: int) -> str:
+        """``x``; of numpy's scalars their value, as numpy 1 shows them, not their type as numpy 2 does."""
+        value = x.item() if getattr(x, "shape", None) == () else x
+        return super().repr_instance(x, level) if type(value) is type(x) else self.repr1(value, level)
 
 
 _BRIEF = _Brief()

@@ -10,15 +10,23 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
+from typing import TypeVar
+
+T = TypeVar("T")
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """The signals that ask a program to end."""
 
 
 SOON = 0.05  # seconds until a signal that was lost comes again
+
+
+_STACK = 64 << 20
+"""Bytes of the stack of a thread for `stoppable`; libraries that go down into what a file nests need more than the half
+to eight megabytes that systems set aside."""
 
 
 class StoppedError(KeyboardInterrupt):
@@ -117,6 +125,33 @@ def finish() -> None:
     for fatal in _now.stopped:
         if fatal != signal.SIGINT:
             _die_of(fatal)
+
+
+def stoppable(call: Callable[[], T]) -> T:
+    """What ``call`` returns or raises; a signal is minded at once also where a library keeps the processor for itself.
+
+    Python minds signals between its own steps, and so never within a library that does not return. The call is made
+    in another thread, which a signal leaves behind; it ends with the program.
+    """
+    results: list[T] = []
+    errors: list[BaseException] = []
+
+    def work() -> None:
+        try:
+            results.append(call())
+        except BaseException as error:
+            errors.append(error)
+
+    thread = threading.Thread(target=work, daemon=True)
+    before = threading.stack_size(_STACK)
+    try:
+        thread.start()
+    finally:
+        threading.stack_size(before)
+    thread.join()
+    if errors:
+        raise errors[0]
+    return results[0]
 
 
 @contextmanager

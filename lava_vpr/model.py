@@ -182,7 +182,7 @@ def prepare(model: Model) -> Callable[[NDArray[np.int32]], NDArray[np.float64]]:
 
 
 def content(model: Model, network: bool = True) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """What a file keeps of ``model``, for `lava_vpr.storage.container`.
+    """What a file keeps of ``model``, for `lava_vpr.storage.container`; see `checked_content`.
 
     Args:
         model: The model.
@@ -216,13 +216,34 @@ def content(model: Model, network: bool = True) -> tuple[dict[str, Any], dict[st
     return header, arrays
 
 
+def checked_content(model: Model, network: bool = True) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """`content` that `assemble` takes.
+
+    Raises:
+        ModelFileError: it would refuse it.
+    """
+    header, arrays = content(model, network)
+    known = model.network if not network and isinstance(model.network, FixedNetwork) else None
+    try:
+        checked(header, arrays, known)
+    except (LavaVprError, UnfitError) as error:
+        raise ModelFileError(
+            f"the model cannot be kept, no file of it could be read again ({error}); correct what it was made of"
+        ) from None
+    return header, arrays
+
+
 def save(model: Model, path: Path) -> None:
     """Write ``model`` to ``path``; the file appears complete or not at all.
 
     Raises:
-        ModelFileError: it cannot be written.
+        ModelFileError: it cannot be written, or `load` would refuse it; what stood at ``path`` still does.
     """
-    container.save(path, "model", *content(model))
+    try:
+        header, arrays = checked_content(model)
+    except ModelFileError as error:
+        raise ModelFileError(f"{shown(path)}: {error}") from None
+    container.save(path, "model", header, arrays)
 
 
 def load(path: Path | str) -> Model:

@@ -60,7 +60,7 @@ _OPTIONAL = ("hog", "positions", "calibration")
 calibration if it was not measured."""
 _MOST_SAMPLES = 1 << 16
 
-_MOST_NAME, _MOST_VERSION, _MOST_COUNT = 1024, 40, 2**53
+_MOST_NAME, _MOST_VERSION, MOST_COUNT = 1024, 40, 2**53
 _HEADERS = 1 << 16
 """Bytes that are set aside for the settings, and for what each array says of itself."""
 _MOST_FLOAT = float(np.finfo(np.float32).max)
@@ -190,7 +190,7 @@ def _frame(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str
     return str(frame)
 
 
-def count(value: object, name: str, least: int, most: int = _MOST_COUNT) -> int:
+def count(value: object, name: str, least: int, most: int = MOST_COUNT) -> int:
     """``value`` of a file if it is a whole number in ``least`` .. ``most``.
 
     Raises:
@@ -277,7 +277,7 @@ def _figures(value: object) -> dict[str, float]:
     if not isinstance(value, dict) or set(value) != set(FIGURES):
         raise UnfitError(f"training {brief(value)}, which must be {', '.join(FIGURES)}")
     for name, figure in value.items():
-        if not real(figure) or not 0 <= figure <= _MOST_COUNT:
+        if not isinstance(figure, (int, float)) or not real(figure) or not 0 <= figure <= MOST_COUNT:
             raise UnfitError(f"training {name} {brief(figure)}")
     return dict(value)
 
@@ -296,7 +296,7 @@ def _network(
     if not isinstance(fixed, dict) or set(fixed) != set(SCALARS):
         raise UnfitError(f"fixed {brief(fixed)}, which must be {', '.join(SCALARS)}")
     for name, value in fixed.items():
-        count(value, name, -_MOST_COUNT)
+        count(value, name, -MOST_COUNT)
     network = FixedNetwork.of_scalars(own["network.weights"], own["network.bias"], fixed)
     network.check()
     _agree(network, config)
@@ -325,13 +325,13 @@ def _network_rules(config: Config, sizes: Sizes) -> dict[str, Rule]:
     if not isinstance(network, ConductanceNetwork) or not isinstance(learning, ConductanceLearning):
         return {
             "network.weights": Rule("int16", shape, least=-WEIGHT_LIMIT, most=WEIGHT_LIMIT),
-            "network.bias": Rule("int32", shape[1:], least=-_MOST_COUNT, most=_MOST_COUNT),
+            "network.bias": Rule("int32", shape[1:], least=-MOST_COUNT, most=MOST_COUNT),
         }
     largest = max(learning.w_max, learning.weight_sum) * (1 + 1e-9)  # one weight can be all that is normalised
     longest = math.floor(network.delay_max_ms / network.dt_ms + 0.5)
     return {
         "network.weights": Rule("float64", shape, most=largest),
-        "network.theta_mv": Rule("float64", shape[1:], most=_MOST_COUNT),
+        "network.theta_mv": Rule("float64", shape[1:], most=MOST_COUNT),
         "network.delays": Rule("uint16", shape, most=longest),
     }
 
@@ -346,7 +346,7 @@ def _rules(config: Config, sizes: Sizes) -> dict[str, Rule]:
     return {
         "learned": Rule("float32", learned, least=-_MOST_FLOAT if learning.rule == "slayer" else 0, most=_MOST_FLOAT),
         "responses": Rule("uint16" if most < 2**16 else "int32", (neurons, places), most=most),
-        "place_indices": Rule("int64", (places,), most=_MOST_COUNT),
+        "place_indices": Rule("int64", (places,), most=MOST_COUNT),
         "labels": Rule("int64", (images,), most=places - 1),
         "activity": Rule(
             "float32",

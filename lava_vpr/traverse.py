@@ -28,8 +28,8 @@ from lava_vpr.positions.names import positions_of_names, stamps_of_names
 from lava_vpr.positions.stamps import in_seconds, stamp_of
 from lava_vpr.positions.tables import read_stamps
 from lava_vpr.positions.track import MOST_GAP_S, Asked, images_on, read_track
-from lava_vpr.readers import Film, Found, Wanted, reader_of, suffixes
-from lava_vpr.storage.text import shown
+from lava_vpr.readers import Film, Found, Wanted, live_reader, reader_of, suffixes
+from lava_vpr.storage.text import printable, shown
 from lava_vpr.vectors.source import Vectors, VectorSource
 
 EVENTS = EventsConfig()
@@ -129,12 +129,6 @@ class Traverse:
         )
 
 
-def printable(path: str) -> str:
-    """The name of a file without its folder; bytes that are no text are replaced, since no JSON, CSV or terminal takes
-    the surrogates that stand for them."""
-    return os.fsencode(os.path.basename(path)).decode("utf-8", "replace")
-
-
 def ranges_of(indices: NDArray[np.int64], most: int = 4) -> str:
     """Absolute indices as text, for instance ``0:120, 121:500``: as ranges A:B, of which not more than ``most``.
 
@@ -147,6 +141,16 @@ def ranges_of(indices: NDArray[np.int64], most: int = 4) -> str:
     ends = [*starts[1:], len(numbers)]
     words = [f"{numbers[start]}:{numbers[end - 1] + 1}" for start, end in zip(starts, ends, strict=True)]
     return ", ".join(words) if len(words) <= most else f"{', '.join(words[: most - 1])}, ... {words[-1]}"
+
+
+def check_every(every: float) -> None:
+    """Refuse what is no number of seconds between two images.
+
+    Raises:
+        InputError: it is below a millisecond, or no finite number.
+    """
+    if not (math.isfinite(every) and every >= 0.001):
+        raise InputError(f"--every is {every}, but must be a number of seconds, at least 0.001")
 
 
 def open_traverse(
@@ -176,8 +180,7 @@ def open_traverse(
     Raises:
         InputError: the source is missing, unreadable, empty, of no known type, or shorter than ``places`` wants.
     """
-    if not (math.isfinite(every) and every >= 0.001):
-        raise InputError(f"--every is {every}, but must be a number of seconds, at least 0.001")
+    check_every(every)
     text = str(source)
     if not text or "\0" in text:
         raise InputError(f"{text!r} is not a path; give a folder of images, a list, a video or an image")
@@ -185,17 +188,21 @@ def open_traverse(
         raise InputError(f"places {places[0]}:{places[1]} are no range; give A:B with 0 <= A < B")
     name, topic = split_topic(text)
     path = Path(name)
-    try:
-        path.stat()
-    except OSError as error:
-        raise InputError(f"{shown(path)}: cannot be opened ({error.strerror}); check the path") from None
-    reader = reader_of(path)
+    reader = live_reader(text)
+    if reader is None:
+        try:
+            path.stat()
+        except OSError as error:
+            raise InputError(f"{shown(path)}: cannot be opened ({error.strerror}); check the path") from None
+        reader = reader_of(path)
     if reader is None:
         if not path.is_file():
             hint = "give a folder of images, a list or a video"
             raise InputError(f"{shown(path)}: is neither a folder nor a file; {hint}")
         known = " ".join(suffixes())
         raise InputError(f"{shown(path)}: is of no known type; give a folder of images or one of {known}")
+    if reader.open is None:
+        raise InputError(f"{shown(text)}: is {reader.title}, which can only be watched; use lava-vpr watch")
     whole = _opened(text, reader.open(Wanted(path, every, None if places is None else places[1], topic, events)))
     return whole if places is None else whole.between(*places)
 

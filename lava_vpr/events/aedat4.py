@@ -142,7 +142,10 @@ class _Reader:
             raise _BrokenError(f"packing {self._packing} is not known")
         most, pieces, length, given = limit("event_packet_bytes"), [], 0, data
         while True:
-            piece = unpacker.decompress(given, max_length=most + 1 - length)
+            try:
+                piece = unpacker.decompress(given, max_length=most + 1 - length)
+            except Exception as error:  # LZ4 raises RuntimeError, Zstandard a kind of its own
+                raise _BrokenError(f"a packet cannot be unpacked: {error}") from None
             pieces.append(piece)
             length += len(piece)
             beyond = excess("event_packet_bytes", length)

@@ -136,10 +136,15 @@ def _size(file: Any, parts: dict[str, Any], where: str) -> tuple[int, int] | Non
     """Width and height of the sensor, where attributes of the file, its groups or datasets tell it."""
     for holder in (parts["t"], parts["t"].parent, file):
         for names in (("width", "height"), ("sensor_width", "sensor_height")):
-            values = [holder.attrs.get(name) for name in names]
-            if all(np.ndim(v) == 0 and np.asarray(v).dtype.kind in "iu" for v in values):
-                return check_size((int(values[0]), int(values[1])), where)
+            # A text is not even read: from one that is damaged the HDF5 library may not return.
+            if all(name in holder.attrs and _is_number(holder.attrs.get_id(name)) for name in names):
+                return check_size((int(holder.attrs[names[0]]), int(holder.attrs[names[1]])), where)
     return None
+
+
+def _is_number(attribute: Any) -> bool:
+    """Whether an attribute is one whole number."""
+    return attribute.shape == () and attribute.dtype.kind in "iu"
 
 
 def _offset(file: Any, where: str) -> float:

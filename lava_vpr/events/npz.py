@@ -6,9 +6,8 @@ Members are read from the archive block by block, packed or not, so that none is
 from __future__ import annotations
 
 import contextlib
-import lzma
+import warnings
 import zipfile
-import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -21,12 +20,12 @@ from lava_vpr.errors import InputError, brief
 from lava_vpr.events.hdf5 import NAMES
 from lava_vpr.events.stream import BLOCK, Raw, Recording, check_size
 from lava_vpr.storage.limits import excess
+from lava_vpr.storage.npy import NPZ_ERRORS, npz_entries
 from lava_vpr.storage.reading import open_regular
 from lava_vpr.storage.text import shown
 
 NPZ_SUFFIXES = (".npz",)
 _KEEP_IT = "save arrays t, x and y with numpy.savez"
-_MOST_MEMBERS = 1000
 
 
 class _Member(NamedTuple):
@@ -40,7 +39,7 @@ class _Member(NamedTuple):
 def is_npz(path: Path) -> bool:
     """Whether the archive ``path`` holds events; False, too, if it cannot be opened."""
     with contextlib.suppress(InputError), _opened(path) as archive:
-        return _found(_members(archive, shown(path))) is not None
+        return _found(_members(archive)) is not None
     return False
 
 
@@ -51,7 +50,7 @@ def open_npz(path: Path) -> Recording:
         InputError: it is damaged, holds no events, or more than the limits allow.
     """
     with _opened(path) as archive:
-        members = _members(archive, shown(path))
+        members = _members(archive)
         parts = _found(members)
         if parts is None:
             held = ", ".join(brief(name) for name in sorted(members)[:10]) or "nothing"
@@ -77,20 +76,17 @@ def _opened(path: Path) -> Iterator[zipfile.ZipFile]:
         raise
     except OSError as error:
         raise InputError(f"{shown(path)}: cannot be read ({error.strerror or error}); check it") from None
-    except (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, ValueError, RuntimeError, KeyError) as error:
-        why = brief(" ".join(str(error).split())[:160])
+    except NPZ_ERRORS as error:
+        why = shown(" ".join(str(error).split())[:160])
         raise InputError(f"{shown(path)}: is damaged, cut short or no .npz file ({why}); copy it again") from None
-    except (NotImplementedError, MemoryError) as error:
-        raise InputError(f"{shown(path)}: cannot be unpacked ({type(error).__name__}); {_KEEP_IT}") from None
+    except MemoryError:  # of a header that is nested too deeply, too
+        raise InputError(f"{shown(path)}: cannot be unpacked (MemoryError); {_KEEP_IT}") from None
 
 
-def _members(archive: zipfile.ZipFile, where: str) -> dict[str, _Member]:
+def _members(archive: zipfile.ZipFile) -> dict[str, _Member]:
     """The one-dimensional arrays of plain numbers, and tables of such, by their names."""
-    names = [info.filename for info in archive.infolist() if info.filename.endswith(".npy")]
-    if len(names) > _MOST_MEMBERS:
-        raise InputError(f"{where}: holds {len(names):,} arrays; {_KEEP_IT}")
     found = {}
-    for name in names:
+    for name in [entry.filename for entry in npz_entries(archive) if entry.filename.endswith(".npy")]:
         with archive.open(name) as stream:
             shape, dtype = _header(stream)
         if len(shape) == 1 and not dtype.hasobject:
@@ -101,10 +97,11 @@ def _members(archive: zipfile.ZipFile, where: str) -> dict[str, _Member]:
 def _header(stream: Any) -> tuple[tuple[int, ...], np.dtype[Any]]:
     """Shape and type of the array that begins here; no object is made of what it says."""
     version = npy.read_magic(stream)
-    if version not in ((1, 0), (2, 0)):
+    if version != (1, 0):  # the next has headers of up to 4 GiB
         raise ValueError(f"version {version} of .npy")
-    read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
-    shape, _, dtype = read(stream)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # that NumPy under Python 2 wrote it, or that it is damaged so
+        shape, _, dtype = npy.read_array_header_1_0(stream)
     if any(length < 0 for length in shape):
         raise ValueError(f"shape {shape}")
     return shape, dtype
@@ -145,7 +142,7 @@ def _next(stream: BinaryIO | Any, member: _Member, count: int) -> NDArray[Any]:
 def _blocks(path: Path) -> Iterator[Raw]:
     """The events, some at a time."""
     with _opened(path) as archive, contextlib.ExitStack() as stack:
-        parts = _found(_members(archive, shown(path))) or []
+        parts = _found(_members(archive)) or []
         members = {member.name: member for member, _ in parts}
         streams = {name: stack.enter_context(archive.open(name)) for name in members}
         for stream in streams.values():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from lava_vpr.events.camera import Sent
+from lava_vpr.storage.writing import write_atomically
 
 WRITTEN = (".h5", ".npz")
 """Ends of the names of files that are written."""
@@ -21,7 +23,8 @@ def write_events(path: Path, events: Iterable[Sent], size: tuple[int, int], star
     """Write a new file of events; equal events give equal bytes.
 
     Args:
-        path: Of one of the ends in `WRITTEN`. HDF5 is written as events come; ``.npz`` once all are there.
+        path: Of one of the ends in `WRITTEN`. The file is made in memory and appears complete or not at all: the HDF5
+            library ends the process when a disk is full.
         events: In the order of their times.
         size: Width and height of the sensor in pixels.
         start_s: The time at which theirs begin, seconds; an ``.npz`` file holds their sum.
@@ -30,14 +33,17 @@ def write_events(path: Path, events: Iterable[Sent], size: tuple[int, int], star
     Raises:
         OSError: the file cannot be written.
     """
-    return _hdf5(path, events, size, start_s) if path.suffix == ".h5" else _npz(path, events, size, start_s)
+    buffer = io.BytesIO()
+    count = (_hdf5 if path.suffix == ".h5" else _npz)(buffer, events, size, start_s)
+    write_atomically(path, lambda file: file.write(buffer.getbuffer()))
+    return count
 
 
-def _hdf5(path: Path, events: Iterable[Sent], size: tuple[int, int], start_s: float) -> int:
+def _hdf5(buffer: io.BytesIO, events: Iterable[Sent], size: tuple[int, int], start_s: float) -> int:
     import h5py  # here: see `lava_vpr.events.hdf5`
 
     total, marks = 0, _Marks()
-    with h5py.File(path, "w") as file:
+    with h5py.File("events", "w", driver="core", backing_store=False) as file:
         file.attrs["width"], file.attrs["height"] = size
         file["t_offset"] = np.int64(round(start_s * 1e6))
         kinds = {"t": "<i8", "x": "<u2", "y": "<u2", "p": "u1"}
@@ -49,6 +55,8 @@ def _hdf5(path: Path, events: Iterable[Sent], size: tuple[int, int], start_s: fl
             marks.add(some, total)
             total += len(some.t)
         file["ms_to_idx"] = np.array(marks.first, "<u8")
+        file.flush()
+        buffer.write(file.id.get_file_image())
     return total
 
 
@@ -71,12 +79,12 @@ class _Marks:
             self.first += (before + np.searchsorted(some.t, marks)).tolist()
 
 
-def _npz(path: Path, events: Iterable[Sent], size: tuple[int, int], start_s: float) -> int:
+def _npz(buffer: io.BytesIO, events: Iterable[Sent], size: tuple[int, int], start_s: float) -> int:
     rows = []
     for some in events:
         row = np.empty(len(some.t), TONIC)
         row["x"], row["y"], row["t"], row["p"] = some.x, some.y, some.t + round(start_s * 1e6), some.p
         rows.append(row)
     whole = np.concatenate(rows) if rows else np.empty(0, TONIC)
-    np.savez_compressed(path, events=whole, size=np.array(size, np.int64))
+    np.savez_compressed(buffer, events=whole, size=np.array(size, np.int64))
     return len(whole)

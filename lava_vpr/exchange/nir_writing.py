@@ -30,7 +30,7 @@ from lava_vpr.engine.inference.fixed import FAN_IN, FixedNetwork
 from lava_vpr.errors import InputError
 from lava_vpr.exchange.drawn import STEP_UNIT, digest
 from lava_vpr.loihi import DECAY_UNITY, INPUT_SHIFT
-from lava_vpr.model import IntegerModel, content
+from lava_vpr.model import IntegerModel, checked_content
 from lava_vpr.storage import container
 from lava_vpr.storage.limits import excess
 from lava_vpr.storage.text import shown
@@ -92,7 +92,7 @@ def write(model: IntegerModel, path: Path, time_step: float, *, references: bool
 
 def container_of(model: IntegerModel) -> bytes:
     """Everything of ``model`` but its network, with the weights that it has learned, as a container."""
-    header, arrays = content(model, network=False)
+    header, arrays = checked_content(model, network=False)
     return container.pack("references", header, {**arrays, "learned": model.learned})
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_arrays
 from lava_vpr.errors import InputError
@@ -18,7 +18,7 @@ from lava_vpr.maps.checks import check_extension, check_mergeable, check_positio
 from lava_vpr.maps.parts import Part, join, part_of, taken
 from lava_vpr.matching.equations import assign
 from lava_vpr.model import IntegerModel, Model, Stretch, integer_model
-from lava_vpr.positions.frames import Positions
+from lava_vpr.positions.frames import XY, Positions, placed
 from lava_vpr.training.door import check_encoded_references
 from lava_vpr.training.joining import Route, joined
 from lava_vpr.training.loop import learned_weights
@@ -32,7 +32,7 @@ def extend(
     *,
     names: Sequence[str] | None = None,
     route_images: int | None = None,
-    positions: Positions | None = None,
+    positions: Positions | ArrayLike | None = None,
     jobs: int = 1,
     progress: Callable[[Progress], None] | None = None,
 ) -> IntegerModel:
@@ -46,7 +46,8 @@ def extend(
         names: A name for each of ``images`` in memory; None: ``image 000000`` and so on.
         route_images: Images in the whole first traverse of the new places, if they may be another part of the model's
             own traverse; None: they are none, and their indices are counted on.
-        positions: Where the new places are; needed if the model knows that of its own, and only then.
+        positions: Where the new places are; an array (images, 2) is in the model's frame. Needed if the model knows
+            that of its own, and only then.
         jobs: Threads; they change nothing.
         progress: Called after every presentation, from any thread; its stretches are the new ones.
     Raises:
@@ -59,7 +60,7 @@ def extend(
     part, references = part_of(model, "extending"), _encoded(images, model, names)
     own = check_encoded_references(references, config, route_images, least=1)
     stretches = check_extension(model, len(references[0]), len(references) // len(config.views.views))
-    route = Route(references, own, positions, model.standard)
+    route = Route(references, own, placed(positions, model.frame or XY), model.standard)
     route.check(config.encoder)
     check_positions((part.route, route))
     trainers = trainers_of(stretches, references, config)

@@ -16,13 +16,13 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import utm
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from lava_vpr.errors import InputError
+from lava_vpr.errors import InputError, brief
 
 XY, LAT_LON = "xy", "latlon"
 EARTH_RADIUS_M = 6_371_008.8  # mean radius, IUGG
@@ -57,15 +57,38 @@ def fits(values: NDArray[np.float64], frame: str) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True, eq=False)
 class Positions:
-    """Positions of images.
+    """Positions of images, each finite and within the range of its frame.
 
     Attributes:
-        values: Coordinates, float64 (images, 2).
+        values: Coordinates, float64 (images, 2): a copy of what is given, which may be any rows of two numbers.
         frame: The frame that they are in.
+    Raises:
+        InputError: they are none, one is out of range, or there is no such frame.
     """
 
     values: NDArray[np.float64]
     frame: str
+
+    def __post_init__(self) -> None:
+        if not is_frame(self.frame):
+            raise InputError(f"positions have the frame {brief(self.frame)}; name xy, latlon, or a zone as in UTM 32N")
+        try:
+            given = np.asarray(self.values)
+        except ValueError:  # rows of unequal length
+            given = np.empty(0, object)
+        if given.dtype.kind not in "fiu" or given.ndim != 2 or given.shape[1] != 2:
+            raise InputError(
+                f"positions are of type {given.dtype} and shape {given.shape}; give two real numbers for each image"
+            )
+        values = given.astype(np.float64)
+        good = fits(values, self.frame).all(axis=1)
+        if not good.all():
+            row = int(good.argmin())
+            raise InputError(
+                f"position {row} is {brief(values[row].tolist())}, not finite or out of the range of {self.frame}; "
+                "correct it or leave it out"
+            )
+        object.__setattr__(self, "values", values)
 
     def __len__(self) -> int:
         return len(self.values)
@@ -113,6 +136,17 @@ class Positions:
         middle = first + (away.min(axis=0) + away.max(axis=0)) / 2
         north, east = np.radians((self.values - middle + 180.0) % 360.0 - 180.0).T
         return EARTH_RADIUS_M * np.stack([east * np.cos(np.radians(middle[0])), north], axis=1)
+
+
+def placed(given: Positions | ArrayLike | None, frame: str) -> Positions | None:
+    """Positions as given, and an array of coordinates (images, 2) as positions in ``frame``; None stays None.
+
+    Raises:
+        InputError: as `Positions`.
+    """
+    return (
+        given if given is None or isinstance(given, Positions) else Positions(cast(NDArray[np.float64], given), frame)
+    )
 
 
 def distances(ours: Positions, theirs: Positions) -> NDArray[np.float64]:

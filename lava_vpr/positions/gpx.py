@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from datetime import datetime, timezone
 from pathlib import Path
+from xml.parsers import expat
 
 import gpxpy
 import numpy as np
@@ -22,6 +23,8 @@ SUFFIX = ".gpx"
 _LATITUDE = re.compile(r"\blat\s*=")  # every point has one
 _MOST_NAMESPACES = 100
 """gpxpy looks for each to the end of the text; receivers declare three or four."""
+_DEEPEST = 100
+"""Levels of elements; a point of a track is on the fourth, and what receivers add to it on a few more."""
 Point = GPXTrackPoint | GPXRoutePoint | GPXWaypoint
 
 
@@ -45,8 +48,9 @@ def read_gpx(path: Path) -> Track:
     if beyond is not None:
         raise InputError(f"{shown(path)}: has {beyond}")
     try:
+        _check_depth(text)
         gpx = gpxpy.parse(text)
-    except (GPXException, ValueError, ArithmeticError, RecursionError) as error:
+    except (GPXException, expat.ExpatError, ValueError, ArithmeticError, RecursionError) as error:
         raise InputError(
             f"{shown(path)}: is no GPX, or cut short ({brief(str(error))}); export the track again"
         ) from None
@@ -60,6 +64,30 @@ def read_gpx(path: Path) -> Track:
         k = int(good.argmin())
         raise InputError(f"{shown(path)}: point {k + 1} is at {values[k, 0]:g}, {values[k, 1]:g}; remove or correct it")
     return Track(Positions(values, LAT_LON), _times(path, points), path)
+
+
+def _check_depth(text: str) -> None:
+    """Refuse XML that is nested too deeply: gpxpy copies elements by a recursion in C, which ends the process.
+
+    Raises:
+        ValueError: it is.
+        expat.ExpatError: it is no XML.
+    """
+    depth = 0
+
+    def begin(name: str, attributes: dict[str, str]) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > _DEEPEST:
+            raise ValueError(f"its elements are nested more than {_DEEPEST} deep")
+
+    def end(name: str) -> None:
+        nonlocal depth
+        depth -= 1
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = begin, end
+    parser.Parse(text, True)
 
 
 def _finite(number: float | None) -> float:

@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import ModelFileError
-from lava_vpr.storage.limits import excess
-from lava_vpr.storage.npy import array_of
+from lava_vpr.storage.limits import excess, unpacking
+from lava_vpr.storage.npy import METHODS, array_of
 from lava_vpr.storage.reading import parse_json, read_bytes
 from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import write_atomically
@@ -37,7 +37,11 @@ _LEVEL = 3
 
 
 def pack(kind: str, header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    """A container of ``kind`` (``model``, ``checkpoint`` or ``references``)."""
+    """A container of ``kind`` (``model``, ``checkpoint`` or ``references``).
+
+    Raises:
+        ModelFileError: it unpacks to more than the limits allow, so that `unpack` would refuse it.
+    """
     buffer = io.BytesIO()
     text = json.dumps(header, sort_keys=True, allow_nan=False).encode()
     parts = {"header": np.frombuffer(text, np.uint8), **{f"a.{name}": array for name, array in arrays.items()}}
@@ -47,16 +51,27 @@ def pack(kind: str, header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]
             np.lib.format.write_array(file, array, allow_pickle=False)
             archive.writestr(zipfile.ZipInfo(f"{name}.npy"), file.getbuffer(), zipfile.ZIP_DEFLATED, _LEVEL)
     payload = buffer.getvalue()
-    return _magic(kind) + hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload
+    data = _magic(kind) + hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload
+    try:
+        _check_entries(archive.infolist(), len(data))
+    except _Beyond as error:
+        raise ModelFileError(f"the {kind} {error}") from None
+    return data
 
 
 def save(path: Path, kind: str, header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
     """Write the container that `pack` makes to ``path``.
 
     Raises:
-        ModelFileError: it cannot be written; what stood at ``path`` still does.
+        ModelFileError: it cannot be written, or `load` would refuse it; what stood at ``path`` still does.
     """
-    data = pack(kind, header, arrays)
+    try:
+        data = pack(kind, header, arrays)
+    except ModelFileError as error:
+        raise ModelFileError(f"{shown(path)}: {error}") from None
+    beyond = excess("model_file_bytes", len(data))
+    if beyond is not None:
+        raise ModelFileError(f"{shown(path)}: the {kind} has {beyond}")
     try:
         write_atomically(path, lambda file: file.write(data))
     except OSError as error:
@@ -138,8 +153,6 @@ _LOCAL_LENGTHS = struct.Struct("<HH")
 """The end of a local header: bytes of the name and of the extra field."""
 _DIRECTORY_COUNTS = struct.Struct("<HHHH")
 """In its end: number of this disk, of that with the directory, and how many entries are on this one and on all."""
-_UNSUSPICIOUS = 64 << 20
-"""Bytes that a file may unpack to however small it is."""
 _ENTRY = re.compile(r"(header|a\.[a-z0-9_.]{1,60})\.npy")
 _PIECE = 1 << 20
 
@@ -180,16 +193,13 @@ def _check_entries(entries: list[zipfile.ZipInfo], packed: int) -> None:
         name = entry.orig_filename
         if not _ENTRY.fullmatch(name) or name in seen:
             raise ValueError(f"{'a second' if name in seen else 'an unknown'} entry {name[:60]!r}")
-        if entry.flag_bits & 0x1 or entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        if entry.flag_bits & 0x1 or entry.compress_type not in METHODS:
             raise ValueError(f"entry {name} is encrypted or compressed in an unknown way")
         seen.add(name)
         beyond = excess("header_bytes", entry.file_size) if name == "header.npy" else None
         if beyond is not None:
             raise _Beyond(f"has a header of {beyond}")
-    unpacked = sum(entry.file_size for entry in entries)
-    beyond = excess("model_bytes", unpacked)
-    if beyond is None and unpacked > _UNSUSPICIOUS:
-        beyond = excess("unpacked_times", unpacked // packed)
+    beyond = unpacking("model_bytes", sum(entry.file_size for entry in entries), packed)
     if beyond is not None:
         raise _Beyond(f"unpacks to {beyond}")
 

@@ -8,6 +8,7 @@ but numbers and texts are refused, and what all datasets unpack to is added up b
 from __future__ import annotations
 
 import io
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +16,18 @@ import h5py
 import numpy as np
 
 from lava_vpr.errors import InputError, brief
-from lava_vpr.storage.limits import excess
+from lava_vpr.interrupts import stoppable
+from lava_vpr.storage.limits import excess, limit, unpacking
 from lava_vpr.storage.reading import read_bytes
 from lava_vpr.storage.text import shown
 
 _DEPTH, _OBJECTS = 8, 10_000
 _FILTERS = (h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32, h5py.h5z.FILTER_LZF)
-_UNSUSPICIOUS = 64 << 20
-"""Bytes that a file may unpack to however small it is."""
+_CLASSES = (h5py.h5t.INTEGER, h5py.h5t.FLOAT, h5py.h5t.STRING, h5py.h5t.ENUM, h5py.h5t.BITFIELD)
+_HEAP, _SMALLEST_HEAP = b"GCOL\1", 4096
+"""How a collection of texts of variable length begins, and the bytes that it has at least."""
+_PART = struct.Struct("<H6xQ")
+"""The head of a text, its number and length; also that of a collection, of which only the length is looked at."""
 _BROKEN = (OSError, RuntimeError, ValueError, KeyError, TypeError, OverflowError, AttributeError, UnicodeError)
 """What h5py raises about a file that is damaged."""
 
@@ -49,9 +54,7 @@ def read(path: Path, what: str, limit_name: str = "model_file_bytes", unpacked: 
     if not data.startswith(b"\x89HDF\r\n\x1a\n"):
         raise InputError(f"{shown(path)}: is no HDF5 file, which a {what} is; give the right file")
     try:
-        with h5py.File(io.BytesIO(data), "r") as file:
-            names = _found(file, len(data), unpacked)
-            return _values(file, names)
+        return stoppable(lambda: _content(data, unpacked))
     except Unfit as error:
         raise InputError(f"{shown(path)}: the {what} {error}; write it again without") from None
     except MemoryError:
@@ -59,6 +62,55 @@ def read(path: Path, what: str, limit_name: str = "model_file_bytes", unpacked: 
     except _BROKEN as error:
         cause = " ".join(str(error).split())[:160] or type(error).__name__
         raise InputError(f"{shown(path)}: the {what} is truncated or damaged ({cause}); fetch an intact copy") from None
+
+
+def _content(data: bytes, unpacked: str) -> dict[str, Any]:
+    """Everything in an HDF5 file; see `read`.
+
+    Raises:
+        Unfit: it has parts that are not read.
+        Exception: one in `_BROKEN`, or `MemoryError`.
+    """
+    with h5py.File(io.BytesIO(data), "r") as file:
+        names = _found(file, len(data), unpacked)
+        if any(file[name].dtype.kind == "O" for name in names):
+            if file.id.get_create_plist().get_sizes() != (8, 8):
+                raise Unfit("has lengths of other than 8 bytes")
+            _check_heaps(data)
+        return _values(file, names)
+
+
+def _check_heaps(data: bytes) -> None:
+    """Refuse collections of texts of variable length whose parts do not add up.
+
+    The HDF5 library goes round in such a collection for ever (its issue 1707). What it refuses itself, as too small or
+    longer than the file, is left to it: these may be no collections, but numbers that look alike.
+    Source: HDF5 File Format Specification 3.0, III.E, Global Heap.
+
+    Args:
+        data: The whole file, whose lengths have 8 bytes.
+    Raises:
+        ValueError: there are such.
+        Unfit: there are more texts than the limit ``rows`` allows.
+    """
+    collections, texts, begin = 0, 0, data.find(_HEAP)
+    most = limit("rows")
+    while 0 <= begin <= len(data) - _PART.size:
+        size = _PART.unpack_from(data, begin)[1]
+        end = begin + size
+        if _SMALLEST_HEAP <= size and end <= len(data):
+            collections += size
+            at = begin + _PART.size
+            while at + _PART.size <= end:
+                number, length = _PART.unpack_from(data, at)
+                step = _PART.size + (length + 7) // 8 * 8 if number else length  # number 0: what is free, all in all
+                at += step
+                texts += 1
+                if step < _PART.size or at > end or collections > len(data):
+                    raise ValueError("texts of variable length do not add up")
+                if texts > most:
+                    raise Unfit(f"has texts of variable length, {excess('rows', texts)}")
+        begin = data.find(_HEAP, begin + 1)
 
 
 def _found(file: h5py.File, packed: int, unpacked: str) -> list[str]:
@@ -84,9 +136,7 @@ def _found(file: h5py.File, packed: int, unpacked: str) -> list[str]:
                 continue
             total += _size(part, path)
             datasets.append(path)
-    beyond = excess(unpacked, total)
-    if beyond is None and total > _UNSUSPICIOUS:
-        beyond = excess("unpacked_times", total // packed)
+    beyond = unpacking(unpacked, total, packed)
     if beyond is not None:
         raise Unfit(f"unpacks to {beyond}")
     return datasets
@@ -106,7 +156,10 @@ def _size(part: Any, path: str) -> int:
     for number in range(properties.get_nfilters()):
         if properties.get_filter(number)[0] not in _FILTERS:
             raise Unfit(f"has {brief(path)}, which is packed by a filter other than gzip and lzf")
-    if part.shape is None or (part.dtype.kind not in "fiubS" and h5py.check_string_dtype(part.dtype) is None):
+    plain = (
+        part.id.get_type().get_class() in _CLASSES
+    )  # of a type nested deeply, h5py would take minutes to make a dtype
+    if part.shape is None or not plain or part.dtype.kind not in "fiubSO":
         raise Unfit(f"has {brief(path)}, which holds neither numbers nor text")
     return int(part.size) * int(part.dtype.itemsize)
 

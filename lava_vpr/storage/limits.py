@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from lava_vpr.errors import ConfigError
 
 MIB, GIB = 1 << 20, 1 << 30
+_UNSUSPICIOUS = 64 * MIB
+"""Bytes that a file may unpack to however small it is."""
 
 
 @dataclass(frozen=True)
@@ -125,3 +127,16 @@ def excess(name: str, amount: int) -> str | None:
     if amount <= most:
         return None
     return f"{amount:,} {LIMITS[name].unit}, more than the {most:,} allowed; if the file is sound, set {variable(name)}"
+
+
+def unpacking(name: str, unpacked: int, packed: int) -> str | None:
+    """What a message says of a file that unpacks to too much, after "unpacks to"; None if it does not.
+
+    Args:
+        name: The limit on the bytes that it unpacks to; beyond `_UNSUSPICIOUS` it is held to ``unpacked_times``, too.
+        unpacked, packed: Bytes of all that is in it, and of the file.
+    """
+    beyond = excess(name, unpacked)
+    if beyond is None and unpacked > _UNSUSPICIOUS:
+        beyond = excess("unpacked_times", unpacked // packed)
+    return beyond

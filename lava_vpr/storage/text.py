@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 _LONGEST = 400
@@ -26,3 +27,9 @@ def harmless(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() or c in "\n\t" else repr(c)[1:-1] for c in text)
+
+
+def printable(path: str) -> str:
+    """The name of a file without its folder; bytes that are no text are replaced, since no JSON, CSV or terminal takes
+    the surrogates that stand for them."""
+    return os.fsencode(os.path.basename(path)).decode("utf-8", "replace")

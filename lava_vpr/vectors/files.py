@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError, brief
-from lava_vpr.positions.frames import XY, Positions, fits, is_frame
+from lava_vpr.positions.frames import XY, Positions
 from lava_vpr.storage.npy import read_array
 from lava_vpr.storage.text import shown
 from lava_vpr.vectors.archives import BESIDE, chosen, read_npz
@@ -106,20 +106,13 @@ def _positions(array: NDArray[Any] | None, frame: NDArray[Any] | None, n: int, p
         if frame is not None:
             raise InputError(f"{shown(path)}: has a frame, but no positions; add them, or leave it out")
         return None
-    if array.shape != (n, 2) or array.dtype.kind not in "fiu":
-        raise InputError(
-            f"{shown(path)}: has positions of type {array.dtype} and shape {array.shape} for {n} vectors; give two "
-            "coordinates each"
-        )
+    if array.shape[:1] != (n,):
+        raise InputError(f"{shown(path)}: positions are of shape {array.shape} for {n} vectors; give one for each")
     name = XY if frame is None else str(frame.ravel()[0]) if frame.size == 1 and frame.dtype.kind == "U" else ""
-    if not is_frame(name):
-        raise InputError(f"{shown(path)}: has the frame {brief(name)}; name xy, latlon, or a zone as in UTM 32N")
-    values = array.astype(np.float64)
-    good = fits(values, name).all(axis=1)
-    if not good.all():
-        row = int(np.flatnonzero(~good)[0])
-        raise InputError(f"{shown(path)}: position {row} is not finite, or out of the range of {name}; correct it")
-    return Positions(values, name)
+    try:
+        return Positions(array, name)
+    except InputError as error:
+        raise InputError(f"{shown(path)}: {error}") from None
 
 
 def _stamps(array: NDArray[Any] | None, n: int, path: Path) -> NDArray[np.float64] | None:

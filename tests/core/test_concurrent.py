@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
+from support.common import children
 from support.common.imagefiles import write_images
 
 SLOW = "[network]\nsteps = 128\n[learning]\nsteps = 100\nepochs = 10000\n"
@@ -28,38 +29,29 @@ def here(tmp_path: Path) -> Path:
 
 
 def test_a_second_training_of_the_same_model_is_refused(here: Path) -> None:
-    first = subprocess.Popen(command("train", "ref", "-o", "m.lvpr", "--config", "slow.toml"), cwd=here)
-    try:
+    with children.Child(command("train", "ref", "-o", "m.lvpr", "--config", "slow.toml"), cwd=here):
         deadline = time.monotonic() + 120
         while not (here / ".m.lvpr.lock").exists() and time.monotonic() < deadline:
             time.sleep(0.05)
-        second = subprocess.run(
+        second = children.run(
             command("train", "ref", "-o", "m.lvpr", "--config", "quick.toml"),
             cwd=here,
             capture_output=True,
             text=True,
-            timeout=120,
-            check=False,
         )
         assert second.returncode == 1
         assert second.stderr == (
             "lava-vpr: error: m.lvpr: another training is writing it; wait, or choose another name\n"
         )
-    finally:
-        first.kill()
-        first.wait()
     # A killed training holds nothing back.
     (here / "m.lvpr.checkpoint").unlink(missing_ok=True)
-    third = subprocess.run(
-        command("train", "ref", "-o", "m.lvpr", "--config", "quick.toml"), cwd=here, timeout=120, check=False
-    )
-    assert third.returncode == 0
+    children.run(command("train", "ref", "-o", "m.lvpr", "--config", "quick.toml"), cwd=here, check=True)
     assert sorted(path.name for path in here.iterdir()) == ["m.lvpr", "quick.toml", "ref", "slow.toml"]
 
 
 def test_a_reader_who_goes_away_loses_nothing(here: Path) -> None:
-    subprocess.run(command("train", "ref", "-o", "m.lvpr", "--config", "quick.toml"), cwd=here, check=True)
-    process = subprocess.Popen(
+    children.run(command("train", "ref", "-o", "m.lvpr", "--config", "quick.toml"), cwd=here, check=True)
+    process = children.Child(
         command("eval", "m.lvpr", "ref", "--json", "f.json"),
         cwd=here,
         stdout=subprocess.PIPE,
@@ -76,8 +68,8 @@ def test_a_reader_who_goes_away_loses_nothing(here: Path) -> None:
 
 
 def test_narrow_terminals_keep_the_figures(here: Path) -> None:
-    subprocess.run(command("train", "ref", "-o", "m.lvpr", "--config", "quick.toml"), cwd=here, check=True)
-    shown = subprocess.run(
+    children.run(command("train", "ref", "-o", "m.lvpr", "--config", "quick.toml"), cwd=here, check=True)
+    shown = children.run(
         command("eval", "m.lvpr", "ref"),
         cwd=here,
         env={**os.environ, "COLUMNS": "40"},

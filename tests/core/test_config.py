@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import os
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from hypothesis import given, settings
@@ -26,6 +28,15 @@ def test_presets_survive_toml_and_dictionaries(name: str, tmp_path: Path) -> Non
     path.write_text(f.to_toml(settings_))
     assert f.read_toml(path) == settings_
     assert f.from_dict(f.to_dict(settings_)) == settings_
+
+
+def test_numbers_of_numpy_survive_too() -> None:
+    plain = c.preset("loihi")
+    encoder = dataclasses.replace(plain.encoder, cell=np.int64(4), blur=np.float32(0.5))
+    changed = dataclasses.replace(plain, encoder=encoder, seed=np.int64(7))
+    assert json.loads(json.dumps(f.to_dict(changed)))["encoder"]["blur"] == 0.5
+    assert f.from_dict(f.to_dict(changed)) == changed
+    assert type(changed.seed) is int
 
 
 @settings(max_examples=30, deadline=None, derandomize=True)

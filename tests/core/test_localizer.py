@@ -6,7 +6,9 @@ import csv
 import math
 import os
 import threading
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -19,8 +21,9 @@ from lava_vpr import Localizer, load, train
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.errors import ConfigError, InputError, LavaVprError
-from lava_vpr.matching.forward_filter import RADIUS
+from lava_vpr.maps import extend
 from lava_vpr.model import Model
+from lava_vpr.positions.frames import Positions
 from lava_vpr.synthetic.world import World, render
 
 PLACES = 24
@@ -82,7 +85,7 @@ def test_it_says_what_the_command_says(motion: str, winter: Images, here: Path) 
     for match in matches:
         assert match.position == (5.0 * match.place, 0.0)
         assert match.frame == "xy"
-        assert match.radius == (0 if motion == "none" else RADIUS)
+        assert match.radius == (0 if motion == "none" else 1)
         assert math.isnan(match.off_map) == (motion == "none")
         assert match.candidates[0].place == match.place
         assert len(match.candidates) == 5
@@ -99,6 +102,31 @@ def test_it_starts_anew_when_reset(winter: Images, route: Model) -> None:
     assert [robot.update(image).probability for image in winter[:6]] == first
 
 
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, 1e300, "three", "list"])
+def test_a_place_without_a_position_does_not_cost_the_map(wrong: float | str, winter: Images, here: Path) -> None:
+    """A receiver that loses its satellites for a second says NaN."""
+    before = Path("m.lvpr").read_bytes()
+    positions: Any = {"three": np.zeros((2, 3)), "list": [[0.0, 0.0], [0.0]]}.get(str(wrong), np.full((2, 2), wrong))
+    robot = Localizer("m.lvpr")
+    for refused in (
+        lambda: robot.add(winter[:2], positions),
+        lambda: extend(robot.model, winter[:2], positions=positions),
+        lambda: train(winter[:2], positions=positions),
+    ):
+        with pytest.raises(InputError, match=r"^position"):
+            refused()
+    robot.update(winter[3])
+    robot.save("m.lvpr")
+    assert Path("m.lvpr").read_bytes() == before
+
+
+def test_positions_may_be_a_list(winter: Images, route: Model) -> None:
+    robot = Localizer(route)
+    robot.add(winter[:2], [[120, 0], [125, 1]])
+    assert robot.model.positions is not None
+    assert robot.model.positions[-2:].tolist() == [[120, 0], [125, 1]]
+
+
 def test_standing_still_changes_nothing(winter: Images, route: Model) -> None:
     robot = Localizer(route)
     for image in winter[:8]:
@@ -108,13 +136,80 @@ def test_standing_still_changes_nothing(winter: Images, route: Model) -> None:
         assert (again.place, again.probability) == (last.place, last.probability)
 
 
-def test_odometry_says_how_far(winter: Images, route: Model) -> None:
-    told, untold = Localizer(route, "forward"), Localizer(route, "forward")
-    for robot, metres in ((told, 25.0), (untold, None)):
-        for number in range(0, PLACES, 5):
-            match = robot.update(winter[number], odometry=None if number == 0 else metres)
-        assert match.place == 20 or robot is untold
-    assert told.update(winter[23], odometry=15.0).place == 23
+EAST = np.arange(24.0) * 5 + 60 * (np.arange(24) >= 10)
+"""Metres along a route: 5 between places, but 65 between the tenth and the next."""
+WHERE = {
+    "xy": np.stack([EAST, np.zeros(24)], axis=1),
+    "UTM 32N": np.stack([5e5 + 0.6 * EAST, 6.6e6 - 0.8 * EAST], axis=1),
+    "latlon": np.stack([np.full(24, 60.0), 10 + EAST * 1.798640e-5], axis=1),  # a degree east: 55,597.5 m of the sphere
+}
+
+
+@pytest.mark.parametrize("frame", WHERE)
+def test_odometry_says_how_far(frame: str, summer: Images, winter: Images, route: Model) -> None:
+    placed = train(summer, config=route.config, positions=Positions(WHERE[frame], frame))
+    told, untold = Localizer(placed, "forward"), Localizer(placed, "forward")
+    for number, metres in ((0, None), (5, 25.0), (9, 20.0), (10, 65.0), (15, 25.0), (20, 25.0), (22, 10.0)):
+        match, other = told.update(winter[number], odometry=metres), untold.update(winter[number])
+        assert (match.place, match.frame, match.position) == (number, frame, tuple(WHERE[frame][number]))
+        assert number == 0 or match.probability > 0.45 > 0.05 > other.probability
+
+
+@pytest.mark.parametrize(
+    ("change", "gone"),
+    [
+        (lambda robot, _: robot.remove([0, 1, 2]), ()),
+        (lambda robot, _: robot.remove([18, 20, 23]), ()),
+        (lambda robot, _: robot.remove([10, 11, 12, 13]), (10, 11, 12, 13)),
+        (lambda robot, images: robot.add(images[:2], np.ones((2, 2))), ()),
+    ],
+)
+def test_what_is_believed_outlives_a_change_of_the_map(
+    change: Callable[[Localizer, Images], None], gone: tuple[int, ...], summer: Images, winter: Images, route: Model
+) -> None:
+    """Then comes an image without a spike, which says nothing: the belief makes its step of 0 to 3 places, and no more.
+
+    What was believed of removed places is off the map. All but the five best places have 0.001 of the belief together.
+    """
+    robot = Localizer(route, "forward")
+    before = [robot.update(image) for image in winter[:12]][-1]
+    assert (before.place, before.probability > 0.98) == (11, True)
+    change(robot, summer)
+    believed = {one.place: one.probability for one in before.candidates}
+    lost = sum(believed[place] for place in gone)
+    after = robot.update(np.full((48, 64), 90, np.uint8))
+    off_map = before.off_map + lost
+    assert after.off_map == pytest.approx(0.99 * off_map + 0.01 * (1 - off_map), abs=1e-3)
+    if gone:
+        assert after.off_map > 0.95
+        return
+    assert after.place == 12
+    steps = {0: 2 / 8, 1: 3 / 8, 2: 2 / 8, 3: 1 / 8}
+    for one in after.candidates[:4]:
+        came = sum(share * believed.get(one.place - step, 0.0) for step, share in steps.items())
+        assert one.probability == pytest.approx(0.98 * came, abs=1e-3)
+
+
+def test_new_places_are_in_the_frame_of_the_map(summer: Images, route: Model) -> None:
+    robot = Localizer(train(summer[:8], config=route.config, positions=Positions(WHERE["latlon"][:8], "latlon")))
+    robot.add(summer[8:10], WHERE["latlon"][8:10])
+    assert robot.model.frame == "latlon"
+    np.testing.assert_array_equal(robot.model.positions, WHERE["latlon"][:10])
+
+
+def test_seeds_are_those_that_are_given(summer: Images, winter: Images, route: Model) -> None:
+    assert train(summer[:4], config=route.config, seed=3).config.seed == 3
+    own, same, other = (
+        [Localizer(route, "none", seed=seed).update(image).spikes.tolist() for image in winter] for seed in (None, 0, 1)
+    )
+    assert own == same
+    assert own != other
+
+
+def test_probabilities_are_calibrated_for_one_view(winter: Images, route: Model) -> None:
+    assert route.calibration is not None
+    match = Localizer(route, "none", query_views=3).update(winter[3])
+    assert (match.place, match.accepted, math.isnan(match.probability)) == (3, True, True)
 
 
 def test_places_come_and_go_while_it_drives(summer: Images, winter: Images, route: Model) -> None:

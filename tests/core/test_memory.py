@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 import sys
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from support.common import children
 
 IMAGES = 3000
 FILES = 40
@@ -29,7 +29,7 @@ print(code, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
 def peak(folder: Path, *words: object) -> int:
     """Bytes that a command held at most, which must succeed."""
     command = [sys.executable, "-c", MEASURE, sys.executable, "-m", "lava_vpr", *map(str, words)]
-    run = subprocess.run(
+    run = children.run(
         command, cwd=folder, capture_output=True, text=True, check=True, env={**os.environ, "MPLBACKEND": "Agg"}
     )
     code, most = map(int, run.stdout.split())

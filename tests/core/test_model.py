@@ -13,9 +13,13 @@ import pytest
 from support.common.small_models import encoded, small_model, tiny_paper
 
 from lava_vpr import model
+from lava_vpr.deploy.boards.board import KAPOHO_BAY
+from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import ModelFileError
+from lava_vpr.exchange.nir_writing import container_of
+from lava_vpr.model import integer_model
 from lava_vpr.recognition import count_query_spikes
 from lava_vpr.storage import container
 from lava_vpr.training.loop import train
@@ -53,6 +57,34 @@ def test_equal_models_are_equal_bytes(tmp_path: Path) -> None:
     for name in ("a", "b"):
         model.save(small_model(), tmp_path / name)
     assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+
+
+UNFIT: dict[str, tuple[dict[str, object], str]] = {
+    "positions": ({"positions": np.full((8, 2), np.nan), "frame": "xy"}, "positions with values that are not finite"),
+    "type": ({"positions": np.zeros((8, 2), np.int64), "frame": "xy"}, "positions of type int64 instead of float64"),
+    "frame": ({"positions": np.zeros((8, 2)), "frame": "nope"}, "frame 'nope', which must be xy"),
+    "names": ({"place_names": ("a\0", *"bcdefgh")}, "the name 'a.x00' of place 0"),
+    "figure": ({"training": {"spikes_per_image": np.nan}}, "training {'spikes_per_image': nan}"),
+    "route": ({"route_images": np.int64(9)}, "route_images 9, which must be a whole number"),
+    "calibration": ({"calibration": np.full((3, 2), np.nan, np.float32)}, "a calibration with a negative margin"),
+    "thumbnails": ({"thumbnails": np.zeros((8, 4, 4, 3), np.uint8)}, "thumbnails of shape"),
+}
+
+
+@pytest.mark.parametrize("case", UNFIT)
+def test_what_could_not_be_loaded_is_not_saved(case: str, tmp_path: Path) -> None:
+    changes, message = UNFIT[case]
+    path, good = tmp_path / "a.lvpr", small_model()
+    model.save(good, path)
+    before = path.read_bytes()
+    bad = dataclasses.replace(good, **changes)
+    with pytest.raises(ModelFileError, match=f"a.lvpr: the model cannot be kept, .*{message}.*; correct what it"):
+        model.save(bad, path)
+    assert path.read_bytes() == before
+    for kept in (lambda model: deploy(model, KAPOHO_BAY, tmp_path / "bundle"), container_of):
+        with pytest.raises(ModelFileError, match=f"^the model cannot be kept, .*{message}"):
+            kept(integer_model(bad, "keeping"))
+    assert [made.name for made in tmp_path.iterdir()] == ["a.lvpr"]
 
 
 def _rewrite(path: Path, change: str) -> None:

@@ -16,7 +16,7 @@ from support.common.small_models import encoded, small_config, small_model, tiny
 from lava_vpr import model
 from lava_vpr.cli import main
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.errors import InputError, ModelFileError
+from lava_vpr.errors import InputError, ModelFileError, brief
 from lava_vpr.positions.frames import Positions
 from lava_vpr.storage import container
 from lava_vpr.storage.limits import variable
@@ -330,3 +330,24 @@ def test_responses_in_32_bits_are_read_as_those_in_16(kind: str) -> None:
     found = assembled(kind, of_type("responses", "int32"))
     assert found.responses.dtype == plain.responses.dtype == np.uint16
     np.testing.assert_array_equal(found.responses, plain.responses)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (np.int64(9), "9"),
+        (np.float32(0.5), "0.5"),
+        ([np.uint8(1), np.bool_(True)], "[1, True]"),
+        ({"a": np.float64("nan")}, "{'a': nan}"),
+        (np.str_("a\n"), r"'a\n'"),
+        (np.array(3), "3"),
+        (1 << 200, "a number of 201 bits"),
+        ("a" * 90, "'" + "a" * 27 + "..." + "a" * 28 + "'"),
+    ],
+)
+def test_shown_alike_by_every_numpy(value: object, text: str) -> None:
+    assert brief(value) == text
+
+
+def test_what_is_no_python_number_ends() -> None:
+    assert "1" in brief(np.longdouble(1))

@@ -45,6 +45,16 @@ def found(wanted):
 SCANS = Reader("scans", "scans of a lidar", lambda path: path.suffix == ".scan", found, (".scan",))
 """
 
+LIVE = """
+import numpy as np
+from lava_vpr.readers import Frame, Reader
+
+def images(wanted):
+    yield Frame(wanted.source, wanted.every, np.zeros((40, 40), np.uint8))
+
+ARM = Reader("arm", "a robot's arm", watch=images, named=lambda source: source.startswith("arm:"))
+"""
+
 
 @dataclass(frozen=True)
 class Shape:
@@ -201,6 +211,11 @@ def test_a_reader_of_a_package_is_a_source_of_every_command(install: Install, tm
     assert [(one.name, one.stamp) for one in seen[:2]] == [("scan 000000", 0.0), ("scan 000001", 0.5)]
     written(tmp_path / "b.png", image_bytes(".png", np.zeros((40, 40), np.uint8)))
     assert open_traverse(tmp_path / "b.png").names == ("b.png",)
+    install("robot", "lava_vpr.readers", {"arm": "ARM"}, LIVE)
+    (live,) = open_source("arm:3", every=0.25)
+    assert (live.name, live.stamp, live.image.shape) == ("arm:3", 0.25, (40, 40))
+    with pytest.raises(InputError, match=r"^arm:3: is a robot's arm, which can only be watched; use lava-vpr watch$"):
+        open_traverse("arm:3")
     (tmp_path / "a.text").touch()
     with pytest.raises(InputError, match=r"a\.text: is of no known type; .* \.webp \.scan$"):
         open_traverse(tmp_path / "a.text")

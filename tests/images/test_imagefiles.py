@@ -291,7 +291,7 @@ def test_what_other_threads_print_meanwhile_is_kept(capfd: pytest.CaptureFixture
     with quiet() as messages:
         other = threading.Thread(target=os.write, args=(2, b"progress 50 %\n"))
         other.start()
-        other.join()
+        other.join(60)
         os.write(2, b"libpng warning: iCCP: known incorrect sRGB profile\n")
     assert capfd.readouterr().err == "progress 50 %\n"
     assert messages == [b"libpng warning: iCCP: known incorrect sRGB profile\n"]

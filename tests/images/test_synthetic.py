@@ -6,7 +6,6 @@ import errno
 import hashlib
 import os
 import signal
-import subprocess
 import sys
 from dataclasses import replace
 from functools import lru_cache
@@ -18,6 +17,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from support.common import children
 
 from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.inputs.orientation import orientation_channels
@@ -77,7 +77,7 @@ def test_a_place_drawn_alone_equals_the_same_place_in_a_batch() -> None:
         "    print(hashlib.sha256(render(World(seed=1), place, c).tobytes()).hexdigest())"
     )
     environment = {**os.environ, "PYTHONHASHSEED": "77"}
-    alone = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    alone = children.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     batch = [journey(1, "summer")[57], journey(1, "winter")[57]]
     batch += [render(World(seed=1), 3, "night"), render(World(seed=1), 99, "rain")]
     assert alone.stdout.split() == [sha(image) for image in batch]
@@ -277,6 +277,7 @@ def test_a_failed_replacement_brings_the_earlier_result_back(
     assert [p.name for p in tmp_path.iterdir()] == ["w"]
 
 
+@pytest.mark.usefixtures("ctrl_c")
 @pytest.mark.parametrize("stopped", range(1, 9))
 def test_a_replacement_that_is_interrupted_loses_neither_result(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stopped: int

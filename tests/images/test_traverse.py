@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import subprocess
 import sys
 import tracemalloc
 from pathlib import Path
@@ -15,6 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.common import children
 from support.common.imagefiles import QUICK, image_bytes, refused, smooth_picture, video, written
 
 from lava_vpr.images import videos
@@ -320,7 +320,7 @@ def test_damaged_videos_print_nothing(tmp_path: Path) -> None:
         "        print(error)\n"
     )
     environment = {k: v for k, v in os.environ.items() if k != "OPENCV_FFMPEG_LOGLEVEL"}
-    done = subprocess.run(
+    done = children.run(
         [sys.executable, "-c", code, *map(str, files)], capture_output=True, text=True, check=True, env=environment
     )
     assert done.stderr == ""

@@ -304,6 +304,19 @@ def test_what_cannot_be_is_refused(attempt: Any, error: type[Exception], text: s
         attempt()
 
 
+def test_a_map_beyond_the_limits_is_refused_before_it_is_learned(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 13 places; the 8 and the 5 that it would be made of are within the limits."""
+    whole = case("template")
+    first, second = whole.trained(0, CUTS[0]), whole.trained(CUTS[0], PLACES, CUTS[0])
+    monkeypatch.setenv("LAVA_VPR_MAX_MODEL_BYTES", "900000")
+    for attempt in (
+        lambda: maps.extend(first, whole.part(CUTS[0], PLACES, CUTS[0]), progress=lambda _: pytest.fail("it learned")),
+        lambda: maps.merge([first, second]),
+    ):
+        with pytest.raises(ConfigError, match=r"a model of 13 places and 13 neurons takes .*, more than the 900,000"):
+            attempt()
+
+
 def test_a_map_without_a_neuron_is_refused() -> None:
     """All neurons may respond most to places that go."""
     made = small_model()

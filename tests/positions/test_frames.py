@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -58,6 +60,52 @@ def test_a_drawing_of_degrees_keeps_distances_across_the_date_line() -> None:
     assert plane[1, 1] > plane[0, 1]
 
 
+def test_a_drawing_is_about_the_middle_of_its_degrees() -> None:
+    """About 30 N, 5 E: 111,195.08 m to a degree north, and of a degree east the cosine of 30 degrees, 96,297.76 m."""
+    found = degrees((0, 0), (60, 10), (6, 2)).plane()
+    wanted = [
+        [-5 * 96_297.7638, -30 * 111_195.0797],
+        [5 * 96_297.7638, 30 * 111_195.0797],
+        [-288_893.291, -2_668_681.91],
+    ]
+    np.testing.assert_allclose(found, wanted, rtol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("values", "frame", "message"),
+    [
+        ([[0, 0], [np.nan, 0]], XY, r"position 1 is \[nan, 0.0\], not finite or out of the range of xy; correct it"),
+        ([[0, np.inf]], "UTM 32N", r"position 0 is \[0.0, inf\], not finite or out of the range of UTM 32N"),
+        ([[1e300, 0]], XY, r"position 0 is \[1e\+300, 0.0\], not finite"),
+        ([[91, 0]], LAT_LON, r"position 0 is \[91.0, 0.0\], not finite or out of the range of latlon"),
+        ([[0, 0, 0]], XY, r"positions are of type int64 and shape \(1, 3\); give two real numbers"),
+        ([0, 0], XY, r"shape \(2,\)"),
+        ([[0, 0], [0]], XY, "positions are of type object"),
+        ([["1", "2"]], XY, "positions are of type <U1"),
+        ([[True, False]], XY, "positions are of type bool"),
+        ([[1j, 0]], XY, "positions are of type complex128"),
+        (None, XY, "positions are of type object"),
+        ([[0, 0]], "nope", "positions have the frame 'nope'; name xy, latlon, or a zone as in UTM 32N"),
+        ([[0, 0]], None, "positions have the frame None"),
+    ],
+)
+def test_positions_that_are_none_are_refused(values: Any, frame: Any, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        Positions(values, frame)
+
+
+def test_positions_are_numbers_of_their_own() -> None:
+    given = np.array([[1, 2], [3, 4]], np.int32)
+    taken = Positions(given, XY)
+    given[0] = 9
+    assert taken.values.dtype == np.float64
+    assert taken.values.tolist() == [[1, 2], [3, 4]]
+    floats = np.zeros((1, 2))
+    taken = Positions(floats, XY)
+    floats[0] = np.nan
+    assert taken.values.tolist() == [[0, 0]]
+
+
 def test_metres_without_a_zone_are_taken_for_any_metres() -> None:
     here, there = Positions(np.array([[3.0, 4.0]]), XY), Positions(np.zeros((1, 2)), "UTM 32N")
     assert distances(here, there).tolist() == [5.0]
@@ -74,7 +122,9 @@ def test_what_is_beyond_utm_is_refused() -> None:
 
 def test_frames_and_ranges() -> None:
     assert [
-        name for name in ("xy", "latlon", "UTM 1N", "UTM 60S", "UTM 61N", "utm 3N", "UTM 07N") if is_frame(name)
+        name
+        for name in ("xy", "latlon", "UTM 1N", "UTM 60S", "UTM 0N", "UTM 61N", "utm 3N", "UTM 07N")
+        if is_frame(name)
     ] == [
         "xy",
         "latlon",
@@ -86,3 +136,5 @@ def test_frames_and_ranges() -> None:
     values = np.array([[90.0, 360.0], [-90.1, 10.0], [np.nan, np.inf]])
     assert fits(values, LAT_LON).tolist() == [[True, True], [False, True], [False, False]]
     assert fits(values, XY).tolist() == [[True, True], [True, True], [False, False]]
+    largest = np.array([[9_007_199_254_740_992.0, -9_007_199_254_740_994.0]])  # 2^53, and the next number beyond
+    assert fits(largest, XY).tolist() == [[True, False]]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from datetime import datetime, timezone
 from pathlib import Path
 
@@ -29,7 +30,15 @@ def table(path: Path, text: str) -> Path:
 
 
 @pytest.mark.parametrize(
-    "text", ["x,y\n1,2\n3.5,-4e1\n", "1,2\n3.5,-4e1", "n,Y,X\n0,2,1\n\n# c\n1,-40,3.5\n", "1;2\n3.5;-40"]
+    "text",
+    [
+        "x,y\n1,2\n3.5,-4e1\n",
+        "1,2\n3.5,-4e1",
+        "n,Y,X\n0,2,1\n\n# c\n1,-40,3.5\n",
+        "1;2\n3.5;-40",
+        "easting,northing\n1,2\n3.5,-40\n",
+        "lat,lon,x,y\n60,10,1,2\n60,10,3.5,-40\n",
+    ],
 )
 def test_positions_in_metres(tmp_path: Path, text: str) -> None:
     got = read_track(table(tmp_path / "p.csv", text))
@@ -67,6 +76,26 @@ def test_times_are_numbers_of_any_unit_or_dates(
     np.testing.assert_allclose(got, seconds, rtol=0, atol=3e-7)
     np.testing.assert_array_equal(read_stamps(path), got)
     np.testing.assert_array_equal(read_stamps(table(tmp_path / "t.csv", "\n".join(cells))), got)
+
+
+@pytest.mark.parametrize(
+    ("cell", "seconds"),
+    [
+        ("99999999999", 99_999_999_999.0),  # the year 5138
+        ("100000000000", 1e8),  # milliseconds from here on,
+        ("100000000000000", 1e8),  # microseconds,
+        ("100000000000000000", 1e8),  # nanoseconds,
+        ("100000000000000000000", 1e11),  # and of nothing smaller
+    ],
+)
+def test_the_unit_of_a_time_follows_from_its_size(tmp_path: Path, cell: str, seconds: float) -> None:
+    assert read_stamps(table(tmp_path / "t.csv", f"time\n{cell}\n")).tolist() == [seconds]
+
+
+def test_a_column_called_time_goes_before_others(tmp_path: Path) -> None:
+    got = read_table(table(tmp_path / "p.csv", "t,x,y,time\n7,1,2,5\n"))
+    assert got.stamps is not None
+    assert got.stamps.tolist() == [5]
 
 
 @pytest.mark.parametrize("text", ["", "12 o'clock", "2024-13-01T00:00:00", "0000-01-01T00:00:00", "2024-05-01", "nan"])
@@ -122,6 +151,11 @@ def test_stamps_that_cannot_be_used(tmp_path: Path, text: str, part: str) -> Non
 POINT = '<trkpt lat="{}" lon="{}">{}</trkpt>'
 
 
+def nested(levels: int) -> str:
+    """A GPX file with so many levels of what a receiver adds, which gpxpy copies by a recursion in C."""
+    return '<gpx version="1.1">' + "<extensions>" * levels + "</extensions>" * levels + "</gpx>"
+
+
 def gpx(*points: str, root: str = "gpx") -> str:
     whole = "".join(points)
     return f'<?xml version="1.0"?>\n<{root} version="1.1"><trk><trkseg>{whole}</trkseg></trk></{root}>'
@@ -143,10 +177,26 @@ def test_a_track_of_several_segments(tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", ["route", "waypoints"])
 def test_points_without_a_track(tmp_path: Path, kind: str) -> None:
     points = '<wpt lat="1" lon="2"/><wpt lat="3" lon="4"/>'
-    inner = points if kind == "waypoints" else f"<rte>{points.replace('wpt', 'rtept')}</rte>"
+    inner = points if kind == "waypoints" else f'<wpt lat="8" lon="9"/><rte>{points.replace("wpt", "rtept")}</rte>'
     got = read_gpx(table(tmp_path / "p.gpx", f'<gpx version="1.1">{inner}</gpx>'))
     assert got.positions.values.tolist() == [[1, 2], [3, 4]]
     assert got.stamps is None
+
+
+def test_a_time_without_a_zone_is_no_local_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = table(tmp_path / "p.gpx", gpx(POINT.format(1, 2, at("00"))))
+    with monkeypatch.context() as there:
+        there.setenv("TZ", "JST-9")
+        time.tzset()
+        got = read_gpx(path).stamps
+    time.tzset()
+    assert got is not None
+    assert got.tolist() == [NOON]
+
+
+def test_many_namespaces_are_none_too_many_up_to_a_hundred(tmp_path: Path) -> None:
+    text = gpx(f"<!--{' xmlns' * 100}-->", POINT.format(1, 2, ""))
+    assert read_gpx(table(tmp_path / "p.gpx", text)).positions.values.tolist() == [[1, 2]]
 
 
 def test_what_is_written_is_read_again(tmp_path: Path) -> None:
@@ -176,7 +226,9 @@ def test_what_is_written_is_read_again(tmp_path: Path) -> None:
         (gpx(POINT.format(1, 2, at("02Z")), POINT.format(1, 2, at("01Z"))), "p.gpx: point 2 is earlier than the point"),
         ('<!DOCTYPE a [<!ENTITY b "c">]>' + gpx(), "p.gpx: is no GPX (it declares a document type)"),
         (gpx() + " xmlns" * 101, "p.gpx: is no GPX (it declares 101 namespaces)"),
-        ("<gpx>" + "<a>" * 5000 + "</a>" * 5000 + "</gpx>", "p.gpx: holds no points"),
+        (nested(99), "p.gpx: holds no points"),
+        (nested(100), "p.gpx: is no GPX, or cut short ('its elements are nested more than 100 deep')"),
+        (nested(200_000), "p.gpx: is no GPX, or cut short ('its elements are nested more than 100 deep')"),
     ],
 )
 def test_gpx_that_cannot_be_used(tmp_path: Path, text: str, part: str) -> None:
@@ -263,6 +315,8 @@ def test_names_that_contradict_each_other(names: list[str], part: str) -> None:
         (["1714564800500.png", "1714564801000.png"], [NOON + 0.5, NOON + 1]),
         (["2024-05-01T12:00:00Z.png", "20240501_120001.png"], [NOON, NOON + 1]),
         (["000001.png", "000002.png"], None),
+        (["999999999.png"], None),
+        (["1000000000.png"], [1e9]),
         (["1714564800.png", "img.png"], None),
         (["frame 000012"], None),
         ([], None),

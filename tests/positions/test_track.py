@@ -91,6 +91,12 @@ def test_a_gap_is_no_matter_at_its_ends() -> None:
     assert found.values.tolist() == [[0, 0], [9, 9]]
 
 
+def test_a_gap_is_longer_than_ten_seconds() -> None:
+    found, _ = images_on(track([(0, 0), (20, 0)], [0, 10]), asked([4]))
+    assert found.values.tolist() == [[8, 0]]
+    refused(lambda: images_on(track([(0, 0), (20, 0)], [0, 10.5]), asked([4])), "gap of 10.5 s", "longer than 10 s")
+
+
 @pytest.mark.parametrize("times", [None, [0.0, 2.0, 4.0]])
 def test_a_row_an_image_needs_no_times(times: list[float] | None) -> None:
     gps = track([(0, 0), (1, 1), (2, 2)], times)

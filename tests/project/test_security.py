@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-import subprocess
 import sys
 from pathlib import Path
 
+from support.common import children
 from support.fuzz.soundness.rules import INVARIANTS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -16,7 +16,7 @@ CHECKER = ROOT / "tests" / "support" / "fuzz" / "soundness"
 
 def test_tables_are_up_to_date() -> None:
     """docs/security.md is what scripts/security_reference.py writes."""
-    done = subprocess.run([sys.executable, "scripts/security_reference.py", "--check"], cwd=ROOT, capture_output=True)
+    done = children.run([sys.executable, "scripts/security_reference.py", "--check"], cwd=ROOT, capture_output=True)
     assert done.returncode == 0, "run: python scripts/security_reference.py"
 
 

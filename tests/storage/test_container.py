@@ -234,6 +234,24 @@ def test_a_header_and_a_file_are_bounded_too(tmp_path: Path, monkeypatch: pytest
         container.load(tmp_path / "a", "model")
 
 
+@pytest.mark.parametrize(
+    ("name", "limit", "message"),
+    [
+        ("header_bytes", "5000", r"a: the checkpoint has a header of 5,1.. bytes, .* set LAVA_VPR_MAX_HEADER_BYTES"),
+        ("model_bytes", "5200", r"a: the checkpoint unpacks to 5,[23].. bytes, .* set LAVA_VPR_MAX_MODEL_BYTES"),
+        ("model_file_bytes", "300", r"a: the checkpoint has [3-9].. bytes, .* set LAVA_VPR_MAX_MODEL_FILE_BYTES"),
+    ],
+)
+def test_what_could_not_be_read_again_is_not_written(
+    name: str, limit: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(variable(name), limit)
+    (tmp_path / "a").write_bytes(b"old")
+    with pytest.raises(ModelFileError, match=message):
+        container.save(tmp_path / "a", "checkpoint", {"k": "x" * 5000}, {"x": ARRAY})
+    assert (tmp_path / "a").read_bytes() == b"old"
+
+
 def test_a_directory_of_many_entries_is_not_read() -> None:
     data = sealed(b"PK\x01\x02" * 70_000)
     with pytest.raises(ModelFileError, match="more than 65,535 entries"):
@@ -247,9 +265,18 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
         container.load(tmp_path / "a.lvpr", "model")
 
 
-def test_what_a_file_unpacks_to_is_bounded_by_its_size(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_a_file_unpacks_to_is_bounded_by_its_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As little as 64 kB would otherwise unpack to 65 MiB, and 2 MB to the two gigabytes that a model may have."""
-    data = container.pack("model", {}, {"x": np.zeros(65 << 20, np.uint8)})
+    given = {"x": np.zeros(65 << 20, np.uint8)}
+    (tmp_path / "a.lvpr").write_bytes(b"old")
+    with pytest.raises(
+        ModelFileError, match=r"a.lvpr: the model unpacks to [\d,]{3,5} times its size, more than the 100"
+    ):
+        container.save(tmp_path / "a.lvpr", "model", {}, given)
+    assert (tmp_path / "a.lvpr").read_bytes() == b"old"
+    monkeypatch.setenv("LAVA_VPR_MAX_UNPACKED_TIMES", "2000")
+    data = container.pack("model", {}, given)
+    monkeypatch.delenv("LAVA_VPR_MAX_UNPACKED_TIMES")
     with pytest.raises(
         ModelFileError, match=r"a.lvpr: the model unpacks to [\d,]{3,5} times its size, more than the 100 al"
     ):

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from support.common import children
 from support.fuzz.files import bundles, cases, corpus, lists
 from support.fuzz.files.cases import Case
 from support.fuzz.files.corpus import Corpus
@@ -99,4 +100,4 @@ def run(*words: str) -> subprocess.CompletedProcess[str]:
     """Run the fuzzer in a process of its own, whose workers are forked before any thread is started."""
     command = [sys.executable, "-m", "support.fuzz.files.run", *words]
     environment = {"PYTHONPATH": str(ROOT / "tests"), "PATH": "/usr/bin:/bin", "HOME": str(Path.home())}
-    return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+    return children.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)

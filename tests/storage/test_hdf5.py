@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import struct
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from support.common import children
+from support.common.heaps import damage
 
 from lava_vpr.errors import InputError
 from lava_vpr.storage import hdf5
 from lava_vpr.storage.hdf5 import read
+from lava_vpr.storage.limits import variable
 
 
 def written(path: Path, fill: Callable[[h5py.File], object]) -> Path:
@@ -146,3 +151,76 @@ def test_damage_costs_one_line(tmp_path: Path) -> None:
             said.append(str(error))
     assert len(said) > 60
     assert all(line.startswith(f"{path}: the NIR graph ") and "\n" not in line for line in said)
+
+
+def texts(file: h5py.File) -> None:
+    file["names"] = [f"{number}.png" for number in range(6)]
+
+
+READ = """
+import sys
+from pathlib import Path
+from lava_vpr.errors import InputError
+from lava_vpr.storage.hdf5 import read
+for path in sys.argv[1:]:
+    try:
+        read(Path(path), "file of vectors")
+    except InputError as error:
+        print(error)
+"""
+
+
+def test_damaged_texts_of_variable_length_are_refused_and_do_not_hang(tmp_path: Path) -> None:
+    """Text 6 is what is free in the collection. In a process of its own: a library that does not return ends a test."""
+    lengths = [0, 16, 3944, 4096, 2**32, 2**63, *(2**64 - less for less in (1, 8, 15, 16, 17, 24, 40))]
+    cases = [(text, length) for text in (0, 3, 5, 6) for length in lengths]
+    files = [damage(written(tmp_path / f"{text}-{length}.h5", texts), text, length) for text, length in cases]
+    ended = children.run([sys.executable, "-c", READ, *files], capture_output=True, text=True, timeout=20, check=True)
+    refused = ended.stdout.splitlines()
+    assert len(refused) == len(files)
+    for line, file in zip(refused, files, strict=True):
+        assert line.startswith(f"{file}: the file of vectors is truncated or damaged (")
+        assert line.endswith("; fetch an intact copy")
+    assert sum("(texts of variable length do not add up)" in line for line in refused) >= 50
+
+
+def test_sound_texts_of_variable_length_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of every length, in several collections, after some were replaced; and numbers that look like a collection."""
+    words = ["x" * (number % 50) for number in range(1500)] + ["y" * 9000, "", "é" * 4091]
+    alike = np.frombuffer(b"GCOL\1\0\0\0" + b"\xff" * 8 + b"GCOL\1\0\0\0" + b"\0" * 8 + b"GCOL\1", np.uint8)
+
+    def fill(file: h5py.File) -> None:
+        file["words"] = words
+        file["alike"] = alike
+        for _ in range(3):
+            file["words"][:700] = words[:700]
+        file["gone"] = words
+        del file["gone"]
+
+    path = written(tmp_path / "a.h5", fill)
+    found = read(path, "file")
+    assert found["words"].tolist() == words
+    np.testing.assert_array_equal(found["alike"], alike)
+    monkeypatch.setenv(variable("rows"), "1000")
+    with pytest.raises(InputError, match=r"has texts of variable length, 1,001 lines, .* set LAVA_VPR_MAX_ROWS"):
+        read(path, "file")
+
+
+def test_collections_within_each_other_are_not_walked_again_and_again(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.h5", texts)
+    data = path.read_bytes()
+    inner = b"".join(struct.pack("<4sB3xQHH4xQ", b"GCOL", 1, 4096 + 32 * (200 - k), 1, 1, 0) for k in range(200))
+    path.write_bytes(data + inner + bytes(8192))
+    with pytest.raises(InputError, match=r"damaged \(texts of variable length do not add up\)"):
+        read(path, "file")
+
+
+def test_a_type_that_is_nested_is_not_gone_down_into(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """h5py would take a minute to make a dtype of a sequence of 8,000 sequences within each other."""
+    kind = h5py.h5t.vlen_create(h5py.h5t.vlen_create(h5py.h5t.NATIVE_INT8))
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        h5py.h5d.create(file.id, b"d", kind, h5py.h5s.create_simple((1,)))
+    monkeypatch.setattr(h5py.Dataset, "dtype", property(lambda part: pytest.fail("a dtype was made")))
+    with pytest.raises(InputError, match="has '/d', which holds neither numbers nor text"):
+        read(path, "file")

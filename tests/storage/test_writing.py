@@ -99,6 +99,7 @@ def test_what_killed_writes_leave_is_found(tmp_path: Path) -> None:
     assert leftovers(tmp_path / "a") == []
 
 
+@pytest.mark.usefixtures("ctrl_c")
 def test_an_interrupt_leaves_no_temporary_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made = tempfile.mkstemp
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import tracemalloc
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -11,10 +12,13 @@ import h5py
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from support.common.eventfiles import repacked
 
 from lava_vpr.errors import InputError
 from lava_vpr.positions.frames import LAT_LON, XY
 from lava_vpr.traverse import open_traverse
+from lava_vpr.vectors import source
+from lava_vpr.vectors.archives import read_npz
 from lava_vpr.vectors.files import read_vectors
 
 N, VALUES = 6, 5
@@ -64,9 +68,12 @@ def test_the_only_matrix_of_an_npz_is_its_vectors_and_names_tell_positions(tmp_p
     assert found.positions is not None
     assert found.positions.values[1].tolist() == [400010, 5500000]
     np.savez(tmp_path / "xy.npz", descriptors=vectors(), positions=np.zeros((N, 2), np.int64))
-    where = read_vectors(tmp_path / "xy.npz").positions
-    assert where is not None
-    assert where.frame == XY
+    np.savez(tmp_path / "only.npz", netvlad=vectors(), positions=np.zeros((N, 2), np.int64))
+    for name in ("xy.npz", "only.npz"):
+        read = read_vectors(tmp_path / name)
+        assert read.values == VALUES
+        assert read.positions is not None
+        assert read.positions.frame == XY
 
 
 def _with(row: int, value: float) -> NDArray[np.float64]:
@@ -99,6 +106,12 @@ def test_what_are_no_vectors_is_refused(tmp_path: Path, array: NDArray[Any], mes
     assert "\n" not in str(told.value)
 
 
+def test_the_row_that_is_wrong_is_named_however_many_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(source, "_BLOCK", 2 * VALUES)
+    with pytest.raises(InputError, match="v: row 5 holds NaN"):
+        source.checked_vectors(_with(5, np.nan), "v")
+
+
 def test_no_pickle_is_opened(tmp_path: Path) -> None:
     trap = np.array([{"a": 1}, None], object)
     np.save(tmp_path / "v.npy", trap, allow_pickle=True)
@@ -115,10 +128,16 @@ def test_no_pickle_is_opened(tmp_path: Path) -> None:
         ({"names": np.array(["a"] * (N - 1))}, r"has names of type <U1 and shape \(5,\) for 6 vectors"),
         ({"names": np.arange(N)}, r"has names of type int64"),
         ({"names": np.array(["a"] * 5 + [""])}, r"name 5 is ''"),
-        ({"positions": np.zeros((N, 3))}, r"has positions of type float64 and shape \(6, 3\)"),
-        ({"positions": np.full((N, 2), np.nan)}, r"position 0 is not finite, or out of the range of xy"),
-        ({"positions": np.full((N, 2), 91.0), "frame": np.array("latlon")}, r"position 0 is not finite, or out of"),
-        ({"positions": np.zeros((N, 2)), "frame": np.array("moon")}, r"has the frame 'moon'; name xy, latlon"),
+        ({"positions": np.zeros((N, 3))}, r"positions are of type float64 and shape \(6, 3\)"),
+        ({"positions": np.full((N, 2), np.nan)}, r"position 0 is \[nan, nan\], not finite or out of the range of xy"),
+        (
+            {"positions": np.full((N, 2), 91.0), "frame": np.array("latlon")},
+            r"position 0 is \[91.0, 91.0\], not finite or out of",
+        ),
+        (
+            {"positions": np.zeros((N, 2)), "frame": np.array("moon")},
+            r"positions have the frame 'moon'; name xy, latlon",
+        ),
         ({"frame": np.array("xy")}, r"has a frame, but no positions"),
         ({"stamps": np.full(N, np.nan)}, r"has stamps of type float64 and shape \(6,\) for 6 vectors"),
     ],
@@ -127,6 +146,24 @@ def test_what_stands_beside_must_fit(tmp_path: Path, beside: dict[str, Any], mes
     np.savez(tmp_path / "v.npz", descriptors=vectors(), **beside)
     with pytest.raises(InputError, match=message):
         open_traverse(tmp_path / "v.npz")
+
+
+def test_names_have_at_most_1024_characters(tmp_path: Path) -> None:
+    for length in (1024, 1025):
+        np.savez(tmp_path / f"{length}.npz", descriptors=vectors(), names=np.array(["a" * length] * N))
+    assert open_traverse(tmp_path / "1024.npz").names[0] == "a" * 1024
+    with pytest.raises(InputError, match=r"1025\.npz: name 0 is 'a+.*; give each vector a name"):
+        open_traverse(tmp_path / "1025.npz")
+
+
+def test_an_archive_has_at_most_1000_arrays(tmp_path: Path) -> None:
+    for count in (1000, 1001):
+        np.savez(tmp_path / f"{count}.npz", descriptors=vectors(), **{f"a{k}": np.zeros(1) for k in range(count - 1)})
+    assert len(open_traverse(tmp_path / "1000.npz")) == N
+    with pytest.raises(
+        InputError, match=r"1001\.npz: is no sound .npz archive \(it has 1,001 entries, more than 1,000"
+    ):
+        open_traverse(tmp_path / "1001.npz")
 
 
 def test_an_npz_says_which_array_is_meant(tmp_path: Path) -> None:
@@ -157,6 +194,38 @@ def test_what_is_no_archive_and_what_unpacks_to_too_much_is_refused(
     monkeypatch.setenv("LAVA_VPR_MAX_ARRAY_BYTES", "1000000")
     with pytest.raises(InputError, match=r"bomb\.npz: unpacks to 128,000,\d+ bytes, more than the 1,000,000 allowed"):
         open_traverse(tmp_path / "bomb.npz")
+
+
+def test_an_archive_takes_the_memory_of_its_vectors_and_no_more(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As little as 4 MB would otherwise unpack to the 4 GB that vectors may have."""
+    path = tmp_path / "v.npz"
+    np.savez_compressed(path, descriptors=np.zeros((4000, 4200), np.float32))
+    for limit, taken in (("100", 2e6), ("2000", 90e6)):
+        monkeypatch.setenv("LAVA_VPR_MAX_UNPACKED_TIMES", limit)
+        tracemalloc.start()
+        try:
+            if limit == "100":
+                with pytest.raises(
+                    InputError, match=r"v\.npz: unpacks to 1,0\d\d times its size, more than the 100 all"
+                ):
+                    read_npz(path)
+            else:
+                assert read_npz(path)[0].nbytes == 67_200_000
+            assert tracemalloc.get_traced_memory()[1] < taken
+        finally:
+            tracemalloc.stop()
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_an_archive_packed_otherwise_than_by_numpy_is_refused(method: int, tmp_path: Path) -> None:
+    np.savez(tmp_path / "v.npz", descriptors=vectors())
+    repacked(tmp_path / "v.npz", method)
+    with pytest.raises(
+        InputError, match=r"v\.npz: is no sound \.npz archive \(entry 'descriptors.npy' is encrypted, or"
+    ):
+        open_traverse(tmp_path / "v.npz")
 
 
 def test_more_vectors_than_there_are_is_refused(tmp_path: Path) -> None:

@@ -52,6 +52,13 @@ def test_a_sound_file_gives_the_same_model(kept: int) -> None:
     assert (model.calibration[:, 1] == RIGHT).any()
 
 
+def test_vectors_of_any_size_are_kept() -> None:
+    """A descriptor of length 1 and 100,000 values has values of about 0.003, and varies less."""
+    model = assembled(first("standard.scale", 1e-30))
+    assert model.standard is not None
+    assert model.standard.scale[0] == np.float32(1e-30)
+
+
 def first(name: str, value: object) -> Callable[[dict[str, Any], Arrays], object]:
     return lambda header, arrays: arrays[name].reshape(-1).__setitem__(0, value)
 

@@ -13,9 +13,10 @@ from scipy.linalg import hadamard as matrix
 
 from lava_vpr.config import Config, preset
 from lava_vpr.encoding import encode_traverse
+from lava_vpr.engine.random import presentation_key, uniform
 from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.inputs.encoder import EncoderConfig
-from lava_vpr.inputs.vectors import hadamard, picture_of, signed_channels, width_for, without_weak
+from lava_vpr.inputs.vectors import Standard, hadamard, picture_of, signed_channels, width_for, without_weak
 from lava_vpr.training.standard import fitted, settings_for, standard_like
 from lava_vpr.traverse import Traverse, vector_traverse
 from lava_vpr.vectors.source import Vectors
@@ -43,6 +44,10 @@ def test_the_transform_is_the_hadamard_matrix(width: int) -> None:
     assert np.allclose(hadamard(rows), expected, rtol=1e-5, atol=1e-5)
 
 
+def test_a_transform_is_no_wider_than_it_must_be() -> None:
+    assert [width_for(values) for values in (1, 2, 3, 64, 65, 4096)] == [1, 2, 4, 64, 128, 4096]
+
+
 @settings(max_examples=30, deadline=None)
 @given(st.integers(1, 70), st.integers(1, 6), st.integers(0, 5))
 def test_a_projection_is_the_same_alone_and_with_others(values: int, kept: int, seed: int) -> None:
@@ -68,7 +73,9 @@ def test_a_projection_is_signs_transform_and_choice() -> None:
     wide[:, :100] = standard.standardised(array)
     expected = (wide * standard.signs) @ matrix(128).T / 128**0.5
     assert np.allclose(standard.seen(array), expected[:, standard.kept], atol=1e-4)
-    assert 30 < (standard.signs == 1).sum() < 98
+    draws = uniform(presentation_key(0, "projection", 0), 256).tolist()
+    assert standard.signs.tolist() == [1 if draw < 0.5 else -1 for draw in draws[:128]]
+    assert standard.kept.tolist() == sorted(sorted(range(128), key=draws[128:].__getitem__)[:60])
     other = fitted(dataclasses.replace(config, seed=1), [traverse(array)])
     assert other is not None
     assert not standard.same(other)
@@ -93,6 +100,13 @@ def test_mean_and_scale_are_those_of_all_references(scale: str) -> None:
     assert np.allclose(standard.seen(array), (array - array.mean(axis=0)) / expected, atol=1e-2)
 
 
+def test_values_stay_within_a_million_deviations() -> None:
+    none = np.zeros(0, np.int8)
+    standard = Standard(np.full(5, 3, np.float32), np.full(5, 0.5, np.float32), none, none.astype(np.int32))
+    found = standard.seen(np.array([[4, -250_000, 499_000, 600_000, -1e18]], np.float32))
+    assert found.tolist() == [[2, -500_006, 997_994, 1_000_000, -1_000_000]]
+
+
 def test_weak_values_are_silent_and_the_others_keep_their_sign() -> None:
     values = np.array([4, -1, 0.5, -2.5], np.float32)  # mean magnitude 2
     assert np.array_equal(without_weak(values, 0.5), np.array([3, 0, 0, -1.5], np.float32))
@@ -106,6 +120,7 @@ def test_settings_follow_from_the_references() -> None:
     config = of(array)
     assert (config.encoder.kind, config.encoder.vector_values, config.encoder.query_inputs) == ("vector", 9, 0)
     assert config.encoder.inputs == 18
+    assert (config.learning.steps, preset("loihi").learning.steps) == (700, 350)
     assert of(array, kind="rates").encoder.inputs == 9
     assert of(array, kind="vector", query_inputs=7).encoder.query_inputs == 7
     assert of(vectors(4, 3000)).encoder.inputs == 2 * EncoderConfig().vector_kept
