@@ -11,7 +11,7 @@ QUIET := $(shell test -t 2 || echo --quiet)
 # Tests run side by side, one row of them a processor.
 TESTS := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
-.PHONY: help demo test test-slow test-all lint format bench results recall peers peers-test oracles sanafe ci-torch test-dl learning nir-peers neurobench tutorial site pictures links wheel clean
+.PHONY: help demo test test-slow test-all lint format bench results recall peers peers-test oracles sanafe ci-torch test-dl learning nir-peers neurobench tutorial site pictures links images wheel clean
 .DEFAULT_GOAL := help
 
 help: ## What there is to make
@@ -41,6 +41,10 @@ links:
 	@rm -rf .typing/lava_vpr && mkdir -p .typing/lava_vpr
 	@for f in lava_vpr/* processes deploy; do ln -s "../../$$f" ".typing/lava_vpr/$${f##*/}"; done
 
+# Before anything is installed or computed for what cannot do without them.
+images:
+	@test -n "$$LAVA_VPR_DATA" -a -d "$$LAVA_VPR_DATA/data/nordland" || { echo "make $(MAKECMDGOALS) needs real images; set LAVA_VPR_DATA to the folder that holds data/nordland"; exit 1; }
+
 lint: $(STAMP) ## ruff, mypy, and which room imports which (Python 3.10)
 	@test -x $(BIN)/mypy || { echo "make lint needs Python 3.10, as does lava-nc; remove $(VENV), and name one: make PYTHON=... lint"; exit 1; }
 	@$(BIN)/ruff check .
@@ -60,7 +64,7 @@ bench: recall ## All benchmarks that need nothing beyond real images
 results: $(STAMP) ## Compute the figures of docs/results.md that are out of date, and write them down (LAVA_VPR_DATA)
 	@$(BIN)/python -m benchmarks.results
 
-recall: $(STAMP) ## Recall on real images (LAVA_VPR_DATA)
+recall: images $(STAMP) ## Recall on real images (LAVA_VPR_DATA)
 	@$(BIN)/python -m benchmarks.recall
 
 .venv-peers/.installed: pyproject.toml requirements/lock.txt
@@ -82,7 +86,7 @@ $(ORACLES): .venv-%/.installed: requirements/%.txt scripts/find_python.sh
 	@.venv-$*/bin/python -m pip install $(QUIET) --disable-pip-version-check -r requirements/$*.txt
 	@touch $@
 
-oracles: $(STAMP) $(ORACLES) ## Other simulators of Loihi against our integers (environments of their own)
+oracles: images $(STAMP) $(ORACLES) ## Other simulators of Loihi against our integers (environments of their own)
 	@$(BIN)/python -m benchmarks.oracles.compare
 	@$(BIN)/python -m benchmarks.oracles.needs
 	@$(BIN)/python -m benchmarks.oracles.registers
@@ -108,13 +112,13 @@ ci-torch: .venv-torch/.installed ## All that needs torch, apart from CI; writes 
 test-dl: .venv-torch/.installed ## The tests of learning by SLAYER and of NetX, with lava-dl (the environment of ci-torch)
 	@.venv-torch/bin/python -m pytest tests/training tests/exchange -k 'slayer or netx' --timeout 1800
 
-learning: .venv-torch/.installed ## Five kinds of learning side by side (LAVA_VPR_DATA; the environment of ci-torch)
+learning: images .venv-torch/.installed ## Five kinds of learning side by side (LAVA_VPR_DATA; the environment of ci-torch)
 	@.venv-torch/bin/python -m benchmarks.learning.table
 
-nir-peers: .venv-torch/.installed ## Exported NIR graphs in snnTorch beside the host engine (LAVA_VPR_DATA; the environment of ci-torch)
+nir-peers: images .venv-torch/.installed ## Exported NIR graphs in snnTorch beside the host engine (LAVA_VPR_DATA; the environment of ci-torch)
 	@.venv-torch/bin/python -m benchmarks.exchange.compare
 
-neurobench: .venv-torch/.installed ## Our metrics beside the package neurobench (LAVA_VPR_DATA; the environment of ci-torch)
+neurobench: images .venv-torch/.installed ## Our metrics beside the package neurobench (LAVA_VPR_DATA; the environment of ci-torch)
 	@.venv-torch/bin/python -m benchmarks.neurobench.metrics
 
 .venv-docs/.installed: pyproject.toml requirements/lock.txt requirements/docs.txt

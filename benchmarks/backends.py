@@ -15,7 +15,7 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.nordland import SECTIONS, answer, learn
+from benchmarks.nordland import SECTIONS, answer, learn, required
 from benchmarks.recall import mean
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.config import preset
@@ -44,6 +44,7 @@ def figures(names: tuple[str, ...], seed: int) -> dict[str, list[Metrics]]:
 @click.option("--seed", default=0, show_default=True)
 def main(names: tuple[str, ...], seed: int) -> None:
     """Print recall on the host and on other backends."""
+    required("nordland")
     results = figures(("host", *(name for name in names if name != "host")), seed)
     table = Table(title=f"five sections of 100 places, seed {seed}, percent", title_justify="left")
     for column in ("backend", "R@1", "R@100P", "AUC"):

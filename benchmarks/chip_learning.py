@@ -16,7 +16,7 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.nordland import SECTIONS, answer, learn
+from benchmarks.nordland import SECTIONS, answer, learn, required
 from benchmarks.recall import mean
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
@@ -51,6 +51,7 @@ def figures(places: tuple[int, int], config: Config) -> dict[str, Metrics]:
 @click.option("--seeds", default="0,1,2", show_default=True, help="Seeds, separated by commas.")
 def main(seeds: str) -> None:
     """Print recall by way of learning."""
+    required("nordland")
     chosen = [int(seed) for seed in seeds.split(",")]
     rows = [figures(places, dataclasses.replace(preset("loihi"), seed=seed)) for places in SECTIONS for seed in chosen]
     table = Table(title=f"ways to learn, five sections, seeds {seeds}, percent", title_justify="left")

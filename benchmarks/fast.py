@@ -17,7 +17,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.nordland import SECTIONS, answer, encoded, learn, part
+from benchmarks.nordland import SECTIONS, answer, encoded, learn, part, required
 from lava_vpr.bench.results import Candidate
 from lava_vpr.bench.sweep.early_stopping import MARGINS
 from lava_vpr.bench.sweep.points import Case, Measurement, current, figures, mean, runs_of
@@ -145,6 +145,7 @@ def print_front(seeds: Sequence[int], budget: int) -> None:
 @click.option("--joined/--no-joined", default=True)
 def main(seeds: str, budget: int, joined: bool) -> None:
     """Print recall and modelled costs of preset ``fast``, a table for each question."""
+    required("nordland")
     numbers = [int(seed) for seed in seeds.split(",")]
     print_preset("fast", numbers)
     print_preset("loihi", numbers[:1])

@@ -23,6 +23,7 @@ from typing import NamedTuple
 
 import click
 import cv2
+import h5py
 import numpy as np
 from rich.console import Console
 from rich.table import Table
@@ -123,6 +124,22 @@ def tracking(place: Path) -> None:
     (place / "track.gpx").write_text(gpx_text(where, 1.7e9 + seconds))
 
 
+def vectors(name: str) -> Callable[[Path], object]:
+    """Writes vectors of 4,096 values, as many as are accepted, and so many others than 0 as they take."""
+
+    def make(place: Path) -> None:
+        array = np.zeros((limit("array_bytes") // (4 * 4096) - 1, 4096), np.float32)
+        noisy = array[: len(array) // 80]
+        noisy[:] = np.random.default_rng(0).normal(size=noisy.shape)
+        if name.endswith(".npz"):
+            np.savez_compressed(place / name, descriptors=array)
+            return
+        with h5py.File(place / name, "w") as file:
+            file.create_dataset("descriptors", data=array, chunks=(64, 4096), compression="gzip")
+
+    return make
+
+
 def cases() -> dict[str, Case]:
     """Every case by its name."""
     loihi = preset("loihi")
@@ -140,6 +157,9 @@ def cases() -> dict[str, Case]:
     def read(module: str, function: str, path: str) -> list[str]:
         return [sys.executable, "-c", reading.format(module, function, path)]
 
+    def read_vectors(end: str) -> list[str]:
+        return read("vectors.files", "read_vectors", f"v.{end}")
+
     return {
         "nothing": Case("model of 2 places, one small image", few, query),
         "model": Case("model of 20,000 places", save_blank(fast, 20_000), query),
@@ -155,6 +175,10 @@ def cases() -> dict[str, Case]:
         "positions": Case(
             "2,000,000 positions, read", positions, read("positions.tables", "read_table", "positions.csv")
         ),
+        **{
+            end: Case(f"{limit('array_bytes') / 1e6:,.0f} MB of vectors, read", vectors(f"v.{end}"), read_vectors(end))
+            for end in ("npz", "h5")
+        },
         "gpx": Case("GPX track of 250,000 points, read", tracking, read("positions.gpx", "read_gpx", "track.gpx")),
     }
 

@@ -22,7 +22,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.nordland import images_of
+from benchmarks.nordland import images_of, required
 from benchmarks.query_memory import Run, measured
 from lava_vpr import maps, model
 from lava_vpr.encoding import Keep, encode_views
@@ -115,6 +115,7 @@ def print_seed(place: Path, seed: int) -> None:
 @click.option("--seed", "seeds", type=int, multiple=True, default=(0,), show_default=True, help="Seed of the training.")
 def main(seeds: Sequence[int]) -> None:
     """A map of 500 places extended by 10."""
+    required("nordland", "nordland_long")
     for seed in seeds:
         with tempfile.TemporaryDirectory() as place:
             print_seed(Path(place), seed)

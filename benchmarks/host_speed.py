@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.nordland import encoded, learn
+from benchmarks.nordland import encoded, learn, required
 from benchmarks.speed import cpu_flags
 from lava_vpr.bench.measure.child import batch, host_answer
 from lava_vpr.bench.peers import cosine_answer, sad_answer
@@ -63,6 +63,7 @@ def matchers(model: Model, presentations: int) -> tuple[dict[str, Callable[[], M
 @click.option("--presentations", default=5000, show_default=True, help="Queries of a round, at least.")
 def main(name: str, rounds: int, presentations: int) -> None:
     """Print the queries per second of every matcher."""
+    required("nordland")
     model = learn(PLACES, preset(name))
     every, n = matchers(model, presentations)
     matches = {key: run() for key, run in every.items()}  # compiled now

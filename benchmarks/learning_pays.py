@@ -4,7 +4,7 @@
 
 Templates are the mean rates of what a place's references show, by their labels; STDP sees no label: a neuron learns
 what makes it spike, and the responses to all references label it afterwards. Real scenarios are three Nordland sections
-(200:500, on which no setting was chosen), synthetic ones the built-in world in four conditions. ``cosine`` compares a
+(200:500, which the search did not see), synthetic ones the built-in world in four conditions. ``cosine`` compares a
 query's rates with those of every reference, under its label.
 """
 
@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.nordland import images_of
-from benchmarks.results.places import FOLDERS, TEMPLATES
+from benchmarks.nordland import FOLDERS, images_of, required
+from benchmarks.results.places import TEMPLATES
 from lava_vpr.config import Config, EncoderConfig, preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse, activity_of, thumbnail
@@ -259,6 +259,7 @@ def print_drift(config: Config, seeds: Sequence[int]) -> None:
 @click.option("--preset", "name", default="loihi", show_default=True)
 def main(seeds: str, name: str) -> None:
     """Print where learning beats templates, and where it does not."""
+    required("nordland")
     chosen = [int(seed) for seed in seeds.split(",")]
     print_scenarios(preset(name), chosen)
     print_drift(preset(name), chosen)

@@ -19,6 +19,13 @@ from lava_vpr.recognition import Comparison, Recognition, recognise
 from lava_vpr.training.loop import train
 from lava_vpr.traverse import open_traverse
 
+FOLDERS = {
+    "nordland": ("summer", "winter"),
+    "nordland_long": ("summer", "winter"),
+    "gardens": ("reference", "query"),
+    "lens_example": ("reference", "query"),
+}
+"""Folders of references and queries by dataset."""
 SECTIONS = tuple((start, start + 100) for start in range(0, 500, 100))
 
 
@@ -32,6 +39,16 @@ def images_of(dataset: str, name: str) -> Path:
     if not os.environ.get("LAVA_VPR_DATA") or not root.is_dir():
         raise InputError(f"{root}: no images; set LAVA_VPR_DATA to the folder that holds data/{dataset}/{name}")
     return root
+
+
+def required(*datasets: str) -> None:
+    """End the program with one line, before it does any work, unless all images of ``datasets`` are there."""
+    try:
+        for dataset in datasets:
+            for name in FOLDERS[dataset]:
+                images_of(dataset, name)
+    except InputError as error:
+        raise SystemExit(f"error: {error}") from None
 
 
 def folder(season: str) -> Path:

@@ -17,7 +17,7 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.nordland import answer, learn
+from benchmarks.nordland import answer, learn, required
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.matching.evaluation import Metrics
@@ -47,6 +47,7 @@ def describe(model: Model, repeats: int) -> str:
 @click.option("--epochs", default=60, show_default=True, help="Epochs of the paper preset.")
 def main(sections: str, epochs: int) -> None:
     """Train both presets on each section and print spikes and recall."""
+    required("nordland")
     paper = update(preset("paper"), {"learning": {"epochs": epochs}})
     table = Table(title="winter queries, percent", title_justify="left")
     for column in ("section", "preset", "decoder", "R@1", "R@100P", "AUC"):

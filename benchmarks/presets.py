@@ -21,6 +21,7 @@ from typing import Any, NamedTuple, TextIO
 import click
 import numpy as np
 
+from benchmarks.nordland import required
 from benchmarks.results.places import TEMPLATES, Section, learn, places
 from lava_vpr.bench.sweep.points import Case, configured, current, figures, runs_of
 from lava_vpr.config import Config, preset
@@ -293,6 +294,7 @@ STAGES = ("encoder", "learning", "network", "recruiting")
 @click.option("--preset", "names", type=click.Choice(list(GOALS)), multiple=True, help="Networks to choose (all).")
 def main(path: Path, stages: Sequence[str], names: Sequence[str]) -> None:
     """Choose the presets' settings, and log all that was tried; a stage that is left out stands as presets have it."""
+    required(*(dataset for dataset, *_ in PLACES))
     with path.open("w") as file:
         log = Log(file)
         titles = ", ".join(f"{dataset} {first}:{end}" for dataset, first, end, _ in PLACES)

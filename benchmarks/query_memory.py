@@ -23,6 +23,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.nordland import folder as nordland
+from benchmarks.nordland import required
 from lava_vpr import model as model_file
 from lava_vpr.config import preset
 from lava_vpr.encoding import Keep, encode_traverse
@@ -63,6 +64,7 @@ def measured(words: list[str], place: Path) -> Run:
 def prepare(place: Path, sizes: tuple[int, ...]) -> str:
     """Write a model, and a list of images for each size; what the images are."""
     if os.environ.get("LAVA_VPR_DATA"):
+        required("nordland")
         what, reference, query = f"Nordland, {PLACES} places", nordland("summer"), nordland("winter")
     else:
         write_traverses(place / "world", PLACES, 0)

@@ -20,7 +20,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.nordland import SECTIONS, answer, encoded, learn, part
+from benchmarks.nordland import SECTIONS, answer, encoded, learn, part, required
 from benchmarks.results.places import TEMPLATES
 from lava_vpr.config import INPUT_MODES, Config, preset
 from lava_vpr.configfile import update
@@ -200,6 +200,7 @@ def print_input_modes(config: Config, seeds: Sequence[int]) -> None:
 @click.option("--preset", "preset_name", default="loihi", show_default=True)
 def main(seeds: str, bits: bool, learning: bool, inputs: bool, input_mode: bool, preset_name: str) -> None:
     """Print recall on real images."""
+    required("nordland")
     config, chosen = preset(preset_name), [int(seed) for seed in seeds.split(",")]
     print_sections(config, chosen)
     print_shuffled(config, chosen)

@@ -18,7 +18,7 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.nordland import encoded, folder, learn, part
+from benchmarks.nordland import encoded, folder, learn, part, required
 from benchmarks.versions.beside import beside
 from lava_vpr.config import preset
 from lava_vpr.encoding import activity_of, query_rates
@@ -59,6 +59,7 @@ def cpu_flags() -> str:
 @click.option("--rounds", default=15, show_default=True, help="Turns with the other checkout.")
 def main(other: Path | None, rounds: int) -> None:
     """Print how fast a section trains and a query is answered; or the host engine beside another checkout's."""
+    required("nordland")
     if other is not None:
         try:
             console.print(f"vector instructions: {cpu_flags()}", beside(other, rounds), sep="\n")

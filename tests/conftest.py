@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from support.common import children
 from support.common.commands import link_route, make_route
 
 from lava_vpr.backends.lava import lava_missing
@@ -44,6 +46,27 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     """Skip what is marked ``lava`` where Lava cannot run: all in this one place, so that pytest counts them as one."""
     if MISSING is not None and item.get_closest_marker("lava") is not None:
         pytest.skip(f"Lava's parts are left out: {MISSING}")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _signals() -> None:
+    """All programs that tests start heed signals, also if the tests were started as a background job."""
+    children.heed()
+
+
+@pytest.fixture(autouse=True)
+def _children() -> Iterator[None]:
+    """What a test has started ends with it at the latest; what serves several tests was started before."""
+    with children.ended():
+        yield
+
+
+@pytest.fixture
+def ctrl_c() -> Iterator[None]:
+    """SIGINT raises `KeyboardInterrupt`, also if the tests were started with it ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture(scope="session")

@@ -22,7 +22,7 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.nordland import folder
+from benchmarks.nordland import folder, required
 from lava_vpr.errors import LavaVprError
 
 MOST = 1.5
@@ -68,6 +68,7 @@ def commands(place: Path) -> dict[str, tuple[str, ...]]:
 @click.option("--rounds", default=7, show_default=True, help="Turns of each command.")
 def main(rounds: int) -> None:
     """Measure all commands in turns and print a table."""
+    required("nordland")
     with tempfile.TemporaryDirectory() as name:
         try:
             every = commands(Path(name))

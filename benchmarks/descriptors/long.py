@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.nordland import images_of
+from benchmarks.nordland import images_of, required
 from lava_vpr.errors import LavaVprError
 from lava_vpr.inputs.patches import grey
 from lava_vpr.storage.temporary import temporary_folder
@@ -49,6 +49,7 @@ def command(folder: Path, *words: str) -> None:
 )
 def main(queries: int) -> None:
     """Make the vectors, and run the commands."""
+    required("nordland")
     try:
         with temporary_folder() as folder:
             for season in ("summer", "winter"):

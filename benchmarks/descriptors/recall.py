@@ -21,8 +21,8 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.nordland import images_of
-from benchmarks.results.places import FOLDERS, Section, sections_of
+from benchmarks.nordland import FOLDERS, images_of, required
+from benchmarks.results.places import Section, sections_of
 from lava_vpr.config import Config, StdpLearning, preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import Keep, encode_traverse
@@ -131,6 +131,7 @@ def line(name: str, recall: NDArray[np.float64]) -> str:
 @click.option("--chosen-on", is_flag=True, help="Every way to encode vectors, on what settings were chosen on.")
 def main(seeds: tuple[int, ...], chosen_on: bool) -> None:
     """Print the table."""
+    required("nordland", "gardens")
     try:
         title = f"R@1 in percent, seeds {', '.join(map(str, seeds))}"
         print(f"{title:<34}" + "".join(f"{name:>14}" for name in COLUMNS))

@@ -15,7 +15,7 @@ import click
 import numpy as np
 from rich.console import Console
 
-from benchmarks.nordland import SECTIONS, answer, encoded, folder, learn, part
+from benchmarks.nordland import SECTIONS, answer, encoded, folder, learn, part, required
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.bench.energy import Way, on_board
 from lava_vpr.bench.measure import alone
@@ -69,6 +69,7 @@ def quickest(timed: dict[str, Callable[[], float]], rounds: int) -> dict[str, fl
 @click.option("--rounds", default=5, show_default=True)
 def main(rounds: int) -> None:
     """Print the table: what a query costs in all, by preset and matcher."""
+    required("nordland")
     first, images = INTEGER[0], open_traverse(folder("winter"), places=SECTIONS[0])
     found = {name: recalls(name) for name in INTEGER}
     every = {name: asked(name) for name in INTEGER}

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from benchmarks.events.lens import counts, drive, measured, truth
+from benchmarks.nordland import required
 from lava_vpr.config import Config, preset
 from lava_vpr.traverse import Traverse
 
@@ -38,6 +39,7 @@ def candidates() -> Iterator[tuple[str, Config, int, float]]:
 
 def main() -> None:
     """Print a line of each candidate, and the one that is chosen."""
+    required("lens_example")
     pair, right = [drive(which, PLACES) for which in ("reference", "query")], truth(PLACES)
     best: tuple[float, str] = (0.0, "none")
     for name, config, cells, blur in candidates():

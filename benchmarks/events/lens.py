@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.nordland import images_of, required
 from lava_vpr.config import Config, for_events, preset
 from lava_vpr.encoding import Keep, encode_traverse, encode_views
 from lava_vpr.matching.evaluation import Metrics
@@ -41,15 +41,8 @@ class Figures(NamedTuple):
 
 
 def folder() -> Path:
-    """The folder with the example.
-
-    Raises:
-        SystemExit: $LAVA_VPR_DATA does not name one.
-    """
-    found = Path(os.environ.get("LAVA_VPR_DATA", "")) / "data" / "lens_example"
-    if not found.is_dir():
-        raise SystemExit("set LAVA_VPR_DATA to the folder that holds data/lens_example")
-    return found
+    """The folder with the example; errors as `images_of`."""
+    return images_of("lens_example", "reference").parent
 
 
 def drive(which: str, places: slice) -> Traverse:
@@ -103,7 +96,8 @@ def measured(
 
 
 def main() -> None:
-    """Print the figures of docs/events.md, on places that no setting was chosen on (50:100), and on all."""
+    """Print the figures of docs/events.md, on places that the search did not see (50:100), and on all."""
+    required("lens_example")
     events = for_events(preset("loihi"))
     plain = preset("loihi")
     print("lens_example, tolerance 3, seeds 0, 1, 2: means, and the least R@1")

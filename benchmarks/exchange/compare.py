@@ -26,7 +26,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.exchange.literal import spikes_of
-from benchmarks.nordland import encoded, learn, part
+from benchmarks.nordland import encoded, learn, part, required
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import query_presentations
 from lava_vpr.config import preset
@@ -178,6 +178,7 @@ def row(case: Case, spikes: Spikes) -> list[str]:
 @click.option("--queries", type=click.IntRange(1, 100), default=100, show_default=True, help="Winter images to ask.")
 def main(queries: int) -> None:
     """Print where snnTorch's spikes of exported graphs are the host's, and what the others differ by."""
+    required("nordland")
     started, chosen = time.perf_counter(), list(cases())
     results = run(chosen, queries)
     table = Table(title="exported NIR graphs in snnTorch beside the host engine", title_justify="left")

@@ -17,6 +17,7 @@ from typing import Any
 import click
 import numpy as np
 
+from benchmarks.nordland import required
 from benchmarks.results.places import Section, learn, places
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
@@ -72,6 +73,7 @@ def scored(config: Config) -> tuple[float, str]:
 @click.option("--log", "path", type=click.Path(path_type=Path), default=None, help="Append here, too.")
 def main(start: str, path: Path | None) -> None:
     """Choose the settings, and print a line for every one that was tried."""
+    required(*(section.dataset for section, _ in PLACES))
 
     def note(line: str) -> None:
         print(line, flush=True)

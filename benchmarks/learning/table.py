@@ -20,8 +20,8 @@ from typing import Any, NamedTuple
 import click
 import numpy as np
 
-from benchmarks.nordland import images_of
-from benchmarks.results.places import FOLDERS, TEMPLATES, Section, places, sections_of
+from benchmarks.nordland import FOLDERS, images_of, required
+from benchmarks.results.places import TEMPLATES, Section, places, sections_of
 from lava_vpr.bench.sweep.points import Case, current, figures, runs_of
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
@@ -113,7 +113,7 @@ def table(rows: Sequence[Row]) -> str:
     """A row of Markdown for each learner."""
     late = {str(section) for section in SECTIONS[CHOSEN_ON:]}
     lines = [
-        "| | 0:500 | 200:500, on which nothing was chosen | training, s | µJ | ms | bits |",
+        "| | 0:500 | 200:500, which the search did not see | training, s | µJ | ms | bits |",
         "|---|---|---|---|---|---|---|",
     ]
     for learner in dict.fromkeys(row.learner for row in rows):
@@ -140,6 +140,7 @@ def _recall(rows: Sequence[Row]) -> str:
 @click.option("--log", type=click.Path(path_type=Path), default=LOG, show_default=True)
 def main(names: Sequence[str], log: Path) -> None:
     """Learn what the log lacks, and print the table."""
+    required(*(section.dataset for section in SECTIONS))
     known = {(row.learner, row.section, row.seed) for row in read(log)}
     for seed in SEEDS:
         for learner in names or LEARNERS:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.nordland import required
 from lava_vpr.bench.measure.workload import of_trains
 from lava_vpr.bench.results import Workload
 from lava_vpr.config import PRESETS, preset
@@ -121,6 +122,7 @@ def problems(queries: int) -> list[tuple[str, FixedNetwork, NDArray[np.uint16], 
 @click.option("--queries", default=20, show_default=True, help="Winter images that are presented.")
 def main(queries: int) -> None:
     """Print both sides of every metric."""
+    required("nordland")
     console, failed = Console(highlight=False, width=110), []
     for name, network, rates, keys in problems(queries):
         pairs = compare(network, np.asarray(rates, np.uint16), keys)

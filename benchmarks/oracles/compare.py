@@ -22,6 +22,7 @@ import click
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.nordland import required
 from benchmarks.oracles.inference import real_inference, small_inference
 from benchmarks.oracles.networks import DIALECTS, edge_networks, is_common, random_networks, reaches_limits
 from benchmarks.oracles.problems import Problem, Result, read_result, write_problem
@@ -206,6 +207,8 @@ def main(networks: int, queries: int, only: str | None) -> None:
     if queries and not os.environ.get("LAVA_VPR_DATA"):
         console.print("no real queries: LAVA_VPR_DATA does not name the images")
         queries = 0
+    if queries:
+        required("nordland")
     failed = []
     for simulator in [only] if only else list(RULES):
         try:

@@ -24,7 +24,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.nordland import learn
+from benchmarks.nordland import learn, required
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
@@ -208,6 +208,8 @@ def too_large() -> dict[str, Any]:
 @click.option("--real/--no-real", default=True, help="Also networks trained on real images (LAVA_VPR_DATA).")
 def main(count: int, real: bool) -> None:
     """Print what was compared; fail if anything differs."""
+    if real:
+        required("nordland")
     table = Table(title="needs of cores, ours and nengo-loihi's", title_justify="left")
     for i, name in enumerate(("", "cores", "counts compared", "differ", "most bits of a core")):
         table.add_column(name, justify="right" if i else "left")

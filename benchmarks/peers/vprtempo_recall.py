@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.nordland import SECTIONS, folder
+from benchmarks.nordland import SECTIONS, folder, required
 from benchmarks.peers.vprtempo import (
     SIDE,
     SMALL_SIDE,
@@ -72,6 +72,7 @@ def section(kind: str, places: tuple[int, int], config: VprTempoConfig, seed: in
 @click.option("--variants", is_flag=True, help="Also what the paper has and its code has not.")
 def main(seeds: str, own: bool, variants: bool) -> None:
     """Print recall on real images."""
+    required("nordland")
     chosen = [int(seed) for seed in seeds.split(",")]
     table = Table(title=f"VPRTempo, five sections of 100 places, seeds {seeds}, percent", title_justify="left")
     table.add_column("", no_wrap=True)

@@ -19,7 +19,7 @@ STILL = Row(
 )
 TITLED = {
     "the five sections": LEARNED[DEFAULT],
-    "ten further sections, on which nothing was chosen": FURTHER,
+    "ten further sections, which the search did not see": FURTHER,
     f"the five sections, standing still for {STANDING} frames at every place": STILL,
 }
 ROWS = (FURTHER, STILL)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.nordland import images_of, part
+from benchmarks.nordland import FOLDERS, images_of, part
 from lava_vpr.config import Config, EncoderConfig
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_views
 from lava_vpr.engine.threads import cores
@@ -17,12 +17,6 @@ from lava_vpr.model import Model
 from lava_vpr.training.loop import train
 from lava_vpr.traverse import open_traverse
 
-FOLDERS = {
-    "nordland": ("summer", "winter"),
-    "nordland_long": ("summer", "winter"),
-    "gardens": ("reference", "query"),
-}
-"""Folders of references and queries by dataset."""
 TEMPLATES = {"rule": "template", "epochs": 1}
 
 Views = tuple[EncodedTraverse, ...]

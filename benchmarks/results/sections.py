@@ -37,7 +37,7 @@ ROWS = (*LEARNED.values(), *DRAWN.values())
 
 def lines(record: Record) -> list[str]:
     """The table, the seeds, and the paper's decoders."""
-    head = ["", "as learned", "places 200:500, on which nothing was chosen", "without learning", "Poisson trains"]
+    head = ["", "as learned", "places 200:500, which the search did not see", "without learning", "Poisson trains"]
     rows = [[*head, "`cosine`", "µJ", "ms"]]
     late = FIVE[CHOSE:]
     for name in INTEGER:

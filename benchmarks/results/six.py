@@ -30,7 +30,7 @@ def lines(record: Record) -> list[str]:
             _line(record, "the same in a quarter of the time, preset `fast`", LEARNED["fast"]),
             _line(record, "Nordland, 500 places in one map", long.TITLED["500"]),
             _line(record, "Nordland, 1,500 places in one map", long.TITLED["1,500"]),
-            _line(record, "Nordland, ten further sections of 100, on which nothing was chosen", adapted.FURTHER),
+            _line(record, "Nordland, ten further sections of 100, which the search did not see", adapted.FURTHER),
             _line(
                 record,
                 "Gardens Point, 50 places, from the other side of the path",

@@ -24,8 +24,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.nordland import images_of, part
-from benchmarks.results.places import FOLDERS
+from benchmarks.nordland import FOLDERS, images_of, part, required
 from benchmarks.robot import drives
 from lava_vpr import Localizer
 from lava_vpr import train as learn
@@ -33,8 +32,8 @@ from lava_vpr.backends.opening import calibration_of
 from lava_vpr.config import preset
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse
 from lava_vpr.engine.threads import cores
-from lava_vpr.matching.answers import Answers, Together, answers_of
-from lava_vpr.matching.forward_filter import MOTIONS, NONE, Belief, ForwardFilter, filtered
+from lava_vpr.matching.answers import Answerer, Answers, Together, answers_of
+from lava_vpr.matching.forward_filter import MOTIONS, NONE
 from lava_vpr.matching.probability import Calibration
 from lava_vpr.matching.trust import Trust, trust
 from lava_vpr.model import Model, prepare
@@ -104,9 +103,8 @@ def answered(where: Map, seed: int) -> Answered:
 def follow(scores: NDArray[np.float64], motion: str, frames: NDArray[np.int64]) -> Answers:
     """What the filter answers to frames, by their rows of scores; the same row again is a robot that stands still."""
     moving = np.append(True, np.diff(frames) != 0)
-    _, beliefs = filtered(ForwardFilter(Belief.unknown(scores.shape[1]), motion), scores[frames], moving)
-    places, chance = beliefs.best()
-    return Answers(places, np.zeros(len(places)), chance)
+    start = Answerer.of(preset("loihi").decoder.default, scores.shape[1], Together(motion=motion))
+    return start.step(scores[frames], moving)[1]
 
 
 def exact_and_near(matches: NDArray[np.int64], truth: NDArray[np.int64]) -> tuple[float, float]:
@@ -241,6 +239,7 @@ def resident() -> int:
 @click.option("--chosen", is_flag=True, help="The maps on which numbers were chosen.")
 def main(updates: int, seeds: str, chosen: bool) -> None:
     """Print everything."""
+    required("nordland", "nordland_long")
     for name, where in (CHOSEN if chosen else UNSEEN).items():
         all_seeds = [answered(where, int(seed)) for seed in seeds.split(",")]
         print_drives(name, all_seeds)

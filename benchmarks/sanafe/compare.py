@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.nordland import encoded, learn, part
+from benchmarks.nordland import encoded, learn, part, required
 from benchmarks.sanafe.cross_check import CrossCheck, cross_check, find_sanafe
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import query_presentations
@@ -197,8 +197,11 @@ def main(queries: int, count: int) -> None:
     """Hold the closed form against SANA-FE."""
     if find_sanafe() is None:
         raise click.ClickException("SANA-FE is not installed; run make sanafe")
-    cases = list(real_cases(queries)) if os.environ.get("LAVA_VPR_DATA") else []
-    if not cases:
+    cases = []
+    if os.environ.get("LAVA_VPR_DATA"):
+        required("nordland")
+        cases = list(real_cases(queries))
+    else:
         console.print("no real images: LAVA_VPR_DATA does not name them")
     cases += [random_case(seed, queries) for seed in (*SEEDS, *range(100, 100 + count))]
     title = f"modelled energy and time of a query, mean of {queries}; bold: largest difference of any query and step"

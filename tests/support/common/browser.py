@@ -9,12 +9,12 @@ import json
 import os
 import re
 import shutil
-import subprocess
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from support.common import children
 
 _CANDIDATES = ("chromium", "chromium-browser", "google-chrome")
 _OPTIONS = (
@@ -70,7 +70,7 @@ def visit(page: Path | str, *, size: str = "1200,1600", screenshot: Path | None 
     task = f"--screenshot={screenshot}" if screenshot else "--dump-dom"
     with tempfile.TemporaryDirectory(prefix="browser-", ignore_cleanup_errors=True) as profile:
         command = [browser, *_OPTIONS, f"--window-size={size}", f"--user-data-dir={profile}", task, address]
-        done = subprocess.run(command, capture_output=True, timeout=timeout, check=False)
+        done = children.run(command, capture_output=True, timeout=timeout, check=False)
     log = done.stderr.decode("utf-8", "replace")
     if done.returncode != 0:
         pytest.fail(f"{browser} exited with {done.returncode}: {log[-2000:]}")

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 import sys
 import time
 from pathlib import Path
 from typing import Any
+
+from support.common import children
 
 from lava_vpr.errors import ConfigError
 
@@ -24,7 +25,7 @@ def made_keys(folder: Path) -> dict[str, str]:
     """A key and a certificate that signs itself, in ``folder``; the environment variables of who uses them."""
     subject = ("-subj", "/CN=lava-vpr", "-addext", "subjectAltName=IP:127.0.0.1", "-days", "2")
     files = ("-keyout", folder / "key.pem", "-out", folder / "cert.pem")
-    subprocess.run(["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", *subject, *files], check=True)
+    children.run(["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", *subject, *files], check=True)
     comm = "DASK_DISTRIBUTED__COMM__TLS__"
     return {
         f"{comm}CA_FILE": str(folder / "cert.pem"),
@@ -47,7 +48,7 @@ class DaskCluster:
         self.folder = folder
         self._said = QUIET if keys is None else (*QUIET, "--protocol", "tls", *tls_options(keys))
         self._failures = {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": str(allowed_failures)}
-        self.processes: list[subprocess.Popen[bytes]] = []
+        self.processes: list[children.Child] = []
         file = folder / "scheduler.json"
         self.scheduler = self._start("scheduler", "--port", "0", *self._said, "--scheduler-file", str(file))
         self.address = str(self._read(file)["address"])
@@ -57,7 +58,7 @@ class DaskCluster:
             assert time.monotonic() < end, self.logs()
             time.sleep(0.02)
 
-    def _start(self, *words: str, program: str | None = None) -> subprocess.Popen[bytes]:
+    def _start(self, *words: str, program: str | None = None) -> children.Child:
         """``dask`` with these words; ``program`` is Python that comes before."""
         start = f"{program or ''}\nfrom dask.__main__ import main; main()"
         folders = os.pathsep.join((str(TESTS), str(TESTS.parent)))
@@ -65,7 +66,7 @@ class DaskCluster:
         log = (self.folder / f"{len(self.processes)}.log").open("wb")
         with log:
             command = [sys.executable, "-c", start, *words]
-            process = subprocess.Popen(command, stdout=log, stderr=log, env=environment, cwd=self.folder)
+            process = children.Child(command, stdout=log, stderr=log, env=environment, cwd=self.folder)
         self.processes.append(process)
         return process
 
@@ -80,7 +81,7 @@ class DaskCluster:
                 time.sleep(0.02)
         raise AssertionError(f"the scheduler does not start: {self.logs()}")
 
-    def add(self, *words: str, program: str | None = None) -> subprocess.Popen[bytes]:
+    def add(self, *words: str, program: str | None = None) -> children.Child:
         """Another worker, which a kill ends for good; ``program`` runs in its process before."""
         own = ("--nthreads", "1", "--no-nanny", "--memory-limit", "0", "--local-directory", str(self.folder))
         return self._start("worker", self.address, *own, *self._said, *words, program=program)
@@ -92,9 +93,7 @@ class DaskCluster:
     def end(self) -> None:
         """Kill what is left."""
         for process in self.processes:
-            process.kill()
-        for process in self.processes:
-            process.wait(DEADLINE)
+            process.end()
 
 
 def times(shared: Any, task: Any) -> Any:

@@ -1,11 +1,12 @@
 """Files of events, written plainly: AEDAT4 byte by byte, HDF5 and npz in the layouts of the field.
 
-Used by events and watch.
+Used by events and vectors.
 """
 
 from __future__ import annotations
 
 import struct
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -157,3 +158,13 @@ def written(kind: str, folder: Path, events: Made, **options: Any) -> Path:
     """Write events to a new file of a kind."""
     end, write = WRITERS[kind]
     return write(folder / f"{kind}{end}", events, **options)
+
+
+def repacked(path: Path, method: int) -> Path:
+    """Pack the archive ``path`` by another of zipfile's methods."""
+    with zipfile.ZipFile(path) as archive:
+        entries = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(path, "w", method) as archive:
+        for name, data in entries.items():
+            archive.writestr(name, data)
+    return path

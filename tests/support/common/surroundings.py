@@ -17,6 +17,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from support.common import children
+
 DEADLINE = 240.0  # seconds; reached only when something hangs
 SHARED = Path("/dev/shm")
 STRANGER = 54321  # a user whom no list of users names
@@ -74,11 +76,11 @@ def no_stranger() -> str:
         return "only root can become another user"
     if shutil.which("setpriv") is None:
         return "setpriv is missing"
-    alive = subprocess.run(stranger(["true"]), capture_output=True, check=False)
+    alive = children.run(stranger(["true"]), capture_output=True, check=False)
     return "" if alive.returncode == 0 else "another user's rights cannot be set here"
 
 
-def _wait_until_it_minds(child: subprocess.Popen[bytes]) -> None:
+def _wait_until_it_minds(child: children.Child) -> None:
     """Wait until the program catches SIGHUP, which Python does not, or has ended."""
     status = Path(f"/proc/{child.pid}/status")
     while child.poll() is None:
@@ -134,7 +136,7 @@ def run(
 
     before, runs = set(os.listdir(folder)), []
     with open(out if out is not None else os.devnull, "wb") as sink:
-        child = subprocess.Popen(
+        with children.Child(
             prefix(command) if prefix is not None else command,
             cwd=folder,
             env=environment,
@@ -142,17 +144,13 @@ def run(
             stdout=sink if out is not None else subprocess.PIPE,
             stderr=subprocess.PIPE,
             preexec_fn=prepare,
-        )
-        with child:
-            try:
-                if stop is not None:
-                    _wait_until_it_minds(child)
-                    time.sleep(stop[1])
-                    runs = os.listdir(temporary)
-                    child.send_signal(stop[0])
-                printed, said = child.communicate(timeout=DEADLINE)
-            finally:
-                child.kill()
+        ) as child:
+            if stop is not None:
+                _wait_until_it_minds(child)
+                time.sleep(stop[1])
+                runs = os.listdir(temporary)
+                child.send_signal(stop[0])
+            printed, said = child.communicate(timeout=DEADLINE)
     left = [*os.listdir(temporary), *(name for name in os.listdir(SHARED) if any(run in name for run in runs))]
     made = sorted(set(os.listdir(folder)) - before)
     texts = [(text or b"").decode(errors="replace") for text in (printed, said)]
