@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from support.common.small_models import small_model
 
-from lava_vpr.engine.adaptation import STANDING, Adaptation, Motion, RunningMean
+from lava_vpr.engine.adaptation import Adaptation, Motion, RunningMean
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.errors import NetworkLimitError
@@ -82,7 +82,6 @@ def test_a_robot_that_stands_still_unlearns_nothing() -> None:
 
 
 def test_frames_count_from_the_overlap_of_standing_on() -> None:
-    share = STANDING[0] / STANDING[1]
     row = np.full(100, 1000, np.uint16)
 
     def sharing(part: float) -> NDArray[np.uint16]:
@@ -93,8 +92,16 @@ def test_frames_count_from_the_overlap_of_standing_on() -> None:
         return kept
 
     first = np.append(row, np.zeros(100, np.uint16))
-    for part, counts in ((share - 0.01, True), (share, False), (1.0, False), (0.0, True)):
+    for part, counts in ((0.79, True), (0.8, False), (1.0, False), (0.0, True)):
         assert Motion().moving(np.stack([first, sharing(part)])).tolist() == [True, counts]
+
+
+@pytest.mark.parametrize(("inputs", "counts"), [(126, True), (125, False), (100, False), (80, False), (79, True)])
+def test_the_overlap_is_a_share_of_the_brighter_frame(inputs: int, counts: bool) -> None:
+    """100 inputs spike, then so many, these or the first of them: 100 of 125 is 0.8, and so is 80 of 100."""
+    shown = np.zeros((2, 130), np.uint16)
+    shown[0, :100] = shown[1, :inputs] = 500
+    assert Motion().moving(shown).tolist() == [True, counts]
 
 
 def test_a_slow_drift_counts_again_when_it_has_left_the_last_frame_that_did() -> None:

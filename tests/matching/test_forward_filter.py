@@ -7,44 +7,36 @@ import pytest
 from numpy.typing import NDArray
 
 from lava_vpr.errors import ConfigError, InputError
-from lava_vpr.matching.answers import LookingBack, Together
-from lava_vpr.matching.forward_filter import (
-    ANYWHERE,
-    COMING,
-    FLAT,
-    LEAVING,
-    MOTIONS,
-    PEAK,
-    SHARE,
-    Belief,
-    ForwardFilter,
-    filtered,
-    smooth,
-)
+from lava_vpr.matching.answers import Answerer, Together
+from lava_vpr.matching.forward_filter import Belief, ForwardFilter, filtered, smooth
 
 PLACES = 60
+STEPS = {
+    "any": {-3: 1 / 14, -2: 2 / 14, -1: 3 / 14, 0: 2 / 14, 1: 3 / 14, 2: 2 / 14, 3: 1 / 14},
+    "forward": {0: 2 / 8, 1: 3 / 8, 2: 2 / 8, 3: 1 / 8},
+}
+"""Share of each step in places."""
 
 
 def matrix(n: int, motion: str) -> NDArray[np.float64]:
     """How a belief over n places and off the map moves, (n + 1, n + 1): row to column."""
-    least, weights = MOTIONS[motion]
     moves = np.zeros((n + 1, n + 1))
     for place in range(n):
-        for k, weight in enumerate(weights):
-            to = place + least + k
-            moves[place, to if 0 <= to < n else n] += (1 - ANYWHERE - LEAVING) * weight / sum(weights)
-        moves[place, :n] += ANYWHERE / n
-        moves[place, n] += LEAVING
-    moves[n, :n] = COMING / n
-    moves[n, n] = 1 - COMING
+        for step, share in STEPS[motion].items():
+            to = place + step
+            moves[place, to if 0 <= to < n else n] += 0.98 * share
+        moves[place, :n] += 0.01 / n
+        moves[place, n] += 0.01
+    moves[n, :n] = 0.01 / n
+    moves[n, n] = 0.99
     return moves
 
 
 def likelihoods(scores: NDArray[np.float64]) -> NDArray[np.float64]:
     """Of every state, (queries, n + 1)."""
     squares = scores**2
-    peak = min(PEAK, SHARE * scores.shape[1])
-    rows = [FLAT + peak * row / row.sum() if row.any() else np.ones(len(row)) for row in squares]
+    peak = {9: 2.7, 250: 60.0}[scores.shape[1]]
+    rows = [0.1 + peak * row / row.sum() if row.any() else np.ones(len(row)) for row in squares]
     return np.concatenate([np.array(rows), np.ones((len(scores), 1))], axis=1)
 
 
@@ -55,11 +47,11 @@ def drawn(seed: int, queries: int = 12, n: int = 9) -> NDArray[np.float64]:
     return scores
 
 
-@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize("motion", STEPS)
 @pytest.mark.parametrize("seed", range(3))
-def test_the_filter_is_the_markov_model(motion: str, seed: int) -> None:
-    scores = drawn(seed)
-    n = scores.shape[1]
+@pytest.mark.parametrize("n", [9, 250])
+def test_the_filter_is_the_markov_model(motion: str, seed: int, n: int) -> None:
+    scores = drawn(seed, n=n)
     moves, seen = matrix(n, motion), likelihoods(scores)
     assert moves.sum(axis=1) == pytest.approx(np.ones(n + 1))
     state = np.append(np.full(n, 0.5 / n), 0.5)
@@ -142,7 +134,7 @@ def test_off_the_map_is_an_answer() -> None:
 
 
 def test_standing_still_is_no_news() -> None:
-    state = ForwardFilter(Belief.unknown(5)).update(np.array([1.0, 4, 0, 0, 0]), first=True)
+    state = ForwardFilter(Belief.unknown(5)).update(np.array([1.0, 4, 0, 0, 0]))
     assert state.update(np.array([0.0, 0, 0, 9, 0]), moving=False) is state
 
 
@@ -157,6 +149,19 @@ def test_odometry_takes_the_belief_along() -> None:
     assert gone.off_map > 0.9
     for belief in (carried, both, gone):
         assert belief.places.sum() + belief.off_map == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("motion", "ahead", "back"), [("forward", 1.0, 0.0), ("any", 0.5, 0.5)])
+def test_odometry_by_hand(motion: str, ahead: float, back: float) -> None:
+    """30 m from place 5 of places 10 m apart: a quarter each to 3 places less and more a tenth, half to 3; blurred."""
+    bump = [0.01875, 0.25, 0.4625, 0.25, 0.01875]  # of 0.075, 0.85, 0.075: a quarter to either side
+    state = ForwardFilter(Belief(np.eye(11)[5], 0.0), motion, 10.0 * np.arange(11))
+    moved = state.moved(state.belief, 30.0)
+    wanted = np.full(11, 0.01 / 11)
+    wanted[6:11] += 0.98 * ahead * np.array(bump)
+    wanted[0:5] += 0.98 * back * np.array(bump)
+    np.testing.assert_allclose(moved.places, wanted, rtol=1e-12)
+    assert moved.off_map == pytest.approx(0.01)
 
 
 def test_what_makes_no_sense_is_refused() -> None:
@@ -178,9 +183,9 @@ def test_a_stream_is_followed_in_any_parts(cuts: list[int]) -> None:
     scores, moving = drawn(1), np.random.default_rng(0).random(12) < 0.7
     _, beliefs = filtered(ForwardFilter(Belief.unknown(9)), scores, moving)
     whole = beliefs.best()
-    state, found = LookingBack.of("contrast", 9, Together(motion="any")), []
+    state, found = Answerer.of("contrast", 9, Together(motion="any")), []
     for some, moves in zip(np.split(scores, cuts), np.split(moving, cuts), strict=True):
-        state, answers = state.update(some, moves)
+        state, answers = state.step(some, moves)
         found.append(answers)
     assert np.array_equal(np.concatenate([answers.matches for answers in found]), whole[0])
     assert np.concatenate([answers.probability for answers in found]) == pytest.approx(whole[1], abs=1e-8)

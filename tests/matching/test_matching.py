@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
-from lava_vpr.matching.answers import Answers, LookingBack, Together, answers_of
+from lava_vpr.matching.answers import Answerer, Answers, Together, answers_of
 from lava_vpr.matching.evaluation import truth_from_indices
 from lava_vpr.matching.sequences import (
     SequenceMatcher,
@@ -60,7 +60,7 @@ def test_sequences_equal_the_loops(case: tuple[NDArray[np.float64], int]) -> Non
 @settings(deadline=None, max_examples=40, derandomize=True)
 def test_answers_look_back(case: tuple[NDArray[np.float64], int]) -> None:
     scores, length = case
-    _, answers = LookingBack.of("sad", scores.shape[1], Together(length)).update(scores)
+    _, answers = Answerer.of("sad", scores.shape[1], Together(length)).step(scores)
     windows = literal(scores, length, causal=True) if length > 1 else dict(np.ndenumerate(scores))
     assert len(answers.matches) == len(answers.confidence) == len(scores)
     assert np.isnan(answers.probability).all()
@@ -113,9 +113,9 @@ def test_answers_do_not_depend_on_how_queries_come(case: tuple[NDArray[np.float6
     else:
         whole = answers_of("sad", scores)
     for parts in (cut(scores, ends), list(scores[:, None])):
-        state, answers = LookingBack.of("sad", scores.shape[1], Together(length)), []
+        state, answers = Answerer.of("sad", scores.shape[1], Together(length)), []
         for part in parts:
-            state, answer = state.update(part)
+            state, answer = state.step(part)
             assert len(answer.matches) == len(answer.confidence) == len(part)
             answers.append(answer)
         for field in range(3):

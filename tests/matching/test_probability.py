@@ -13,7 +13,7 @@ from lava_vpr.errors import ConfigError
 from lava_vpr.matching.answers import ALONE, Answers, Together, accepted, answers_of, least_probability
 from lava_vpr.matching.certainty import margin
 from lava_vpr.matching.probability import OFF_MAP, RIGHT, WRONG, Calibration, reliability
-from lava_vpr.matching.trust import TARGETS, trust
+from lava_vpr.matching.trust import trust
 
 
 def samples(seed: int, on_map: int = 300, off_map: int = 200) -> NDArray[np.float32]:
@@ -26,9 +26,12 @@ def samples(seed: int, on_map: int = 300, off_map: int = 200) -> NDArray[np.floa
     return np.concatenate([on, off]).astype(np.float32)
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_the_curve_is_the_likeliest(seed: int) -> None:
-    taken = samples(seed)
+FAR = np.array([[10, RIGHT]] * 5 + [[1000, RIGHT]] + [[1, OFF_MAP]] * 50 + [[12, OFF_MAP]] * 3, np.float32)
+"""Of which one margin is a hundred times the others."""
+
+
+@pytest.mark.parametrize("taken", [*map(samples, range(5)), FAR])
+def test_the_curve_is_the_likeliest(taken: NDArray[np.float32]) -> None:
     margins, right = taken[:, 0].astype(float), taken[:, 1] == RIGHT
     off = taken[:, 1] == OFF_MAP
     weights = np.where(off, 0.5 / off.sum(), 0.5 / (~off).sum())
@@ -100,6 +103,21 @@ def test_a_precision_out_of_range_is_refused(precision: float) -> None:
         least_probability(ALONE, precision)
 
 
+@pytest.mark.parametrize(("precision", "kept", "false_accepts"), [(0.4, 1.0, 1.0), (0.7, 0.5, 0.125), (0.9, 0.0, 0.0)])
+def test_equal_margins_are_accepted_together(precision: float, kept: float, false_accepts: float) -> None:
+    """At 9 is a quarter of the weight, on the map, beside a sixteenth off it: 0.8 are right. At 1: 1/4 beside 7/16."""
+    taken = np.array([[9, RIGHT]] * 4 + [[9, OFF_MAP]] + [[1, RIGHT]] * 4 + [[1, OFF_MAP]] * 7, np.float32)
+    calibration = Calibration(taken)
+    found = calibration.keeping(precision)
+    assert (found.kept, found.false_accepts) == (kept, false_accepts)
+    assert calibration.probabilities(np.array([[9.0, 0.0], [1.0, 0.0]])) == pytest.approx([0.8, 4 / 11], abs=0.005)
+
+
+@pytest.mark.parametrize(("precision", "least"), [(0.99, 0.98), (0.95, 0.9), (0.5, 0.0), (0.3, 0.0)])
+def test_filtered_answers_are_accepted_from_twice_as_far_below_one(precision: float, least: float) -> None:
+    assert least_probability(Together(motion="any"), precision) == pytest.approx(least)
+
+
 def test_without_a_calibration_every_match_is_accepted() -> None:
     answers = answers_of("contrast", np.array([[3.0, 1.0], [0.0, 0.0]]))
     assert accepted(answers, least_probability(ALONE, 0.95)).tolist() == [True, False]
@@ -134,11 +152,12 @@ def test_trust_counts_what_thresholds_do() -> None:
     answers, together = answers_of("contrast", scores, calibration), Together(calibration=calibration)
     found = trust(answers, truth, together)
     assert found is not None
-    assert [row.target for row in found.thresholds] == list(TARGETS)
+    assert [row.target for row in found.thresholds] == [0.9, 0.95, 0.98, 0.99]
     assert found.off_map == pytest.approx(20 / 60)
     for row in found.thresholds:
         good = answers.probability >= row.probability
         right = truth[np.arange(60), answers.matches]
+        assert row.accepted == pytest.approx(good.mean())
         assert row.kept == pytest.approx((good & right).sum() / 40)
         assert row.false_accepts == pytest.approx(good[40:].mean())
         assert math.isnan(row.precision) if not good.any() else row.precision == pytest.approx(right[good].mean())

@@ -107,7 +107,7 @@ def test_a_lost_scheduler_leaves_the_stretches_that_had_come_back(tmp_path: Path
     def one(standing: Standing) -> None:
         if standing.done == 1:
             own.scheduler.kill()
-            own.scheduler.wait()
+            own.scheduler.wait(60)
 
     try:
         with connected(own.address, one) as found, pytest.raises(ClusterError, match="the scheduler was lost"):

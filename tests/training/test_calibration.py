@@ -1,25 +1,154 @@
-"""Calibration: what is measured of the references, and that it tells known from unknown images."""
+"""Calibration: what is measured of the references, beside plain loops, and that it tells known from unknown images."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from support.common.small_models import small_model
+from numpy.typing import NDArray
+from support.common.small_models import encoded, small_config, small_model
 
+from lava_vpr import localizer
 from lava_vpr import model as model_file
 from lava_vpr.backends.opening import calibration_of
+from lava_vpr.config import preset
+from lava_vpr.configfile import update
+from lava_vpr.encoding import query_rates16
+from lava_vpr.engine.inference.fixed import count_spikes
+from lava_vpr.engine.random import image_keys, presentation_key, presentation_keys, uniform
 from lava_vpr.errors import ModelFileError
+from lava_vpr.matching.decoders import decode
 from lava_vpr.matching.probability import KINDS, OFF_MAP, RIGHT
 from lava_vpr.model import IntegerModel, Model, integer_model
+from lava_vpr.storage import container
 from lava_vpr.training.calibration import altered, calibrated, measured
+from lava_vpr.training.loop import train
+
+PARTS = (
+    ([0, 1, 2, 3, 4], [1, 2, 3]),
+    ([5, 6, 7, 8, 9], [6, 7, 8]),
+    ([10, 11, 12, 13, 14], [11, 12, 13]),
+    ([15, 16, 17, 18, 19], [16, 17, 18]),
+    ([17, 18, 19, 0, 1], [0, 19]),
+    ([2, 3, 4, 5, 6], [4, 5]),
+    ([7, 8, 9, 10, 11], [9, 10]),
+    ([12, 13, 14, 15, 16], [14, 15]),
+)
+"""Of a route of 20 places: each quarter that is left out, four and then four half a quarter on, the route taken as a
+ring; and which of it are asked, those at most an eighth of the route from the quarter's middle."""
 
 
 @pytest.fixture(scope="module")
 def model() -> IntegerModel:
     return integer_model(small_model(), "a test")
+
+
+def of_images() -> IntegerModel:
+    """20 places in two traverses, each much like its neighbours; two of the neurons respond to none of them."""
+    config = small_config(learning={"rule": "template", "epochs": 1})
+    own, other = encoded(20), encoded(20, noise=0.3)
+    made = train(
+        [replace(one, activity=sum(np.roll(one.activity, k, 0) for k in range(-3, 4))) for one in (own, other)], config
+    )
+    responses = made.responses.copy()
+    responses[[3, 12]] = 0
+    return integer_model(replace(made, responses=responses), "a test")
+
+
+def of_vectors(places: int = 20) -> IntegerModel:
+    """A map of vectors, by a decoder that needs its setting."""
+    settings = {
+        "decoder": {"default": "weighted", "gamma": 0.3},
+        "learning": {"rule": "template", "epochs": 1, "steps": 64},
+    }
+    vectors = np.random.default_rng(0).normal(size=(places, 30))
+    made = localizer.train(vectors, config=update(preset("loihi"), settings), threads=1)
+    return integer_model(replace(made, calibration=None), "a test")
+
+
+def asked(
+    model: IntegerModel, shown: NDArray[np.float32], noise: int, neurons: list[int], places: list[int]
+) -> tuple[float, int]:
+    """The margin of one presentation to some of the neurons, scored for some of the places; and the best, or -1."""
+    rates = query_rates16(shown[None], model.config.encoder)
+    keys = presentation_keys(model.config.seed, "calibration", image_keys(rates), noise)
+    network = replace(
+        model.network,
+        weights=np.ascontiguousarray(model.network.weights[:, neurons]),
+        bias=np.ascontiguousarray(model.network.bias[neurons]),
+    )
+    counts, _, _ = count_spikes(network, rates, keys)
+    responses = np.ascontiguousarray(model.responses[neurons][:, places])
+    decoder = model.config.decoder
+    scores = decode(decoder.default, responses, counts, gamma=decoder.gamma)[0].tolist()
+    first, second = sorted(scores, reverse=True)[:2]
+    return first - second, places[scores.index(first)] if first > 0 else -1
+
+
+def literal(model: IntegerModel, shares: Sequence[float], channels: int) -> list[list[float]]:
+    """The samples of a model of 20 places, one presentation after another."""
+    everything, everywhere, points = list(range(model.neurons)), list(range(20)), model.activity.shape[1] // channels
+    samples = []
+    for repeat in range(4):
+        for place in everywhere:
+            draws = uniform(presentation_key(model.config.seed, "calibration", place, repeat), 2 * points)
+            shown = model.activity[place].copy()
+            for point in range(points):
+                if draws[point] < shares[(place + repeat) % len(shares)]:
+                    for at in range(point, channels * points, points):
+                        shown[at] = model.activity[int(20 * draws[points + point]), at]
+            margin, best = asked(model, shown, repeat, everything, everywhere)
+            samples.append([margin, 1.0 if best == place else 0.0])
+    for number, (gone, amid) in enumerate(PARTS, start=1):
+        spikes = model.responses.tolist()
+        left = [neuron for neuron in everything if not any(spikes[neuron]) or _first(spikes[neuron]) not in gone]
+        others = [place for place in everywhere if place not in gone]
+        for repeat in range(4):
+            for place in amid:
+                margin, _ = asked(model, model.activity[place], 4 * number + repeat, left, others)
+                samples.append([margin, -1.0])
+    return samples
+
+
+def _first(spikes: list[int]) -> int:
+    return spikes.index(max(spikes))
+
+
+def test_altered_images_and_missing_parts_by_plain_loops() -> None:
+    model = of_images()
+    wanted = np.array(literal(model, [0.8], 1), np.float32)
+    assert (wanted[80:, 0] > 0).mean() > 0.5
+    np.testing.assert_array_equal(measured(model).samples, wanted)
+
+
+def test_altered_vectors_by_plain_loops() -> None:
+    model = of_vectors()
+    model = replace(model, config=update(model.config, {"decoder": {"default": "weighted", "gamma": 0.3}}))
+    wanted = np.array(literal(model, [0.7, 0.8, 0.9], 2), np.float32)
+    assert (wanted[:80, 1] == 1).any()
+    assert (wanted[:80, 1] == 0).any()
+    np.testing.assert_array_equal(measured(model).samples, wanted)
+
+
+@pytest.mark.parametrize(
+    ("places", "on_map", "off_map"),
+    [
+        (3, 4 * 3, 4 * 3),  # each place is a part of its own; half a part on, none is amid one
+        (200, 3 * 200, 3 * 8 * 26),  # parts of 50 places, 26 amid each
+        (1000, 2 * 500, 2 * 8 * 63),  # every other place; parts of 250, every other of the 126 amid each
+    ],
+)
+def test_long_maps_are_sampled(places: int, on_map: int, off_map: int) -> None:
+    kinds = measured(of_vectors(places)).samples[:, 1]
+    assert (np.count_nonzero(kinds >= 0), np.count_nonzero(kinds < 0)) == (on_map, off_map)
+
+
+def test_what_was_calibrated_stays(model: IntegerModel) -> None:
+    known = replace(model, calibration=np.array([[7, 1], [2, -1]], np.float32))
+    assert calibrated(known) is known
 
 
 def test_it_is_a_function_of_the_model_alone(model: IntegerModel) -> None:
@@ -43,7 +172,7 @@ def test_altered_references_keep_what_they_should() -> None:
     made = altered(activity, places, 0, 0)
     assert made.shape == (2, 500)
     kept = made == activity[places]
-    assert 0.15 < kept.mean() < 0.4  # a fifth, and the draws that fall on itself
+    assert kept.mean() == pytest.approx(0.2 + 0.8 / 12, abs=0.02)  # a fifth, and the draws that fall on itself
     assert (made % 500 == np.arange(500)).all()  # each input shows what it shows in some reference
     assert not np.array_equal(made, altered(activity, places, 0, 1))
     assert np.array_equal(altered(activity, places, 0, 0, share=0.0), activity[places])
@@ -69,7 +198,10 @@ def test_a_model_file_keeps_it(model: IntegerModel, tmp_path: Path) -> None:
         (np.ones((4, 2), np.float64), "calibration"),
     ],
 )
-def test_a_file_with_another_one_is_refused(model: Model, samples: object, words: str, tmp_path: Path) -> None:
-    model_file.save(replace(model, calibration=samples), tmp_path / "m.lvpr")  # type: ignore[arg-type]
+def test_a_file_with_another_one_is_refused(
+    model: Model, samples: NDArray[np.float32], words: str, tmp_path: Path
+) -> None:
+    header, arrays = model_file.content(model)
+    container.save(tmp_path / "m.lvpr", "model", header, {**arrays, "calibration": samples})
     with pytest.raises(ModelFileError, match=words):
         model_file.load(tmp_path / "m.lvpr")

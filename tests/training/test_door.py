@@ -80,8 +80,9 @@ def test_grey_levels_are_grey_levels() -> None:
 
 def test_the_route_reaches_as_far_as_its_places() -> None:
     assert small_model().route_images == 13  # places 5 to 12
-    with pytest.raises(InputError, match="route_images is 12, but there is a place 12"):
-        train([encoded()], small_config(), route_images=12, progress=never)
+    for wrong in (12, 30.0, 2**60):
+        with pytest.raises(InputError, match=f"route_images is {wrong}, but there is a place 12"):
+            train([encoded()], small_config(), route_images=wrong, progress=never)
 
 
 COSTLY: list[tuple[Config, int, str]] = [

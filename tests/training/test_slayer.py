@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from support.common import children
 from support.common.small_models import encoded, small_config
 
 from lava_vpr import model as model_file
@@ -115,5 +115,5 @@ def test_two_traverses_and_views_are_learned() -> None:
 
 def test_nobody_else_waits_for_torch() -> None:
     said = "import sys, lava_vpr.training.loop, lava_vpr.cli.train; print('torch' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", said], capture_output=True, text=True, check=True)
+    done = children.run([sys.executable, "-c", said], capture_output=True, text=True, check=True)
     assert done.stdout == "False\n"
