@@ -13,7 +13,6 @@ Parameters: model (a path), motion (any, forward or none), target_precision.
 from __future__ import annotations
 
 import json
-import math
 from typing import Any
 
 import rclpy
@@ -23,7 +22,7 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Image
 from std_msgs.msg import String
 
-from lava_vpr import LavaVprError, Localizer, Match
+from lava_vpr import LavaVprError, Localizer
 
 
 class LocalizerNode(Node):
@@ -52,20 +51,7 @@ class LocalizerNode(Node):
         except (LavaVprError, CvBridgeError) as error:
             self.get_logger().warning(str(error))
             return
-        self._publisher.publish(String(data=json.dumps(said(match))))
-
-
-def said(match: Match) -> dict[str, Any]:
-    """A match as JSON tells it; what is not known is None."""
-    return {
-        "time": match.stamp,
-        "place": match.place,
-        "place_name": match.name or None,
-        "position": match.position,
-        "probability": None if math.isnan(match.probability) else match.probability,
-        "accepted": match.accepted,
-        "off_map": None if math.isnan(match.off_map) else match.off_map,
-    }
+        self._publisher.publish(String(data=json.dumps(match.values() | {"position": match.position})))
 
 
 def main() -> None:

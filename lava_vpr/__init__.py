@@ -13,8 +13,10 @@ from lava_vpr import kernelcache
 
 if TYPE_CHECKING:
     from lava_vpr.errors import LavaVprError
-    from lava_vpr.localizer import Candidate, Localizer, Match, load, train
+    from lava_vpr.localizer import Localizer, load, train
+    from lava_vpr.matches import Candidate, Match
 
+_ROOMS = {"LavaVprError": "errors", "Candidate": "matches", "Match": "matches"}
 __all__ = ["Candidate", "LavaVprError", "Localizer", "Match", "__version__", "load", "train"]
 
 __version__ = "0.1.0"
@@ -25,8 +27,8 @@ kernelcache.prepare()
 def __getattr__(name: str) -> Any:
     """A public name, imported when it is first asked for: the command line starts without."""
     if name in __all__:
-        room = "lava_vpr.errors" if name == "LavaVprError" else "lava_vpr.localizer"
-        return getattr(importlib.import_module(room), name)
+        room = _ROOMS.get(name, "localizer")
+        return getattr(importlib.import_module(f"lava_vpr.{room}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

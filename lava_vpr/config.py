@@ -246,6 +246,7 @@ class Config:
 
     def __post_init__(self) -> None:
         need(whole(self.seed) and 0 <= self.seed < 2**63, "seed", self.seed, "in 0..2^63-1")
+        object.__setattr__(self, "seed", int(self.seed))  # random numbers are drawn by whole numbers of Python
         fits = whole(self.stretch) and 0 <= self.stretch <= 1_000_000
         need(fits, "stretch", self.stretch, "in 0..1000000 (0: the whole route at once)")
         if isinstance(self.network, LifNetwork) != isinstance(self.learning, StdpLearning):

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 import tomli
 import tomli_w
 
@@ -29,7 +30,9 @@ _LONGEST_LINE, _LONGEST_NAME = 1000, 60
 
 def to_dict(config: Config) -> dict[str, Any]:
     """``config`` as nested plain dictionaries, ready for TOML or JSON."""
-    return dataclasses.asdict(config)
+    return dataclasses.asdict(
+        config, dict_factory=lambda items: {k: v.item() if isinstance(v, np.generic) else v for k, v in items}
+    )
 
 
 def _checked(value: object, annotation: Any, name: str) -> object:

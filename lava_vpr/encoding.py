@@ -15,8 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.config import Config
+from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.bias_input import bias_input_spikes
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.random import draws
+from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import InputError
 from lava_vpr.inputs.encoded import THUMBNAIL, EncodedTraverse, Keep
 from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
@@ -357,3 +360,17 @@ def draw_trains(
     for train, image_rates, key in zip(trains, rates, keys, strict=True):
         train[:steps] = spikes_of(image_rates, int(key), steps)
     return trains
+
+
+def spike_trains(
+    network: FixedNetwork,
+    rates: NDArray[np.uint16],
+    keys: NDArray[np.uint64],
+    *,
+    bias: NDArray[np.int32] | None = None,
+    threads: int = 1,
+) -> Trains:
+    """Every spike of many presentations to ``network``, by the host engine; arguments as in `fixed.count_spikes`."""
+    _, _, exc = fixed.count_spikes(network, rates, keys, bias=bias, threads=threads, raster=True)
+    inputs = draw_trains(rates, keys, network.steps, network.interval, regular=network.regular)
+    return Trains(exc, inputs, fixed.inhibitory_spikes(network, exc))

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from lava_vpr import config as settings
 from lava_vpr import maps
@@ -25,10 +23,11 @@ from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
 from lava_vpr.events.files import is_recording
 from lava_vpr.inputs.vectors import Standard
-from lava_vpr.matching.answers import Together, accepted, answers_of, least_probability
-from lava_vpr.matching.forward_filter import NONE, RADIUS, Belief, ForwardFilter
+from lava_vpr.matches import Match, matches_of
+from lava_vpr.matching.answers import Answerer, Together, accepted, least_probability
+from lava_vpr.matching.forward_filter import NONE, Belief, ForwardFilter
 from lava_vpr.model import Model, prepare
-from lava_vpr.positions.frames import XY, Positions
+from lava_vpr.positions.frames import XY, Positions, placed
 from lava_vpr.training.calibration import calibrated
 from lava_vpr.training.loop import train as train_encoded
 from lava_vpr.training.standard import fitted, settings_for
@@ -48,7 +47,7 @@ def train(
     rates: NDArray[Any] | Sequence[NDArray[Any]] | None = None,
     preset: str = "loihi",
     config: Config | None = None,
-    positions: Positions | NDArray[np.float64] | None = None,
+    positions: Positions | ArrayLike | None = None,
     seed: int | None = None,
     threads: int | None = None,
 ) -> Model:
@@ -81,13 +80,13 @@ def train(
         encoder = dataclasses.replace(chosen.encoder, kind="rates", vector_values=0)
         chosen = dataclasses.replace(chosen, encoder=encoder)
         references = (rates,) if np.ndim(rates[0]) == 1 else tuple(rates)
+    where = placed(positions, XY)
     opened = [_opened(images, chosen) for images in references]
     traverses = [images for images in opened if isinstance(images, Traverse)]
     if traverses:
         chosen = settings_for(chosen, traverses)
     standard = fitted(chosen, traverses) if len(traverses) == len(opened) else None
     encoded = [seen for images in opened for seen in _encoded(images, chosen, standard)]
-    where = Positions(np.asarray(positions, np.float64), XY) if isinstance(positions, np.ndarray) else positions
     jobs = cores() if threads is None else threads
     return calibrated(train_encoded(encoded, chosen, positions=where, standard=standard, jobs=jobs), jobs)
 
@@ -128,57 +127,6 @@ def _encoded(
     if isinstance(images, Traverse):
         return encode_views(images, config.encoder, config.views.views, Keep.ALL, None, standard)
     return encode_arrays(list(images), config.encoder, config.views.views, Keep.ALL, None, standard)
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """A place that an image may show.
-
-    Attributes:
-        place: Its absolute index in the reference traverse.
-        name: File name of its reference image.
-        score: The decoder's score of the image at this place.
-        probability: How likely it is; NaN for all but the first where each image is answered alone.
-    """
-
-    place: int
-    name: str
-    score: float
-    probability: float
-
-
-@dataclass(frozen=True)
-class Match:
-    """Where an image was taken.
-
-    Attributes:
-        place: Absolute index of the best place in the reference traverse, also if it is not accepted; -1: the image
-            matches none.
-        name: File name of that place's reference image; empty without a place.
-        position: Coordinates of that place in ``frame``; None without a place, or where they are not known.
-        frame: Frame of the position (`lava_vpr.positions.frames`).
-        probability: How likely the robot is there, within ``radius`` places; NaN where that is not known.
-        accepted: Whether that is likely enough for the precision that was aimed at.
-        radius: See ``probability``: 0 where each image is answered alone.
-        off_map: How likely the robot is off the map; NaN where each image is answered alone.
-        confidence: How sure the decoder is of this image alone; -inf if the image made no neuron spike.
-        candidates: The best places, best first, at most `CANDIDATES`.
-        spikes: Spike counts of the neurons, int32 (neurons,).
-        stamp: What `Localizer.update` was given.
-    """
-
-    place: int
-    name: str
-    position: tuple[float, float] | None
-    frame: str | None
-    probability: float
-    accepted: bool
-    radius: int
-    off_map: float
-    confidence: float
-    candidates: tuple[Candidate, ...]
-    spikes: NDArray[np.int32] = field(repr=False)
-    stamp: float | None = None
 
 
 class Localizer:
@@ -223,7 +171,7 @@ class Localizer:
     def reset(self) -> None:
         """Forget the images so far: the next may be anywhere, on the map or off it."""
         self._asker, self._moving = Asker(self._model, self._asking, self._seed), Motion()
-        self._belief, self._begun = Belief.unknown(self._model.places), False
+        self._answerer = Answerer.of(self._model.config.decoder.default, self._model.places, self._together)
 
     def update(self, image: NDArray[Any], stamp: float | None = None, odometry: float | None = None) -> Match:
         """Take the next image.
@@ -236,47 +184,22 @@ class Localizer:
         Raises:
             InputError: the image is none, or the odometry cannot be used.
         """
-        model = self._model
-        seen = encode_arrays([image], model.config.encoder, self._views, standard=model.standard)
+        seen = encode_arrays([image], self._model.config.encoder, self._views, standard=self._model.standard)
         shown = self._asker.presentations(seen)
         counts = summed(self._backend.count_spikes(self._model, shown)[0], self._asking.views)
-        scores = self._scores_of(counts)
-        alone = answers_of(self._model.config.decoder.default, scores, self._together.calibration)
-        confidence = float(alone.confidence[0])
-        if self._motion == NONE:
-            order = np.argsort(-scores[0], kind="stable")[:CANDIDATES]
-            chances = np.full(len(order), np.nan)
-            chances[0] = alone.probability[0]
-            place, probability, off_map = int(alone.matches[0]), float(alone.probability[0]), math.nan
-        else:
-            belief = self._followed(scores[0], bool(self._moving.moving(shown.rates[:1])[0]), odometry)
-            order = np.argsort(-belief.places, kind="stable")[:CANDIDATES]
-            chances = belief.places[order]
-            place, off_map = int(order[0]), belief.off_map
-            probability = round(belief.near(place), 9)
-        answer = alone._replace(matches=np.array([place]), probability=np.array([probability]))
-        return Match(
-            place=self._index(place),
-            name=self._model.place_names[place] if place >= 0 else "",
-            position=self._position(place),
-            frame=self._model.frame,
-            probability=probability,
-            accepted=bool(accepted(answer, self._least)[0]),
-            radius=0 if self._motion == NONE else RADIUS,
-            off_map=off_map,
-            confidence=confidence,
-            candidates=tuple(
-                Candidate(self._index(k), self._model.place_names[k], float(scores[0, k]), float(chance))
-                for k, chance in zip(order.tolist(), chances.tolist(), strict=True)
-            ),
-            spikes=counts[0],
-            stamp=stamp,
+        moving = None if self._motion == NONE else self._moving.moving(shown.rates[:1])
+        self._answerer, answers = self._answerer.step(self._scores_of(counts), moving, odometry)
+        good = accepted(answers, self._least)
+        stamps = None if stamp is None else np.array([stamp])
+        (match,) = matches_of(
+            self._model, answers, good, counts, radius=self._together.radius, top=CANDIDATES, stamps=stamps
         )
+        return match
 
     def add(
         self,
         images: Images,
-        positions: Positions | NDArray[np.float64] | None = None,
+        positions: Positions | ArrayLike | None = None,
         names: Sequence[str] | None = None,
     ) -> None:
         """Learn further places; what was learned stays as it is, and so does what is believed.
@@ -288,15 +211,15 @@ class Localizer:
         Raises:
             LavaVprError: the images or positions do not fit the map.
         """
-        frame = self._model.frame or XY
-        where = Positions(np.asarray(positions, np.float64), frame) if isinstance(positions, np.ndarray) else positions
         taken: Any = images
         if isinstance(images, (str, Path)):
             taken = _encoded(_opened(images, self._model.config), self._model.config, self._model.standard)
-        before = self._belief
-        self._use(maps.extend(self._model, taken, names=names, positions=where))
-        new = np.zeros(self._model.places - len(before.places))
-        self._go_on(Belief(np.concatenate([before.places, new]), before.off_map))
+        before = self._answerer.filter
+        self._use(maps.extend(self._model, taken, names=names, positions=positions))
+        self.reset()
+        if before is not None:
+            new = np.zeros(self._model.places - len(before.belief.places))
+            self._go_on(before, Belief(np.concatenate([before.belief.places, new]), before.belief.off_map))
 
     def remove(self, places: Sequence[int]) -> None:
         """Forget places of the map.
@@ -306,10 +229,13 @@ class Localizer:
         Raises:
             InputError: the map has no such place, or fewer than two would be left.
         """
-        before, kept = self._belief, ~np.isin(self._model.place_indices, np.asarray(places, np.int64))
+        before, kept = self._answerer.filter, ~np.isin(self._model.place_indices, np.asarray(places, np.int64))
         self._use(maps.remove(self._model, places))
-        left = before.places[kept]
-        self._go_on(Belief(left, before.off_map + float(before.places.sum() - left.sum())))
+        self.reset()
+        if before is not None:
+            left = before.belief.places[kept]
+            lost = float(before.belief.places.sum() - left.sum())
+            self._go_on(before, Belief(left, before.belief.off_map + lost))
 
     def save(self, path: str | Path) -> None:
         """Write the map to a model file; it appears complete or not at all.
@@ -328,29 +254,12 @@ class Localizer:
         self._least = least_probability(self._together, self._precision)
         self._views, self._scores_of = self._asking.of(model), prepare(model)
 
-    def _go_on(self, belief: Belief) -> None:
-        """Go on with a changed map and this belief."""
-        begun = self._begun
-        self.reset()
-        self._belief, self._begun = belief, begun
-
-    def _followed(self, scores: NDArray[np.float64], moving: bool, odometry: float | None) -> Belief:
-        """What is believed once an image with these scores (places,) is seen."""
-        follower = ForwardFilter(self._belief, self._motion, self._together.along)
-        follower = follower.update(scores, moving=moving, odometry=odometry, first=not self._begun)
-        self._belief, self._begun = follower.belief, True
-        return self._belief
-
-    def _index(self, place: int) -> int:
-        """The absolute index of a place; -1 for none."""
-        return int(self._model.place_indices[place]) if place >= 0 else -1
-
-    def _position(self, place: int) -> tuple[float, float] | None:
-        """The coordinates of a place, if there are any."""
-        if place < 0 or self._model.positions is None:
-            return None
-        first, second = self._model.positions[place].tolist()
-        return float(first), float(second)
+    def _go_on(self, before: ForwardFilter, belief: Belief) -> None:
+        """Follow on with a changed map, from ``belief``."""
+        along = self._together.along
+        self._answerer = dataclasses.replace(
+            self._answerer, filter=dataclasses.replace(before, belief=belief, along=along)
+        )
 
 
 def _along(places: Positions | None) -> NDArray[np.float64] | None:

@@ -22,7 +22,7 @@ from lava_vpr.cluster.tasks import Cluster
 from lava_vpr.encoding import EncodedTraverse, encoded_batches
 from lava_vpr.engine.adaptation import Adaptation, Motion
 from lava_vpr.matching import baselines, sequences
-from lava_vpr.matching.answers import ALONE, Answers, LookingBack, Together
+from lava_vpr.matching.answers import ALONE, Answerer, Answers, Together
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.matching.forward_filter import NONE
@@ -113,10 +113,12 @@ class Answered(NamedTuple):
     Attributes:
         images: The queries.
         answers: What the model says of each.
+        counts: Their spike counts, int32 (n, neurons).
     """
 
     images: Traverse
     answers: Answers
+    counts: NDArray[np.int32]
 
 
 def answer_stream(
@@ -155,7 +157,7 @@ def answer_stream(
         LavaVprError: an image cannot be read, the sequence exceeds the places, or the backend cannot run.
     """
     chosen, calls = backends.get(backend, threads, advance), max(1, BACKENDS[backend].together // BATCH)
-    state, motion = LookingBack.of(model.config.decoder.default, model.places, together), Motion()
+    state, motion = Answerer.of(model.config.decoder.default, model.places, together), Motion()
     scores_of = prepare(model)
     asking.check(model)
     batches = encoded_batches(
@@ -179,8 +181,8 @@ def answer_stream(
             scores = scores_of(some)
             if pace is not None:
                 pace.update(scores)
-            state, answers = state.update(scores, moving)
-            yield Answered(part, answers)
+            state, answers = state.step(scores, moving)
+            yield Answered(part, answers, some)
             first += len(some)
 
 
@@ -269,12 +271,12 @@ def recognise(
         calibration = comparison.calibration if answers_here else None
         keep = comparison.keep_scores and (answers_here or name not in DECODERS)
         seen = pace if answers_here else None
-        held[name] = hold(matcher, scores, truth, sequence, calibration, pace=seen, keep=keep)
+        held[name] = hold(matcher, scores, truth, Together(sequence, NONE, calibration), pace=seen, keep=keep)
         if answers_here and comparison.motion != NONE and sequence == 1:
             moving = Motion().moving(shown.rates[: len(queries)])
-            followed = follow(comparison.motion, scores, moving, held[name].answers.confidence, truth)
+            followed = follow(matcher, scores, truth, Together(motion=comparison.motion), moving)
     adapted = {
-        name: hold(matcher, InBlocks.made(scores), truth, sequence)
+        name: hold(matcher, InBlocks.made(scores), truth, Together(sequence))
         for name, matcher, scores in _adapted_matchers(rivals, backend, advance)
     }
     single = held[default].answers

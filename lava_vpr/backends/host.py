@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from lava_vpr.backends.interface import Events, Presentations
 from lava_vpr.cluster.tasks import Cluster
-from lava_vpr.encoding import draw_trains
+from lava_vpr.encoding import spike_trains
 from lava_vpr.engine.blocks import Block, in_blocks, of_conductances, of_integers
 from lava_vpr.engine.conductance.model import ConductanceState
-from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.trains import Trains
 from lava_vpr.model import Model, checked_network
 
@@ -34,13 +33,6 @@ class HostBackend:
         return in_blocks(of_integers, integer, block, threads=self.threads, cluster=self.cluster)
 
     def trains(self, model: Model, shown: Presentations) -> Trains:
-        """See `lava_vpr.backends.interface.Backend.trains`.
-
-        The inhibitory neurons' trains follow from those of exc (`fixed.inhibitory_spikes`).
-        """
+        """See `lava_vpr.backends.interface.Backend.trains`."""
         network = checked_network(model, "host")
-        _, _, exc = fixed.count_spikes(
-            network, shown.rates, shown.keys, bias=shown.bias, threads=self.threads, raster=True
-        )
-        inputs = draw_trains(shown.rates, shown.keys, network.steps, network.interval, regular=network.regular)
-        return Trains(exc, inputs, fixed.inhibitory_spikes(network, exc))
+        return spike_trains(network, shown.rates, shown.keys, bias=shown.bias, threads=self.threads)

@@ -19,6 +19,7 @@ from rich.text import Text
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.config import EncoderConfig
 from lava_vpr.deploy.boards.board import BOARDS, Board
+from lava_vpr.deploy.hardware.belief import Belief
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_views
 from lava_vpr.inputs.vectors import Standard
 from lava_vpr.inputs.views import STRAIGHT, View
@@ -159,6 +160,17 @@ def check_dense_rows(board: Board, dense_rows: bool) -> None:
     if dense_rows and board.synapse_words is None:
         able = " or ".join(name for name, row in BOARDS.items() if row.synapse_words is not None)
         raise click.UsageError(f"--dense-rows needs --target {able}: how {board.title} stores rows is not public")
+
+
+def print_unproven(rows: Sequence[Belief]) -> None:
+    """Print how many unproven beliefs a bundle rests on, with the names of those that not all for its board have."""
+    own = [row.name for row in rows if all(":" in each for each in row.rests)]
+    named = "".join(f"; {name}" for name in own)
+    console.print(
+        f"Rests on {len(rows)} beliefs that no public source shows (docs/hardware.md): {len(rows) - len(own)} of "
+        f"every bundle for this board{named}.",
+        soft_wrap=True,
+    )
 
 
 def asking_options(command: F) -> F:

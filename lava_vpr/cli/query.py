@@ -11,7 +11,6 @@ from pathlib import Path
 
 import click
 import numpy as np
-from numpy.typing import NDArray
 
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import Asking
@@ -32,11 +31,12 @@ from lava_vpr.cli.common import (
     stderr,
 )
 from lava_vpr.cli.outputs import Outputs, stdout_writer, text_writer
-from lava_vpr.cli.show.matches import Some, Table, columns_of, sentences
+from lava_vpr.cli.show.matches import Row, Table, sentences
 from lava_vpr.cli.whereabouts import WhereOptions, query_positions_options
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
-from lava_vpr.matching.answers import Answers, Together, accepted, least_probability
+from lava_vpr.matches import matches_of
+from lava_vpr.matching.answers import Together, accepted, least_probability, sure
 from lava_vpr.matching.forward_filter import NONE
 from lava_vpr.matching.sequences import Pace
 from lava_vpr.recognition import answer_stream
@@ -130,10 +130,11 @@ def query(
         raise InputError(
             f"{shown(images)}: has {len(traverse)} images, fewer than --sequence {sequence}; use a shorter sequence"
         )
-    table = Table(columns_of(model, traverse), top, motion != NONE)
+    table = Table.of(model, traverse, top, chances=motion != NONE)
     calibration = None if query_views > 1 else calibration_of(model, cores())
-    together = Together(sequence, motion, calibration, candidates=top if top > 1 else 0)
+    together = Together(sequence, motion, calibration)
     least = least_probability(together, target_precision)
+    decisive = least if min_confidence is None else math.nan
     pace = Pace() if sequence > 1 else None
     form = _form(form, file, one=output is None and len(traverse) == 1)
     recognised, waiting = 0, ExitStack()
@@ -159,12 +160,12 @@ def query(
             read=read,
             advance=advance,
         )
-        for images_done, answers in stream:
+        for done, answers, counts in stream:
             good = accepted(answers, least) if min_confidence is None else sure(answers, min_confidence)
             recognised += int(good.sum())
             waiting.close()
-            some = Some(model, images_done, answers, good)
-            write(SHOWN[form](table, some, least if min_confidence is None else math.nan))
+            found = matches_of(model, answers, good, counts, radius=together.radius, top=top, stamps=done.stamps)
+            write("".join(SHOWN[form](table, row, decisive) for row in table.rows(done, answers, found)))
     contradiction = None if pace is None else pace.contradiction(sequence)
     if contradiction is not None:
         stderr.print(f"warning: {contradiction}")
@@ -175,12 +176,12 @@ def query(
 
 STDOUT = Path("-")
 """The name of standard output; a file of this name is ``./-``."""
-SHOWN: dict[str, Callable[[Table, Some, float], str]] = {
-    "csv": lambda table, some, least: table.csv(some),
-    "jsonl": lambda table, some, least: table.json(some),
+SHOWN: dict[str, Callable[[Table, Row, float], str]] = {
+    "csv": lambda table, row, least: table.csv(row),
+    "jsonl": lambda table, row, least: table.json(row),
     "sentence": sentences,
 }
-"""How queries are shown: by the table, of queries, where a match is accepted from some probability on."""
+"""The text of a query: by the table, from its row, where a match is accepted from some probability on."""
 
 
 def _form(asked: str | None, file: Path | None, *, one: bool) -> str:
@@ -209,8 +210,3 @@ def query_progress(
     seen = itertools.count(1)
     with progress_bar(f"running {backend}", queries) as advance:
         yield lambda done: advance(0, f"{next(seen)} read"), lambda done: advance(done, "")
-
-
-def sure(answers: Answers, least: float) -> NDArray[np.bool_]:
-    """Which answers are a match of at least the confidence ``least``, bool (n,)."""
-    return (answers.matches >= 0) & (answers.confidence >= least)

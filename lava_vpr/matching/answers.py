@@ -1,8 +1,12 @@
-"""Answers: the matched place of each query, how sure that match is, and how likely it is right."""
+"""Answers: the matched place of each query, how sure that match is, and how likely it is right.
+
+`Answerer.step` is the one way from scores of places to answers: each query by itself, in sequences, or followed by a
+forward filter. State goes in and out, so that a robot's next image, a stream and a whole evaluation share it.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +15,7 @@ from numpy.typing import NDArray
 from lava_vpr.errors import ConfigError
 from lava_vpr.matching.certainty import best
 from lava_vpr.matching.equations import Scores
-from lava_vpr.matching.forward_filter import NONE, Belief, ForwardFilter, check_motion
+from lava_vpr.matching.forward_filter import NONE, RADIUS, Belief, ForwardFilter, check_motion, filtered
 from lava_vpr.matching.matchers import confidence
 from lava_vpr.matching.probability import Calibration, check_precision
 from lava_vpr.matching.sequences import SequenceMatcher
@@ -23,8 +27,8 @@ class Candidates(NamedTuple):
     Attributes:
         places: int64 (n, k); -1 where a query matches none.
         scores: Their scores, or the sum over a sequence, float64 (n, k).
-        probability: How likely the query is at that very place, float64 (n, k). By itself only the best place's is
-            known; NaN where it is not.
+        probability: Probability that the query is at that very place, float64 (n, k); NaN where it is not known: of
+            queries by themselves for all but the best place.
     """
 
     places: NDArray[np.int64]
@@ -32,25 +36,62 @@ class Candidates(NamedTuple):
     probability: NDArray[np.float64]
 
 
-class Answers(NamedTuple):
-    """What a matcher says of every query.
+class Ranking(NamedTuple):
+    """The values by which the places of the last m queries are ranked.
 
     Attributes:
-        matches: The matched place of each query, -1 for none, int64 (n,).
-        confidence: Confidence of those matches, float64 (n,); -inf where nothing matches.
-        probability: How likely the query is there (within `forward_filter.RADIUS` places, if it was filtered), float64
-            (n,); NaN where that was not asked or is not known.
-        candidates: The best places, if they were asked for.
+        by: Scores, sums over sequences, or the filter's probabilities, float64 (m, columns), higher is better.
+        scores: The score of each of these places, float64 (m, columns).
+        first: Place of column 0.
+        probable: Whether ``by`` are probabilities.
+    """
+
+    by: Scores
+    scores: Scores
+    first: int = 0
+    probable: bool = False
+
+
+UNRANKED = Ranking(np.zeros((0, 0)), np.zeros((0, 0)))
+"""The ranking of no query."""
+
+
+class Answers(NamedTuple):
+    """Answers of a matcher to n queries.
+
+    Attributes:
+        matches: Matched place of each query, -1 for none, int64 (n,).
+        confidence: Confidence of the matcher in that query alone, float64 (n,); -inf where nothing matches.
+        probability: Probability that the query is there (within `Together.radius` places), float64 (n,); NaN where it
+            is not known.
+        off_map: Probability that the query is off the map, float64 (n,); None without a filter.
+        ranking: Of the last of these queries: all but those whose sequence is not complete.
     """
 
     matches: NDArray[np.int64]
     confidence: NDArray[np.float64]
     probability: NDArray[np.float64]
-    candidates: Candidates | None = None
+    off_map: NDArray[np.float64] | None = None
+    ranking: Ranking = UNRANKED
+
+    def candidates(self, count: int) -> Candidates:
+        """The ``count`` best places of every query, or all that there are."""
+        by, scores, first, probable = self.ranking
+        rows, order = np.arange(len(by))[:, None], np.argsort(-by, axis=1, kind="stable")[:, :count]
+        unranked = len(self.matches) - len(by)
+        shape = (len(self.matches), order.shape[1])
+        places, values, chances = np.full(shape, -1, np.int64), np.full(shape, np.nan), np.full(shape, np.nan)
+        places[unranked:] = np.where(probable | by.any(axis=1)[:, None], order + first, -1)
+        values[unranked:] = scores[rows, order]
+        if probable:
+            chances[unranked:] = by[rows, order]
+        else:
+            chances[:, :1] = self.probability[:, None]
+        return Candidates(places, values, chances)
 
 
 def answers_of(matcher: str, scores: Scores, calibration: Calibration | None = None) -> Answers:
-    """The best place of each query.
+    """The best place of each query by itself.
 
     Args:
         matcher: Name of the decoder or other matcher whose scores these are.
@@ -59,19 +100,7 @@ def answers_of(matcher: str, scores: Scores, calibration: Calibration | None = N
     """
     unknown = np.full(len(scores), np.nan)
     probability = unknown if calibration is None else calibration.probabilities(scores)
-    return Answers(best(scores), confidence(matcher, scores), probability)
-
-
-def ranked(values: NDArray[np.float64], count: int) -> NDArray[np.int64]:
-    """The places (n, count) with the highest of ``values`` (n, places), best first, equal ones by their number."""
-    return np.argsort(-values, axis=1, kind="stable")[:, :count].astype(np.int64)
-
-
-def _by_score(scores: Scores, count: int, first: int = 0) -> Candidates:
-    """The places with the highest scores (n, places), numbered from ``first``; their probabilities are not known."""
-    order = ranked(scores, count)
-    places = np.where(scores.any(axis=1)[:, None], order + first, -1)
-    return Candidates(places, np.take_along_axis(scores, order, axis=1), np.full(order.shape, np.nan))
+    return Answers(best(scores), confidence(matcher, scores), probability, ranking=Ranking(scores, scores))
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,14 +112,12 @@ class Together:
         motion: How the robot may move from one query to the next (`forward_filter.MOTIONS`); ``none``: unknown.
         calibration: Of the model's decoder; None: probabilities of single queries are not known.
         along: Metres along the route of each place, float64 (places,), for odometry; None: unknown.
-        candidates: Number of best places that each answer names; 0: none.
     """
 
     sequence: int = 1
     motion: str = NONE
     calibration: Calibration | None = None
-    along: NDArray[np.float64] | None = None
-    candidates: int = 0
+    along: NDArray[np.float64] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         check_motion(self.motion)
@@ -100,41 +127,42 @@ class Together:
                 "(--motion also follows another speed, stops and turns)"
             )
 
+    @property
+    def radius(self) -> int:
+        """Places on either side of an answer that its probability includes."""
+        return 0 if self.motion == NONE else RADIUS
+
 
 ALONE = Together()
 """Each query by itself."""
 
 
 @dataclass(frozen=True, eq=False)
-class LookingBack:
-    """The answers of a stream of queries, each matched with those before it; state goes in and out.
+class Answerer:
+    """The state between the queries of a stream; state goes in and out.
 
-    ``state, answers = state.update(scores)``; start a new one where the stream is interrupted.
+    ``state, answers = state.step(scores)``; start a new one where the stream is interrupted.
 
     Attributes:
         matcher: Name of the decoder or other matcher whose scores are given.
-        calibration: Of that decoder; None: probabilities of single queries are not known.
-        windows: Adds up the scores of the last queries; None: it does not.
-        filter: What is believed after the last query; None: that is not asked.
-        candidates: Number of best places that each answer names; 0: none.
-        begun: Whether a query was seen.
+        together: How queries are matched with those before them.
+        windows: Sums of the scores of the last queries; None: no sequences.
+        filter: The belief after the last query; None: no filter.
     """
 
     matcher: str
-    calibration: Calibration | None = None
+    together: Together = ALONE
     windows: SequenceMatcher | None = None
     filter: ForwardFilter | None = None
-    candidates: int = 0
-    begun: bool = False
 
     @classmethod
-    def of(cls, matcher: str, n_places: int, together: Together = ALONE) -> LookingBack:
+    def of(cls, matcher: str, n_places: int, together: Together = ALONE) -> Answerer:
         """The state before the first query.
 
         Args:
             matcher: As the attribute.
             n_places: Number of places.
-            together: How queries are matched.
+            together: As the attribute.
         Raises:
             InputError: the sequence has no length, or exceeds the places.
         """
@@ -142,65 +170,41 @@ class LookingBack:
         following = None
         if together.motion != NONE:
             following = ForwardFilter(Belief.unknown(n_places), together.motion, together.along)
-        adding = windows if together.sequence > 1 else None
-        return cls(matcher, together.calibration, adding, following, min(together.candidates, n_places))
+        return cls(matcher, together, windows if together.sequence > 1 else None, following)
 
-    def update(self, scores: Scores, moving: NDArray[np.bool_] | None = None) -> tuple[LookingBack, Answers]:
+    def step(
+        self, scores: Scores, moving: NDArray[np.bool_] | None = None, odometry: float | None = None
+    ) -> tuple[Answerer, Answers]:
         """Take the scores of the next queries.
 
         Args:
             scores: Scores of single queries (n, n_places), higher is better; how many come at a time changes no answer.
             moving: Whether each shows something else than the one before, bool (n,); None: all do. For the filter.
+            odometry: Metres driven before each of them; None: unknown. For the filter.
         Returns:
             The next state, and an answer for each of these queries; the first of the stream, whose sequence is not
             complete, have no match.
         Raises:
-            InputError: the scores are not those of ``n_places`` places.
+            InputError: the scores are not those of ``n_places`` places, or the odometry cannot be used.
         """
         if self.windows is not None:
             return self._in_windows(self.windows, scores)
-        alone = answers_of(self.matcher, scores, self.calibration)
         if self.filter is None:
-            if not self.candidates:
-                return self, alone
-            named = _by_score(scores, self.candidates)
-            named.probability[:, 0] = alone.probability
-            return self, alone._replace(candidates=named)
-        state, places, probability = self.filter, np.empty(len(scores), np.int64), np.empty(len(scores))
-        moves = np.ones(len(scores), np.bool_) if moving is None else moving
-        order = np.zeros((len(scores), self.candidates), np.int64)
-        chances = np.zeros(order.shape)
-        for number, row in enumerate(scores):
-            state = state.update(row, moving=bool(moves[number]), first=not self.begun and number == 0)
-            places[number] = state.belief.places.argmax()
-            probability[number] = round(state.belief.near(int(places[number])), 9)
-            if self.candidates:
-                order[number] = ranked(state.belief.places[None], self.candidates)[0]
-                chances[number] = state.belief.places[order[number]]
-        named = Candidates(order, np.take_along_axis(scores, order, axis=1), chances)
-        answers = Answers(places, alone.confidence, probability, named if self.candidates else None)
-        return replace(self, filter=state, begun=True), answers
+            return self, answers_of(self.matcher, scores, self.together.calibration)
+        state, beliefs = filtered(self.filter, scores, moving, odometry)
+        places, near = beliefs.best()
+        sure, ranking = confidence(self.matcher, scores), Ranking(beliefs.places, scores, probable=True)
+        return replace(self, filter=state), Answers(places, sure, near, beliefs.off_map, ranking)
 
-    def _in_windows(self, windows: SequenceMatcher, scores: Scores) -> tuple[LookingBack, Answers]:
-        """`update` of who adds up scores over sequences."""
+    def _in_windows(self, windows: SequenceMatcher, scores: Scores) -> tuple[Answerer, Answers]:
+        """`step` where scores are added up over sequences."""
         windows, sums = windows.update(scores)
-        ends = answers_of("sequence", sums)
-        matches = np.full(len(scores), -1, np.int64)
-        certainty = np.full(len(scores), -np.inf)
+        ends, first = answers_of("sequence", sums), windows.length - 1
         begun = len(scores) - len(sums)
-        matches[begun:] = np.where(ends.matches >= 0, ends.matches + windows.length - 1, -1)
-        certainty[begun:] = ends.confidence
-        answers = Answers(matches, certainty, np.full(len(scores), np.nan))
-        if self.candidates:
-            answers = answers._replace(candidates=self._of_windows(sums, windows.length, begun))
-        return replace(self, windows=windows), answers
-
-    def _of_windows(self, sums: Scores, length: int, begun: int) -> Candidates:
-        """The best places by the ``sums`` of whole sequences; the first ``begun`` queries have none yet."""
-        count = min(self.candidates, sums.shape[1])
-        some = _by_score(sums, count, length - 1)
-        before = np.full((begun, count), -1, np.int64), *(np.full((begun, count), np.nan) for _ in range(2))
-        return Candidates(*(np.concatenate(pair) for pair in zip(before, some, strict=True)))
+        matches = np.concatenate([np.full(begun, -1), np.where(ends.matches >= 0, ends.matches + first, -1)])
+        certainty = np.concatenate([np.full(begun, -np.inf), ends.confidence])
+        unknown = np.full(len(scores), np.nan)
+        return replace(self, windows=windows), Answers(matches, certainty, unknown, ranking=Ranking(sums, sums, first))
 
 
 def least_probability(together: Together, precision: float) -> float:
@@ -224,3 +228,8 @@ def accepted(answers: Answers, least: float) -> NDArray[np.bool_]:
     """Which answers are a match of at least the probability ``least``, bool (n,); of any, where that is NaN."""
     known = ~np.isnan(answers.probability)
     return (answers.matches >= 0) & (~known | np.isnan(least) | (answers.probability >= least))
+
+
+def sure(answers: Answers, least: float) -> NDArray[np.bool_]:
+    """Which answers are a match of at least the confidence ``least``, bool (n,)."""
+    return (answers.matches >= 0) & (answers.confidence >= least)

@@ -83,11 +83,13 @@ class ForwardFilter:
         belief: The belief after the last query.
         motion: One of `MOTIONS`.
         along: Metres along the route of each place, float64 (places,), rising, for odometry; None: unknown.
+        begun: Whether a query was seen: before the first, the belief does not move.
     """
 
     belief: Belief
     motion: str = "any"
     along: NDArray[np.float64] | None = field(default=None, repr=False)
+    begun: bool = False
 
     def __post_init__(self) -> None:
         if self.motion not in MOTIONS:
@@ -99,16 +101,13 @@ class ForwardFilter:
         least, weights = MOTIONS[self.motion]
         return tuple((least + k, weight / math.fsum(weights)) for k, weight in enumerate(weights))
 
-    def update(
-        self, scores: NDArray[Any], *, moving: bool = True, odometry: float | None = None, first: bool = False
-    ) -> ForwardFilter:
+    def update(self, scores: NDArray[Any], *, moving: bool = True, odometry: float | None = None) -> ForwardFilter:
         """Take the scores of the next query.
 
         Args:
             scores: Scores of the places, at least 0, (places,); all 0 say nothing.
             moving: Whether it shows something else than the last one; if not, it is no news.
             odometry: Metres since the last query, either sign; None: unknown.
-            first: Whether no query was before: the belief does not move.
         Raises:
             InputError: the scores are not those of as many places; odometry without positions, or no finite number.
         """
@@ -116,10 +115,12 @@ class ForwardFilter:
             raise InputError(
                 f"scores of shape {scores.shape} for {len(self.belief.places)} places; use one model throughout"
             )
+        if odometry is not None:
+            self._check_odometry(odometry)
         if not moving:
             return self
-        before = self.belief if first else self.moved(self.belief, odometry)
-        return replace(self, belief=seen(before, evidence(scores)))
+        before = self.moved(self.belief, odometry) if self.begun else self.belief
+        return replace(self, belief=seen(before, evidence(scores)), begun=True)
 
     def moved(self, belief: Belief, odometry: float | None = None) -> Belief:
         """``belief`` before the next query is seen."""
@@ -140,17 +141,22 @@ class ForwardFilter:
             carried[target] += share * places[source]
         return carried
 
-    def _driven(self, places: NDArray[np.float64], metres: float) -> NDArray[np.float64]:
-        """Where ``metres`` along the route take the probabilities ``places``."""
+    def _check_odometry(self, metres: float) -> NDArray[np.float64]:
+        """Metres along the route of each place, where ``metres`` can be used with them."""
         if self.along is None:
             raise InputError("odometry needs a map with positions; train it with --positions, or leave odometry out")
         if not np.isfinite(metres):
             raise InputError(f"odometry is {metres}, but must be a finite number of metres; leave it out where unknown")
+        return self.along
+
+    def _driven(self, places: NDArray[np.float64], metres: float) -> NDArray[np.float64]:
+        """Where ``metres`` along the route take the probabilities ``places``."""
+        along = self._check_odometry(metres)
         ways = (metres,) if self.motion == "forward" else (metres, -metres)
         carried = np.zeros_like(places)
         for way in ways:
             for off, share in ((-1.0, 0.25), (0.0, 0.5), (1.0, 0.25)):
-                _land(carried, self.along, self.along + way * (1.0 + off * _SPREAD), places * (share / len(ways)))
+                _land(carried, along, along + way * (1.0 + off * _SPREAD), places * (share / len(ways)))
         blurred = 0.5 * carried
         for step in (-1, 1):
             target, source = _overlap(len(places), step)
@@ -224,19 +230,21 @@ class Beliefs:
 
 
 def filtered(
-    state: ForwardFilter, scores: Scores, moving: NDArray[np.bool_], *, begun: bool = False
+    state: ForwardFilter, scores: Scores, moving: NDArray[np.bool_] | None = None, odometry: float | None = None
 ) -> tuple[ForwardFilter, Beliefs]:
     """The filter after some queries of a traverse, and the belief after each.
 
     Args:
         state: The filter before the first of them.
         scores: float64 (n, places), at least 0.
-        moving: Whether each query shows something else than the one before, bool (n,).
-        begun: Whether the traverse has queries before these.
+        moving: Whether each query shows something else than the one before, bool (n,); None: all do.
+        odometry: Metres before each of them, either sign; None: unknown.
+    Raises:
+        InputError: as `ForwardFilter.update`.
     """
     beliefs = Beliefs(np.empty(scores.shape), np.empty(len(scores)))
-    for number, (row, moves) in enumerate(zip(scores, moving, strict=True)):
-        state = state.update(row, moving=bool(moves), first=number == 0 and not begun)
+    for number, row in enumerate(scores):
+        state = state.update(row, moving=moving is None or bool(moving[number]), odometry=odometry)
         beliefs.places[number], beliefs.off_map[number] = state.belief.places, state.belief.off_map
     return state, beliefs
 

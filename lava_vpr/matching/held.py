@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.matching import sequences
-from lava_vpr.matching.answers import Answers, answers_of
+from lava_vpr.matching.answers import ALONE, UNRANKED, Answerer, Answers, Together
 from lava_vpr.matching.equations import Scores
 from lava_vpr.matching.evaluation import Metrics, Tally, Truth
-from lava_vpr.matching.forward_filter import Belief, ForwardFilter, filtered, smooth
-from lava_vpr.matching.probability import Calibration
+from lava_vpr.matching.forward_filter import NONE, filtered, smooth
 
 BLOCK = 256
 """Queries whose scores are made together."""
@@ -67,41 +66,42 @@ def hold(
     matcher: str,
     scores: InBlocks,
     truth: Truth,
-    sequence: int = 1,
-    calibration: Calibration | None = None,
+    together: Together = ALONE,
     *,
+    moving: NDArray[np.bool_] | None = None,
     pace: sequences.Pace | None = None,
     keep: bool = False,
+    states: list[Answerer] | None = None,
 ) -> Held:
     """Answer every query, or every sequence of queries, and hold the answers against the truth.
 
     Args:
         matcher: Name of the decoder or other matcher whose scores these are.
         scores: Its scores of single queries.
-        truth: bool (queries, places); with a sequence that of `sequences.sequence_truth`.
-        sequence: Queries whose scores are added up; 1: none.
-        calibration: Of that decoder; None: probabilities are not known.
+        truth: bool (queries, places); with sequences that of `sequences.sequence_truth`.
+        together: How queries are matched with those before them.
+        moving: Whether each query shows something else than the one before, bool (queries,); None: all do.
         pace: Shown the scores of the single queries.
         keep: Whether the scores are kept.
+        states: Gets the state before each block.
     """
-    windows = sequences.SequenceMatcher(scores.places, sequence) if sequence > 1 else None
-    tally, answers, kept, done = Tally(len(truth)), list[Answers](), list[Scores](), 0
-    for _, some in scores:
+    state = Answerer.of(matcher, scores.places, together)
+    shift = together.sequence - 1  # a window is named after its first query and place here, after its last in a stream
+    tally, answers, kept = Tally(len(truth)), list[Answers](), list[Scores]()
+    for rows, some in scores:
         if pace is not None:
             pace.update(some)
-        if windows is None:
-            answered = answers_of(matcher, some, calibration)
-        else:
-            windows, some = windows.update(some)
-            answered = answers_of("sequence", some)
-        rows = slice(done, done + len(some))
-        tally.add(rows, some, answered.confidence, truth[rows])
-        answers.append(answered)
-        kept += [some] if keep else []
-        done = rows.stop
-    matches, confidence, probability = (np.concatenate([one[part] for one in answers]) for part in range(3))
-    said = Answers(matches, confidence, probability)
-    return Held(tally.metrics(), said, np.concatenate(kept) if keep else None)
+        if states is not None:
+            states.append(state)
+        state, found = state.step(some, None if moving is None else moving[rows])
+        by, sure = found.ranking.by, found.confidence if together.motion == NONE else found.probability
+        ends = slice(rows.stop - len(by) - shift, rows.stop - shift)
+        tally.add(ends, by, sure[len(some) - len(by) :], truth[ends])
+        answers.append(found._replace(ranking=UNRANKED))
+        kept += [by] if keep else []
+    matches, confidence, probability = (np.concatenate([one[part] for one in answers])[shift:] for part in range(3))
+    whole = Answers(np.where(matches >= 0, matches - shift, -1), confidence, probability)
+    return Held(tally.metrics(), whole, np.concatenate(kept) if keep else None)
 
 
 class Followed(NamedTuple):
@@ -119,31 +119,23 @@ class Followed(NamedTuple):
 
 
 def follow(
-    motion: str, scores: InBlocks, moving: NDArray[np.bool_], confidence: NDArray[np.float64], truth: Truth
+    matcher: str, scores: InBlocks, truth: Truth, together: Together, moving: NDArray[np.bool_] | None = None
 ) -> Followed:
     """Follow queries in driving order, forward, and then back from the last one.
 
     On the way back each block's beliefs are worked out again, so that those of one block at a time are there.
 
     Args:
-        motion: One of `forward_filter.MOTIONS`.
-        scores: Scores of single queries.
-        moving: Whether each query shows something else than the one before, bool (queries,).
-        confidence: Of the single queries, float64 (queries,).
-        truth: bool (queries, places).
+        matcher, scores, truth, together, moving: As in `hold`; ``together`` has a motion.
     """
-    state, states = ForwardFilter(Belief.unknown(scores.places), motion), []
-    forward, both = Tally(scores.queries), Tally(scores.queries)
-    places, probability = np.empty(scores.queries, np.int64), np.empty(scores.queries)
-    for rows, some in scores:
-        states.append(state)
-        state, beliefs = filtered(state, some, moving[rows], begun=rows.start > 0)
-        places[rows], probability[rows] = beliefs.best()
-        forward.add(rows, beliefs.places, probability[rows], truth[rows])
-    later = None
+    states: list[Answerer] = []
+    forward = hold(matcher, scores, truth, together, moving=moving, states=states)
+    both, later = Tally(scores.queries), None
     for rows, before in zip(reversed(scores.rows()), reversed(states), strict=True):
-        some = scores.of(rows)
-        _, beliefs = filtered(before, some, moving[rows], begun=rows.start > 0)
-        later = smooth(before, beliefs, some, moving[rows], later)
+        if before.filter is None:
+            raise ValueError("following needs a motion")
+        some, moves = scores.of(rows), np.ones(rows.stop - rows.start, np.bool_) if moving is None else moving[rows]
+        _, beliefs = filtered(before.filter, some, moves)
+        later = smooth(before.filter, beliefs, some, moves, later)
         both.add(rows, beliefs.places, beliefs.best()[1], truth[rows])
-    return Followed(Answers(places, confidence, probability), forward.metrics(), both.metrics())
+    return Followed(forward.answers, forward.metrics, both.metrics())

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.matching.answers import Answers, Together, accepted, least_probability
-from lava_vpr.matching.forward_filter import NONE, RADIUS
 from lava_vpr.matching.probability import Bin, reliability
 
 TARGETS = (0.9, 0.95, 0.98, 0.99)
@@ -74,7 +73,7 @@ def trust(answers: Answers, truth: NDArray[np.bool_], together: Together) -> Tru
     if len(answers.matches) == 0 or np.isnan(answers.probability).any():
         return None
     on_map = truth.any(axis=1)
-    right = is_right(answers.matches, truth, 0 if together.motion == NONE else RADIUS)
+    right = is_right(answers.matches, truth, together.radius)
     bins, error = reliability(answers.probability, right)
     rows = []
     for target in TARGETS:

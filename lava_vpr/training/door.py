@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from lava_vpr.config import Config
-from lava_vpr.errors import InputError
+from lava_vpr.errors import InputError, brief
 from lava_vpr.inputs.encoded import EncodedTraverse, check_encoded
-from lava_vpr.modelfile import check_names
+from lava_vpr.modelfile import MOST_COUNT, check_names
+from lava_vpr.settings.ranges import whole
 from lava_vpr.storage.arrays import UnfitError
 from lava_vpr.storage.text import shown
 
@@ -75,8 +76,9 @@ def check_encoded_references(
     if not any(reference.activity.any() for reference in references):
         raise InputError("no input responds to any reference: they are blank; give images that show something")
     seen = int(first.indices.max()) + 1
-    if route_images is not None and route_images < seen:
+    if route_images is not None and not (whole(route_images) and seen <= route_images <= MOST_COUNT):
         raise InputError(
-            f"route_images is {route_images}, but there is a place {seen - 1}; give the images of the whole traverse"
+            f"route_images is {brief(route_images)}, but there is a place {seen - 1}; give the images of the whole "
+            "traverse"
         )
-    return seen if route_images is None else route_images
+    return seen if route_images is None else int(route_images)

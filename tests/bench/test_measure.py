@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 import threading
 import time
@@ -12,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.common import children
 from support.common.imagefiles import write_images
 from support.common.small_models import encoded, small_model
 
@@ -177,7 +177,7 @@ def test_the_peak_is_that_of_the_process_itself() -> None:
     code = "import numpy as np; from lava_vpr.isolated import memory; {}; print(memory.own_peak())"
     peaks = []
     for does in (f"x = np.ones({held // 8}); del x", "pass"):
-        run = subprocess.run([sys.executable, "-c", code.format(does)], capture_output=True, text=True, check=True)
+        run = children.run([sys.executable, "-c", code.format(does)], capture_output=True, text=True, check=True)
         peaks.append(int(run.stdout))
     assert ballast.nbytes == held
     assert peaks[0] > held
@@ -193,9 +193,7 @@ def test_what_a_family_shares_is_counted_once() -> None:
         "time.sleep(0.2); print(len(memory.family()), memory.held_by_family())\n"
         "os.kill(pids[0], 9); os.waitpid(pids[0], 0)"
     )
-    run = subprocess.run(
-        [sys.executable, "-c", code.format(size=held // 8)], capture_output=True, text=True, check=True
-    )
+    run = children.run([sys.executable, "-c", code.format(size=held // 8)], capture_output=True, text=True, check=True)
     processes, together = map(int, run.stdout.split())
     assert processes == 2
     assert held < together < 1.7 * held
@@ -285,7 +283,7 @@ def test_the_host_measured_in_a_process_of_its_own(tmp_path: Path) -> None:
         found = measure.measure(asked(noise=0.4), "host", rounds=2, rapl_root=tmp_path)
     finally:
         over.set()
-        thread.join()
+        thread.join(60)
     check(found, 8, 20)
     assert found.joules_per_query is not None
     assert found.queries_per_second is not None

@@ -7,7 +7,6 @@ import json
 import os
 import platform
 import re
-import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,6 +14,7 @@ from pathlib import Path
 import click
 import pytest
 from click.testing import CliRunner
+from support.common import children
 from support.common.commands import CONFIG, PLACES, images, listed, recall, run
 from support.common.imagefiles import video
 
@@ -150,15 +150,15 @@ def test_every_command_and_option_says_what_it_is() -> None:
 
 def test_the_command_line_reference_is_up_to_date() -> None:
     """docs/cli.md is what scripts/cli_reference.py writes."""
-    done = subprocess.run([sys.executable, "scripts/cli_reference.py", "--check"], cwd=ROOT, capture_output=True)
+    done = children.run([sys.executable, "scripts/cli_reference.py", "--check"], cwd=ROOT, capture_output=True)
     assert done.returncode == 0, done.stderr.decode()
 
 
 def test_version_and_the_module() -> None:
     assert run("--version").stdout == f"lava-vpr, version {__version__}\n"
-    done = subprocess.run([sys.executable, "-m", "lava_vpr", "--version"], capture_output=True, text=True, check=True)
+    done = children.run([sys.executable, "-m", "lava_vpr", "--version"], capture_output=True, text=True, check=True)
     assert (done.stdout, done.stderr) == (f"lava-vpr, version {__version__}\n", "")
-    shown = subprocess.run([sys.executable, "-m", "lava_vpr", "--help"], capture_output=True, text=True, check=True)
+    shown = children.run([sys.executable, "-m", "lava_vpr", "--help"], capture_output=True, text=True, check=True)
     assert shown.stdout.startswith("Usage: lava-vpr [OPTIONS] COMMAND")
 
 

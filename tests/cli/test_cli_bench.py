@@ -56,6 +56,31 @@ def fails(*words: object) -> Result:
     return result
 
 
+def test_fit_deploy_and_bench_model_one_time_of_a_bundle(quick: Path) -> None:
+    """Asked are the reference images, which is what `fit` and `deploy` say theirs rests on."""
+    fitted = run("fit", "m.lvpr", "--target", "kapoho-bay", "--json", "f.json").stdout
+    deployed = run("deploy", "m.lvpr", "--target", "kapoho-bay", "-o", "b", "--json", "d.json").stdout
+    benched = run("bench", "b", "reference", "--target", "kapoho-bay", "--json", "b.json").stdout
+    times = json.loads(Path("b.json").read_text())["modelled"]["kapoho-bay"]
+    number, some = r"([\d.,]+)", r"([\d.,]+) (?:ms|µs) \(([\d.,]+) to ([\d.,]+)\)"
+    asked = f"its {PLACES} reference images, asked as queries"
+    sentence = f"Modelled on {asked}: {some} a query of 256 steps, {some} a step, {number} µs of it on the busiest core"
+    texts = (fitted, deployed, Path("b/README.md").read_text())
+    said = [re.search(sentence, " ".join(text.split())) for text in texts]
+    rows = ("time on the chip, ms", "one step, us")
+    cells = [re.search(rf"│ +{row} +│ +{number} │ +{number} │ +{number} │", benched) for row in rows]
+    low, nominal, high, *of_step = [cell for row in cells if row is not None for cell in row.groups()]
+    wanted = (nominal, low, high, of_step[1], of_step[0], of_step[2])
+    assert [found.groups()[:6] for found in said if found is not None] == [wanted] * 3
+    written = [json.loads(Path(name).read_text()) for name in ("f.json", "d.json", "b/manifest.json")]
+    for found in (one["modelled"] for one in written):
+        assert found["activity"] == asked
+        assert {name: times[name] for name in ("step_microseconds", "milliseconds")}.items() <= found.items()
+    (core,) = json.loads(Path("b/mapping.json").read_text())["cores"]
+    embedded = times["embedded"]["step_microseconds"]["nominal"]
+    assert 0 < core["load"]["nanoseconds"] / 1e3 < times["step_microseconds"]["nominal"] - embedded
+
+
 # --- what is told ----------------------------------------------------------------------------------------------------
 
 

@@ -70,9 +70,13 @@ def test_fit_without_a_model_tells_the_largest_map(here: Path) -> None:
     assert values["target"] == "kapoho-bay"
     row, every, *others = values["largest"]
     assert [(other["rows"], other["weights"]) for other in others] == [("dense", "typical"), ("dense", "every")]
-    assert (row["weight_bits"], row["rows"], row["proven"], every["weights"]) == (3, "sparse", True, "every")
+    assert (row["weight_bits"], row["rows"], row["proven"], every["weights"]) == (3, "sparse", False, "every")
+    assert row["narrow"] is True
+    assert "sparse (unproven)" in text
     assert row["neurons"] == row["places"] > every["places"] > 8000
-    assert re.search(rf"│ +3 │ sparse +│ +62 % │ +{row['places']:,} │ +{row['neurons']:,} │ +{row['cores']} │", text)
+    assert re.search(
+        rf"│ +3 │ sparse \(unproven\) +│ +62 % │ +{row['places']:,} │ +{row['neurons']:,} │ +{row['cores']} │", text
+    )
     assert f"{every['places']:,} │" in text
     assert "dense (unproven)" in text
     run("fit", "--target", "kapoho-bay", "--weight-bits", 3, "--neurons-per-place", 2, "--json", "d.json")
@@ -122,7 +126,9 @@ def test_deploy_writes_a_bundle(target: str, here: Path) -> None:
         "compression": None,
         "learning": None,
         "unproven": bundle.manifest["unproven"],
+        "modelled": bundle.manifest["modelled"],
     }
+    assert (values["modelled"] is None) == (target == "loihi2")
     # Once more, over the old one: the same bytes.
     run("deploy", "m.lvpr", *words)
     assert read(Path("b")).files == bundle.files
@@ -136,8 +142,10 @@ def test_on_loihi_2_inputs_integrate_a_bias_unless_asked(here: Path) -> None:
     done = run("deploy", *words, "-o", "b")
     assert "note: inputs integrate a bias, as Loihi 2 is given them unless --input-mode injected asks" in done.stderr
     bundle = read(Path("b"))
-    assert bundle.manifest["unproven"] == ["bias_mant, bias_exp and v are written while the run is paused"]
-    assert "no public source shows (docs/hardware.md): bias_mant, bias_exp and v are written while" in done.stderr
+    paused = "bias_mant, bias_exp and v are written while the run is paused"
+    assert bundle.manifest["unproven"][-1] == paused
+    said = "Rests on 5 beliefs that no public source shows (docs/hardware.md): 3 of every bundle for this board; "
+    assert f"{said}the longest interval between two resets; {paused}.\nbundle: b\n" in done.stdout
     assert bundle.manifest["input"] == {"mode": "bias", "trains": "regular", "host_spikes_per_step": 0.0}
     assert bundle.json("network/parameters.json")["inputs"] == {"du": 4095, "dv": 0, "vth": bias_input.THRESHOLD}
     assert "The host sends no spikes: inputs integrate a bias" in run("fit", *words).stdout
@@ -150,23 +158,34 @@ def test_on_loihi_2_inputs_integrate_a_bias_unless_asked(here: Path) -> None:
 
 
 def test_what_a_bundle_relies_on_without_a_source_is_said(here: Path) -> None:
-    for words in (("--target", "kapoho-bay"), ("--target", "loihi2", "--input-mode", "injected")):
-        done = run("deploy", "m.lvpr", *words, "-o", "b")
-        assert read(Path("b")).manifest["unproven"] == []
-        assert "no public source" not in done.stderr
+    narrow = "; synapseFmt.wgtBits (weights of fewer than 8 bits); Wgt with fewer bits: the upper ones"
+    for words, every, own in (
+        (("--target", "kapoho-bay"), 8, narrow),
+        (("--target", "kapoho-bay", "--weight-bits", 7), 8, ""),
+        (("--target", "loihi2", "--input-mode", "injected"), 3, "; the longest interval between two resets"),
+    ):
+        deployed = run("deploy", "m.lvpr", *words, "-o", "b")
+        fitted = run("fit", "m.lvpr", *words, "--json", "f.json")
+        unproven = read(Path("b")).manifest["unproven"]
+        assert json.loads(Path("f.json").read_text())["unproven"] == unproven
+        assert len(unproven) == every + own.count(";")
+        said = f"Rests on {len(unproven)} beliefs that no public source shows (docs/hardware.md): {every} of every"
+        for done in (deployed, fitted):
+            assert f"{said} bundle for this board{own}.\n" in done.stdout
 
 
 def test_rows_without_indices_are_stored_only_where_they_are_asked_for(here: Path) -> None:
-    said = "note: relies on what no public source shows (docs/hardware.md): rows without indices\n"
+    said = "; synapseFmt.idxBits (rows without indices)"
     for words in ((), ("--dense-rows",)):
         fitted = run("fit", "m.lvpr", "--target", "kapoho-bay", "--json", "f.json", *words)
         done = run("deploy", "m.lvpr", "--target", "kapoho-bay", "-o", "b", *words)
         found = read(Path("b")).json("mapping.json")
         assert found == json.loads(Path("f.json").read_text())["mapping"]
         assert (sum(core["dense_input_rows"] for core in found["cores"]) > 0) == bool(words)
-        told = ["rows without indices"] if words else []
-        assert read(Path("b")).manifest["unproven"] == json.loads(Path("f.json").read_text())["unproven"] == told
-        assert [said in done.stderr, said in fitted.stderr] == [bool(words)] * 2
+        unproven = read(Path("b")).manifest["unproven"]
+        assert unproven == json.loads(Path("f.json").read_text())["unproven"]
+        assert ("synapseFmt.idxBits (rows without indices)" in unproven) == bool(words)
+        assert [said in done.stdout, said in fitted.stdout] == [bool(words)] * 2
         assert run("verify", "b", "query", "--backend", "bundle").exit_code == 0
 
 

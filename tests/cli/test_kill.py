@@ -6,11 +6,12 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
+from support.common import children
 from support.common.imagefiles import write_images
 
 from lava_vpr.cli import main
@@ -48,24 +49,18 @@ def run(*words: object) -> Result:
     return CliRunner().invoke(main, [str(word) for word in words])
 
 
-STARTED: list[subprocess.Popen[str]] = []
-
-
-def start(here: Path, program: list[str], options: list[str]) -> subprocess.Popen[str]:
-    """``lava-vpr train`` in a process of its own, which Ctrl-C reaches even if our own parent ignores it."""
-    process = subprocess.Popen(
+def start(here: Path, program: list[str], options: list[str]) -> children.Child:
+    """``lava-vpr train`` in a process of its own."""
+    return children.Child(
         [sys.executable, *program, "train", "ref", "-o", "m.lvpr", *options],
         cwd=here,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
-    STARTED.append(process)
-    return process
 
 
-def wait_for(what: Callable[[], bool], process: subprocess.Popen[str]) -> None:
+def wait_for(what: Callable[[], bool], process: children.Child) -> None:
     """Until ``what`` is so; the process must still be at work."""
     end = time.monotonic() + DEADLINE
     while not what():
@@ -80,16 +75,11 @@ def epochs_done(checkpoint: Path) -> int:
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A folder with images; what a failing test leaves at work ends with it."""
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with images."""
     write_images(tmp_path / "ref", 8)
     monkeypatch.chdir(tmp_path)
-    yield tmp_path
-    while STARTED:
-        process = STARTED.pop()
-        if process.poll() is None:
-            process.kill()
-            process.communicate()
+    return tmp_path
 
 
 def unbroken(options: list[str]) -> bytes:

@@ -5,11 +5,11 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from support.common import children
 
 PROGRAM = "import sys; from lava_vpr.cli import main; main(sys.argv[1:], standalone_mode=False); print(*sys.modules)"
 
@@ -43,7 +43,7 @@ def imported(made: Path, tmp_path_factory: pytest.TempPathFactory) -> set[str]:
     """The names of all modules that ``lava-vpr query`` has imported when it is done with an image."""
     out = tmp_path_factory.mktemp("startup") / "m.csv"
     words = ["query", str(made / "m.lvpr"), str(min((made / "query").iterdir())), "-o", str(out)]
-    done = subprocess.run([sys.executable, "-c", PROGRAM, *words], capture_output=True, text=True, check=False)
+    done = children.run([sys.executable, "-c", PROGRAM, *words], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert len(out.read_text().splitlines()) == 2
     return set(done.stdout.split())

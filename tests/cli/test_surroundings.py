@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import os
 import resource
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from support.common import surroundings
+from support.common import children, surroundings
 from support.common.surroundings import AT_IMPORT, QUERY, done, no_stranger, one_line, stranger
 
 FULL = Path("/dev/full")
@@ -87,16 +86,44 @@ def test_little_of_everything(here: Path, case: str) -> None:
         assert set(ended.made) <= {"q.csv", "cache"}
 
 
+WRITERS: dict[str, tuple[tuple[str, ...], str]] = {
+    "events": (("synth", "new", "--places", "2", "--events"), "new: cannot be written"),
+    "events-npz": (("synth", "new", "--places", "2", "--events", "npz"), "new: cannot be written"),
+    "images": (("synth", "new", "--places", "2"), "new: cannot be written"),
+    "bundle": (("deploy", "m.lvpr", "--target", "loihi2", "-o", "new"), "new: the bundle cannot be written"),
+    "nir": (("export", "m.lvpr", "-o", "new.nir"), "new.nir: the graph cannot be written"),
+    "netx": (("export", "m.lvpr", "-o", "new.net"), "new.net: the network cannot be written"),
+    "model": (("merge", "m.lvpr", "m.lvpr", "-o", "new.lvpr"), "new.lvpr: the model cannot be written"),
+    "figures": (("eval", "m.lvpr", "query", "--json", "new.json"), "new.json: cannot be written"),
+    "picture": (("fit", "m.lvpr", "--target", "loihi2", "--picture", "new.svg"), "new.svg: cannot be written"),
+    "texts": (("datasets", "--json", "new.json"), "new.json: cannot be written"),
+}
+
+
+@pytest.mark.parametrize(
+    "what", [name if name == "events" else pytest.param(name, marks=pytest.mark.slow) for name in WRITERS]
+)
+def test_no_room_for_what_is_written(here: Path, what: str) -> None:
+    """A library that cannot write the rest of a file when the interpreter ends may end with a signal."""
+    words, message = WRITERS[what]
+    ended = surroundings.run(here, *words, limits={resource.RLIMIT_FSIZE: 1000})
+    told = [line for line in ended.lines if not line.startswith("note: ")]
+    assert ended.code == 1, ended
+    assert len(told) == 1, ended.err
+    assert told[0].startswith(f"lava-vpr: error: {message} (File too large); "), told
+    assert (ended.left, ended.made) == ([], [])
+
+
 @pytest.mark.slow
 def test_a_full_disk_for_kernels(here: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     """Kernels are compiled and cannot be kept; a note says so once."""
     disk = tmp_path_factory.mktemp("disk")
-    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "none", disk], check=False).returncode:
+    if children.run(["mount", "-t", "tmpfs", "-o", "size=64k", "none", disk], check=False).returncode:
         pytest.skip("no file system can be mounted here")
     try:
         ended = surroundings.run(here, *QUERY, "q.csv", set_to={"NUMBA_CACHE_DIR": str(disk)})
     finally:
-        subprocess.run(["umount", disk], check=True)
+        children.run(["umount", disk], check=True)
     done(ended, "q.csv")
     assert len(ended.lines) == 1
     assert ended.lines[0].startswith("note: " + KERNELS + str(disk))

@@ -12,8 +12,11 @@ import time
 from collections import Counter
 from pathlib import Path
 
+import h5py
+import numpy as np
 import pytest
 from support.common import surroundings
+from support.common.heaps import damage
 from support.common.surroundings import AT_IMPORT, QUERY, done
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -92,6 +95,16 @@ class Finder:
             sys.meta_path.remove(self)
             type("Owner", (), {"name": Named()})
 sys.meta_path.insert(0, Finder())
+from lava_vpr.__main__ import run
+run()
+"""
+
+# The command line, but a signal comes within a library that does not return: of a damaged file that is not refused.
+IN_A_LIBRARY = """
+import os, sys, threading
+number = int(sys.argv.pop(1))
+from lava_vpr.storage import hdf5
+hdf5._check_heaps = lambda data: threading.Timer(0.5, os.kill, (os.getpid(), number)).start()
 from lava_vpr.__main__ import run
 run()
 """
@@ -279,3 +292,15 @@ def test_told_twice(here: Path) -> None:
         assert ended.code == 0, ended
         assert "Traceback" not in ended.err
         assert not ended.left
+
+
+@pytest.mark.parametrize("number", EACH)
+def test_within_a_library_that_does_not_return(here: Path, number: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(surroundings, "DEADLINE", 60.0)
+    with h5py.File("v.h5", "w") as file:
+        file["descriptors"], file["names"] = np.eye(6), list("abcdef")
+    damage(Path("v.h5"), 6, 0)
+    program = [sys.executable, "-c", IN_A_LIBRARY, str(int(number))]
+    ended = surroundings.run(here, "train", "v.h5", "-o", "v.lvpr", program=program)
+    assert (ended.code, ended.err) == (1 if number == signal.SIGINT else -number, "\nAborted!\n")
+    assert (ended.left, ended.made) == ([], [])

@@ -5,13 +5,13 @@ from __future__ import annotations
 import csv
 import json
 import os
-import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from support.common import children
 from support.common.commands import run
 from support.common.eventfiles import EVENT, Made, aedat4, dsec, made
 
@@ -159,7 +159,7 @@ def test_events_on_standard_input_are_watched(there: Path) -> None:
     rows = zip(events.t[:60_000].tolist(), events.x.tolist(), events.y.tolist(), strict=False)
     data = b"".join(EVENT.pack(t, x, y, True) for t, x, y in rows)
     command = [sys.executable, "-m", "lava_vpr", "watch", "m.lvpr", "events:128x64", *EVERY]
-    result = subprocess.run(command, input=data, capture_output=True, check=True)
+    result = children.run(command, input=data, capture_output=True, check=True)
     lines = [json.loads(line) for line in result.stdout.splitlines()]
     assert len(lines) > 2
     assert [line["query_name"] for line in lines[:2]] == ["window 000000", "window 000001"]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import struct
 import sys
+import tracemalloc
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +14,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+from support.common import children
 from support.common.eventfiles import (
     WRITERS,
     Made,
@@ -22,9 +25,11 @@ from support.common.eventfiles import (
     header,
     made,
     packet,
+    repacked,
     tonic,
     written,
 )
+from support.common.heaps import damage
 
 from lava_vpr.errors import InputError
 from lava_vpr.events.camera import Sent
@@ -213,6 +218,18 @@ def test_other_archives_are_no_events(tmp_path: Path) -> None:
         refused(tmp_path / name)
 
 
+def test_a_damaged_text_in_place_of_a_size_is_not_read(tmp_path: Path) -> None:
+    """In a process of its own: the HDF5 library does not return from it."""
+    path = dsec(tmp_path / "a.h5", EVENTS)
+    with h5py.File(path, "a") as file:
+        file.attrs["width"] = "24"
+    damage(path, 1, 0)
+    code = "import sys; from pathlib import Path; from lava_vpr.events.files import open_events; "
+    code += "print(open_events(Path(sys.argv[1])).size)"
+    ended = children.run([sys.executable, "-c", code, path], capture_output=True, text=True, timeout=20, check=True)
+    assert ended.stdout == "None\n"
+
+
 def test_hdf5_that_lies_elsewhere_is_not_followed(tmp_path: Path) -> None:
     inner = dsec(tmp_path / "inner.h5", EVENTS)
     with h5py.File(tmp_path / "link.h5", "w") as file:
@@ -295,9 +312,54 @@ def test_a_file_that_changed_is_told(tmp_path: Path) -> None:
         list(whole.images())
 
 
+@pytest.mark.parametrize("packing", [1, 2, 3, 4])
+def test_a_damaged_packet_is_told_in_one_line_by_whatever_unpacks_it(packing: int, tmp_path: Path) -> None:
+    whole = aedat4(tmp_path / "a.aedat4", EVENTS, packing).read_bytes()
+    first = whole.index({1: b"\x04\x22\x4d\x18", 3: b"\x28\xb5\x2f\xfd"}[(packing - 1) // 2 * 2 + 1])
+    path, rng = tmp_path / "b.aedat4", np.random.default_rng(packing)
+    for _ in range(40):
+        data = np.frombuffer(whole, np.uint8).copy()
+        places = rng.integers(first, len(data), 8)
+        data[places] = rng.integers(0, 256, 8)
+        path.write_bytes(data)
+        with contextlib.suppress(InputError):
+            list(open_events(path).events())
+    path.write_bytes(whole[: first + 4] + b"\xff" * 64 + whole[first + 68 :])
+    refused(path, "a packet cannot be unpacked")
+
+
 def test_an_archive_within_an_archive_is_bounded(tmp_path: Path) -> None:
     path = tmp_path / "a.npz"
     with zipfile.ZipFile(path, "w") as archive:
         for k in range(1001):
             archive.writestr(f"a{k}.npy", b"")
-    refused(path, "1,001 arrays")
+    refused(path, "1,001 entries, more than 1,000")
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_an_archive_packed_otherwise_than_by_numpy_is_refused(method: int, tmp_path: Path) -> None:
+    path = repacked(tonic(tmp_path / "a.npz", EVENTS), method)
+    refused(path, "entry 'events.npy' is encrypted, or packed otherwise than numpy.savez does")
+
+
+@pytest.mark.parametrize(
+    "header",
+    ["{'descr': '<i8', 'shape': (3,", "(" * 4000, "[" * 4000, "-" * 9000 + "1", "{'descr': '<q9'}", "\0\n", "1L"],
+)
+def test_a_header_that_is_cut_or_nested_is_refused(header: str, tmp_path: Path) -> None:
+    """NumPy reads it as Python; the checksum would come after it."""
+    text = f"{header}\n".encode()
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
+        archive.writestr("t.npy", b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text)) + text)
+    refused(tmp_path / "a.npz")
+
+
+def test_a_header_of_gigabytes_is_not_read(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "a.npz", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("t.npy", b"\x93NUMPY\x02\x00" + struct.pack("<I", 1 << 26) + bytes(1 << 26))
+    tracemalloc.start()
+    try:
+        refused(tmp_path / "a.npz", "version (2, 0) of .npy")
+        assert tracemalloc.get_traced_memory()[1] < 10 << 20
+    finally:
+        tracemalloc.stop()

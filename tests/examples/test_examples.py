@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support.common import children
 from support.common.bags import bag, frames
 from support.common.commands import images, run
 
@@ -25,7 +26,7 @@ EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 def example(name: str, *words: object) -> subprocess.CompletedProcess[str]:
     """The example called ``name`` in a process of its own."""
     command = [sys.executable, str(EXAMPLES / f"{name}.py"), *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    return children.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 
 def replayed(*words: object) -> subprocess.CompletedProcess[str]:
@@ -139,8 +140,8 @@ def test_the_node_answers_images(here: Path, node_module: ModuleType, monkeypatc
     matches = [robot.update(read_image(path)) for path in images("query")]
     answers = [json.loads(one.data) for one in node.published]
     assert [one["place"] for one in answers] == [match.place for match in matches]
-    assert [one["probability"] for one in answers] == [match.probability for match in matches]
-    assert [one["off_map"] for one in answers] == [match.off_map for match in matches]
+    assert [one["probability"] for one in answers] == [round(match.probability, 6) for match in matches]
+    assert [one["off_map"] for one in answers] == [round(match.off_map, 6) for match in matches]
     assert answers[0]["time"] == 5.5
     (warning,) = node.warned
     assert warning == "cannot convert yuv422"

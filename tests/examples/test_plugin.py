@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from support.common import children
 from support.common.commands import CONFIG, PLACES
 
 from lava_vpr.synthetic.world import write_traverses
@@ -24,14 +25,14 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copytree(SOURCE, folder / "source", ignore=shutil.ignore_patterns("*.egg-info", "build", "__pycache__"))
     options = ("--quiet", "--disable-pip-version-check", "--no-deps", "--no-index", "--no-build-isolation")
     where = ("--target", folder / "site", folder / "source")
-    subprocess.run([sys.executable, "-m", "pip", "install", *options, *where], check=True, timeout=300)
+    children.run([sys.executable, "-m", "pip", "install", *options, *where], check=True, timeout=300)
     return folder / "site"
 
 
 def lava_vpr(folder: Path, site: Path | None, *words: object) -> subprocess.CompletedProcess[str]:
     """A command, with the example on the path or without."""
     others = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    return subprocess.run(
+    return children.run(
         [sys.executable, "-m", "lava_vpr", *map(str, words)],
         cwd=folder,
         env=others if site is None else {**others, "PYTHONPATH": str(site)},

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support.common import children
 from support.lava.lava_traces import Place
 
 from lava_vpr.errors import LavaRunError, LavaVprError, NetworkLimitError
@@ -149,7 +150,7 @@ def test_several_at_once(place: Place) -> None:
     for thread in threads:
         thread.start()
     for thread in threads:
-        thread.join()
+        thread.join(LONG)
     assert ends == {"none": {"done": True}, "raise": LavaRunError}
 
 
@@ -301,16 +302,15 @@ run_isolated("support.lava.lava_targets:act", {}, {"what": "none", "steps": 1_00
 """
 
 
-def start_caller(place: Place) -> subprocess.Popen[str]:
-    """A process that calls `run_isolated`, which Ctrl-C reaches even if our own parent ignores it."""
+def start_caller(place: Place) -> children.Child:
+    """A process that calls `run_isolated`."""
     paths = os.pathsep.join([str(Path(__file__).parents[1]), *filter(None, sys.path)])
-    return subprocess.Popen(
+    return children.Child(
         [sys.executable, "-c", CALLER],
         env={**os.environ, "TMPDIR": str(place.root), "PYTHONPATH": paths},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import multiprocessing
 from typing import Any
 
 import numpy as np
@@ -227,10 +227,8 @@ def test_the_counter_counts_and_records() -> None:
 def test_shared_memory_is_shared_with_forks() -> None:
     array = shared_array((3, 2), np.int32)
     assert not array.any()
-    child = os.fork()
-    if child == 0:
-        array[1, 1] = 7
-        os._exit(0)
-    os.waitpid(child, 0)
+    child = multiprocessing.get_context("fork").Process(target=array.__setitem__, args=((1, 1), 7), daemon=True)
+    child.start()
+    child.join(60)
     assert array.sum() == array[1, 1] == 7
     assert shared_array((0, 4), np.uint8).shape == (0, 4)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import importlib.util
 import os
 import re
-import subprocess
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import pytest
+from support.common import children
 
 ROOT = Path(__file__).resolve().parents[2]
 PINS = (ROOT / "requirements" / "torch.txt").read_text(encoding="utf-8")
@@ -37,7 +37,7 @@ def tree(ci: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Pat
     (folder / "a.py").write_text("print('here')\n")
     nobody = {f"GIT_{who}_{what}": "nobody" for who in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")}
     for words in (["init", "--quiet"], ["add", "a.py"], ["commit", "--quiet", "--message", "one"]):
-        subprocess.run(["git", *words], cwd=folder, env=os.environ | nobody, check=True, capture_output=True)
+        children.run(["git", *words], cwd=folder, env=os.environ | nobody, check=True, capture_output=True)
     monkeypatch.setattr(ci, "ROOT", folder)
     monkeypatch.delenv(ci.IMAGES, raising=False)
     return folder
@@ -65,7 +65,7 @@ def test_a_log_says_when_on_what_and_how_each_step_ended(ci: ModuleType, tree: P
     code, text = told(ci, tree, *steps)
     assert code == 0
     assert tuple(head(text)) == HEAD
-    commit = subprocess.run(["git", "rev-parse", "HEAD"], cwd=tree, capture_output=True, text=True, check=True)
+    commit = children.run(["git", "rev-parse", "HEAD"], cwd=tree, capture_output=True, text=True, check=True)
     assert head(text)["commit"] == f"{commit.stdout.strip()} (clean)"
     assert head(text)["result"] == "passed"
     assert re.fullmatch(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d UTC", head(text)["date"])
@@ -96,7 +96,7 @@ def test_a_tree_with_changes_says_so(ci: ModuleType, tree: Path) -> None:
     (tree / "a.py").write_text("print('there')\n")
     assert "(with changes that are not committed)" in head(told(ci, tree, ci.Step("a", ("a.py",)))[1])["commit"]
     changes = ("-c", "import pathlib; pathlib.Path('b.py').write_text('')")
-    subprocess.run(["git", "checkout", "--quiet", "a.py"], cwd=tree, check=True)
+    children.run(["git", "checkout", "--quiet", "a.py"], cwd=tree, check=True)
     assert head(told(ci, tree, ci.Step("b", changes))[1])["commit"].endswith("(clean; it changed under way)")
 
 

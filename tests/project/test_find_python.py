@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from support.common import children
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "find_python.sh"
 STUB = """#!/bin/sh
@@ -36,7 +36,7 @@ def find(tmp_path: Path) -> Callable[..., Found]:
         named = str(tools / python) if python else ""
         environment = {"PATH": str(tools), "HOME": str(tmp_path), "PYTHON": named}
         command = ["/bin/sh", str(SCRIPT), *words]
-        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+        done = children.run(command, env=environment, capture_output=True, text=True, check=False)
         return done.returncode, done.stdout.strip().rpartition("/")[2], done.stderr.splitlines()
 
     return run

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
+from support.common import children
+
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = {"lava_vpr": "lava_vpr", "processes": "lava_vpr/processes", "deploy": "lava_vpr/deploy"}
 CALL = "import sys; from importlinter.cli import lint_imports_command; sys.exit(lint_imports_command())"
@@ -31,14 +33,14 @@ def farm(place: Path, changed: Mapping[str, str] = MappingProxyType({})) -> Path
 
 def lint(place: Path) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-c", CALL, "--config", str(ROOT / "pyproject.toml"), "--no-cache"]
-    return subprocess.run(command, cwd=place, capture_output=True, text=True, timeout=120)
+    return children.run(command, cwd=place, capture_output=True, text=True, timeout=120)
 
 
 def test_the_reader_sees_every_module(tmp_path: Path) -> None:
     """import-linter leaves out the mapped packages of an editable install without a word; not so in a copy."""
     program = "import grimp; print(*sorted(grimp.build_graph('lava_vpr', cache_dir=None).modules))"
     place = farm(tmp_path)
-    done = subprocess.run([sys.executable, "-c", program], cwd=place, capture_output=True, text=True, timeout=120)
+    done = children.run([sys.executable, "-c", program], cwd=place, capture_output=True, text=True, timeout=120)
     seen = set(done.stdout.split())
     here = set()
     for source, target in FOLDERS.items():

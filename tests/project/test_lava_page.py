@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from support.common import children
 
 ROOT = Path(__file__).resolve().parents[2]
 LAVA_PAGE = ROOT / "docs" / "lava.md"
@@ -108,7 +109,7 @@ def test_the_first_example_of_the_page_gives_the_hosts_counts(tmp_path: Path) ->
     example = re.findall(r"```python\n(.*?)```", LAVA_PAGE.read_text(), re.DOTALL)[0]
     (tmp_path / "example.py").write_text(BEFORE + example + AFTER)
     with (tmp_path / "log").open("w") as log:
-        done = subprocess.run(
+        done = children.run(
             [sys.executable, "example.py"],
             cwd=tmp_path,
             timeout=240,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import subprocess
 import sys
 import zipfile
 from pathlib import Path
@@ -15,6 +14,7 @@ import tomli
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from packaging.version import Version
+from support.common import children
 
 import lava_vpr
 
@@ -125,7 +125,7 @@ def test_the_wheel_holds_every_module_and_imports(tmp_path: Path) -> None:
     for name in TOP:
         shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
     command = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(tmp_path / "dist"), "."]
-    built = subprocess.run(command, cwd=copy, capture_output=True, text=True)
+    built = children.run(command, cwd=copy, capture_output=True, text=True)
     assert built.returncode == 0, built.stdout[-2000:] + built.stderr[-2000:]
     (wheel,) = (tmp_path / "dist").glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
@@ -146,7 +146,7 @@ def test_the_wheel_holds_every_module_and_imports(tmp_path: Path) -> None:
     neutral = tmp_path / "neutral"
     neutral.mkdir()
     environment = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
-    done = subprocess.run(
+    done = children.run(
         [sys.executable, "-I", "-c", program], cwd=neutral, env=environment, capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr

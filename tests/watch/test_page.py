@@ -24,9 +24,9 @@ from lava_vpr import Localizer, load
 from lava_vpr.errors import InputError
 from lava_vpr.images.imagefiles import read_image
 from lava_vpr.model import Model
+from lava_vpr.readers import Frame
 from lava_vpr.watch.page import live_page, page
 from lava_vpr.watch.recent import HISTORY, Recent, raster
-from lava_vpr.watch.sources import Seen
 from lava_vpr.watch.watching import Watched, watch
 
 NASTY = "</script><b>&\"'\u2028.png"
@@ -42,7 +42,7 @@ def model(made: Path) -> Model:
 def answers(made: Path, model: Model) -> list[Watched]:
     """The queries of the route, answered; the last one has a name that no page should take for its own."""
     paths = sorted((made / "query").iterdir())
-    source = [Seen(path.name, 7.0, read_image(path)) for path in paths]
+    source = [Frame(path.name, 7.0, read_image(path)) for path in paths]
     source[-1] = source[-1]._replace(name=NASTY)
     return list(watch(Localizer(model), source, lambda index, why: None))
 
@@ -239,7 +239,7 @@ def test_a_position_in_the_north_is_drawn_above(model: Model) -> None:
 
 def test_an_image_of_any_size_is_shown_small(model: Model) -> None:
     image = smooth_picture(1, (900, 1600))
-    (answer,) = watch(Localizer(model), [Seen("big", None, image)], lambda index, why: pytest.fail(str(why)))
+    (answer,) = watch(Localizer(model), [Frame("big", None, image)], lambda index, why: pytest.fail(str(why)))
     recent = Recent(model)
     recent.add(answer)
     assert max(picture(json.loads(recent.state(-1))["query_image"]).shape) == 480

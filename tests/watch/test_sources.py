@@ -14,10 +14,11 @@ import pytest
 from support.common.imagefiles import refused, video, write_images
 
 from lava_vpr.errors import InputError
+from lava_vpr.images import cameras
+from lava_vpr.images.cameras import is_camera
+from lava_vpr.readers import Frame
 from lava_vpr.traverse import open_traverse
-from lava_vpr.watch import camera
-from lava_vpr.watch.camera import is_camera
-from lava_vpr.watch.sources import Seen, open_source
+from lava_vpr.watch.sources import open_source
 
 
 @pytest.mark.parametrize("every", [0.1, 0.5, 1.0])
@@ -103,16 +104,16 @@ class Camera:
 def plugged(monkeypatch: pytest.MonkeyPatch) -> Camera:
     """A camera is there."""
     made = Camera()
-    monkeypatch.setattr(camera.os.path, "exists", lambda path: True)
-    monkeypatch.setattr(camera.cv2, "VideoCapture", made)
-    monkeypatch.setattr(camera.time, "time", lambda: made.clock)
+    monkeypatch.setattr(cameras.os.path, "exists", lambda path: True)
+    monkeypatch.setattr(cameras.cv2, "VideoCapture", made)
+    monkeypatch.setattr(cameras.time, "time", lambda: made.clock)
     return made
 
 
 @pytest.mark.parametrize(("every", "wanted"), [(0.001, [5, 4, 3, 2, 1, 0]), (0.25, [5, 3, 1]), (9.0, [5])])
 @pytest.mark.parametrize("name", ["camera:0", "/dev/video7", "rtsp://user:secret@there/x"])
 def test_a_camera_gives_an_image_every_so_often(name: str, every: float, wanted: list[int], plugged: Camera) -> None:
-    seen: list[Seen] = []
+    seen: list[Frame] = []
     source = open_source(name, every=every)
     with pytest.raises(InputError, match="gives no further image") as caught:
         seen.extend(source)
@@ -133,6 +134,11 @@ def test_cameras_that_give_nothing(plugged: Camera) -> None:
 def test_no_camera_is_one_line() -> None:
     refused(lambda: next(open_source("camera:993")), "camera:993: there is no camera /dev/video993; plug it in")
     refused(lambda: next(open_source("rtsp://a:b@127.0.0.1:9/x")), "rtsp://***@127.0.0.1:9/x: cannot be opened")
+
+
+@pytest.mark.parametrize("source", ["camera:0", "-", "events:34x26"])
+def test_what_is_live_is_no_traverse(source: str) -> None:
+    refused(lambda: open_traverse(source), "which can only be watched; use lava-vpr watch")
 
 
 def test_what_a_camera_is() -> None:

@@ -15,7 +15,7 @@ import pytest
 from lava_vpr import Localizer
 from lava_vpr.errors import InputError
 from lava_vpr.images.imagefiles import read_image
-from lava_vpr.watch.sources import Seen
+from lava_vpr.readers import Frame
 from lava_vpr.watch.watching import watch
 
 
@@ -31,12 +31,12 @@ def pictures(made: Path) -> list[np.ndarray]:
     return [read_image(path) for path in sorted((made / "query").iterdir())]
 
 
-def endless(images: list[np.ndarray]) -> Iterator[Seen]:
+def endless(images: list[np.ndarray]) -> Iterator[Frame]:
     """The images again and again, one in five of them unreadable."""
     number = 0
     while True:
         image = InputError("no") if number % 5 == 4 else images[number % len(images)]
-        yield Seen(f"image {number}", float(number), image)
+        yield Frame(f"image {number}", float(number), image)
         number += 1
 
 
@@ -61,7 +61,7 @@ def test_memory_is_steady_and_no_thread_is_started(localizer: Localizer, picture
 def test_an_image_that_cannot_be_answered_is_left_out(localizer: Localizer, pictures: list[np.ndarray]) -> None:
     bad = np.zeros((4, 4), np.float32)
     refused: list[tuple[int, str]] = []
-    source = [Seen("a", None, pictures[0]), Seen("b", None, bad), Seen("c", None, pictures[1])]
+    source = [Frame("a", None, pictures[0]), Frame("b", None, bad), Frame("c", None, pictures[1])]
     found = list(watch(localizer, source, lambda index, why: refused.append((index, str(why)))))
     assert [one.index for one in found] == [0, 2]
     assert refused[0][0] == 1

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from lava_vpr.bench.show.tables import NONE, Table, percent
+from lava_vpr.bench.show.tables import Table, percent
+from lava_vpr.deploy.show.tables import NONE
 from lava_vpr.paper_table.run import PaperTable, Part, Row, counted
 
 RULES = (

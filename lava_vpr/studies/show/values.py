@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from lava_vpr.bench.show.tables import NONE, Table, figure, named, percent
+from lava_vpr.bench.show.tables import Table, named, percent
 from lava_vpr.configfile import to_dict
+from lava_vpr.deploy.show.tables import NONE, figure
 from lava_vpr.studies.measuring import BOARD, COSTED
 from lava_vpr.studies.run import Row, Spread, Studied
 from lava_vpr.studies.study import Recall

@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import shutil
 import signal
-import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from support.common import children
 from support.common.commands import PLACES, images, listed, run
 
 from lava_vpr import model
@@ -209,7 +209,7 @@ def test_killed_while_it_writes(here: Path) -> None:
     """The model is as it was, and the next extension takes its place."""
     shutil.copy("m.lvpr", "own.lvpr")
     words = ["extend", "own.lvpr", "query", "--places", "0:2"]
-    ended = subprocess.run([sys.executable, "-c", KILLED, *words], capture_output=True, check=False)
+    ended = children.run([sys.executable, "-c", KILLED, *words], capture_output=True, check=False)
     assert ended.returncode == -signal.SIGKILL
     assert data("own.lvpr") == data("m.lvpr")
     run(*words)

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 from numba.core.caching import FunctionCache
+from support.common import children
 from support.common.terminal import opened
 
 from lava_vpr import kernelcache
@@ -167,7 +168,7 @@ def test_make_shows_what_it_installs_on_a_terminal() -> None:
     try:
         words = ["make", "-n", "VENV=nowhere", "demo"]
         at_terminal, in_pipe = (
-            subprocess.run(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=stderr, check=True, text=True).stdout
+            children.run(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=stderr, check=True, text=True).stdout
             for stderr in (theirs, subprocess.PIPE)
         )
     finally:

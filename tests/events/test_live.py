@@ -11,11 +11,11 @@ import pytest
 from support.common.eventfiles import EVENT, Made, dsec, made
 from support.common.imagefiles import refused
 
+from lava_vpr.events.live import event_images, is_event_stream
 from lava_vpr.events.stream import Events
 from lava_vpr.events.windows import Windows
 from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.traverse import open_traverse
-from lava_vpr.watch.events import event_images, is_event_stream
 from lava_vpr.watch.sources import open_source
 
 CONFIG = EventsConfig(window_ms=80)

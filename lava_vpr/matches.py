@@ -1,0 +1,172 @@
+"""The record of an answer: a `Match` in Python, and its values as JSON lines, tables and messages show them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.matching.answers import Answers
+from lava_vpr.model import Model
+from lava_vpr.positions.frames import LAT_LON, columns
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A place that an image may show.
+
+    Attributes:
+        place: Its absolute index in the reference traverse.
+        name: File name of its reference image.
+        score: The decoder's score of the image at this place.
+        probability: How likely it is; NaN for all but the first where each image is answered alone.
+    """
+
+    place: int
+    name: str
+    score: float
+    probability: float
+
+
+@dataclass(frozen=True)
+class Match:
+    """Where an image was taken.
+
+    Attributes:
+        place: Absolute index of the best place in the reference traverse, also if it is not accepted; -1: the image
+            matches none.
+        name: File name of that place's reference image; empty without a place.
+        position: Coordinates of that place in ``frame``; None without a place, or where they are not known.
+        frame: Frame of the position (`lava_vpr.positions.frames`).
+        probability: How likely the robot is there, within ``radius`` places; NaN where that is not known.
+        accepted: Whether that is likely enough for the precision that was aimed at.
+        radius: See ``probability``: 0 where each image is answered alone.
+        off_map: How likely the robot is off the map; NaN where each image is answered alone.
+        confidence: How sure the decoder is of this image alone; -inf if the image made no neuron spike.
+        candidates: The best places, best first; none without a place.
+        spikes: Spike counts of the neurons, int32 (neurons,).
+        stamp: What `lava_vpr.Localizer.update` was given.
+    """
+
+    place: int
+    name: str
+    position: tuple[float, float] | None
+    frame: str | None
+    probability: float
+    accepted: bool
+    radius: int
+    off_map: float
+    confidence: float
+    candidates: tuple[Candidate, ...]
+    spikes: NDArray[np.int32] = field(repr=False)
+    stamp: float | None = None
+
+    def values(self) -> dict[str, Any]:
+        """The match as plain JSON values; what is not known is None.
+
+        Probabilities have six digits, times microseconds, positions a centimetre. The two coordinates are not there
+        where the map has none.
+        """
+        there = self.place >= 0
+        said: dict[str, Any] = {
+            "time": None if self.stamp is None else round(self.stamp, 6),
+            "place": self.place,
+            "place_name": self.name if there else None,
+            "confidence": _finite(self.confidence) if there else None,
+            "accepted": self.accepted,
+            "probability": _finite(self.probability, 6) if there else None,
+        }
+        if self.frame is not None:
+            digits = 7 if self.frame == LAT_LON else 2
+            position = (None, None) if self.position is None else (round(value, digits) for value in self.position)
+            said |= zip(columns(self.frame), position, strict=True)
+        said["radius"], said["off_map"] = self.radius, _finite(self.off_map, 6)
+        said["candidates"] = [
+            {
+                "place": candidate.place,
+                "place_name": candidate.name,
+                "score": candidate.score,
+                "probability": _finite(candidate.probability, 6),
+            }
+            for candidate in self.candidates
+        ]
+        return said
+
+
+def matches_of(
+    model: Model,
+    answers: Answers,
+    accepted: NDArray[np.bool_],
+    counts: NDArray[np.int32],
+    *,
+    radius: int = 0,
+    top: int = 1,
+    stamps: NDArray[np.float64] | None = None,
+) -> list[Match]:
+    """The match of each of n queries.
+
+    Args:
+        model: The model that answered.
+        answers: Its answers.
+        accepted: Which of them are accepted, bool (n,).
+        counts: Spike counts, int32 (n, neurons).
+        radius: Places that a probability includes on either side (`Together.radius`).
+        top: Most candidates of a match; 1: none but the match itself, and none are named.
+        stamps: When each query was taken, in seconds, float64 (n,); None: unknown.
+    """
+    off_map = np.full(len(accepted), np.nan) if answers.off_map is None else answers.off_map
+    chances = answers.probability.tolist()
+    if answers.off_map is not None:  # sums of beliefs, which may exceed 1 by their rounding
+        chances = [round(chance, 9) for chance in chances]
+    named = _candidates(model, answers, top) if top > 1 else [()] * len(accepted)
+    found = []
+    for number, place in enumerate(answers.matches.tolist()):
+        there = place >= 0
+        found.append(
+            Match(
+                place=int(model.place_indices[place]) if there else -1,
+                name=model.place_names[place] if there else "",
+                position=_position(model, place),
+                frame=model.frame,
+                probability=chances[number],
+                accepted=bool(accepted[number]),
+                radius=radius,
+                off_map=float(off_map[number]),
+                confidence=float(answers.confidence[number]),
+                candidates=named[number],
+                spikes=counts[number],
+                stamp=None if stamps is None else float(stamps[number]),
+            )
+        )
+    return found
+
+
+def _position(model: Model, place: int) -> tuple[float, float] | None:
+    """The coordinates of a place, if there are any."""
+    if place < 0 or model.positions is None:
+        return None
+    first, second = model.positions[place].tolist()
+    return float(first), float(second)
+
+
+def _candidates(model: Model, answers: Answers, top: int) -> list[tuple[Candidate, ...]]:
+    """The ``top`` best places of each query."""
+    rows = zip(*(array.tolist() for array in answers.candidates(top)), strict=True)
+    return [
+        tuple(
+            Candidate(int(model.place_indices[place]), model.place_names[place], score, chance)
+            for place, score, chance in zip(*row, strict=True)
+            if place >= 0
+        )
+        for row in rows
+    ]
+
+
+def _finite(value: float, digits: int | None = None) -> float | None:
+    """``value``, to so many digits; None where it is not finite."""
+    if not math.isfinite(value):
+        return None
+    return value if digits is None else round(value, digits)
