@@ -83,7 +83,9 @@ RULES = (
     Rule(
         "boards/bench*",
         "*.html",
-        replaced(r"(?s)<svg.*?</svg>", "", r"(<dt>processor</dt><dd>).*?(?=</dd>)", r"\1#", r"\d[\d.,]*(e[+-]\d+)?", "#"),
+        replaced(
+            r"(?s)<svg.*?</svg>", "", r"(<dt>processor</dt><dd>).*?(?=</dd>)", r"\1#", r"\d[\d.,]*(e[+-]\d+)?", "#"
+        ),
         "such, pictures of them, and the machine's processor",
     ),
     Rule("boards/verify*", "f.json", replaced(r"installed for \S+;", "installed for <python>;"), "a path"),
