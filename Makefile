@@ -11,7 +11,7 @@ QUIET := $(shell test -t 2 || echo --quiet)
 # Tests run side by side, one row of them a processor.
 TESTS := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
-.PHONY: help demo test test-slow test-all lint format bench results recall peers peers-test oracles sanafe ci-torch test-dl learning nir-peers neurobench tutorial site pictures links images wheel clean
+.PHONY: help demo test test-slow test-all lint format bench results pages recall peers peers-test oracles sanafe ci-torch test-dl learning nir-peers neurobench tutorial site pictures links images wheel clean
 .DEFAULT_GOAL := help
 
 help: ## What there is to make
@@ -64,12 +64,15 @@ bench: recall ## All benchmarks that need nothing beyond real images
 results: $(STAMP) ## Compute the figures of docs/results.md that are out of date, and write them down (LAVA_VPR_DATA)
 	@$(BIN)/python -m benchmarks.results
 
+pages: $(STAMP) ## Write the parts of README and docs that records and code decide
+	@$(BIN)/python -m scripts.pages
+
 recall: images $(STAMP) ## Recall on real images (LAVA_VPR_DATA)
 	@$(BIN)/python -m benchmarks.recall
 
-.venv-peers/.installed: pyproject.toml requirements/lock.txt
+.venv-peers/.installed: pyproject.toml requirements/lock.txt benchmarks/peers/requirements.txt
 	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-peers
-	@.venv-peers/bin/python -m pip install $(QUIET) --disable-pip-version-check -r requirements/lock.txt -r requirements/peers.txt
+	@.venv-peers/bin/python -m pip install $(QUIET) --disable-pip-version-check -r requirements/lock.txt -r benchmarks/peers/requirements.txt
 	@.venv-peers/bin/python -m pip install $(QUIET) --disable-pip-version-check --no-build-isolation --no-deps --editable .
 	@touch .venv-peers/.installed
 
@@ -81,9 +84,9 @@ peers-test: .venv-peers/.installed ## The tests that hold the paper preset again
 
 ORACLES := .venv-brian2-loihi/.installed .venv-nengo-loihi/.installed
 
-$(ORACLES): .venv-%/.installed: requirements/%.txt scripts/find_python.sh
+$(ORACLES): .venv-%/.installed: benchmarks/oracles/%.txt scripts/find_python.sh
 	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-$*
-	@.venv-$*/bin/python -m pip install $(QUIET) --disable-pip-version-check -r requirements/$*.txt
+	@.venv-$*/bin/python -m pip install $(QUIET) --disable-pip-version-check -r benchmarks/oracles/$*.txt
 	@touch $@
 
 oracles: images $(STAMP) $(ORACLES) ## Other simulators of Loihi against our integers (environments of their own)
@@ -91,18 +94,18 @@ oracles: images $(STAMP) $(ORACLES) ## Other simulators of Loihi against our int
 	@$(BIN)/python -m benchmarks.oracles.needs
 	@$(BIN)/python -m benchmarks.oracles.registers
 
-.venv-sanafe/.installed: requirements/sanafe.txt scripts/find_python.sh
+.venv-sanafe/.installed: benchmarks/sanafe/requirements.txt scripts/find_python.sh
 	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-sanafe
-	@.venv-sanafe/bin/python -m pip install $(QUIET) --disable-pip-version-check -r requirements/sanafe.txt
+	@.venv-sanafe/bin/python -m pip install $(QUIET) --disable-pip-version-check -r benchmarks/sanafe/requirements.txt
 	@touch $@
 
 sanafe: $(STAMP) .venv-sanafe/.installed ## The cost model's closed form against SANA-FE (an environment of its own)
 	@$(BIN)/python -m benchmarks.sanafe.compare
 
-.venv-torch/.installed: pyproject.toml requirements/lock.txt requirements/torch.txt
+.venv-torch/.installed: pyproject.toml requirements/lock.txt benchmarks/exchange/requirements.txt
 	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-torch
 	@.venv-torch/bin/python -m pip install $(QUIET) --disable-pip-version-check -r requirements/lock.txt
-	@.venv-torch/bin/python -m pip install $(QUIET) --disable-pip-version-check --no-deps -r requirements/torch.txt
+	@.venv-torch/bin/python -m pip install $(QUIET) --disable-pip-version-check --no-deps -r benchmarks/exchange/requirements.txt
 	@.venv-torch/bin/python -m pip install $(QUIET) --disable-pip-version-check --no-build-isolation --no-deps --editable .
 	@touch .venv-torch/.installed
 

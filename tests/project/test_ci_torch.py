@@ -13,7 +13,7 @@ import pytest
 from support.common import children
 
 ROOT = Path(__file__).resolve().parents[2]
-PINS = (ROOT / "requirements" / "torch.txt").read_text(encoding="utf-8")
+PINS = (ROOT / "benchmarks" / "exchange" / "requirements.txt").read_text(encoding="utf-8")
 HEAD = ("result", "date", "commit", "python", "packages", "images", "total")
 STEP = re.compile(r"^\d+\. (.+): (passed|failed|left out)(?: \((.+)\))?, (\d+) s\n\$ python (.+)$", re.MULTILINE)
 
@@ -170,7 +170,7 @@ def test_the_steps_name_what_is_there(ci: ModuleType) -> None:
 
 
 def test_the_committed_log_is_of_a_clean_run_of_all_steps_with_the_pinned_versions(ci: ModuleType) -> None:
-    """Red after a change of requirements/torch.txt: run `make ci-torch` on a committed tree, and commit the log."""
+    """Red after a change of what is pinned: run `make ci-torch` on a committed tree, and commit the log."""
     text = ci.LOG.read_text(encoding="utf-8")
     found = head(text)
     assert tuple(found) == HEAD
