@@ -21,7 +21,7 @@ MEASURED = {
     "bench/test_workload.py": {"benchmarks.neurobench"},
     "core/test_fast.py": {"benchmarks.fast"},
     "core/test_real_images.py": {"benchmarks.recall"},
-    "backends/test_verification.py": {"benchmarks.backends"},
+    "project/test_pages.py": {"benchmarks.figures"},
     "engine/test_conductance.py": {"benchmarks.peers"},
 }
 """Tests that hold what a benchmark prints to its promise, and which; all others of them are in tests/benchmarks."""
@@ -95,6 +95,15 @@ def test_what_is_taken_from_benchmarks() -> None:
         taken = {".".join(found.split(".")[:2]) for found in imports(path) if found.startswith("benchmarks.")}
         if not name.startswith("benchmarks/"):
             assert taken - {"benchmarks.nordland"} == MEASURED.get(name, set()), name
+
+
+def test_the_package_imports_nothing_of_the_evidence() -> None:
+    """Simulators, peers and other packages are evidence beside the package: it runs without benchmarks and scripts."""
+    product = [path for top in ("lava_vpr", "processes", "deploy") for path in (ROOT / top).rglob("*.py")]
+    taken = {
+        path: {name for name in imports(path) if re.match(r"(benchmarks|scripts|support)\b", name)} for path in product
+    }
+    assert {path: names for path, names in taken.items() if names} == {}
 
 
 HELPERS = [path for path in sorted((TESTS / "support").rglob("*.py")) if not path.is_relative_to(STANDINS)]
