@@ -1,4 +1,4 @@
-"""Compute the figures of the results; write docs/results.json, docs/results.md and README.md. `make results` calls it.
+"""Compute the figures of the results into docs/results.json, and write all pages anew. `make results` calls it.
 
     LAVA_VPR_DATA=... python -m benchmarks.results [--all]
 
@@ -14,11 +14,11 @@ from pathlib import Path
 
 import click
 
-from benchmarks.results.page import PAGES, ROWS, check, filled
+from benchmarks.results.page import ROWS
 from benchmarks.results.record import FILE, Record, key, sources_hash
 from benchmarks.results.rows import SEEDS, Row, measure
 from lava_vpr.errors import LavaVprError
-from lava_vpr.storage.writing import write_atomically
+from scripts.pages import bring_up_to_date as write_pages
 
 
 def bring_up_to_date(record: Record, rows: Sequence[Row], file: Path, every: bool) -> None:
@@ -41,16 +41,11 @@ def bring_up_to_date(record: Record, rows: Sequence[Row], file: Path, every: boo
 def main(every: bool) -> None:
     """Compute the figures of the results."""
     try:
-        for path in PAGES:
-            check(path.read_text(encoding="utf-8"), path)
-        record = Record.read()
-        bring_up_to_date(record, ROWS, FILE, every)
-        pages = {path: filled(path.read_text(encoding="utf-8"), path, record) for path in PAGES}
+        bring_up_to_date(Record.read(), ROWS, FILE, every)
+        written = write_pages()
     except LavaVprError as error:
         raise SystemExit(str(error)) from None
-    for path, page in pages.items():
-        write_atomically(path, lambda out, page=page: out.write(page.encode()))  # type: ignore[misc]
-    click.echo(f"{FILE}, {', '.join(map(str, PAGES))}: {len(ROWS)} rows, up to date")
+    click.echo(f"{', '.join(map(str, [FILE, *written]))}: {len(ROWS)} rows, up to date")
 
 
 if __name__ == "__main__":

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from benchmarks.figures import markdown
 from benchmarks.results.places import sections_of
-from benchmarks.results.record import SIMPLER_TITLES, Record, table
+from benchmarks.results.record import SIMPLER_TITLES, Record
 from benchmarks.results.rows import STANDING, TAU, Row
 from benchmarks.results.sections import DEFAULT, FIVE, LEARNED, SIMPLER
 from lava_vpr.config import preset
@@ -25,11 +26,11 @@ TITLED = {
 ROWS = (FURTHER, STILL)
 
 
-def lines(record: Record) -> list[str]:
+def lines(record: Record) -> str:
     """The table: a line for each, and below it the same adapted."""
     rows = [["", "as learned", *SIMPLER_TITLES.values()]]
     for title, row in TITLED.items():
         for words, suffix in ((title, ""), (f"the same with `--adapt {TAU:g}`", ", adapted")):
             simpler = [record.cell(row, name + suffix) if name in row.matchers else "" for name in SIMPLER_TITLES]
             rows.append([words, f"**{record.cell(row, f'network{suffix}')}**", *simpler])
-    return table(rows)
+    return markdown(rows[0], rows[1:])

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from benchmarks.figures import markdown
 from benchmarks.results.places import Section
-from benchmarks.results.record import SIMPLER_TITLES, Record, table
+from benchmarks.results.record import SIMPLER_TITLES, Record
 from benchmarks.results.rows import Row
 from benchmarks.results.sections import DEFAULT, SIMPLER
 from lava_vpr.config import preset
@@ -22,11 +23,11 @@ TITLED = {
 ROWS = tuple(TITLED.values())
 
 
-def lines(record: Record) -> list[str]:
+def lines(record: Record) -> str:
     """The table."""
     rows = [["places in one model", "as learned", *SIMPLER_TITLES.values(), "µJ"]]
     for title, row in TITLED.items():
         simpler = [record.cell(row, name) for name in SIMPLER_TITLES]
         cost = f"{record.mean(row, 'costs')[0]:.1f}" if row.costs else ""
         rows.append([title, f"**{record.cell(row)}**", *simpler, cost])
-    return table(rows)
+    return markdown(rows[0], rows[1:])

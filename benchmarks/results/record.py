@@ -143,9 +143,3 @@ class Record:
 def key(section: Section, seed: int) -> str:
     """What the figures of a section and a seed are kept under."""
     return f"{section}, seed {seed}"
-
-
-def table(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Lines of a table of a page; the first of ``rows`` is its head."""
-    head, *rest = (f"| {' | '.join(cells)} |".replace("|  |", "| |").replace("|  |", "| |") for cells in rows)
-    return [head, "|" + "---|" * len(rows[0]), *rest]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from benchmarks.figures import markdown
 from benchmarks.results.places import sections_of
-from benchmarks.results.record import Record, table
+from benchmarks.results.record import Record
 from benchmarks.results.rows import SEEDS, Row
 from lava_vpr.config import PRESETS, preset
 from lava_vpr.configfile import update
@@ -35,7 +36,7 @@ DRAWN = {
 ROWS = (*LEARNED.values(), *DRAWN.values())
 
 
-def lines(record: Record) -> list[str]:
+def lines(record: Record) -> str:
     """The table, the seeds, and the paper's decoders."""
     head = ["", "as learned", "places 200:500, which the search did not see", "without learning", "Poisson trains"]
     rows = [[*head, "`cosine`", "µJ", "ms"]]
@@ -54,4 +55,4 @@ def lines(record: Record) -> list[str]:
     papers = ", ".join(f"{name.replace('_', ' ')} {record.cell(default, name)}" for name in PAPERS)
     numbers = "; ".join(map(str, SEEDS))
     sentence = f"R@1 of `{DEFAULT}` by seed ({numbers}): {seeds}. The paper's decoders on the same spikes: {papers}."
-    return [*table(rows), "", sentence]
+    return f"{markdown(rows[0], rows[1:])}\n\n{sentence}"

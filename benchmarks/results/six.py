@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from benchmarks.figures import markdown
 from benchmarks.results import adapted, long, views
 from benchmarks.results.places import Section
-from benchmarks.results.record import Record, table
+from benchmarks.results.record import Record
 from benchmarks.results.rows import Row
 from benchmarks.results.sections import DEFAULT, LEARNED
 
@@ -20,21 +21,17 @@ def _line(record: Record, title: str, row: Row, sections: Sequence[Section] | No
     return [title, f"**{record.mean(row, sections=sections)[0]:.1f}**", *rivals, cost]
 
 
-def lines(record: Record) -> list[str]:
+def lines(record: Record) -> str:
     """The table."""
     widest = list(views.WALKED.values())[-1]
-    return table(
+    return markdown(
+        _HEAD,
         [
-            _HEAD,
             _line(record, "Nordland, 100 places, five sections", LEARNED[DEFAULT]),
             _line(record, "the same in a quarter of the time, preset `fast`", LEARNED["fast"]),
             _line(record, "Nordland, 500 places in one map", long.TITLED["500"]),
             _line(record, "Nordland, 1,500 places in one map", long.TITLED["1,500"]),
             _line(record, "Nordland, ten further sections of 100, which the search did not see", adapted.FURTHER),
-            _line(
-                record,
-                "Gardens Point, 50 places, from the other side of the path",
-                widest,
-            ),
-        ]
+            _line(record, "Gardens Point, 50 places, from the other side of the path", widest),
+        ],
     )

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from benchmarks.figures import markdown
 from benchmarks.results.places import Section
-from benchmarks.results.record import SIMPLER_TITLES, Record, table
+from benchmarks.results.record import SIMPLER_TITLES, Record
 from benchmarks.results.rows import Row
 from benchmarks.results.sections import DEFAULT, FIVE, LEARNED, SIMPLER
 from lava_vpr.config import preset
@@ -29,11 +30,11 @@ RIDDEN = {
 ROWS = (*WALKED.values(), *RIDDEN.values())
 
 
-def lines(record: Record) -> list[str]:
+def lines(record: Record) -> str:
     """The table."""
     rows = [["views of each place", "as learned", *SIMPLER_TITLES.values(), "what it costs the five Nordland sections"]]
     for title, row in WALKED.items():
         simpler = [record.cell(row, name) for name in SIMPLER_TITLES]
         ridden = record.cell(RIDDEN.get(title, LEARNED[DEFAULT]))
         rows.append([title, f"**{record.cell(row)}**", *simpler, ridden])
-    return table(rows)
+    return markdown(rows[0], rows[1:])

@@ -3,21 +3,13 @@
 from __future__ import annotations
 
 import re
-import sys
 from pathlib import Path
 
-from support.common import children
 from support.fuzz.soundness.rules import INVARIANTS
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "security.md"
 CHECKER = ROOT / "tests" / "support" / "fuzz" / "soundness"
-
-
-def test_tables_are_up_to_date() -> None:
-    """docs/security.md is what scripts/security_reference.py writes."""
-    done = children.run([sys.executable, "scripts/security_reference.py", "--check"], cwd=ROOT, capture_output=True)
-    assert done.returncode == 0, "run: python scripts/security_reference.py"
 
 
 def test_every_rule_that_is_listed_is_checked_and_the_other_way_round() -> None:

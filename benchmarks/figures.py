@@ -1,0 +1,94 @@
+"""Tables of figures as docs/results/NAME.json keeps them: what a command computed, under which conditions.
+
+    python -m benchmarks.figures NAME < TABLE.md
+
+takes a Markdown table that a command printed into the record NAME; benchmarks write theirs themselves. `make pages`
+then writes the pages anew.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from lava_vpr.errors import InputError
+from lava_vpr.storage.writing import write_atomically
+
+FOLDER = Path(__file__).resolve().parents[1] / "docs" / "results"
+
+
+@dataclass(frozen=True)
+class Figures:
+    """A table that a page shows.
+
+    Attributes:
+        command: What computes it anew.
+        conditions: What the figures depend on.
+        columns: Headings, in Markdown.
+        rows: Cells, in Markdown.
+    """
+
+    command: str
+    conditions: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+    def text(self) -> str:
+        """The file's text, a line for each row."""
+        head = {"command": self.command, "conditions": self.conditions, "columns": self.columns}
+        lines = [f" {json.dumps(key)}: {json.dumps(value, ensure_ascii=False)}," for key, value in head.items()]
+        rows = ",\n".join(f"  {json.dumps(row, ensure_ascii=False)}" for row in self.rows)
+        return "\n".join(["{", *lines, ' "rows": [', rows, " ]", "}", ""])
+
+
+def names() -> list[str]:
+    """All records."""
+    return sorted(path.stem for path in FOLDER.glob("*.json"))
+
+
+def read(name: str) -> Figures:
+    """A record.
+
+    Raises:
+        InputError: there is none of that name, or a row has not as many cells as there are columns.
+    """
+    path = FOLDER / f"{name}.json"
+    if not path.exists():
+        raise InputError(f"{path}: there is no such record; there are {', '.join(names())}")
+    figures = Figures(**json.loads(path.read_text(encoding="utf-8")))
+    if any(len(row) != len(figures.columns) for row in figures.rows):
+        raise InputError(f"{path}: a row has not {len(figures.columns)} cells, as there are columns; give it as many")
+    return figures
+
+
+def write(name: str, figures: Figures) -> None:
+    """Write a record."""
+    text = figures.text().encode()
+    write_atomically(FOLDER / f"{name}.json", lambda out: out.write(text))
+
+
+def markdown(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table of Markdown cells as a page has it."""
+    lines = [f"| {' | '.join(cells)} |".replace("|  |", "| |").replace("|  |", "| |") for cells in (columns, *rows)]
+    return "\n".join([lines[0], "|" + "---|" * len(columns), *lines[1:]])
+
+
+def parsed(text: str) -> tuple[list[str], list[list[str]]]:
+    """Headings and rows of a Markdown table."""
+    lines = [line.strip().strip("|").split("|") for line in text.splitlines() if line.startswith("|")]
+    columns, _, *rows = ([cell.strip() for cell in line] for line in lines)
+    return columns, rows
+
+
+def section(name: str) -> str:
+    """The table of a record, for a page."""
+    figures = read(name)
+    return markdown(figures.columns, figures.rows)
+
+
+if __name__ == "__main__":
+    columns, rows = parsed(sys.stdin.read())
+    write(sys.argv[1], replace(read(sys.argv[1]), columns=columns, rows=rows))

@@ -1,0 +1,94 @@
+"""Write the parts of README and docs that records and code decide; a test sees that they are up to date.
+
+    python -m scripts.pages [--check]       --check says as an exit code whether they are, and names the pages
+
+A part stands between `<!-- KIND/NAME: written by make pages -->` and `<!-- end of KIND/NAME -->`.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from importlib import import_module
+from pathlib import Path
+
+from lava_vpr.errors import InputError
+from lava_vpr.storage.writing import write_atomically
+
+ROOT = Path(__file__).resolve().parents[1]
+KINDS = {
+    "cli": "scripts.cli_reference",
+    "figures": "benchmarks.figures",
+    "hardware": "scripts.hardware_reference",
+    "results": "benchmarks.results.page",
+    "security": "scripts.security_reference",
+    "settings": "scripts.settings_reference",
+}
+"""The module of each kind of part: its `names()` are those there are, its `section(name)` is the Markdown of one."""
+PART = re.compile(r"(<!-- (\w+)/([\w-]+): written by make pages -->\n)(.*?)(<!-- end of (\w+/[\w-]+) -->)", re.DOTALL)
+
+
+def pages() -> list[Path]:
+    """README and the pages of docs."""
+    return [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def parts(page: str) -> set[tuple[str, str]]:
+    """Kinds and names of the parts of a page's text."""
+    return {(kind, name) for _, kind, name, *_ in PART.findall(page)}
+
+
+def filled(page: str, path: Path) -> str:
+    """The text ``page`` of the file ``path`` with every part as records and code have it.
+
+    Raises:
+        InputError: a part has no such kind or name, or ends with the mark of another.
+    """
+
+    def part(found: re.Match[str]) -> str:
+        begin, kind, name, _, end, ended = found.groups()
+        if ended != f"{kind}/{name}":
+            raise InputError(f"{path}: {kind}/{name} ends with the mark of {ended}; put back its own")
+        if kind not in KINDS:
+            raise InputError(f"{path}: there is no kind of part {kind}; there are {', '.join(KINDS)}")
+        return f"{begin}\n{import_module(KINDS[kind]).section(name)}\n\n{end}"
+
+    return PART.sub(part, page)
+
+
+def absent(texts: dict[Path, str]) -> list[str]:
+    """Parts that stand on no page."""
+    there = set().union(*map(parts, texts.values()))
+    known = {(kind, name) for kind, module in KINDS.items() for name in import_module(module).names()}
+    return sorted(f"{kind}/{name}" for kind, name in known - there)
+
+
+def bring_up_to_date(check: bool = False) -> list[Path]:
+    """Write all pages that are out of date, or only find them.
+
+    Raises:
+        InputError: see `filled`; or a part stands on no page.
+    """
+    texts = {path: path.read_text(encoding="utf-8") for path in pages()}
+    if lost := absent(texts):
+        raise InputError(f"no page has the marks of {', '.join(lost)}; put them back, or remove what is not shown")
+    changed = {path: new for path, text in texts.items() if (new := filled(text, path)) != text}
+    for path, new in () if check else changed.items():
+        write_atomically(path, lambda out, new=new: out.write(new.encode()))  # type: ignore[misc]
+    return sorted(changed)
+
+
+def main() -> None:
+    """Write or check."""
+    check = "--check" in sys.argv[1:]
+    try:
+        changed = bring_up_to_date(check)
+    except InputError as error:
+        raise SystemExit(str(error)) from None
+    for path in changed:
+        print(f"{path.relative_to(ROOT)}: {'out of date; run make pages' if check else 'written'}")
+    sys.exit(check and bool(changed))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,83 @@
+"""Pages are what records and code say: every generated part is up to date, and none is lost. Nothing is timed."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from benchmarks import figures
+from benchmarks.figures import Figures
+from lava_vpr.config import LifNetwork, preset
+from lava_vpr.errors import InputError
+from scripts import pages, settings_reference
+
+PAGE = Path("page.md")
+TEXTS = {path: path.read_text(encoding="utf-8") for path in pages.pages()}
+PART = "<!-- figures/lens: written by make pages -->\n\n{}\n\n<!-- end of figures/lens -->"
+
+
+def test_every_part_of_every_page_is_up_to_date() -> None:
+    assert pages.bring_up_to_date(check=True) == [], "run make pages"
+
+
+def test_what_stands_around_the_parts_stays() -> None:
+    made = pages.filled(f"before\n{PART.format('nonsense')}\nafter 9 %", PAGE)
+    assert made == f"before\n{PART.format(figures.section('lens'))}\nafter 9 %"
+
+
+def test_a_lost_mark_is_named() -> None:
+    lost = {path: text.replace("<!-- figures/lens:", "<!--") for path, text in TEXTS.items()}
+    assert pages.absent(TEXTS) == []
+    assert pages.absent(lost) == ["figures/lens"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("end of figures/lens", "end of figures/energy", r"page.md: .*ends with the mark of figures/energy; put back"),
+        ("figures/lens", "pictures/lens", "no kind of part pictures; there are cli, figures,"),
+        ("figures/lens", "figures/nothing", r"nothing.json: there is no such record; there are chip-learning, "),
+    ],
+)
+def test_a_wrong_mark_is_refused(old: str, new: str, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        pages.filled(PART.format("").replace(old, new), PAGE)
+
+
+def test_no_page_has_a_table_of_figures_that_no_record_holds() -> None:
+    """Two cells side by side that begin with figures; what others published, and what is on paper, is words."""
+    ours = re.compile(r"\|( *[*.]*\d[\d.,]*( [^|A-Za-z]*)?\|){2}")
+    for path, text in TEXTS.items():
+        rest = pages.PART.sub("", text)
+        assert [line for line in rest.splitlines() if line.startswith("|") and ours.search(line)] == [], path
+
+
+def test_a_record_is_read_as_it_was_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(figures, "FOLDER", tmp_path)
+    made = Figures("make it", "on a µ", ["", "R@1"], [["one", "95.7"], ["two", ""]])
+    figures.write("some", made)
+    assert figures.names() == ["some"]
+    assert figures.read("some") == made
+    assert figures.section("some") == "| | R@1 |\n|---|---|\n| one | 95.7 |\n| two | |"
+    assert figures.parsed(figures.section("some")) == (made.columns, made.rows)
+    figures.write("short", Figures("", "", ["", "R@1"], [["one"]]))
+    with pytest.raises(InputError, match=r"short.json: a row has not 2 cells"):
+        figures.section("short")
+
+
+def test_every_record_names_its_command_and_conditions() -> None:
+    for name in figures.names():
+        record = figures.read(name)
+        assert record.command, name
+        assert record.conditions, name
+
+
+def test_presets_are_alike_in_what_the_page_does_not_name() -> None:
+    told = {name.rpartition(".")[2] for row in settings_reference.ROWS for name in re.findall(r"`([a-z_.]+)`", row)}
+    default = preset("loihi")
+    for own in map(preset, settings_reference.INTEGER):
+        for key in LifNetwork.__dataclass_fields__.keys() - told:
+            assert getattr(own.network, key) == getattr(default.network, key), key
+        assert own.learning == default.learning
