@@ -19,13 +19,13 @@ from rich.table import Table
 
 from benchmarks.nordland import SECTIONS, answer, encoded, learn, part, required
 from lava_vpr.bench.results import Candidate
-from lava_vpr.bench.sweep.early_stopping import MARGINS
-from lava_vpr.bench.sweep.points import Case, Measurement, current, figures, mean, runs_of
-from lava_vpr.bench.sweep.sweep import search
+from lava_vpr.bench.sweep import search
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.engine.threads import cores
+from lava_vpr.experiments.early_stopping import MARGINS
+from lava_vpr.experiments.points import Case, Measurement, current, figures, mean, runs_of
 
 Places = tuple[int, int]
 PARTS = {"0:200 (chose the settings)": SECTIONS[:2], "200:500 (did not)": SECTIONS[2:], "all five": SECTIONS}

@@ -23,13 +23,13 @@ import numpy as np
 
 from benchmarks.nordland import required
 from benchmarks.results.places import TEMPLATES, Section, learn, places
-from lava_vpr.bench.sweep.points import Case, configured, current, figures, runs_of
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.encoding import query_rates
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError, LavaVprError
+from lava_vpr.experiments.points import Case, configured, current, figures, runs_of
 from lava_vpr.inputs.views import ViewsConfig
 from lava_vpr.matching.baselines import cosine_similarities
 from lava_vpr.model import Model

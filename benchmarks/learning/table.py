@@ -22,12 +22,12 @@ import numpy as np
 
 from benchmarks.nordland import FOLDERS, images_of, required
 from benchmarks.results.places import TEMPLATES, Section, places, sections_of
-from lava_vpr.bench.sweep.points import Case, current, figures, runs_of
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_views
 from lava_vpr.engine.threads import cores
+from lava_vpr.experiments.points import Case, current, figures, runs_of
 from lava_vpr.slayer.front_end import EPOCHS, learned_filters
 from lava_vpr.training.loop import train
 from lava_vpr.traverse import Traverse, open_traverse

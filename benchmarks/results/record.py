@@ -25,7 +25,7 @@ DECIDING = (
     *(f"lava_vpr/engine/{name}" for name in ("general", "inference", "learning")),
     *(f"lava_vpr/engine/{name}.py" for name in ("adaptation", "draw", "random", "trains")),
     *(f"lava_vpr/backends/{name}.py" for name in ("asking", "host", "interface", "rivals")),
-    "lava_vpr/bench/sweep/points.py",
+    "lava_vpr/experiments/points.py",
     *(f"deploy/{room}" for room in ("boards", "compression", "cost", "mapping")),
     "benchmarks/results/places.py",
     "benchmarks/results/rows.py",

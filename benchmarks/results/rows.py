@@ -12,11 +12,11 @@ from benchmarks.nordland import part
 from benchmarks.results.places import Section, learn, places
 from lava_vpr.backends.asking import Asking
 from lava_vpr.backends.rivals import BASELINES
-from lava_vpr.bench.sweep.points import Case, current, figures, runs_of
 from lava_vpr.config import Config
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.threads import cores
+from lava_vpr.experiments.points import Case, current, figures, runs_of
 from lava_vpr.inputs.views import ViewsConfig
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.model import Model

@@ -23,7 +23,7 @@ from lava_vpr.bench.measure.workload import workload
 from lava_vpr.bench.peers import run_peers
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Asked, Bench, Candidate, Measured, Modelled, OnMap, Peer, StepTimes, Workload
-from lava_vpr.bench.sweep.sweep import BUDGET, sweep
+from lava_vpr.bench.sweep import BUDGET, sweep
 from lava_vpr.cluster.tasks import Cluster
 from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.deploy.boards.constants import HOST_POWER, Constant, CostConstants

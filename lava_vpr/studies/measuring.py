@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Presentations, query_presentations
 from lava_vpr.backends.rivals import Rivals, chosen, decoded
-from lava_vpr.bench.sweep.points import Run, figures
 from lava_vpr.config import Config
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
 from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.encoding import query_rates
 from lava_vpr.errors import ConfigError, NetworkLimitError
+from lava_vpr.experiments.points import Run, figures
 from lava_vpr.matching.equations import Scores
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.matching.held import InBlocks, hold

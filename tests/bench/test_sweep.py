@@ -18,9 +18,7 @@ from support.common.small_models import encoded, small_model, tiny_paper
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Presentations
 from lava_vpr.bench.results import Candidate
-from lava_vpr.bench.sweep.early_stopping import leads, stops
-from lava_vpr.bench.sweep.points import Case, Run, configured, current, fast_settings, figures, runs_of
-from lava_vpr.bench.sweep.sweep import FAST, MODEL, on_front, sweep
+from lava_vpr.bench.sweep import FAST, MODEL, on_front, sweep
 from lava_vpr.cluster.connection import connected
 from lava_vpr.config import LifNetwork, preset
 from lava_vpr.configfile import update
@@ -33,6 +31,8 @@ from lava_vpr.deploy.cost.costs import all_microseconds, modelled, outside_steps
 from lava_vpr.deploy.cost.events import count_events
 from lava_vpr.encoding import query_rates
 from lava_vpr.errors import ConfigError
+from lava_vpr.experiments.early_stopping import leads, stops
+from lava_vpr.experiments.points import Case, Run, configured, current, fast_settings, figures, runs_of
 from lava_vpr.recognition import DECODERS_ONLY, recognise
 from lava_vpr.training.loop import train
 

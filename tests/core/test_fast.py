@@ -14,7 +14,6 @@ from support.common.small_models import encoded
 from lava_vpr.backends.deployed import BundleBackend
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import query_presentations
-from lava_vpr.bench.sweep.points import mean
 from lava_vpr.config import LifNetwork, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
@@ -25,6 +24,7 @@ from lava_vpr.encoding import query_rates, rates16, strongest
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.quantise import distinctive, pruned, unit_norm
 from lava_vpr.errors import ConfigError
+from lava_vpr.experiments.points import mean
 from lava_vpr.loihi import HOST_SPIKES
 from lava_vpr.model import Model
 from lava_vpr.training.loop import train

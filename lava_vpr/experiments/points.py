@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import query_presentations
-from lava_vpr.bench.sweep.early_stopping import leads, stops
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import Board
@@ -24,6 +23,7 @@ from lava_vpr.deploy.cost.events import count_events
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import ConfigError, NetworkLimitError
+from lava_vpr.experiments.early_stopping import leads, stops
 from lava_vpr.gate import integer_config
 from lava_vpr.matching.evaluation import Metrics, evaluate
 from lava_vpr.matching.matchers import confidence
