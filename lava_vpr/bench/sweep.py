@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import random
 from bisect import bisect_left
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import chain
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.experiments.early_stopping import MARGINS
 from lava_vpr.experiments.points import Asked, Case, Measurement, Settings, current, fast_settings, measured
+from lava_vpr.experiments.search import key_of, on_front, wander
 from lava_vpr.model import Model
 
 BUDGET = 240
@@ -64,59 +65,6 @@ Point = tuple[Settings, float, Measurement]
 """Settings, margin of early stopping (inf: none), figures."""
 
 
-class _Next(NamedTuple):
-    """Settings that are measured next if the front stays as it is.
-
-    Attributes:
-        settings: The settings.
-        drawn: The state of the search's random numbers after them.
-        misses: Settings drawn so far that had been measured before.
-        starts: Settings left to start from.
-    """
-
-    settings: Settings
-    drawn: Any
-    misses: int
-    starts: list[Settings]
-
-
-@dataclass
-class _Search:
-    """Points measured so far, by their settings: one for each margin; none where a network cannot be.
-
-    ``ahead`` holds those that were measured because they came next if the front had stayed as it was.
-    """
-
-    asked: Asked
-    first: Settings
-    cluster: Cluster | None
-    by_settings: dict[tuple[tuple[str, float], ...], list[Point]] = field(default_factory=dict)
-    ahead: dict[tuple[tuple[str, float], ...], list[Point]] = field(default_factory=dict)
-
-    def measure(self, chosen: Sequence[Settings]) -> None:
-        """Measure networks of new settings with every margin, all at once at a cluster."""
-        new = [settings for settings in chosen if _key(settings) not in self.ahead]
-        found = run_tasks(measured, new, shared=self.asked, cluster=self.cluster, called="points", progress=_nobody)
-        for settings, each in zip(new, found, strict=True):
-            points = zip(self.asked.margins, each, strict=True) if each else ()
-            self.ahead[_key(settings)] = [(settings, margin, measurement) for margin, measurement in points]
-
-    def take(self, settings: Settings) -> None:
-        """Count settings that were measured among the points."""
-        self.by_settings[_key(settings)] = self.ahead[_key(settings)]
-
-    def points(self) -> list[Point]:
-        """All points, in the order in which they were measured."""
-        return [point for points in self.by_settings.values() for point in points]
-
-    def parents(self) -> list[Settings]:
-        """Settings of the front, those that recall little aside."""
-        points = self.points()
-        least = USEFUL * max((measurement.metrics.recall_at_1 for *_, measurement in points), default=0.0)
-        known = {_key(s): s for s, _, measurement in front(points) if measurement.metrics.recall_at_1 >= least}
-        return [known[key] for key in sorted(known)]
-
-
 def front(points: Sequence[Point]) -> list[Point]:
     """The points that no other outdoes, after the points without early stopping that no other of these outdoes."""
     best = []
@@ -125,23 +73,6 @@ def front(points: Sequence[Point]) -> list[Point]:
             keep = on_front(np.array([measurement.objectives for *_, measurement in kind]))
             best += [point for point, kept in zip(kind, keep, strict=True) if kept]
     return best
-
-
-def on_front(objectives: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which points no other outdoes: at least as low in every column and lower in one; bool (n,).
-
-    Args:
-        objectives: float64 (n, columns), lower is better.
-    """
-    kept = np.ones(len(objectives), np.bool_)
-    for number, point in enumerate(objectives):
-        better = (objectives <= point).all(axis=1) & (objectives < point).any(axis=1)
-        kept[number] = not better.any()
-    return kept
-
-
-def _key(settings: Settings) -> tuple[tuple[str, float], ...]:
-    return tuple(sorted(settings.items()))
 
 
 def _moved(settings: Settings, rng: random.Random, retrain: bool) -> Settings:
@@ -193,26 +124,6 @@ def sweep(
     return search([Case(model, queries, truth, seed)], budget, retrain, board, threads, advance, cluster)
 
 
-def _following(state: _Search, now: _Next, budget: int, retrain: bool, most: int) -> list[_Next]:
-    """The settings that come next, at most so many, as long as the front stays as it is; none at the end."""
-    rng, misses, starts = random.Random(), now.misses, list(now.starts)
-    rng.setstate(now.drawn)
-    parents = state.parents() or [state.first]
-    taken, found = set(state.by_settings), list[_Next]()
-    while len(found) < most and len(taken) < budget and misses < 50 * budget:
-        settings = starts.pop(0) if starts else _moved(rng.choice(parents), rng, retrain)
-        if _key(settings) in taken:
-            misses += 1
-            continue
-        taken.add(_key(settings))
-        found.append(_Next(settings, rng.getstate(), misses, list(starts)))
-    return found
-
-
-def _nobody(standing: Standing) -> None:
-    """Who is told of tasks whose points are told themselves."""
-
-
 def search(
     cases: Sequence[Case],
     budget: int = BUDGET,
@@ -225,27 +136,40 @@ def search(
     """`sweep` over several models of equal settings with queries of their own: figures are means over them."""
     asked = Asked(cases, board, (np.inf, *MARGINS), threads if cluster is None else 1)
     as_learned, fast = current(cases[0].model), fast_settings(cases[0].model)
-    state = _Search(asked, as_learned, cluster)
     with_settings(cases[0].model, UNCHANGED)  # refuse what cannot be quantised anew
-    chosen = {_key(fast): FAST, _key(as_learned): MODEL}
-    now = _Next(as_learned, random.Random(0).getstate(), 0, [as_learned, fast])
-    while following := _following(state, now, budget, retrain, 1 if cluster is None else AHEAD):
-        state.measure([one.settings for one in following])
-        parents = state.parents()
-        for now in following:
-            state.take(now.settings)
-            if advance is not None:
-                advance(1)
-            if state.parents() != parents:
-                break  # the rest was drawn from another front
-    points = state.points()
+
+    def moved(settings: Settings, rng: random.Random) -> Settings:
+        return _moved(settings, rng, retrain)
+
+    def measure(some: Sequence[Settings]) -> Iterable[list[Point]]:
+        found = run_tasks(measured, some, shared=asked, cluster=cluster, called="points", progress=_nobody)
+        for settings, each in zip(some, found, strict=True):  # none where a network cannot be
+            yield [(settings, margin, one) for margin, one in zip(asked.margins, each, strict=False)]
+
+    points: list[Point] = []
+    for _, each in wander([as_learned, fast], moved, measure, parents, budget, 1 if cluster is None else AHEAD):
+        points += each
+        if advance is not None:
+            advance(1)
     if not points:
         raise NetworkLimitError(f"nothing that was tried fits {board.title}; learn fewer places, or use another board")
-    best = {id(point) for point in front(points)}
+    best, chosen = {id(point) for point in front(points)}, {key_of(fast): FAST, key_of(as_learned): MODEL}
     return tuple(
-        _candidate(as_learned, point, id(point) in best, chosen.get(_key(point[0]), "") if point[1] == np.inf else "")
+        _candidate(as_learned, point, id(point) in best, chosen.get(key_of(point[0]), "") if point[1] == np.inf else "")
         for point in points
     )
+
+
+def parents(found: Mapping[Any, list[Point]]) -> list[Settings]:
+    """Settings of the front, those that recall little aside."""
+    points = list(chain.from_iterable(found.values()))
+    least = USEFUL * max((measurement.metrics.recall_at_1 for *_, measurement in points), default=0.0)
+    known = {key_of(s): s for s, _, measurement in front(points) if measurement.metrics.recall_at_1 >= least}
+    return [known[key] for key in sorted(known)]
+
+
+def _nobody(standing: Standing) -> None:
+    """Who is told of tasks whose points are told themselves."""
 
 
 def _candidate(as_learned: Settings, point: Point, best: bool, chosen: str) -> Candidate:

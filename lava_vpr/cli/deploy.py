@@ -36,10 +36,10 @@ from lava_vpr.deploy.bundle.deployment import Deployed, unproven
 from lava_vpr.deploy.bundle.deployment import deploy as write_bundle
 from lava_vpr.deploy.bundle.folder import check_replaceable
 from lava_vpr.deploy.bundle.targets import TARGETS
-from lava_vpr.deploy.compression.calibration import Calibration, calibrated, figures, search
 from lava_vpr.deploy.compression.compression import Changes, Compressed, Figures, for_board
 from lava_vpr.deploy.show.tables import core_table, summary
 from lava_vpr.engine.threads import cores
+from lava_vpr.experiments.calibration import Calibration, calibrated, figures, search
 from lava_vpr.model import Model, integer_model
 from lava_vpr.storage.text import shown
 from lava_vpr.truth.alignment import aligned_truth

@@ -37,7 +37,7 @@ from lava_vpr.cli.published.options import BenchmarkOptions, asked_places, bench
 from lava_vpr.cli.show.clusters import cluster_at, cluster_option
 from lava_vpr.encoding import EncodedTraverse, Keep
 from lava_vpr.engine.threads import cores
-from lava_vpr.matching.evaluation import Metrics
+from lava_vpr.matching.figures import TITLES, values_of
 from lava_vpr.model import Model
 from lava_vpr.recognition import Comparison, Recognition, as_json, recognise
 from lava_vpr.storage.text import shown
@@ -175,9 +175,9 @@ def _write_report(
     write_report(report_data(model, queries, result, command_line(ctx), sequence, seed, errors), page.parent)
 
 
-def _percent(value: float) -> str:
+def _percent(value: float | None) -> str:
     """A fraction in percent, a dash if it cannot be computed."""
-    return "-" if np.isnan(value) else f"{100 * value:.1f}"
+    return "-" if value is None or np.isnan(value) else f"{100 * value:.1f}"
 
 
 def print_table(model: Model, result: Recognition, sequence: int = 1) -> None:
@@ -189,19 +189,19 @@ def print_table(model: Model, result: Recognition, sequence: int = 1) -> None:
         caption += f"\n{name} sees {BASELINES[name]}"
     table = Table(title=title, title_justify="left", caption=caption, caption_justify="left")
     table.add_column("matcher", no_wrap=True)
-    for name in ("R@1", "R@5", "R@10", "R@100P", "P@100R", "AUC"):
+    for name in TITLES.values():
         table.add_column(name, justify="right", no_wrap=True)
     names = [result.default, *(name for name in result.metrics if name != result.default)]
     for name in names:
-        table.add_row(name + (" *" if name == result.default else ""), *_row(result.metrics[name]))
+        table.add_row(name + (" *" if name == result.default else ""), *map(_percent, values_of(result.metrics[name])))
     for number, (name, metrics) in enumerate(result.adapted.items()):
         if number == 0:
             table.add_section()
-        table.add_row(f"{name}, adapted", *_row(metrics))
+        table.add_row(f"{name}, adapted", *map(_percent, values_of(metrics)))
     for number, (name, metrics) in enumerate(result.followed.items()):
         if number == 0:
             table.add_section()
-        table.add_row(name.replace("_", "-"), *_row(metrics))
+        table.add_row(name.replace("_", "-"), *map(_percent, values_of(metrics)))
     if result.followed:
         table.caption = (
             f"{caption}\nfiltered: queries in driving order, each with those before it; forward-backward: with all"
@@ -227,19 +227,6 @@ def print_trust(result: Recognition) -> None:
             first = (name, f"{100 * found.error:.1f}") if number == 0 else ("", "")
             table.add_row(first[0], _percent(row.target), least, *figures, first[1])
     print_whole(table)
-
-
-def _row(metrics: Metrics) -> list[str]:
-    """A matcher's figures in the order of the table's columns."""
-    values = (
-        metrics.recall_at_1,
-        metrics.recall_at_n[5],
-        metrics.recall_at_n[10],
-        metrics.recall_at_100_precision,
-        metrics.precision_at_100_recall,
-        metrics.auc,
-    )
-    return [_percent(value) for value in values]
 
 
 SILENT = ("json_path", "csv_path", "report_folder", "jobs", "address", "keep")

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from lava_vpr.cluster.tasks import Cluster, Standing, as_done
+from lava_vpr.cluster.tasks import Cluster
 from lava_vpr.datasets.layouts import DATASETS, Dataset
 from lava_vpr.errors import InputError
-from lava_vpr.paper_table.kept import Kept
+from lava_vpr.experiments import grid
+from lava_vpr.experiments.grid import Advance, ignored
+from lava_vpr.experiments.spread import Spread
 from lava_vpr.paper_table.methods import DESCRIPTORS, METHODS, NETWORKS, Method
 from lava_vpr.paper_table.printed import printed
-from lava_vpr.paper_table.sections import Figures, Section, Taken, Task, fingerprint, measure, read
+from lava_vpr.paper_table.sections import Figures, Section, Task, kept_in, measure, read
 from lava_vpr.paper_table.sources import Source, tasks
-from lava_vpr.studies.run import Spread
-
-Advance = Callable[[int, str], None]
-"""A function that is told how many more sections are done, and which is the last."""
 
 
 @dataclass(frozen=True)
@@ -127,19 +124,19 @@ class PaperTable:
 
 def compute(
     wanted: Wanted,
-    kept: Kept,
+    keep: Path | None = None,
     *,
     jobs: int = 1,
     cluster: Cluster | None = None,
     kept_only: bool = False,
     command: str = "",
-    advance: Advance | None = None,
+    advance: Advance = ignored,
 ) -> PaperTable:
     """Compute the table, or what is not kept of it.
 
     Args:
         wanted: What it is computed from.
-        kept: Where figures of finished sections are kept.
+        keep: The folder of the figures of finished sections; None: they are not kept.
         jobs: Threads, a section each; they change no figure.
         cluster: Whose workers measure the sections, which are read here; None: those threads.
         kept_only: Compute nothing: take what is kept.
@@ -148,38 +145,24 @@ def compute(
     Raises:
         LavaVprError: images or descriptors that cannot be used, or figures that cannot be kept.
     """
-    told = (lambda by, note: None) if advance is None else advance
-    digests: dict[Taken, bytes] = {}
-    found: dict[Task, dict[str, Figures]] = {}
-    missing: list[tuple[Task, str]] = []
-    for task in wanted.tasks():
-        key = fingerprint(task, digests)
-        before = kept.find(task, key)
-        if before is not None:
-            found[task] = before
-            told(1, f"{task.in_words} (kept)")
-        elif not kept_only:
-            missing.append((task, key))
-
-    def standing(now: Standing) -> None:
-        if now.workers:
-            told(0, f"sections, {now.workers} workers")
-
-    sections = (task if cluster is None else read(task) for task, _ in missing)  # workers see no files
-    with closing(
-        as_done(_measure, sections, shared=None, cluster=cluster, jobs=jobs, called="sections", progress=standing)
-    ) as measured:
-        for number, figures in measured:
-            task, key = missing[number]
-            kept.keep(task, key, figures)
-            found[task] = figures
-            told(1, task.in_words)
+    found = grid.compute(
+        _measure,
+        wanted.tasks(),
+        cache=kept_in(keep),
+        kept_only=kept_only,
+        read=read,
+        called="sections",
+        in_words=lambda task: task.in_words,
+        jobs=jobs,
+        cluster=cluster,
+        advance=advance,
+    )
     return PaperTable(tuple(_part(row, wanted, found) for row in DATASETS.values()), wanted, command)
 
 
-def _measure(shared: None, section: Task | Section) -> dict[str, Figures]:
-    """`measure` as tasks are run; what was not read before is read."""
-    return measure(read(section) if isinstance(section, Task) else section)
+def _measure(shared: None, section: Section) -> dict[str, Figures]:
+    """`measure` as tasks are run."""
+    return measure(section)
 
 
 def _part(dataset: Dataset, wanted: Wanted, found: Mapping[Task, dict[str, Figures]]) -> Part:

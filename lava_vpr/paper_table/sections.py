@@ -7,17 +7,17 @@ import hashlib
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.backends.rivals import BASELINES
-from lava_vpr.cluster import versions
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import to_dict
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse
 from lava_vpr.errors import InputError
+from lava_vpr.experiments.cache import Cache, content_key
 from lava_vpr.matching.baselines import cosine_similarities, load_descriptors
 from lava_vpr.matching.equations import Scores
 from lava_vpr.matching.evaluation import evaluate
@@ -148,28 +148,36 @@ class Figures(NamedTuple):
     auc: float
 
 
-def fingerprint(task: Task, digests: dict[Taken, bytes]) -> str:
-    """A hash of everything that decides the figures of a section: program, settings, rows, bytes of all image files.
+def kept_in(folder: Path | None) -> Cache[Task, dict[str, Figures]]:
+    """Figures of finished sections, in a folder; None: they are not kept."""
+    digests: dict[Taken, bytes] = {}
 
-    Args:
-        task: The section.
-        digests: Those of images that were read before; others are added.
+    def name(task: Task) -> str:
+        return f"{task.dataset}-{task.network}-{task.section:02d}-seed-{task.seed}"
+
+    def key(task: Task) -> str:
+        decides = {
+            "methods": [method.matcher for method in of_network(task.network)],
+            "settings": None if task.network == DESCRIPTORS else to_dict(task.config),
+        }
+        images = [*task.references, *(() if task.query is None else (task.query,))]
+        digests.update({taken: _digest(taken) for taken in images if taken not in digests})
+        vectors = [np.ascontiguousarray(rows.read()).tobytes() for rows in task.descriptors or ()]
+        return content_key(measure, decides, *(digests[taken] for taken in images), *vectors)
+
+    return Cache(folder, name, key, _figures)
+
+
+def _figures(values: Any) -> dict[str, Figures]:
+    """Figures as they were kept.
+
     Raises:
-        InputError: a file cannot be read.
+        ValueError, TypeError, AttributeError: they are none.
     """
-    said = {
-        "program": dict(versions.of_results()),
-        "methods": [method.matcher for method in of_network(task.network)],
-        "settings": None if task.network == DESCRIPTORS else to_dict(task.config),
-    }
-    digest = hashlib.sha256(json.dumps(said, sort_keys=True).encode())
-    for taken in (*task.references, *(() if task.query is None else (task.query,))):
-        if taken not in digests:
-            digests[taken] = _digest(taken)
-        digest.update(digests[taken])
-    for rows in task.descriptors or ():
-        digest.update(np.ascontiguousarray(rows.read()).tobytes())
-    return digest.hexdigest()
+    found = {str(name): Figures(*map(float, row)) for name, row in values.items()}
+    if not all(0.0 <= value <= 1.0 for row in found.values() for value in row):
+        raise ValueError("no figures")
+    return found
 
 
 def _digest(taken: Taken) -> bytes:

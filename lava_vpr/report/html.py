@@ -9,32 +9,18 @@ from typing import Any
 import numpy as np
 
 from lava_vpr.matching.decoders import DECODERS
+from lava_vpr.matching.figures import TITLES, values_of
 from lava_vpr.report import sections, trust
-from lava_vpr.report.data import Figures, ReportData
+from lava_vpr.report.data import ReportData
 from lava_vpr.report.frame import document
 from lava_vpr.report.plots import precision_recall, series_style
 from lava_vpr.report.templates import render, text
 from lava_vpr.report.text import fraction, is_number, label, plain, safe
 
-_COLUMNS = ("R@1", "R@5", "R@10", "R@100P", "P@100R", "AUC")
-
 
 def is_baseline(name: str, default: str) -> bool:
     """Whether matcher ``name`` is none that decodes the network's spikes."""
     return name != default and name not in DECODERS
-
-
-def _figures(figures: Figures) -> tuple[float | None, ...]:
-    """The table's columns, in the order of `_COLUMNS`."""
-    at = figures.recall_at_n
-    return (
-        figures.recall_at_1,
-        at.get(5),
-        at.get(10),
-        figures.recall_at_100_precision,
-        figures.precision_at_100_recall,
-        figures.auc,
-    )
 
 
 def _header(data: ReportData) -> str:
@@ -74,7 +60,7 @@ def _header(data: ReportData) -> str:
 
 def _table(data: ReportData) -> str:
     """One row for each matcher; the best figure of every column is bold."""
-    rows = {name: _figures(figures) for name, figures in data.metrics.items()}
+    rows = {name: values_of(figures) for name, figures in data.metrics.items()}
     best = [
         max((value for value in column if is_number(value)), default=math.inf)
         for column in zip(*rows.values(), strict=True)
@@ -91,7 +77,7 @@ def _table(data: ReportData) -> str:
             f'<tr{" class=default" if default else ""}><th scope="row" data-value="{safe(label(name))}">'
             f'{safe(label(name))}<span class="tag{" default" if default else ""}">{kind}</span></th>{cells}</tr>'
         )
-    heads = "".join(f'<th scope="col"><button type="button">{c}</button></th>' for c in ("Matcher", *_COLUMNS))
+    heads = "".join(f'<th scope="col"><button type="button">{c}</button></th>' for c in ("Matcher", *TITLES.values()))
     sees = " ".join(f"{label(name)}: sees {what}." for name, what in data.seen.items())
     return render("report_figures.html", heads=heads, rows="".join(body), sees=safe(sees))
 

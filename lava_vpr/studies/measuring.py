@@ -17,10 +17,10 @@ from lava_vpr.encoding import query_rates
 from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.experiments.points import Run, figures
 from lava_vpr.matching.equations import Scores
-from lava_vpr.matching.evaluation import Metrics
+from lava_vpr.matching.figures import Recall
 from lava_vpr.matching.held import InBlocks, hold
 from lava_vpr.model import Model
-from lava_vpr.studies.study import Costs, Outcome, Point, Recall, Route, Task
+from lava_vpr.studies.study import Costs, Outcome, Point, Route, Task
 from lava_vpr.training.loop import train
 
 BOARD: Board = KAPOHO_BAY
@@ -34,11 +34,6 @@ BESIDE = ("cosine", "sad", "standardised")
 def learned(route: Route, config: Config) -> Model:
     """A model of ``route``."""
     return train(route.references, config, standard=route.standard)
-
-
-def recall_of(metrics: Metrics) -> Recall:
-    """What a study keeps of a matcher's figures."""
-    return Recall(metrics.recall_at_1, metrics.recall_at_100_precision, metrics.auc)
 
 
 def counted(model: Model, route: Route, seed: int | None = None) -> NDArray[np.int32]:
@@ -62,12 +57,12 @@ def references_counted(model: Model, route: Route, role: str) -> NDArray[np.int3
 def judged(model: Model, counts: NDArray[Any], truth: NDArray[np.bool_]) -> Recall:
     """Figures of the model's own decoder on spike counts (queries, neurons)."""
     name = model.config.decoder.default
-    return recall_of(hold(name, decoded(model, counts, name), truth).metrics)
+    return Recall.of(hold(name, decoded(model, counts, name), truth).metrics)
 
 
 def judged_scores(matcher: str, scores: Scores, truth: NDArray[np.bool_]) -> Recall:
     """Figures of scores (queries, places) whose answers have the confidence of ``matcher``."""
-    return recall_of(hold(matcher, InBlocks.made(scores), truth).metrics)
+    return Recall.of(hold(matcher, InBlocks.made(scores), truth).metrics)
 
 
 def baselines(model: Model, route: Route) -> dict[str, Recall]:
@@ -75,7 +70,7 @@ def baselines(model: Model, route: Route) -> dict[str, Recall]:
     names = tuple(name for name in BESIDE if name in chosen(model, None))
     rivals = Rivals(model, route.queries, query_presentations(model, route.queries), names)
     return {
-        scored.name: recall_of(hold(scored.matcher, scored.scores, route.truth).metrics) for scored in rivals.plain()
+        scored.name: Recall.of(hold(scored.matcher, scored.scores, route.truth).metrics) for scored in rivals.plain()
     }
 
 

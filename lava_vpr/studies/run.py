@@ -2,43 +2,20 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from lava_vpr.cluster.tasks import Cluster, Told, run_tasks
 from lava_vpr.config import Config
 from lava_vpr.errors import ConfigError
-from lava_vpr.studies.study import Asked, Costs, Outcome, Recall, Route, Study, Task
+from lava_vpr.experiments.spread import Spread, mean_of
+from lava_vpr.matching.figures import Recall
+from lava_vpr.studies.study import Asked, Costs, Outcome, Route, Study, Task
 from lava_vpr.training.loop import check_size
 
 CALLED = "models"
 """What tasks are called, for people: each learns a model, and asks it all that is asked of it."""
-
-
-class Spread(NamedTuple):
-    """A figure over seeds.
-
-    Attributes:
-        mean: Of all seeds.
-        deviation: The sample standard deviation; None of one seed.
-        by_seed: The figure by seed, in order.
-    """
-
-    mean: float
-    deviation: float | None
-    by_seed: Mapping[int, float]
-
-    @classmethod
-    def of(cls, by_seed: Mapping[int, float]) -> Spread:
-        """That of figures by seed, at least one; sums are exact, so that every Python rounds them alike."""
-        values = list(by_seed.values())
-        mean = math.fsum(values) / len(values)
-        if len(values) == 1:
-            return cls(mean, None, by_seed)
-        squares = math.fsum((value - mean) ** 2 for value in values)
-        return cls(mean, math.sqrt(squares / (len(values) - 1)), by_seed)
 
 
 @dataclass(frozen=True)
@@ -162,25 +139,17 @@ def rows(outcomes: Iterable[Outcome]) -> tuple[Row, ...]:
 
 def _row(point: str, some: Sequence[Outcome]) -> Row:
     """The row of the outcomes of one point."""
-    network = {name: _spread([(one.seed, getattr(one.network, name)) for one in some]) for name in Recall._fields}
+    network = {name: Spread.over([(one.seed, getattr(one.network, name)) for one in some]) for name in Recall._fields}
     names = dict.fromkeys(name for one in some for name in one.baselines)
     baselines = {name: _means(Recall, [one.baselines[name] for one in some if name in one.baselines]) for name in names}
     costs = [one.costs for one in some if one.costs is not None]
     facts = {
-        name: _spread([(one.seed, one.facts[name]) for one in some if name in one.facts])
+        name: Spread.over([(one.seed, one.facts[name]) for one in some if name in one.facts])
         for name in dict.fromkeys(name for one in some for name in one.facts)
     }
     return Row(point, some[0].value, network, baselines, _means(Costs, costs) if costs else None, facts)
 
 
-def _spread(figures: Iterable[tuple[int, float]]) -> Spread:
-    """Figures, each with its seed, over seeds; of several with one seed their mean."""
-    by_seed: dict[int, list[float]] = {}
-    for seed, value in figures:
-        by_seed.setdefault(seed, []).append(float(value))
-    return Spread.of({seed: math.fsum(values) / len(values) for seed, values in by_seed.items()})
-
-
 def _means(kind: Any, values: Sequence[Any]) -> Any:
     """The means of each figure of ``values``, at least one, as a ``kind``."""
-    return kind(*(math.fsum(figures) / len(values) for figures in zip(*values, strict=True)))
+    return kind(*(mean_of(figures) for figures in zip(*values, strict=True)))

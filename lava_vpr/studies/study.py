@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from lava_vpr.config import Config
 from lava_vpr.inputs.encoded import EncodedTraverse
 from lava_vpr.inputs.vectors import Standard
+from lava_vpr.matching.figures import Recall
 
 
 @dataclass(frozen=True)
@@ -81,14 +82,6 @@ class Task:
     def route_of(self, whole: Route) -> Route:
         """The part of the ``whole`` route that it is about."""
         return whole if self.section is None else whole.section(*self.section)
-
-
-class Recall(NamedTuple):
-    """Figures of a matcher, fractions in 0..1."""
-
-    recall_at_1: float
-    recall_at_100_precision: float
-    auc: float
 
 
 class Costs(NamedTuple):

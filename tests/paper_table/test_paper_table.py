@@ -19,14 +19,13 @@ from support.common.commands import run
 from support.common.daskcluster import DaskCluster
 
 from lava_vpr.cli import main
-from lava_vpr.cluster import versions
 from lava_vpr.datasets.layouts import DATASETS
+from lava_vpr.experiments import cache
 from lava_vpr.paper_table import run as computing
-from lava_vpr.paper_table.kept import Kept
 from lava_vpr.paper_table.methods import METHODS, NETWORKS
 from lava_vpr.paper_table.printed import COLUMNS, PRINTED, printed
 from lava_vpr.paper_table.run import counted
-from lava_vpr.paper_table.sections import Figures, measure, read
+from lava_vpr.paper_table.sections import Figures, kept_in, measure, read
 from lava_vpr.paper_table.sources import official, stand_in, tasks
 
 QUICK = ("--only", "fast", "--epochs", "4", "--jobs", "1")
@@ -230,22 +229,22 @@ def test_what_is_kept_is_taken_for_the_same_images_settings_and_program_alone(
 ) -> None:
     speds(folder / "s")
     source = official("spedtest", folder / "s")
-    kept = Kept(folder / "kept")
+    kept = kept_in(folder / "kept")
     wanted = computing.Wanted({"spedtest": source}, networks=("fast",), epochs=4)
-    computing.compute(wanted, kept)
-    (first, second), digests = tasks(source, "fast", (1, 2), 0, 4), {}
-    keys = [computing.fingerprint(task, digests) for task in (first, second)]
+    computing.compute(wanted, folder / "kept")
+    first, second = tasks(source, "fast", (1, 2), 0, 4)
+    keys = [kept.key(task) for task in (first, second)]
     assert kept.find(first, keys[0]) == measure(read(first))
     assert kept.find(first, keys[1]) is None
-    assert computing.fingerprint(tasks(source, "fast", (1,), 0, 5)[0], {}) != keys[0]
-    assert computing.fingerprint(tasks(source, "fast", (1,), 1, 4)[0], {}) != keys[0]
+    assert kept.key(tasks(source, "fast", (1,), 0, 5)[0]) != keys[0]
+    assert kept.key(tasks(source, "fast", (1,), 1, 4)[0]) != keys[0]
     with monkeypatch.context() as patched:
-        patched.setattr(versions, "of_results", lambda: {"lava-vpr": "0.0.0 (another)"})
-        assert computing.fingerprint(first, {}) != keys[0]
+        patched.setattr(cache, "sources_hash", lambda function: "another program")
+        assert kept.key(first) != keys[0]
     place = folder / "s" / "query" / "2.png"
     place.write_bytes((folder / "s" / "query" / "3.png").read_bytes())
-    assert computing.fingerprint(first, {}) != keys[0]
-    assert computing.fingerprint(second, {}) == keys[1]
+    assert kept_in(folder / "kept").key(first) != keys[0]
+    assert kept_in(folder / "kept").key(second) == keys[1]
     path = kept.file(first)
     assert path is not None
     for text in ("", "[]", "{", '{"fingerprint": "x"}', json.dumps({"fingerprint": keys[0], "figures": {"fast": [2]}})):

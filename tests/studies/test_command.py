@@ -13,9 +13,11 @@ from support.common.commands import images, listed, run
 from support.common.daskcluster import DaskCluster
 
 from lava_vpr.cli import main
-from lava_vpr.studies.run import Row, Spread
+from lava_vpr.experiments.spread import Spread
+from lava_vpr.matching.figures import Recall
+from lava_vpr.studies.run import Row
 from lava_vpr.studies.show import plots
-from lava_vpr.studies.study import Costs, Recall
+from lava_vpr.studies.study import Costs
 
 QUICK = ("--config", "quick.toml", "--seeds", "0,1")
 

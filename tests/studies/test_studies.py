@@ -20,7 +20,9 @@ from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.compression.compression import Changes, requantised
 from lava_vpr.errors import ConfigError
+from lava_vpr.experiments.spread import Spread
 from lava_vpr.matching.evaluation import evaluate
+from lava_vpr.matching.figures import Recall
 from lava_vpr.matching.hyperactive import hyperactive
 from lava_vpr.matching.matchers import confidence
 from lava_vpr.model import decode
@@ -30,11 +32,11 @@ from lava_vpr.studies.decoding import BOTH, QUERIES, TRAINING
 from lava_vpr.studies.learning import sections
 from lava_vpr.studies.measuring import counted, learned, modelled
 from lava_vpr.studies.registry import STUDIES
-from lava_vpr.studies.run import Row, Shared, Spread, Studied, measured, planned, rows, run
+from lava_vpr.studies.run import Row, Shared, Studied, measured, planned, rows, run
 from lava_vpr.studies.several import as_one, member_seed, shuffled_order, side_by_side, theta_of
 from lava_vpr.studies.show.page import page
 from lava_vpr.studies.show.values import as_json, table
-from lava_vpr.studies.study import Asked, Outcome, Recall, Route, Task
+from lava_vpr.studies.study import Asked, Outcome, Route, Task
 
 PLACES = 8
 VALUES: dict[str, tuple[float, ...]] = {

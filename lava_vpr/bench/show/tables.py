@@ -17,8 +17,9 @@ from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.boards.estimate import Estimate
 from lava_vpr.deploy.show.tables import NONE, figure
 from lava_vpr.matching.evaluation import Metrics
+from lava_vpr.matching.figures import TITLES, titles, values_of
 
-FIGURES = ("R@1", "R@5", "R@10", "R@100P", "P@100R", "AUC")
+FIGURES = titles(TITLES)
 
 
 @dataclass(frozen=True)
@@ -70,9 +71,7 @@ def figures_of(metrics: Metrics | None) -> tuple[str, ...]:
     """The cells below the headings `FIGURES`."""
     if metrics is None:
         return (NONE,) * len(FIGURES)
-    at = metrics.recall_at_n
-    values = (metrics.recall_at_1, at.get(5), at.get(10), metrics.recall_at_100_precision)
-    return tuple(map(percent, (*values, metrics.precision_at_100_recall, metrics.auc)))
+    return tuple(map(percent, values_of(metrics)))
 
 
 def recall(bench: Bench) -> Table:

@@ -17,7 +17,6 @@ from lava_vpr.cli.show.clusters import cluster_at, cluster_option
 from lava_vpr.datasets.layouts import DATASETS
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
-from lava_vpr.paper_table.kept import Kept
 from lava_vpr.paper_table.methods import NETWORKS
 from lava_vpr.paper_table.run import PaperTable, Wanted, compute
 from lava_vpr.paper_table.show.markdown import markdown
@@ -162,7 +161,7 @@ def paper_table(
         try:
             table = compute(
                 wanted,
-                Kept(keep),
+                keep,
                 jobs=jobs or cores(),
                 cluster=cluster,
                 kept_only=kept_only,

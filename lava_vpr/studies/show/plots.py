@@ -8,12 +8,14 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator
 
+from lava_vpr.experiments.spread import Spread
+from lava_vpr.matching.figures import Recall, titles
 from lava_vpr.report.svg import THEME, Style, canvas, to_svg
-from lava_vpr.studies.run import Row, Spread
+from lava_vpr.studies.run import Row
 
 WIDTH = 560
 """Width of a drawing, in CSS pixels at its natural size."""
-KINDS = (("recall_at_1", "R@1", "c0", "o"), ("recall_at_100_precision", "R@100P", "c1", "s"), ("auc", "AUC", "c2", "^"))
+KINDS = tuple(zip(Recall._fields, titles(), ("c0", "c1", "c2"), ("o", "s", "^"), strict=True))
 """What is drawn: figure, name, colour and marker."""
 
 

@@ -7,9 +7,10 @@ from typing import Any
 from lava_vpr.bench.show.tables import Table, named, percent
 from lava_vpr.configfile import to_dict
 from lava_vpr.deploy.show.tables import NONE, figure
+from lava_vpr.experiments.spread import Spread
+from lava_vpr.matching.figures import Recall, titles
 from lava_vpr.studies.measuring import BOARD, COSTED
-from lava_vpr.studies.run import Row, Spread, Studied
-from lava_vpr.studies.study import Recall
+from lava_vpr.studies.run import Row, Studied
 
 SHARES = ("covered", "removed")
 """Facts that are shares, shown in percent; all others are counts."""
@@ -54,7 +55,7 @@ def table(found: Studied) -> Table:
     facts = tuple(dict.fromkeys(name for row in found.rows for name in row.facts))
     baselines = tuple(dict.fromkeys(name for row in found.rows for name in row.baselines))
     costed = any(row.costs is not None for row in found.rows)
-    columns = [found.study.varied, "R@1", "R@100P", "AUC", *map(named, facts), *baselines]
+    columns = [found.study.varied, *titles(), *map(named, facts), *baselines]
     lines = []
     for row in found.rows:
         cells = [row.point, *(_share(row.network[name]) for name in Recall._fields)]
@@ -67,7 +68,7 @@ def table(found: Studied) -> Table:
     note = f"Recall in percent, exact matches as the truth has them, mean of seeds {_listed(found.seeds)}"
     note += ", ± their standard deviation." if several else "."
     if baselines:
-        note += " Baselines: R@1 / R@100P / AUC."
+        note += f" Baselines: {' / '.join(titles())}."
     if costed:
         note += (
             f" Energy and time of a query: modelled for {BOARD.title}, nominal, dynamic, clearing included, host I/O "

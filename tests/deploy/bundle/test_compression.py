@@ -18,12 +18,13 @@ from support.common.small_models import encoded, small_config, small_model
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2
-from lava_vpr.deploy.compression import calibration, compression
+from lava_vpr.deploy.compression import compression
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse
 from lava_vpr.engine.conductance.model import initial_state
 from lava_vpr.engine.inference import quantise
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import ConfigError, NetworkLimitError
+from lava_vpr.experiments import calibration
 from lava_vpr.loihi import LOIHI_1_INPUT_LIMIT
 from lava_vpr.model import Model
 from lava_vpr.training.loop import train

@@ -1,7 +1,7 @@
 """Programs that tests start: with default signals, within a limit of time, and never for longer than their test.
 
-Used by bench, benchmarks, cli, conftest, core, deploy, events, examples, images, isolated, project, storage,
-support and training.
+Used by bench, benchmarks, cli, conftest, core, deploy, events, examples, experiments, images, isolated, project,
+storage, support and training.
 """
 
 from __future__ import annotations

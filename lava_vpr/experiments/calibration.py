@@ -28,6 +28,7 @@ from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.errors import NetworkLimitError
+from lava_vpr.experiments.search import cheapest
 from lava_vpr.matching.evaluation import evaluate
 from lava_vpr.matching.matchers import confidence
 from lava_vpr.model import Model, checked_network, decode, integer_model
@@ -125,23 +126,25 @@ def search(
     advance = begin(len(points)) if begin is not None else None
     before = figures(model, calibration, threads=threads)
     least = before.recall_at_1 - max_loss - 1e-9  # 0.91 - 0.02 is above 0.89
-    tried: list[tuple[Point, Figures]] = []
-    best: tuple[float, int, Compressed] | None = None
-    for point in points:
-        if best is not None and point.input_operations >= best[0]:
-            break
+
+    def measure(point: Point) -> tuple[Compressed, Figures]:
         chosen = Changes(point.weight_bits, point.prune, changes.input_mode)
         compressed = for_board(model, board, chosen, threads=threads)
-        after = figures(compressed.model, calibration, threads=threads)
+        return compressed, figures(compressed.model, calibration, threads=threads)
+
+    def cost(point: Point, result: tuple[Compressed, Figures]) -> tuple[float, int] | None:
+        return (result[1].operations, point.memory_bits) if result[1].recall_at_1 >= least else None
+
+    tried: list[tuple[Point, Figures]] = []
+    best: Compressed | None = None
+    for point, (compressed, after), kept in cheapest(points, measure, cost, lambda point: point.input_operations):
         tried.append((point, after))
-        cost = (after.operations, point.memory_bits)
-        if after.recall_at_1 >= least and (best is None or cost < best[:2]):
-            best = (*cost, replace(compressed, after=after))
+        best = replace(compressed, after=after) if kept else best
         if advance is not None:
             advance(f"{point.weight_bits} bits, {point.prune:g} pruned: R@1 {100 * after.recall_at_1:.1f}")
     if best is None:
         raise NetworkLimitError(_none_good(board, before, max_loss, tried))
-    return replace(best[2], before=before, max_loss=max_loss, tried=tuple(tried))
+    return replace(best, before=before, max_loss=max_loss, tried=tuple(tried))
 
 
 def _none_good(board: Board, before: Figures, max_loss: float, tried: list[tuple[Point, Figures]]) -> str:
