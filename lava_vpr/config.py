@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import typing
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Annotated, Literal
 
 from lava_vpr.errors import ConfigError, brief
 from lava_vpr.inputs.augment import AugmentConfig
@@ -18,12 +18,13 @@ from lava_vpr.inputs.views import ViewsConfig
 from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.settings.conductance import ConductanceLearning, ConductanceNetwork
-from lava_vpr.settings.ranges import need, real, whole, within
+from lava_vpr.settings.ranges import Range, check, need
 
 InputMode = Literal["injected", "bias"]
 INPUT_MODES: tuple[str, ...] = typing.get_args(InputMode)
 SpikeTrains = Literal["poisson", "regular"]
-TRAINS: tuple[str, ...] = typing.get_args(SpikeTrains)
+_SIGNED_BITS = Range(1, 7)
+"""Bits of a weight's magnitude beside its sign."""
 
 
 @dataclass(frozen=True)
@@ -53,38 +54,22 @@ class LifNetwork:
     """
 
     model: Literal["lif"] = "lif"
-    neurons: int = 0
-    neurons_per_place: float = 1.0
-    steps: int = 128
+    neurons: Annotated[int, Range(0, 100_000)] = 0
+    neurons_per_place: Annotated[float, Range(0, 100, "least")] = 1.0
+    steps: Annotated[int, Range(4, 65_536, only="a power of two")] = 128
     signed: bool = True
-    weight_bits: int = 3
-    prune: float = 0.0
-    threshold: float = 1.0
-    inhibition: float = 0.67
-    tau_membrane: float = 12.0
+    weight_bits: Annotated[int, Range(1, 8)] = 3
+    prune: Annotated[float, Range(0, 1, "most")] = 0.0
+    threshold: Annotated[float, Range(0, 10_000, "least")] = 1.0
+    inhibition: Annotated[float, Range(0, 10_000)] = 0.67
+    tau_membrane: Annotated[float, Range(1, 4096, "least")] = 12.0
     trains: SpikeTrains = "regular"
     input_mode: InputMode = "injected"
 
     def __post_init__(self) -> None:
-        need(self.input_mode in INPUT_MODES, "network.input_mode", self.input_mode, "one of " + ", ".join(INPUT_MODES))
-        need(self.trains in TRAINS, "network.trains", self.trains, "one of " + ", ".join(TRAINS))
+        check(self, "network", **({"weight_bits": _SIGNED_BITS} if self.signed else {}))
         fits = self.trains == "regular" or self.input_mode == "injected"
         need(fits, "network.trains", self.trains, "regular where input_mode is bias")
-        need(self.model == "lif", "network.model", self.model, "lif")
-        need(isinstance(self.signed, bool), "network.signed", self.signed, "true or false")
-        within(
-            self,
-            "network",
-            neurons="[0, 100000]",
-            neurons_per_place="(0, 100]",
-            steps="[4, 65536]",
-            weight_bits="[1, 7]" if self.signed else "[1, 8]",
-            prune="[0, 1)",
-            threshold="(0, 10000]",
-            inhibition="[0, 10000]",
-            tau_membrane="(1, 4096]",
-        )
-        need(self.steps & (self.steps - 1) == 0, "network.steps", self.steps, "a power of two")
 
 
 @dataclass(frozen=True)
@@ -123,66 +108,37 @@ class StdpLearning:
         start_weight: Start weights are ``start_weight * (U[0, 1) + 0.01)``.
     """
 
-    rule: Literal["stdp", "template", "slayer"] = "stdp"
+    rule: Annotated[Literal["stdp", "template", "slayer"], "with the lif network"] = "stdp"
     arithmetic: Literal["float", "integer"] = "float"
     trains: SpikeTrains = "regular"
     theta_update: Literal["spike", "presentation"] = "spike"
-    epochs: int = 8
-    competition_epochs: int = 4
-    steps: int = 350
-    eta: float = 0.1
-    tau_trace: float = 20.0
-    x_target: float = 0.9
-    consolidation_eta: float = 0.03
-    consolidation_tau_trace: float = 10.0
-    consolidation_x_target: float = 0.0
-    w_max: float = 2.0
-    mu: float = 0.0
-    threshold: float = 10.0
-    theta_plus: float = 0.3
-    consolidation_threshold: float = 0.5
+    epochs: Annotated[int, Range(1, 10_000)] = 8
+    competition_epochs: Annotated[int, Range(1, 10_000)] = 4
+    steps: Annotated[int, Range(1, 100_000)] = 350
+    eta: Annotated[float, Range(0, 10)] = 0.1
+    tau_trace: Annotated[float, Range(1, 10_000)] = 20.0
+    x_target: Annotated[float, Range(0, 100)] = 0.9
+    consolidation_eta: Annotated[float, Range(0, 10)] = 0.03
+    consolidation_tau_trace: Annotated[float, Range(1, 10_000)] = 10.0
+    consolidation_x_target: Annotated[float, Range(0, 100)] = 0.0
+    w_max: Annotated[float, Range(0, 1000, "least")] = 2.0
+    mu: Annotated[float, Range(0, 8)] = 0.0
+    threshold: Annotated[float, Range(0, 10_000, "least")] = 10.0
+    theta_plus: Annotated[float, Range(0, 1000)] = 0.3
+    consolidation_threshold: Annotated[float, Range(0, 10, "least")] = 0.5
     recruit: bool = True
-    inhibition: float = 30.0
-    tau_membrane: float = 20.0
-    floor: float = -60.0
-    drive: float = 0.69
-    hold_steps: int = 1
-    mean_weight: float = 0.1
-    start_weight: float = 0.3
+    inhibition: Annotated[float, Range(0, 10_000)] = 30.0
+    tau_membrane: Annotated[float, Range(1, 4096, "least")] = 20.0
+    floor: Annotated[float, Range(-1_000_000, 0)] = -60.0
+    drive: Annotated[float, Range(0, 100, "least")] = 0.69
+    hold_steps: Annotated[int, Range(0, 1000)] = 1
+    mean_weight: Annotated[float, Range(0, 1000, "both")] = 0.1
+    start_weight: Annotated[float, Range(0, 1000, "least")] = 0.3
 
     def __post_init__(self) -> None:
-        rules = ("stdp", "template", "slayer")
-        need(self.rule in rules, "learning.rule", self.rule, "stdp, template or slayer with the lif network")
-        need(self.arithmetic in ("float", "integer"), "learning.arithmetic", self.arithmetic, "float or integer")
-        need(self.trains in TRAINS, "learning.trains", self.trains, "one of " + ", ".join(TRAINS))
-        need(isinstance(self.recruit, bool), "learning.recruit", self.recruit, "true or false")
-        updates = ("spike", "presentation")
-        need(self.theta_update in updates, "learning.theta_update", self.theta_update, "spike or presentation")
-        within(self, "learning", epochs="[1, 10000]", steps="[1, 100000]")
-        within(
-            self,
-            "learning",
-            competition_epochs="[1, 10000]",
-            eta="[0, 10]",
-            tau_trace="[1, 10000]",
-            x_target="[0, 100]",
-            consolidation_eta="[0, 10]",
-            consolidation_tau_trace="[1, 10000]",
-            consolidation_x_target="[0, 100]",
-            consolidation_threshold="(0, 10]",
-            w_max="(0, 1000]",
-            mu="[0, 8]",
-            threshold="(0, 10000]",
-            theta_plus="[0, 1000]",
-            inhibition="[0, 10000]",
-            tau_membrane="(1, 4096]",
-            floor="[-1000000, 0]",
-            drive="(0, 100]",
-            hold_steps="[0, 1000]",
-        )
-        mean, start = self.mean_weight, self.start_weight
-        need(real(mean) and 0 < mean < self.w_max, "learning.mean_weight", mean, "above 0, below w_max")
-        need(real(start) and 0 < start <= self.w_max, "learning.start_weight", start, "in (0, w_max]")
+        check(self, "learning")
+        need(self.mean_weight < self.w_max, "learning.mean_weight", self.mean_weight, "above 0, below w_max")
+        need(self.start_weight <= self.w_max, "learning.start_weight", self.start_weight, "in (0, w_max]")
 
     @property
     def competing(self) -> int:
@@ -204,14 +160,13 @@ class SlayerConfig:
     """
 
     start: Literal["template", "scratch"] = "template"
-    rate: float = 0.02
-    batch: int = 50
-    sharpness: float = 0.5
-    surrogate: float = 0.3
+    rate: Annotated[float, Range(0, 10, "least")] = 0.02
+    batch: Annotated[int, Range(1, 10_000)] = 50
+    sharpness: Annotated[float, Range(0, 100, "least")] = 0.5
+    surrogate: Annotated[float, Range(0.001, 100)] = 0.3
 
     def __post_init__(self) -> None:
-        need(self.start in ("template", "scratch"), "slayer.start", self.start, "template or scratch")
-        within(self, "slayer", rate="(0, 10]", batch="[1, 10000]", sharpness="(0, 100]", surrogate="[0.001, 100]")
+        check(self, "slayer")
 
 
 @dataclass(frozen=True)
@@ -219,13 +174,13 @@ class DecoderConfig:
     """Which decoder answers queries, and the paper's gamma (share of the places, 2 %)."""
 
     default: str = "contrast"
-    gamma: float = 0.02
+    gamma: Annotated[float, Range(0, 1)] = 0.02
 
     def __post_init__(self) -> None:
+        check(self, "decoder")
         if self.default not in DECODERS:
             known = f"one of {', '.join(DECODERS.names())}{DECODERS.elsewhere}"
             need(False, "decoder.default", self.default, known)
-        within(self, "decoder", gamma="[0, 1]")
 
 
 @dataclass(frozen=True)
@@ -233,8 +188,8 @@ class Config:
     """Everything that decides a model, apart from the images: settings, the length of a stretch, and the seed."""
 
     preset: str = "loihi"
-    seed: int = 0
-    stretch: int = 100
+    seed: Annotated[int, Range(0, 2**63 - 1)] = 0
+    stretch: Annotated[int, Range(0, 1_000_000)] = 100
     encoder: EncoderConfig = field(default_factory=EncoderConfig)
     views: ViewsConfig = field(default_factory=ViewsConfig)
     events: EventsConfig = field(default_factory=EventsConfig)
@@ -245,10 +200,8 @@ class Config:
     decoder: DecoderConfig = field(default_factory=DecoderConfig)
 
     def __post_init__(self) -> None:
-        need(whole(self.seed) and 0 <= self.seed < 2**63, "seed", self.seed, "in 0..2^63-1")
+        check(self)
         object.__setattr__(self, "seed", int(self.seed))  # random numbers are drawn by whole numbers of Python
-        fits = whole(self.stretch) and 0 <= self.stretch <= 1_000_000
-        need(fits, "stretch", self.stretch, "in 0..1000000 (0: the whole route at once)")
         if isinstance(self.network, LifNetwork) != isinstance(self.learning, StdpLearning):
             raise ConfigError(
                 f"network.model {self.network.model!r} does not go with learning.rule {self.learning.rule!r}; "

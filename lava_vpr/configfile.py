@@ -6,7 +6,7 @@ import dataclasses
 import typing
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import tomli
@@ -14,17 +14,10 @@ import tomli_w
 
 from lava_vpr.config import Config, preset
 from lava_vpr.errors import ConfigError, brief
-from lava_vpr.settings.ranges import CHANGE_IT
+from lava_vpr.settings.ranges import CHANGE_IT, KINDS, declared, need, whole
 from lava_vpr.storage.reading import read_bytes
 from lava_vpr.storage.text import harmless, shown
 
-_TYPES: dict[str, tuple[type, str]] = {
-    "int": (int, "a whole number"),
-    "float": (float, "a number"),
-    "str": (str, "text"),
-    "bool": (bool, "true or false"),
-}
-"""What a setting's annotation asks of a value, and how a message says so."""
 _LONGEST_LINE, _LONGEST_NAME = 1000, 60
 
 
@@ -33,19 +26,6 @@ def to_dict(config: Config) -> dict[str, Any]:
     return dataclasses.asdict(
         config, dict_factory=lambda items: {k: v.item() if isinstance(v, np.generic) else v for k, v in items}
     )
-
-
-def _checked(value: object, annotation: Any, name: str) -> object:
-    """The ``value`` of setting ``name`` as the annotated scalar type; what TOML typed differently is refused."""
-    origin = typing.get_origin(annotation)
-    if origin is Literal:
-        return value  # __post_init__ says which words are allowed
-    expected, words = _TYPES[getattr(annotation, "__name__", "str")]
-    if expected is float and isinstance(value, int) and not isinstance(value, bool) and abs(value) < 2**53:
-        return float(value)
-    if not isinstance(value, expected) or (isinstance(value, bool) and expected is not bool):
-        raise ConfigError(f"{name} is {brief(value)}, but must be {words}; {CHANGE_IT}")
-    return value
 
 
 def _named(section: str, key: str) -> str:
@@ -57,16 +37,26 @@ def _section(base: Any, values: object, name: str) -> Any:
     """Dataclass ``base`` with the settings in ``values`` replaced, unknown names refused."""
     if not isinstance(values, dict):
         raise ConfigError(f"[{name}] must be a table of settings, not {brief(values)}")
-    hints = typing.get_type_hints(type(base))
-    changes = {}
+    kind: type = type(base)
+    known, changes = declared(kind), {}
     for key, value in values.items():
-        if key not in hints:
-            raise ConfigError(f"{_named(name, key)} is not a setting; known are {', '.join(hints)}")
-        changes[key] = _checked(value, hints[key], f"{name}.{key}")
+        if key not in known:
+            raise ConfigError(f"{_named(name, key)} is not a setting; known are {', '.join(known)}")
+        if known[key].kind is float and whole(value):
+            need(abs(value) < 2**53, f"{name}.{key}", value, KINDS[float])
+            value = float(value)
+        changes[key] = value
     return replace(base, **changes)
 
 
-_SECTIONS = ("encoder", "views", "events", "network", "learning", "slayer", "augment", "decoder")
+_TOP = declared(Config)
+_SECTIONS = tuple(field.name for field in dataclasses.fields(Config) if field.name not in _TOP)
+
+
+def sections() -> dict[type, str]:
+    """Every dataclass of settings, and how files call its section; `Config` itself stands in none."""
+    hints = typing.get_type_hints(Config)
+    return {Config: ""} | {part: name for name in _SECTIONS for part in typing.get_args(hints[name]) or [hints[name]]}
 
 
 def update(base: Config, values: dict[str, Any]) -> Config:
@@ -79,12 +69,10 @@ def update(base: Config, values: dict[str, Any]) -> Config:
     for key, value in values.items():
         if key in _SECTIONS:
             changes[key] = _section(getattr(base, key), value, key)
-        elif key in ("preset", "seed", "stretch"):
-            changes[key] = _checked(value, {"preset": str, "seed": int, "stretch": int}[key], key)
+        elif key in _TOP:
+            changes[key] = value
         else:
-            raise ConfigError(
-                f"{brief(key)} is not a setting; known are preset, seed, stretch, [{'], ['.join(_SECTIONS)}]"
-            )
+            raise ConfigError(f"{brief(key)} is not a setting; known are {', '.join(_TOP)}, [{'], ['.join(_SECTIONS)}]")
     return replace(base, **changes)
 
 

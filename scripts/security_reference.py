@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from lava_vpr.configfile import sections
+from lava_vpr.settings.ranges import declared
 from lava_vpr.storage.limits import LIMITS, variable
 
 
@@ -12,6 +14,15 @@ def limits() -> str:
     """The table of all limits."""
     rows = [f"| `{variable(name)}` | {row.default:,} {row.unit} | {row.reason} |" for name, row in LIMITS.items()]
     return "\n".join(["| variable | default | why so much |", "|---|---|---|", *rows])
+
+
+def settings() -> str:
+    """The table of the ranges of all settings."""
+    rows = ["| section | settings and their ranges |", "|---|---|"]
+    for section, name in sections().items():
+        ranges = [f"`{key}` {setting}".replace(" in ", " ") for key, setting in declared(section).items()]
+        rows.append(f"| {f'`[{name}]`' if name else ''} `{section.__name__}` | {', '.join(ranges)} |")
+    return "\n".join(rows)
 
 
 def rules() -> str:
@@ -22,7 +33,7 @@ def rules() -> str:
     return "\n".join(f"- **{name}** {text}" for name, text in INVARIANTS.items())
 
 
-PARTS = {"limits": limits, "rules": rules}
+PARTS = {"limits": limits, "settings": settings, "rules": rules}
 
 
 def names() -> list[str]:

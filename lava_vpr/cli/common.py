@@ -17,7 +17,7 @@ from rich.segment import Segment
 from rich.text import Text
 
 from lava_vpr.backends.registry import BACKENDS
-from lava_vpr.config import EncoderConfig
+from lava_vpr.config import Config, EncoderConfig
 from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.deploy.hardware.belief import Belief
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_views
@@ -27,6 +27,7 @@ from lava_vpr.kernelcache import COMPILING, COMPILING_TEXT
 from lava_vpr.matching.forward_filter import MOTIONS, NONE
 from lava_vpr.model import Model
 from lava_vpr.rows.registry import Registry
+from lava_vpr.settings.ranges import declared
 from lava_vpr.storage.text import harmless
 from lava_vpr.traverse import Traverse
 
@@ -209,7 +210,15 @@ def answer_options(command: F) -> F:
     return click.option("--backend", type=backend, default="host", show_default=True, help=text)(seeded)
 
 
-seed_type = click.IntRange(0, 2**63 - 1)
+def setting_type(section: type, name: str, least: int | None = None) -> click.IntRange:
+    """The type of an option for the setting ``name`` of ``section``: its range, from ``least`` on if that is given."""
+    of = declared(section)[name].range
+    if of is None:
+        raise TypeError(f"{name} declares no range")
+    return click.IntRange(int(of.least) if least is None else least, int(of.most))
+
+
+seed_type = setting_type(Config, "seed")
 PATH = click.Path(path_type=Path, readable=False)  # what cannot be read is told with exit code 1, as all data
 
 

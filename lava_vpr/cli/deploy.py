@@ -26,11 +26,12 @@ from lava_vpr.cli.common import (
     print_unproven,
     print_whole,
     progress_bar,
+    setting_type,
     stage,
     stderr,
 )
 from lava_vpr.cli.outputs import Outputs, write_json
-from lava_vpr.config import INPUT_MODES
+from lava_vpr.config import INPUT_MODES, LifNetwork
 from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.deploy.bundle.deployment import Deployed, unproven
 from lava_vpr.deploy.bundle.deployment import deploy as write_bundle
@@ -51,7 +52,7 @@ from lava_vpr.truth.alignment import aligned_truth
 @click.option("-o", "--output", required=True, type=PATH, metavar="BUNDLE", help="Folder to write.")
 @click.option(
     "--weight-bits",
-    type=click.IntRange(1, 8),
+    type=setting_type(LifNetwork, "weight_bits"),
     default=None,
     help="Bits of one weight (default: the model's, or the most that fit).",
 )

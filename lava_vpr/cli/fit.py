@@ -20,13 +20,15 @@ from lava_vpr.cli.common import (
     print_unproven,
     print_whole,
     progress_bar,
+    setting_type,
     stage,
     stderr,
 )
 from lava_vpr.cli.outputs import Outputs, write_json, write_text
-from lava_vpr.config import INPUT_MODES, preset
+from lava_vpr.config import INPUT_MODES, LifNetwork, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import BOARDS, Board
+from lava_vpr.inputs.views import ViewsConfig
 from lava_vpr.model import integer_model
 from lava_vpr.storage.text import shown
 
@@ -40,7 +42,7 @@ if TYPE_CHECKING:
 @click.option("--target", type=RegisteredName(BOARDS), required=True, help="Board to run on.")
 @click.option(
     "--weight-bits",
-    type=click.IntRange(1, 8),
+    type=setting_type(LifNetwork, "weight_bits"),
     default=None,
     help="Bits of one weight (default: the model's, or the most that fit).",
 )
@@ -59,7 +61,7 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--views",
-    type=click.IntRange(1, 99),
+    type=setting_type(ViewsConfig, "shifts"),
     default=None,
     metavar="N",
     help="Without MODEL: sideways views of each place, an odd number, with neurons of their own (default: 1).",

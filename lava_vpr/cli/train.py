@@ -23,6 +23,7 @@ from lava_vpr.cli.common import (
     places_option,
     progress_bar,
     seed_type,
+    setting_type,
     stage,
     stderr,
 )
@@ -31,13 +32,14 @@ from lava_vpr.cli.published.options import BenchmarkOptions, benchmark_options
 from lava_vpr.cli.show.clusters import cluster_at, cluster_option
 from lava_vpr.cli.show.learning import learning_bar
 from lava_vpr.cli.whereabouts import WhereEach, reference_positions_options
-from lava_vpr.config import PRESETS, Config, for_events, preset
+from lava_vpr.config import PRESETS, Config, LifNetwork, StdpLearning, for_events, preset
 from lava_vpr.configfile import read_toml, update
 from lava_vpr.encoding import EncodedTraverse, Keep
 from lava_vpr.engine.threads import cores
 from lava_vpr.events.files import is_recording
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.inputs.vectors import Standard
+from lava_vpr.inputs.views import ViewsConfig
 from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.model import Model
 from lava_vpr.slayer.front_end import learned_filters
@@ -91,11 +93,15 @@ def window_options(command: F) -> F:
     "three views and the decoder 'standard' where nothing else is said.",
 )
 @window_options
-@click.option("--epochs", type=click.IntRange(1, 10_000), default=None, help="Times that every image is shown.")
-@click.option("--neurons", type=click.IntRange(1, 100_000), default=None, help="Excitatory neurons of each stretch.")
+@click.option(
+    "--epochs", type=setting_type(StdpLearning, "epochs"), default=None, help="Times that every image is shown."
+)
+@click.option(
+    "--neurons", type=setting_type(LifNetwork, "neurons", 1), default=None, help="Excitatory neurons of each stretch."
+)
 @click.option(
     "--stretch",
-    type=click.IntRange(0, 1_000_000),
+    type=setting_type(Config, "stretch"),
     default=None,
     help="Most places that are learned together; 0: the whole route at once.  [default: 100]",
 )
@@ -109,11 +115,11 @@ def window_options(command: F) -> F:
 @click.option(
     "--views",
     "views",
-    type=click.IntRange(1, 99),
+    type=setting_type(ViewsConfig, "shifts"),
     default=None,
     help="Sideways views of every place, an odd number; each has neurons of its own.  [default: 1]",
 )
-@click.option("--weight-bits", type=click.IntRange(1, 8), default=None, help="Bits of one weight.")
+@click.option("--weight-bits", type=setting_type(LifNetwork, "weight_bits"), default=None, help="Bits of one weight.")
 @click.option(
     "--learning",
     type=click.Choice(["float", "integer", "slayer", "template"]),

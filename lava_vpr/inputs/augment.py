@@ -8,12 +8,13 @@ no place in an image: they are neither shifted nor lit.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.inputs.encoder import Layout
-from lava_vpr.settings.ranges import within
+from lava_vpr.settings.ranges import Range, check
 
 
 @dataclass(frozen=True)
@@ -28,15 +29,14 @@ class AugmentConfig:
         altered: Share of the inputs that respond as they do to another reference: what a season replaces.
     """
 
-    shift: float = 1.0
-    contrast: float = 0.2
-    illumination: float = 0.3
-    noise: float = 0.5
-    altered: float = 0.8
+    shift: Annotated[float, Range(0, 100)] = 1.0
+    contrast: Annotated[float, Range(0, 10)] = 0.2
+    illumination: Annotated[float, Range(0, 10)] = 0.3
+    noise: Annotated[float, Range(0, 10)] = 0.5
+    altered: Annotated[float, Range(0, 1)] = 0.8
 
     def __post_init__(self) -> None:
-        ranges = {name: "[0, 10]" for name in ("contrast", "illumination", "noise")}
-        within(self, "augment", shift="[0, 100]", altered="[0, 1]", **ranges)
+        check(self, "augment")
 
 
 def augmented(

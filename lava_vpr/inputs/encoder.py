@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from lava_vpr.inputs.patches import PATCH_SIDE, on_off
 from lava_vpr.inputs.vectors import as_rates, signed_channels, without_weak
 from lava_vpr.inputs.windows import saturated
 from lava_vpr.rows.registry import Registry
-from lava_vpr.settings.ranges import need, whole, within
+from lava_vpr.settings.ranges import Range, check, need
 
 
 @dataclass(frozen=True)
@@ -54,47 +54,29 @@ class EncoderConfig:
     """
 
     kind: str = "orientation"
-    image_size: int = 64
-    cell: int = 4
-    orientations: int = 8
-    window: int = 17
-    pool_floor: float = 0.1
-    blur: float = 0.7
-    train_spikes: float = 12.0
-    query_spikes: float = 20.0
-    query_inputs: int = 520
-    saturation: float = 0.8
-    max_rate_hz: float = 63.75
-    vector_values: int = 0
-    vector_kept: int = 1984
+    image_size: Annotated[int, Range(8, 512)] = 64
+    cell: Annotated[int, Range(1, 512)] = 4
+    orientations: Annotated[int, Range(2, 16)] = 8
+    window: Annotated[int, Range(3, 255, only="odd")] = 17
+    pool_floor: Annotated[float, Range(0, 100)] = 0.1
+    blur: Annotated[float, Range(0, 50)] = 0.7
+    train_spikes: Annotated[float, Range(0, 1000, "least")] = 12.0
+    query_spikes: Annotated[float, Range(0, 1000, "least")] = 20.0
+    query_inputs: Annotated[int, Range(0, 1_000_000)] = 520
+    saturation: Annotated[float, Range(0, 1, "least")] = 0.8
+    max_rate_hz: Annotated[float, Range(0, 1000, "least")] = 63.75
+    vector_values: Annotated[int, Range(0, 1_000_000)] = 0
+    vector_kept: Annotated[int, Range(1, 1_000_000)] = 1984
     vector_scale: Literal["shared", "own"] = "shared"
-    vector_dead_zone: float = 0.5
+    vector_dead_zone: Annotated[float, Range(0, 10)] = 0.5
     filters: str = ""
 
     def __post_init__(self) -> None:
+        check(self, "encoder")
         if self.kind not in INPUTS:
             need(False, "encoder.kind", self.kind, f"one of {', '.join(INPUTS.names())}{INPUTS.elsewhere}")
-        within(self, "encoder", image_size="[8, 512]")
-        need(whole(self.cell) and 1 <= self.cell <= self.image_size, "encoder.cell", self.cell, "in 1..image_size")
+        need(self.cell <= self.image_size, "encoder.cell", self.cell, "in 1..image_size")
         need(self.image_size % self.cell == 0, "encoder.image_size", self.image_size, f"a multiple of {self.cell}")
-        within(self, "encoder", orientations="[2, 16]")
-        odd = whole(self.window) and 3 <= self.window <= 255 and self.window % 2 == 1
-        need(odd, "encoder.window", self.window, "odd, in 3..255")
-        within(
-            self,
-            "encoder",
-            blur="[0, 50]",
-            pool_floor="[0, 100]",
-            train_spikes="(0, 1000]",
-            query_spikes="(0, 1000]",
-            query_inputs="[0, 1000000]",
-            saturation="(0, 1]",
-            max_rate_hz="(0, 1000]",
-            vector_values="[0, 1000000]",
-            vector_kept="[1, 1000000]",
-            vector_dead_zone="[0, 10]",
-        )
-        need(self.vector_scale in ("shared", "own"), "encoder.vector_scale", self.vector_scale, "shared or own")
         if self.filters:
             parsed(self.filters, self.orientations)
 

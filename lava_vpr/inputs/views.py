@@ -7,13 +7,13 @@ in several views. A sideways view is the image shifted by a share of its width, 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.settings.ranges import need, whole, within
+from lava_vpr.settings.ranges import Range, check, need
 
 
 class View(NamedTuple):
@@ -38,16 +38,13 @@ class ViewsConfig:
         scale: Factor between neighbouring ones.
     """
 
-    shifts: int = 1
-    shift: float = 0.142
-    scales: int = 1
-    scale: float = 1.15
+    shifts: Annotated[int, Range(1, 99, only="odd")] = 1
+    shift: Annotated[float, Range(0, 0.5)] = 0.142
+    scales: Annotated[int, Range(1, 99, only="odd")] = 1
+    scale: Annotated[float, Range(1, 2)] = 1.15
 
     def __post_init__(self) -> None:
-        for name in ("shifts", "scales"):
-            count = getattr(self, name)
-            need(whole(count) and 1 <= count <= 99 and count % 2 == 1, f"views.{name}", count, "odd, in 1..99")
-        within(self, "views", shift="[0, 0.5]", scale="[1, 2]")
+        check(self, "views")
         need(self.shift * (self.shifts // 2) < 1, "views.shift", self.shift, "so small that views show the image")
 
     @property

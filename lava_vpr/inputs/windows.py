@@ -7,16 +7,15 @@ surroundings in one season is bright in another, and driving back turns every si
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Annotated, Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.settings.ranges import need, within
+from lava_vpr.settings.ranges import Range, check
 
 EventImage = Literal["counts", "surface"]
-EVENT_IMAGES: tuple[str, ...] = get_args(EventImage)
 
 
 @dataclass(frozen=True)
@@ -34,24 +33,15 @@ class EventsConfig:
             left out; 0: none is.
     """
 
-    window_ms: float = 400.0
-    window_events: int = 0
+    window_ms: Annotated[float, Range(0.1, 3_600_000)] = 400.0
+    window_events: Annotated[int, Range(0, 1_000_000_000)] = 0
     image: EventImage = "counts"
-    side: int = 128
-    refractory_us: int = 1000
-    hot_pixels: float = 8.0
+    side: Annotated[int, Range(8, 512)] = 128
+    refractory_us: Annotated[int, Range(0, 10_000_000)] = 1000
+    hot_pixels: Annotated[float, Range(0, 1_000_000)] = 8.0
 
     def __post_init__(self) -> None:
-        need(self.image in EVENT_IMAGES, "events.image", self.image, "one of " + ", ".join(EVENT_IMAGES))
-        within(
-            self,
-            "events",
-            window_ms="[0.1, 3600000]",
-            window_events="[0, 1000000000]",
-            side="[8, 512]",
-            refractory_us="[0, 10000000]",
-            hot_pixels="[0, 1000000]",
-        )
+        check(self, "events")
 
 
 def saturated(image: NDArray[np.uint8], share: float) -> NDArray[np.uint8]:

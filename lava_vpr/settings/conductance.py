@@ -6,9 +6,9 @@ Source: Hussaini et al. 2022 (doi 10.1109/LRA.2022.3149030) and its released cod
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
-from lava_vpr.settings.ranges import need, within
+from lava_vpr.settings.ranges import Range, check
 
 
 @dataclass(frozen=True)
@@ -28,29 +28,17 @@ class ConductanceNetwork:
     """
 
     model: Literal["conductance"] = "conductance"
-    neurons: int = 400
-    dt_ms: float = 0.1
-    steps: int = 3500
-    rest_steps: int = 1500
-    tau_ge_ms: float = 1.0
-    tau_gi_ms: float = 2.0
-    delay_max_ms: float = 10.0
-    timer_rate: float = 0.1
+    neurons: Annotated[int, Range(1, 100_000)] = 400
+    dt_ms: Annotated[float, Range(0.01, 1)] = 0.1
+    steps: Annotated[int, Range(1, 1_000_000)] = 3500
+    rest_steps: Annotated[int, Range(0, 1_000_000)] = 1500
+    tau_ge_ms: Annotated[float, Range(0.1, 1000)] = 1.0
+    tau_gi_ms: Annotated[float, Range(0.1, 1000)] = 2.0
+    delay_max_ms: Annotated[float, Range(0, 100)] = 10.0
+    timer_rate: Annotated[float, Range(0.001, 1)] = 0.1
 
     def __post_init__(self) -> None:
-        need(self.model == "conductance", "network.model", self.model, "conductance")
-        within(
-            self,
-            "network",
-            neurons="[1, 100000]",
-            dt_ms="[0.01, 1]",
-            steps="[1, 1000000]",
-            rest_steps="[0, 1000000]",
-            tau_ge_ms="[0.1, 1000]",
-            tau_gi_ms="[0.1, 1000]",
-            delay_max_ms="[0, 100]",
-            timer_rate="[0.001, 1]",
-        )
+        check(self, "network")
 
 
 @dataclass(frozen=True)
@@ -62,33 +50,19 @@ class ConductanceLearning:
     that many last epochs, plasticity still on.
     """
 
-    rule: Literal["triplet", "paper"] = "triplet"
-    arithmetic: Literal["float"] = "float"
-    epochs: int = 60
-    label_epochs: int = 3
-    eta_pre: float = 1e-4
-    eta_post: float = 1e-2
-    x_target: float = 0.4
-    mu: float = 0.2
-    w_max: float = 1.0
-    weight_sum: float = 78.0
-    theta_start_mv: float = 20.0
-    theta_plus_mv: float = 0.05
-    tau_theta_ms: float = 1e7
+    rule: Annotated[Literal["triplet", "paper"], "with this network"] = "triplet"
+    arithmetic: Annotated[Literal["float"], "with the paper preset"] = "float"
+    epochs: Annotated[int, Range(1, 10_000)] = 60
+    label_epochs: Annotated[int, Range(1, 10_000)] = 3
+    eta_pre: Annotated[float, Range(0, 1)] = 1e-4
+    eta_post: Annotated[float, Range(0, 1)] = 1e-2
+    x_target: Annotated[float, Range(0, 1)] = 0.4
+    mu: Annotated[float, Range(0, 8)] = 0.2
+    w_max: Annotated[float, Range(0, 1000, "least")] = 1.0
+    weight_sum: Annotated[float, Range(0, 1_000_000, "least")] = 78.0
+    theta_start_mv: Annotated[float, Range(0, 1000, "least")] = 20.0
+    theta_plus_mv: Annotated[float, Range(0, 100)] = 0.05
+    tau_theta_ms: Annotated[float, Range(1, 1e30)] = 1e7
 
     def __post_init__(self) -> None:
-        need(self.rule in ("triplet", "paper"), "learning.rule", self.rule, "triplet or paper with this network")
-        need(self.arithmetic == "float", "learning.arithmetic", self.arithmetic, "float with the paper preset")
-        within(self, "learning", epochs="[1, 10000]", label_epochs="[1, 10000]", tau_theta_ms="[1, 1e30]")
-        within(
-            self,
-            "learning",
-            eta_pre="[0, 1]",
-            eta_post="[0, 1]",
-            x_target="[0, 1]",
-            mu="[0, 8]",
-            w_max="(0, 1000]",
-            weight_sum="(0, 1000000]",
-            theta_start_mv="(0, 1000]",
-            theta_plus_mv="[0, 100]",
-        )
+        check(self, "learning")

@@ -10,10 +10,11 @@ from typing import Any
 import click
 
 from lava_vpr.bench.show.terminal import rendered
-from lava_vpr.cli.common import PATH, Numbers, console, print_whole, progress_bar, seed_type
+from lava_vpr.cli.common import PATH, Numbers, console, print_whole, progress_bar, seed_type, setting_type
 from lava_vpr.cli.evaluate import command_line
 from lava_vpr.cli.outputs import Outputs, write_json, write_text
 from lava_vpr.cli.show.clusters import cluster_at, cluster_option
+from lava_vpr.config import StdpLearning
 from lava_vpr.datasets.layouts import DATASETS
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
@@ -107,7 +108,7 @@ class NamedPathsType(click.ParamType):
     metavar="K,K,...",
     help="Compute these sections alone, counted from 1 (default: all of the paper's).",
 )
-@click.option("--epochs", type=click.IntRange(1, 10_000), default=None, help="Epochs of every network.")
+@click.option("--epochs", type=setting_type(StdpLearning, "epochs"), default=None, help="Epochs of every network.")
 @click.option("--seed", type=seed_type, default=0, show_default=True, help="Seed of start weights and spikes.")
 @click.option("--jobs", type=click.IntRange(1, 1024), default=None, help="Threads (default: all processors).")
 @cluster_option
