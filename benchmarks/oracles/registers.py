@@ -28,6 +28,7 @@ from benchmarks.oracles.inference import Made, made_up
 from benchmarks.oracles.needs import PYTHON
 from lava_vpr.config import preset
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
+from lava_vpr.deploy.boards.memory import PackedRows
 from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.deploy.bundle.opening import open_whole
 from lava_vpr.deploy.bundle.targets import TARGETS
@@ -45,7 +46,7 @@ SMALL_CORES = replace(KAPOHO_BAY, compartments=9, cores=2)
 
 MADE_UP = (
     ("one core", Made(3, True, True, 40), KAPOHO_BAY, False),
-    ("one core, dense rows", Made(3, True, True, 40), replace(KAPOHO_BAY, synapse_words=110), True),
+    ("one core, dense rows", Made(3, True, True, 40), replace(KAPOHO_BAY, memory=PackedRows(110)), True),
     ("both chips", Made(6, True, False, 300), SMALL_CORES, False),
     ("without signs", Made(5, False, False, 200), SMALL_CORES, False),
     ("7 bits and sign, inhibition 2^1", Made(7, True, True, 500, exponent=1), SMALL_CORES, False),

@@ -30,6 +30,7 @@ from lava_vpr.backends.interface import query_presentations
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
+from lava_vpr.deploy.boards.memory import PackedRows
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.compression.compression import Changes, for_board
@@ -128,7 +129,8 @@ def random_case(seed: int, queries: int = 2) -> Case:
     if seed not in MANY:
         compartments = int(rng.integers(3, 7) if seed % 3 == 0 else rng.integers(8, 40))
         words = max(int(rng.integers(inputs * 2, inputs * 6)), 2 * neurons)
-        board = replace(KAPOHO_BAY, cores=int(rng.integers(16, 129)), compartments=compartments, synapse_words=words)
+        cores, memory = int(rng.integers(16, 129)), PackedRows(words)
+        board = replace(KAPOHO_BAY, cores=cores, compartments=compartments, memory=memory)
     plan = partition(made, board, rates.mean(axis=0) / (1 << 16), dense_rows=True)
     if seed % 3 == 0:
         plan = scattered(plan, rng)

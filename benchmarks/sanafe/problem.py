@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.deploy.boards.board import Mesh
 from lava_vpr.deploy.boards.plan import RELAY_THRESHOLD, RELAY_WEIGHT, CorePlan, Part, Plan, PopulationName
 from lava_vpr.engine.inference import bias_input, fixed
 from lava_vpr.engine.trains import Trains
@@ -42,16 +43,17 @@ def group_name(core: int, part: int) -> str:
     return f"{core}.{part}"
 
 
-def refuse(plan: Plan, trains: Trains) -> None:
-    """Refuse what SANA-FE cannot be asked.
+def mesh_of(plan: Plan, trains: Trains) -> Mesh:
+    """The mesh of the board, where SANA-FE can be asked about ``plan`` and its ``trains``.
 
     Raises:
         BackendUnavailableError: a board other than Loihi 1's, or trains that lack spikes.
     """
-    if plan.board.tile_cores is None or plan.board.columns is None or plan.board.rows is None or not plan.board.timed:
+    if plan.board.mesh is None or not plan.board.timed:
         raise BackendUnavailableError(f"SANA-FE's architecture is Loihi 1, not {plan.board.title}")
     if trains.inputs is None or trains.inh is None:
         raise BackendUnavailableError("a cross-check needs the spikes of inputs and inhibitory neurons, too")
+    return plan.board.mesh
 
 
 def without_counters(plan: Plan) -> Plan:
@@ -82,18 +84,18 @@ def _own_biases(plan: Plan, part: Part) -> list[list[float]]:
     return [[int(i), float(bias[i]) / (1 << INPUT_SHIFT)] for i in np.flatnonzero(bias)]
 
 
-def _groups(plan: Plan) -> list[dict[str, Any]]:
+def _groups(plan: Plan, mesh: Mesh) -> list[dict[str, Any]]:
     """Groups of all parts, and of the port."""
-    columns, rows, tile_cores = plan.board.columns or 0, plan.board.rows or 0, plan.board.tile_cores or 1
     groups = []
     for k, core in enumerate(plan.cores):
-        place = {"tile": core.chip * columns * rows + core.core // tile_cores, "core": core.core % tile_cores}
+        tile, inside = divmod(core.core, mesh.tile_cores)
+        place = {"tile": core.chip * mesh.columns * mesh.rows + tile, "core": inside}
         for i in sorted(range(len(core.parts)), key=lambda i: core.parts[i].compartment):
             part = core.parts[i]
             group = {"name": group_name(k, i), "size": part.size, "plays": False, "attributes": _attributes(plan, part)}
             groups.append(group | place | {"own_biases": _own_biases(plan, part)})
     if not plan.network.bias_input:
-        port = {"name": PORT, "tile": 0, "core": tile_cores, "size": plan.network.inputs, "plays": True}
+        port = {"name": PORT, "tile": 0, "core": mesh.tile_cores, "size": plan.network.inputs, "plays": True}
         groups.append(port | {"attributes": {}, "own_biases": []})
     return [group for group in groups if group["size"]]
 
@@ -219,13 +221,12 @@ def problem_of(plan: Plan, trains: Trains, *, input_core: bool = True) -> dict[s
     Raises:
         BackendUnavailableError: SANA-FE cannot be asked this.
     """
-    refuse(plan, trains)
-    plan = without_counters(plan)
-    groups = _groups(plan)
+    mesh, plan = mesh_of(plan, trains), without_counters(plan)
+    groups = _groups(plan, mesh)
     return {
-        "columns": plan.board.chips * (plan.board.columns or 0),
-        "rows": plan.board.rows,
-        "tile_cores": plan.board.tile_cores,
+        "columns": plan.board.chips * mesh.columns,
+        "rows": mesh.rows,
+        "tile_cores": mesh.tile_cores,
         "tiles": max(group["tile"] for group in groups) + 1,
         "port_units": 0 if plan.network.bias_input else plan.network.inputs,
         "port_takes_time": input_core,

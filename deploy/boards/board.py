@@ -1,72 +1,82 @@
-"""The boards that a network is deployed to, with their limits; None: not public."""
+"""The boards that a network is deployed to: their limits, and how they store, clear and time."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lava_vpr import loihi
+from lava_vpr.deploy.boards.clearing import Clearing, EmbeddedWrites, LifReset
 from lava_vpr.deploy.boards.constants import LOIHI_1, CostConstants
+from lava_vpr.deploy.boards.memory import UNLIMITED, ByteBudget, Memory, PackedRows
+from lava_vpr.deploy.boards.step_time import Number, arrival_nanoseconds, neuron_nanoseconds
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.rows.registry import Registry
 
 
 @dataclass(frozen=True)
+class Mesh:
+    """The mesh of a chip: cores of a tile, and columns and rows of tiles."""
+
+    tile_cores: int
+    columns: int
+    rows: int
+
+
+@dataclass(frozen=True)
 class Board:
-    """What a board holds; every number of a core unless said.
+    """What a board holds, and how; every number of a core unless said.
+
+    A limit that is not public is `UNLIMITED`: nothing is refused for it (`public`).
 
     Attributes:
         name: The name that ``--target`` takes.
         title: The name for people.
+        chip: The name of its chips.
         chips: Chips of the board.
         cores: Neuron cores of a chip.
-        tile_cores, columns, rows: Cores of a tile, and the mesh of tiles of a chip; None: not public.
+        mesh: How they stand on a chip; None: not public.
         input_limit: What one neuron can receive in one step stays below, in weight units.
-        compartments, axons_in, axons_out, synapse_words: Limits.
-        synapses, core_bytes: Synapses of a chip, and bytes of a core for all that it holds: what bounds a network where
-            ``synapse_words`` are not public; else None.
+        memory: How synapses are stored.
+        compartments, axons_in, axons_out: Limits.
         profiles, thresholds, formats: Distinct ones that a core can hold.
-        weight_bits, index_bits: Widths that a stored synapse can have.
-        one_sign: Whether weights that all have the same sign are stored without a bit for it.
+        weight_bits: Widths that a stored weight can have.
         host_spikes: Spikes that the host can send to one chip in one step.
         input_mode: Where input spikes come from unless a user says otherwise; None: as the model says.
         counters: Whether each excitatory neuron has a compartment beside it that counts its spikes, and is read once
             a query; else the vendor's library reads spikes out.
-        clearing: How states return to 0 between two queries: ``reset`` by Lava's LIFReset, or ``writes`` of the chips'
-            embedded processors.
+        clearing: How states return to 0 between two queries.
         constants: Energies and times of its operations; None: none are public.
     """
 
     name: str
     title: str
+    chip: str
     chips: int
     cores: int
-    tile_cores: int | None
-    columns: int | None
-    rows: int | None
+    mesh: Mesh | None
     input_limit: int
+    memory: Memory
     compartments: int
-    axons_in: int | None
-    axons_out: int | None
-    synapse_words: int | None
-    synapses: int | None
-    core_bytes: int | None
-    profiles: int | None
-    thresholds: int | None
-    formats: int | None
     weight_bits: tuple[int, ...]
-    index_bits: tuple[int, ...]
-    one_sign: bool
-    host_spikes: int | None
     input_mode: Literal["injected", "bias"] | None
     counters: bool
-    clearing: Literal["reset", "writes"]
+    clearing: Clearing
     constants: CostConstants | None
+    axons_in: int = UNLIMITED
+    axons_out: int = UNLIMITED
+    profiles: int = UNLIMITED
+    thresholds: int = UNLIMITED
+    formats: int = UNLIMITED
+    host_spikes: int = UNLIMITED
 
     def stored_bits(self, network: FixedNetwork) -> int:
         """Bits that a stored weight of ``network`` needs: its magnitude's, and one for a sign."""
-        return network.bits + (network.signed or not self.one_sign)
+        return network.bits + (network.signed or not self.memory.one_sign)
 
     @property
     def timed(self) -> bool:
@@ -74,25 +84,60 @@ class Board:
         return self.constants is not None
 
     @property
-    def usable_words(self) -> int | None:
-        """Words of a core's synapse memory that a plan fills (`loihi.SYNAPSE_SLACK`); None: not public."""
-        return None if self.synapse_words is None else int(self.synapse_words * (1 - loihi.SYNAPSE_SLACK))
-
-    @property
     def known(self) -> str:
         """What is public of a board whose way of storing synapses is not, and what is not; else empty."""
-        if self.synapses is None or self.core_bytes is None:
-            return ""
-        return (
-            f"Public: {self.chips * self.cores} cores, {self.compartments:,} neurons and {self.core_bytes:,} bytes a "
-            f"core, {self.synapses:,} synapses a chip. Unknown: what axons, indices and states take of these bytes."
-        )
+        return self.memory.described(self.chips * self.cores, self.compartments)
+
+    def busy(
+        self,
+        *,
+        messages_in: Number = 0.0,
+        operations_dense: Number = 0.0,
+        operations_sparse: Number = 0.0,
+        accesses: Number = 0.0,
+        updates: Number = 0.0,
+        spikes: Number = 0.0,
+        messages_out: Number = 0.0,
+    ) -> NDArray[np.float64]:
+        """What these events of a step keep a core busy: what plans are compared by, no modelled time.
+
+        Returns:
+            Time of all of them, one after the other, nominal, in ns; where times are not public, their number.
+        """
+        arriving = (messages_in, operations_dense, operations_sparse)
+        neurons = (accesses, updates, spikes, messages_out)
+        if self.constants is None:
+            return np.asarray(sum((*arriving, *neurons)), np.float64)
+        arrived = arrival_nanoseconds(self.constants, "nominal", *arriving)
+        return np.asarray(arrived + neuron_nanoseconds(self.constants, "nominal", *neurons))
 
     def as_json(self) -> dict[str, Any]:
         """Limits and mesh by name, as a bundle's manifest has them; None: not public."""
-        left_out = ("synapses", "core_bytes", "one_sign", "input_mode", "counters", "clearing", "constants")
-        values = {item.name: getattr(self, item.name) for item in fields(self) if item.name not in left_out}
-        return values | {"timed": self.timed}
+        mesh = ("tile_cores", "columns", "rows")
+        return {
+            "name": self.name,
+            "title": self.title,
+            "chips": self.chips,
+            "cores": self.cores,
+            **{name: None if self.mesh is None else getattr(self.mesh, name) for name in mesh},
+            "input_limit": self.input_limit,
+            "compartments": self.compartments,
+            "axons_in": public(self.axons_in),
+            "axons_out": public(self.axons_out),
+            "synapse_words": self.memory.words,
+            "profiles": public(self.profiles),
+            "thresholds": public(self.thresholds),
+            "formats": public(self.formats),
+            "weight_bits": self.weight_bits,
+            "index_bits": self.memory.index_bits,
+            "host_spikes": public(self.host_spikes),
+            "timed": self.timed,
+        }
+
+
+def public(limit: int) -> int | None:
+    """A limit of a board; None if it is not public."""
+    return None if limit >= UNLIMITED else limit
 
 
 BOARDS: Registry[Board] = Registry("board", BackendUnavailableError)
@@ -102,28 +147,23 @@ KAPOHO_BAY = BOARDS.register(
     Board(
         name="kapoho-bay",
         title="Kapoho Bay (two Loihi 1 chips)",
+        chip="Loihi 1",
         chips=loihi.KAPOHO_BAY_CHIPS,
         cores=loihi.LOIHI_1_CORES,
-        tile_cores=loihi.TILE_CORES,
-        columns=loihi.MESH_COLUMNS,
-        rows=loihi.MESH_ROWS,
+        mesh=Mesh(loihi.TILE_CORES, loihi.MESH_COLUMNS, loihi.MESH_ROWS),
         input_limit=loihi.LOIHI_1_INPUT_LIMIT,
+        memory=PackedRows(loihi.CORE_SYNAPSE_WORDS),
         compartments=loihi.CORE_COMPARTMENTS,
         axons_in=loihi.CORE_AXONS,
         axons_out=loihi.CORE_AXONS,
-        synapse_words=loihi.CORE_SYNAPSE_WORDS,
-        synapses=None,
-        core_bytes=None,
         profiles=loihi.CORE_PROFILES,
         thresholds=loihi.CORE_THRESHOLDS,
         formats=loihi.CORE_FORMATS,
         weight_bits=loihi.LOIHI_1_WEIGHT_BITS,
-        index_bits=loihi.LOIHI_1_INDEX_BITS,
-        one_sign=False,
         host_spikes=loihi.HOST_SPIKES,
         input_mode=None,
         counters=True,
-        clearing="writes",
+        clearing=EmbeddedWrites(),
         constants=LOIHI_1,
     )
 )
@@ -132,28 +172,17 @@ LOIHI_2 = BOARDS.register(
     Board(
         name="loihi2",
         title="Loihi 2",
+        chip="Loihi 2",
         chips=1,
         cores=loihi.LOIHI_2_CORES,
-        tile_cores=None,
-        columns=None,
-        rows=None,
+        mesh=None,
         input_limit=loihi.INPUT_LIMIT,
+        memory=ByteBudget(loihi.LOIHI_2_CORE_BYTES, loihi.LOIHI_2_SYNAPSES),
         compartments=loihi.LOIHI_2_COMPARTMENTS,
-        axons_in=None,
-        axons_out=None,
-        synapse_words=None,
-        synapses=loihi.LOIHI_2_SYNAPSES,
-        core_bytes=loihi.LOIHI_2_CORE_BYTES,
-        profiles=None,
-        thresholds=None,
-        formats=None,
         weight_bits=tuple(range(1, 9)),
-        index_bits=(),
-        one_sign=True,
-        host_spikes=None,
         input_mode="bias",
         counters=False,
-        clearing="reset",
+        clearing=LifReset(),
         constants=None,
     )
 )

@@ -49,14 +49,14 @@ class Needs:
 
 @dataclass(frozen=True)
 class Load:
-    """What a core is expected to do in one step with input, and its time by SANA-FE's constants.
+    """What a core is expected to do in one step with input.
 
     Attributes:
         messages_in, messages_out: Spikes that arrive and leave.
         operations_dense, operations_sparse: Synaptic operations by the format of their rows.
         updates: Compartments that are accessed and updated.
         spikes: Spikes of its compartments.
-        nanoseconds: Time of all these, in ns, one after the other: what plans are compared by, no modelled time.
+        busy: What these keep the core busy (`Board.busy`): what plans are compared by, no modelled time.
     """
 
     messages_in: float
@@ -65,7 +65,7 @@ class Load:
     updates: float
     spikes: float
     messages_out: float
-    nanoseconds: float
+    busy: float
 
 
 @dataclass(frozen=True)

@@ -96,7 +96,7 @@ def core_images(bundle: Bundle) -> tuple[CoreImage, ...]:
         image = CoreImage(chip=chip, core=core, registers=bundle.json(f"{folder}/registers.json"), **arrays)
         for name, have, most in (
             ("compartments", len(image.compartments), board.compartments),
-            ("synapses", len(image.synapses), board.synapse_words),
+            ("synapses", len(image.synapses), board.memory.words),
             ("axons_in", len(image.axons_in), board.axons_in),
             ("axons_out", len(image.axons_out), board.axons_out),
         ):

@@ -22,7 +22,6 @@ from lava_vpr.deploy.hardware.belief import BIAS_INPUT, DENSE, LEARNING, LONG, N
 from lava_vpr.deploy.hardware.loihi_2 import RESET_SHOWN
 from lava_vpr.deploy.hardware.table import relied_on
 from lava_vpr.deploy.mapping.partition import partition
-from lava_vpr.deploy.registers.clearing import clearing
 from lava_vpr.engine.threads import cores
 from lava_vpr.loihi import WEIGHT_BITS
 from lava_vpr.model import Model, checked_content, integer_model
@@ -94,7 +93,7 @@ def unproven(plan: Plan, *, learning: bool = False) -> tuple[Belief, ...]:
         plan: The plan of the network.
         learning: Whether the bundle also holds the network that learns.
     """
-    chip = "Loihi 2" if plan.board.clearing == "reset" else "Loihi 1"
+    chip = plan.board.chip
     has = {
         BIAS_INPUT: plan.network.bias_input,
         DENSE: any(core.dense_inputs.any() for core in plan.cores),
@@ -166,7 +165,7 @@ def _manifest(model: Model, plan: Plan, compression: dict[str, Any] | None) -> d
             "trains": "regular" if network.regular else "poisson",
             "host_spikes_per_step": round(plan.host_spikes, 3),
         },
-        "clearing": clearing(network, board),
+        "clearing": board.clearing.of(network),
         "limits": limits,
         "compression": compression,
         "modelled": modelled(plan),
@@ -202,5 +201,5 @@ def mapping(plan: Plan) -> dict[str, Any]:
 
 def _load(core: CorePlan) -> dict[str, Any]:
     """What a core is expected to do in a step with input, and its modelled time of a step, mean over all."""
-    load = {name: round(value, 6) for name, value in asdict(core.load).items()}
+    load = {name: round(value, 6) for name, value in asdict(core.load).items() if name != "busy"}
     return load | {"nanoseconds": "unknown" if core.microseconds is None else round(1e3 * core.microseconds, 6)}

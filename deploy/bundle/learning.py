@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.deploy.boards.clearing import check_reset
 from lava_vpr.deploy.bundle.core_files import within
 from lava_vpr.deploy.bundle.folder import AGAIN, Bundle, array_bytes, json_bytes, same_json
 from lava_vpr.deploy.compression.compression import requantised
-from lava_vpr.deploy.registers.clearing import check_reset
 from lava_vpr.encoding import rates16
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.inference.quantise import mantissa_of

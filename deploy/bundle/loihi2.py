@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.deploy.boards.clearing import check_reset
 from lava_vpr.deploy.boards.plan import RELAY_THRESHOLD, RELAY_WEIGHT
 from lava_vpr.deploy.bundle import effort
 from lava_vpr.deploy.bundle.core_files import Player, Spikes, within
 from lava_vpr.deploy.bundle.folder import AGAIN, Bundle, array_bytes, json_bytes, same_json
-from lava_vpr.deploy.registers.clearing import check_reset
 from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.general.simulation import INPUTS, GeneralNetwork, Population, Synapses

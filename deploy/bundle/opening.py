@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from lava_vpr.deploy.boards.board import BOARDS
+from lava_vpr.deploy.boards.memory import UNLIMITED
 from lava_vpr.deploy.bundle import folder as bundle_folder
 from lava_vpr.deploy.bundle.core_files import scalars
 from lava_vpr.deploy.bundle.folder import AGAIN, MANIFEST, Bundle
@@ -66,5 +67,5 @@ def _check_host_spikes(bundle: Bundle) -> None:
     """
     most, limits = BOARDS[bundle.target].host_spikes, bundle.manifest.get("limits")
     told = limits.get("host_spikes") if isinstance(limits, dict) else None
-    if most is not None and not (isinstance(told, int) and whole(told) and 0 <= told <= most):
+    if most < UNLIMITED and not (isinstance(told, int) and whole(told) and 0 <= told <= most):
         raise BundleError(f"{bundle.at(MANIFEST)}: has host_spikes {brief(told)}, of 0..{most}; {AGAIN}")

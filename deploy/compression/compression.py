@@ -265,7 +265,7 @@ def _runs(model: IntegerModel, board: Board) -> bool:
         return False
     try:
         network.check(board.input_limit)
-        if not board.one_sign:
+        if not board.memory.one_sign:
             lateral_synapse(network, max(board.weight_bits))
     except NetworkLimitError:
         return False

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.deploy.boards.clearing import rest_steps
 from lava_vpr.deploy.boards.constants import CostConstants
 from lava_vpr.deploy.boards.estimate import Estimate, Level, total
 from lava_vpr.deploy.boards.plan import CorePlan, Plan
@@ -28,7 +29,6 @@ from lava_vpr.deploy.cost.host_traffic import (
     host_milliseconds,
     through_relays,
 )
-from lava_vpr.deploy.registers.clearing import clearing, rest_steps
 from lava_vpr.loihi import EMBEDDED_MHZ, REGISTER_CYCLES, WORD_CYCLES
 
 Floats = NDArray[np.float64]
@@ -136,7 +136,7 @@ def modelled(plan: Plan, events: EventCounts) -> Modelled:
         tiles=events.tiles,
         steps=events.steps,
         input_mode="injected" if events.injected else "bias",
-        clearing=clearing(plan.network, board),
+        clearing=board.clearing.of(plan.network),
         counts=counts_of(events, plan),
     )
     if not events.queries:
@@ -194,7 +194,7 @@ def counts_of(events: EventCounts, plan: Plan) -> dict[str, float | None]:
         "input_messages": mean("input_messages"),
         "read_outs": mean("exc_spikes"),
         "chip_crossings": mean("crossings"),
-        "hops": None if plan.board.tile_cores is None else mean(*hops),
+        "hops": None if plan.board.mesh is None else mean(*hops),
         "steps": float(events.steps),
     }
 
@@ -330,10 +330,10 @@ def _static(plan: Plan, milliseconds: Estimate, constants: CostConstants) -> Est
 
 
 def _clearing(plan: Plan, events: EventCounts, constants: CostConstants) -> dict[str, Any]:
-    """What `lava_vpr.deploy.registers.clearing` says, with what it takes, and what steps of rest would."""
+    """What `lava_vpr.deploy.boards.clearing` says, with what it takes, and what steps of rest would."""
     microjoules = _outside_steps(plan, constants)["clearing of states"]
     told = {
-        **clearing(plan.network, plan.board),
+        **plan.board.clearing.of(plan.network),
         "microjoules": microjoules,
         "milliseconds": _clearing_milliseconds(plan, constants),
     }

@@ -110,9 +110,8 @@ class EventCounts:
 
 def mapped_tiles(plan: Plan) -> int | None:
     """Tiles that hold a core of ``plan``; None: the mesh is not public."""
-    if plan.board.tile_cores is None:
-        return None
-    return len({(core.chip, core.core // plan.board.tile_cores) for core in plan.cores})
+    mesh = plan.board.mesh
+    return None if mesh is None else len({(core.chip, core.core // mesh.tile_cores) for core in plan.cores})
 
 
 def routes(plan: Plan, entry: tuple[int, int] | None = None) -> Routes:
@@ -157,10 +156,10 @@ def _ways(plan: Plan, entry: tuple[int, int] | None) -> tuple[Counts, Counts]:
     cores = np.array([(core.chip, core.core) for core in plan.cores], np.int64).reshape(-1, 2)
     ways, first = np.zeros((count, count, 3), np.int64), np.zeros((count, 2), np.int64)
     ways[..., 0] = cores[:, None, 0] != cores[None, :, 0]
-    if board.tile_cores is not None and board.columns is not None:
+    if board.mesh is not None:
         positions = tiles(cores, board)
         ways[..., 1:] = np.abs(positions[:, None] - positions[None, :])
-        corner = np.stack([cores[:, 0] * board.columns, np.zeros(count, np.int64)], axis=1)
+        corner = np.stack([cores[:, 0] * board.mesh.columns, np.zeros(count, np.int64)], axis=1)
         first = np.abs(positions - (corner if entry is None else np.array(entry)))
     return ways, first
 

@@ -163,8 +163,7 @@ def largest(config: Config, board: Board, rows: RowKind = "sparse", weights: Ful
         ConfigError: ``config`` learns no integer network.
     """
     settings = integer_config(config, board.title)
-    if board.synapse_words is None:
-        rows = "unknown"
+    rows = rows if board.memory.public else "unknown"
     if config.stretch == 0:
         config = replace(config, network=replace(settings.network, neurons=0))
     low, sizes = 1, (0, 0)
@@ -182,7 +181,7 @@ def largest(config: Config, board: Board, rows: RowKind = "sparse", weights: Ful
         limit = f"more than {_MOST:,} neurons are not looked for"
     else:
         limit = cause(beyond, fewest_cores)
-    stored = settings.network.weight_bits + (settings.network.signed or not board.one_sign)
+    stored = settings.network.weight_bits + (settings.network.signed or not board.memory.one_sign)
     narrow = rows != "unknown" and any(stored <= bits < WEIGHT_BITS for bits in board.weight_bits)
     return Capacity(settings.network.weight_bits, rows, weights, share, low if sizes[0] else 0, *sizes, limit, narrow)
 
@@ -193,7 +192,7 @@ def _at_most(config: Config, board: Board, rows: RowKind, weights: Fullness) -> 
     neurons = sum(stretch.neurons for stretch in split(many, config))
     held = board.chips * board.cores * board.compartments // (1 + board.counters)
     most = many * min(_MOST, held) // max(many, neurons)
-    if board.core_bytes is not None:
+    if not board.memory.public:
         return max(2, most)
     sizing = _sizing(config, board, max(2, most), rows, weights)
     if isinstance(sizing, str):
@@ -225,7 +224,7 @@ def _neurons_and_cores(
 
 def _cores(sizing: Sizing) -> int | None:
     """Cores of a network; the least, where little of the board is public. None: it does not fit."""
-    return fewest_cores(sizing) if sizing.board.core_bytes is None else least_cores(sizing)
+    return fewest_cores(sizing) if sizing.board.memory.public else least_cores(sizing)
 
 
 Told = Callable[[str], None]
@@ -249,7 +248,7 @@ def _widths(config: Config, board: Board) -> range:
 
 def _kinds(board: Board) -> tuple[RowKind, ...]:
     """The ways of counting rows on ``board``."""
-    return ("unknown",) if board.synapse_words is None else ("sparse", "dense")
+    return ("sparse", "dense") if board.memory.public else ("unknown",)
 
 
 def table(config: Config, board: Board, told: Told | None = None) -> tuple[Capacity, ...]:

@@ -9,12 +9,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.deploy.boards.constants import LOIHI_1
+from lava_vpr.deploy.boards.board import public
 from lava_vpr.deploy.boards.plan import CorePlan, Load, Needs, Part, PopulationName
-from lava_vpr.deploy.boards.step_time import arrival_nanoseconds, neuron_nanoseconds
 from lava_vpr.deploy.mapping.placing import Placed
 from lava_vpr.deploy.mapping.row_formats import StoredRows, choose_formats
-from lava_vpr.deploy.mapping.sizing import Floats, Integers, Sizing, limit_of
+from lava_vpr.deploy.mapping.sizing import Floats, Integers, Sizing
 from lava_vpr.engine.inference import fixed
 
 
@@ -62,8 +61,8 @@ class Layout:
 
     @property
     def busiest(self) -> float:
-        """Time in ns of the busiest core in a step."""
-        return max(load.nanoseconds for load in self.loads)
+        """What a step keeps the busiest core busy."""
+        return max(load.busy for load in self.loads)
 
     def _own(self, number: int) -> tuple[int, slice, slice]:
         """Excitatory neurons, inhibitory ones and inputs of a core."""
@@ -101,9 +100,16 @@ class Layout:
         updates = (1 + sizing.counters) * size + heard + (relayed if sizing.network.relayed else input_spikes.size)
         fired = spikes + float(inh_spikes.sum() + input_spikes.sum())
         leaving = 2 * spikes + float(inh_spikes @ self._inh_axons(inh) + input_spikes @ self.input_axons[inputs])
-        time = arrival_nanoseconds(LOIHI_1, "nominal", arriving, dense, sparse)
-        time = time + neuron_nanoseconds(LOIHI_1, "nominal", updates, updates, fired, leaving)
-        return Load(arriving, dense, sparse, updates, fired, leaving, float(time))
+        busy = sizing.board.busy(
+            messages_in=arriving,
+            operations_dense=dense,
+            operations_sparse=sparse,
+            accesses=updates,
+            updates=updates,
+            spikes=fired,
+            messages_out=leaving,
+        )
+        return Load(arriving, dense, sparse, updates, fired, leaving, float(busy))
 
     def needs(self, number: int) -> Needs:
         """What a core's content takes of the limits: one profile and one threshold register for each population that is
@@ -125,13 +131,13 @@ class Layout:
         populations = sum(present > 0 for present in (size, counters, inh.stop - inh.start, count))
 
         def if_public(limit: int | None, value: int) -> int | None:
-            return None if limit is None else value
+            return value if limit is not None and public(limit) else None
 
         return Needs(
             compartments=size + counters + inh.stop - inh.start + count,
             axons_in=if_public(board.axons_in, axons_in),
             axons_out=if_public(board.axons_out, axons_out),
-            synapse_words=if_public(board.synapse_words, words),
+            synapse_words=if_public(board.memory.words, words),
             profiles=if_public(board.profiles, populations),
             thresholds=if_public(board.thresholds, populations),
             formats=if_public(board.formats, formats),
@@ -177,7 +183,7 @@ class Layout:
 
 def layout_of(sizing: Sizing, placed: Placed) -> Layout | None:
     """How the cores of ``placed`` store their rows; None if one cannot."""
-    words = np.full(placed.cores, limit_of(sizing.board.usable_words))
+    words = np.full(placed.cores, sizing.words)
     for number, (first, inh) in enumerate(placed.inh):
         words[number] -= sizing.listened[first : first + inh].sum()
     if sizing.network.relayed:

@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.deploy.mapping.bounds import exceeded
-from lava_vpr.deploy.mapping.sizing import Sizing, limit_of
-from lava_vpr.deploy.registers.clearing import check_reset
+from lava_vpr.deploy.mapping.sizing import Sizing
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import NetworkLimitError
@@ -62,10 +61,9 @@ def check_without_weights(sizing: Sizing) -> None:
         NetworkLimitError: naming resource, need, limit and remedy.
     """
     network, board = sizing.network, sizing.board
-    if board.clearing == "reset":
-        check_reset(network.interval, "network.steps")
+    board.clearing.check(network)
     _ = sizing.weight_bits, sizing.inhibition_bits  # refuse what they cannot hold
-    if sizing.indexable == 0:
+    if board.memory.indexable == 0:
         raise NetworkLimitError(
             f"synapses to inhibitory neurons need index bits, but {board.title} has none; use another --target"
         )
@@ -73,8 +71,8 @@ def check_without_weights(sizing: Sizing) -> None:
     if beyond:
         raise NetworkLimitError(f"{beyond}; use fewer --weight-bits, --prune, or fewer places")
     spikes = host_spikes(network, sizing.rates)
-    if spikes > limit_of(board.host_spikes):
-        most = _allowed_spikes(network, sizing.rates, limit_of(board.host_spikes))
+    if spikes > board.host_spikes:
+        most = _allowed_spikes(network, sizing.rates, board.host_spikes)
         raise NetworkLimitError(
             f"the host would have to send up to {spikes:.1f} input spikes a step, but {board.title} takes "
             f"{board.host_spikes} a chip; lower encoder.query_spikes to {most:g}, or use --input-mode bias"
@@ -82,7 +80,7 @@ def check_without_weights(sizing: Sizing) -> None:
     populations = 2 + sizing.counters + bool(network.input_compartments)
     kinds = 2 + sizing.counters + sizing.inhibits + network.relayed
     for name, need in (("profiles", populations), ("thresholds", populations), ("formats", kinds)):
-        limit = limit_of(getattr(board, name))
+        limit = getattr(board, name)
         if need > limit:
             injected_helps = (
                 network.bias_input

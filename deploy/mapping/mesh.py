@@ -23,10 +23,11 @@ def tiles(cores: Integers, board: Board) -> Integers:
     Raises:
         ValueError: the board's mesh is not public.
     """
-    if board.tile_cores is None or board.columns is None or board.rows is None:
+    mesh = board.mesh
+    if mesh is None:
         raise ValueError(f"the mesh of {board.title} is not public")
-    tile = cores[:, 1] // board.tile_cores
-    return np.stack([cores[:, 0] * board.columns + tile // board.rows, tile % board.rows], axis=1)
+    tile = cores[:, 1] // mesh.tile_cores
+    return np.stack([cores[:, 0] * mesh.columns + tile // mesh.rows, tile % mesh.rows], axis=1)
 
 
 def distances(cores: Integers, board: Board) -> Integers:
@@ -49,10 +50,10 @@ def assign_cores(traffic: NDArray[np.float64], board: Board) -> tuple[Integers, 
         public.
     """
     count = len(traffic)
-    if board.tile_cores is None:
+    if board.mesh is None:
         numbers = np.arange(count)
         return np.stack([numbers // board.cores, numbers % board.cores], axis=1), None
-    candidates = _candidates(count, board, board.tile_cores)
+    candidates = _candidates(count, board, board.mesh.tile_cores)
     between = distances(candidates, board).astype(np.float64)
     # Whole numbers: their sums are exact, so ties are ties on every machine.
     scale = _UNITS / max(float(traffic.max(initial=0.0)), 1e-12)

@@ -9,10 +9,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.deploy.boards.constants import LOIHI_1
-from lava_vpr.deploy.boards.step_time import arrival_nanoseconds, neuron_nanoseconds
 from lava_vpr.deploy.mapping.ranges import counts_of
-from lava_vpr.deploy.mapping.sizing import Floats, Integers, Sizing, limit_of
+from lava_vpr.deploy.mapping.sizing import Floats, Integers, Sizing
 
 COMPARTMENTS, INDEXED, AXONS_IN, AXONS_OUT, WORDS = range(5)
 """What a core has room for, as a row of `Placed.room` has it; indexed: compartments that a sparse synapse can name."""
@@ -73,10 +71,10 @@ def _empty(sizing: Sizing) -> Integers:
     board = sizing.board
     return np.array(
         [
-            limit_of(board.compartments),
-            min(limit_of(board.compartments), sizing.indexable),
-            limit_of(board.axons_in),
-            limit_of(board.axons_out),
+            board.compartments,
+            min(board.compartments, board.memory.indexable),
+            board.axons_in,
+            board.axons_out,
             sizing.words,
         ]
     )
@@ -138,18 +136,18 @@ def balanced(sizing: Sizing, placed: Placed) -> Placed:
         return placed
     size, counts = np.diff(placed.bounds), counts_of(sizing, placed.bounds)
     axons, spiking = np.count_nonzero(counts, axis=1)[sizing.pattern.kind], sizing.grains
-    times = neuron_nanoseconds(LOIHI_1, "nominal", 1.0, 1.0, spiking, spiking * axons)
+    times = sizing.board.busy(accesses=1.0, updates=1.0, spikes=spiking, messages_out=spiking * axons)
     busy = np.append(_busy(sizing, size, counts), np.zeros(placed.cores - size.size))
     sizes = spread(times, axons, placed.room[:, _of_inputs(sizing)].min(axis=1), placed.room[:, AXONS_OUT], busy)
     return placed if sizes is None else replace(placed, inputs=consecutive(sizes))
 
 
 def _busy(sizing: Sizing, size: Integers, counts: NDArray[np.int32]) -> Floats:
-    """About how long a step keeps each core with excitatory neurons busy, in ns: their updates and arriving spikes."""
+    """About what a step keeps each core with excitatory neurons busy (`Board.busy`): their updates, arriving spikes."""
     spikes = np.bincount(sizing.pattern.kind, weights=sizing.grains, minlength=len(counts))
-    arriving = arrival_nanoseconds(LOIHI_1, "nominal", spikes @ (counts > 0), 0.0, spikes @ counts)
     mapped = (1 + sizing.counters) * size
-    return np.asarray(arriving + neuron_nanoseconds(LOIHI_1, "nominal", mapped, size, 0.0, 0.0))
+    arriving, operations = spikes @ (counts > 0), spikes @ counts
+    return sizing.board.busy(messages_in=arriving, operations_sparse=operations, accesses=mapped, updates=size)
 
 
 def consecutive(sizes: Integers) -> Integers:

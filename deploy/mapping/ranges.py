@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.deploy.mapping.sizing import Integers, Sizing, limit_of
+from lava_vpr.deploy.mapping.sizing import Integers, Sizing
 
 _AROUND = 12
 """How far from the last range's size the next one's is looked for first."""
@@ -18,9 +18,9 @@ def fitting(sizing: Sizing, sizes: Integers, active: Integers, words: Integers) 
     """Whether a core holds ranges of ``sizes`` neurons that take so many inputs and words, bool (ranges,)."""
     board = sizing.board
     return np.asarray(
-        ((1 + sizing.counters) * sizes <= limit_of(board.compartments))
-        & (active + sizing.inhibits + sizing.counters * sizes <= limit_of(board.axons_in))
-        & (2 * sizes <= limit_of(board.axons_out))
+        ((1 + sizing.counters) * sizes <= board.compartments)
+        & (active + sizing.inhibits + sizing.counters * sizes <= board.axons_in)
+        & (2 * sizes <= board.axons_out)
         & (words <= sizing.words)
     )
 

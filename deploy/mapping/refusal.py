@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.board import Board
+from lava_vpr.deploy.boards.memory import UNLIMITED, ByteBudget, PackedRows
 from lava_vpr.deploy.mapping.limits import host_spikes
-from lava_vpr.deploy.mapping.sizing import UNLIMITED, Sizing, limit_of
+from lava_vpr.deploy.mapping.sizing import Sizing
 from lava_vpr.errors import NetworkLimitError
 
 Solve = Callable[[Sizing], int | None]
@@ -45,41 +46,40 @@ def cause(sizing: Sizing, solve: Solve) -> str:
         what = ", ".join(members[:-1]) + " and " * (len(members) > 1) + members[-1]
         have = cores * board.compartments
         return f"{what} need {total:,} compartments, but the {cores:,} cores of {board.title} have {have:,}"
-    if board.core_bytes is not None:
+    if isinstance(board.memory, ByteBudget):
         return (
             f"the weights of {network.neurons:,} neurons, some of which stand on a core together, need more than the "
-            f"{cores:,} cores of {board.core_bytes:,} bytes of {board.title}"
+            f"{cores:,} cores of {board.memory.core_bytes:,} bytes of {board.title}"
         )
+    limits = {"axons_in": board.axons_in, "axons_out": board.axons_out, "synapse_words": sizing.words}
     listened = int(sizing.listened.max())
-    for name, limit in (("axons_in", limit_of(board.axons_in)), ("synapse_words", sizing.words)):
-        if listened > limit:
+    for name in ("axons_in", "synapse_words"):
+        if listened > limits[name]:
             return (
                 f"an inhibitory neuron that listens to {listened:,} others needs {listened:,} {_TITLES[name]}, but a "
-                f"core of {board.title} has {limit:,}"
+                f"core of {board.title} has {limits[name]:,}"
             )
     share = -(-network.neurons // cores)
     for name, need in _least_needs(sizing, share).items():
-        limit = sizing.words if name == "synapse_words" else limit_of(getattr(board, name))
-        if need > limit:
+        if need > limits[name]:
             return (
                 f"a core with {share:,} of {network.neurons:,} neurons needs {need:,} {_TITLES[name]}, but a core of "
-                f"{board.title} has {limit:,}"
+                f"{board.title} has {limits[name]:,}"
             )
     # The resource without whose limit the network would fit on the fewest cores; if there is none, cores.
     without = {name: solve(replace(sizing, board=_without(board, name))) for name in _TITLES}
-    lacking = {name: many for name, many in without.items() if many}
+    lacking = {many: name for name, many in reversed(without.items()) if many}
     many = solve(replace(sizing, board=replace(board, cores=8 * board.cores)))
     needed = f"{many:,}" if many else f"more than {8 * cores:,}"
-    of_each = ""
-    if lacking:
-        name = min(lacking, key=lambda name: lacking[name])
-        limit = sizing.words if name == "synapse_words" else getattr(board, name)
-        of_each = f" of {limit:,} {_TITLES[name]}"
+    name = lacking.get(min(lacking, default=0), "")
+    of_each = f" of {limits[name]:,} {_TITLES[name]}" if name else ""
     return f"{network.neurons:,} neurons need {needed} cores{of_each}, but {board.title} has {cores:,}"
 
 
 def _without(board: Board, name: str) -> Board:
     """``board`` without its limit ``name``."""
+    if name == "synapse_words":
+        return replace(board, memory=PackedRows(UNLIMITED, board.memory.index_bits))
     return replace(board, **{name: UNLIMITED})  # type: ignore[arg-type]
 
 
@@ -103,7 +103,7 @@ def _remedy(sizing: Sizing, solve: Solve) -> str:
     """The remedies that help, each tried."""
     network, board, remedies = sizing.network, sizing.board, []
     spikes = host_spikes(replace(network, bias_input=False), sizing.rates)
-    if network.bias_input and spikes <= limit_of(board.host_spikes) and solve(_with(sizing, bias_input=False)):
+    if network.bias_input and spikes <= board.host_spikes and solve(_with(sizing, bias_input=False)):
         remedies.append("--input-mode injected")
     for bits in range(network.bits - 1, 0, -1):
         less = network.bits - bits
@@ -119,7 +119,7 @@ def _remedy(sizing: Sizing, solve: Solve) -> str:
         if _says_something(weights) and solve(_with(sizing, weights=weights)):
             remedies.append(f"--prune {share:g}")
             break
-    if not sizing.dense_rows and sizing.known_rows and solve(replace(sizing, dense_rows=True)):
+    if not sizing.dense_rows and board.memory.public and solve(replace(sizing, dense_rows=True)):
         remedies.append("--dense-rows (unproven)")
     if remedies:
         return "use " + " or ".join(remedies)

@@ -33,23 +33,21 @@ def choose_formats(sizing: Sizing, first: int, end: int, words: int) -> StoredRo
 
     All rows are sparse, unless `Sizing.may_be_dense`: then those without a zero are dense, and where memory demands
     more, rows turn dense in the order of words saved per operation added; what that saves beyond need is given back,
-    the last to turn first. Where it is not public how a board stores rows, all count as dense.
+    the last to turn first. Where there is no index for so many neurons, all count as dense.
     """
     size, counts = end - first, sizing.counts(first, end)
-    all_dense = not sizing.known_rows or (sizing.may_be_dense and sizing.sparse_bits(size) is None)
+    all_dense = sizing.board.memory.sparse_bits(size) is None
     dense = (counts > 0) & ((counts == size) & sizing.may_be_dense | all_dense)
-    used = 0
-    if sizing.known_rows:
-        operations, least = (table[size, counts] for table in sizing.row_tables)
-        used = int(operations.sum() + sizing.root_row[size]) + sizing.counters * size
-        if used > words:
-            added = np.maximum(sizing.grains * (size - counts), 0.5 / GRAIN)
-            saved = operations - least
-            turned = _cheapest_choice(saved, added, used - words)
-            if turned is None:
-                return None
-            used -= int(saved[turned].sum())
-            dense[turned] = True
+    operations, least = (table[size, counts] for table in sizing.row_tables)
+    used = int(operations.sum() + sizing.root_row[size]) + sizing.counters * size
+    if used > words:
+        added = np.maximum(sizing.grains * (size - counts), 0.5 / GRAIN)
+        saved = operations - least
+        turned = _cheapest_choice(saved, added, used - words)
+        if turned is None:
+            return None
+        used -= int(saved[turned].sum())
+        dense[turned] = True
     dense_spikes = sizing.grains * dense
     return StoredRows(
         dense,

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.board import Board
-from lava_vpr.deploy.registers.synapses import lateral_synapse, row_words
+from lava_vpr.deploy.boards.memory import UNLIMITED, PackedRows
+from lava_vpr.deploy.registers.synapses import lateral_synapse
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import NetworkLimitError
@@ -25,9 +26,6 @@ Integers = NDArray[np.int64]
 EXC_SPIKES = 0.2
 """Spikes of all excitatory neurons together in one step with input, about."""
 
-UNLIMITED = 1 << 40
-"""A limit that nothing reaches, for what is not public or does not count."""
-
 MIXED_FORMATS = 6
 """Rows of inputs dense and sparse, the root's row, rows to counters, to inhibitory neurons, and to relays. A core with
 fewer formats stores no row dense."""
@@ -35,11 +33,6 @@ fewer formats stores no row dense."""
 GRAIN = 1 << 20
 """Expected spikes are rounded to multiples of 1 / GRAIN: their sums are exact, so equal on every machine and in any
 order."""
-
-
-def limit_of(value: int | None) -> int:
-    """A limit as a number: `UNLIMITED` where it is not public."""
-    return UNLIMITED if value is None else value
 
 
 @dataclass(frozen=True)
@@ -145,10 +138,10 @@ class Sizing:
         Raises:
             NetworkLimitError: the board stores none so wide.
         """
-        widest = self.known_rows and self.weight_bits == WEIGHT_BITS
+        widest = self.board.memory.public and self.weight_bits == WEIGHT_BITS
         for bits in (WEIGHT_BITS,) if widest else sorted(self.board.weight_bits):
             try:
-                lateral_synapse(self.network, bits + self.board.one_sign)
+                lateral_synapse(self.network, bits + self.board.memory.one_sign)
             except NetworkLimitError:
                 continue
             return bits
@@ -160,9 +153,7 @@ class Sizing:
     @cached_property
     def words(self) -> int:
         """Words of synapse memory that a core's rows may take; bits, where a core's bytes are all that is public."""
-        if self.board.core_bytes is not None:
-            return 8 * self.board.core_bytes
-        return limit_of(self.board.usable_words)
+        return self.board.memory.capacity
 
     @property
     def counters(self) -> int:
@@ -173,86 +164,31 @@ class Sizing:
     @cached_property
     def largest(self) -> int:
         """Most excitatory neurons that a core is ever asked about."""
-        return min(self.network.neurons, limit_of(self.board.compartments) // (1 + self.counters))
-
-    @cached_property
-    def stored(self) -> Integers:
-        """Bits of the weights to each excitatory neuron, and of nothing else, int64 (neurons,)."""
-        return self._drawn * self.weight_bits + self._lateral_bits
-
-    @cached_property
-    def _drawn(self) -> Integers:
-        """Weights from inputs to each excitatory neuron that are not 0, int64 (neurons,)."""
-        return np.asarray(self.pattern.members @ self.pattern.mask, np.int64)
-
-    @property
-    def _lateral_bits(self) -> int:
-        """Bits of a synapse of the root; 0 if it takes nothing."""
-        return self.inhibition_bits if self.inhibits else 0
-
-    @cached_property
-    def synapses(self) -> int:
-        """All synapses whose weight is not 0: from inputs, to and from inhibitory neurons, and to relays."""
-        network = self.network
-        return (
-            int(self._drawn.sum())
-            + (1 + self.inhibits) * network.neurons
-            + network.leaves
-            + network.relayed * network.inputs
-        )
-
-    @cached_property
-    def indexable(self) -> int:
-        """Compartments of a core that a sparse synapse can name."""
-        if self.board.synapse_words is None:
-            return UNLIMITED
-        return 1 << max(self.board.index_bits) if self.board.index_bits else 0
-
-    @property
-    def known_rows(self) -> bool:
-        """Whether it is public how the board stores rows."""
-        return self.board.synapse_words is not None
+        return min(self.network.neurons, self.board.compartments // (1 + self.counters))
 
     @property
     def may_be_dense(self) -> bool:
         """Whether a row of an input may be stored dense: that is wanted, and there are formats enough."""
-        return self.dense_rows and limit_of(self.board.formats) >= MIXED_FORMATS
-
-    def sparse_bits(self, neurons: int) -> int | None:
-        """Index bits of a sparse row over so many neurons; None: it cannot be stored."""
-        need = max(0, neurons - 1).bit_length()
-        return min((bits for bits in self.board.index_bits if bits >= need), default=None)
+        return self.dense_rows and self.board.memory.public and self.board.formats >= MIXED_FORMATS
 
     @cached_property
     def row_tables(self) -> tuple[Integers, Integers]:
-        """Words of an input's row by neurons of the core and non-zero weights, int64 (largest + 1, largest + 1): in the
-        format with the fewest operations, and in the one with the fewest words."""
-        sizes = np.arange(self.largest + 1)
-        dense = row_words(sizes, self.weight_bits) if self.may_be_dense else np.full(sizes.size, UNLIMITED)
-        operations = np.repeat(dense[:, None], sizes.size, axis=1)
-        for bits, indexed in self._indexed.items():
-            operations[indexed] = row_words(sizes, self.weight_bits + bits)
-        if self.may_be_dense:
-            operations[sizes, sizes] = dense
-        operations[:, 0] = 0
+        """What an input's row takes of memory by neurons of the core and non-zero weights, int64 (largest + 1, largest
+        + 1): in the format with the fewest operations, and in the one with the fewest words."""
+        memory = self.board.memory
+        operations = memory.sparse_rows(self.largest, self.weight_bits)
+        if not (self.may_be_dense and isinstance(memory, PackedRows)):
+            return operations, operations
+        dense, sizes = memory.dense_rows(self.largest, self.weight_bits), np.arange(self.largest + 1)
+        operations = np.where(operations < UNLIMITED, operations, dense[:, None])
+        operations[sizes, sizes] = dense
         return operations, np.minimum(operations, dense[:, None])
 
     @cached_property
     def root_row(self) -> Integers:
-        """Words of the root's row by neurons of the core, int64 (largest + 1,)."""
-        sizes = np.arange(self.largest + 1)
-        if not self.inhibits or not self.known_rows:
-            return np.zeros_like(sizes)
-        words = np.full(sizes.size, UNLIMITED)
-        for bits, indexed in self._indexed.items():
-            words[indexed] = row_words(sizes[indexed], self.inhibition_bits + bits)
-        return words
-
-    @cached_property
-    def _indexed(self) -> dict[int, Integers]:
-        """The numbers of neurons, up to ``largest``, over which sparse rows have so many index bits."""
-        own = np.array([self.sparse_bits(size) or 0 for size in range(self.largest + 1)])
-        return {bits: np.flatnonzero(own == bits) for bits in self.board.index_bits}
+        """What the root's row takes of memory by neurons of the core, int64 (largest + 1,)."""
+        rows = self.board.memory.sparse_rows(self.largest, self.inhibition_bits)
+        return np.asarray(rows.diagonal() * self.inhibits)
 
     def counts(self, first: int, end: int) -> Integers:
         """Non-zero weights of each input to neurons ``first`` .. ``end - 1``, int64 (inputs,)."""
@@ -271,11 +207,5 @@ class Sizing:
 
     def taken(self, sizes: Integers, counts: NDArray[np.int32]) -> tuple[Integers, Integers]:
         """What ranges of ``sizes`` neurons (ranges,) take whose kinds have ``counts`` weights (kinds, ranges)."""
-        members = self.pattern.members
-        active = members @ (counts > 0)
-        if self.board.core_bytes is not None:
-            return active, members @ counts * self.weight_bits + sizes * self._lateral_bits
-        if self.board.synapse_words is None:
-            return active, np.zeros_like(active)
-        _, words = self.row_tables
-        return active, members @ words[sizes, counts] + self.root_row[sizes] + self.counters * sizes
+        members, (_, words) = self.pattern.members, self.row_tables
+        return members @ (counts > 0), members @ words[sizes, counts] + self.root_row[sizes] + self.counters * sizes

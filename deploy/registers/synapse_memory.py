@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.deploy.registers.synapses import COUNT_BITS, ID_BITS, Format, Rows, row_words
+from lava_vpr.deploy.boards.memory import row_words
+from lava_vpr.deploy.registers.synapses import COUNT_BITS, ID_BITS, Format, Rows
 from lava_vpr.errors import ModelFileError
 from lava_vpr.kernelcache import compiled
 from lava_vpr.loihi import BLOCK_HEADER_BITS, BLOCK_SYNAPSES, CORE_FORMATS, WORD_BITS

@@ -36,7 +36,6 @@ from lava_vpr.loihi import (
     LOIHI_1_WEIGHT_BITS,
     WEIGHT_BITS,
     WEIGHT_EXPONENT_LIMIT,
-    WORD_BITS,
 )
 
 REGISTER_BITS = WEIGHT_BITS + 1
@@ -183,19 +182,6 @@ def lateral_synapse(network: FixedNetwork, bits: int) -> tuple[int, int]:
             f"at most {WEIGHT_EXPONENT_LIMIT}; choose another network.inhibition"
         )
     return -magnitude, exponent
-
-
-def row_words(synapses: NDArray[np.int64], bits: int) -> NDArray[np.int64]:
-    """Words of synapse memory of rows (the synapses of one input axon).
-
-    Args:
-        synapses: Number of synapses of each row, int64, any shape.
-        bits: Bits of one synapse: weight, and index if the row is sparse.
-    """
-    whole, rest = np.divmod(np.asarray(synapses, np.int64), BLOCK_SYNAPSES)
-    full = -(-(BLOCK_SYNAPSES * bits + BLOCK_HEADER_BITS) // WORD_BITS)
-    last = -(-(rest * bits + BLOCK_HEADER_BITS) // WORD_BITS)
-    return whole * full + np.where(rest > 0, last, 0)
 
 
 class Formats(list[Format | None]):

@@ -157,13 +157,14 @@ def _rectangle(axes: Axes, box: Box, colour: str, **style: Any) -> None:
 def _meshes(plan: Plan, top: float) -> list[_Mesh]:
     """The chips of the board, side by side."""
     board = plan.board
-    if board.tile_cores is None or board.rows is None or board.columns is None:
+    grid = board.mesh
+    if grid is None:
         columns = 30
         return [_Mesh(MARGIN, top, (WIDTH - 2 * MARGIN + 4) / columns - 4, None, -(-board.cores // columns), columns)]
     width = (WIDTH - 2 * MARGIN - (board.chips - 1) * 2 * GAP) / board.chips
-    cell = ((width + 4) / board.columns - 12) / 2
+    cell = ((width + 4) / grid.columns - 12) / 2
     lefts = [MARGIN + chip * (width + 2 * GAP) for chip in range(board.chips)]
-    return [_Mesh(left, top, cell, board.tile_cores, board.rows, board.columns) for left in lefts]
+    return [_Mesh(left, top, cell, grid.tile_cores, grid.rows, grid.columns) for left in lefts]
 
 
 def _heading(axes: Axes, plan: Plan, words: list[str]) -> None:
@@ -191,14 +192,14 @@ def _legend(axes: Axes, plan: Plan, y: float) -> None:
     for population in (name for name in COLOURS if name in present):
         _rectangle(axes, (x, y - 6, 12, 12), COLOURS[population])
         word(_RELAYS if population == "inputs" and plan.network.relayed else _NAMES[population], 12)
-    if plan.board.synapse_words is not None:
+    if plan.board.memory.public:
         _memory(axes, (x, y - 7, 5, 14), 0.6)
         word("synapse memory in use", 5)
     _rectangle(axes, (x, y - 6, 12, 12), _PALE)
     word("unused core", 12)
-    if plan.board.tile_cores is not None:
+    if plan.board.mesh is not None:
         _rectangle(axes, (x, y - 7, 14, 14), "none", edgecolor=_LINE, linewidth=0.9)
-        word(f"tile of {plan.board.tile_cores} cores", 14)
+        word(f"tile of {plan.board.mesh.tile_cores} cores", 14)
 
 
 def _memory(axes: Axes, box: Box, used: float) -> None:
@@ -248,7 +249,7 @@ def _outline(boxes: list[Box]) -> Outline:
 def _core(axes: Axes, plan: Plan, core: CorePlan, box: Box) -> None:
     """Draw a core in use: a band as high as each population's share, its number, its synapse memory on the right."""
     left, top, width, height = box
-    words = plan.board.synapse_words
+    words = plan.board.memory.words
     bar = 6.0 if words is not None else 0.0
     total = sum(part.size for part in core.parts)
     y, label, tallest = top, top, 0.0
@@ -268,7 +269,7 @@ def _cards(plan: Plan) -> list[CorePlan]:
     """The cores that are drawn large: all if they are few, else the busiest, in the order of the chip."""
     if len(plan.cores) <= MOST_CARDS:
         return list(plan.cores)
-    busy = sorted(plan.cores, key=lambda core: -(core.microseconds or core.load.nanoseconds))[:_CARD_COLUMNS]
+    busy = sorted(plan.cores, key=lambda core: -(core.microseconds or core.load.busy))[:_CARD_COLUMNS]
     return [core for core in plan.cores if core in busy]
 
 
@@ -286,7 +287,7 @@ def _limits(plan: Plan, core: CorePlan) -> list[tuple[str, int, int]]:
         ("compartments", needs.compartments, board.compartments),
         ("axons in", needs.axons_in, board.axons_in),
         ("axons out", needs.axons_out, board.axons_out),
-        ("synapse words", needs.synapse_words, board.synapse_words),
+        ("synapse words", needs.synapse_words, board.memory.words),
     )
     return [(what, used, limit) for what, used, limit in every if used is not None and limit is not None]
 

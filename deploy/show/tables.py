@@ -8,10 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 from rich.table import Table
 
-from lava_vpr.deploy.boards.board import Board
+from lava_vpr.deploy.boards.board import Board, public
 from lava_vpr.deploy.boards.estimate import Estimate
 from lava_vpr.deploy.boards.plan import CorePlan, Part, Plan
-from lava_vpr.deploy.registers.clearing import clearing
 
 MOST_ROWS = 24
 """Rows of a table; what lies between the first and the last of more cores is left out."""
@@ -64,7 +63,7 @@ def modelled_time(plan: Plan) -> str:
 
 def rows_of(plan: Plan, core: CorePlan) -> tuple[int | None, int | None]:
     """The numbers of inputs' rows that a core stores dense and sparse; a row without any weight is not stored."""
-    if plan.board.synapse_words is None:
+    if not plan.board.memory.public:
         return None, None
     exc = core.part("exc")
     used = plan.network.weights[:, exc.first : exc.first + exc.size].any(axis=1)
@@ -86,7 +85,7 @@ def _of(used: int | None, limit: int | None) -> str:
 
 def core_name(board: Board, core: CorePlan) -> str:
     """A core as chip and number; just a number where the board's compiler chooses."""
-    return f"{core.chip}:{core.core}" if board.tile_cores is not None else f"{core.core}"
+    return f"{core.chip}:{core.core}" if board.mesh is not None else f"{core.core}"
 
 
 def core_table(plan: Plan, *, most: int = MOST_ROWS) -> Table:
@@ -133,7 +132,7 @@ def _row(plan: Plan, core: CorePlan) -> list[str]:
         _of(needs.compartments, board.compartments),
         _of(needs.axons_in, board.axons_in),
         _of(needs.axons_out, board.axons_out),
-        share(needs.synapse_words, board.synapse_words),
+        share(needs.synapse_words, board.memory.words),
         _of(dense, None),
         _of(sparse, None),
         microseconds(core.microseconds),
@@ -151,7 +150,7 @@ def _totals(plan: Plan) -> list[str]:
     needs = [core.needs for core in plan.cores]
     rows = [rows_of(plan, core) for core in plan.cores]
     words = _sum([need.synapse_words for need in needs])
-    least = "at least " if plan.board.synapse_words is None else ""
+    least = "" if plan.board.memory.public else "at least "
     return [
         "all",
         f"{least}{len(plan.cores)} of {plan.board.chips * plan.board.cores} cores",
@@ -181,12 +180,12 @@ def _inhibitory(plan: Plan) -> str:
 def summary(plan: Plan) -> list[str]:
     """What matters of a plan, a sentence each."""
     board, network = plan.board, plan.network
-    least = "At least " if board.synapse_words is None else ""
+    least = "" if board.memory.public else "At least "
     lines = [
         f"{least}{len(plan.cores)} of {board.chips * board.cores} cores, {_bits(plan.weight_bits)} a stored weight."
     ]
     lines.append(f"{_inhibitory(plan)} from every neuron {network.inhibition_delay} steps after any has spiked.")
-    if board.tile_cores is None:
+    if board.mesh is None:
         lines.append("Which cores they are, and how synapses are stored, is decided by Intel's compiler.")
     if board.known:
         lines.append(f"{board.known} Whether the network fits is unknown: it is beyond none of the public numbers.")
@@ -196,10 +195,10 @@ def summary(plan: Plan) -> list[str]:
     if network.bias_input:
         lines.append("The host sends no spikes: inputs integrate a bias that is written once a query.")
     else:
-        limit = UNKNOWN if board.host_spikes is None else f"{board.host_spikes}"
+        limit = UNKNOWN if public(board.host_spikes) is None else f"{board.host_spikes}"
         passed = ", where relays pass them on" if network.relayed else ""
         lines.append(
             f"The host sends up to {plan.host_spikes:.1f} spikes a step to each chip (limit: {limit}){passed}."
         )
-    lines.append(f"Between queries: {clearing(network, board)['what']}.")
+    lines.append(f"Between queries: {board.clearing.of(network)['what']}.")
     return lines

@@ -158,8 +158,8 @@ def dense_rows_option(command: F) -> F:
 
 def check_dense_rows(board: Board, dense_rows: bool) -> None:
     """Refuse ``--dense-rows`` for a board whose way of storing rows is not ours to choose."""
-    if dense_rows and board.synapse_words is None:
-        able = " or ".join(name for name, row in BOARDS.items() if row.synapse_words is not None)
+    if dense_rows and not board.memory.public:
+        able = " or ".join(name for name, row in BOARDS.items() if row.memory.public)
         raise click.UsageError(f"--dense-rows needs --target {able}: how {board.title} stores rows is not public")
 
 

@@ -121,7 +121,7 @@ def _model(
     rows = unproven(plan)
     if json_path is not None:  # files first: whoever reads the table may go away
         values = {"places": model.places, "neurons": model.neurons, "weight_bits": compressed.model.weight_bits}
-        fits = None if board.synapse_words is None else True
+        fits = True if board.memory.public else None
         placed = {"mapping": mapping(plan), "unproven": [row.name for row in rows], "modelled": modelled(plan)}
         write_json(json_path, {"target": board.name, "fits": fits, **values, **placed})
     if picture is not None:
@@ -156,7 +156,7 @@ def _largest(
     with progress_bar("looking for the largest maps", largest_map.searches(config, board, weight_bits)) as advance:
         rows = find(config, board, lambda found: advance(1, found))
     if json_path is not None:
-        bound = board.synapse_words is None
+        bound = not board.memory.public
         values = [asdict(row) | {"proven": row.proven, "at_most": bound} for row in rows]
         write_json(json_path, {"target": board.name, "views": views, "largest": values})
     print_whole(_capacities(board, rows, views))
@@ -170,7 +170,7 @@ def _capacities(board: Board, rows: tuple[Capacity, ...], views: int) -> Table:
         "has shown on a board; nor has anybody shown weights of fewer than 8 bits with their sign (unproven, both)",
     )
     seen = f", each place in {views} views" if views > 1 else ""
-    unknown = board.synapse_words is None
+    unknown = not board.memory.public
     title = f"no larger maps can fit {board.title}" if unknown else f"the largest maps that fit {board.title}"
     table = Table(title=f"{title}{seen}", title_justify="left", caption_justify="left")
     least, most = (" at least", " at most") if unknown else ("", "")

@@ -18,6 +18,7 @@ from support.common.small_models import encoded, small_config, tiny_paper
 from lava_vpr.cluster.tasks import Standing
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
+from lava_vpr.deploy.boards.memory import PackedRows
 from lava_vpr.deploy.compression.compression import Changes, requantised
 from lava_vpr.errors import ConfigError
 from lava_vpr.experiments.spread import Spread
@@ -283,7 +284,7 @@ def test_what_needs_integers_refuses_the_float_model(name: str) -> None:
 
 
 def test_a_board_that_cannot_run_a_network_leaves_a_gap(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(measuring, "BOARD", dataclasses.replace(KAPOHO_BAY, synapse_words=4, cores=1, chips=1))
+    monkeypatch.setattr(measuring, "BOARD", dataclasses.replace(KAPOHO_BAY, memory=PackedRows(4), cores=1, chips=1))
     made = run(STUDIES["bits"], Asked(route(), small_config(), (0,), (2, 3)))
     assert [one.costs for one in made.rows] == [None, None]
     assert as_json(made)["points"][1]["modelled"] is None

@@ -23,7 +23,6 @@ from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.cost.costs import adaptation_microjoules, modelled
 from lava_vpr.deploy.cost.events import count_events
 from lava_vpr.deploy.cost.host_traffic import bias_milliseconds
-from lava_vpr.deploy.registers.clearing import clearing
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.adaptation import Adaptation
 from lava_vpr.engine.inference.fixed import FixedNetwork
@@ -107,7 +106,7 @@ def _boards(
         if isinstance(plan, str):
             continue
         adapted = asking.adapt is not None
-        writes = asking.views * clearing(network, plan.board, adapted=adapted)["writes_per_query"]
+        writes = asking.views * plan.board.clearing.of(network, adapted=adapted)["writes_per_query"]
         costs, constants = modelled(plan, count_events(plan, trains, bias=shown.bias)), plan.board.constants
         row = AskedOn(name, asking.views, asking.views * costs.steps, writes)
         energy, chip, traffic = costs.dynamic_microjoules, costs.milliseconds, costs.io_milliseconds

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from support.boards.small_boards import LIMITS, check_images, check_plan, even, network, tiny
 
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2, Board
+from lava_vpr.deploy.boards.memory import PackedRows
 from lava_vpr.deploy.mapping.limits import host_spikes
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.encoding import draw_trains
@@ -111,13 +113,13 @@ def test_signed_weights_lose_bits_towards_zero() -> None:
         ({"thresholds": 2}, True, "needs 3 thresholds, but Kapoho Bay (two Loihi 1 chips) has 2; use --input-mode inj"),
         ({"formats": 2}, False, "needs 3 formats, but Kapoho Bay (two Loihi 1 chips) has 2; use another --target"),
         ({"weight_bits": (1, 2, 6)}, False, "at most 6 bits, but these need 8 with their sign; use --weight-bits 5"),
-        ({"index_bits": ()}, False, "synapses to inhibitory neurons need index bits"),
+        ({"memory": PackedRows(16_384, index_bits=())}, False, "synapses to inhibitory neurons need index bits"),
         ({"input_limit": 250}, False, "the weights above 0 of one neuron sum to 283, but Kapoho Bay"),
     ],
 )
-def test_limits_that_no_choice_of_cores_helps(limits: dict[str, int], bias_input: bool, text: str) -> None:
+def test_limits_that_no_choice_of_cores_helps(limits: dict[str, Any], bias_input: bool, text: str) -> None:
     made = network(12, 5, bits=7, bias_input=bias_input)
-    assert text in refused(made, tiny(**limits))
+    assert text in refused(made, replace(tiny(), **limits))
 
 
 def test_a_sign_takes_a_bit() -> None:

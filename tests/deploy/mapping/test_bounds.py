@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2, Board
+from lava_vpr.deploy.boards.memory import ByteBudget
 from lava_vpr.deploy.mapping.bounds import exceeded, least_cores
 from lava_vpr.deploy.mapping.largest_map import largest
 from lava_vpr.deploy.mapping.partition import partition
@@ -31,23 +33,26 @@ def network(steps: int = 29) -> FixedNetwork:
     )
 
 
-def on(**changes: object) -> Sizing:
-    board = replace(LOIHI_2, **changes)  # type: ignore[arg-type]
-    return Sizing(network(), board, np.full(INPUTS, 0.01))
+def smaller(*, core_bytes: int = 196_608, synapses: int = 120_000_000, **changes: Any) -> Board:
+    return replace(LOIHI_2, memory=ByteBudget(core_bytes, synapses), **changes)
+
+
+def on(**changes: Any) -> Sizing:
+    return Sizing(network(), smaller(**changes), np.full(INPUTS, 0.01))
 
 
 def test_what_is_public_of_loihi_2() -> None:
     assert (LOIHI_2.cores, LOIHI_2.compartments) == (128, 8192)
-    assert (LOIHI_2.synapses, LOIHI_2.core_bytes) == (120_000_000, 196_608)
+    assert LOIHI_2.memory == ByteBudget(core_bytes=196_608, chip_synapses=120_000_000)
     assert LOIHI_2.known.startswith("Public: 128 cores, 8,192 neurons and 196,608 bytes a core, 120,000,000 synapses")
-    assert (KAPOHO_BAY.synapses, KAPOHO_BAY.core_bytes, KAPOHO_BAY.known) == (None, None, "")
+    assert KAPOHO_BAY.known == ""
 
 
 def test_bounds_are_counted_as_by_hand() -> None:
     sizing = on()
-    assert sizing.synapses == WEIGHTS + 2 * NEURONS
-    assert int(sizing.stored.sum()) == STORED
+    assert int(sizing.taken(np.array([NEURONS]), sizing.counts(0, NEURONS)[:, None])[1][0]) == STORED
     assert (sizing.words, least_cores(sizing), exceeded(sizing)) == (8 * 196_608, 1, "")
+    assert least_cores(on(core_bytes=STORED // 8 - 1)) == 2
 
 
 @pytest.mark.parametrize(
@@ -75,11 +80,11 @@ def test_what_is_beyond_a_public_number_is_refused(within: dict[str, int], beyon
     assert exceeded(on(**within)) == ""
     assert exceeded(on(**beyond)) == said
     with pytest.raises(NetworkLimitError, match=said):
-        partition(network(), replace(LOIHI_2, **beyond), np.full(INPUTS, 0.01))  # type: ignore[arg-type]
+        partition(network(), smaller(**beyond), np.full(INPUTS, 0.01))
 
 
 def test_no_core_gets_more_weights_than_it_has_bytes() -> None:
-    plan = partition(network(), replace(LOIHI_2, core_bytes=100), np.full(INPUTS, 0.01))
+    plan = partition(network(), smaller(core_bytes=100), np.full(INPUTS, 0.01))
     of_neuron = (network().weights != 0).sum(axis=0) * BITS + 4
     for core in plan.cores:
         part = core.part("exc")
@@ -110,6 +115,6 @@ def test_the_largest_map_that_public_numbers_allow() -> None:
     bits = 128 * 196_608 * 8
     assert bits // (2048 * 4 + 8) <= places <= bits // (2048 * 4 + 1)
     assert "cores of Loihi 2 have 25,165,824 for all that they hold" in limit
-    places, limit = larger(replace(LOIHI_2, synapses=10_000_000), "every")
+    places, limit = larger(smaller(synapses=10_000_000), "every")
     assert places == (10_000_000 - 2) // 2050 or places == 10_000_000 // 2050
     assert "but Loihi 2 has at most 10,000,000" in limit

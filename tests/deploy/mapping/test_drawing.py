@@ -15,8 +15,8 @@ from rich.console import Console
 
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2, Board
 from lava_vpr.deploy.boards.estimate import Estimate
+from lava_vpr.deploy.boards.memory import row_words
 from lava_vpr.deploy.boards.plan import CorePlan, Load, Needs, Part, Plan, PopulationName, Times
-from lava_vpr.deploy.registers.synapses import row_words
 from lava_vpr.deploy.show.drawing import COLOURS, MOST_CARDS, WIDTH, draw, figure_of
 from lava_vpr.deploy.show.tables import busiest, core_table, rows_of, share, summary
 from lava_vpr.engine.inference.fixed import FixedNetwork
@@ -36,7 +36,7 @@ def network(neurons: int, inputs: int = 120, bias_input: bool = False) -> FixedN
 
 
 def needs(board: Board, compartments: int, axons_in: int, axons_out: int, words: int) -> Needs:
-    if board.axons_in is None:
+    if not board.memory.public:
         return Needs(compartments, None, None, None, None, None, None)
     return Needs(compartments, axons_in, axons_out, words, 3, 2, 3)
 
@@ -65,7 +65,7 @@ def plan(neurons: int, board: Board = KAPOHO_BAY, bias_input: bool = False, each
         load = Load(20.0, 300.0, 4.0, exc, 3.0, 2.0, 9000.0)
         time = None if board.constants is None else 1.0 + (10 * exc + number) / 1e3
         cores.append(CorePlan(chip, core, placed, np.arange(net.inputs) % 3 > 0, taken, load, time))
-    hops = None if board.tile_cores is None else 12.5
+    hops = None if board.mesh is None else 12.5
     times = None if board.constants is None else TIMES
     return Plan(net, board, tuple(cores), 3, 8, hops, 0.0 if bias_input else 46.83, times)
 

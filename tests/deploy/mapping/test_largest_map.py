@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2, Board
+from lava_vpr.deploy.boards.memory import PackedRows
 from lava_vpr.deploy.mapping.largest_map import MEAN_MAGNITUDE, Capacity, capacities, largest, sizing_of, table
 from lava_vpr.deploy.mapping.limits import check
 from lava_vpr.deploy.mapping.partition import fewest_cores
@@ -43,14 +45,14 @@ def cores_of(chosen: Config, board: Board, places: int) -> int | None:
         ({"axons_in": 160}, {}),
         ({"axons_out": 90}, {}),
         ({"axons_out": 200}, {"network": {"input_mode": "bias"}}),
-        ({"synapse_words": 500}, {"network": {"weight_bits": 7}}),
+        ({"memory": PackedRows(500)}, {"network": {"weight_bits": 7}}),
         ({"compartments": 30}, {"network": {"neurons_per_place": 1.5}}),
         ({"compartments": 30}, {"stretch": 0}),
         ({"compartments": 30}, {"network": {"neurons": 9}}),
     ],
 )
-def test_it_is_the_largest(limits: dict[str, int], changes: dict[str, object]) -> None:
-    board = replace(KAPOHO_BAY, cores=2, chips=1, **limits)  # type: ignore[arg-type]
+def test_it_is_the_largest(limits: dict[str, Any], changes: dict[str, object]) -> None:
+    board = replace(KAPOHO_BAY, cores=2, chips=1, **limits)
     chosen = config(**changes)
     found = largest(chosen, board, "sparse", "every")
     tried = {places: cores_of(chosen, board, places) for places in range(2, found.places + 12)}
@@ -104,7 +106,7 @@ def test_rows_for_every_width_that_a_board_stores() -> None:
 
 
 def test_what_takes_less_leaves_room_for_more() -> None:
-    board = replace(KAPOHO_BAY, cores=4, synapse_words=3000)
+    board = replace(KAPOHO_BAY, cores=4, memory=PackedRows(3000))
     found = {(row.rows, row.weights): row for row in capacities(config(), board)}
     for weights in ("typical", "every"):
         assert found["dense", weights].places > found["sparse", weights].places

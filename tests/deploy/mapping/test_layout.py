@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.boards.small_boards import check_images, check_plan, even, network, parts_of, tiny
 
-from lava_vpr.deploy.boards.board import KAPOHO_BAY
+from lava_vpr.deploy.boards.board import KAPOHO_BAY, Mesh
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.mapping.mesh import assign_cores, distances
 from lava_vpr.deploy.mapping.partition import partition
@@ -138,7 +138,7 @@ def test_real_chips_fill_in_order() -> None:
 
 def test_cores_on_the_mesh_are_best_for_few_and_near_for_more() -> None:
     rng = np.random.default_rng(6)
-    board = replace(KAPOHO_BAY, tile_cores=1, columns=3, rows=2, cores=6)
+    board = replace(KAPOHO_BAY, mesh=Mesh(1, columns=3, rows=2), cores=6)
     worst = 1.0
     for _ in range(20):
         flow = rng.random((5, 5)) ** 4

@@ -22,6 +22,7 @@ from support.boards.small_boards import (
 )
 
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2, Board
+from lava_vpr.deploy.boards.memory import PackedRows
 from lava_vpr.deploy.boards.plan import CorePlan
 from lava_vpr.deploy.mapping.partition import fewest_cores, partition
 from lava_vpr.deploy.mapping.row_formats import choose_formats
@@ -89,7 +90,7 @@ def test_needs_are_what_registers_and_memory_take(data: st.DataObject) -> None:
 @pytest.mark.parametrize(("neurons", "bias_input"), [(1100, False), (5000, False), (5000, True)])
 def test_large_networks_hold_every_limit(neurons: int, bias_input: bool) -> None:
     made = network(neurons, 300, share=0.58, signed=True, bias_input=bias_input)
-    check_plan(partition(made, replace(KAPOHO_BAY, synapse_words=5000), even(made)))
+    check_plan(partition(made, replace(KAPOHO_BAY, memory=PackedRows(5000)), even(made)))
 
 
 @pytest.mark.parametrize(("neurons", "most"), [(3000, 48), (8000, 125)])
@@ -119,7 +120,7 @@ Stored = tuple[int, int, bool]
 def literal_words(made: FixedNetwork, board: Board, bits: Stored, first: int, end: int) -> int:
     """Least words of a core's rows to its excitatory neurons, each of an input in every format."""
     size = end - first
-    index = [wide for wide in board.index_bits if size - 1 < 1 << wide]
+    index = [wide for wide in board.memory.index_bits if size - 1 < 1 << wide]
     total = words(size, bits[1] + min(index, default=1 << 20)) if made.inhibition else 0
     for row in made.weights[:, first:end]:
         count = int(np.count_nonzero(row))
@@ -141,7 +142,7 @@ def literal_fits(made: FixedNetwork, board: Board, bits: Stored, bounds: list[in
             2 * (end - first),
             literal_words(made, board, bits, first, end) if end > first else 0,
         )
-        limits = (board.compartments, board.axons_in, board.axons_out, board.usable_words)
+        limits = (board.compartments, board.axons_in, board.axons_out, board.memory.capacity)
         rooms.append(np.array(limits) - held)
     if min(room.min() for room in rooms) < 0:
         return False
@@ -232,7 +233,7 @@ def test_each_range_reaches_as_far_as_a_core_holds() -> None:
         sizing = Sizing(made, replace(board, axons_in=4096), even(made), dense_rows=bool(seed % 2))
         bits = (sizing.weight_bits, sizing.inhibition_bits, sizing.dense_rows)
         fits = {
-            (first, end): literal_words(made, board, bits, first, end) <= (board.usable_words or 0)
+            (first, end): literal_words(made, board, bits, first, end) <= board.memory.capacity
             for first, end in itertools.combinations(range(13), 2)
         }
         fewest = {0: 0}
@@ -291,7 +292,7 @@ def test_rows_turn_dense_only_as_far_as_memory_demands() -> None:
         load = plan.cores[0].load
         operations.append(load.operations_dense + load.operations_sparse)
         dense.append(int(plan.cores[0].dense_inputs.sum()))
-        assert (plan.cores[0].needs.synapse_words or 0) <= (board.usable_words or 0)
+        assert (plan.cores[0].needs.synapse_words or 0) <= board.memory.capacity
     assert operations == sorted(operations)
     assert dense == sorted(dense)
     assert dense[0] == 0
@@ -336,7 +337,7 @@ def test_inputs_are_spread_so_that_no_core_waits() -> None:
     rates *= 20 / rates.sum()
     plan = partition(made, KAPOHO_BAY, rates)
     assert len(plan.cores) == 2
-    times = [core.load.nanoseconds for core in plan.cores]
+    times = [core.load.busy for core in plan.cores]
     assert max(times) < 1.05 * min(times)
     assert plan.host_spikes == 0
 
@@ -359,7 +360,7 @@ def test_loihi_2_is_divided_by_neurons_alone() -> None:
 
 def test_equal_networks_have_equal_plans() -> None:
     made = network(200, 400, bias_input=True)
-    board = replace(KAPOHO_BAY, synapse_words=3000)
+    board = replace(KAPOHO_BAY, memory=PackedRows(3000))
     one, two = (partition(made, board, even(made)) for _ in range(2))
     assert [(c.chip, c.core, c.parts, c.needs, c.load) for c in one.cores] == [
         (c.chip, c.core, c.parts, c.needs, c.load) for c in two.cores
@@ -382,7 +383,7 @@ def test_load_counts_what_rates_say() -> None:
     assert load.spikes == pytest.approx(1.0, rel=1e-4)
     assert load.messages_out == pytest.approx(2 * 0.5 + 0.5, rel=1e-4)
     wanted = 16 * load.messages_in + 4.7 * load.operations_sparse + 9.7 * load.updates + 30 + 5.1 * 1.5
-    assert load.nanoseconds == pytest.approx(wanted, rel=1e-4)
+    assert load.busy == pytest.approx(wanted, rel=1e-4)
 
 
 def test_load_of_relays() -> None:

@@ -11,8 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from lava_vpr.deploy.boards.memory import row_words
 from lava_vpr.deploy.registers.synapse_memory import pack, stored_rows, unpack
-from lava_vpr.deploy.registers.synapses import Format, Formats, Rows, index_bits, joined, row_words
+from lava_vpr.deploy.registers.synapses import Format, Formats, Rows, index_bits, joined
 from lava_vpr.errors import ModelFileError
 
 DENSE = Format(5, 0, -4)

@@ -12,10 +12,12 @@ from dataclasses import replace
 import numpy as np
 
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
+from lava_vpr.deploy.boards.memory import PackedRows
 from lava_vpr.deploy.boards.plan import CorePlan, Plan
 from lava_vpr.deploy.registers.core_images import core_images, host_tables
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.loihi import CORE_SYNAPSE_WORDS
 
 LIMITS = ("compartments", "axons_in", "axons_out", "synapse_words", "profiles", "thresholds", "formats")
 
@@ -58,9 +60,10 @@ def even(made: FixedNetwork, spikes: float = 20.0) -> np.ndarray:
     return np.full(made.inputs, spikes / made.inputs)
 
 
-def tiny(**limits: int) -> Board:
+def tiny(*, synapse_words: int = CORE_SYNAPSE_WORDS, **limits: int) -> Board:
     """Kapoho Bay as one chip of four cores without counters, with smaller limits."""
-    return replace(KAPOHO_BAY, **{"chips": 1, "cores": 4, "counters": False, **limits})  # type: ignore[arg-type]
+    limits = {"chips": 1, "cores": 4, "counters": False, **limits}
+    return replace(KAPOHO_BAY, memory=PackedRows(synapse_words), **limits)  # type: ignore[arg-type]
 
 
 def words(synapses: int, bits: int) -> int:
@@ -90,7 +93,7 @@ def numbers(core: CorePlan, population: str) -> list[int]:
 
 
 def index_width(board: Board, compartments: list[int]) -> int:
-    return min(bits for bits in board.index_bits if max(compartments, default=0) < 1 << bits)
+    return min(bits for bits in board.memory.index_bits if max(compartments, default=0) < 1 << bits)
 
 
 def literal_needs(plan: Plan, core: CorePlan) -> dict[str, int]:
@@ -106,13 +109,13 @@ def literal_needs(plan: Plan, core: CorePlan) -> dict[str, int]:
             dense = bool(core.dense_inputs[row])
             formats.add(("inputs", dense))
             bits = plan.weight_bits + (
-                0 if dense or board.synapse_words is None else index_width(board, [len(exc) - 1])
+                0 if dense or not board.memory.index_bits else index_width(board, [len(exc) - 1])
             )
             total += words(len(exc) if dense else count, bits)
     if exc and made.inhibition:
         axons_in += 1
         formats.add(("root", False))
-        index = 0 if board.synapse_words is None else index_width(board, [len(exc) - 1])
+        index = 0 if not board.memory.index_bits else index_width(board, [len(exc) - 1])
         total += words(len(exc), plan.inhibition_bits + index)
     counters = exc if board.counters else []
     assert numbers(core, "counters") == counters  # beside their neurons
@@ -164,12 +167,12 @@ def check_plan(plan: Plan) -> None:
         assert [part.compartment for part in core.parts] == list(
             itertools.accumulate([0, *(part.size for part in core.parts[:-1])])
         )
-        counted = literal_needs(plan, core)
+        counted, limits = literal_needs(plan, core), board.as_json()
         for name in LIMITS:
-            need, limit = getattr(core.needs, name), getattr(board, name)
+            need, limit = getattr(core.needs, name), limits[name]
             assert (need is None) == (limit is None)
             assert limit is None or need == counted[name], name
-            assert limit is None or 0 <= need <= (board.usable_words if name == "synapse_words" else limit), name
+            assert limit is None or 0 <= need <= (board.memory.capacity if name == "synapse_words" else limit), name
 
 
 def check_images(plan: Plan) -> None:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
+from lava_vpr.deploy.boards.memory import PackedRows
 from lava_vpr.deploy.bundle.folder import Bundle
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
@@ -74,7 +75,7 @@ def random_board(rng: np.random.Generator, network: FixedNetwork) -> Board:
         compartments=int(rng.integers(2, 200)),
         axons_in=int(rng.integers(least, 3 * least)),
         axons_out=int(rng.integers(4, 400)),
-        synapse_words=int(rng.integers(network.inputs + 2 * network.neurons + 4, 9 * least)),
+        memory=PackedRows(int(rng.integers(network.inputs + 2 * network.neurons + 4, 9 * least))),
     )
 
 
@@ -185,8 +186,8 @@ def violations(cores: list[Core], board: Board, tables: dict[str, NDArray[Any]])
         need(f"{name} input axons", len(core.axons_in), board.axons_in)
         need(f"{name} output axons", len(core.axons_out), board.axons_out)
         spans = sorted({(first, words) for first, words, _ in core.axons_in.tolist()})
-        need(f"{name} words", max((a + b for a, b in spans), default=0), board.synapse_words)
-        need(f"{name} words stored", len(core.words), board.synapse_words)
+        need(f"{name} words", max((a + b for a, b in spans), default=0), board.memory.words)
+        need(f"{name} words stored", len(core.words), board.memory.words)
         for (one, size), (two, _) in itertools.pairwise(spans):
             if one + size > two:
                 found.append(f"{name}: rows overlap at word {two}")
