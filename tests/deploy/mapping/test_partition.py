@@ -59,7 +59,7 @@ def drawn(data: st.DataObject) -> tuple[FixedNetwork, Board]:
         compartments=number(st.sampled_from([5, 20, 90, 1024])),
         axons_in=number(st.sampled_from([made.inputs + made.neurons + 1, 150, 4096])),
         axons_out=number(st.sampled_from([60, 300, 4096])),
-        synapse_words=number(st.sampled_from([80, 150, 400, 16_384])),
+        memory=PackedRows(number(st.sampled_from([80, 150, 400, 16_384]))),
         formats=number(st.sampled_from([4, 16])),
     )
 
