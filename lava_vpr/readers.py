@@ -1,44 +1,46 @@
-"""Sources of images, one row each: what is taken for one, and how it becomes the images of a traverse.
+"""Sources of images, stored and live, one row each: what is taken for one, and its images one by one.
 
-`lava_vpr.traverse.open_traverse` asks the rows of `READERS` in their order; the first that takes a path reads it. A
-package can bring further ones (`lava_vpr.rows.plugins`), which are asked after those that are built in.
+`open_source` asks the rows of `READERS` in their order; the first that takes a source opens it. A package can bring
+further ones (`lava_vpr.rows.plugins`), which are asked after those that are built in. `lava_vpr.traverse` puts an index
+on a stored source; `lava_vpr.watch` takes the frames of any as they come.
 """
 
 from __future__ import annotations
 
-import logging
+import math
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
-from lava_vpr.events.files import EVENT_SUFFIXES, is_events, survey
-from lava_vpr.events.live import event_images, is_event_stream
+from lava_vpr.events.files import EVENT_SUFFIXES, is_events, windows_of
+from lava_vpr.events.live import event_samples, is_event_stream
 from lava_vpr.images.appearing import appearing
-from lava_vpr.images.bags import BAG_SUFFIXES, bag_files, bag_frames, bag_images, is_bag, sample_bag
-from lava_vpr.images.cameras import camera_images, is_camera
+from lava_vpr.images.bags import BAG_SUFFIXES, bag_files, bag_samples, is_bag, split_topic
+from lava_vpr.images.cameras import camera_samples, is_camera
 from lava_vpr.images.files import IMAGE_SUFFIXES, VIDEO_SUFFIXES, folder_images
 from lava_vpr.images.imagefiles import read_image
 from lava_vpr.images.lists import LIST_SUFFIXES, listed_images
-from lava_vpr.images.videos import sample_video, video_frames, video_stream
+from lava_vpr.images.sampling import Sample, every_so_often
+from lava_vpr.images.videos import video_samples
 from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.positions.names import stamps_of_names
 from lava_vpr.rows.registry import Registry
-from lava_vpr.storage.text import printable
+from lava_vpr.storage.text import printable, shown
 from lava_vpr.vectors.files import VECTOR_SUFFIXES, read_vectors
-from lava_vpr.vectors.source import VectorSource
+from lava_vpr.vectors.source import Vectors, VectorSource
 
-_NOTES = logging.getLogger("lava_vpr")
+EVENTS = EventsConfig()
+"""How events become images unless a model says otherwise."""
 
 
 class Frame(NamedTuple):
-    """An image of a source that is watched.
+    """An image of a source, or why there is none.
 
     Attributes:
         name: Its file name, or ``frame 000012`` with the frame's number, ``window 000012`` of events.
@@ -56,42 +58,22 @@ class Wanted:
     """What is asked of a source.
 
     Attributes:
-        path: Its path, which exists.
+        source: The source as the user wrote it.
+        path: Its path, which exists unless it is one that has a name alone.
         every: Seconds between two images, where they come faster.
-        stop: So many images are wanted at most; None: all.
         topic: Its topic, of a ROS bag; None: the only one.
         events: How events become images.
+        live: Whether it is watched: a folder is then waited at for further images.
         existing: Whether images that are in a watched folder already are taken, too.
-        source: The source as the user wrote it.
     """
 
+    source: str
     path: Path
     every: float = 1.0
-    stop: int | None = None
     topic: str | None = None
-    events: EventsConfig = field(default_factory=EventsConfig)
+    events: EventsConfig = EVENTS
+    live: bool = False
     existing: bool = True
-    source: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class Film:
-    """Images that are no files of their own.
-
-    Attributes:
-        numbers: The number of each image that is taken, int64 (n,), increasing.
-        show: The images with such numbers, in the order that is asked, each uint8 (h, w) or (h, w, 3) BGR, or vectors,
-            float32 (values,); an `InputError` where one cannot be read.
-        stamps: When each was taken, in seconds (`lava_vpr.positions.stamps`), float64 (n,); None if nobody says.
-        word: What one of them is called: ``frame``.
-        since_start: Whether stamps count from the first image, so that a user may say when that was.
-    """
-
-    numbers: NDArray[np.int64]
-    show: Callable[[NDArray[np.int64]], Iterator[NDArray[Any]]]
-    stamps: NDArray[np.float64] | None = None
-    word: str = "frame"
-    since_start: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,14 +81,33 @@ class Found:
     """What a source holds.
 
     Attributes:
-        paths: The file of each image; with a ``film`` the files that it is in.
-        film: The images, where they are no files.
+        paths: The files that it is in; without a ``walk`` each is one image.
+        walk: Its samples from the first on, in increasing numbers, whenever it is called; of a live source they come
+            once, and may have no end.
+        word: What an image without a name is called: ``frame`` and its number.
+        since_start: Whether stamps count from the first image, so that a user may say when that was.
         vectors: Vectors in place of images.
     """
 
-    paths: tuple[str, ...]
-    film: Film | None = None
+    paths: tuple[str, ...] = ()
+    walk: Callable[[], Iterator[Sample]] | None = None
+    word: str = "frame"
+    since_start: bool = False
     vectors: VectorSource | None = None
+
+    def frames(self) -> Iterator[Frame]:
+        """The images one by one, as they come; an error in place of one that cannot be read.
+
+        Raises:
+            InputError: the source goes away or is damaged.
+        """
+        for sample in samples_of_paths(self.paths) if self.walk is None else self.walk():
+            name = f"{self.word} {sample.number:06d}" if sample.name is None else sample.name
+            try:
+                image: NDArray[Any] | InputError = sample.read()
+            except InputError as error:
+                image = error
+            yield Frame(name, sample.stamp, image)
 
 
 @dataclass(frozen=True)
@@ -116,20 +117,17 @@ class Reader:
     Attributes:
         name: Its name.
         title: What it is, for people.
+        open: What is in it, stored or live; an `InputError` of one line where it cannot be used.
         takes: Whether a path that exists is one; it may look into the file, but not read all of it.
-        open: What is in it; an `InputError` of one line where it cannot be used. None: it can only be watched.
         suffixes: How names of its files end, in small letters, for messages; () of a folder.
-        watch: Its images one by one, as they come, for ``lava-vpr watch``; what can be seen to be wrong with it is an
-            `InputError` at once. None: those of ``open``.
         named: Whether a text that is no path names one, which can only be watched.
     """
 
     name: str
     title: str
+    open: Callable[[Wanted], Found]
     takes: Callable[[Path], bool] = lambda path: False
-    open: Callable[[Wanted], Found] | None = None
     suffixes: tuple[str, ...] = ()
-    watch: Callable[[Wanted], Iterator[Frame]] | None = None
     named: Callable[[str], bool] = lambda source: False
 
 
@@ -137,162 +135,175 @@ READERS: Registry[Reader] = Registry("reader", InputError, group="lava_vpr.reade
 """Every sort of source by name, in the order in which they are asked."""
 
 
+def samples_of_paths(paths: Iterable[str]) -> Iterator[Sample]:
+    """The images in files, with the times in their names."""
+    for number, path in enumerate(paths):
+        yield Sample(number, _stamp(printable(path)), partial(read_image, Path(path)), name=printable(path))
+
+
+def _stamp(name: str) -> float | None:
+    """The time in a file's name."""
+    stamps = stamps_of_names((name,))
+    return None if stamps is None else float(stamps[0])
+
+
+def _lines(_: Wanted) -> Found:
+    lines = (line.rstrip("\r\n") for line in iter(sys.stdin.readline, ""))
+    return Found(walk=lambda: samples_of_paths(path for path in lines if path))
+
+
+def _camera(wanted: Wanted) -> Found:
+    def walk() -> Iterator[Sample]:
+        taken = every_so_often(camera_samples(wanted.source), wanted.every)
+        return (sample._replace(number=number) for number, sample in enumerate(taken))
+
+    return Found(walk=walk)
+
+
+def _event_stream(wanted: Wanted) -> Found:
+    samples = event_samples(wanted.source, wanted.events, wanted.every)
+    return Found(walk=lambda: samples, word="window")
+
+
+def _bag(wanted: Wanted) -> Found:
+    paths = tuple(bag_files(wanted.path))
+    return Found(paths, lambda: every_so_often(bag_samples(wanted.path, wanted.topic), wanted.every))
+
+
+def _folder(wanted: Wanted) -> Found:
+    if not wanted.live:
+        return Found(tuple(folder_images(wanted.path)))
+
+    def walk() -> Iterator[Sample]:
+        for number, (path, written, image) in enumerate(appearing(wanted.path, existing=wanted.existing)):
+            name = printable(path)
+            named = _stamp(name)
+            yield Sample(number, written if named is None else named, partial(_given, image), name=name)
+
+    return Found(walk=walk)
+
+
+def _given(image: NDArray[Any] | InputError) -> NDArray[Any]:
+    if isinstance(image, InputError):
+        raise image
+    return image
+
+
+def _video(wanted: Wanted) -> Found:
+    walk = lambda: every_so_often(video_samples(wanted.path), wanted.every)  # noqa: E731
+    return Found((str(wanted.path),), walk, since_start=True)
+
+
+def _events(wanted: Wanted) -> Found:
+    walk = windows_of(wanted.path, wanted.events, wanted.every)
+    return Found((str(wanted.path),), walk, "window", since_start=True)
+
+
+def _vectors(wanted: Wanted) -> Found:
+    return found_vectors(read_vectors(wanted.path), (str(wanted.path),))
+
+
+def found_vectors(stored: VectorSource, paths: tuple[str, ...] = ()) -> Found:
+    """What a source of vectors holds, which come from the files ``paths``."""
+    names, stamps = stored.names, stored.stamps if isinstance(stored, Vectors) else None
+
+    def walk() -> Iterator[Sample]:
+        for number in range(len(stored)):
+            name = None if names is None else names[number]
+            stamp = _stamp(name or "") if stamps is None else float(stamps[number])
+            yield Sample(number, stamp, partial(stored.row, number), name=name)
+
+    return Found(paths, walk, "vector", vectors=stored)
+
+
 def _ends(suffixes: tuple[str, ...]) -> Callable[[Path], bool]:
     """Whether a path is a file whose name ends so."""
     return lambda path: path.suffix.lower() in suffixes and path.is_file()
 
 
-def _video(wanted: Wanted) -> Found:
-    numbers, stamps = sample_video(wanted.path, wanted.every, wanted.stop)
-    show = partial(video_frames, wanted.path)
-    return Found((str(wanted.path),), Film(numbers, show, stamps, since_start=True))
+def _holds_events(path: Path) -> bool:
+    return path.suffix.lower() in EVENT_SUFFIXES and path.is_file() and is_events(path)
 
 
-def _bag(wanted: Wanted) -> Found:
-    numbers, stamps = sample_bag(wanted.path, wanted.topic, wanted.every, wanted.stop)
-    show = partial(bag_frames, wanted.path, wanted.topic)
-    return Found(tuple(bag_files(wanted.path)), Film(numbers, show, stamps))
-
-
-def _events(wanted: Wanted) -> Found:
-    drive = survey(wanted.path, wanted.events, wanted.every)
-    _NOTES.info("%s", drive.told())
-    numbers = np.arange(len(drive.stamps), dtype=np.int64)
-    return Found((str(wanted.path),), Film(numbers, drive.frames, drive.stamps, "window", since_start=True))
-
-
-def _numbered(word: str, images: Iterable[tuple[int, float, NDArray[np.uint8]]]) -> Iterator[Frame]:
-    """Frames of numbers, stamps and images."""
-    return (Frame(f"{word} {number:06d}", stamp, image) for number, stamp, image in images)
-
-
-def frames_of_paths(paths: Iterable[str]) -> Iterator[Frame]:
-    """The images in files; an error in place of one that cannot be read."""
-    return (Frame(printable(path), _stamp(path), _tried(partial(read_image, Path(path)))) for path in paths)
-
-
-def _watched_lines(_: Wanted) -> Iterator[Frame]:
-    lines = (line.rstrip("\r\n") for line in iter(sys.stdin.readline, ""))
-    return frames_of_paths(path for path in lines if path)
-
-
-def _watched_camera(wanted: Wanted) -> Iterator[Frame]:
-    images = camera_images(wanted.source, wanted.every)
-    return _numbered("frame", ((number, *seen) for number, seen in enumerate(images)))
-
-
-def _watched_folder(wanted: Wanted) -> Iterator[Frame]:
-    for path, written, image in appearing(wanted.path, existing=wanted.existing):
-        named = _stamp(path)
-        yield Frame(printable(path), written if named is None else named, image)
-
-
-def _watched_bag(wanted: Wanted) -> Iterator[Frame]:
-    for found in bag_images(wanted.path, wanted.topic, wanted.every):
-        yield Frame(f"frame {found.number:06d}", found.stamp, _tried(found.pixels))
-
-
-def _tried(read: Callable[[], NDArray[np.uint8]]) -> NDArray[np.uint8] | InputError:
-    """What ``read`` returns, or why it cannot."""
-    try:
-        return read()
-    except InputError as error:
-        return error
-
-
-def _stamp(path: str) -> float | None:
-    """The time in a file's name."""
-    stamps = stamps_of_names((printable(path),))
-    return None if stamps is None else float(stamps[0])
-
-
-READERS.register(Reader("lines", "standard input", watch=_watched_lines, named=lambda source: source == "-"))
-READERS.register(Reader("camera", "a camera", watch=_watched_camera, named=is_camera))
-READERS.register(
-    Reader(
-        "event stream",
-        "a stream of events",
-        watch=lambda wanted: _numbered("window", event_images(wanted.source, wanted.events, wanted.every)),
-        named=is_event_stream,
-    )
-)
-READERS.register(
-    Reader(
-        "bag",
-        "a ROS bag: a file, or the folder of one",
-        takes=is_bag,
-        open=_bag,
-        suffixes=BAG_SUFFIXES,
-        watch=_watched_bag,
-    )
-)
-READERS.register(
-    Reader(
-        "folder",
-        "a folder of images, by natural sort",
-        takes=Path.is_dir,
-        open=lambda wanted: Found(tuple(folder_images(wanted.path))),
-        watch=_watched_folder,
-    )
-)
-READERS.register(
+for _row in (
+    Reader("lines", "standard input", _lines, named=lambda source: source == "-"),
+    Reader("camera", "a camera", _camera, named=is_camera),
+    Reader("event stream", "a stream of events", _event_stream, named=is_event_stream),
+    Reader("bag", "a ROS bag: a file, or the folder of one", _bag, is_bag, BAG_SUFFIXES),
+    Reader("folder", "a folder of images, by natural sort", _folder, Path.is_dir),
     Reader(
         "list",
         "a text or CSV file that lists images",
-        takes=_ends(LIST_SUFFIXES),
-        open=lambda wanted: Found(tuple(listed_images(wanted.path))),
-        suffixes=LIST_SUFFIXES,
-    )
-)
-READERS.register(
-    Reader(
-        "video",
-        "a video",
-        takes=_ends(VIDEO_SUFFIXES),
-        open=_video,
-        suffixes=VIDEO_SUFFIXES,
-        watch=lambda wanted: _numbered("frame", video_stream(wanted.path, wanted.every)),
-    )
-)
-READERS.register(
-    Reader(
-        "events",
-        "a recording of an event camera, in windows",
-        takes=lambda path: path.suffix.lower() in EVENT_SUFFIXES and path.is_file() and is_events(path),
-        open=_events,
-        suffixes=EVENT_SUFFIXES,
-    )
-)
-READERS.register(
-    Reader(
-        "vectors",
-        "a file of vectors, one for each image",
-        takes=_ends(VECTOR_SUFFIXES),
-        open=lambda wanted: Found((str(wanted.path),), vectors=read_vectors(wanted.path)),
-        suffixes=VECTOR_SUFFIXES,
-    )
-)
-READERS.register(
-    Reader(
-        "image",
-        "one image",
-        takes=_ends(IMAGE_SUFFIXES),
-        open=lambda wanted: Found((str(wanted.path),)),
-        suffixes=IMAGE_SUFFIXES,
-    )
-)
+        lambda wanted: Found(tuple(listed_images(wanted.path))),
+        _ends(LIST_SUFFIXES),
+        LIST_SUFFIXES,
+    ),
+    Reader("video", "a video", _video, _ends(VIDEO_SUFFIXES), VIDEO_SUFFIXES),
+    Reader("events", "a recording of an event camera, in windows", _events, _holds_events, EVENT_SUFFIXES),
+    Reader("vectors", "a file of vectors, one for each image", _vectors, _ends(VECTOR_SUFFIXES), VECTOR_SUFFIXES),
+    Reader("image", "one image", lambda wanted: Found((str(wanted.path),)), _ends(IMAGE_SUFFIXES), IMAGE_SUFFIXES),
+):
+    READERS.register(_row)
 
 
-def reader_of(path: Path) -> Reader | None:
-    """The first row that takes ``path``, which exists; None if none does."""
-    return next((row for row in READERS.values() if row.takes(path)), None)
+def open_source(
+    source: str,
+    *,
+    every: float = 1.0,
+    topic: str | None = None,
+    events: EventsConfig = EVENTS,
+    live: bool = False,
+    existing: bool = True,
+) -> Found:
+    """What ``source`` holds; what can be seen to be wrong with it is said at once.
+
+    Args:
+        source: What a row of `READERS` takes. Stored or watched: a folder, a list, a video, a ROS bag, a recording of
+            events, vectors, an image. Only watched: ``-``, paths of images on standard input, one a line; a camera
+            (`lava_vpr.images.cameras`); ``events:346x260``, events on standard input (`lava_vpr.events.live`).
+        every: Seconds between two images of a video, camera, bag or stream of events, at least 0.001.
+        topic: Topic of a bag; None: the only one with images, or that of ``bag:/topic``.
+        events: How events become images.
+        live: It is watched, image by image.
+        existing: Take the images that are in a watched folder already, too.
+    Raises:
+        InputError: it is missing, unreadable, empty, of no known type, or can only be watched.
+    """
+    check_every(every)
+    if not source or "\0" in source:
+        raise InputError(f"{source!r} is not a path; give a folder of images, a list, a video or an image")
+    name, of_name = split_topic(source)
+    path = Path(name)
+    row = next((row for row in READERS.values() if row.named(source)), None)
+    if row is None:
+        row = _reader_of(path)
+    elif not live:
+        raise InputError(f"{shown(source)}: is {row.title}, which can only be watched; use lava-vpr watch")
+    if topic is not None and not is_bag(path):
+        raise InputError(f"{shown(source)}: is no ROS bag, and has no topics; leave out --topic")
+    return row.open(Wanted(source, path, every, of_name if topic is None else topic, events, live, existing))
 
 
-def live_reader(source: str) -> Reader | None:
-    """The row of a source that has no path; None if ``source`` names none."""
-    return next((row for row in READERS.values() if row.named(source)), None)
+def check_every(every: float) -> None:
+    """Refuse what is no number of seconds between two images.
+
+    Raises:
+        InputError: it is below a millisecond, or no finite number.
+    """
+    if not (math.isfinite(every) and every >= 0.001):
+        raise InputError(f"--every is {every}, but must be a number of seconds, at least 0.001")
 
 
-def suffixes() -> tuple[str, ...]:
-    """How names of files end that some row takes, in the order of the rows; images last."""
-    return tuple(dict.fromkeys(suffix for row in READERS.values() for suffix in row.suffixes))
+def _reader_of(path: Path) -> Reader:
+    """The first row that takes ``path``."""
+    try:
+        path.stat()
+    except OSError as error:
+        raise InputError(f"{shown(path)}: cannot be opened ({error.strerror}); check the path") from None
+    row = next((row for row in READERS.values() if row.takes(path)), None)
+    if row is not None:
+        return row
+    if not path.is_file():
+        raise InputError(f"{shown(path)}: is neither a folder nor a file; give a folder of images, a list or a video")
+    known = " ".join(dict.fromkeys(suffix for row in READERS.values() for suffix in row.suffixes))
+    raise InputError(f"{shown(path)}: is of no known type; give a folder of images or one of {known}")

@@ -12,6 +12,7 @@ import math
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -19,21 +20,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
-from lava_vpr.images.bags import split_topic
 from lava_vpr.images.files import IMAGE_SUFFIXES
 from lava_vpr.images.imagefiles import read_image
+from lava_vpr.images.sampling import chosen
 from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.positions.frames import Positions
 from lava_vpr.positions.names import positions_of_names, stamps_of_names
 from lava_vpr.positions.stamps import in_seconds, stamp_of
 from lava_vpr.positions.tables import read_stamps
 from lava_vpr.positions.track import MOST_GAP_S, Asked, images_on, read_track
-from lava_vpr.readers import Film, Found, Wanted, live_reader, reader_of, suffixes
+from lava_vpr.readers import EVENTS, Found, found_vectors, open_source
 from lava_vpr.storage.text import printable, shown
 from lava_vpr.vectors.source import Vectors, VectorSource
-
-EVENTS = EventsConfig()
-"""How events become images unless a model says otherwise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +48,8 @@ class Traverse:
         stamps: When each image was taken, in seconds (`lava_vpr.positions.stamps`), float64 (n,): of a video since its
             first frame; None if nobody says.
         positions: Where each image was taken; None if nobody says.
-        film: What shows the images of a video, a bag or events, or the vectors; None where each image is a file.
-        stored: Where its vectors come from, if it is one of vectors.
+        found: What walks over the images of a video, a bag or events, or holds the vectors; None where each image is a
+            file.
     """
 
     source: str
@@ -60,11 +58,15 @@ class Traverse:
     frames: NDArray[np.int64] | None = None
     stamps: NDArray[np.float64] | None = None
     positions: Positions | None = None
-    film: Film | None = None
-    stored: VectorSource | None = None
+    found: Found | None = None
 
     def __len__(self) -> int:
         return len(self.indices)
+
+    @property
+    def stored(self) -> VectorSource | None:
+        """Where its vectors come from, if it is one of vectors."""
+        return None if self.found is None else self.found.vectors
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -72,8 +74,8 @@ class Traverse:
         events); of vectors, the names beside them, or ``vector 000012``; made anew when asked."""
         if self.frames is not None and self.stored is not None and self.stored.names is not None:
             return tuple(self.stored.names[number] for number in self.frames)
-        if self.frames is not None and self.film is not None:
-            return tuple(f"{self.film.word} {number:06d}" for number in self.frames)
+        if self.frames is not None and self.found is not None:
+            return tuple(f"{self.found.word} {number:06d}" for number in self.frames)
         return tuple(printable(path) for path in self.paths)
 
     def images(self) -> Iterator[NDArray[Any]]:
@@ -83,19 +85,22 @@ class Traverse:
         Raises:
             InputError: an image cannot be read; the message names it.
         """
-        if self.frames is not None and self.film is not None:
-            yield from self.film.show(self.frames)
-        else:
-            for path in self.paths:
-                yield read_image(Path(path))
+        return self._shown(slice(None))
 
     def load(self, i: int) -> NDArray[Any]:
         """Image or vector ``i``, 0 <= i < len. Of a video, bag or events, all before it is read first."""
         if not 0 <= i < len(self):
             raise IndexError(f"image {i} of a traverse of {len(self)}")
-        if self.frames is not None and self.film is not None:
-            return next(iter(self.film.show(self.frames[i : i + 1])))
-        return read_image(Path(self.paths[i]))
+        return next(self._shown(slice(i, i + 1)))
+
+    def _shown(self, part: slice) -> Iterator[NDArray[Any]]:
+        """The images of a part of it, one by one."""
+        if self.frames is None or self.found is None:
+            return (read_image(Path(path)) for path in self.paths[part])
+        if self.stored is not None:
+            return map(self.stored.row, self.frames[part].tolist())
+        walk = self.found.walk or tuple
+        return chosen(walk, self.frames[part], f"{shown(self.paths[0])}: has no {self.found.word}")
 
     def between(self, first: int, end: int) -> Traverse:
         """Images ``first`` .. ``end`` - 1 of this traverse.
@@ -124,8 +129,7 @@ class Traverse:
             None if self.frames is None else self.frames[order].astype(np.int64),
             None if self.stamps is None else self.stamps[order],
             None if self.positions is None else self.positions.take(order),
-            self.film,
-            self.stored,
+            self.found,
         )
 
 
@@ -141,16 +145,6 @@ def ranges_of(indices: NDArray[np.int64], most: int = 4) -> str:
     ends = [*starts[1:], len(numbers)]
     words = [f"{numbers[start]}:{numbers[end - 1] + 1}" for start, end in zip(starts, ends, strict=True)]
     return ", ".join(words) if len(words) <= most else f"{', '.join(words[: most - 1])}, ... {words[-1]}"
-
-
-def check_every(every: float) -> None:
-    """Refuse what is no number of seconds between two images.
-
-    Raises:
-        InputError: it is below a millisecond, or no finite number.
-    """
-    if not (math.isfinite(every) and every >= 0.001):
-        raise InputError(f"--every is {every}, but must be a number of seconds, at least 0.001")
 
 
 def open_traverse(
@@ -180,30 +174,11 @@ def open_traverse(
     Raises:
         InputError: the source is missing, unreadable, empty, of no known type, or shorter than ``places`` wants.
     """
-    check_every(every)
     text = str(source)
-    if not text or "\0" in text:
-        raise InputError(f"{text!r} is not a path; give a folder of images, a list, a video or an image")
     if places is not None and not 0 <= places[0] < places[1]:
         raise InputError(f"places {places[0]}:{places[1]} are no range; give A:B with 0 <= A < B")
-    name, topic = split_topic(text)
-    path = Path(name)
-    reader = live_reader(text)
-    if reader is None:
-        try:
-            path.stat()
-        except OSError as error:
-            raise InputError(f"{shown(path)}: cannot be opened ({error.strerror}); check the path") from None
-        reader = reader_of(path)
-    if reader is None:
-        if not path.is_file():
-            hint = "give a folder of images, a list or a video"
-            raise InputError(f"{shown(path)}: is neither a folder nor a file; {hint}")
-        known = " ".join(suffixes())
-        raise InputError(f"{shown(path)}: is of no known type; give a folder of images or one of {known}")
-    if reader.open is None:
-        raise InputError(f"{shown(text)}: is {reader.title}, which can only be watched; use lava-vpr watch")
-    whole = _opened(text, reader.open(Wanted(path, every, None if places is None else places[1], topic, events)))
+    found = open_source(text, every=every, events=events)
+    whole = _opened(text, found, None if places is None else places[1])
     return whole if places is None else whole.between(*places)
 
 
@@ -251,7 +226,7 @@ def _stamps(traverse: Traverse, said: str) -> NDArray[np.float64]:
     """When the images were taken: what ``said``, a file or the time at which a video begins, tells."""
     start = stamp_of(said)
     if math.isfinite(start) and not os.path.exists(said):
-        if traverse.film is None or traverse.stamps is None or not traverse.film.since_start:
+        if traverse.found is None or traverse.stamps is None or not traverse.found.since_start:
             raise InputError(f"--stamps {said} is when a video begins; give a CSV file with a time for each image")
         return traverse.stamps + float(in_seconds(np.array([start]))[0])
     rows = read_stamps(Path(said))
@@ -261,14 +236,16 @@ def _stamps(traverse: Traverse, said: str) -> NDArray[np.float64]:
     return rows[traverse.indices]
 
 
-def _opened(source: str, found: Found) -> Traverse:
-    """The traverse of what ``source`` holds."""
+def _opened(source: str, found: Found, stop: int | None) -> Traverse:
+    """The traverse of what ``source`` holds, or of its first ``stop`` images, where a walk is needed to find them."""
     if found.vectors is not None:
         return vector_traverse(source, found.vectors, found.paths)
-    film = found.film
-    if film is not None:
-        indices = np.arange(len(film.numbers), dtype=np.int64)
-        return Traverse(source, indices, found.paths, film.numbers, film.stamps, film=film)
+    if found.walk is not None:
+        index = [(sample.number, sample.stamp) for sample in islice(found.walk(), stop)]
+        numbers = np.array([number for number, _ in index], np.int64)
+        timed = all(stamp is not None for _, stamp in index)
+        stamps = np.array([stamp for _, stamp in index], np.float64) if timed else None
+        return Traverse(source, np.arange(len(index), dtype=np.int64), found.paths, numbers, stamps, found=found)
     whole = Traverse(source, np.arange(len(found.paths), dtype=np.int64), found.paths)
     names = whole.names
     return replace(whole, stamps=stamps_of_names(names), positions=positions_of_names(names, shown(source)))
@@ -283,8 +260,7 @@ def vector_traverse(source: str, stored: VectorSource, paths: tuple[str, ...] = 
         paths: The files that they come from.
     """
     numbers = np.arange(len(stored), dtype=np.int64)
-    film = Film(numbers, lambda chosen: map(stored.row, chosen.tolist()), word="vector")
-    whole = Traverse(source, numbers, paths, numbers, film=film, stored=stored)
+    whole = Traverse(source, numbers, paths, numbers, found=found_vectors(stored, paths))
     names = () if stored.names is None else stored.names
     positions, stamps = (stored.positions, stored.stamps) if isinstance(stored, Vectors) else (None, None)
     positions = positions_of_names(names, shown(source)) if positions is None else positions

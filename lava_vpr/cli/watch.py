@@ -24,10 +24,10 @@ from lava_vpr.cli.common import (
 from lava_vpr.cli.outputs import stdout_writer
 from lava_vpr.errors import InputError
 from lava_vpr.localizer import Localizer
+from lava_vpr.readers import open_source
 from lava_vpr.storage.tables import json_line
 from lava_vpr.watch.page import PORT, live_page
 from lava_vpr.watch.recent import Recent
-from lava_vpr.watch.sources import open_source
 from lava_vpr.watch.watching import watch as watch_images
 
 
@@ -94,12 +94,13 @@ def watch(
     SOURCE, unless there is a page to be looked at.
     """
     localizer = Localizer(model_path, motion, adapt, query_views, target_precision=target_precision, seed=seed)
-    images = open_source(source, every=every, existing=existing, topic=topic, events=localizer.model.config.events)
+    events = localizer.model.config.events
+    found = open_source(source, every=every, topic=topic, events=events, live=True, existing=existing)
     recent = None if port is None else Recent(localizer.model)
     refused = Refused(recent)
     answered = recognised = 0
     with stdout_writer() as write, _served(localizer, source, recent, port):
-        for watched in islice(watch_images(localizer, images, refused), stop_after):
+        for watched in islice(watch_images(localizer, found.frames(), refused), stop_after):
             answered, recognised = answered + 1, recognised + watched.match.accepted
             write(json_line(watched.values()))
             if recent is not None:

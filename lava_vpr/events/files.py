@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,9 +16,12 @@ from lava_vpr.events.aedat4 import AEDAT4_SUFFIXES, open_aedat4
 from lava_vpr.events.hdf5 import HDF5_SUFFIXES, is_hdf5, open_hdf5
 from lava_vpr.events.npz import NPZ_SUFFIXES, is_npz, open_npz
 from lava_vpr.events.stream import Recording, check_size
-from lava_vpr.events.windows import Removed, Shown, Windows, hot_pixels
+from lava_vpr.events.windows import Windows, hot_pixels
+from lava_vpr.images.sampling import Sample
 from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.storage.text import shown
+
+_NOTES = logging.getLogger("lava_vpr")
 
 
 class Format(NamedTuple):
@@ -42,62 +46,6 @@ FORMATS = (
 EVENT_SUFFIXES = tuple(suffix for one in FORMATS for suffix in one.suffixes)
 
 
-@dataclass(frozen=True, eq=False)
-class Drive:
-    """A recording and how it is cut into windows.
-
-    Attributes:
-        recording: The events.
-        config: How they become images.
-        every: Seconds from the begin of one window to that of the next, at least.
-        size: Width and height of the sensor in pixels.
-        hot: Pixels that are left out, bool (h, w).
-        stamps: The middle of each window in seconds, float64 (windows,).
-        removed: What was kept of the windows' events, and left out.
-    """
-
-    recording: Recording
-    config: EventsConfig
-    every: float
-    size: tuple[int, int]
-    hot: NDArray[np.bool_]
-    stamps: NDArray[np.float64]
-    removed: Removed
-
-    def frames(self, numbers: NDArray[np.int64]) -> Iterator[NDArray[np.uint8]]:
-        """The images of these windows: one pass over the file if they increase, a new pass at each step back.
-
-        Raises:
-            InputError: the file cannot be read, or has changed.
-        """
-        k = 0
-        while k < len(numbers):
-            at = -1
-            for seen in _windows(self.recording, Windows(self.size, self.config, self.every, self.hot)):
-                if seen.number < numbers[k]:
-                    continue
-                at = seen.number
-                if at > numbers[k]:
-                    break
-                yield seen.image
-                k += 1
-                if k == len(numbers) or numbers[k] <= at:
-                    break
-            if k < len(numbers) and numbers[k] > at:
-                where = shown(self.recording.path)
-                raise InputError(f"{where}: has no window {numbers[k]} any more; was the file changed?")
-
-    def told(self) -> str:
-        """What was left out, in a line."""
-        total = max(1, sum(self.removed))
-        hot, soon = (f"{100 * count / total:.1f} %" for count in (self.removed.hot, self.removed.soon))
-        return (
-            f"{shown(self.recording.path)}: {len(self.stamps)} windows of {sum(self.removed):,} events, of which "
-            f"{hot} were of {int(self.hot.sum())} hot pixels and {soon} too soon after another of their pixel, and are "
-            "left out"
-        )
-
-
 def is_events(path: Path) -> bool:
     """Whether the file ``path`` holds events, as far as a look into it tells."""
     return any(path.suffix.lower() in one.suffixes and one.holds(path) for one in FORMATS)
@@ -118,11 +66,17 @@ def open_events(path: Path) -> Recording:
     return next(one for one in FORMATS if path.suffix.lower() in one.suffixes).open(path)
 
 
-def survey(path: Path, config: EventsConfig, every: float) -> Drive:
-    """Go through a recording for its sensor, its hot pixels and its windows.
+def windows_of(path: Path, config: EventsConfig, every: float) -> Callable[[], Iterator[Sample]]:
+    """Go through a recording for its sensor and its hot pixels; what is returned walks over its windows.
 
+    What was left out of them is logged at the end of a walk.
+
+    Args:
+        path: The file.
+        config: How events become images.
+        every: Seconds from the begin of one window to that of the next, at least.
     Raises:
-        InputError: it cannot be used, or has no window.
+        InputError: it cannot be used; from a walk, too, and there where it has no window.
     """
     recording = open_events(path)
     size = _size(recording) if recording.size is None else recording.size
@@ -132,21 +86,26 @@ def survey(path: Path, config: EventsConfig, every: float) -> Drive:
     if not seen.any():
         raise InputError(f"{shown(path)}: holds no event; record it again")
     hot = hot_pixels(seen, config.hot_pixels)
-    windows = Windows(size, config, every, hot, draw=False)
-    middles = [one.middle_us for one in _windows(recording, windows)]
-    if not middles:
+    return partial(_walk, recording, size, config, every, hot)
+
+
+def _walk(
+    recording: Recording, size: tuple[int, int], config: EventsConfig, every: float, hot: NDArray[np.bool_]
+) -> Iterator[Sample]:
+    """The windows of a recording; see `windows_of`."""
+    windows, number = Windows(size, config, every, hot), 0
+    for sample in windows.all(recording.events()):
+        number = sample.number + 1
+        yield sample._replace(stamp=recording.start_s + (sample.stamp or 0.0))
+    where, events = shown(recording.path), sum(windows.removed)
+    if number == 0:
         span = f"{config.window_events:,} events" if config.window_events else f"{config.window_ms:g} ms"
-        raise InputError(
-            f"{shown(path)}: is shorter than half a window of {span} ({int(seen.sum()):,} events); use shorter windows"
-        )
-    stamps = recording.start_s + np.array(middles, np.float64) / 1e6
-    return Drive(recording, config, every, size, hot, stamps, windows.removed)
-
-
-def _windows(recording: Recording, windows: Windows) -> Iterator[Shown]:
-    for events in recording.events():
-        yield from windows.feed(events)
-    yield from windows.rest()
+        raise InputError(f"{where}: is shorter than half a window of {span}; use shorter windows")
+    apart, soon = (f"{100 * count / max(1, events):.1f} %" for count in (windows.removed.hot, windows.removed.soon))
+    _NOTES.info(
+        f"{where}: {number} windows of {events:,} events, of which {apart} were of {int(hot.sum())} hot pixels and "
+        f"{soon} too soon after another of their pixel, and are left out"
+    )
 
 
 def _size(recording: Recording) -> tuple[int, int]:

@@ -14,6 +14,7 @@ from lava_vpr.errors import InputError
 from lava_vpr.events.aedat4 import EVENT
 from lava_vpr.events.stream import Raw, check_size, checked
 from lava_vpr.events.windows import Windows
+from lava_vpr.images.sampling import Sample
 from lava_vpr.inputs.windows import EventsConfig
 
 _SOURCE = re.compile(r"events:(\d{1,5})x(\d{1,5})")
@@ -26,10 +27,8 @@ def is_event_stream(source: str) -> bool:
     return _SOURCE.fullmatch(source) is not None
 
 
-def event_images(
-    source: str, config: EventsConfig, every: float, handle: int = 0
-) -> Iterator[tuple[int, float, NDArray[np.uint8]]]:
-    """The images of events as they come. Hot pixels are those that have been hot so far.
+def event_samples(source: str, config: EventsConfig, every: float, handle: int = 0) -> Iterator[Sample]:
+    """The windows of events as they come. Hot pixels are those that have been hot so far.
 
     One window is in memory, and at most a mebibyte of events, however long the stream.
 
@@ -40,8 +39,6 @@ def event_images(
         config: How events become images.
         every: Seconds from the begin of one window to that of the next, at least.
         handle: The descriptor that is read.
-    Yields:
-        The window's number, its middle in seconds, and the image, uint8 (h, w).
     Raises:
         InputError: the sensor is none; from the iterator: the stream holds what is no event, or ends within one.
     """
@@ -49,17 +46,7 @@ def event_images(
     if found is None:
         raise InputError(f"{source}: is no stream of events; write events:WIDTHxHEIGHT")
     size = check_size((int(found[1]), int(found[2])), source)
-    return _images(source, Windows(size, config, every), size, handle)
-
-
-def _images(
-    source: str, windows: Windows, size: tuple[int, int], handle: int
-) -> Iterator[tuple[int, float, NDArray[np.uint8]]]:
-    for events in checked(_read(source, handle), source, size):
-        for shown in windows.feed(events):
-            yield shown.number, shown.middle_us / 1e6, shown.image
-    for shown in windows.rest():
-        yield shown.number, shown.middle_us / 1e6, shown.image
+    return Windows(size, config, every).all(checked(_read(source, handle), source, size))
 
 
 def _read(source: str, handle: int) -> Iterator[Raw]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from functools import partial
 from typing import NamedTuple
 
 import cv2
@@ -11,24 +12,11 @@ from numpy.typing import NDArray
 
 from lava_vpr.events.kernels import NEVER, gather
 from lava_vpr.events.stream import Events
+from lava_vpr.images.sampling import Sample
 from lava_vpr.inputs.windows import EventsConfig
 
 _EVER = 1 << 62
 _AROUND = 5  # pixels of the side of a pixel's surroundings
-
-
-class Shown(NamedTuple):
-    """An image of events.
-
-    Attributes:
-        number: How many are before it.
-        middle_us: The middle of its window, microseconds.
-        image: uint8 (h, w), the brighter, the more or the more recent events.
-    """
-
-    number: int
-    middle_us: float
-    image: NDArray[np.uint8]
 
 
 class Removed(NamedTuple):
@@ -66,7 +54,6 @@ class Windows:
         config: How events become images.
         every: Seconds from the begin of one window to that of the next, at least.
         hot: Pixels that are left out, bool (h, w); None: those that have been hot so far, when a window begins.
-        draw: Whether images are made; otherwise they are empty.
     """
 
     def __init__(
@@ -75,11 +62,9 @@ class Windows:
         config: EventsConfig,
         every: float,
         hot: NDArray[np.bool_] | None = None,
-        *,
-        draw: bool = True,
     ) -> None:
         width, height = size
-        self._config, self._draw = config, draw
+        self._config = config
         self._every_us = max(1, round(every * 1e6))
         self._span_us = round(config.window_ms * 1e3)
         self._follows, self._seen = hot is None, np.zeros((height, width), np.int64)
@@ -95,8 +80,14 @@ class Windows:
         """What has been kept and left out so far, in windows."""
         return Removed(*self._totals.tolist())
 
-    def feed(self, events: Events) -> Iterator[Shown]:
-        """Take the next events; the images of windows that they end."""
+    def all(self, parts: Iterable[Events]) -> Iterator[Sample]:
+        """The windows of events that come in ``parts``, from the first to the last."""
+        for events in parts:
+            yield from self.feed(events)
+        yield from self.rest()
+
+    def feed(self, events: Events) -> Iterator[Sample]:
+        """Take the next events; the windows that they end, as images uint8 (h, w), each stamped with its middle."""
         t, x, y = events
         if self._origin is None and len(t):
             self._origin = self._start = int(t[0])
@@ -115,8 +106,8 @@ class Windows:
                 yield from self._ended(end)
                 self._begin(end + (1 if by_count else 0), int(t[i]) if i < len(t) else end)
 
-    def rest(self) -> Iterator[Shown]:
-        """The image of the last window, if half of it is there; called once, after the last event."""
+    def rest(self) -> Iterator[Sample]:
+        """The last window, if half of it is there; called once, after the last event."""
         by_count = self._config.window_events
         if by_count and self._kept >= by_count / 2:
             yield from self._ended(self._latest)
@@ -133,12 +124,10 @@ class Windows:
         if self._follows:
             self._hot = hot_pixels(self._seen, self._config.hot_pixels)
 
-    def _ended(self, end: int) -> Iterator[Shown]:
-        """The image of the window that has ended, if it has an event; the next one is empty."""
+    def _ended(self, end: int) -> Iterator[Sample]:
+        """The window that has ended, if it has an event; the next one is empty."""
         if self._kept:
-            empty = np.zeros((1, 1), np.uint8)
-            image = self._image(end) if self._draw else empty
-            yield Shown(self._number, (self._start + end) / 2, image)
+            yield Sample(self._number, (self._start + end) / 2 / 1e6, partial(self._image, end))
             self._number += 1
         self._kept = 0
         self._counts[:] = 0

@@ -7,20 +7,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from itertools import islice
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
 from lava_vpr.images.imagefiles import MIN_SIDE, decode_image
+from lava_vpr.images.sampling import Sample
 from lava_vpr.storage.limits import excess
 from lava_vpr.storage.text import shown
 
 BAG_SUFFIXES = (".bag", ".db3", ".mcap")
-_SLACK_S = 1e-3  # messages come a little early or late
 _RAW, _COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 ENCODINGS: dict[str, tuple[int, tuple[int, ...]]] = {
     "mono8": (1, (0,)),
@@ -32,35 +32,6 @@ ENCODINGS: dict[str, tuple[int, tuple[int, ...]]] = {
     "rgba8": (4, (2, 1, 0)),
 }
 """Encodings of sensor_msgs/Image: bytes of a pixel, and which of them are blue, green and red, or grey."""
-
-
-class BagImage(NamedTuple):
-    """An image message.
-
-    Attributes:
-        number: How many image messages of its topic are before it.
-        stamp: When it was taken, in seconds since 1970: by its header, or when it was recorded if that says nothing.
-        message: The message, for `pixels`.
-        named: The bag, its topic and the number, for messages.
-    """
-
-    number: int
-    stamp: float
-    message: Any
-    named: str
-
-    def pixels(self) -> NDArray[np.uint8]:
-        """The image, uint8 (h, w) or (h, w, 3) BGR.
-
-        Raises:
-            InputError: it is of an encoding that is not known, or damaged.
-        """
-        try:
-            if hasattr(self.message, "encoding"):
-                return _unpacked(self.message)
-            return decode_image(bytes(self.message.data))
-        except InputError as error:
-            raise InputError(f"{self.named}: {error}") from None
 
 
 def is_bag(path: Path) -> bool:
@@ -83,54 +54,35 @@ def split_topic(source: str) -> tuple[str, str | None]:
     return source, None
 
 
-def bag_images(path: Path, topic: str | None, every: float) -> Iterator[BagImage]:
-    """The first image message of a topic at or after each multiple of ``every`` seconds, each once.
+def bag_samples(path: Path, topic: str | None) -> Iterator[Sample]:
+    """Every image message of a topic, uint8 (h, w) or (h, w, 3) BGR.
+
+    It was taken, in seconds since 1970, when its header says, or when it was recorded if that says nothing.
 
     Args:
         path: The bag.
         topic: Its topic; None: the only one with images.
-        every: Seconds, by the times of recording; 0: every message.
     Raises:
         InputError: it is no bag, damaged, holds no (such) images, or rosbags is not installed.
     """
-    due, first, number = 0, 0, -1
+    first, number = 0, -1
     for number, (recorded, message, of_topic) in enumerate(_messages(path, topic)):
         first = recorded if number == 0 else first
-        since = (recorded - first) / 1e9
-        if since >= due * every - _SLACK_S:
-            due = int((since + _SLACK_S) // every) + 1 if every else 0
-            header = message.header.stamp.sec + message.header.stamp.nanosec / 1e9
-            stamp = header if header > 0 else recorded / 1e9
-            yield BagImage(number, stamp, message, f"{shown(path)}: image {number} of {shown(of_topic)}")
+        header = message.header.stamp.sec + message.header.stamp.nanosec / 1e9
+        read = partial(_pixels, message, f"{shown(path)}: image {number} of {shown(of_topic)}")
+        yield Sample(number, header if header > 0 else recorded / 1e9, read, (recorded - first) / 1e9)
     if number < 0:
         raise InputError(f"{shown(path)}: its topic of images holds none; record it again")
 
 
-def sample_bag(
-    path: Path, topic: str | None, every: float, stop: int | None = None
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Numbers, int64 (n,), and times, float64 (n,), of the images that `bag_images` gives, at most ``stop``."""
-    found = [(image.number, image.stamp) for image in islice(bag_images(path, topic, every), stop)]
-    return np.array([number for number, _ in found], np.int64), np.array([stamp for _, stamp in found], np.float64)
-
-
-def bag_frames(path: Path, topic: str | None, numbers: NDArray[np.int64]) -> Iterator[NDArray[np.uint8]]:
-    """The images of these numbers: one pass if they increase, a new pass at each step back."""
-    k = 0
-    while k < len(numbers):
-        at = -1
-        for image in bag_images(path, topic, 0.0):
-            if image.number < numbers[k]:
-                continue
-            at = image.number
-            if at > numbers[k]:
-                break
-            yield image.pixels()
-            k += 1
-            if k == len(numbers) or numbers[k] <= at:
-                break
-        if k < len(numbers) and numbers[k] > at:
-            raise InputError(f"{shown(path)}: has no image {numbers[k]} any more; was the bag changed?")
+def _pixels(message: Any, named: str) -> NDArray[np.uint8]:
+    """The image of a message; ``named`` is what an error begins with."""
+    try:
+        if hasattr(message, "encoding"):
+            return _unpacked(message)
+        return decode_image(bytes(message.data))
+    except InputError as error:
+        raise InputError(f"{named}: {error}") from None
 
 
 def _messages(path: Path, topic: str | None) -> Iterator[tuple[int, Any, str]]:

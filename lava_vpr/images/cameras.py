@@ -6,6 +6,7 @@ import os
 import re
 import time
 from collections.abc import Iterator
+from functools import partial
 
 import cv2
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
 from lava_vpr.images.codecs import quiet
+from lava_vpr.images.sampling import Sample
 from lava_vpr.storage.text import shown
 
 _DEVICE = re.compile(r"(?:camera:|/dev/video)(\d{1,3})")
@@ -26,36 +28,39 @@ def is_camera(source: str) -> bool:
     return _DEVICE.fullmatch(source) is not None or _STREAM.match(source) is not None
 
 
-def camera_images(source: str, every: float) -> Iterator[tuple[float, NDArray[np.uint8]]]:
-    """The images of a camera, as long as it gives any.
+def camera_samples(source: str) -> Iterator[Sample]:
+    """The images of a camera, uint8 (h, w, 3) BGR, as long as it gives any.
+
+    Their stamps are when they came, in seconds since 1970.
 
     Args:
         source: Its name (`is_camera`).
-        every: Seconds between two images; those between are passed over.
-    Yields:
-        When an image came, in seconds since 1970, and the image, uint8 (h, w, 3) BGR.
     Raises:
         InputError: there is no such camera, or it gives no (further) image.
     """
     name = shown(re.sub(r"//[^/@]*@", "//***@", source))  # without a password
     capture = _opened(source, name)
+    number, first = 0, 0.0
     try:
-        due, taken = 0.0, 0
         while capture.grab():
             now = time.time()
-            if now < due:
-                continue
-            good, image = capture.retrieve()
-            if not good or image is None:
-                break
-            due = (due if due else now) + every
-            due = now + every if due < now else due  # what was missed is not made up for
-            taken += 1
-            yield now, np.asarray(image, np.uint8)
+            first = now if number == 0 else first
+            yield Sample(number, now, partial(_image, name, capture), now - first)
+            number += 1
     finally:
         capture.release()
-    what = "no further image" if taken else "no image"
-    raise InputError(f"{name}: gives {what}; check its cable or connection, and that no other program uses it")
+    raise InputError(
+        f"{name}: gives {'no further image' if number else 'no image'}; check its cable or connection, and that no "
+        "other program uses it"
+    )
+
+
+def _image(name: str, capture: cv2.VideoCapture) -> NDArray[np.uint8]:
+    """The image that was the last to be grabbed."""
+    good, image = capture.retrieve()
+    if not good or image is None:
+        raise InputError(f"{name}: gives an image that cannot be decoded; check its cable or connection")
+    return np.asarray(image, np.uint8)
 
 
 def _opened(source: str, name: str) -> cv2.VideoCapture:

@@ -1,11 +1,11 @@
-"""Videos: which frames are used, and these frames as uint8 arrays."""
+"""Videos, frame by frame."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 from collections.abc import Iterator
-from itertools import islice
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -16,12 +16,11 @@ from lava_vpr.errors import InputError
 from lava_vpr.images.codecs import quiet
 from lava_vpr.images.containers import examine
 from lava_vpr.images.damage import DamagedError
+from lava_vpr.images.sampling import Sample
 from lava_vpr.images.windows import Film
 from lava_vpr.storage.limits import excess
 from lava_vpr.storage.reading import open_regular
 from lava_vpr.storage.text import shown
-
-_TIMESTAMP_SLACK_S = 1e-3  # containers round times to milliseconds
 
 
 @contextlib.contextmanager
@@ -74,38 +73,15 @@ def _check_size(path: Path, width: int, height: int) -> None:
         raise InputError(f"{shown(path)}: has frames of {width} x {height}, {beyond}")
 
 
-def sample_video(path: Path, every: float, stop: int | None = None) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Which frames of a video to use: the first one at or after each multiple of ``every`` seconds, each once.
+def video_samples(path: Path) -> Iterator[Sample]:
+    """Every frame of a video, uint8 (h, w, 3) BGR; its stamp is in seconds since the first frame.
 
-    All frames are decoded to find out, since headers are often wrong about their number and times; ``stop`` ends the
-    search after that many samples.
+    Frames that are not read are decoded, too, since headers are often wrong about their number and times.
 
-    Returns:
-        Frame numbers, int64 (n,), increasing from 0, and their times in seconds since the first frame, float64 (n,).
     Raises:
         InputError: no video of a known format, damaged or cut short, or its last frames cannot be decoded.
     """
-    frames: list[int] = []
-    stamps: list[float] = []
-    for number, time, _ in islice(_sampled(path, every), stop):
-        frames.append(number)
-        stamps.append(time)
-    return np.array(frames, dtype=np.int64), np.array(stamps, dtype=np.float64)
-
-
-def video_stream(path: Path, every: float) -> Iterator[tuple[int, float, NDArray[np.uint8]]]:
-    """The frames that `sample_video` names, in one pass: number, time, and the frame, uint8 (h, w, 3) BGR.
-
-    Raises:
-        InputError: as `sample_video`, where what is wrong comes.
-    """
-    for number, time, capture in _sampled(path, every):
-        yield number, time, _retrieved(path, number, capture, number)
-
-
-def _sampled(path: Path, every: float) -> Iterator[tuple[int, float, cv2.VideoCapture]]:
-    """Number and time of each frame to use, and what has just grabbed it."""
-    due, number, time, first = 0, 0, 0.0, 0.0
+    number, time, first = 0, 0.0, 0.0
     with _capture(path) as (capture, film):
         rate = capture.get(cv2.CAP_PROP_FPS)
         period = 1 / rate if rate > 0 else 0.04
@@ -114,9 +90,7 @@ def _sampled(path: Path, every: float) -> Iterator[tuple[int, float, cv2.VideoCa
             first = stamp if number == 0 else first
             # A frame without a time of its own (some containers give 0 for the last) follows after one period.
             time = stamp - first if number == 0 or stamp - first > time else time + period
-            if time >= due * every - _TIMESTAMP_SLACK_S:
-                yield number, time, capture
-                due = int((time + _TIMESTAMP_SLACK_S) // every) + 1
+            yield Sample(number, time, partial(_frame, path, number, capture), time)
             number += 1
         missing = (film.span - time) / period
         if number and (missing > 1.5 or (missing > 0.5 and number < film.frames)):
@@ -126,22 +100,9 @@ def _sampled(path: Path, every: float) -> Iterator[tuple[int, float, cv2.VideoCa
         raise InputError(f"{shown(path)}: holds no video frame that can be decoded; convert it to MP4 (H.264)")
 
 
-def _retrieved(path: Path, number: int, capture: cv2.VideoCapture, at: int) -> NDArray[np.uint8]:
-    """The frame of this number; ``at`` is that of the last one that was grabbed."""
-    good, image = capture.retrieve() if at == number else (False, None)
+def _frame(path: Path, number: int, capture: cv2.VideoCapture) -> NDArray[np.uint8]:
+    """The frame of this number, which was the last one to be grabbed."""
+    good, image = capture.retrieve()
     if not good or image is None:
         raise InputError(f"{shown(path)}: frame {number} cannot be decoded; was the file changed?")
     return np.asarray(image, np.uint8)
-
-
-def video_frames(path: Path, numbers: NDArray[np.int64]) -> Iterator[NDArray[np.uint8]]:
-    """The frames of these numbers, uint8 (h, w, 3) BGR: one pass if they increase, a new pass at each step back."""
-    k = 0
-    while k < len(numbers):
-        at = -1
-        with _capture(path) as (capture, _):
-            while k < len(numbers) and numbers[k] > at:
-                while at < numbers[k] and capture.grab():
-                    at += 1
-                yield _retrieved(path, int(numbers[k]), capture, at)
-                k += 1

@@ -16,53 +16,12 @@ from scipy.spatial import cKDTree
 from lava_vpr.config import EncoderConfig
 from lava_vpr.encoding import activity_of
 from lava_vpr.errors import InputError
+from lava_vpr.images.sampling import changed, spaced
 from lava_vpr.inputs.vectors import Standard
 from lava_vpr.positions.frames import Positions
 from lava_vpr.storage.text import shown
 from lava_vpr.traverse import Traverse
 from lava_vpr.truth.alignment import NEAR_M
-
-
-def spaced(points: NDArray[np.float64], spacing: float) -> NDArray[np.int64]:
-    """The first image, and each that is at least ``spacing`` from the one kept before it, int64 (kept,).
-
-    Args:
-        points: Where images were taken, metres, float64 (n, coordinates).
-        spacing: In metres, along a straight line: what a receiver's noise adds up to at a standstill is no way.
-    """
-    kept: list[int] = []
-    for i, point in enumerate(points):
-        if not kept or np.sqrt(((point - points[kept[-1]]) ** 2).sum()) >= spacing:
-            kept.append(i)
-    return np.array(kept, np.int64)
-
-
-def changed(activities: Iterable[NDArray[np.float32]], threshold: float) -> NDArray[np.int64]:
-    """The first image, and each whose input changed by ``threshold`` or more since the one kept before, int64 (kept,).
-
-    The change is 1 - cos of the angle between the two activities: 0 for inputs in the same proportions, 1 for inputs of
-    which none responds to both. Between a blank image and any other it is 1, between two blank ones 0.
-
-    Args:
-        activities: Of each image in turn, float32 (inputs,), at least 0; one is held beside the last kept.
-        threshold: From 0, which keeps every image, to 1.
-    """
-    kept: list[int] = []
-    last: NDArray[np.float64] | None = None
-    for i, activity in enumerate(activities):
-        length = float(np.linalg.norm(activity.astype(np.float64)))
-        own = activity / length if length else np.zeros(activity.shape)
-        if last is None or _change(last, own) >= threshold:
-            kept.append(i)
-            last = own
-    return np.array(kept, np.int64)
-
-
-def _change(ours: NDArray[np.float64], theirs: NDArray[np.float64]) -> float:
-    """1 - cos of two activities of length 1, or 0 for a blank image."""
-    if not (ours.any() or theirs.any()):
-        return 0.0
-    return max(0.0, 1.0 - float(ours @ theirs))
 
 
 def nearest(places: Positions, images: Positions) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

@@ -13,7 +13,7 @@ from lava_vpr import readers
 from lava_vpr.config import EncoderConfig
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse, encoded_batches
 from lava_vpr.errors import InputError
-from lava_vpr.images.videos import video_frames
+from lava_vpr.images.videos import video_samples
 from lava_vpr.inputs.patches import patch_normalised
 from lava_vpr.inputs.views import STRAIGHT
 from lava_vpr.recognition import Comparison, recognise
@@ -71,7 +71,7 @@ def test_batches_of_a_video_are_decoded_in_one_pass(tmp_path: Path, monkeypatch:
         writer.write(cv2.resize(picture, (64, 48)))
     writer.release()
     passes: list[object] = []
-    monkeypatch.setattr(readers, "video_frames", lambda *given: passes.append(given) or video_frames(*given))
+    monkeypatch.setattr(readers, "video_samples", lambda *given: passes.append(given) or video_samples(*given))
     video = open_traverse(tmp_path / "drive.avi", every=0.1).between(2, 11)
     whole = encode_traverse(video, EncoderConfig())
     passes.clear()

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from support.common.imagefiles import image_bytes, write_images, written
+from support.common.sources import watched
 
 from lava_vpr.cli import main
 from lava_vpr.errors import ConfigError, InputError
@@ -21,7 +22,6 @@ from lava_vpr.readers import READERS
 from lava_vpr.rows import plugins, registry
 from lava_vpr.rows.registry import Registry
 from lava_vpr.traverse import open_traverse
-from lava_vpr.watch.sources import open_source
 
 Install = Callable[..., None]
 
@@ -32,27 +32,29 @@ HALF = Shape("half", "a text")
 """
 READER = """
 import numpy as np
-from lava_vpr.readers import Film, Found, Reader
-
-def show(numbers):
-    for number in numbers:
-        yield np.full((40, 40), number, np.uint8)
+from lava_vpr.images.sampling import Sample
+from lava_vpr.readers import Found, Reader
 
 def found(wanted):
-    numbers = np.arange(7)[: wanted.stop]
-    return Found((str(wanted.path),), Film(numbers, show, numbers * wanted.every, "scan"))
+    def walk():
+        for number in range(9 if wanted.live else 7):
+            yield Sample(number, number * wanted.every, lambda: np.full((40, 40), number, np.uint8))
 
-SCANS = Reader("scans", "scans of a lidar", lambda path: path.suffix == ".scan", found, (".scan",))
+    return Found((str(wanted.path),), walk, "scan")
+
+SCANS = Reader("scans", "scans of a lidar", found, lambda path: path.suffix == ".scan", (".scan",))
 """
 
 LIVE = """
 import numpy as np
-from lava_vpr.readers import Frame, Reader
+from lava_vpr.images.sampling import Sample
+from lava_vpr.readers import Found, Reader
 
-def images(wanted):
-    yield Frame(wanted.source, wanted.every, np.zeros((40, 40), np.uint8))
+def found(wanted):
+    sample = Sample(0, wanted.every, lambda: np.zeros((40, 40), np.uint8), name=wanted.source)
+    return Found(walk=lambda: iter([sample]))
 
-ARM = Reader("arm", "a robot's arm", watch=images, named=lambda source: source.startswith("arm:"))
+ARM = Reader("arm", "a robot's arm", found, named=lambda source: source.startswith("arm:"))
 """
 
 
@@ -207,12 +209,13 @@ def test_a_reader_of_a_package_is_a_source_of_every_command(install: Install, tm
     assert int(traverse.load(1)[0, 0]) == 3
     assert traverse.stamps is not None
     np.testing.assert_array_equal(traverse.stamps, [1.0, 1.5, 2.0])
-    seen = list(open_source(str(tmp_path / "a.scan"), every=0.5))
+    seen = list(watched(tmp_path / "a.scan", every=0.5))
     assert [(one.name, one.stamp) for one in seen[:2]] == [("scan 000000", 0.0), ("scan 000001", 0.5)]
+    assert len(seen) == 9  # watched, it goes on
     written(tmp_path / "b.png", image_bytes(".png", np.zeros((40, 40), np.uint8)))
     assert open_traverse(tmp_path / "b.png").names == ("b.png",)
     install("robot", "lava_vpr.readers", {"arm": "ARM"}, LIVE)
-    (live,) = open_source("arm:3", every=0.25)
+    (live,) = watched("arm:3", every=0.25)
     assert (live.name, live.stamp, live.image.shape) == ("arm:3", 0.25, (40, 40))
     with pytest.raises(InputError, match=r"^arm:3: is a robot's arm, which can only be watched; use lava-vpr watch$"):
         open_traverse("arm:3")

@@ -33,7 +33,7 @@ from support.common.heaps import damage
 
 from lava_vpr.errors import InputError
 from lava_vpr.events.camera import Sent
-from lava_vpr.events.files import is_events, open_events, survey
+from lava_vpr.events.files import is_events, open_events, windows_of
 from lava_vpr.events.stream import BLOCK
 from lava_vpr.events.writing import WRITTEN, write_events
 from lava_vpr.inputs.windows import EventsConfig
@@ -100,8 +100,7 @@ def test_what_is_written_is_read_and_equal_events_are_equal_bytes(end: str, tmp_
     np.testing.assert_array_equal(found.t + (start_us if end == ".h5" else 0), EVENTS.t + start_us)
     np.testing.assert_array_equal(found.y, EVENTS.y)
     assert found.size == EVENTS.size
-    drive = survey(path, EventsConfig(window_ms=500), 0.5)
-    assert drive.stamps[0] == 100.25
+    assert next(windows_of(path, EventsConfig(window_ms=500), 0.5)()).stamp == 100.25
     if end == ".h5":
         assert path.read_bytes() == (tmp_path / f"b{end}").read_bytes()
         with h5py.File(path) as file:
@@ -112,7 +111,7 @@ def test_what_is_written_is_read_and_equal_events_are_equal_bytes(end: str, tmp_
 def refused(path: Path, *words: str) -> None:
     """Opening and reading the file ends in one line with these words."""
     with pytest.raises(InputError) as caught:
-        survey(path, EventsConfig(window_ms=100), 0.1)
+        list(windows_of(path, EventsConfig(window_ms=100), 0.1)())
     told = str(caught.value)
     assert "\n" not in told
     assert all(word in told for word in (path.name, *words)), told

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from support.common.eventfiles import EVENT, Made, dsec, made
 from support.common.imagefiles import refused
+from support.common.sources import watched
 
-from lava_vpr.events.live import event_images, is_event_stream
+from lava_vpr.events.live import event_samples, is_event_stream
 from lava_vpr.events.stream import Events
 from lava_vpr.events.windows import Windows
 from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.traverse import open_traverse
-from lava_vpr.watch.sources import open_source
 
 CONFIG = EventsConfig(window_ms=80)
 
@@ -45,24 +45,23 @@ def test_events_on_a_pipe_are_cut_into_windows_whatever_pieces_come(pieces: list
     data = as_bytes(events)
     cuts = [0, *pieces, len(data)]
     handle = piped([data[a:b] for a, b in zip(cuts[:-1], cuts[1:], strict=True)])  # noqa: RUF007
-    seen = list(event_images("events:24x16", CONFIG, 0.2, handle))
-    windows = Windows((24, 16), CONFIG, 0.2)
+    seen = [(*one[:2], one.read()) for one in event_samples("events:24x16", CONFIG, 0.2, handle)]
     whole = Events(events.t, events.x.astype(np.uint16), events.y.astype(np.uint16))
-    wanted = [*windows.feed(whole), *windows.rest()]
+    wanted = [(*one[:2], one.read()) for one in Windows((24, 16), CONFIG, 0.2).all([whole])]
     assert len(seen) == len(wanted) == 15
-    for (number, middle, image), one in zip(seen, wanted, strict=True):
-        assert (number, middle) == (one.number, one.middle_us / 1e6)
-        np.testing.assert_array_equal(image, one.image)
+    for (number, middle, image), (*same, other) in zip(seen, wanted, strict=True):
+        assert [number, middle] == same
+        np.testing.assert_array_equal(image, other)
 
 
 def test_a_window_is_there_before_the_stream_ends() -> None:
     read, write = os.pipe()
-    images = event_images("events:24x16", CONFIG, 0.1, read)
+    samples = event_samples("events:24x16", CONFIG, 0.1, read)
     events = made(500, 0.5)
     os.write(write, as_bytes(events))
-    assert [next(images)[0] for _ in range(4)] == [0, 1, 2, 3]
+    assert [next(samples).number for _ in range(4)] == [0, 1, 2, 3]
     os.close(write)
-    assert [number for number, _, _ in images] == [4]
+    assert [sample.number for sample in samples] == [4]
 
 
 @pytest.mark.parametrize(
@@ -77,7 +76,7 @@ def test_a_window_is_there_before_the_stream_ends() -> None:
 )
 def test_a_stream_that_is_none_is_refused(source: str, data: bytes, words: str) -> None:
     handle = piped([data])
-    refused(lambda: list(event_images(source, CONFIG, 0.1, handle)), words)
+    refused(lambda: list(event_samples(source, CONFIG, 0.1, handle)), words)
 
 
 def test_names_of_streams() -> None:
@@ -89,7 +88,7 @@ def test_names_of_streams() -> None:
 def test_a_recording_is_watched_as_a_traverse_is_read(tmp_path: Path) -> None:
     path = dsec(tmp_path / "a.h5", made(3000, 3.0))
     whole = open_traverse(path, every=0.5, events=CONFIG)
-    seen = list(open_source(str(path), every=0.5, events=CONFIG))
+    seen = list(watched(path, every=0.5, events=CONFIG))
     assert [one.name for one in seen] == list(whole.names)
     assert whole.stamps is not None
     assert [one.stamp for one in seen] == whole.stamps.tolist()

@@ -32,10 +32,10 @@ def as_events(events: Made, cuts: list[int]) -> list[Events]:
 
 
 def shown(windows: Windows, pieces: list[Events]) -> list[tuple[float, NDArray[np.uint8]]]:
-    """Middle and image of every window."""
-    found = [one for piece in pieces for one in windows.feed(piece)] + list(windows.rest())
-    assert [one.number for one in found] == list(range(len(found)))
-    return [(one.middle_us, one.image) for one in found]
+    """Middle in seconds and image of every window."""
+    found = [(one, one.read()) for one in windows.all(pieces)]
+    assert [one.number for one, _ in found] == list(range(len(found)))
+    return [(one.stamp or 0.0, image) for one, image in found]
 
 
 def plainly(events: Made, config: EventsConfig, every_us: int) -> list[tuple[float, NDArray[np.int64]]]:
@@ -96,7 +96,7 @@ def test_windows_are_those_of_a_plain_loop(
     every = max(every_ms / 1000, 0.001)
     found = shown(Windows(SIZE, config, every, NONE_HOT), as_events(events, cuts))
     wanted = plainly(events, config, round(every * 1e6))
-    assert [middle for middle, _ in found] == [middle for middle, _ in wanted]
+    assert [middle for middle, _ in found] == [middle / 1e6 for middle, _ in wanted]
     for (_, image), (_, counts) in zip(found, wanted, strict=True):
         np.testing.assert_array_equal(image, levels(counts.astype(np.float32)))
 
@@ -133,7 +133,7 @@ def test_what_is_left_out_is_counted() -> None:
     windows = Windows(SIZE, EventsConfig(window_ms=1.0, refractory_us=1000), 0.001, hot)
     found = shown(windows, [Events(t, x, x * 0)])
     assert windows.removed == Removed(kept=3, hot=1, soon=2)
-    assert [middle for middle, _ in found] == [500.0]  # of the second window only 301 of 1000 us are there
+    assert [middle for middle, _ in found] == [500e-6]  # of the second window only 301 of 1000 us are there
 
 
 def test_a_surface_is_brighter_the_later_the_event() -> None:

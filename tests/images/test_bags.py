@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from support.common.bags import KINDS, START, Message, as_file, bag, frames, text_bag
 from support.common.imagefiles import refused, smooth_picture
+from support.common.sources import watched
 
 from lava_vpr.errors import InputError
-from lava_vpr.images.bags import bag_images, is_bag, split_topic
+from lava_vpr.images.bags import bag_samples, is_bag, split_topic
 from lava_vpr.traverse import located, open_traverse
-from lava_vpr.watch.sources import open_source
 
 PICTURES = [smooth_picture(k) for k in range(6)]
 
@@ -54,7 +54,7 @@ def test_one_image_every_so_often(every: float, tmp_path: Path) -> None:
                 due += every
     whole = open_traverse(path, every=every)
     assert [int(name.split()[1]) for name in whole.names] == wanted
-    seen = list(open_source(str(path), every=every))
+    seen = list(watched(path, every=every))
     assert [one.name for one in seen] == list(whole.names)
     for one, image in zip(seen, whole.images(), strict=True):
         np.testing.assert_array_equal(one.image, image)
@@ -87,7 +87,7 @@ def test_compressed_images(kind: str, tmp_path: Path) -> None:
 def test_a_header_without_time_leaves_that_of_the_record(tmp_path: Path) -> None:
     path = bag(tmp_path / "b", frames(PICTURES[:2], stamped=False))
     assert open_traverse(path).stamps is not None
-    assert [one.stamp for one in open_source(str(path))] == [START, START + 1]
+    assert [one.stamp for one in watched(path)] == [START, START + 1]
 
 
 def test_of_several_topics_one_is_named(tmp_path: Path) -> None:
@@ -95,13 +95,13 @@ def test_of_several_topics_one_is_named(tmp_path: Path) -> None:
     path = bag(tmp_path / "b", [left[0], right[0], left[1], right[1]])
     refused(lambda: open_traverse(path), "b: has images of /left, /right; name one: ", "b:/left")
     refused(lambda: open_traverse(f"{path}:/top"), "has no images of /top, but of /left, /right")
-    refused(lambda: list(open_source(str(path), topic="/top")), "has no images of /top")
+    refused(lambda: list(watched(path, topic="/top")), "has no images of /top")
     whole = open_traverse(f"{path}:/right")
     np.testing.assert_array_equal(whole.take([1]).load(0), PICTURES[3])
-    seen = list(open_source(str(path), topic="/right"))
+    seen = list(watched(path, topic="/right"))
     np.testing.assert_array_equal(seen[1].image, PICTURES[3])
-    assert [one.name for one in open_source(f"{path}:/right")] == ["frame 000000", "frame 000001"]
-    refused(lambda: open_source(str(tmp_path), topic="/right"), "is no ROS bag, and has no topics")
+    assert [one.name for one in watched(f"{path}:/right")] == ["frame 000000", "frame 000001"]
+    refused(lambda: watched(str(tmp_path), topic="/right"), "is no ROS bag, and has no topics")
 
 
 def test_what_a_bag_is(tmp_path: Path) -> None:
@@ -127,7 +127,7 @@ def test_an_image_that_cannot_be_read(message: Message, words: str, tmp_path: Pa
     """A traverse refuses it; whoever watches goes on."""
     path = bag(tmp_path / "b", [Message(PICTURES[0]), message._replace(second=1.0), Message(PICTURES[2], second=2.0)])
     refused(lambda: list(open_traverse(path).images()), words)
-    first, bad, last = open_source(str(path))
+    first, bad, last = watched(path)
     assert isinstance(bad.image, InputError)
     assert words in str(bad.image)
     assert not isinstance(first.image, InputError)
@@ -179,7 +179,7 @@ def test_without_the_package_one_line_says_what_to_install(tmp_path: Path, monke
     for name in [name for name in sys.modules if name.split(".")[0] == "rosbags"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "rosbags", None)
-    text = refused(lambda: next(bag_images(path, None, 1.0)), "ROS bags are read by the package rosbags")
+    text = refused(lambda: next(bag_samples(path, None)), "ROS bags are read by the package rosbags")
     assert text.endswith("install it: pip install 'lava-vpr[ros]'")
 
 

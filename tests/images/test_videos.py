@@ -183,7 +183,9 @@ def test_large_frames_and_many_parts_are_refused_unseen(
 def test_a_pipe_in_place_of_a_video_is_not_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     os.mkfifo(tmp_path / "v.avi")
     refused(lambda: open_traverse(tmp_path / "v.avi"), "v.avi: is neither a folder nor a file")
-    refused(lambda: videos.sample_video(tmp_path / "v.avi", 1.0), "v.avi: cannot be read (is a named pipe, not a file)")
+    refused(
+        lambda: next(videos.video_samples(tmp_path / "v.avi")), "v.avi: cannot be read (is a named pipe, not a file)"
+    )
 
 
 # ---------------------------------------------------------------- other files

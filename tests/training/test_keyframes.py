@@ -14,8 +14,9 @@ from support.common.small_models import small_config
 
 from lava_vpr.config import preset
 from lava_vpr.encoding import encode_traverse
+from lava_vpr.images.sampling import changed, spaced
 from lava_vpr.positions.frames import LAT_LON, XY, Positions
-from lava_vpr.training.keyframes import changed, choose_places, nearest, spaced
+from lava_vpr.training.keyframes import choose_places, nearest
 from lava_vpr.traverse import Traverse, open_traverse
 
 ENCODER = small_config().encoder

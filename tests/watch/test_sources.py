@@ -12,20 +12,20 @@ import cv2
 import numpy as np
 import pytest
 from support.common.imagefiles import refused, video, write_images
+from support.common.sources import watched
 
 from lava_vpr.errors import InputError
 from lava_vpr.images import cameras
 from lava_vpr.images.cameras import is_camera
 from lava_vpr.readers import Frame
 from lava_vpr.traverse import open_traverse
-from lava_vpr.watch.sources import open_source
 
 
 @pytest.mark.parametrize("every", [0.1, 0.5, 1.0])
 def test_a_video_gives_the_frames_that_a_traverse_has(every: float, tmp_path: Path) -> None:
     path = video(tmp_path / "v.avi", 24, marked=True)
     whole = open_traverse(path, every=every)
-    seen = list(open_source(str(path), every=every))
+    seen = list(watched(path, every=every))
     assert [one.name for one in seen] == list(whole.names)
     assert whole.stamps is not None
     assert [one.stamp for one in seen] == whole.stamps.tolist()
@@ -36,7 +36,7 @@ def test_a_video_gives_the_frames_that_a_traverse_has(every: float, tmp_path: Pa
 def test_a_video_that_is_cut_is_refused(tmp_path: Path) -> None:
     path = video(tmp_path / "v.avi", 24, marked=True)
     path.write_bytes(path.read_bytes()[:-2000])
-    refused(lambda: list(open_source(str(path))), "v.avi: is damaged or cut short")
+    refused(lambda: list(watched(path)), "v.avi: is damaged or cut short")
 
 
 def test_paths_on_standard_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -44,7 +44,7 @@ def test_paths_on_standard_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     named = folder / "20240501_120000.png"
     (folder / "img1.png").rename(named)
     monkeypatch.setattr(sys, "stdin", io.StringIO(f"{folder / 'img0.png'}\r\n\n{folder / 'none.png'}\n{named}"))
-    first, missing, last = open_source("-")
+    first, missing, last = watched("-")
     assert (first.name, first.stamp) == ("img0.png", None)
     assert isinstance(missing.image, InputError)
     assert (last.name, last.stamp) == ("20240501_120000.png", 1714564800.0)
@@ -52,25 +52,25 @@ def test_paths_on_standard_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 def test_a_folder_tells_when_its_images_were_written(tmp_path: Path) -> None:
     folder = write_images(tmp_path / "in", 1)
-    (one,) = itertools.islice(open_source(str(folder)), 1)
+    (one,) = itertools.islice(watched(folder), 1)
     assert one.stamp == (folder / "img0.png").stat().st_mtime
 
 
 def test_lists_and_single_images(tmp_path: Path) -> None:
     folder = write_images(tmp_path / "in", 3)
     (tmp_path / "l.txt").write_text("in/img2.png\nin/img0.png\n")
-    assert [one.name for one in open_source(str(tmp_path / "l.txt"))] == ["img2.png", "img0.png"]
-    assert [one.name for one in open_source(str(folder / "img1.png"))] == ["img1.png"]
+    assert [one.name for one in watched(tmp_path / "l.txt")] == ["img2.png", "img0.png"]
+    assert [one.name for one in watched(folder / "img1.png")] == ["img1.png"]
 
 
 @pytest.mark.parametrize("source", ["", "a\0b", "none", "pyproject.toml", "camera:x", "none.mp4"])
 def test_what_is_no_source_is_refused_at_once(source: str) -> None:
-    refused(lambda: open_source(source))
+    refused(lambda: watched(source))
 
 
 @pytest.mark.parametrize("every", [0.0, -1.0, float("nan"), float("inf")])
 def test_times_between_images_that_are_none(every: float, tmp_path: Path) -> None:
-    refused(lambda: open_source(str(tmp_path), every=every), "--every is")
+    refused(lambda: watched(str(tmp_path), every=every), "--every is")
 
 
 class Camera:
@@ -114,7 +114,7 @@ def plugged(monkeypatch: pytest.MonkeyPatch) -> Camera:
 @pytest.mark.parametrize("name", ["camera:0", "/dev/video7", "rtsp://user:secret@there/x"])
 def test_a_camera_gives_an_image_every_so_often(name: str, every: float, wanted: list[int], plugged: Camera) -> None:
     seen: list[Frame] = []
-    source = open_source(name, every=every)
+    source = watched(name, every=every)
     with pytest.raises(InputError, match="gives no further image") as caught:
         seen.extend(source)
     assert "secret" not in str(caught.value)
@@ -126,14 +126,14 @@ def test_a_camera_gives_an_image_every_so_often(name: str, every: float, wanted:
 
 def test_cameras_that_give_nothing(plugged: Camera) -> None:
     plugged.frames = 0
-    refused(lambda: next(open_source("camera:0")), "camera:0: gives no image; check")
+    refused(lambda: next(watched("camera:0")), "camera:0: gives no image; check")
     plugged.opened = False
-    refused(lambda: next(open_source("camera:0")), "camera:0: cannot be opened; check")
+    refused(lambda: next(watched("camera:0")), "camera:0: cannot be opened; check")
 
 
 def test_no_camera_is_one_line() -> None:
-    refused(lambda: next(open_source("camera:993")), "camera:993: there is no camera /dev/video993; plug it in")
-    refused(lambda: next(open_source("rtsp://a:b@127.0.0.1:9/x")), "rtsp://***@127.0.0.1:9/x: cannot be opened")
+    refused(lambda: next(watched("camera:993")), "camera:993: there is no camera /dev/video993; plug it in")
+    refused(lambda: next(watched("rtsp://a:b@127.0.0.1:9/x")), "rtsp://***@127.0.0.1:9/x: cannot be opened")
 
 
 @pytest.mark.parametrize("source", ["camera:0", "-", "events:34x26"])
