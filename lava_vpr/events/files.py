@@ -85,22 +85,22 @@ def windows_of(path: Path, config: EventsConfig, every: float) -> Callable[[], I
         np.add.at(seen, (events.y, events.x), 1)
     if not seen.any():
         raise InputError(f"{shown(path)}: holds no event; record it again")
+    return partial(_walk, recording, config, every, seen)
+
+
+def _walk(recording: Recording, config: EventsConfig, every: float, seen: NDArray[np.int64]) -> Iterator[Sample]:
+    """The windows of a recording of so many events a pixel; see `windows_of`."""
     hot = hot_pixels(seen, config.hot_pixels)
-    return partial(_walk, recording, size, config, every, hot)
-
-
-def _walk(
-    recording: Recording, size: tuple[int, int], config: EventsConfig, every: float, hot: NDArray[np.bool_]
-) -> Iterator[Sample]:
-    """The windows of a recording; see `windows_of`."""
-    windows, number = Windows(size, config, every, hot), 0
+    windows, number = Windows((seen.shape[1], seen.shape[0]), config, every, hot), 0
     for sample in windows.all(recording.events()):
         number = sample.number + 1
         yield sample._replace(stamp=recording.start_s + (sample.stamp or 0.0))
     where, events = shown(recording.path), sum(windows.removed)
     if number == 0:
         span = f"{config.window_events:,} events" if config.window_events else f"{config.window_ms:g} ms"
-        raise InputError(f"{where}: is shorter than half a window of {span}; use shorter windows")
+        raise InputError(
+            f"{where}: is shorter than half a window of {span} ({int(seen.sum()):,} events); use shorter windows"
+        )
     apart, soon = (f"{100 * count / max(1, events):.1f} %" for count in (windows.removed.hot, windows.removed.soon))
     _NOTES.info(
         f"{where}: {number} windows of {events:,} events, of which {apart} were of {int(hot.sum())} hot pixels and "
