@@ -1,4 +1,4 @@
-"""Sources as `lava-vpr watch` takes them; used by the rooms of images, events and what watches."""
+"""Sources as `lava-vpr watch` takes them. Used by core, events, images, watch."""
 
 from __future__ import annotations
 
