@@ -12,10 +12,11 @@ from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.matching.figures import TITLES, values_of
 from lava_vpr.report import sections, trust
 from lava_vpr.report.data import ReportData
-from lava_vpr.report.frame import document
 from lava_vpr.report.plots import precision_recall, series_style
-from lava_vpr.report.templates import render, text
-from lava_vpr.report.text import fraction, is_number, label, plain, safe
+from lava_vpr.report.text import fraction, is_number, label
+from lava_vpr.show.page import document
+from lava_vpr.show.templates import render, text
+from lava_vpr.show.text import plain, safe
 
 
 def is_baseline(name: str, default: str) -> bool:

@@ -10,7 +10,7 @@ from matplotlib.collections import LineCollection
 from numpy.typing import NDArray
 
 from lava_vpr.report.data import MapData
-from lava_vpr.report.svg import THEME, Style, canvas, to_svg
+from lava_vpr.show.svg import THEME, Style, canvas, to_svg
 
 _WIDTH, _LEAST, _MOST = 860.0, 300.0, 640.0
 _ABOVE_BELOW = 54.0

@@ -1,4 +1,4 @@
-"""The report's plots, as SVG text (`lava_vpr.report.svg`); equal data give equal bytes."""
+"""The report's plots, as SVG text (`lava_vpr.show.svg`); equal data give equal bytes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from matplotlib.path import Path as Outline
 from numpy.typing import NDArray
 
 from lava_vpr.report.data import Figures, Raster
-from lava_vpr.report.svg import THEME, Style, canvas, to_svg
+from lava_vpr.show.svg import THEME, Style, canvas, to_svg
 
 LARGEST_MATRIX = 360
 """Matrices with more rows or columns than this are pooled before they are drawn."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from html import escape as escape_html
 from typing import Any, TypeGuard
 
 from lava_vpr.matching.decoders import DECODERS
@@ -16,16 +15,6 @@ _EVENTS = {
     "exc_spikes": "excitatory spikes",
     "inh_spikes": "inhibitory spikes",
 }
-
-
-def plain(text: str) -> str:
-    """``text`` without what UTF-8 cannot hold (bytes of file names that are no text)."""
-    return text.encode("utf-8", "replace").decode("utf-8")
-
-
-def safe(text: str) -> str:
-    """``text`` for use in HTML, in elements and in attributes."""
-    return escape_html(plain(text))
 
 
 def label(name: str) -> str:

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 
 from lava_vpr.matching.trust import Threshold, Trust
 from lava_vpr.report.data import Figures
-from lava_vpr.report.svg import THEME, Style, canvas, to_svg
-from lava_vpr.report.templates import render
-from lava_vpr.report.text import fraction, is_number, safe
+from lava_vpr.report.text import fraction, is_number
+from lava_vpr.show.svg import THEME, Style, canvas, to_svg
+from lava_vpr.show.templates import render
+from lava_vpr.show.text import safe
 
 _WAYS = {"single": ("each image alone", "c0", "o"), "filtered": ("filtered", "c3", "D")}
 """Title, colour and marker of each way to answer."""

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
 from lava_vpr.model import Model
-from lava_vpr.report.frame import document
-from lava_vpr.report.templates import render, text
-from lava_vpr.report.text import safe
+from lava_vpr.show.page import document
+from lava_vpr.show.templates import render, text
+from lava_vpr.show.text import safe
 from lava_vpr.watch.recent import HISTORY, Recent
 
 LOOPBACK = "127.0.0.1"

@@ -60,8 +60,8 @@ def test_every_folder_with_code_is_a_package() -> None:
 
 
 def test_every_template_is_package_data() -> None:
-    patterns = project()["tool"]["setuptools"]["package-data"]["lava_vpr.report.templates"]
-    templates = [path for path in (ROOT / "lava_vpr" / "report" / "templates").iterdir() if path.is_file()]
+    patterns = project()["tool"]["setuptools"]["package-data"]["lava_vpr.show.templates"]
+    templates = [path for path in (ROOT / "lava_vpr" / "show" / "templates").iterdir() if path.is_file()]
     left_out = {path.name for path in templates if not any(path.match(pattern) for pattern in patterns)}
     assert left_out == {"__init__.py"}
 

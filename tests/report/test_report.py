@@ -27,7 +27,7 @@ from lava_vpr.inputs.orientation import orientation_channels
 from lava_vpr.matching.evaluation import Metrics, evaluate
 from lava_vpr.report import MapData, Raster, ReportData, write_report
 from lava_vpr.report.html import page
-from lava_vpr.report.svg import THEME
+from lava_vpr.show.svg import THEME
 
 WRONG, REJECTED = 5, 9
 # For tests that look at words: drawing takes most of the time.

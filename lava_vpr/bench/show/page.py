@@ -13,10 +13,11 @@ from lava_vpr.bench.show.tables import Table, counted, modelled, named, title_of
 from lava_vpr.deploy.show.tables import NONE, figure
 from lava_vpr.report import trust
 from lava_vpr.report.build import map_of
-from lava_vpr.report.frame import document
 from lava_vpr.report.sections import where
-from lava_vpr.report.templates import render, text
-from lava_vpr.report.text import fraction, safe
+from lava_vpr.report.text import fraction
+from lava_vpr.show.page import document
+from lava_vpr.show.templates import render, text
+from lava_vpr.show.text import safe
 
 
 def _units(text: str) -> str:

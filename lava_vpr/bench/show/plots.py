@@ -16,7 +16,7 @@ from lava_vpr.bench.show.json_values import PERCENTILES
 from lava_vpr.bench.show.tables import named
 from lava_vpr.deploy.boards.estimate import Estimate, total
 from lava_vpr.deploy.show.tables import figure as written
-from lava_vpr.report.svg import THEME, Style, canvas, to_svg
+from lava_vpr.show.svg import THEME, Style, canvas, to_svg
 
 WIDTH = 700
 """Width of a drawing, in CSS pixels at its natural size."""

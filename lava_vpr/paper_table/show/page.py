@@ -7,8 +7,8 @@ from lava_vpr.paper_table.printed import DOI
 from lava_vpr.paper_table.run import PaperTable
 from lava_vpr.paper_table.show import plots
 from lava_vpr.paper_table.show.tables import RULES, tables
-from lava_vpr.report.templates import render
-from lava_vpr.report.text import safe
+from lava_vpr.show.templates import render
+from lava_vpr.show.text import safe
 from lava_vpr.studies.show.page import sheet
 
 TITLE = "The paper's table"

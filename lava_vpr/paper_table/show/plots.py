@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lava_vpr.paper_table.run import Part
-from lava_vpr.report.svg import THEME, Style, canvas, to_svg
+from lava_vpr.show.svg import THEME, Style, canvas, to_svg
 
 WIDTH = 560
 """Width of a drawing, in CSS pixels at its natural size."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from lava_vpr.bench.show.page import html_table
-from lava_vpr.report.frame import document
-from lava_vpr.report.templates import render, text
-from lava_vpr.report.text import safe
+from lava_vpr.show.page import document
+from lava_vpr.show.templates import render, text
+from lava_vpr.show.text import safe
 from lava_vpr.studies.run import Studied
 from lava_vpr.studies.show import plots
 from lava_vpr.studies.show.values import table

@@ -10,7 +10,7 @@ from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator
 
 from lava_vpr.experiments.spread import Spread
 from lava_vpr.matching.figures import Recall, titles
-from lava_vpr.report.svg import THEME, Style, canvas, to_svg
+from lava_vpr.show.svg import THEME, Style, canvas, to_svg
 from lava_vpr.studies.run import Row
 
 WIDTH = 560

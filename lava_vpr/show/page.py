@@ -6,8 +6,8 @@ import base64
 import hashlib
 
 from lava_vpr import __version__
-from lava_vpr.report.templates import render, text
-from lava_vpr.report.text import safe
+from lava_vpr.show.templates import render, text
+from lava_vpr.show.text import safe
 
 ALONE = "One file, no network needed."
 

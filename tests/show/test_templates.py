@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from lava_vpr.report import templates
+from lava_vpr.show import templates
 
 
 @pytest.fixture
