@@ -22,7 +22,6 @@ from lava_vpr.bench.measure import alone
 from lava_vpr.bench.measure.timing import each_image, measure_encoding
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.show.energy import table
-from lava_vpr.bench.show.terminal import rendered
 from lava_vpr.config import PRESETS, preset
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.bundle.deployment import plan_of
@@ -95,8 +94,8 @@ def main(rounds: int) -> None:
     before = {"cosine": "encoding", "hog": "descriptors", "sad": "patches"}
     ways += [Way(name, found[first][name], ms[name], ms[before[name]]) for name in RIVALS]
     console = Console(highlight=False, width=220)
-    console.print(rendered(table(boards, [f"{name}, Kapoho Bay" for name in every])))
-    console.print(rendered(table(ways, [*alone_titles, "cosine", "HOG", "SAD"])))
+    console.print(table(boards, [f"{name}, Kapoho Bay" for name in every]).terminal())
+    console.print(table(ways, [*alone_titles, "cosine", "HOG", "SAD"]).terminal())
 
 
 if __name__ == "__main__":

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
-from rich.table import Table
 
 from lava_vpr.deploy.boards.board import Board, public
-from lava_vpr.deploy.boards.estimate import Estimate
 from lava_vpr.deploy.boards.plan import CorePlan, Part, Plan
+from lava_vpr.show.numbers import UNKNOWN, figure, ranged
+from lava_vpr.show.table import Table
 
 MOST_ROWS = 24
 """Rows of a table; what lies between the first and the last of more cores is left out."""
-
-UNKNOWN = "unknown"
-NONE = "-"
 
 
 def span(part: Part) -> str:
@@ -25,27 +21,9 @@ def span(part: Part) -> str:
     return f"{part.population} {part.first}{last}"
 
 
-def figure(value: float | None, digits: int = 3) -> str:
-    """A number with ``digits`` significant ones, thousands separated; a dash for none."""
-    if value is None or not math.isfinite(value):
-        return NONE
-    if value == 0:
-        return "0"
-    rounded = float(f"{value:.{digits - 1}e}")
-    places = digits - 1 - math.floor(math.log10(abs(rounded)))
-    if abs(rounded) < 1e-4:
-        return f"{value:.{digits - 1}e}"
-    return f"{rounded:,.{max(0, places)}f}"
-
-
 def microseconds(time: float | None) -> str:
     """What a core, or the board, is modelled to take for a step; None: unknown."""
     return UNKNOWN if time is None else f"{figure(time)} µs"
-
-
-def _range(time: Estimate, unit: str) -> str:
-    """An estimate in words."""
-    return f"{figure(time.nominal)} {unit} ({figure(time.low)} to {figure(time.high)})"
 
 
 def modelled_time(plan: Plan) -> str:
@@ -55,8 +33,8 @@ def modelled_time(plan: Plan) -> str:
         return f"Time of a step: {UNKNOWN}; nobody has published how long operations of {plan.board.title} take."
     core = busiest(plan)
     return (
-        f"Modelled on {times.activity}: {_range(times.milliseconds, 'ms')} a query of {interval} steps, "
-        f"{_range(times.step_microseconds, 'µs')} a step, {microseconds(core.microseconds)} of it on the busiest core "
+        f"Modelled on {times.activity}: {ranged(times.milliseconds, 'ms')} a query of {interval} steps, "
+        f"{ranged(times.step_microseconds, 'µs')} a step, {microseconds(core.microseconds)} of it on the busiest core "
         f"({core_name(plan.board, core)}). `lava-vpr bench` models other queries."
     )
 
@@ -95,19 +73,13 @@ def core_table(plan: Plan, *, most: int = MOST_ROWS) -> Table:
         plan: The plan.
         most: Rows; of more cores the first and the last are shown.
     """
-    table = Table(title=plan.board.title, title_justify="left", caption=_caption(plan), caption_justify="left")
-    table.add_column("core", no_wrap=True)
-    table.add_column("holds", no_wrap=True)
-    for name in ("compartments", "axons in", "axons out", "synapse memory", "dense rows", "sparse rows", "a step"):
-        table.add_column(name, justify="right", no_wrap=True)
-    shown = plan.cores if len(plan.cores) <= most else (*plan.cores[: most // 2], *plan.cores[-(most - most // 2) :])
-    for number, core in enumerate(shown):
-        if len(shown) < len(plan.cores) and number == most // 2:
-            table.add_row("...", f"{len(plan.cores) - most} more cores")
-        table.add_row(*_row(plan, core))
-    table.add_section()
-    table.add_row(*_totals(plan))
-    return table
+    rows = [_row(plan, core) for core in plan.cores]
+    if len(rows) > most:
+        rows[most // 2 : most // 2 - most] = [["...", f"{len(rows) - most} more cores"]]
+    figures = ("compartments", "axons in", "axons out", "synapse memory", "dense rows", "sparse rows", "a step")
+    rules = frozenset({len(rows)})
+    rows.append(_totals(plan))
+    return Table(("core", "holds", *figures), rows, (_caption(plan),), plan.board.title, words=2, rules=rules)
 
 
 def _caption(plan: Plan) -> str:

@@ -32,7 +32,7 @@ from lava_vpr.storage.text import harmless
 from lava_vpr.traverse import Traverse
 
 if TYPE_CHECKING:
-    from rich.table import Table
+    from lava_vpr.show.table import Table
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -393,8 +393,9 @@ def encode_in_views(
 
 def print_whole(table: Table) -> None:
     """Print a table at its own width: on a narrow terminal lines wrap, but no figure is cut."""
-    width = Measurement.get(console, console.options.update(width=200), table).maximum
-    PlainConsole(width=max(console.width, width)).print(table, crop=False)
+    made = table.terminal()
+    width = Measurement.get(console, console.options.update(width=200), made).maximum
+    PlainConsole(width=max(console.width, width)).print(made, crop=False)
 
 
 def print_reasons(reasons: Mapping[str, str | None]) -> None:

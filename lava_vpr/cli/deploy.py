@@ -8,8 +8,6 @@ from dataclasses import asdict
 from pathlib import Path
 
 import click
-import numpy as np
-from rich.table import Table
 
 from lava_vpr.backends.opening import open_model
 from lava_vpr.cli.choose import open_queries
@@ -42,6 +40,8 @@ from lava_vpr.deploy.show.tables import core_table, summary
 from lava_vpr.engine.threads import cores
 from lava_vpr.experiments.calibration import Calibration, calibrated, figures, search
 from lava_vpr.model import Model, integer_model
+from lava_vpr.show.numbers import percent
+from lava_vpr.show.table import Table
 from lava_vpr.storage.text import shown
 from lava_vpr.truth.alignment import aligned_truth
 
@@ -205,25 +205,23 @@ def _learned(deployed: Deployed, model: Model, calibration: Calibration) -> Figu
 
 def _figures(compressed: Compressed, learned: Figures | None) -> Table:
     """The model before, all that was tried, what was chosen, and what the chip learns."""
-    table = Table(title="on the calibration images", title_justify="left")
-    table.add_column("weights", no_wrap=True)
-    for name in ("bits", "pruned %", "R@1", "R@100P", "AUC", "operations a query"):
-        table.add_column(name, justify="right", no_wrap=True)
     model, original = compressed.model, compressed.original
-    if compressed.before is not None:
-        table.add_row("the model's", *_row(original.weight_bits, 0.0, compressed.before))
     chosen = (model.weight_bits, compressed.prune)
+    rows = []
+    if compressed.before is not None:
+        rows.append(_row("the model's", original.weight_bits, 0.0, compressed.before))
     for point, result in compressed.tried:
         if (point.weight_bits, point.prune) != chosen:
-            table.add_row("tried", *_row(point.weight_bits, point.prune, result))
+            rows.append(_row("tried", point.weight_bits, point.prune, result))
+    strong = frozenset({len(rows)}) if compressed.after is not None else frozenset()
     if compressed.after is not None:
-        table.add_row("deployed", *_row(*chosen, compressed.after), style="bold")
+        rows.append(_row("deployed", *chosen, compressed.after))
     if learned is not None:
-        table.add_row("learned on the chip", *_row(original.weight_bits, 0.0, learned))
-    return table
+        rows.append(_row("learned on the chip", original.weight_bits, 0.0, learned))
+    columns = ("weights", "bits", "pruned %", "R@1", "R@100P", "AUC", "operations a query")
+    return Table(columns, rows, title="on the calibration images", strong=strong)
 
 
-def _row(bits: int | None, prune: float, figures: Figures) -> list[str]:
-    recalls = (figures.recall_at_1, figures.recall_at_100_precision, figures.auc)
-    percents = ["-" if np.isnan(value) else f"{100 * value:.1f}" for value in recalls]
-    return [f"{bits}", f"{100 * prune:.1f}", *percents, f"{figures.operations:,.0f}"]
+def _row(name: str, bits: int | None, prune: float, figures: Figures) -> tuple[str, ...]:
+    shares = (prune, figures.recall_at_1, figures.recall_at_100_precision, figures.auc)
+    return (name, f"{bits}", *map(percent, shares), f"{figures.operations:,.0f}")

@@ -6,11 +6,10 @@ import importlib.metadata
 import importlib.util
 import platform
 import shutil
+from collections.abc import Sequence
 from typing import Any
 
 import click
-from rich.table import Table
-from rich.text import Text
 
 from lava_vpr import __version__
 from lava_vpr.backends.registry import BACKENDS
@@ -21,6 +20,7 @@ from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.readers import READERS
 from lava_vpr.rows.registry import Registry
+from lava_vpr.show.table import Table
 
 NEEDED = {
     "numpy": "arrays",
@@ -52,8 +52,8 @@ def version(package: str) -> str | None:
         return None
 
 
-def _costing() -> list[tuple[str, str, str]]:
-    """What ``bench`` uses where it is: name, whether it is there, what for."""
+def _costing() -> tuple[str, str, str]:
+    """The row of what ``bench`` reads energy from: name, whether it can be read, what for."""
     from lava_vpr.bench.measure import rapl  # only here: it is quick, but the command line need not wait for it
 
     try:
@@ -61,23 +61,30 @@ def _costing() -> list[tuple[str, str, str]]:
         there, why = "readable", ""
     except rapl.NoRaplError as error:
         there, why = "not readable", f"; {error}"
-    return [
-        ("RAPL", there, f"energy of the processor, for bench{why}"),
-    ]
+    return "RAPL", there, f"optional: energy of the processor, for bench{why}"
 
 
 def _show_plugins() -> None:
     """Say which rows other packages bring, and why one cannot be used."""
-    table = Table(title="plug-ins", title_justify="left")
-    for column in ("what", "name", "package", "version", "usable"):
-        table.add_column(column, no_wrap=column != "usable", overflow="fold")
-    for registry in PLUGGED:
-        for plugin, reason in registry.plugged():
-            table.add_row(registry.kind, plugin.name, plugin.package, plugin.version, reason or "yes")
-    if table.row_count:
-        console.print(table)
+    rows = [
+        (registry.kind, plugin.name, plugin.package, plugin.version, reason or "yes")
+        for registry in PLUGGED
+        for plugin, reason in registry.plugged()
+    ]
+    if rows:
+        _print(("what", "name", "package", "version", "usable"), rows, "plug-ins")
     else:
         console.print(f"no plug-ins (entry points {', '.join(registry.group or '' for registry in PLUGGED)})")
+
+
+def _print(
+    columns: Sequence[str], rows: Sequence[Sequence[str]], title: str, strong: frozenset[int] = frozenset()
+) -> None:
+    """Print a table of words whose last column takes the width that the terminal leaves."""
+    last = frozenset({len(columns) - 1})
+    console.print(
+        Table(columns, rows, title=title, words=len(columns), long=last, widest=None, strong=strong).terminal()
+    )
 
 
 @click.command()
@@ -86,28 +93,19 @@ def doctor() -> None:
     console.print(
         f"lava-vpr {__version__}, Python {platform.python_version()}, {platform.machine()}, {cores()} processors",
     )
-    table = Table(show_header=True, title="packages", title_justify="left")
-    for column in ("package", "version", "what for"):
-        table.add_column(column, no_wrap=column != "what for", overflow="fold")
-    missing = []
-    for package, purpose in NEEDED.items():
-        state = version(package)
-        missing += [package] if state is None else []
-        table.add_row(package, state or Text("missing", style="bold red"), purpose)
-    for package, (extra, purpose) in OPTIONAL.items():
-        table.add_row(package, version(package) or "not installed", f"optional ({extra}): {purpose}")
-    browser = next((name for name in BROWSERS if shutil.which(name)), None)
-    table.add_row("Chromium", browser or "not installed", "optional: the test that opens a report in a real browser")
-    for name, state, purpose in _costing():
-        table.add_row(name, state, f"optional: {purpose}")
-    console.print(table)
-    names = Table(title="backends", title_justify="left")
-    for column in ("backend", "can run", "what"):
-        names.add_column(column, no_wrap=column != "what", overflow="fold")
+    missing = [package for package in NEEDED if version(package) is None]
+    browser = next((name for name in BROWSERS if shutil.which(name)), "not installed")
+    rows = [(package, version(package) or "missing", purpose) for package, purpose in NEEDED.items()]
+    rows += [(k, version(k) or "not installed", f"optional ({extra}): {why}") for k, (extra, why) in OPTIONAL.items()]
+    rows.append(("Chromium", browser, "optional: the test that opens a report in a real browser"))
+    rows.append(_costing())
+    strong = frozenset(k for k, package in enumerate(NEEDED) if package in missing)
+    _print(("package", "version", "what for"), rows, "packages", strong)
     reasons = {name: row.unavailable() for name, row in BACKENDS.items()}
-    for name, row in BACKENDS.items():
-        names.add_row(name, "yes" if reasons[name] is None and not missing else "no", row.title)
-    console.print(names)
+    able = {name: "yes" if reason is None and not missing else "no" for name, reason in reasons.items()}
+    _print(
+        ("backend", "can run", "what"), [(name, able[name], row.title) for name, row in BACKENDS.items()], "backends"
+    )
     print_reasons(reasons)
     _show_plugins()
     if missing:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import click
 import numpy as np
-from rich.table import Table
 
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import Asking
@@ -40,6 +39,8 @@ from lava_vpr.engine.threads import cores
 from lava_vpr.matching.figures import TITLES, values_of
 from lava_vpr.model import Model
 from lava_vpr.recognition import Comparison, Recognition, as_json, recognise
+from lava_vpr.show.numbers import percent
+from lava_vpr.show.table import Table
 from lava_vpr.storage.text import shown
 from lava_vpr.truth.alignment import PositionErrors
 
@@ -175,38 +176,23 @@ def _write_report(
     write_report(report_data(model, queries, result, command_line(ctx), sequence, seed, errors), page.parent)
 
 
-def _percent(value: float | None) -> str:
-    """A fraction in percent, a dash if it cannot be computed."""
-    return "-" if value is None or np.isnan(value) else f"{100 * value:.1f}"
-
-
 def print_table(model: Model, result: Recognition, sequence: int = 1) -> None:
     """The figures of every matcher in percent, the default decoder first and marked."""
     what = "queries" if sequence == 1 else f"sequences of {sequence} queries"
     title = f"{len(result.matches)} {what}, {model.places} places, {model.neurons} neurons"
-    caption = "percent; * the decoder that answers"
-    for name in (name for name in result.metrics if name in BASELINES):
-        caption += f"\n{name} sees {BASELINES[name]}"
-    table = Table(title=title, title_justify="left", caption=caption, caption_justify="left")
-    table.add_column("matcher", no_wrap=True)
-    for name in TITLES.values():
-        table.add_column(name, justify="right", no_wrap=True)
-    names = [result.default, *(name for name in result.metrics if name != result.default)]
-    for name in names:
-        table.add_row(name + (" *" if name == result.default else ""), *map(_percent, values_of(result.metrics[name])))
-    for number, (name, metrics) in enumerate(result.adapted.items()):
-        if number == 0:
-            table.add_section()
-        table.add_row(f"{name}, adapted", *map(_percent, values_of(metrics)))
-    for number, (name, metrics) in enumerate(result.followed.items()):
-        if number == 0:
-            table.add_section()
-        table.add_row(name.replace("_", "-"), *map(_percent, values_of(metrics)))
+    notes = ["percent; * the decoder that answers"]
+    notes += [f"{name} sees {BASELINES[name]}" for name in result.metrics if name in BASELINES]
     if result.followed:
-        table.caption = (
-            f"{caption}\nfiltered: queries in driving order, each with those before it; forward-backward: with all"
-        )
-    print_whole(table)
+        notes.append("filtered: queries in driving order, each with those before it; forward-backward: with all")
+    names = [result.default, *(name for name in result.metrics if name != result.default)]
+    groups = (
+        {name + (" *" if name == result.default else ""): result.metrics[name] for name in names},
+        {f"{name}, adapted": metrics for name, metrics in result.adapted.items()},
+        {name.replace("_", "-"): metrics for name, metrics in result.followed.items()},
+    )
+    rows = [(name, *map(percent, values_of(metrics))) for group in groups for name, metrics in group.items()]
+    rules = frozenset({len(groups[0]), len(groups[0]) + len(groups[1])})
+    print_whole(Table(("matcher", *TITLES.values()), rows, notes, title, rules=rules))
 
 
 def print_trust(result: Recognition) -> None:
@@ -214,19 +200,16 @@ def print_trust(result: Recognition) -> None:
     if not result.trust:
         return
     off_map = next(iter(result.trust.values())).off_map
-    table = Table(title="accepted by --target-precision", title_justify="left", caption_justify="left")
-    table.caption = f"{_percent(off_map)} % of the queries are off the map; the calibration takes half for that"
-    for number, name in enumerate(
-        ("", "target", "least probability", "accepted", "precision", "kept", "false accepts", "error")
-    ):
-        table.add_column(name, justify="right" if number else "left", no_wrap=True)
+    note = f"{percent(off_map)} % of the queries are off the map; the calibration takes half for that"
+    rows = []
     for name, found in result.trust.items():
         for number, row in enumerate(found.thresholds):
             least = f"{row.probability:.3f}" if np.isfinite(row.probability) else "none"
-            figures = [_percent(value) for value in (row.accepted, row.precision, row.kept, row.false_accepts)]
-            first = (name, f"{100 * found.error:.1f}") if number == 0 else ("", "")
-            table.add_row(first[0], _percent(row.target), least, *figures, first[1])
-    print_whole(table)
+            figures = map(percent, (row.accepted, row.precision, row.kept, row.false_accepts))
+            first = (name, percent(found.error)) if number == 0 else ("", "")
+            rows.append((first[0], percent(row.target), least, *figures, first[1]))
+    columns = ("", "target", "least probability", "accepted", "precision", "kept", "false accepts", "error")
+    print_whole(Table(columns, rows, (note,), "accepted by --target-precision"))
 
 
 SILENT = ("json_path", "csv_path", "report_folder", "jobs", "address", "keep")

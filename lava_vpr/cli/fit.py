@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-from rich.table import Table
 
 from lava_vpr.backends.opening import open_model
 from lava_vpr.cli.common import (
@@ -30,6 +29,7 @@ from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.inputs.views import ViewsConfig
 from lava_vpr.model import integer_model
+from lava_vpr.show.table import Table
 from lava_vpr.storage.text import shown
 
 if TYPE_CHECKING:
@@ -172,19 +172,23 @@ def _capacities(board: Board, rows: tuple[Capacity, ...], views: int) -> Table:
     seen = f", each place in {views} views" if views > 1 else ""
     unknown = not board.memory.public
     title = f"no larger maps can fit {board.title}" if unknown else f"the largest maps that fit {board.title}"
-    table = Table(title=f"{title}{seen}", title_justify="left", caption_justify="left")
     least, most = (" at least", " at most") if unknown else ("", "")
     if unknown:
         notes = (f"{board.known} Whether maps of these sizes fit is unknown.", notes[0])
-    table.caption = "\n".join(notes)
     names = (f"places{most}", f"neurons{most}", f"cores{least}")
-    for name in ("bits a weight", "rows", "weights", *names, "if every one"):
-        table.add_column(name, justify="left" if name == "rows" else "right", no_wrap=True)
-    table.add_column("what binds: one place more", max_width=50)
     every = {(row.weight_bits, row.rows): row.places for row in rows if row.weights == "every"}
+    cells = []
     for row in rows:
         if row.weights == "typical":
             sizes = (f"{value:,}" for value in (row.places, row.neurons, row.cores, every[row.weight_bits, row.rows]))
             kind = row.rows if row.proven or unknown else f"{row.rows} (unproven)"
-            table.add_row(f"{row.weight_bits}", kind, f"{100 * row.share:.0f} %", *sizes, row.limit)
-    return table
+            cells.append((f"{row.weight_bits}", kind, f"{100 * row.share:.0f} %", *sizes, row.limit))
+    return Table(
+        ("bits a weight", "rows", "weights", *names, "if every one", "what binds: one place more"),
+        cells,
+        notes,
+        f"{title}{seen}",
+        words=0,
+        long=frozenset({1, 7}),
+        widest=50,
+    )

@@ -8,7 +8,6 @@ from pathlib import Path
 import click
 import numpy as np
 
-from lava_vpr.bench.show.terminal import rendered
 from lava_vpr.cli.common import (
     PATH,
     Numbers,
@@ -163,6 +162,6 @@ def _tell(found: Studied, json_path: Path | None, page: Path | None) -> None:
 
         with stage("writing the report"):
             write_page(page_of(found), page)
-    print_whole(rendered(table(found)))
+    print_whole(table(found))
     if page is not None:
         console.print(f"report: {shown(page)}")

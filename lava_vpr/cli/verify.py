@@ -7,7 +7,6 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import click
-from rich.table import Table
 
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import Asking
@@ -31,6 +30,8 @@ from lava_vpr.cli.common import (
 from lava_vpr.cli.outputs import Outputs, write_json
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import BackendUnavailableError, InputError
+from lava_vpr.show.numbers import percent
+from lava_vpr.show.table import Table
 from lava_vpr.truth.alignment import aligned_truth
 
 
@@ -116,23 +117,17 @@ def verify(
 
 def _table(verdicts: list[Verdict]) -> Table:
     """The table of the verdicts, with a row for each backend."""
-    table = Table(
-        caption="Spikes compared: of exc and inh, which the network decides, and of inputs, which rates and key do.",
-        caption_justify="left",
-    )
-    table.add_column("backend", no_wrap=True)
-    table.add_column("result", no_wrap=True)
-    for name in ("queries", "exc, inh", "inputs", "R@1"):
-        table.add_column(name, justify="right")
+    rows = []
     for verdict in verdicts:
         if verdict.reason is not None:
-            table.add_row(verdict.name, "not available")
+            rows.append([verdict.name, "not available"])
             continue
         equal = "equal, host's kernel" if verdict.hosts_kernel else "every spike equal"
         result = {None: "floating point", True: equal, False: f"{verdict.differing:,} differ"}
         numbers = (verdict.decided, verdict.compared.get("inputs", 0))
         compared = (f"{number:,}" if verdict.equal is not None else "" for number in numbers)
-        recall = "" if verdict.recall is None else f"{100 * verdict.recall:.1f}"
+        recall = "" if verdict.recall is None else percent(verdict.recall)
         shown = "compared with" if verdict.name == "host" else result[verdict.equal]
-        table.add_row(verdict.name, shown, f"{verdict.queries}", *compared, recall)
-    return table
+        rows.append([verdict.name, shown, f"{verdict.queries}", *compared, recall])
+    note = "Spikes compared: of exc and inh, which the network decides, and of inputs, which rates and key do."
+    return Table(("backend", "result", "queries", "exc, inh", "inputs", "R@1"), rows, (note,), words=2)

@@ -13,7 +13,8 @@ from lava_vpr.matching.figures import TITLES, values_of
 from lava_vpr.report import sections, trust
 from lava_vpr.report.data import ReportData
 from lava_vpr.report.plots import precision_recall, series_style
-from lava_vpr.report.text import fraction, is_number, label
+from lava_vpr.report.text import label
+from lava_vpr.show.numbers import fraction, is_number
 from lava_vpr.show.page import document
 from lava_vpr.show.templates import render, text
 from lava_vpr.show.text import plain, safe

@@ -12,7 +12,8 @@ from lava_vpr.report.fields import representatives, strokes
 from lava_vpr.report.images import contact_sheet, data_uri, shrunk, weight_image
 from lava_vpr.report.maps import route_map
 from lava_vpr.report.plots import MATRIX_BOX, score_matrix, spike_raster
-from lava_vpr.report.text import counted, label, number
+from lava_vpr.report.text import label, number
+from lava_vpr.show.numbers import counted
 from lava_vpr.show.templates import render
 from lava_vpr.show.text import safe
 

@@ -1,12 +1,10 @@
-"""Words and numbers of the report, as a person writes them, safe to put in a page."""
+"""Words and numbers of the report."""
 
 from __future__ import annotations
 
-import math
-from typing import Any, TypeGuard
-
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.matching.matchers import MATCHERS
+from lava_vpr.show.numbers import is_number, named
 
 _EVENTS = {
     "synaptic_operations": "synaptic operations",
@@ -22,17 +20,7 @@ def label(name: str) -> str:
     for matchers in (DECODERS, MATCHERS):
         if name in matchers:
             return str(matchers[name].title)
-    return _EVENTS.get(name, name.replace("_", " "))
-
-
-def is_number(value: Any) -> TypeGuard[float]:
-    """Whether ``value`` is a figure and not None or NaN, which stand for "cannot be computed"."""
-    return value is not None and math.isfinite(value)
-
-
-def fraction(value: float | None, digits: int) -> str:
-    """A fraction with ``digits`` decimals, a dash if it cannot be computed."""
-    return f"{value:.{digits}f}" if is_number(value) else "–"
+    return _EVENTS.get(name, named(name))
 
 
 def number(value: float) -> str:
@@ -42,8 +30,3 @@ def number(value: float) -> str:
     if float(value).is_integer():
         return f"{int(value):,}"
     return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
-
-
-def counted(count: int, noun: str) -> str:
-    """``count`` with its noun, in the plural if need be."""
-    return f"{count:,} {noun}{'' if count == 1 else 's'}"

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from lava_vpr.matching.trust import Threshold, Trust
 from lava_vpr.report.data import Figures
-from lava_vpr.report.text import fraction, is_number
+from lava_vpr.show.numbers import fraction, is_number
 from lava_vpr.show.svg import THEME, Style, canvas, to_svg
 from lava_vpr.show.templates import render
 from lava_vpr.show.text import safe

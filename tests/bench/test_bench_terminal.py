@@ -69,7 +69,7 @@ def test_the_front_is_told_once_and_what_was_chosen_stands_out() -> None:
     ]
     assert grid.rows[1][-1] == "steps 30, prune 0.5"
     assert grid.strong == {0}
-    assert "judge a choice on others" in grid.note
+    assert "judge a choice on others" in grid.notes[0]
 
 
 @pytest.mark.parametrize(

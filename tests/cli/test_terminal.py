@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from rich.table import Table
 from rich.text import Text
 from support.common.commands import run
 from support.common.imagefiles import write_images
 from support.common.terminal import opened
 
 from lava_vpr.cli import common, main
+from lava_vpr.show.table import Table
 
 NASTY = "\x1b]0;taken\x07[red]x[b]\r\u202e:smile:\x9b2J\n"
 """A new title of the window, markup, a return to the line's beginning, text from right to left, an emoji's name, a
@@ -88,11 +88,7 @@ def test_tables_show_names_as_text(monkeypatch: pytest.MonkeyPatch) -> None:
     shown = io.StringIO()
     monkeypatch.setattr(sys, "stdout", shown)
     word = NASTY.strip()
-    table = Table(title=word, caption=word)
-    table.add_column(word)
-    table.add_row(word)
-    table.add_row("-" * 60)
-    common.print_whole(table)
+    common.print_whole(Table([word], [[word], ["-" * 60]], [word], word))
     common.console.print(Text(word))
     assert shown.getvalue().count(ESCAPED) == 4
     assert is_plain(shown.getvalue())

@@ -14,7 +14,8 @@ from lava_vpr.inputs.orientation import orientation_channels
 from lava_vpr.report.fields import CELL, edge_direction, representatives, strokes
 from lava_vpr.report.images import contact_sheet, shrunk, weight_image
 from lava_vpr.report.plots import pooled, scaled
-from lava_vpr.report.text import counted, fraction, number
+from lava_vpr.report.text import number
+from lava_vpr.show.numbers import counted, fraction
 from lava_vpr.show.text import safe
 
 

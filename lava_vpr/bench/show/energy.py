@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from lava_vpr.bench.energy import Way
-from lava_vpr.bench.show.tables import Table, percent, title_of
+from lava_vpr.bench.show.tables import title_of
 from lava_vpr.deploy.boards.constants import HOST_POWER
 from lava_vpr.deploy.boards.estimate import LEVELS, Estimate
-from lava_vpr.deploy.show.tables import NONE, figure
+from lava_vpr.show.numbers import figure, percent, ranged
+from lava_vpr.show.table import Table
 
 TITLES = {
     "host": "this network, no board",
@@ -36,14 +37,6 @@ NOTE = (
 )
 
 
-def ranged(value: Estimate | None) -> str:
-    """An estimate as a cell: nominal, and low to high where they differ; a dash for none."""
-    if value is None:
-        return NONE
-    low, nominal, high = (figure(value.at(level)) for level in LEVELS)
-    return nominal if low == high else f"{nominal} ({low} to {high})"
-
-
 def table(ways: Sequence[Way], titles: Sequence[str] | None = None) -> Table:
     """The table, a column for each way; without ways it has no rows, without a board none of boards.
 
@@ -61,5 +54,5 @@ def table(ways: Sequence[Way], titles: Sequence[str] | None = None) -> Table:
         columns=("energy, uJ", *heads),
         rows=tuple(rows) if ways else (),
         strong=frozenset(k for k, row in enumerate(rows) if row[0] in STRONG),
-        note=NOTE,
+        notes=(NOTE,),
     )

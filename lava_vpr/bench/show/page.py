@@ -9,68 +9,38 @@ from lava_vpr.bench.results import Bench, Modelled
 from lava_vpr.bench.show import plots
 from lava_vpr.bench.show.json_values import absent, assumptions, percentiles
 from lava_vpr.bench.show.sections import sections
-from lava_vpr.bench.show.tables import Table, counted, modelled, named, title_of
-from lava_vpr.deploy.show.tables import NONE, figure
+from lava_vpr.bench.show.tables import counted, modelled, title_of
 from lava_vpr.report import trust
 from lava_vpr.report.build import map_of
 from lava_vpr.report.sections import where
-from lava_vpr.report.text import fraction
+from lava_vpr.show.numbers import NONE, figure, fraction, named
 from lava_vpr.show.page import document
+from lava_vpr.show.table import Table, in_html
 from lava_vpr.show.templates import render, text
 from lava_vpr.show.text import safe
 
 
-def _units(text: str) -> str:
-    """``uJ`` and ``us`` as they are printed."""
-    return re.sub(r"\bu([Js])\b", r"µ\1", text)
-
-
-def _text(text: str) -> str:
-    return safe(_units(text))
-
-
-def html_table(table: Table) -> str:
-    """A table as a panel that scrolls by itself."""
-
-    def kind(column: int) -> str:
-        return ' class="long"' if column in table.long else ' class="text"' if column < table.words else ""
-
-    rows = []
-    for k, row in enumerate(table.rows):
-        first = "deep" if row[0].startswith(" ") else "long" if 0 in table.long else "text"
-        cells = "".join(f"<td{kind(c)}>{_text(cell)}</td>" for c, cell in enumerate(row) if c > 0)
-        strong = ' class="strong"' if k in table.strong else ""
-        rows.append(f'<tr{strong}><th scope="row" class="{first}">{_text(row[0].strip())}</th>{cells}</tr>')
-    return render(
-        "bench_table.html",
-        title=_text(table.title),
-        heads="".join(f'<th scope="col"{kind(k)}>{_text(name)}</th>' for k, name in enumerate(table.columns)),
-        rows="".join(rows),
-        note=f'<p class="note" style="margin:10px 0 0">{_text(table.note)}</p>' if table.note else "",
-    )
-
-
 def _html_tables(tables: Iterable[Table]) -> str:
-    return "".join(map(html_table, tables))
+    return "".join(table.html() for table in tables)
 
 
 def _drawn(heading: str, drawing: str) -> str:
-    return render("bench_figure.html", heading=_text(heading), drawing=drawing)
+    return render("bench_figure.html", heading=in_html(heading), drawing=drawing)
 
 
 def _section(name: str, heading: str, note: str, content: str) -> str:
     """A section of the page; without content, none."""
     if not content:
         return ""
-    above = f'<p class="note">{_text(note)}</p>' if note else ""
-    return render("bench_section.html", name=name, heading=_text(heading), note=above, content=content)
+    above = f'<p class="note">{in_html(note)}</p>' if note else ""
+    return render("bench_section.html", name=name, heading=in_html(heading), note=above, content=content)
 
 
 def _header(bench: Bench) -> str:
     """The head of the page: recall first, then the costs in one line each."""
     metrics = bench.recall
     facts = {**bench.model, **bench.machine}
-    shown = "".join(f"<div><dt>{_text(named(k))}</dt><dd>{_text(_fact(v))}</dd></div>" for k, v in facts.items())
+    shown = "".join(f"<div><dt>{in_html(named(k))}</dt><dd>{in_html(_fact(v))}</dd></div>" for k, v in facts.items())
     in_short = []
     for name, costs in bench.targets.items():
         in_short.append((f"modelled, {title_of(name)}", _in_short(costs)))
@@ -78,8 +48,8 @@ def _header(bench: Bench) -> str:
         at = percentiles(host)
         if host.name == "host" and at:
             text = f"{figure(host.queries_per_second)} queries/s, p50 {figure(at['p50'])} ms"
-            in_short.append(("measured, this machine", _text(text)))
-    lines = "".join(f"<div><dt>{_text(term)}</dt><dd>{text}</dd></div>" for term, text in in_short)
+            in_short.append(("measured, this machine", in_html(text)))
+    lines = "".join(f"<div><dt>{in_html(term)}</dt><dd>{text}</dd></div>" for term, text in in_short)
     return render(
         "bench_header.html",
         recall=fraction(metrics.recall_at_1, 2),
@@ -99,11 +69,11 @@ def _in_short(costs: Modelled) -> str:
     """Energy and time of a target, or that there are none."""
     energy = costs.dynamic_microjoules
     if energy is None or costs.milliseconds is None:
-        return f'unavailable <span class="note">{_text(costs.unavailable or "")}</span>'
+        return f'unavailable <span class="note">{in_html(costs.unavailable or "")}</span>'
     figures = []
     for value, unit in ((energy, "uJ dynamic"), (costs.milliseconds, "ms")):
         span = f"({figure(value.low)} to {figure(value.high)})"
-        figures.append(f'{_text(f"{figure(value.nominal)} {unit}")} <span class="note">{span}</span>')
+        figures.append(f'{in_html(f"{figure(value.nominal)} {unit}")} <span class="note">{span}</span>')
     return ", ".join(figures)
 
 
@@ -129,11 +99,13 @@ def _modelled(bench: Bench) -> str:
                 drawing = plots.step_times(times, f"steps{k}", alt)
                 parts.append(_drawn(f"Time of each step, modelled for {title}, nominal, mean of the queries", drawing))
         if costs.unavailable:
-            reason = f"<h3>{_text(title)}</h3><p>Modelled energy and time unavailable: {_text(costs.unavailable)}.</p>"
+            reason = (
+                f"<h3>{in_html(title)}</h3><p>Modelled energy and time unavailable: {in_html(costs.unavailable)}.</p>"
+            )
             parts.append(f'<div class="panel">{reason}</div>')
         else:
-            parts.append(html_table(modelled(costs)))
-    parts.append(html_table(counted(bench)))
+            parts.append(modelled(costs).html())
+    parts.append(counted(bench).html())
     note = (
         "Nothing here was measured on a chip: events were counted, then multiplied by published constants. Low: the "
         "lower of the published constants; nominal: those of SANA-FE, fitted to silicon; high: the higher. Static "
@@ -177,14 +149,14 @@ def _anchors(bench: Bench, tables: Iterable[Table]) -> str:
 
 
 def _cost_model(bench: Bench, tables: Iterable[Table]) -> str:
-    items = "".join(f"<li>{_text(text)}</li>" for text in assumptions(bench))
+    items = "".join(f"<li>{in_html(text)}</li>" for text in assumptions(bench))
     panel = f'<div class="panel"><h3>assumptions</h3><ul class="plain">{items}</ul></div>' if items else ""
     note = "What the modelled figures are made of."
     return _section("model", "The cost model", note, _html_tables(tables) + panel)
 
 
 def _missing(bench: Bench) -> str:
-    rows = "".join(f"<dt>{_text(r['what'])}</dt><dd>{_text(r['reason'])}</dd>" for r in absent(bench))
+    rows = "".join(f"<dt>{in_html(r['what'])}</dt><dd>{in_html(r['reason'])}</dd>" for r in absent(bench))
     content = f'<dl class="panel missing">{rows}</dl>' if rows else '<p class="note">Nothing.</p>'
     return _section("absent", "What this report lacks", "", content)
 

@@ -13,9 +13,9 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from lava_vpr.bench.anchors import ANCHORS
 from lava_vpr.bench.results import Candidate, Measured, Modelled, StepTimes
 from lava_vpr.bench.show.json_values import PERCENTILES
-from lava_vpr.bench.show.tables import named
 from lava_vpr.deploy.boards.estimate import Estimate, total
-from lava_vpr.deploy.show.tables import figure as written
+from lava_vpr.show.numbers import figure as written
+from lava_vpr.show.numbers import named
 from lava_vpr.show.svg import THEME, Style, canvas, to_svg
 
 WIDTH = 700

@@ -5,9 +5,7 @@ Whatever the cost model says stands in a row or column whose heading says "model
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 from lava_vpr.bench.anchors import ANCHORS
@@ -15,63 +13,15 @@ from lava_vpr.bench.results import Asked, Bench, Candidate, Measured, Modelled, 
 from lava_vpr.bench.show.json_values import PERCENTILES, counts, percentiles
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.boards.estimate import Estimate
-from lava_vpr.deploy.show.tables import NONE, figure
 from lava_vpr.matching.evaluation import Metrics
-from lava_vpr.matching.figures import TITLES, titles, values_of
-
-FIGURES = titles(TITLES)
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table of plain text.
-
-    Attributes:
-        title: The line above it.
-        columns: Headings.
-        rows: Cells, as many as headings.
-        words: How many of the first columns are words; the others are figures.
-        strong: Rows that matter most, by index.
-        long: Columns of long text, by index, which may wrap.
-        note: The text below it.
-        page_only: It stands on the page, and not on the terminal.
-    """
-
-    title: str
-    columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    words: int = 1
-    strong: frozenset[int] = frozenset()
-    long: frozenset[int] = field(default=frozenset())
-    note: str = ""
-    page_only: bool = False
-
-
-def percent(value: float | None) -> str:
-    """``value``, a fraction, in percent; a dash for none."""
-    return NONE if value is None or math.isnan(value) else f"{100 * value:.1f}"
-
-
-def named(name: str) -> str:
-    """``name``, a key, as words."""
-    return name.replace("_", " ")
-
-
-def size(count: int | None) -> str:
-    """Bytes as people read them."""
-    if count is None:
-        return NONE
-    for unit, scale in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
-        if count >= scale:
-            return f"{figure(count / scale)} {unit}"
-    return f"{count} B"
+from lava_vpr.matching.figures import TITLES, values_of
+from lava_vpr.show.numbers import NONE, count, figure, levels, named, percent, size
+from lava_vpr.show.table import Table
 
 
 def figures_of(metrics: Metrics | None) -> tuple[str, ...]:
-    """The cells below the headings `FIGURES`."""
-    if metrics is None:
-        return (NONE,) * len(FIGURES)
-    return tuple(map(percent, values_of(metrics)))
+    """The cells below `TITLES`."""
+    return (NONE,) * len(TITLES) if metrics is None else tuple(map(percent, values_of(metrics)))
 
 
 def recall(bench: Bench) -> Table:
@@ -85,10 +35,12 @@ def recall(bench: Bench) -> Table:
             rows.append((f"{decoder}{views}, adapted", *figures_of(bench.asked.adapted)))
     return Table(
         title=f"recall of {bench.images} queries, {model.get('places')} places, percent",
-        columns=("decoder", *FIGURES),
+        columns=("decoder", *TITLES.values()),
         rows=tuple(rows),
         strong=frozenset({0}),
-        note="R@100P: the largest recall without a single wrong match. P@100R: precision when every query is answered.",
+        notes=(
+            "R@100P: the largest recall without a single wrong match. P@100R: precision when every query is answered.",
+        ),
     )
 
 
@@ -104,7 +56,7 @@ def thresholds(bench: Bench) -> Table:
         "Percent, but for the probability. accepted: of all queries; precision: of the accepted; kept: accepted and "
         "right, of the queries on the map. Calibrated on the references alone."
     )
-    return Table("accepted by --target-precision", heads, rows, note=note)
+    return Table(heads, rows, (note,), "accepted by --target-precision")
 
 
 def asked(row: Asked | None) -> Table:
@@ -115,9 +67,9 @@ def asked(row: Asked | None) -> Table:
         cells.append((f"{title}: presentations", NONE, f"{board.presentations:,}", NONE))
         cells.append((f"{title}: registers written", NONE, f"{board.registers:,}", NONE))
         if board.dynamic_microjoules is not None:
-            cells.append(_three(f"{title}: dynamic energy, uJ, modelled", board.dynamic_microjoules))
-            cells.append(_three(f"{title}: time on the chip, ms, modelled", board.milliseconds))
-            cells.append(_three(f"{title}: host I/O, apart, ms, modelled", board.io_milliseconds))
+            cells.append(_levels(f"{title}: dynamic energy, uJ, modelled", board.dynamic_microjoules))
+            cells.append(_levels(f"{title}: time on the chip, ms, modelled", board.milliseconds))
+            cells.append(_levels(f"{title}: host I/O, apart, ms, modelled", board.io_milliseconds))
     if row is not None and row.adapt is not None:
         cells.append(("this machine: multiply-adds for biases", NONE, f"{row.multiply_adds:,}", NONE))
         cells.append(("this machine: time of biases, ms, measured", NONE, figure(row.host_milliseconds), NONE))
@@ -125,7 +77,7 @@ def asked(row: Asked | None) -> Table:
     if row is not None and row.adapt is not None:
         how += f", adapted over {row.adapt:g} queries"
     note = "Each view is a presentation. All other tables are of queries that are presented once, not adapted."
-    return Table(f"a query {how}", ("what", "low", "nominal", "high"), tuple(cells), note=note)
+    return Table(("what", "low", "nominal", "high"), cells, (note,), f"a query {how}")
 
 
 def measured(rows: Sequence[Measured]) -> Table:
@@ -154,7 +106,7 @@ def measured(rows: Sequence[Measured]) -> Table:
         title="measured here, a query",
         columns=("backend", *latency_heads, "queries/s", "threads", "queries", "memory", "mJ (CPU)"),
         rows=tuple(cells),
-        note="p50, p95, p99: single queries one after another, one thread. queries/s: all queries in one batch.",
+        notes=("p50, p95, p99: single queries one after another, one thread. queries/s: all queries in one batch.",),
     )
 
 
@@ -164,19 +116,18 @@ def on_boards(rows: Sequence[Measured]) -> Table:
     names = dict.fromkeys(name for board in boards.values() for name in board)
     cells = [(named(name), *(figure(board.get(name), 4) for board in boards.values())) for name in names]
     note = "By the vendor's profiler, idle power subtracted where it says dynamic; host's input and read-out included."
-    return Table("measured on a board", ("figure", *boards), tuple(cells), note=note)
+    return Table(("figure", *boards), cells, (note,), "measured on a board")
 
 
 def timed(rows: Sequence[Measured]) -> Table:
     """What was timed of each backend, in words."""
     cells = tuple((backend.name, backend.what) for backend in rows if not backend.absent and backend.what)
-    return Table("what was timed", ("backend", "from what to what"), cells, long=frozenset({1}), page_only=True)
+    return Table(("backend", "from what to what"), cells, title="what was timed", long=frozenset({1}))
 
 
-def _three(name: str, values: Estimate | None) -> tuple[str, ...]:
-    if values is None:
-        return (name, NONE, NONE, NONE)
-    return (name, figure(values.low), figure(values.nominal), figure(values.high))
+def _levels(name: str, value: Estimate | None) -> tuple[str, ...]:
+    """A row with a column for each level of an estimate."""
+    return (name, *levels(value))
 
 
 def _clearing(clearing: dict[str, Any]) -> Iterable[tuple[str, ...]]:
@@ -191,7 +142,7 @@ def _clearing(clearing: dict[str, Any]) -> Iterable[tuple[str, ...]]:
     ):
         value = clearing.get(key)
         if isinstance(value, Estimate):
-            yield _three(text, value)
+            yield _levels(text, value)
         elif value is not None:
             yield (text, NONE, f"{value:,}", NONE)
 
@@ -203,27 +154,27 @@ def title_of(target: str) -> str:
 
 def modelled(costs: Modelled) -> Table:
     """The costs of a query on a board."""
-    rows: list[tuple[str, ...]] = [_three("dynamic energy, uJ", costs.dynamic_microjoules)]
+    rows: list[tuple[str, ...]] = [_levels("dynamic energy, uJ", costs.dynamic_microjoules)]
     parts = sorted((costs.dynamic_by_component or {}).items(), key=lambda item: -item[1].nominal)
-    rows += [_three(f"  {named(name)}", value) for name, value in parts]
+    rows += [_levels(f"  {named(name)}", value) for name, value in parts]
     strong = {0, len(rows)}
-    rows += [_three("time on the chip, ms", costs.milliseconds), _three("  one step, us", costs.step_microseconds)]
+    rows += [_levels("time on the chip, ms", costs.milliseconds), _levels("  one step, us", costs.step_microseconds)]
     static = f"static energy, apart, mJ ({costs.chips} chips)"
-    rows += [_three(f"{static}, time on the chip", costs.static_millijoules)]
+    rows += [_levels(f"{static}, time on the chip", costs.static_millijoules)]
     for k, (way, value) in enumerate((costs.io_milliseconds_by_way or {}).items()):
-        rows += [_three(f"host I/O, apart, ms: {way}{' (in use)' if k == 0 else ''}", value)]
+        rows += [_levels(f"host I/O, apart, ms: {way}{' (in use)' if k == 0 else ''}", value)]
     for k, (way, value) in enumerate((costs.io_microjoules_by_way or {}).items()):
         use = "in use, contained above" if k == 0 else "instead"
-        rows += [_three(f"input on the chip, uJ: {way} ({use})", value)]
-    rows += [_three("time with host I/O, not overlapped, ms", costs.wall_milliseconds)]
-    rows += [_three(f"{static}, that time", costs.wall_static_millijoules)]
+        rows += [_levels(f"input on the chip, uJ: {way} ({use})", value)]
+    rows += [_levels("time with host I/O, not overlapped, ms", costs.wall_milliseconds)]
+    rows += [_levels(f"{static}, that time", costs.wall_static_millijoules)]
     rows += _clearing(costs.clearing)
     return Table(
         title=f"modelled for {title_of(costs.target)}: a query of {costs.steps} steps, input {costs.input_mode}",
         columns=("modelled", "modelled low", "modelled nominal", "modelled high"),
         rows=tuple(rows),
         strong=frozenset(strong),
-        note=f"Modelled, not measured. {_in_use(costs)}{_busy(costs.busiest)}",
+        notes=(f"Modelled, not measured. {_in_use(costs)}{_busy(costs.busiest)}",),
     )
 
 
@@ -243,22 +194,15 @@ def _busy(shares: dict[str, float] | None) -> str:
     return f" In {arriving} % of the steps the board waits for what arrives at a core, else for a core's neurons."
 
 
-def _count(value: float | None) -> str:
-    """A mean count; whole numbers as such."""
-    if value is not None and math.isfinite(value) and float(value).is_integer():
-        return f"{int(value):,}"
-    return figure(value, 4)
-
-
 def counted(bench: Bench) -> Table:
     """Events of a query, on every board and by the host engine."""
     boards = {name: costs.counts for name, costs in bench.targets.items() if costs.counts}
     sources = boards or {"host": {**bench.events}}
     names = dict.fromkeys((*counts(bench), *(name for values in boards.values() for name in values)))
-    rows = [(named(name), *(_count(values.get(name)) for values in sources.values())) for name in names]
+    rows = [(named(name), *(count(values.get(name)) for values in sources.values())) for name in names]
     most = {name: bench.targets[name].busiest_core or {} for name in boards}
     rows += [
-        (f"busiest core, a step: {named(name)}", *(_count(values.get(name)) for values in most.values()))
+        (f"busiest core, a step: {named(name)}", *(count(values.get(name)) for values in most.values()))
         for name in dict.fromkeys(name for values in most.values() for name in values)
     ]
     remarks = [text for name in boards if bench.targets[name].unavailable for text in bench.targets[name].assumptions]
@@ -266,8 +210,7 @@ def counted(bench: Bench) -> Table:
         remarks.insert(
             0, "Counted from every spike of the queries; messages and hops depend on where the neurons stand."
         )
-    note = " ".join(remarks)
-    return Table("counted events, mean of a query", ("event", *sources), tuple(rows), note=note)
+    return Table(("event", *sources), rows, (" ".join(remarks),), "counted events, mean of a query")
 
 
 def peers(rows: Sequence[Peer]) -> Table:
@@ -281,7 +224,7 @@ def peers(rows: Sequence[Peer]) -> Table:
         cells.append((peer.name, at[0], at[3], at[5], rate, f"{peer.threads}", size(peer.bytes), peer.what))
     heads = ("matcher", "R@1", "R@100P", "AUC", "queries/s", "threads", "of references", "what")
     note = "Recall in percent. queries/s: measured here, from preprocessed image to match, all queries in one batch."
-    return Table("peers on the same images", heads, tuple(cells), long=frozenset({7}), note=note)
+    return Table(heads, cells, (note,), "peers on the same images", long=frozenset({7}))
 
 
 def sweep(rows: Sequence[Candidate]) -> Table:
@@ -307,9 +250,11 @@ def sweep(rows: Sequence[Candidate]) -> Table:
         rows=lines,
         strong=frozenset(k for k, row in enumerate(lines) if not row[0].startswith("front")),
         long=frozenset({7}),
-        note="Recall in percent, on the very queries that the search chose on: judge a choice on others. Energy and "
-        "time modelled for Kapoho Bay, nominal, clearing included, host I/O not. Of points with equal figures, one. "
-        "No backend stops early yet.",
+        notes=(
+            "Recall in percent, on the very queries that the search chose on: judge a choice on others. Energy and "
+            "time modelled for Kapoho Bay, nominal, clearing included, host I/O not. Of points with equal figures, "
+            "one. No backend stops early yet.",
+        ),
     )
 
 
@@ -334,7 +279,7 @@ def workload(metrics: Workload) -> Table:
         ("effective accumulates a query", figure(metrics.effective_acs, 4)),
         ("membrane updates a query", figure(metrics.membrane_updates, 4)),
     )
-    return Table("workload metrics by NeuroBench's definitions", ("metric", "value"), rows)
+    return Table(("metric", "value"), rows, title="workload metrics by NeuroBench's definitions")
 
 
 def constants(bench: Bench) -> Table:
@@ -351,7 +296,7 @@ def constants(bench: Bench) -> Table:
         for constant in bench.constants
     )
     heads = ("constant", "low", "nominal", "high", "unit", "source")
-    return Table("constants of the cost model", heads, rows, long=frozenset({0, 5}), page_only=True)
+    return Table(heads, rows, title="constants of the cost model", long=frozenset({0, 5}))
 
 
 def anchors() -> Table:
@@ -363,6 +308,4 @@ def anchors() -> Table:
         task = f"{anchor.task}; on {anchor.board}{kind}" + (f"; {anchor.note}" if anchor.note else "")
         rows.append((anchor.name, figure(anchor.microjoules), figure(anchor.milliseconds), task, cited))
     heads = ("published", "uJ", "ms", "task and board", "where")
-    return Table(
-        "published figures, none of them the same task", heads, tuple(rows), long=frozenset({3, 4}), page_only=True
-    )
+    return Table(heads, rows, title="published figures, none of them the same task", long=frozenset({3, 4}))

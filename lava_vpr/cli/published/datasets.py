@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import click
-from rich.table import Table
 
 from lava_vpr.cli.common import PATH, RegisteredName, console, print_whole
 from lava_vpr.cli.outputs import Outputs, write_json
 from lava_vpr.datasets.checking import Check, check
 from lava_vpr.datasets.layouts import DATASETS, Dataset, Layout
+from lava_vpr.show.numbers import NONE
+from lava_vpr.show.table import Table
 
 
 @click.command()
@@ -49,15 +50,10 @@ def _write(path: Path | None, values: dict[str, Any]) -> None:
 
 def _list() -> None:
     """The datasets, a row each."""
-    table = Table(title="benchmark datasets", title_justify="left", caption_justify="left")
-    table.caption = (
-        "lava-vpr datasets NAME: what to download, and the folders\nlava-vpr datasets NAME FOLDER: check them"
-    )
-    for column in ("name", "dataset", "the paper's task", "sections", "places"):
-        table.add_column(column, no_wrap=True)
-    for name, row in DATASETS.items():
-        table.add_row(name, row.title, row.task, f"{row.sections} x {row.places}", _sampling(row))
-    print_whole(table)
+    notes = ("lava-vpr datasets NAME: what to download, and the folders", "lava-vpr datasets NAME FOLDER: check them")
+    columns = ("name", "dataset", "the paper's task", "sections", "places")
+    rows = [(name, d.title, d.task, f"{d.sections} x {d.places}", _sampling(d)) for name, d in DATASETS.items()]
+    print_whole(Table(columns, rows, notes, "benchmark datasets", words=5))
     for name, row in DATASETS.items():
         console.print(f"{name}: {row.page}")
 
@@ -124,13 +120,17 @@ def _described(row: Dataset) -> dict[str, Any]:
 
 def _show(found: Check) -> None:
     """What was found, and what differs."""
-    table = Table(title=f"{found.dataset.title}: {found.dataset.task}", title_justify="left")
-    for column in ("traverse", "images", "in use", "pixels"):
-        table.add_column(column, no_wrap=True, justify="left" if column == "traverse" else "right")
-    for seen in found.traverses:
-        size = "-" if seen.size is None else f"{seen.size[0]} x {seen.size[1]}"
-        table.add_row(seen.folder, f"{seen.images:,}", f"{seen.in_use:,}", size)
-    print_whole(table)
+    rows = [
+        (
+            row.folder,
+            f"{row.images:,}",
+            f"{row.in_use:,}",
+            NONE if row.size is None else f"{row.size[0]} x {row.size[1]}",
+        )
+        for row in found.traverses
+    ]
+    title = f"{found.dataset.title}: {found.dataset.task}"
+    print_whole(Table(("traverse", "images", "in use", "pixels"), rows, title=title))
     if found.places is None:
         console.print("positions decide which images are places: " + found.dataset.truth)
     else:

@@ -9,7 +9,6 @@ from typing import Any
 
 import click
 
-from lava_vpr.bench.show.terminal import rendered
 from lava_vpr.cli.common import PATH, Numbers, console, print_whole, progress_bar, seed_type, setting_type
 from lava_vpr.cli.evaluate import command_line
 from lava_vpr.cli.outputs import Outputs, write_json, write_text
@@ -232,7 +231,7 @@ def _tell(
 
         write_page(page_of(table), page)
     for one in tables(table):
-        print_whole(rendered(one))
+        print_whole(one)
     console.print(RULES)
     if page is not None:
         console.print(f"report: {shown(page)}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from lava_vpr.bench.show.tables import Table
 from lava_vpr.paper_table.printed import DOI
 from lava_vpr.paper_table.run import PaperTable
 from lava_vpr.paper_table.show.tables import RULES, tables
@@ -31,19 +30,7 @@ def markdown(table: PaperTable) -> str:
     ]
     for one in tables(table):
         lines += ["", f"## {one.title[0].upper()}{one.title[1:]}", ""]
-        if one.note:
-            lines += [one.note, ""]
-        lines += _lines(one)
+        if one.notes:
+            lines += [*one.notes, ""]
+        lines.append(one.markdown())
     return "\n".join(lines) + "\n"
-
-
-def _lines(table: Table) -> list[str]:
-    """The lines of one table."""
-    words = [k < table.words or k in table.long for k in range(len(table.columns))]
-    head = [f"| {' | '.join(map(_cell, table.columns))} |", f"|{'|'.join('---' if w else '---:' for w in words)}|"]
-    return [*head, *(f"| {' | '.join(map(_cell, row))} |" for row in table.rows)]
-
-
-def _cell(text: str) -> str:
-    """Text for one cell: on one line, its bars no separators."""
-    return " ".join(text.split()).replace("|", r"\|")

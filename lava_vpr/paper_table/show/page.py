@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from lava_vpr.bench.show.page import html_table
 from lava_vpr.paper_table.printed import DOI
 from lava_vpr.paper_table.run import PaperTable
 from lava_vpr.paper_table.show import plots
@@ -26,5 +25,5 @@ def page(table: PaperTable) -> str:
         for part in table.parts
         if part.source is not None
     )
-    sections = {"Sections": ("sections", drawn), "Tables": ("tables", "".join(map(html_table, tables(table))))}
+    sections = {"Sections": ("sections", drawn), "Tables": ("tables", "".join(one.html() for one in tables(table)))}
     return sheet(TITLE, facts, sections, table.command)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from lava_vpr.bench.show.tables import Table, percent
-from lava_vpr.deploy.show.tables import NONE
 from lava_vpr.paper_table.run import PaperTable, Part, Row, counted
+from lava_vpr.show.numbers import NONE, percent
+from lava_vpr.show.table import Table
 
 RULES = (
     "R@100P released: as the paper's code counts it, by 99 thresholds on the scores, a rejected query missing at its "
@@ -32,11 +32,11 @@ def conditions(part: Part) -> str:
 def summary(part: Part) -> Table:
     """The methods of a dataset: printed, recomputed, and their spread over sections."""
     return Table(
-        f"{part.dataset.title}: percent",
         COLUMNS,
-        tuple(_summary(row) for row in part.rows),
+        [_summary(row) for row in part.rows],
+        (conditions(part),),
+        f"{part.dataset.title}: percent",
         long=frozenset({7}),
-        note=conditions(part),
     )
 
 
@@ -69,7 +69,7 @@ def by_section(part: Part, figure: str, heading: str) -> Table:
         values = (percent(None if one is None else getattr(one, figure)) for one in found)
         cells.append((f"{number} (places {first}:{end})", *values))
     columns = ("section", *(row.method.title for row in rows))
-    return Table(f"{part.dataset.title}, section by section: {heading}, percent", columns, tuple(cells))
+    return Table(columns, cells, title=f"{part.dataset.title}, section by section: {heading}, percent")
 
 
 def absent(table: PaperTable) -> Table | None:
@@ -84,7 +84,7 @@ def absent(table: PaperTable) -> Table | None:
         why = next(row.absent for row in part.rows)
         rows.append((part.dataset.title, *(printed[row.method.name] for row in named), why or ""))
     columns = ("dataset", *(row.method.title for row in named), "why")
-    return Table("absent: R@100P as printed, percent", columns, tuple(rows), long=frozenset({len(columns) - 1}))
+    return Table(columns, rows, title="absent: R@100P as printed, percent", long=frozenset({len(columns) - 1}))
 
 
 def tables(table: PaperTable) -> list[Table]:

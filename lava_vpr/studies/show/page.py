@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from lava_vpr.bench.show.page import html_table
 from lava_vpr.show.page import document
 from lava_vpr.show.templates import render, text
 from lava_vpr.show.text import safe
@@ -65,5 +64,5 @@ def page(found: Studied) -> str:
         "preset": found.config.preset,
         "decoder": found.config.decoder.default,
     }
-    sections = {"Plots": ("plots", _drawings(found)), "Table": ("table", html_table(table(found)))}
+    sections = {"Plots": ("plots", _drawings(found)), "Table": ("table", table(found).html())}
     return sheet(found.study.title, facts, sections, found.command)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from lava_vpr.bench.show.tables import Table, named, percent
 from lava_vpr.configfile import to_dict
-from lava_vpr.deploy.show.tables import NONE, figure
 from lava_vpr.experiments.spread import Spread
 from lava_vpr.matching.figures import Recall, titles
+from lava_vpr.show.numbers import NONE, figure, named, percent
+from lava_vpr.show.table import Table
 from lava_vpr.studies.measuring import BOARD, COSTED
 from lava_vpr.studies.run import Row, Studied
 
@@ -75,10 +75,10 @@ def table(found: Studied) -> Table:
             f"not; seed {found.seeds[0]}, first {COSTED} queries."
         )
     return Table(
-        f"{found.study.title.lower()}: {found.queries} queries, {found.places} places, preset {found.config.preset}",
         (*columns, *(("modelled uJ", "modelled ms") if costed else ())),
-        tuple(lines),
-        note=f"{note}\n{found.study.note}",
+        lines,
+        (note, found.study.note),
+        f"{found.study.title.lower()}: {found.queries} queries, {found.places} places, preset {found.config.preset}",
     )
 
 

@@ -88,7 +88,7 @@ def lines(table_of: Plan, **options: int) -> list[list[str]]:
     """The cells of a table, without its frame."""
     console = Console(width=300, record=True, file=None, quiet=False)
     with console.capture() as captured:
-        console.print(core_table(table_of, **options))
+        console.print(core_table(table_of, **options).terminal())
     return [[cell.strip() for cell in re.split("[│┃]", line)[1:-1]] for line in captured.get().splitlines()]
 
 

@@ -155,7 +155,7 @@ def printed(found: Bench) -> str:
     """What the terminal shows of a result."""
     console = PlainConsole(width=220, record=True, file=io.StringIO())
     for table in tables(found):
-        console.print(table)
+        console.print(table.terminal())
     for line in absences(found):
         console.print(line)
     return console.export_text()

@@ -1,0 +1,149 @@
+"""One table for every output: terminal, Markdown, HTML, CSV, LaTeX and JSON.
+
+A table holds plain text cells, which each output only escapes and aligns.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from lava_vpr.show.templates import render
+from lava_vpr.show.text import safe
+
+if TYPE_CHECKING:
+    from rich.table import Table as RichTable
+
+_LATEX = {
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    **{mark: f"\\{mark}" for mark in "&%$#_{}"},
+}
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of plain text.
+
+    Attributes:
+        columns: Headings.
+        rows: Cells; a row may have fewer than there are headings.
+        notes: The text below the table, a line for each.
+        title: The line above it.
+        words: Number of leading columns with words, aligned left; the others are figures, aligned right.
+        long: Columns of long text, by index: aligned left; on a terminal they wrap.
+        widest: Characters of a long column before it wraps; None: as many as the terminal has.
+        strong: Rows that matter most, by index.
+        rules: Rows with a line above them, by index.
+    """
+
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    notes: Sequence[str] = ()
+    title: str = ""
+    words: int = 1
+    long: frozenset[int] = frozenset()
+    widest: int | None = 60
+    strong: frozenset[int] = frozenset()
+    rules: frozenset[int] = frozenset()
+
+    def is_text(self, column: int) -> bool:
+        """Whether a column, by its index, holds words rather than figures."""
+        return column < self.words or column in self.long
+
+    def terminal(self) -> RichTable:
+        """The table as rich prints it."""
+        from rich.table import Table as RichTable  # 60 ms: only the terminal needs it
+
+        caption = "\n".join(self.notes)
+        made = RichTable(title=self.title or None, title_justify="left", caption=caption, caption_justify="left")
+        for k, name in enumerate(self.columns):
+            made.add_column(
+                name,
+                justify="left" if self.is_text(k) else "right",
+                no_wrap=k not in self.long,
+                max_width=self.widest if k in self.long else None,
+                overflow="fold",
+            )
+        for k, row in enumerate(self.rows):
+            if k in self.rules:
+                made.add_section()
+            made.add_row(*row, style="bold" if k in self.strong else None)
+        return made
+
+    def markdown(self) -> str:
+        """The table in Markdown, without title and notes."""
+        marks = ("---" if self.is_text(k) else "---:" for k in range(len(self.columns)))
+        head = [_joined(self.columns, _in_markdown, "| ", " | ", " |"), f"|{'|'.join(marks)}|"]
+        return "\n".join([*head, *(_joined(row, _in_markdown, "| ", " | ", " |") for row in self._filled())])
+
+    def html(self) -> str:
+        """The table as a panel of a page, which scrolls by itself."""
+        rows = []
+        for k, row in enumerate(self._filled()):
+            first = "deep" if row[0].startswith(" ") else "long" if 0 in self.long else "text"
+            cells = "".join(f"<td{self._kind(c)}>{in_html(cell)}</td>" for c, cell in enumerate(row) if c > 0)
+            strong = ' class="strong"' if k in self.strong else ""
+            rows.append(f'<tr{strong}><th scope="row" class="{first}">{in_html(row[0].strip())}</th>{cells}</tr>')
+        note = "\n".join(self.notes)
+        return render(
+            "table.html",
+            title=in_html(self.title),
+            heads="".join(
+                f'<th scope="col"{self._kind(k)}>{in_html(name)}</th>' for k, name in enumerate(self.columns)
+            ),
+            rows="".join(rows),
+            note=f'<p class="note" style="margin:10px 0 0">{in_html(note)}</p>' if note else "",
+        )
+
+    def csv(self) -> str:
+        """Headings and rows as CSV, without title and notes."""
+        text = io.StringIO()
+        csv.writer(text, lineterminator="\n").writerows([self.columns, *self._filled()])
+        return text.getvalue()
+
+    def latex(self) -> str:
+        """A ``tabular`` environment, without title and notes."""
+        places = "".join("l" if self.is_text(k) else "r" for k in range(len(self.columns)))
+        lines = [_joined(self.columns, _in_latex, "", " & ", r" \\"), r"\hline"]
+        for k, row in enumerate(self._filled()):
+            lines += [r"\hline"] if k in self.rules else []
+            lines.append(_joined(row, _in_latex, "", " & ", r" \\"))
+        return "\n".join([f"\\begin{{tabular}}{{{places}}}", r"\hline", *lines, r"\hline", r"\end{tabular}"])
+
+    def json(self) -> list[dict[str, str]]:
+        """The rows as JSON values, each cell under its heading."""
+        return [dict(zip(self.columns, row, strict=True)) for row in self._filled()]
+
+    def _filled(self) -> Iterable[Sequence[str]]:
+        """The rows, each with as many cells as there are headings."""
+        return ((*row, *[""] * (len(self.columns) - len(row))) for row in self.rows)
+
+    def _kind(self, column: int) -> str:
+        """The class of a column's cells in HTML."""
+        return ' class="long"' if column in self.long else ' class="text"' if column < self.words else ""
+
+
+def in_html(text: str) -> str:
+    """``text`` for a page, ``uJ`` and ``us`` as they are printed."""
+    return safe(re.sub(r"\bu([Js])\b", r"µ\1", text))
+
+
+def _joined(cells: Iterable[str], escape: Callable[[str], str], begin: str, between: str, end: str) -> str:
+    """A line of a table."""
+    return begin + between.join(map(escape, cells)) + end
+
+
+def _in_markdown(text: str) -> str:
+    """Text for one cell of Markdown: on one line, its bars no separators."""
+    return " ".join(text.split()).replace("|", r"\|")
+
+
+def _in_latex(text: str) -> str:
+    """Text for one cell of LaTeX: on one line, no character a command."""
+    return "".join(_LATEX.get(mark, mark) for mark in " ".join(text.split()))

@@ -1,0 +1,96 @@
+"""One table in every output: its cells are the same text, escaped and aligned as each output needs."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+
+from rich.console import Console
+
+from lava_vpr.show.table import Table
+
+TABLE = Table(
+    ("matcher", "uJ", "what"),
+    [("a|b & <c>", "1.5", "50 % of\nit_"), ("  part", "-")],
+    ("first", "second"),
+    "costs, uJ",
+    strong=frozenset({0}),
+    rules=frozenset({1}),
+    long=frozenset({2}),
+)
+
+
+def printed(table: Table) -> list[str]:
+    console = Console(width=100, record=True)
+    with console.capture() as captured:
+        console.print(table.terminal())
+    return captured.get().splitlines()
+
+
+def test_the_terminal_has_title_notes_and_a_rule() -> None:
+    lines = printed(TABLE)
+    assert lines[0].strip() == "costs, uJ"
+    assert [line.strip() for line in lines[-2:]] == ["first", "second"]
+    cells = [[cell for cell in re.split("[│┃]", line)[1:-1]] for line in lines if line[0] in "│┃"]
+    assert [[cell.strip() for cell in row] for row in cells] == [
+        ["matcher", "uJ", "what"],
+        ["a|b & <c>", "1.5", "50 % of"],
+        ["", "", "it_"],
+        ["part", "-", ""],
+    ]
+    assert cells[-1][1].endswith("- ")  # figures stand on the right
+    assert sum(line.startswith("├") for line in lines) == 1
+
+
+def test_long_text_wraps_and_nothing_is_cut() -> None:
+    word = "x" * 70
+    lines = printed(Table(("a", "b"), [("1", word)], long=frozenset({1})))
+    assert sum(line.count("x") for line in lines) == len(word)
+    assert max(line.count("x") for line in lines) == Table.widest
+
+
+def test_markdown() -> None:
+    assert TABLE.markdown().splitlines() == [
+        "| matcher | uJ | what |",
+        "|---|---:|---|",
+        r"| a\|b & <c> | 1.5 | 50 % of it_ |",
+        "| part | - |  |",
+    ]
+
+
+def test_html_escapes_and_prints_units() -> None:
+    page = TABLE.html()
+    assert '<th scope="row" class="text">a|b &amp; &lt;c&gt;</th><td>1.5</td><td class="long">50 % of' in page
+    assert '<tr class="strong">' in page
+    assert '<th scope="row" class="deep">part</th>' in page
+    assert "<h3>costs, µJ</h3>" in page
+    assert "first\nsecond</p>" in page
+
+
+def test_csv_reads_as_the_cells() -> None:
+    assert list(csv.reader(io.StringIO(TABLE.csv()))) == [
+        ["matcher", "uJ", "what"],
+        ["a|b & <c>", "1.5", "50 % of\nit_"],
+        ["  part", "-", ""],
+    ]
+
+
+def test_latex_has_no_text_that_is_a_command() -> None:
+    assert TABLE.latex().splitlines() == [
+        r"\begin{tabular}{lrl}",
+        r"\hline",
+        r"matcher & uJ & what \\",
+        r"\hline",
+        r"a|b \& <c> & 1.5 & 50 \% of it\_ \\",
+        r"\hline",
+        r"part & - &  \\",
+        r"\hline",
+        r"\end{tabular}",
+    ]
+    strange = Table(("a",), [("\\~^#{}$",)]).latex().splitlines()[4]
+    assert strange == r"\textbackslash{}\textasciitilde{}\textasciicircum{}\#\{\}\$ \\"
+
+
+def test_json_has_each_cell_under_its_heading() -> None:
+    assert TABLE.json()[1] == {"matcher": "  part", "uJ": "-", "what": ""}
