@@ -1,36 +1,32 @@
-"""The first failure of a run of Lava, from the process where it happened to an error in the caller's.
+"""The first failure of a run of Lava, noted in a file by the process in which it happens, and waited for by the caller.
 
-Lava catches what a model raises, logs it below its own log level and waits for ever, so a failure is written to a file
-by the process in which it happens.
+Lava catches what a model raises, logs it below its own log level and waits for ever; and it waits for ever for a process
+that was killed.
+
+A bundle for Loihi 2 holds a copy of this file, which needs the standard library alone.
 """
 
 from __future__ import annotations
 
 import contextlib
+import faulthandler
+import gc
 import json
 import os
 import signal
 import sys
-import tempfile
 import threading
 import time
 import traceback
+from collections.abc import Callable
+from multiprocessing import process as mp_process
 from pathlib import Path
 from typing import Any
 
-from lava_vpr import errors
-from lava_vpr.errors import LavaRunError, LavaVprError
-
-LONGEST = 400  # characters of an exception's text in the one line of an error
-LOG_TAIL = 20_000  # characters
+STACKS = signal.SIGUSR1  # asks a process where it stands
+WATCH = 0.05  # seconds between two looks at Lava's processes
 NOTING = 5.0  # seconds in which a failure is noted, on the slowest of machines
 PAUSE = 0.01  # seconds between two looks whether it is
-
-
-def one_line(text: str) -> str:
-    """``text`` on one line, cut where it is too long for one."""
-    line = " ".join(text.split())
-    return line if len(line) <= LONGEST else line[:LONGEST] + " ..."
 
 
 def _code_location(error: BaseException) -> str:
@@ -41,11 +37,6 @@ def _code_location(error: BaseException) -> str:
         return ""
     path, line, function = (ours or frames)[-1]
     return f"{path.name}:{line} in {function}"
-
-
-def _known_class(error: BaseException) -> str:
-    """The closest class of ``error`` that lava_vpr.errors defines, or nothing."""
-    return next((c.__name__ for c in type(error).__mro__ if getattr(errors, c.__name__, None) is c), "")
 
 
 def record(folder: Path, values: dict[str, Any]) -> None:
@@ -81,7 +72,8 @@ def record_exception(folder: Path, error: BaseException, where: str = "") -> Non
         sys.stderr.write(full)
         sys.stderr.flush()
     values = {"where": where, "type": type(error).__name__, "text": str(error), "code_location": _code_location(error)}
-    record(folder, {**values, "known": _known_class(error), "traceback": full})
+    kinds = [f"{kind.__module__}.{kind.__qualname__}" for kind in type(error).__mro__]
+    record(folder, {**values, "kinds": kinds, "traceback": full})
 
 
 def record_end(folder: Path, where: str, code: int) -> None:
@@ -97,75 +89,135 @@ def recorded(folder: Path) -> dict[str, Any] | None:
         return None
 
 
-def _log(folder: Path) -> str:
-    """The end of what the run's processes wrote to stdout and stderr."""
-    try:
-        return (folder / "log").read_text(encoding="utf-8", errors="replace")[-LOG_TAIL:]
-    except OSError:
-        return ""
+def awaited(
+    folder: Path, ready: Callable[[int | None], bool], poll: Callable[[], int | None], end: float
+) -> dict[str, Any] | None:
+    """What keeps work from its result: None, nothing, when it is ready.
+
+    Else the failure that was noted; or the exit code of the worker, ``code``, which has ended without a word; or no
+    values: there is no time left.
+
+    Args:
+        folder: Where failures are noted.
+        ready: Whether there is a result, by the exit code of the worker.
+        poll: Tells that; None while the worker runs. Some time passes between two calls.
+        end: The time by `time.monotonic` until which is waited.
+    """
+    while True:
+        code = poll()  # before the files are looked at: none is missed
+        if ready(code):
+            return None
+        noted = recorded(folder)
+        if noted is not None or code is not None:
+            return noted or {"code": code}
+        if time.monotonic() > end:
+            return {}
 
 
-def _stacks(folder: Path) -> list[str]:
-    """Where each process of the run stood, as far as they have said so."""
-    return [path.read_text(encoding="utf-8", errors="replace") for path in sorted(folder.glob("stacks-*"))]
+def _part_of(process: mp_process.BaseProcess) -> str:
+    """The Lava model or service that a process is to run, else nothing."""
+    builder = vars(process).get("_kwargs", {}).get("builder")
+    model = getattr(builder, "proc_model", None) or getattr(builder, "rs_class", None)
+    return getattr(model, "__name__", "")
 
 
-def all_stacks(folder: Path) -> bool:
-    """Whether each process has written where it stands, below the line that says who it is."""
-    return all(text.count("\n") > 1 for text in _stacks(folder))
+class _Children:
+    """Notices when a process of Lava's dies: its peers would wait for it for ever."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._started: dict[int, tuple[str, str]] = {}  # by process id: Lava model or nothing, name
+
+    def add(self, process: mp_process.BaseProcess, part: str) -> None:
+        """Watch a process that has just been started."""
+        if process.pid is not None:
+            self._started[process.pid] = part, process.name
+
+    def look(self) -> None:
+        """Record a process that was killed or ended with an error; it is left to be reaped by who started it.
+
+        Two threads may look at once.
+        """
+        for pid, (part, name) in list(self._started.items()):
+            try:
+                ended = os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+            except ChildProcessError:  # reaped
+                self._started.pop(pid, None)
+                continue
+            if ended is None or self._started.pop(pid, None) is None:
+                continue
+            code = ended.si_status if ended.si_code == os.CLD_EXITED else -ended.si_status
+            # A memory manager that is slow to end is ended by its own shutdown.
+            if code != 0 and not (code == -signal.SIGTERM and not part):
+                record_end(self._folder, part or name, code)
+
+    def watch(self) -> None:
+        """Look for processes that have died, for ever."""
+        while True:
+            self.look()
+            time.sleep(WATCH)
 
 
-def _keep(text: str) -> str:
-    """Write ``text`` to a file that stays; its path, or nothing if there is no text or no room for it."""
-    if not text.strip():
-        return ""
-    try:
-        handle, path = tempfile.mkstemp(prefix="lava-vpr-failure-", suffix=".txt")
-        with open(handle, "w", encoding="utf-8", errors="backslashreplace") as file:
-            file.write(text)
-    except OSError:
-        return ""
+def tell_stacks(folder: Path, title: str) -> Path:
+    """Let this process write where its main thread stands when it gets `STACKS`; return the file."""
+    path = folder / f"stacks-{os.getpid()}"
+    file = path.open("w", encoding="utf-8")
+    file.write(f"Process {os.getpid()}: {title}\n")
+    file.flush()
+    faulthandler.register(STACKS, file=file, all_threads=False)  # the others are Lava's channels, many
     return path
 
 
-def _failure(message: str, what: str, details: str) -> LavaRunError:
-    """An error whose line ends with the file in which ``details`` are kept, and ``what`` they are."""
-    path = _keep(details)
-    return LavaRunError(f"{message}; {what}: {path}" if path else message, details.strip())
+def _forget_networks() -> None:
+    """Empty Lava's lists of every Process and Var ever made, which keep stopped networks in memory.
+
+    What is in use is held by its own runtime. The rest is collected here, not in a forked process, where a Process's
+    end would be taken for that of its network.
+    """
+    for name, server, held in (("process", "ProcessServer", "processes"), ("variable", "VarServer", "vars")):
+        module = sys.modules.get(f"lava.magma.core.process.{name}")
+        if module is not None:
+            getattr(getattr(module, server)(), held).clear()
+    gc.collect()
 
 
-def of_record(values: dict[str, Any], target: str, folder: Path) -> LavaVprError:
-    """The error that a recorded failure is to the caller."""
-    where = values["where"]
-    if "code" in values:
-        return of_end(f"{target}: the process of {where}", values["code"], folder)
-    known = getattr(errors, values["known"], None)
-    if known is not None and known is not LavaRunError:
-        error: LavaVprError = known(values["text"])
-        return error
-    text = one_line(f"{values['type']}: {values['text']}" if values["text"] else values["type"])
-    location = f" at {values['code_location']}" if values["code_location"] else ""
-    said = f"{target} failed{f' in {where}' if where else ''}: {text}{location}"
-    return _failure(said, "traceback", values["traceback"])
+def watch_processes(folder: Path) -> None:
+    """Let every process that multiprocessing starts be watched, and tell what is raised in it.
 
+    Lava's `SystemProcess` calls `Process.run` inside a ``try`` that keeps exceptions to itself, so that one is wrapped.
+    """
+    children = _Children(folder)
+    start, run = mp_process.BaseProcess.start, mp_process.BaseProcess.run
 
-def of_end(what: str, code: int, folder: Path) -> LavaRunError:
-    """The error of a process, called ``what``, that ended with ``code`` and without a word."""
-    if code < 0:
+    def watched_start(self: mp_process.BaseProcess) -> None:
+        part = _part_of(self)
+        if not part:  # the memory manager, the first process of a run
+            _forget_networks()
+        children.look()  # starting one reaps those that have ended
+        start(self)
+        children.add(self, part)
+
+    def told_run(self: mp_process.BaseProcess) -> None:
+        part = _part_of(self)
+        stacks = tell_stacks(folder, part or self.name)
         try:
-            name = signal.Signals(-code).name
-        except ValueError:
-            name = f"signal {-code}"
-        reason = f"was killed ({name})"
-        remedy = "if memory ran out, free some or run less at once; then run it again"
-        if -code in (signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT, signal.SIGILL, signal.SIGFPE):
-            reason, remedy = f"crashed ({name})", "a compiled part is at fault: install numba and lava-nc again"
-    else:
-        reason, remedy = f"ended itself with exit code {code} and no result", "let it raise an error or return"
-    return _failure(f"{what} {reason}; {remedy}", "its log", _log(folder))
+            run(self)
+        except SystemExit as error:
+            if part:  # Lava neither ends with it nor says so; a memory manager ends with it
+                record_exception(folder, error, part)
+            raise
+        except BaseException as error:
+            record_exception(folder, error, part or self.name)
+            raise
+        finally:
+            stacks.unlink(missing_ok=True)
 
+    def told_thread(args: Any) -> None:
+        if args.exc_type is not SystemExit and args.exc_value is not None:
+            name = args.thread.name if args.thread is not None else "?"
+            record_exception(folder, args.exc_value, f"thread {name} of {mp_process.current_process().name}")
 
-def of_timeout(target: str, seconds: float, folder: Path) -> LavaRunError:
-    """The error of a run that took too long."""
-    said = f"{target} did not end within {seconds:g} s and was stopped; allow more time or run less at once"
-    return _failure(said, "where its processes stood", "\n".join([*_stacks(folder), _log(folder)]))
+    vars_of_process: Any = mp_process.BaseProcess
+    vars_of_process.start, vars_of_process.run = watched_start, told_run
+    threading.excepthook = told_thread
+    threading.Thread(target=children.watch, name="lava-vpr-watch", daemon=True).start()

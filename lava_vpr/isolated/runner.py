@@ -8,7 +8,9 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +18,8 @@ from numpy.typing import NDArray
 
 from lava_vpr.errors import LavaRunError
 from lava_vpr.interrupts import held
-from lava_vpr.isolated import first_failure, job_folder, lifetime
-from lava_vpr.isolated.child import waited
-from lava_vpr.isolated.worker import STACKS
+from lava_vpr.isolated import failures, first_failure, job_folder, lifetime
+from lava_vpr.isolated.child import started, waited
 from lava_vpr.storage.temporary import temporary_folder
 
 LOOK = 0.03  # seconds between two looks at the worker
@@ -62,18 +63,28 @@ def run_isolated(
     text = json.dumps(dict(options or {}))
     with temporary_folder() as folder:
         _check_length(folder)
-        worker: subprocess.Popen[bytes] | None = None
-        try:
-            reader = job_folder.ProgressReader(folder)
-            with held():  # a worker that is started is known
-                worker = _start(folder)
+        reader = job_folder.ProgressReader(folder)
+        with _worker(folder) as worker:
             _write_job(folder, target, arrays, text)  # now, so that the worker removes it should we be killed meanwhile
-            _wait(worker, folder, target, timeout, end, reader, progress)
-            return job_folder.load_arrays(folder / "results")
-        finally:
-            with held():
-                if worker is not None:
-                    _end(worker, folder)
+
+            def poll() -> int | None:
+                code = waited(worker, LOOK)
+                done = reader.new()
+                if done and progress is not None:
+                    progress(done)
+                return None if code is None else 128 - code if code > 128 else code
+
+            failure = first_failure.awaited(folder, partial(_answered, folder), poll, end)
+            if failure is None:
+                return job_folder.load_arrays(folder / "results")
+            if not failure:
+                _ask_stacks(folder)
+            raise failures.error_of(failure, target, timeout, folder)
+
+
+def _answered(folder: Path, code: int | None) -> bool:
+    """Whether the worker has ended with results and no failure was noted."""
+    return code == 0 and (folder / "results").exists() and first_failure.recorded(folder) is None
 
 
 def _check_length(folder: Path) -> None:
@@ -98,63 +109,37 @@ def _write_job(folder: Path, target: str, arrays: Mapping[str, NDArray[Any]], op
         raise LavaRunError(f"{folder}: cannot be written ({reason}); free space there or set TMPDIR") from error
 
 
-def _start(folder: Path) -> subprocess.Popen[bytes]:
-    """The worker, with our search path for modules, in a session of its own that Ctrl-C does not reach."""
+@contextmanager
+def _worker(folder: Path) -> Iterator[subprocess.Popen[Any]]:
+    """The worker, with our search path for modules; at the end of the block it has ended, with all below it."""
     paths = [os.path.abspath(path) for path in sys.path if os.path.exists(path or ".")]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+    words = [sys.executable, "-m", "lava_vpr.isolated.worker", folder, str(os.getpid())]
+    worker: subprocess.Popen[Any] | None = None
     try:
-        with (folder / "log").open("ab") as log:
-            return subprocess.Popen(
-                [sys.executable, "-m", "lava_vpr.isolated.worker", str(folder), str(os.getpid())],
-                cwd=folder,
-                env=environment,
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=log,
-                start_new_session=True,
-            )
+        with (
+            (folder / "log").open("ab") as log,
+            started(words, GRACE, cwd=folder, env=environment, stdout=log, stderr=log) as worker,
+        ):
+            yield worker
     except OSError as error:
+        if worker is not None:
+            raise
         raise LavaRunError(
             f"{sys.executable}: cannot be started ({error}); free memory or end other programs"
         ) from error
-
-
-def _wait(
-    worker: subprocess.Popen[bytes],
-    folder: Path,
-    target: str,
-    timeout: float,
-    end: float,
-    reader: job_folder.ProgressReader,
-    progress: Callable[[int], None] | None,
-) -> None:
-    """Wait until there are results.
-
-    Raises:
-        LavaVprError: there will be none.
-    """
-    while True:
-        code = waited(worker, LOOK)  # before the files are looked at: none is missed
-        done = reader.new()
-        if done and progress is not None:
-            progress(done)
-        recorded = first_failure.recorded(folder)
-        if recorded is not None:
-            raise first_failure.of_record(recorded, target, folder)
-        if code is not None:
-            if (folder / "results").exists() and code == 0:
-                return
-            raise first_failure.of_end(f"{target}: its process", 128 - code if code > 128 else code, folder)
-        if time.monotonic() > end:
-            _ask_stacks(folder)
-            raise first_failure.of_timeout(target, timeout, folder)
+    finally:
+        with held():
+            if worker is not None and worker.returncode < 0:  # killed: it could not see to it itself
+                lifetime.end_group(_group(folder))
+            lifetime.remove_shared_memory(folder.name)
 
 
 def _ask_stacks(folder: Path) -> None:
     """Let each process write where it stands."""
-    lifetime.signal_group(_group(folder), STACKS)
+    lifetime.signal_group(_group(folder), first_failure.STACKS)
     end = time.monotonic() + TELL
-    while time.monotonic() < end and not first_failure.all_stacks(folder):
+    while time.monotonic() < end and not failures.all_stacks(folder):
         time.sleep(LOOK)
 
 
@@ -164,17 +149,3 @@ def _group(folder: Path) -> int:
         return int((folder / "group").read_text(encoding="ascii") or 0)
     except OSError:
         return 0
-
-
-def _end(worker: subprocess.Popen[bytes], folder: Path) -> None:
-    """End the worker and all below it."""
-    if worker.poll() is None:
-        worker.terminate()
-        try:
-            worker.wait(GRACE)
-        except subprocess.TimeoutExpired:
-            worker.kill()
-            worker.wait()
-    if worker.returncode < 0:  # killed: it could not see to it itself
-        lifetime.end_group(_group(folder))
-    lifetime.remove_shared_memory(folder.name)

@@ -22,7 +22,7 @@ from support.common import children
 from support.lava.lava_traces import Place
 
 from lava_vpr.errors import LavaRunError, LavaVprError, NetworkLimitError
-from lava_vpr.isolated import runner
+from lava_vpr.isolated import first_failure
 from lava_vpr.isolated.runner import run_isolated
 
 SOON = 10.0  # seconds from an event to the end
@@ -230,7 +230,7 @@ def test_it_takes_too_long(place: Place, target: str, stands: str, monkeypatch: 
     """A model sleeps for an hour; the runner's clock goes forward by as much."""
     late = [0.0]
     clock = SimpleNamespace(monotonic=lambda: time.monotonic() + late[0], sleep=time.sleep)
-    monkeypatch.setattr(runner, "time", clock)
+    monkeypatch.setattr(first_failure, "time", clock)
     options = {"what": "sleep", "when": 1}
     error = failed(place, target, options, lambda: late.__setitem__(0, 3600.0))
     said = (
