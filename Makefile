@@ -52,7 +52,7 @@ lint: $(STAMP) ## ruff, mypy, and which room imports which (Python 3.10)
 	@$(MAKE) --no-print-directory links
 	@$(BIN)/mypy .typing/lava_vpr
 	@cd .typing && ../$(BIN)/lint-imports --config ../pyproject.toml --no-cache --no-logo
-	@cd deploy/programs && for board in kapoho_bay loihi2; do MYPYPATH=common:$$board \
+	@cd deploy/programs && for board in kapoho_bay loihi2; do MYPYPATH=common:$$board:../../lava_vpr/isolated \
 		../../$(BIN)/mypy --config-file ../../pyproject.toml --cache-dir ../../.mypy_cache --explicit-package-bases common $$board || exit 1; done
 
 format: $(STAMP) ## Format the code

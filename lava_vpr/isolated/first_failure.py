@@ -1,7 +1,7 @@
-"""The first failure of a run of Lava, noted in a file by the process in which it happens, and waited for by the caller.
+"""The first failure of a run of Lava, noted by the process where it happens, and awaited by the caller.
 
-Lava catches what a model raises, logs it below its own log level and waits for ever; and it waits for ever for a process
-that was killed.
+Lava catches what a model raises, logs it below its own log level and waits for ever. It also waits for ever for a
+process that was killed.
 
 A bundle for Loihi 2 holds a copy of this file, which needs the standard library alone.
 """

@@ -69,14 +69,23 @@ def _kill_group(group: int, number: int = signal.SIGKILL) -> bool:
     return True
 
 
-def signal_group(group: int, number: int) -> None:
-    """Send a signal to every process of a group, if there is any; 0 is no group."""
+def group_of(folder: Path) -> int:
+    """The process group of the work in ``folder``, or 0 if it has not begun."""
+    try:
+        return int((folder / "group").read_text(encoding="ascii") or 0)
+    except OSError:
+        return 0
+
+
+def signal_work(folder: Path, number: int) -> None:
+    """Send a signal to every process of the work in ``folder``, if it has begun."""
+    group = group_of(folder)
     if group:  # to the system, 0 is our own
         _kill_group(group, number)
 
 
-def _end_descendants(group: int, number: int, limit: float) -> bool:
-    """Signal ``group`` and all children, adopted ones too, and reap them; False if there are some after ``limit`` s."""
+def _end_descendants(group: int, number: int, limit: float) -> None:
+    """Signal ``group`` and all children, adopted ones too, and reap them, for at most ``limit`` seconds."""
     end = time.monotonic() + limit
     while time.monotonic() < end:
         _kill_group(group, number)
@@ -87,9 +96,8 @@ def _end_descendants(group: int, number: int, limit: float) -> bool:
             while os.waitpid(-1, os.WNOHANG) != (0, 0):
                 pass
         except ChildProcessError:
-            return True
+            return
         time.sleep(PAUSE)
-    return False
 
 
 def _dead(group: int) -> bool:
@@ -104,17 +112,15 @@ def _dead(group: int) -> bool:
     return readable
 
 
-def end_group(group: int, limit: float = LONGEST) -> bool:
-    """Kill ``group``, none a child of ours; False if there are some after ``limit`` seconds. 0 is no group."""
-    end = time.monotonic() + limit
-    while group and _kill_group(group) and not _dead(group):
-        if time.monotonic() > end:
-            return False
+def clear(folder: Path, code: int) -> None:
+    """End what a keeper that has ended with ``code`` has left of the work in ``folder``, if it was killed."""
+    group, end = group_of(folder) if code < 0 else 0, time.monotonic() + LONGEST
+    while group and _kill_group(group) and not _dead(group) and time.monotonic() < end:
         time.sleep(PAUSE)
-    return True
+    _remove_shared_memory(folder.name)
 
 
-def remove_shared_memory(name: str) -> None:
+def _remove_shared_memory(name: str) -> None:
     """Remove the segments and semaphores whose names begin with ``name``, which nobody else's do."""
     for pattern in (f"{name}-*", f"sem.{name}-*"):
         for path in SHARED_MEMORY.glob(pattern):
@@ -192,7 +198,7 @@ def keep(folder: Path, caller: int, work: Callable[[], int], grace: float = 0.0)
     finally:
         _end_descendants(pid, signal.SIGTERM, grace)
         _end_descendants(pid, signal.SIGKILL, LONGEST)
-        remove_shared_memory(folder.name)
+        _remove_shared_memory(folder.name)
         if os.getppid() != caller:
             shutil.rmtree(folder, ignore_errors=True)
     if code is None:

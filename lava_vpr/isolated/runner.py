@@ -114,7 +114,7 @@ def _worker(folder: Path) -> Iterator[subprocess.Popen[Any]]:
     """The worker, with our search path for modules; at the end of the block it has ended, with all below it."""
     paths = [os.path.abspath(path) for path in sys.path if os.path.exists(path or ".")]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
-    words = [sys.executable, "-m", "lava_vpr.isolated.worker", folder, str(os.getpid())]
+    words: list[str | Path] = [sys.executable, "-m", "lava_vpr.isolated.worker", folder, str(os.getpid())]
     worker: subprocess.Popen[Any] | None = None
     try:
         with (
@@ -129,23 +129,14 @@ def _worker(folder: Path) -> Iterator[subprocess.Popen[Any]]:
             f"{sys.executable}: cannot be started ({error}); free memory or end other programs"
         ) from error
     finally:
-        with held():
-            if worker is not None and worker.returncode < 0:  # killed: it could not see to it itself
-                lifetime.end_group(_group(folder))
-            lifetime.remove_shared_memory(folder.name)
+        if worker is not None:
+            with held():
+                lifetime.clear(folder, worker.returncode)
 
 
 def _ask_stacks(folder: Path) -> None:
     """Let each process write where it stands."""
-    lifetime.signal_group(_group(folder), first_failure.STACKS)
+    lifetime.signal_work(folder, first_failure.STACKS)
     end = time.monotonic() + TELL
     while time.monotonic() < end and not failures.all_stacks(folder):
         time.sleep(LOOK)
-
-
-def _group(folder: Path) -> int:
-    """The process group of the work, or 0 if it has not begun."""
-    try:
-        return int((folder / "group").read_text(encoding="ascii") or 0)
-    except OSError:
-        return 0

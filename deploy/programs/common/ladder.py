@@ -75,7 +75,7 @@ def unwritten(path: str, error: OSError) -> Refused:
     return Refused("input", "{}: cannot be written ({}); name another file".format(path, error.strerror))
 
 
-def keep(path: str, report: dict) -> str:
+def kept(path: str, report: dict) -> str:
     """Write the file; the last line to print.
 
     Raises:

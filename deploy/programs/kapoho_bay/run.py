@@ -44,7 +44,7 @@ try:
     from board_network import TARGET, TITLE, Bundle, Network
     from bundle_files import intact
     from command_line import parsed, parser
-    from ladder import climb, keep, see_to
+    from ladder import climb, kept, see_to
     from outcome import GRACE, Results, Watchdog, fail
     from references import check_biases, check_queries, compare, fewest, first_places
     from refusals import Refused, interrupt, told
@@ -189,7 +189,7 @@ def ladder(network: Network, options: argparse.Namespace) -> str:
         "one reference": lambda: self_test(network, fewest(network.bundle.array("host/labels.npy")), options),
         "all references": lambda: self_test(network, 0, options),
     }
-    return keep(options.ladder, climb(climbed, ask, shape, references, about))
+    return kept(options.ladder, climb(climbed, ask, shape, references, about))
 
 
 def check(network: Network, simulate: bool) -> str:

@@ -166,17 +166,18 @@ def on_cpu(process: Any, base: type) -> bool:
 
 
 class Player:
-    """The network in Lava, and how a batch is presented to it."""
+    """The network in Lava, and how a batch is presented to it; ``seen`` counts the steps that were read out."""
 
-    def __init__(self, parameters: dict[str, Any], arrays: Arrays, options: dict[str, Any]):
+    def __init__(self, arrays: Arrays, options: dict[str, Any], seen: NDArray[np.int64]) -> None:
         from lava.proc.lif.process import LIF
 
         self.rates, self.keys, weights = arrays["rates"], arrays["keys"], arrays["weights"]
+        parameters = options["parameters"]
         self.level = parameters["level"]
         self.steps, self.silent = parameters["steps"], parameters["silent_steps"]
         self.simulate, interval = options["simulate"], self.steps + self.silent
         batch, inputs = min(options["batch"], len(self.rates)), weights.shape[1]
-        self.counts, self.seen = shared((len(self.rates), len(weights)), np.int32), shared((1,), np.int64)
+        self.counts, self.seen = shared((len(self.rates), len(weights)), np.int32), seen
         self.first, self.started = shared((1,), np.int64), False
         self.inputs, self.profiler = parameters["inputs"], None
         if options.get("power"):

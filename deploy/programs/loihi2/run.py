@@ -29,6 +29,7 @@ import json
 import os
 import signal
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -40,15 +41,16 @@ try:
         look(__file__, "loihi2", sys.argv[1:])
     from bundle_files import intact, read_files, read_manifest
     from command_line import parsed, parser
-    from ladder import climb, keep, see_to
+    from ladder import climb, kept, see_to
     from lava_network import VENDOR
     from lava_worker import work
+    from lifetime import keep
     from query_files import Results, load_queries, load_references, named_array
     from references import compare, fewest
     from refusals import Refused, interrupt
     from rungs import Rung, rungs
     from small_network import small_network
-    from worker_process import run
+    from worker_process import GRACE, run
 except Exception as damage:
     place = os.path.dirname(os.path.abspath(__file__))
     sys.exit(f"{place}: is damaged ({damage}); deploy the model again or fetch an intact copy")
@@ -146,7 +148,7 @@ def ladder(files: dict[str, bytes], network: dict[str, int], args: argparse.Name
     }
     parameters = json.loads(files["network/parameters.json"])
     shape = int(parameters["steps"]), int(parameters["silent_steps"])
-    return keep(args.ladder, climb(climbed, ask, shape, references, about))
+    return kept(args.ladder, climb(climbed, ask, shape, references, about))
 
 
 def main(words: list[str]) -> int:
@@ -179,7 +181,6 @@ def main(words: list[str]) -> int:
 
 if __name__ == "__main__":
     if sys.argv[1:2] == ["--worker"]:
-        code = work(Path(sys.argv[2]))
-        sys.stdout.flush()
-        os._exit(code)  # Lava's own ending can wait for ever
+        given = Path(sys.argv[2])
+        sys.exit(keep(given, int(sys.argv[3]), partial(work, given), GRACE))
     sys.exit(main(sys.argv[1:]))

@@ -14,7 +14,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from support.boards import host_programs, kapoho_board
-from support.boards.host_programs import SOURCES
 from support.boards.kapoho_board import Board, altered, answers, child, load_program, write_queries
 from support.boards.kapoho_bundles import LAYOUTS, Made, layout, make, plan_by_hand, random_network
 from support.common.small_models import small_model
@@ -22,6 +21,7 @@ from support.common.small_models import small_model
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.bundle.deployment import deploy
+from lava_vpr.deploy.bundle.programs import PROGRAMS
 from lava_vpr.deploy.registers.core_images import core_images
 from lava_vpr.deploy.registers.synapse_memory import unpack
 from lava_vpr.deploy.registers.synapses import Format
@@ -62,7 +62,7 @@ def test_the_program_needs_python_3_6_and_numpy_only() -> None:
 
 
 def test_the_chips_program_and_the_host_number_alike(program: Any) -> None:
-    text, packets = (SOURCES / "kapoho_bay" / "embedded.c").read_text(), program.packets
+    text, packets = (PROGRAMS / "kapoho_bay" / "embedded.c").read_text(), program.packets
     enums = [re.findall(r"LV_(\w+)", body) for body in re.findall(r"enum \{(.*?)\}", text, re.DOTALL)]
     kinds, words, faults = enums[0], enums[1], enums[2]
     assert [getattr(packets, name) for name in kinds] == list(range(1, 8))

@@ -263,7 +263,7 @@ def test_leaves_and_relays_stand_on_the_board(tmp_path: Path) -> None:
     [
         ("raise", "NxSdkRuntimeService: ConnectionError: the board does not answer any more"),
         pytest.param(
-            "exit", r"a process of Lava's \(SystemProcess-\d+\) ended with code 9; run again", marks=pytest.mark.slow
+            "exit", r"a process of Lava's \(NxSdkRuntimeService\) ended with code 9; run again", marks=pytest.mark.slow
         ),
         ("pause", r"queries 2 to 3: the read-out covers \d+ of 64 steps; run them again, and see to the board"),
     ],
@@ -312,7 +312,7 @@ def test_a_temporary_folder_has_a_short_path(run: Any, monkeypatch: pytest.Monke
     long = tmp_path / ("x" * 60)
     long.mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(long))
-    with pytest.raises(run.refusals.Refused) as caught, run.worker_process.job({}, {}, {}):
+    with pytest.raises(run.refusals.Refused) as caught, run.worker_process.job({}, {}):
         pass
     assert str(caught.value) == f"{long}: too long a path for Lava's sockets; set TMPDIR to a shorter one"
     assert caught.value.stage == "start"

@@ -12,14 +12,12 @@ from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
-SOURCES = Path(__file__).parents[3] / "deploy" / "programs"
+from lava_vpr.deploy.bundle import programs
 
 
 def files(board: str) -> dict[str, bytes]:
     """What ``program/`` of a bundle holds, by name."""
-    paths = [path for folder in ("common", board) for path in (SOURCES / folder).iterdir() if path.is_file()]
-    assert len({path.name for path in paths}) == len(paths)
-    return {path.name: path.read_bytes() for path in paths}
+    return {Path(name).name: data for name, data in programs.program_files(board).items()}
 
 
 def flat(board: str, folder: Path) -> Path:
