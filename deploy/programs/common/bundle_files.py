@@ -11,6 +11,7 @@ from typing import Any
 
 from refusals import Refused
 
+MANIFEST, FORMAT, VERSION = "manifest.json", "lava-vpr bundle", 1
 AGAIN = "deploy the model again or fetch an intact copy"
 
 
@@ -43,18 +44,17 @@ def read_manifest(folder: str) -> dict:
     Raises:
         Refused: missing, altered or something else.
     """
-    name = "manifest.json"
     try:
-        manifest = dict(json.loads(read(folder, name).decode()))
+        manifest = dict(json.loads(read(folder, MANIFEST).decode()))
         rest = {key: value for key, value in manifest.items() if key != "sha256"}
         own = digest(json.dumps(rest, sort_keys=True, separators=(",", ":"), allow_nan=False).encode())
         sealed = manifest["sha256"]
         [manifest[key] for key in ("format", "version", "target", "network")]
         [(facts["bytes"], facts["sha256"]) for facts in manifest["files"].values()]
     except (ValueError, KeyError, TypeError, AttributeError):
-        raise bad(folder, name, "is not a bundle's manifest") from None
+        raise bad(folder, MANIFEST, "is not a bundle's manifest") from None
     if own != sealed:
-        raise bad(folder, name, "was altered (checksum differs)")
+        raise bad(folder, MANIFEST, "was altered (checksum differs)")
     return manifest
 
 
@@ -72,20 +72,6 @@ def read_files(folder: str, manifest: dict) -> dict:
     return files
 
 
-def intact(folder: str, target: str) -> str:
-    """That all files are as they were written, in words.
-
-    Raises:
-        Refused: one is missing or altered, or they are for another board.
-    """
-    manifest = read_manifest(folder)
-    files = read_files(folder, manifest)
-    if manifest["target"] != target:
-        raise bad(folder, "manifest.json", "is for {}, not for {}".format(manifest["target"], target))
-    sizes = sum(len(data) for data in files.values())
-    return "intact: {} files, {} bytes, all as their checksums say".format(len(files), sizes)
-
-
 def array_of(data: bytes) -> Any:
     """The array in the content of a ``.npy`` file.
 
@@ -95,3 +81,45 @@ def array_of(data: bytes) -> Any:
     import numpy as np  # only here: files are checked without it
 
     return np.asarray(np.load(io.BytesIO(data), allow_pickle=False))
+
+
+class Bundle:
+    """The files around a host program, every one as its checksum says.
+
+    Raises:
+        Refused: missing, altered or for another board.
+    """
+
+    def __init__(self, folder: str, target: str) -> None:
+        self.folder, self.manifest = folder, read_manifest(folder)
+        self.files = read_files(folder, self.manifest)
+        kind = [self.manifest[key] for key in ("format", "version", "target")]
+        if kind != [FORMAT, VERSION, target]:
+            wanted = "is {} {} for {}, not {} {} for {}".format(*kind, FORMAT, VERSION, target)
+            raise bad(folder, MANIFEST, wanted)
+
+    def intact(self) -> str:
+        """That all files are as they were written, in words."""
+        sizes = sum(len(data) for data in self.files.values())
+        return "intact: {} files, {} bytes, all as their checksums say".format(len(self.files), sizes)
+
+    def numbers(self, *names: str) -> list:
+        """Numbers of the network, as the manifest has them."""
+        try:
+            return [int(self.manifest["network"][name]) for name in names]
+        except (KeyError, TypeError, ValueError):
+            raise bad(self.folder, MANIFEST, "does not describe the network") from None
+
+    def array(self, name: str) -> Any:
+        """The array in a file."""
+        try:
+            return array_of(self.files[name])
+        except (KeyError, ValueError, EOFError, OSError):
+            raise bad(self.folder, name, "is missing or no array") from None
+
+    def json(self, name: str) -> dict:
+        """The value in a file."""
+        try:
+            return dict(json.loads(self.files[name].decode()))
+        except (KeyError, ValueError):
+            raise bad(self.folder, name, "is missing or no JSON") from None

@@ -1,10 +1,10 @@
-"""The options that all host programs have."""
+"""The command line of every host program."""
 
 import argparse
 
 
 def parser(board: str) -> argparse.ArgumentParser:
-    """They, for the bundle of a board."""
+    """What reads the options that every host program takes."""
     own = argparse.ArgumentParser(description=f"Run this bundle on {board}.")
     what = own.add_mutually_exclusive_group(required=True)
     what.add_argument("--check", action="store_true", help="everything but the board")

@@ -7,7 +7,7 @@ import importlib.util
 import os
 import sys
 
-from bundle_files import intact
+from bundle_files import Bundle
 from refusals import Refused
 
 
@@ -18,7 +18,7 @@ def look(program: str, target: str, words: list) -> None:
         return
     if "--check" in words:
         try:
-            print(intact(bundle_of(program), target))
+            print(Bundle(bundle_of(program), target).intact())
         except Refused as error:
             sys.exit(str(error))
     sys.exit("{} has no numpy; install it for this Python: pip install numpy".format(sys.executable))

@@ -15,9 +15,10 @@ import numpy as np
 import board_power
 from board_link import Link
 from board_network import Core, Network
-from outcome import GRACE, Results, Watchdog
 from packets import CHUNK, READY
 from refusals import Refused, told
+from result_files import Results
+from watchdog import GRACE, Watchdog
 
 IDLE = 2  # phase in which a compartment integrates
 ATTEMPTS, PAUSE, START_SECONDS = 3, 0.5, 120.0

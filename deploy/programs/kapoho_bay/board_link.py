@@ -70,7 +70,7 @@ class Link:
 
     def begin(self, queries: int, first: int) -> None:
         """Announce a run."""
-        self._send(BEGIN, 0, 0, [[self.network.bundle.fingerprint]], (queries, first))
+        self._send(BEGIN, 0, 0, [[self.network.fingerprint]], (queries, first))
 
     def send_settings(self, query: Query, number: int) -> None:
         """Bias and membrane of every input compartment of this chip."""

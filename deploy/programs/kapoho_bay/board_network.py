@@ -1,51 +1,16 @@
 """The network in the bundle as the board and this program need it: tables, registers, synapses unpacked."""
 
-import json
 import re
 
 import numpy as np
 
-from bundle_files import AGAIN, array_of, bad, read_files, read_manifest
+from bundle_files import AGAIN, Bundle
 from packets import ROOM
 from refusals import Refused
 
-TITLE, TARGET = "Kapoho Bay", "kapoho-bay"
 WEIGHT_CODES, INDEX_CODES = (0, 1, 2, 3, 4, 5, 6, 8), (0, 6, 7, 8, 9, 10, 11, 12)
 REGISTER_BITS = 9  # of a weight: 8 and sign
 COUNTER_UNIT = 128  # what a spike adds to the membrane of its counter: a weight of 2, in units of 2^6
-
-
-class Bundle:
-    """The files around this program, every one as its checksum says.
-
-    Raises:
-        Refused: missing, altered or for another board.
-    """
-
-    def __init__(self, folder: str) -> None:
-        self.folder, self.manifest = folder, read_manifest(folder)
-        self.files = read_files(folder, self.manifest)
-        target, claimed = self.manifest["target"], str(self.manifest["sha256"])
-        if target != TARGET:
-            raise self._bad("manifest.json", f"is for {target}, not for {TITLE}")
-        self.fingerprint = int(claimed[:8], 16) - (1 << 32 if int(claimed[0], 16) > 7 else 0)
-
-    def _bad(self, name: str, what: str) -> Refused:
-        return bad(self.folder, name, what)
-
-    def array(self, name: str) -> np.ndarray:
-        """The array in a file."""
-        try:
-            return array_of(self.files[name])
-        except (KeyError, ValueError, EOFError, OSError):
-            raise self._bad(name, "is missing or no array") from None
-
-    def json(self, name: str) -> dict:
-        """The value in a file."""
-        try:
-            return dict(json.loads(self.files[name].decode()))
-        except (KeyError, ValueError):
-            raise self._bad(name, "is missing or no JSON") from None
 
 
 class Core:
@@ -105,15 +70,15 @@ class Network:
     """Everything about the network that the board and this program need."""
 
     def __init__(self, bundle: Bundle) -> None:
-        self.bundle, scalars = bundle, bundle.manifest["network"]
+        self.bundle, claimed = bundle, str(bundle.manifest["sha256"])
+        self.fingerprint = int(claimed[:8], 16) - (1 << 32 if int(claimed[0], 16) > 7 else 0)
+        self.inputs, self.neurons = bundle.numbers("inputs", "neurons")
+        self.steps, self.silent = bundle.numbers("steps", "silent_steps")
+        self.regular, self.bias_input = (bool(number) for number in bundle.numbers("regular", "bias_input"))
         try:
-            numbers = {name: int(scalars[name]) for name in ("inputs", "neurons", "steps", "silent_steps")}
-            self.regular, self.bias_input = bool(scalars["regular"]), bool(scalars["bias_input"])
             self.host_spikes = int(bundle.manifest["limits"]["host_spikes"])
         except (KeyError, TypeError, ValueError):
-            raise Refused("bundle", bundle.folder + ": its manifest does not describe the network; " + AGAIN) from None
-        self.inputs, self.neurons, self.steps = numbers["inputs"], numbers["neurons"], numbers["steps"]
-        self.silent = numbers["silent_steps"]
+            raise Refused("bundle", bundle.folder + ": its manifest has no limit of host spikes; " + AGAIN) from None
         self.adapted = False  # whether each query brings biases of its own
         folders = sorted({name.rsplit("/", 1)[0] for name in bundle.files if name.startswith("cores/")})
         self.cores = [Core(bundle, folder) for folder in folders]

@@ -46,7 +46,7 @@ def header(network: Network, chip: int, core_id: Callable[[int], int]) -> str:
     axons[injection[:, 0], np.searchsorted(targets, injection[:, 2])] = injection[:, 3]
     to_chip, from_chip = channel_names(chip)
     numbers = {
-        "FINGERPRINT": network.bundle.fingerprint,
+        "FINGERPRINT": network.fingerprint,
         "STEPS": network.steps,
         "SILENT": network.silent,
         "BIAS_INPUT": int(network.bias_input),

@@ -151,6 +151,7 @@ def small_network(network: Network, forms: Forms, rung: Rung, own: Optional[dict
     places[:, 2] = np.arange(n)
     return SimpleNamespace(
         bundle=network.bundle,
+        fingerprint=network.fingerprint,
         inputs=inputs,
         neurons=n,
         steps=network.steps,

@@ -20,11 +20,10 @@ import numpy as np
 import first_failure
 import job_folder
 import lifetime
-from bundle_files import read
+from bundle_files import array_of, read
 from lava_network import Arrays
-from query_files import Results, named_array
 from refusals import Refused
-from result_files import put
+from result_files import Results, put
 
 LOOK, GRACE, START_SECONDS = 0.02, 3.0, 600.0  # seconds; Intel's compiler may take minutes
 SLOWEST, FOLDER_LIMIT = 40.0, 75  # steps a second; bytes, as Lava adds 32 and a socket's path holds 107
@@ -75,14 +74,16 @@ def run(files: dict[str, bytes], arrays: Arrays, args: argparse.Namespace, resul
     args.batch = n if args.power else args.batch
     parameters = json.loads(files["network/parameters.json"])
     options = {"batch": args.batch, "simulate": args.simulate, "power": bool(args.power), "parameters": parameters}
-    network = {name: named_array(files[f"network/{name}.npy"], name) for name in ("weights", "bias")}
+    network = {name: array_of(files[f"network/{name}.npy"]) for name in ("weights", "bias")}
     interval = int(parameters["steps"] + parameters["silent_steps"])
     with job(network | arrays, options) as folder, started(folder) as worker:
         for start in range(0, n, args.batch):
             end = min(n, start + args.batch)
             seconds = args.timeout or (START_SECONDS if start == 0 else 60) + (end - start) * interval / SLOWEST
             wait(worker, folder, f"batch-{start}.npy", seconds, f"queries {start} to {end - 1}")
-            results.add(start, named_array(read(str(folder), f"batch-{start}.npy"), "answer").astype(np.int32))
+            for number, row in enumerate(array_of(read(str(folder), f"batch-{start}.npy")), start):
+                results.put(number, row)
+            results.save()
         if args.power:
             wait(worker, folder, "power.json", args.timeout or 60, "power")
             put(args.power, json.loads((folder / "power.json").read_bytes()))

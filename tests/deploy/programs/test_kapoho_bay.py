@@ -91,7 +91,8 @@ def test_input_is_the_encoders(program: Any, key: int, inputs: int, steps: int) 
 @pytest.mark.parametrize("dense", [0.0, 0.5, 1.0])
 def test_words_are_unpacked_as_they_were_packed(program: Any, tmp_path: Path, dense: float, signed: bool) -> None:
     plan = layout("apart", random_network(inputs=150, neurons=10, signed=signed), dense)
-    network = program.board_network.Network(program.board_network.Bundle(str(make(tmp_path, plan).path)))
+    bundle = program.bundle_files.Bundle(str(make(tmp_path, plan).path), "kapoho-bay")
+    network = program.board_network.Network(bundle)
     for image in core_images(plan):
         core = network.of[image.chip, image.core]
         known = image.registers["synapseFmt"]
