@@ -9,8 +9,6 @@ import pytest
 from support.boards import kapoho_board
 from support.boards.kapoho_board import Board
 
-from lava_vpr.deploy.hardware.table import BELIEFS
-
 board = kapoho_board.board
 
 
@@ -27,25 +25,6 @@ def nxsdk(board: Board) -> Any:
 def core_of(nxsdk: Any, synapses: int = 4) -> Any:
     made = nxsdk.N2Board(1, 2, [2, 1], [[synapses, synapses], [synapses]])
     return made, made.n2Chips[0].n2CoresAsList[0]
-
-
-def test_more_probes_than_a_chip_has_counters_are_refused(nxsdk: Any) -> None:
-    made, core = core_of(nxsdk)
-    most = BELIEFS["spike counters of a chip"].value
-    made.monitor.probe(core.cxState, list(range(most)), "spike")
-    made.monitor.probe(made.n2Chips[1].n2CoresAsList[0].cxState, [0], "spike")  # another chip has its own
-    with pytest.raises(nxsdk.error, match=r"All the Spike Counters are being Used: .* 513 is more than 512 \(unproven"):
-        made.monitor.probe(made.n2Chips[0].n2CoresAsList[1].cxState, [0], "spike")
-
-
-def test_a_probe_takes_the_arguments_that_public_programs_give(nxsdk: Any) -> None:
-    made, core = core_of(nxsdk)
-    for more in ((), {"probeCondition": object()}):
-        with pytest.raises(nxsdk.error, match=r"takes three arguments \(nengo-loihi 1.1.0 .*builder.py:511\)"):
-            made.monitor.probe(core.cxState, [0], "spike", **more) if more else made.monitor.probe(
-                core.cxState, [0], "spike", object()
-            )
-    assert made.monitor.probes == []
 
 
 @pytest.mark.parametrize(

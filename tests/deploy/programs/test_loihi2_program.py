@@ -19,8 +19,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from support.boards import host_programs
 from support.boards.loihi2_bundles import (
     AGAIN,
@@ -40,8 +38,6 @@ from support.lava.small_networks import SMALL_LIMITS, limits
 
 from lava_vpr.deploy.bundle import folder as bundle_folder
 from lava_vpr.deploy.bundle.folder import json_bytes
-from lava_vpr.encoding import draw_spikes
-from lava_vpr.engine.inference import bias_input
 from lava_vpr.engine.inference.fixed import count_spikes
 from lava_vpr.engine.inference.neuron_bias import bias_registers, held_biases
 
@@ -51,8 +47,6 @@ WAYS: dict[str, dict[str, Any]] = {
     "bias": {"bias_input": True, "signed": True},
 }
 """How the networks of the bundles differ, by name."""
-
-QUICK = settings(deadline=None, max_examples=25, derandomize=True)
 
 
 @pytest.fixture(scope="module")
@@ -71,22 +65,6 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 def run(tmp_path_factory: pytest.TempPathFactory) -> Any:
     """The modules of the program, by name; they import neither Lava nor lava_vpr by that."""
     return host_programs.load(host_programs.flat("loihi2", tmp_path_factory.mktemp("flat") / "program"))
-
-
-# The program's own numbers
-
-
-@QUICK
-@given(key=st.integers(0, 2**64 - 1), steps=st.integers(1, 9), inputs=st.integers(1, 30), seed=st.integers(0, 99))
-def test_the_program_draws_what_the_host_draws(run: Any, key: int, steps: int, inputs: int, seed: int) -> None:
-    rates = np.random.default_rng(seed).integers(0, 65536, inputs).astype(np.uint16)
-    rates[::5] = 65535
-    assert np.array_equal(run.input_draws.draw_spikes(rates, key, steps), draw_spikes(rates, key, steps))
-    for own, wanted in zip(run.input_draws.biases(rates, bias_input.LEVEL), bias_input.biases(rates), strict=True):
-        assert np.array_equal(own, wanted)
-    assert np.array_equal(
-        run.input_draws.phases(key, inputs, bias_input.LEVEL), bias_input.start_membranes(key, inputs)
-    )
 
 
 def test_the_program_stands_alone() -> None:
@@ -127,55 +105,23 @@ def test_what_is_missing_is_said_in_one_line(run: Any, monkeypatch: pytest.Monke
         assert refusal(run) == "lava-nc 0.10 needs Python 3.10, this is 3.11.4; run this program with Python 3.10"
 
 
-def test_an_altered_bundle_is_not_run(made: dict[str, Path], tmp_path: Path) -> None:
-    own = tmp_path / "bundle"
-
-    def said(name: str, data: bytes | None) -> str:
-        shutil.rmtree(own, ignore_errors=True)
-        shutil.copytree(made["injected"], own)
-        (own / name).unlink() if data is None else (own / name).write_bytes(data)
-        code, text = program(own, "--check", "--simulate")
-        assert code == 1
-        return text
-
-    weights = bytearray((made["injected"] / "network" / "weights.npy").read_bytes())
-    weights[-1] ^= 1
-    differs = f"was altered (checksum differs){AGAIN}"
-    assert said("network/weights.npy", bytes(weights)) == f"{own}/network/weights.npy: {differs}"
-    missing = f"{own}/host/keys.npy: cannot be read (No such file or directory){AGAIN}"
-    assert said("host/keys.npy", None) == missing
-    manifest = json.loads((made["injected"] / "manifest.json").read_bytes())
-    changed = json_bytes(manifest | {"target": "kapoho-bay"})
-    assert said("manifest.json", changed) == f"{own}/manifest.json: {differs}"
-    assert said("manifest.json", b"[]") == f"{own}/manifest.json: is not a bundle's manifest{AGAIN}"
+def test_a_bundle_for_another_board_is_not_run(made: dict[str, Path], tmp_path: Path) -> None:
+    own = shutil.copytree(made["injected"], tmp_path / "bundle")
+    manifest = json.loads((own / "manifest.json").read_bytes())
     other = {key: value for key, value in manifest.items() if key != "sha256"} | {"target": "kapoho-bay"}
-    resealed = json_bytes(other | {"sha256": bundle_folder.self_digest(other)})
-    assert said("manifest.json", resealed) == (
-        f"{own}/manifest.json: is lava-vpr bundle 1 for kapoho-bay, not lava-vpr bundle 1 for loihi2{AGAIN}"
+    (own / "manifest.json").write_bytes(json_bytes(other | {"sha256": bundle_folder.self_digest(other)}))
+    assert program(own, "--check", "--simulate") == (
+        1,
+        f"{own}/manifest.json: is lava-vpr bundle 1 for kapoho-bay, not lava-vpr bundle 1 for loihi2{AGAIN}",
     )
 
 
-@pytest.mark.slow
-def test_queries_that_do_not_fit_are_refused(made: dict[str, Path], tmp_path: Path) -> None:
+def test_queries_that_are_not_there_are_refused(made: dict[str, Path], tmp_path: Path) -> None:
     words = ("--queries", tmp_path, "--out", tmp_path / "out", "--simulate")
     missing = f"{tmp_path}/rates.npy: cannot be read (No such file or directory); write the queries there"
     assert program(made["injected"], *words) == (1, missing)
-    np.save(tmp_path / "rates.npy", np.zeros((2, 3), np.uint16))
-    np.save(tmp_path / "keys.npy", np.zeros(2, np.uint64))
-    assert program(made["injected"], *words) == (
-        1,
-        f"{tmp_path}: rates.npy is uint16 (2, 3), but must be uint16 (n, 24)",
-    )
-    np.save(tmp_path / "rates.npy", np.zeros((0, 24), np.uint16))
-    assert program(made["injected"], *words) == (1, f"{tmp_path}: keys.npy is uint64 (2,), but must be uint64 (0,)")
-    np.save(tmp_path / "keys.npy", np.zeros(0, np.uint64))
-    assert program(made["injected"], *words) == (0, "0 of 0 queries answered")
-    assert answers(tmp_path / "out")[2] == {"done": 0, "of": 0, "stage": None, "error": None}
+    assert answers(tmp_path / "out")[2] == {"done": 0, "of": 0, "stage": "input", "error": missing}
     assert program(made["injected"], "--queries", tmp_path)[0] == 2
-    assert program(made["injected"], "--self-test", "1", "--simulate") == (
-        1,
-        "the first 1 references are not all of any place; present more",
-    )
 
 
 # The program in Lava's simulation, and on the stand-in
@@ -361,22 +307,3 @@ def test_a_network_on_the_cpu_is_refused(made: dict[str, Path], tmp_path: Path) 
         "Loihi2HwCfg would run on the CPU: Dense (PyDenseModelFloat), Dense (PyDenseModelFloat), "
         "Dense (PyDenseModelFloat); install lava-loihi for lava-nc 0.10"
     )
-
-
-def test_counts_that_differ_fail_the_self_test(run: Any) -> None:
-    """A place is the sum of all its images; a place of which some are not among those presented is not compared."""
-    counts, labels = np.array([[1, 2], [3, 4], [5, 6]], np.int32), np.array([0, 1, 0])
-    responses = np.array([[6, 3, 9], [8, 4, 9]], np.int32)
-    assert (
-        run.references.compare(counts, labels, np.array([0, 1]), responses)
-        == "equal: 3 references, 4 counts, 21 spikes of exc"
-    )
-    responses[1, 0] = 7
-    assert (
-        run.references.compare(counts, labels, np.array([1]), responses)
-        == "equal: 3 references, 2 counts, 7 spikes of exc"
-    )
-    with pytest.raises(run.refusals.Refused) as caught:
-        run.references.compare(counts, labels, np.array([0, 1]), responses)
-    assert str(caught.value) == ("self-test: neuron 1 counts 8 spikes for place 0 instead of 7; 1 of 4 counts differ")
-    assert caught.value.stage == "result"

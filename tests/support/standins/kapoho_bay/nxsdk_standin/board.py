@@ -15,7 +15,6 @@ from nxsdk.graph.processes.phase_enums import Phase
 from nxsdk_standin.channels import Channel, Traffic
 from nxsdk_standin.cores import Chip
 from nxsdk_standin.faults import FAULTS, StandinError
-from nxsdk_standin.monitor import Monitor
 from nxsdk_standin.simulation import Machine, check_axons
 from nxsdk_standin.snips import Snip
 
@@ -44,7 +43,7 @@ class N2Board:
         if not 1 <= n_chips <= 2 or max(n_cores_per_chip) > 128:
             raise StandinError("Kapoho Bay has two chips of 128 cores")
         self.n2Chips = [Chip(i, row) for i, row in enumerate(n_synapses_per_core)]
-        self.monitor, self.executor = Monitor(), Executor()
+        self.executor = Executor()
         self.snips: list[Snip] = []
         self.channels: list[Channel] = []
         self.traffic = Traffic()

@@ -33,13 +33,6 @@ class Axon(NamedTuple):
     axon: int
 
 
-class CxState:
-    """What a probe is put on."""
-
-    def __init__(self, core: Core) -> None:
-        self.core = core
-
-
 class Core:
     """One core."""
 
@@ -66,7 +59,6 @@ class Core:
         self.numUpdates = Register(where + "numUpdates", fields_of("numUpdates"))
         self.dendriteTimeState = Array(where + "dendriteTimeState", 1, fields_of("dendriteTimeState"))
         self.timeState = Array(where + "timeState", 1, fields_of("timeState"))
-        self.cxState = CxState(self)
         self.axons: list[Axon] = []
 
     def createDiscreteAxon(self, srcCxId: int, dstChipId: int, dstCoreId: int, dstSynMapId: int) -> None:
