@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import click
@@ -25,18 +24,18 @@ from lava_vpr.cli.evaluate import command_line
 from lava_vpr.cli.outputs import Outputs, write_json
 from lava_vpr.cli.show.clusters import cluster_at, cluster_option
 from lava_vpr.cli.train import settings, with_front_end
-from lava_vpr.cluster.tasks import Standing, Told
 from lava_vpr.config import PRESETS, Config
 from lava_vpr.encoding import Keep
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
+from lava_vpr.experiments.task import Route
 from lava_vpr.inputs.views import STRAIGHT
 from lava_vpr.matching.evaluation import truth_from_indices
 from lava_vpr.storage.text import shown
 from lava_vpr.studies.registry import STUDIES
-from lava_vpr.studies.run import CALLED, Studied, planned, run
+from lava_vpr.studies.run import Studied, planned, run
 from lava_vpr.studies.show.values import as_json, table
-from lava_vpr.studies.study import Asked, Route
+from lava_vpr.studies.study import Asked
 from lava_vpr.training.door import check_references
 from lava_vpr.training.standard import fitted, settings_for
 from lava_vpr.traverse import Traverse, open_traverse, open_traverses
@@ -118,9 +117,7 @@ def study(
     config, route = _route(learned, asked, config, tolerance)
     row, said = STUDIES[name], Asked(route, config, seeds, values)
     with cluster_at(address) as cluster, progress_bar(f"study {name}", len(planned(row, said))) as advance:
-        found = run(
-            row, said, jobs=jobs or cores(), cluster=cluster, command=command_line(ctx), progress=_told(advance)
-        )
+        found = run(row, said, jobs=jobs or cores(), cluster=cluster, command=command_line(ctx), advance=advance)
     _tell(found, json_path, page)
 
 
@@ -137,18 +134,6 @@ def _route(learned: list[Traverse], asked: Traverse, config: Config, tolerance: 
     (queries,) = encode_in_views(asked, config.encoder, (STRAIGHT,), kept, standard)
     order = np.arange(len(queries))
     return config, Route(tuple(references), queries, truth_from_indices(order, order, tolerance), standard)
-
-
-def _told(advance: Callable[[int, str], None]) -> Told:
-    """What moves the bar of a study as its tasks are done."""
-    done = 0
-
-    def told(standing: Standing) -> None:
-        nonlocal done
-        advance(standing.done - done, f"{standing.called}, {standing.workers} workers" if standing.workers else CALLED)
-        done = standing.done
-
-    return told
 
 
 def _tell(found: Studied, json_path: Path | None, page: Path | None) -> None:

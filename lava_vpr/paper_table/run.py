@@ -11,7 +11,7 @@ from lava_vpr.datasets.layouts import DATASETS, Dataset
 from lava_vpr.errors import InputError
 from lava_vpr.experiments import grid
 from lava_vpr.experiments.grid import Advance, ignored
-from lava_vpr.experiments.spread import Spread
+from lava_vpr.experiments.rows import Spread
 from lava_vpr.paper_table.methods import DESCRIPTORS, METHODS, NETWORKS, Method
 from lava_vpr.paper_table.printed import printed
 from lava_vpr.paper_table.sections import Figures, Section, Task, kept_in, measure, read

@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 
+from lava_vpr.config import Config
 from lava_vpr.configfile import update
 from lava_vpr.deploy.compression.compression import requantised
 from lava_vpr.errors import ConfigError
+from lava_vpr.experiments.rows import Outcome
+from lava_vpr.experiments.task import FACTS, Route, learned, measure
 from lava_vpr.gate import integer_config
-from lava_vpr.studies.measuring import learned, whole
-from lava_vpr.studies.study import Asked, Outcome, Point, Route, Study, Task
+from lava_vpr.studies.study import Asked, Point, Study, Task
 
 SECTIONS = 8
 """A number of places is measured on so many sections of the route at most."""
@@ -45,54 +47,44 @@ def sections(places: int, number: int) -> list[tuple[int, int]]:
     return [(start, start + number) for start in starts]
 
 
-def place_tasks(asked: Asked) -> list[Task]:
-    """A model of each section, for each number of places and each seed."""
-    tasks = []
-    for number in _place_numbers(asked):
-        for seed in asked.seeds:
-            point = Point(f"{number:,}", update(asked.config, {"seed": seed}), number)
-            tasks += [asked.task([point], seed, part) for part in sections(asked.route.places, number)]
-    return tasks
+def place_points(asked: Asked, config: Config) -> list[list[Point]]:
+    """A model of each section, for each number of places."""
+    return [
+        [Point(f"{number:,}", config, number, part)]
+        for number in _place_numbers(asked)
+        for part in sections(asked.route.places, number)
+    ]
 
 
-def neuron_tasks(asked: Asked) -> list[Task]:
-    """A model for each number of neurons a place and each seed."""
-    tasks = []
-    for value in asked.values or NEURONS.values:
-        for seed in asked.seeds:
-            config = update(asked.config, {"seed": seed, "network": {"neurons": 0, "neurons_per_place": float(value)}})
-            tasks.append(asked.task([Point(f"{value:g}", config, value)], seed))
-    return tasks
+def neuron_points(asked: Asked, config: Config) -> list[list[Point]]:
+    """A model for each number of neurons a place."""
+    return [
+        [Point(f"{value:g}", update(config, {"network": {"neurons": 0, "neurons_per_place": float(value)}}), value)]
+        for value in asked.values or NEURONS.values
+    ]
 
 
 def measure_learned(route: Route, task: Task) -> list[Outcome]:
-    """Learn each point, and ask it the queries."""
-    outcomes = []
-    for point in task.points:
-        model = learned(route, point.config)
-        covered = model.training["places_covered"] / model.places
-        outcomes.append(whole(route, task, point, model, neurons=model.neurons, covered=covered))
-    return outcomes
+    """Learn the point, and ask it the queries."""
+    (point,) = task.points
+    model = learned(route, point.config)
+    facts = {"neurons": model.neurons, "covered": model.training["places_covered"] / model.places}
+    return [point.outcome(task.seed, {**measure(model, route, whole=task.first), FACTS: facts})]
 
 
-def requantised_tasks(key: str, study: str, asked: Asked) -> list[Task]:
-    """One learned model for each seed, quantised anew with every value of the setting ``network.key``."""
-    tasks = []
-    for seed in asked.seeds:
-        config = integer_config(update(asked.config, {"seed": seed}), f"the study {study}")
-        values = asked.values or BY_SETTING[key].values
-        points = [Point(f"{v:g}", update(config, {"network": {key: int(v)}}), v) for v in values]
-        tasks.append(asked.task([Point("", config), *points], seed))
-    return tasks
+def requantised_points(key: str, study: str, asked: Asked, config: Config) -> list[list[Point]]:
+    """One learned model, quantised anew with every value of the setting ``network.key``."""
+    config = integer_config(config, f"the study {study}")
+    values = asked.values or BY_SETTING[key].values
+    return [[Point("", config), *(Point(f"{v:g}", update(config, {"network": {key: int(v)}}), v) for v in values)]]
 
 
 def measure_requantised(route: Route, task: Task) -> list[Outcome]:
     """Learn the first point once; quantise what it learned anew for the others, and ask each the queries."""
-    source, outcomes = learned(route, task.points[0].config), []
-    for point in task.points[1:]:
-        model = requantised(replace(source, config=point.config))
-        outcomes.append(whole(route, task, point, model))
-    return outcomes
+    source, *points = task.points
+    model = learned(route, source.config)
+    made = ((point, requantised(replace(model, config=point.config))) for point in points)
+    return [point.outcome(task.seed, measure(one, route, whole=task.first)) for point, one in made]
 
 
 PLACES_STUDY = Study(
@@ -100,7 +92,7 @@ PLACES_STUDY = Study(
     title="Number of places",
     varied="places",
     values=PLACES,
-    tasks=place_tasks,
+    points=place_points,
     measure=measure_learned,
     note=f"A model of so many places; where the route has more, the mean of sections that hold all of it, "
     f"up to {SECTIONS}, evenly spread. covered: places that some neuron responds to most.",
@@ -110,7 +102,7 @@ NEURONS = Study(
     title="Number of neurons",
     varied="neurons a place",
     values=(0.5, 0.75, 1, 1.5, 2, 3),
-    tasks=neuron_tasks,
+    points=neuron_points,
     measure=measure_learned,
     note="Excitatory neurons for each place (network.neurons_per_place), learned anew for each number. covered: places "
     "that some neuron responds to most.",
@@ -122,7 +114,7 @@ BITS = Study(
     title="Bits of a weight",
     varied="bits",
     values=(1, 2, 3, 4, 5, 6, 7),
-    tasks=partial(requantised_tasks, "weight_bits", "bits"),
+    points=partial(requantised_points, "weight_bits", "bits"),
     measure=measure_requantised,
     costed=True,
     note="One learned model for each seed, quantised anew; a sign takes a bit more. All else is as the settings say.",
@@ -132,7 +124,7 @@ STEPS = Study(
     title="Steps of a query",
     varied="steps",
     values=(8, 16, 32, 64, 128, 256),
-    tasks=partial(requantised_tasks, "steps", "steps"),
+    points=partial(requantised_points, "steps", "steps"),
     measure=measure_requantised,
     costed=True,
     note="One learned model for each seed, asked in queries of so many steps, the silent ones included. All else is as "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,16 +15,31 @@ from lava_vpr.configfile import update
 from lava_vpr.encoding import query_rates
 from lava_vpr.engine.random import presentation_key, uniform
 from lava_vpr.errors import ConfigError
+from lava_vpr.experiments.rows import Figures, Outcome
+from lava_vpr.experiments.task import (
+    FACTS,
+    MODELLED,
+    NETWORK,
+    Costs,
+    Route,
+    baselines,
+    counted,
+    judged_scores,
+    learned,
+    modelled,
+    references_counted,
+)
 from lava_vpr.gate import integer_config
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.matching import decoders, ensembles
 from lava_vpr.matching.certainty import best
 from lava_vpr.matching.hyperactive import calibrated_theta, foreign_images, hyperactive, without
 from lava_vpr.model import Model, decode
-from lava_vpr.studies.measuring import baselines, counted, judged_scores, learned, modelled, references_counted
-from lava_vpr.studies.study import Asked, Costs, Outcome, Point, Route, Study, Task
+from lava_vpr.studies.study import Asked, Point, Study, Task
 from lava_vpr.training.calibration import ALTERED, altered
 
+SEEDED, SHUFFLED = "other seeds", "other seeds and orders"
+"""How the members of an ensemble differ."""
 REPEATS = 2
 """Each reference is altered so often to calibrate theta_hyper."""
 
@@ -117,9 +133,9 @@ def _scored(
     return decoders.decode(decoder, kept, without(counts, removed), gamma=gamma)
 
 
-def hyperactive_tasks(asked: Asked) -> list[Task]:
-    """For each seed, and each number of places of a module, networks apart and one network."""
-    tasks = []
+def hyperactive_points(asked: Asked, config: Config) -> list[list[Point]]:
+    """For each number of places of a module, networks apart and one network."""
+    points = []
     for value in asked.values or HYPERACTIVE.values:
         size = int(value)
         if not 2 <= size < asked.route.places:
@@ -127,12 +143,11 @@ def hyperactive_tasks(asked: Asked) -> list[Task]:
                 f"modules of {size} places, but the route has {asked.route.places}; choose --values of at least 2, "
                 "below that"
             )
-        for seed in asked.seeds:
-            config = integer_config(update(asked.config, {"seed": seed, "stretch": size}), "the study hyperactive")
-            if len(config.views.views) > 1:
-                raise ConfigError("the study hyperactive takes one view; set views.shifts and views.scales to 1")
-            tasks.append(asked.task([Point(f"modules of {size}", config, size)], seed))
-    return tasks
+        cut = integer_config(update(config, {"stretch": size}), "the study hyperactive")
+        if len(cut.views.views) > 1:
+            raise ConfigError("the study hyperactive takes one view; set views.shifts and views.scales to 1")
+        points.append([Point(f"modules of {size}", cut, size)])
+    return points
 
 
 def measure_hyperactive(route: Route, task: Task) -> list[Outcome]:
@@ -145,26 +160,22 @@ def measure_hyperactive(route: Route, task: Task) -> list[Outcome]:
     outcomes = []
     for kind, modules in (("one network", as_one(whole, route)), ("apart", apart)):
         theta, removed = theta_of(modules, decoder.default, decoder.gamma)
-        for label, out, facts in (
-            ("as they are", np.zeros_like(removed), {}),
-            ("without", removed, {"theta_hyper": float(theta), "removed": float(removed.mean())}),
-        ):
+        found: Figures = {FACTS: {"theta_hyper": float(theta), "removed": float(removed.mean())}}
+        for label, out, facts in (("as they are", np.zeros_like(removed), {}), ("without", removed, found)):
             scores = _scored(modules.counts, modules.responses, out, decoder.default, decoder.gamma)
-            recall = judged_scores(decoder.default, scores, route.truth)
+            recall = judged_scores(decoder.default, scores, route.truth)._asdict()
             title = f"{point.label}, {kind}, {label}"
-            outcomes.append(Outcome(title, point.value, task.seed, recall, beside, None, facts))
+            outcomes.append(point.outcome(task.seed, {NETWORK: recall, **beside, **facts}, title))
     return outcomes
 
 
-def ensemble_tasks(asked: Asked) -> list[Task]:
-    """For each seed one task, in which each member is learned once for all sizes."""
-    tasks, sizes = [], [int(value) for value in asked.values or ENSEMBLE.values]
+def ensemble_points(asked: Asked, config: Config) -> list[list[Point]]:
+    """One task, in which each member is learned once for all sizes."""
+    sizes = [int(value) for value in asked.values or ENSEMBLE.values]
     if min(sizes) < 1:
         raise ConfigError(f"an ensemble of {min(sizes)} members; choose --values of at least 1")
-    for seed in asked.seeds:
-        config = integer_config(update(asked.config, {"seed": seed}), "the study ensemble")
-        tasks.append(asked.task([Point(f"{size}", config, size) for size in sizes], seed))
-    return tasks
+    config = integer_config(config, "the study ensemble")
+    return [[Point(f"{size} member{'s' if size > 1 else ''}", config, size) for size in sizes]]
 
 
 def member_seed(seed: int, member: int) -> int:
@@ -181,39 +192,39 @@ def measure_ensemble(route: Route, task: Task) -> list[Outcome]:
     """Recall of ensembles whose members differ in their seeds, and in the order of the places, too."""
     config = task.points[0].config
     most, decoder = max(int(point.value or 1) for point in task.points), config.decoder.default
-    beside: dict[str, Any] = {}
-    scores: dict[bool, list[NDArray[np.float64]]] = {False: [], True: []}
+    beside: Figures = {}
+    scores: dict[str, list[NDArray[np.float64]]] = {SEEDED: [], SHUFFLED: []}
     costs: list[Costs | None] = []
     for member in range(most):
         seed = member_seed(config.seed, member)
-        for shuffles in (False, True) if member else (False,):
-            order = shuffled_order(route.places, seed) if shuffles else np.arange(route.places)
+        for kind in (SEEDED, SHUFFLED) if member else (SEEDED,):
+            order = shuffled_order(route.places, seed) if kind == SHUFFLED else np.arange(route.places)
             model = learned(route.shuffled(order), update(config, {"seed": seed}))
             scored = decode(model, counted(model, route), decoder)
-            scores[shuffles].append(ensembles.in_order(scored, order))
-            if not shuffles and task.first:
+            scores[kind].append(ensembles.in_order(scored, order))
+            if kind == SEEDED and task.first:
                 costs.append(modelled(model, route))
                 beside = beside or baselines(model, route)
-    scores[True].insert(0, scores[False][0])
+    scores[SHUFFLED].insert(0, scores[SEEDED][0])
     outcomes = []
-    for shuffles, kind in ((False, "other seeds"), (True, "other seeds and orders")):
-        for point in task.points:
-            size = int(point.value or 1)
-            recall = judged_scores(decoder, ensembles.together(scores[shuffles][:size]), route.truth)
-            label = f"{size} member{'s' if size > 1 else ''}" + (f", {kind}" if size > 1 else "")
-            if size == 1 and shuffles:
-                continue
-            cost = None if shuffles else _all(costs[:size])
-            outcomes.append(Outcome(label, point.value, task.seed, recall, beside, cost))
+    for kind, point in product(scores, task.points):
+        size = int(point.value or 1)
+        if size == 1 and kind == SHUFFLED:
+            continue
+        recall = judged_scores(decoder, ensembles.together(scores[kind][:size]), route.truth)._asdict()
+        cost = _all(costs[:size]) if kind == SEEDED else {}
+        label = point.label + (f", {kind}" if size > 1 else "")
+        outcomes.append(point.outcome(task.seed, {NETWORK: recall, **beside, **cost}, label))
     return outcomes
 
 
-def _all(costs: list[Costs | None]) -> Costs | None:
+def _all(costs: list[Costs | None]) -> Figures:
     """Energy of all members, and the time of the slowest: each has a board of its own."""
     known = [cost for cost in costs if cost is not None]
     if not known or len(known) < len(costs):
-        return None
-    return Costs(sum(cost.microjoules for cost in known), max(cost.milliseconds for cost in known))
+        return {}
+    together = Costs(sum(cost.microjoules for cost in known), max(cost.milliseconds for cost in known))
+    return {MODELLED: together._asdict()}
 
 
 HYPERACTIVE = Study(
@@ -221,7 +232,7 @@ HYPERACTIVE = Study(
     title="Without hyperactive neurons",
     varied="places of a module, and how modules stand together",
     values=(25, 50),
-    tasks=hyperactive_tasks,
+    points=hyperactive_points,
     measure=measure_hyperactive,
     note="A module learns so many places and nothing else. apart: each is a network of its own, their outputs side by "
     "side, as in the follow-up papers; one network: all under one inhibition, as models are here. without: spikes of "
@@ -234,7 +245,7 @@ ENSEMBLE = Study(
     title="Ensembles",
     varied="members",
     values=(1, 2, 3, 5),
-    tasks=ensemble_tasks,
+    points=ensemble_points,
     measure=measure_ensemble,
     note="The sum of the scores of members that learned with other seeds, or also in another order of the places, so "
     "that other places compete. Energy is that of all members, time that of the slowest: each has a board.",

@@ -13,11 +13,10 @@ from support.common.commands import images, listed, run
 from support.common.daskcluster import DaskCluster
 
 from lava_vpr.cli import main
-from lava_vpr.experiments.spread import Spread
+from lava_vpr.experiments.rows import Outcome, rows
+from lava_vpr.experiments.task import MODELLED, NETWORK, Costs
 from lava_vpr.matching.figures import Recall
-from lava_vpr.studies.run import Row
 from lava_vpr.studies.show import plots
-from lava_vpr.studies.study import Costs
 
 QUICK = ("--config", "quick.toml", "--seeds", "0,1")
 
@@ -138,10 +137,15 @@ def test_wrong_usage_is_said(words: tuple[str, ...], said: str, here: Path) -> N
 @pytest.mark.parametrize("draw", [plots.curve, plots.costs])
 @pytest.mark.parametrize("recall", [(1.0, 1.0), (0.62, 1.0), (0.97, 0.99)])
 def test_no_axis_of_recall_goes_on_beyond_all(draw: Callable[..., str], recall: tuple[float, ...]) -> None:
-    rows = [
-        Row(str(k), k, {name: Spread.of({0: value}) for name in Recall._fields}, {}, Costs(k / 8, k / 16), {})
+    found = rows(
+        Outcome(
+            f"{k}",
+            k,
+            0,
+            {NETWORK: dict.fromkeys(Recall._fields, value), MODELLED: Costs(k / 8, k / 16)._asdict()},
+        )
         for k, value in enumerate(recall, start=2)
-    ]
-    ticks = [float(text) for text in re.findall(r">(\d+(?:\.\d+)?)<", draw(rows, "bits", "label"))]
+    )
+    ticks = [float(text) for text in re.findall(r">(\d+(?:\.\d+)?)<", draw(found, "bits", "label"))]
     assert max(ticks) == 100
     assert sum(tick <= 100 for tick in ticks if tick >= 90) >= 2

@@ -15,29 +15,28 @@ import pytest
 from support.common.browser import PHONE, on_phone, visit
 from support.common.small_models import encoded, small_config, tiny_paper
 
-from lava_vpr.cluster.tasks import Standing
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.boards.memory import PackedRows
 from lava_vpr.deploy.compression.compression import Changes, requantised
 from lava_vpr.errors import ConfigError
-from lava_vpr.experiments.spread import Spread
+from lava_vpr.experiments import task as measuring
+from lava_vpr.experiments.rows import Outcome, Row, Spread, rows
+from lava_vpr.experiments.task import MODELLED, NETWORK, Costs, Route, counted, learned, modelled
 from lava_vpr.matching.evaluation import evaluate
 from lava_vpr.matching.figures import Recall
 from lava_vpr.matching.hyperactive import hyperactive
 from lava_vpr.matching.matchers import confidence
 from lava_vpr.model import decode
 from lava_vpr.recognition import Comparison, recognise
-from lava_vpr.studies import measuring
 from lava_vpr.studies.decoding import BOTH, QUERIES, TRAINING
 from lava_vpr.studies.learning import sections
-from lava_vpr.studies.measuring import counted, learned, modelled
 from lava_vpr.studies.registry import STUDIES
-from lava_vpr.studies.run import Row, Shared, Studied, measured, planned, rows, run
+from lava_vpr.studies.run import Studied, measured, planned, run
 from lava_vpr.studies.several import as_one, member_seed, shuffled_order, side_by_side, theta_of
 from lava_vpr.studies.show.page import page
-from lava_vpr.studies.show.values import as_json, table
-from lava_vpr.studies.study import Asked, Outcome, Route, Task
+from lava_vpr.studies.show.values import as_json, baselines_of, table
+from lava_vpr.studies.study import Asked, Task
 
 PLACES = 8
 VALUES: dict[str, tuple[float, ...]] = {
@@ -65,7 +64,7 @@ def found(name: str) -> Studied:
 
 
 def row(name: str, point: str) -> Row:
-    (wanted,) = (one for one in found(name).rows if one.point == point)
+    (wanted,) = (one for one in found(name).rows if one.label == point)
     return wanted
 
 
@@ -80,7 +79,7 @@ def test_a_study_is_the_same_every_time_and_with_other_threads(name: str) -> Non
 def test_its_tasks_go_to_any_process(name: str) -> None:
     """Outcomes of a task that was packed and unpacked are those of the task itself."""
     task: Task = planned(STUDIES[name], asked(name))[-1]
-    shared = Shared(asked(name).route, STUDIES[name].measure)
+    shared = (asked(name).route, STUDIES[name].measure)
     function, there, again = pickle.loads(pickle.dumps((measured, shared, task)))
     assert function(there, again) == measured(shared, task)
 
@@ -88,18 +87,28 @@ def test_its_tasks_go_to_any_process(name: str) -> None:
 @pytest.mark.parametrize("name", STUDIES)
 def test_every_figure_is_a_share_and_stands_in_the_table(name: str) -> None:
     shown = table(found(name))
-    assert [cells[0] for cells in shown.rows] == [one.point for one in found(name).rows]
+    assert [cells[0] for cells in shown.rows] == [one.label for one in found(name).rows]
     assert {len(cells) for cells in shown.rows} == {len(shown.columns)}
     for one in found(name).rows:
-        assert all(0 <= value <= 1 for spread in one.network.values() for value in spread.by_seed.values())
-        assert one.baselines.keys() == {"cosine", "sad"}
-        assert list(one.network["auc"].by_seed) == [0, 3]
-    assert found(name).rows[0].network["recall_at_1"].mean > 1 / PLACES
+        assert all(0 <= value <= 1 for spread in one.figures[NETWORK].values() for value in spread.by_seed.values())
+        assert set(baselines_of(one)) == {"cosine", "sad"}
+        assert list(one.figures[NETWORK]["auc"].by_seed) == [0, 3]
+    assert found(name).rows[0].figures[NETWORK]["recall_at_1"].mean > 1 / PLACES
+
+
+def costs(one: Row) -> Costs | None:
+    """The modelled costs of a row."""
+    return Costs(*means(one, MODELLED)) if MODELLED in one.figures else None
+
+
+def means(one: Row, group: str) -> tuple[float, ...]:
+    """The means of some figures of a row."""
+    return tuple(value.mean for value in one.figures[group].values())
 
 
 def reference(one: Recall, row_: Row, seed: int) -> None:
     """``one`` are the figures of a row with a seed."""
-    assert one == Recall(*(row_.network[name].by_seed[seed] for name in Recall._fields))
+    assert one == Recall(*(row_.figures[NETWORK][name].by_seed[seed] for name in Recall._fields))
 
 
 def test_a_point_is_what_eval_says_of_such_a_model() -> None:
@@ -114,8 +123,8 @@ def test_a_point_is_what_eval_says_of_such_a_model() -> None:
         reference(three, row("weighting", "a + b + c"), seed)
         if seed == 0:
             sad = result.metrics["sad"]
-            assert row("places", "8").baselines["sad"] == (sad.recall_at_1, sad.recall_at_100_precision, sad.auc)
-            assert row("places", "8").costs == modelled(model, place)
+            assert means(row("places", "8"), "sad") == (sad.recall_at_1, sad.recall_at_100_precision, sad.auc)
+            assert costs(row("places", "8")) == modelled(model, place)
 
 
 def test_bits_and_steps_quantise_anew_what_was_learned_once() -> None:
@@ -131,8 +140,8 @@ def test_bits_and_steps_quantise_anew_what_was_learned_once() -> None:
     ):
         scores = decode(made, counted(made, place), "contrast")
         figures = evaluate(scores, confidence("contrast", scores), place.truth)
-        assert row(name, point).network["auc"].by_seed[3] == figures.auc
-    cheap, dear = row("steps", "64").costs, row("steps", "128").costs
+        assert row(name, point).figures[NETWORK]["auc"].by_seed[3] == figures.auc
+    cheap, dear = costs(row("steps", "64")), costs(row("steps", "128"))
     assert cheap is not None
     assert dear is not None
     assert cheap.milliseconds < dear.milliseconds
@@ -143,11 +152,14 @@ def test_seeds_hold_still_what_they_say() -> None:
     place, configs = route(), {seed: update(small_config(), {"seed": seed}) for seed in (0, 3)}
     both, queries, training = (row("seeds", label) for label in (BOTH, QUERIES, TRAINING))
     for name in Recall._fields:
-        assert queries.network[name].by_seed[0] == training.network[name].by_seed[0] == both.network[name].by_seed[0]
+        assert len({one.figures[NETWORK][name].by_seed[0] for one in (both, queries, training)}) == 1
     for label, model_seed, noise in ((queries, 0, 3), (training, 3, 0), (both, 3, 3)):
         model = learned(place, configs[model_seed])
         scores = decode(model, counted(model, place, noise), "contrast")
-        assert label.network["auc"].by_seed[3] == evaluate(scores, confidence("contrast", scores), place.truth).auc
+        assert (
+            label.figures[NETWORK]["auc"].by_seed[3]
+            == evaluate(scores, confidence("contrast", scores), place.truth).auc
+        )
 
 
 def test_modules_apart_are_models_of_their_own() -> None:
@@ -166,7 +178,7 @@ def test_theta_is_that_of_calibration_and_takes_out_what_it_says() -> None:
     config = update(small_config(), {"seed": 3})
     modules, _ = side_by_side(route(), config, 4)
     theta, removed = theta_of(modules, "contrast", 0.02)
-    again = row("hyperactive", "modules of 4, apart, without").facts
+    again = row("hyperactive", "modules of 4, apart, without").figures["facts"]
     assert (again["theta_hyper"].by_seed[3], again["removed"].by_seed[3]) == (theta, removed.mean())
     assert np.array_equal(removed, hyperactive((modules.references[4:, :4] > 0).sum(0), theta).tolist() + (
         hyperactive((modules.references[:4, 4:] > 0).sum(0), theta).tolist()
@@ -205,8 +217,8 @@ def test_an_ensemble_adds_up_its_members() -> None:
             turned[:, place_k] += scores[:, k]
     for label, scores in (("2 members, other seeds", total), ("2 members, other seeds and orders", turned)):
         figures = evaluate(scores, confidence("contrast", scores), place.truth)
-        assert row("ensemble", label).network["auc"].by_seed[3] == figures.auc
-    one, two = row("ensemble", "1 member").costs, row("ensemble", "2 members, other seeds").costs
+        assert row("ensemble", label).figures[NETWORK]["auc"].by_seed[3] == figures.auc
+    one, two = costs(row("ensemble", "1 member")), costs(row("ensemble", "2 members, other seeds"))
     assert one is not None
     assert two is not None
     assert two.microjoules > 1.5 * one.microjoules
@@ -235,7 +247,7 @@ def test_a_number_of_places_is_the_mean_of_itssections() -> None:
             model = learned(part, update(small_config(), {"seed": seed}))
             scores = decode(model, counted(model, part), "contrast")
             figures.append(evaluate(scores, confidence("contrast", scores), np.eye(4, dtype=bool)).auc)
-        assert row("places", "4").network["auc"].by_seed[seed] == pytest.approx(mean(figures), abs=1e-15)
+        assert row("places", "4").figures[NETWORK]["auc"].by_seed[seed] == pytest.approx(mean(figures), abs=1e-15)
 
 
 def test_spread_is_mean_and_sample_deviation() -> None:
@@ -248,12 +260,13 @@ def test_spread_is_mean_and_sample_deviation() -> None:
 
 def test_rows_stand_in_the_order_of_their_first_outcome() -> None:
     def outcome(point: str, seed: int, value: float) -> Outcome:
-        return Outcome(point, None, seed, Recall(value, value, value), {"cosine": Recall(1.0, 0.5, value)})
+        return Outcome(point, None, seed, {NETWORK: {"auc": value}, "cosine": {"auc": value}})
 
     made: Sequence[Row] = rows([outcome("b", 0, 0.5), outcome("a", 0, 1.0), outcome("b", 1, 1.0), outcome("b", 0, 1.0)])
-    assert [one.point for one in made] == ["b", "a"]
-    assert made[0].network["auc"].by_seed == {0: 0.75, 1: 1.0}
-    assert made[0].baselines["cosine"].auc == pytest.approx(2.5 / 3)
+    assert [one.label for one in made] == ["b", "a"]
+    assert made[0].figures[NETWORK]["auc"].by_seed == {0: 0.75, 1: 1.0}
+    assert made[0].mean("cosine", "auc") == 0.875
+    assert made[0].mean("sad", "auc") is None
 
 
 REFUSED = [
@@ -269,9 +282,9 @@ REFUSED = [
 
 @pytest.mark.parametrize(("name", "values", "said"), REFUSED)
 def test_points_that_cannot_be_are_refused_before_any_work(name: str, values: tuple[float, ...], said: str) -> None:
-    done: list[Standing] = []
+    done: list[int] = []
     with pytest.raises(ConfigError, match=said):
-        run(STUDIES[name], dataclasses.replace(asked(name), values=values), progress=done.append)
+        run(STUDIES[name], dataclasses.replace(asked(name), values=values), advance=lambda k, note: done.append(k))
     assert done == []
 
 
@@ -286,24 +299,24 @@ def test_what_needs_integers_refuses_the_float_model(name: str) -> None:
 def test_a_board_that_cannot_run_a_network_leaves_a_gap(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(measuring, "BOARD", dataclasses.replace(KAPOHO_BAY, memory=PackedRows(4), cores=1, chips=1))
     made = run(STUDIES["bits"], Asked(route(), small_config(), (0,), (2, 3)))
-    assert [one.costs for one in made.rows] == [None, None]
+    assert [costs(one) for one in made.rows] == [None, None]
     assert as_json(made)["points"][1]["modelled"] is None
     assert "modelled uJ" not in table(made).columns
     assert as_json(made)["points"][0]["network"]["auc"]["deviation"] is None
 
 
 def test_a_table_shows_a_gap_where_one_network_is_too_large() -> None:
-    gap = dataclasses.replace(found("bits").rows[1], costs=None)
+    whole = found("bits").rows[1]
+    gap = dataclasses.replace(whole, figures={k: v for k, v in whole.figures.items() if k != MODELLED})
     shown = table(dataclasses.replace(found("bits"), rows=(found("bits").rows[0], gap)))
     assert shown.rows[1][-2:] == ("-", "-")
 
 
 def test_progress_tells_of_every_model() -> None:
-    told: list[Standing] = []
-    run(STUDIES["places"], asked("places"), progress=told.append)
-    whole = len(planned(STUDIES["places"], asked("places")))
-    assert [standing.done for standing in told] == list(range(whole + 1))
-    assert {standing.called for standing in told} == {"models"}
+    told: list[tuple[int, str]] = []
+    run(STUDIES["places"], asked("places"), advance=lambda done, note: told.append((done, note)))
+    assert sum(done for done, _ in told) == len(planned(STUDIES["places"], asked("places")))
+    assert {note for _, note in told} == {"models"}
 
 
 @pytest.mark.parametrize("name", ["steps", "weighting"])

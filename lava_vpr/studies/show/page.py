@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from lava_vpr.experiments.task import MODELLED
 from lava_vpr.show.page import document
 from lava_vpr.show.templates import render, text
 from lava_vpr.show.text import safe
@@ -21,7 +22,7 @@ def _drawings(found: Studied) -> str:
         drawn = [
             ("Recall: means of the seeds, bars from the least to the most", plots.curve(rows, varied, safe(title)))
         ]
-    if found.study.costed and sum(row.costs is not None for row in rows) > 1:
+    if found.study.costed and sum(MODELLED in row.figures for row in rows) > 1:
         drawing = plots.costs(rows, varied, safe(f"{title}: R@1 against modelled energy and time of a query"))
         drawn.append(("Recall against modelled costs of a query", drawing))
     return "".join(render("bench_figure.html", heading=safe(heading), drawing=svg) for heading, svg in drawn)
@@ -57,12 +58,13 @@ def sheet(title: str, facts: Mapping[str, str], sections: Mapping[str, tuple[str
 
 def page(found: Studied) -> str:
     """The whole page as HTML text; equal results give equal text."""
+    asked = found.asked
     facts = {
-        "places": f"{found.places:,}",
-        "queries": f"{found.queries:,}",
-        "seeds": ", ".join(map(str, found.seeds)),
-        "preset": found.config.preset,
-        "decoder": found.config.decoder.default,
+        "places": f"{asked.route.places:,}",
+        "queries": f"{len(asked.route.queries):,}",
+        "seeds": ", ".join(map(str, asked.seeds)),
+        "preset": asked.config.preset,
+        "decoder": asked.config.decoder.default,
     }
     sections = {"Plots": ("plots", _drawings(found)), "Table": ("table", table(found).html())}
     return sheet(found.study.title, facts, sections, found.command)

@@ -8,10 +8,10 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator
 
-from lava_vpr.experiments.spread import Spread
+from lava_vpr.experiments.rows import Row, Spread
+from lava_vpr.experiments.task import MODELLED, NETWORK, Costs
 from lava_vpr.matching.figures import Recall, titles
 from lava_vpr.show.svg import THEME, Style, canvas, to_svg
-from lava_vpr.studies.run import Row
 
 WIDTH = 560
 """Width of a drawing, in CSS pixels at its natural size."""
@@ -36,6 +36,11 @@ def _extent(value: Spread) -> tuple[float, float]:
     return 100 * min(value.by_seed.values()), 100 * max(value.by_seed.values())
 
 
+def _mean(row: Row, name: str, group: str = NETWORK) -> float:
+    """The mean of a figure over seeds, in percent."""
+    return 100 * row.figures[group][name].mean
+
+
 def _in_percent(axis: Axis) -> None:
     """Let an axis of recall end just above 100 %, show ten percent at least, and no tick beyond 100."""
     low = min(90.0, *axis.get_view_interval())
@@ -56,16 +61,13 @@ def curve(rows: Sequence[Row], axis: str, label: str) -> str:
         axes.set(xscale="log")
         entries = []
         for key, text, colour, marker in KINDS:
-            axes.plot(
-                xs, [100 * row.network[key].mean for row in rows], color=THEME[colour], marker=marker, markersize=5
-            )
+            means = [_mean(row, key) for row in rows]
+            axes.plot(xs, means, color=THEME[colour], marker=marker, markersize=5)
             for x, row in zip(xs, rows, strict=True):
-                axes.plot([x, x], _extent(row.network[key]), color=THEME[colour], linewidth=3, alpha=0.45)
+                axes.plot([x, x], _extent(row.figures[NETWORK][key]), color=THEME[colour], linewidth=3, alpha=0.45)
             entries.append((text, colour, marker, "-"))
         beside = [
-            (x, 100 * row.baselines["cosine"].recall_at_1)
-            for x, row in zip(xs, rows, strict=True)
-            if "cosine" in row.baselines
+            (x, _mean(row, "recall_at_1", "cosine")) for x, row in zip(xs, rows, strict=True) if "cosine" in row.figures
         ]
         if beside:
             axes.plot(*zip(*beside, strict=True), color=THEME["c6"], linestyle="--")
@@ -73,7 +75,7 @@ def curve(rows: Sequence[Row], axis: str, label: str) -> str:
         axes.xaxis.set_major_locator(FixedLocator(xs))
         axes.xaxis.set_minor_locator(NullLocator())
         axes.xaxis.set_minor_formatter(NullFormatter())
-        axes.set_xticklabels([row.point for row in rows])
+        axes.set_xticklabels([row.label for row in rows])
         _in_percent(axes.yaxis)
         axes.set(xlabel=axis, ylabel="percent")
         _legend(axes, entries)
@@ -82,18 +84,18 @@ def curve(rows: Sequence[Row], axis: str, label: str) -> str:
 
 def costs(rows: Sequence[Row], axis: str, label: str) -> str:
     """R@1 against modelled energy and time, points named by their value."""
-    rows = [row for row in rows if row.costs is not None]
+    rows = [row for row in rows if MODELLED in row.figures]
     with Style():
         figure = canvas(WIDTH, 270)
-        for k, what in enumerate(("energy, µJ", "time, ms")):
+        for k, (name, what) in enumerate(zip(Costs._fields, ("energy, µJ", "time, ms"), strict=True)):
             axes = figure.add_axes((0.1 + 0.46 * k, 0.18, 0.42, 0.74))
             axes.grid(color=THEME["line"], linewidth=0.6, alpha=0.6)
             axes.set_axisbelow(True)
-            points = [(row.costs[k], 100 * row.network["recall_at_1"].mean, row.point) for row in rows if row.costs]
+            points = [(row.figures[MODELLED][name].mean, _mean(row, "recall_at_1"), row.label) for row in rows]
             axes.plot([x for x, _, _ in points], [y for _, y, _ in points], color=THEME["c0"], marker="o", markersize=5)
-            for number, (x, y, name) in enumerate(points):
+            for number, (x, y, point) in enumerate(points):
                 place = (4, 6 if number % 2 else -12)  # neighbours above and below
-                axes.annotate(name, (x, y), xytext=place, textcoords="offset points", fontsize=9)
+                axes.annotate(point, (x, y), xytext=place, textcoords="offset points", fontsize=9)
             axes.set(xlabel=f"modelled {what}", ylabel="R@1, %" if k == 0 else "")
             axes.margins(0.12)
             _in_percent(axes.yaxis)
@@ -105,19 +107,19 @@ def lines(rows: Sequence[Row], label: str) -> str:
     with Style():
         height = 60 + 30 * len(rows)
         figure = canvas(WIDTH, height)
-        left = min(0.55, 0.03 + 0.0112 * max(len(row.point) for row in rows))
+        left = min(0.55, 0.03 + 0.0112 * max(len(row.label) for row in rows))
         axes = figure.add_axes((left, 40 / height, 0.98 - left, 1 - 68 / height))
         axes.grid(axis="x", color=THEME["line"], linewidth=0.6, alpha=0.6)
         axes.set_axisbelow(True)
         for k, row in enumerate(rows):
             for shift, (key, _, colour, marker) in zip((-0.22, 0, 0.22), KINDS, strict=True):
-                values = [100 * value for value in row.network[key].by_seed.values()]
+                values = [100 * value for value in row.figures[NETWORK][key].by_seed.values()]
                 axes.plot(values, [k + shift] * len(values), marker, color=THEME[colour], markersize=4, alpha=0.45)
-                mean = 100 * row.network[key].mean
+                mean = _mean(row, key)
                 axes.plot([mean, mean], [k + shift - 0.11, k + shift + 0.11], color=THEME[colour], linewidth=2.4)
         axes.set(ylim=(len(rows) - 0.5, -0.5), xlabel="percent")
         _in_percent(axes.xaxis)
-        axes.set_yticks(range(len(rows)), [row.point for row in rows])
+        axes.set_yticks(range(len(rows)), [row.label for row in rows])
         axes.tick_params(axis="y", length=0, labelcolor=THEME["ink"], labelsize=9)
         top = 1 + 16 / (height - 68)
         for k, (_, text, colour, marker) in enumerate(KINDS):

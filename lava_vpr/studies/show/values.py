@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from lava_vpr.configfile import to_dict
-from lava_vpr.experiments.spread import Spread
+from lava_vpr.experiments.rows import Row, Spread
+from lava_vpr.experiments.task import BOARD, COSTED, FACTS, MODELLED, NETWORK, Costs
 from lava_vpr.matching.figures import Recall, titles
 from lava_vpr.show.numbers import NONE, figure, named, percent
 from lava_vpr.show.table import Table
-from lava_vpr.studies.measuring import BOARD, COSTED
-from lava_vpr.studies.run import Row, Studied
+from lava_vpr.studies.run import Studied
 
 SHARES = ("covered", "removed")
 """Facts that are shares, shown in percent; all others are counts."""
@@ -18,72 +18,69 @@ SHARES = ("covered", "removed")
 
 def as_json(found: Studied) -> dict[str, Any]:
     """The figures in the layout that scripts rely on: fractions in 0..1, None where nothing can be computed."""
-    settings = {key: value for key, value in to_dict(found.config).items() if key != "seed"}
+    asked = found.asked
     return {
         "study": found.study.name,
         "varied": found.study.varied,
-        "places": found.places,
-        "queries": found.queries,
-        "seeds": list(found.seeds),
+        "places": asked.route.places,
+        "queries": len(asked.route.queries),
+        "seeds": list(asked.seeds),
         "board": BOARD.name,
-        "settings": settings,
+        "settings": {key: value for key, value in to_dict(asked.config).items() if key != "seed"},
         "points": [_point(row) for row in found.rows],
     }
 
 
+def baselines_of(row: Row) -> list[str]:
+    """The groups of figures that are those of baselines."""
+    return [group for group in row.figures if group not in (NETWORK, MODELLED, FACTS)]
+
+
 def _point(row: Row) -> dict[str, Any]:
+    """A row: whatever has a deviation with its spread, all else by its mean."""
     return {
-        "point": row.point,
+        "point": row.label,
         "value": row.value,
-        "network": {name: _spread(value) for name, value in row.network.items()},
-        "baselines": {name: recall._asdict() for name, recall in row.baselines.items()},
-        "modelled": None if row.costs is None else row.costs._asdict(),
-        "facts": {name: _spread(value) for name, value in row.facts.items()},
+        NETWORK: _spreads(row, NETWORK),
+        "baselines": {name: _means(row, name) for name in baselines_of(row)},
+        MODELLED: _means(row, MODELLED) if MODELLED in row.figures else None,
+        FACTS: _spreads(row, FACTS),
     }
 
 
-def _spread(value: Spread) -> dict[str, Any]:
-    return {
-        "mean": value.mean,
-        "deviation": value.deviation,
-        "by_seed": {str(seed): one for seed, one in value.by_seed.items()},
-    }
+def _means(row: Row, group: str) -> dict[str, float]:
+    return {name: value.mean for name, value in row.figures[group].items()}
+
+
+def _spreads(row: Row, group: str) -> dict[str, Any]:
+    return {name: value.as_json() for name, value in row.figures.get(group, {}).items()}
 
 
 def table(found: Studied) -> Table:
     """The table of a study: recall with its spread over seeds, then facts, baselines and modelled costs."""
-    facts = tuple(dict.fromkeys(name for row in found.rows for name in row.facts))
-    baselines = tuple(dict.fromkeys(name for row in found.rows for name in row.baselines))
-    costed = any(row.costs is not None for row in found.rows)
-    columns = [found.study.varied, *titles(), *map(named, facts), *baselines]
+    facts = tuple(dict.fromkeys(name for row in found.rows for name in row.figures.get(FACTS, ())))
+    baselines = tuple(dict.fromkeys(name for row in found.rows for name in baselines_of(row)))
+    costs = ("modelled uJ", "modelled ms") if any(MODELLED in row.figures for row in found.rows) else ()
+    asked, study = found.asked, found.study
     lines = []
     for row in found.rows:
-        cells = [row.point, *(_share(row.network[name]) for name in Recall._fields)]
-        cells += [_fact(name, row.facts.get(name)) for name in facts]
-        cells += [_three(row.baselines.get(name)) for name in baselines]
-        if costed:
-            cells += [figure(row.costs.microjoules), figure(row.costs.milliseconds)] if row.costs else [NONE, NONE]
+        cells = [row.label, *(_share(row.figures[NETWORK][name]) for name in Recall._fields)]
+        cells += [_fact(name, row.mean(FACTS, name)) for name in facts]
+        cells += [_three(row, name) for name in baselines]
+        cells += [figure(row.mean(MODELLED, name)) for name in Costs._fields] if costs else []
         lines.append(tuple(cells))
-    several = len(found.seeds) > 1
-    note = f"Recall in percent, exact matches as the truth has them, mean of seeds {_listed(found.seeds)}"
-    note += ", ± their standard deviation." if several else "."
+    note = f"Recall in percent, exact matches as the truth has them, mean of seeds {', '.join(map(str, asked.seeds))}"
+    note += ", ± their standard deviation." if len(asked.seeds) > 1 else "."
     if baselines:
         note += f" Baselines: {' / '.join(titles())}."
-    if costed:
+    if costs:
         note += (
             f" Energy and time of a query: modelled for {BOARD.title}, nominal, dynamic, clearing included, host I/O "
-            f"not; seed {found.seeds[0]}, first {COSTED} queries."
+            f"not; seed {asked.seeds[0]}, first {COSTED} queries."
         )
-    return Table(
-        (*columns, *(("modelled uJ", "modelled ms") if costed else ())),
-        lines,
-        (note, found.study.note),
-        f"{found.study.title.lower()}: {found.queries} queries, {found.places} places, preset {found.config.preset}",
-    )
-
-
-def _listed(seeds: tuple[int, ...]) -> str:
-    return ", ".join(map(str, seeds))
+    numbers = f"{len(asked.route.queries)} queries, {asked.route.places} places, preset {asked.config.preset}"
+    columns = (study.varied, *titles(), *map(named, facts), *baselines, *costs)
+    return Table(columns, lines, (note, study.note), f"{study.title.lower()}: {numbers}")
 
 
 def _share(value: Spread) -> str:
@@ -91,13 +88,11 @@ def _share(value: Spread) -> str:
     return percent(value.mean) if value.deviation is None else f"{percent(value.mean)} ± {percent(value.deviation)}"
 
 
-def _fact(name: str, value: Spread | None) -> str:
-    if value is None:
-        return NONE
-    if name in SHARES:
-        return percent(value.mean)
-    return f"{int(value.mean):,}" if value.mean.is_integer() else figure(value.mean, 4)
+def _fact(name: str, value: float | None) -> str:
+    if value is None or name in SHARES:
+        return percent(value)
+    return f"{int(value):,}" if value.is_integer() else figure(value, 4)
 
 
-def _three(value: Recall | None) -> str:
-    return NONE if value is None else " / ".join(map(percent, value))
+def _three(row: Row, baseline: str) -> str:
+    return " / ".join(map(percent, _means(row, baseline).values())) if baseline in row.figures else NONE

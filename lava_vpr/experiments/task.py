@@ -1,8 +1,9 @@
-"""What every study measures of a model: recall of its own decoder, baselines beside, modelled costs."""
+"""A task: what a route, settings and a seed bring. It depends on nothing else, and any process can be given it."""
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,19 +17,67 @@ from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.encoding import query_rates
 from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.experiments.points import Run, figures
+from lava_vpr.inputs.encoded import EncodedTraverse
+from lava_vpr.inputs.vectors import Standard
 from lava_vpr.matching.equations import Scores
 from lava_vpr.matching.figures import Recall
 from lava_vpr.matching.held import InBlocks, hold
 from lava_vpr.model import Model
-from lava_vpr.studies.study import Costs, Outcome, Point, Route, Task
 from lava_vpr.training.loop import train
 
+NETWORK, MODELLED, FACTS = "network", "modelled", "facts"
+"""Groups of figures: of the model's own decoder, costs, and what only some tasks say; a baseline has its name."""
 BOARD: Board = KAPOHO_BAY
 """The board whose costs are modelled."""
 COSTED = 100
 """Costs are those of so many queries, the first ones."""
 BESIDE = ("cosine", "sad", "standardised")
 """The cheap baselines, of which those stand beside that the model can be compared with."""
+
+
+@dataclass(frozen=True)
+class Route:
+    """Places, as they are learned and asked.
+
+    Attributes:
+        references: Traverses of the places, each in all views of the settings, view after view.
+        queries: The queries; query i shows place i.
+        truth: Which places are correct for each query, bool (queries, places).
+        standard: What vectors were measured by when they were encoded; None of images.
+    """
+
+    references: tuple[EncodedTraverse, ...] = field(repr=False)
+    queries: EncodedTraverse = field(repr=False)
+    truth: NDArray[np.bool_] = field(repr=False)
+    standard: Standard | None = field(default=None, repr=False)
+
+    @property
+    def places(self) -> int:
+        """The number of places."""
+        return len(self.references[0])
+
+    def section(self, first: int, end: int) -> Route:
+        """The places ``first`` .. ``end`` - 1 and their queries, as a route of their own."""
+        part = slice(first, end)
+        references = tuple(reference.take(part) for reference in self.references)
+        return replace(self, references=references, queries=self.queries.take(part), truth=self.truth[part, part])
+
+    def shuffled(self, order: NDArray[np.int64]) -> Route:
+        """The same route learned in another order: its k-th place is place ``order[k]``; queries stay as they are."""
+        references = tuple(reference.take(order) for reference in self.references)
+        return replace(self, references=references, truth=self.truth[:, order])
+
+
+class Costs(NamedTuple):
+    """What a query costs on the board, modelled with nominal constants.
+
+    Attributes:
+        microjoules: Dynamic energy, clearing of states included, host I/O not.
+        milliseconds: Time on the chip, the same.
+    """
+
+    microjoules: float
+    milliseconds: float
 
 
 def learned(route: Route, config: Config) -> Model:
@@ -65,13 +114,12 @@ def judged_scores(matcher: str, scores: Scores, truth: NDArray[np.bool_]) -> Rec
     return Recall.of(hold(matcher, InBlocks.made(scores), truth).metrics)
 
 
-def baselines(model: Model, route: Route) -> dict[str, Recall]:
+def baselines(model: Model, route: Route) -> dict[str, dict[str, float]]:
     """Figures of the cheap baselines on the same images, by name."""
     names = tuple(name for name in BESIDE if name in chosen(model, None))
     rivals = Rivals(model, route.queries, query_presentations(model, route.queries), names)
-    return {
-        scored.name: Recall.of(hold(scored.matcher, scored.scores, route.truth).metrics) for scored in rivals.plain()
-    }
+    held = {scored.name: hold(scored.matcher, scored.scores, route.truth) for scored in rivals.plain()}
+    return {name: Recall.of(one.metrics)._asdict() for name, one in held.items()}
 
 
 def modelled(model: Model, route: Route) -> Costs | None:
@@ -86,14 +134,16 @@ def modelled(model: Model, route: Route) -> Costs | None:
     return Costs(found.microjoules, found.milliseconds)
 
 
-def whole(route: Route, task: Task, point: Point, model: Model, *, costed: bool = True, **facts: float) -> Outcome:
-    """All that is measured of a model at a point, with the model's own noise."""
-    return Outcome(
-        point.label,
-        point.value,
-        task.seed,
-        judged(model, counted(model, route), route.truth),
-        baselines(model, route) if task.first else {},
-        modelled(model, route) if task.first and costed else None,
-        facts,
-    )
+def measure(model: Model, route: Route, *, whole: bool = True) -> dict[str, dict[str, float]]:
+    """The figures of a model with its own noise.
+
+    Args:
+        model: A model of the route.
+        route: The route.
+        whole: Whether what hardly depends on the seed is measured, too: baselines, by name, and costs, ``modelled``.
+    """
+    found = {NETWORK: judged(model, counted(model, route), route.truth)._asdict()}
+    if not whole:
+        return found
+    costs = modelled(model, route)
+    return found | baselines(model, route) | ({} if costs is None else {MODELLED: costs._asdict()})
