@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -56,8 +55,31 @@ class Taken:
             raise InputError(f"{shown(self.source)}: has {len(whole)} images, fewer than before; start again")
         return whole.take(self.indices)
 
+    def read(self, config: Config) -> EncodedTraverse:
+        """The images as a network of ``config`` sees them, with what baselines compare."""
+        return encode_traverse(self.open(), config.encoder, Keep.ALL)
 
-class Rows(NamedTuple):
+    def digest(self) -> bytes:
+        """A hash of the files of the images, and of which frames of a video they are.
+
+        Raises:
+            InputError: a file cannot be read.
+        """
+        traverse = self.open()
+        frames = [] if traverse.frames is None else traverse.frames.tolist()
+        digest = hashlib.sha256(json.dumps([self.every, frames]).encode())
+        for path in map(Path, traverse.paths):
+            try:
+                with open_regular(path) as file:
+                    while block := file.read(1 << 20):
+                        digest.update(block)
+            except OSError as error:
+                raise InputError(f"{shown(path)}: cannot be read ({error.strerror}); check the file") from None
+        return digest.digest()
+
+
+@dataclass(frozen=True)
+class Rows:
     """Rows of a file of descriptors.
 
     Attributes:
@@ -66,15 +88,19 @@ class Rows(NamedTuple):
     """
 
     path: Path
-    rows: tuple[int, ...]
+    rows: tuple[int, ...] = field(repr=False)
 
-    def read(self) -> NDArray[np.float64]:
+    def read(self, config: Config | None = None) -> NDArray[np.float64]:
         """The rows, float64 (n, dimensions).
 
         Raises:
             InputError: as `load_descriptors`.
         """
         return np.asarray(load_descriptors(self.path)[list(self.rows)], np.float64)
+
+    def digest(self) -> bytes:
+        """A hash of the rows."""
+        return hashlib.sha256(np.ascontiguousarray(self.read()).tobytes()).digest()
 
 
 @dataclass(frozen=True)
@@ -86,9 +112,7 @@ class Task:
         section: Its number, from 1.
         network: Name of a preset, or `DESCRIPTORS`.
         seed: Of start weights and spikes.
-        references: The places, in each reference traverse; empty with `DESCRIPTORS`.
-        query: Their queries, in the same order; None with `DESCRIPTORS`.
-        descriptors: Rows of the references, traverse after traverse, and of the queries; None without them.
+        inputs: The places in each reference traverse, then their queries in the same order: images, or descriptors.
         epochs: Times that every image is shown; None: as often as the preset says.
     """
 
@@ -96,18 +120,15 @@ class Task:
     section: int
     network: str
     seed: int
-    references: tuple[Taken, ...] = ()
-    query: Taken | None = None
-    descriptors: tuple[Rows, Rows] | None = None
+    inputs: tuple[Taken, ...] | tuple[Rows, ...]
     epochs: int | None = None
 
     @property
     def config(self) -> Config:
-        """The settings of its network."""
-        config = dataclasses.replace(preset(self.network), seed=self.seed)
-        if self.epochs is None:
-            return config
-        return dataclasses.replace(config, learning=dataclasses.replace(config.learning, epochs=self.epochs))
+        """The settings of its network, or those of the default preset, of which descriptors take none."""
+        config = preset("loihi" if self.network == DESCRIPTORS else self.network)
+        epochs = config.learning.epochs if self.epochs is None else self.epochs
+        return replace(config, seed=self.seed, learning=replace(config.learning, epochs=epochs))
 
     @property
     def in_words(self) -> str:
@@ -120,16 +141,11 @@ class Section(NamedTuple):
 
     Attributes:
         task: The task.
-        references: The places, in each reference traverse, as its network sees them; empty with `DESCRIPTORS`.
-        query: Their queries, the same way; None with `DESCRIPTORS`.
-        descriptors: Of the references, traverse after traverse, and of the queries, float64 (n, dimensions); None
-            without them.
+        inputs: Its inputs: encoded traverses, or descriptors, float64 (n, dimensions).
     """
 
     task: Task
-    references: tuple[EncodedTraverse, ...] = ()
-    query: EncodedTraverse | None = None
-    descriptors: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+    inputs: tuple[Any, ...]
 
 
 class Figures(NamedTuple):
@@ -150,20 +166,15 @@ class Figures(NamedTuple):
 
 def kept_in(folder: Path | None) -> Cache[Task, dict[str, Figures]]:
     """Figures of finished sections, in a folder; None: they are not kept."""
-    digests: dict[Taken, bytes] = {}
+    digests: dict[Taken | Rows, bytes] = {}
 
     def name(task: Task) -> str:
         return f"{task.dataset}-{task.network}-{task.section:02d}-seed-{task.seed}"
 
     def key(task: Task) -> str:
-        decides = {
-            "methods": [method.matcher for method in of_network(task.network)],
-            "settings": None if task.network == DESCRIPTORS else to_dict(task.config),
-        }
-        images = [*task.references, *(() if task.query is None else (task.query,))]
-        digests.update({taken: _digest(taken) for taken in images if taken not in digests})
-        vectors = [np.ascontiguousarray(rows.read()).tobytes() for rows in task.descriptors or ()]
-        return content_key(measure, decides, *(digests[taken] for taken in images), *vectors)
+        digests.update({part: part.digest() for part in task.inputs if part not in digests})
+        matchers = [method.matcher for method in of_network(task.network)]
+        return content_key(measure, [matchers, to_dict(task.config)], *(digests[part] for part in task.inputs))
 
     return Cache(folder, name, key, _figures)
 
@@ -180,38 +191,13 @@ def _figures(values: Any) -> dict[str, Figures]:
     return found
 
 
-def _digest(taken: Taken) -> bytes:
-    """A hash of images: of their files, and of which frames of a video they are."""
-    traverse = taken.open()
-    frames = [] if traverse.frames is None else traverse.frames.tolist()
-    digest = hashlib.sha256(json.dumps([taken.every, frames]).encode())
-    for path in traverse.paths:
-        _add(digest, Path(path))
-    return digest.digest()
-
-
-def _add(digest: hashlib._Hash, path: Path) -> None:
-    """Add the bytes of a file."""
-    try:
-        with open_regular(path) as file:
-            while block := file.read(1 << 20):
-                digest.update(block)
-    except OSError as error:
-        raise InputError(f"{shown(path)}: cannot be read ({error.strerror}); check the file") from None
-
-
 def read(task: Task) -> Section:
     """A task with its images, encoded as its network sees them, or its descriptors.
 
     Raises:
         LavaVprError: images or descriptors that cannot be used.
     """
-    if task.descriptors is not None:
-        references, queries = (rows.read() for rows in task.descriptors)
-        return Section(task, descriptors=(references, queries))
-    config = task.config
-    query = None if task.query is None else _encoded(task.query, config)
-    return Section(task, tuple(_encoded(taken, config) for taken in task.references), query)
+    return Section(task, tuple(part.read(task.config) for part in task.inputs))
 
 
 def measure(section: Section) -> dict[str, Figures]:
@@ -236,26 +222,16 @@ def judged(matcher: str, scores: Scores) -> Figures:
 
 def _of_descriptors(section: Section) -> dict[str, Scores]:
     """Scores of the descriptors of another program."""
-    task = section.task
-    if section.descriptors is None:
-        raise InputError(f"{task.in_words}: there are no descriptors; give --descriptors {task.dataset}=REF,QUERY")
-    references, queries = section.descriptors
-    labels = np.arange(len(references)) % len(queries)
-    return {"descriptors": cosine_similarities(references, queries, labels)}
+    references, queries = section.inputs
+    return {"descriptors": cosine_similarities(references, queries, np.arange(len(references)) % len(queries))}
 
 
 def _of_network(section: Section) -> dict[str, Scores]:
     """Scores of a network's decoders, and of the baselines that come with it."""
-    config, references = section.task.config, list(section.references)
+    *references, queries = section.inputs
     wanted = {method.matcher for method in of_network(section.task.network)}
     rivals = tuple(name for name in BASELINES if name in wanted)
-    queries = references[0] if section.query is None else section.query
-    model = train(references, config)
+    model = train(references, section.task.config)
     found = recognise(model, queries, np.eye(model.places, dtype=np.bool_), Comparison(rivals=rivals))
     own = {name: decode(model, found.counts, name) for name in wanted - set(rivals)}
     return {**own, **{name: found.scores[name] for name in rivals}}
-
-
-def _encoded(taken: Taken, config: Config) -> EncodedTraverse:
-    """Images as the network sees them, with what baselines compare."""
-    return encode_traverse(taken.open(), config.encoder, Keep.ALL)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -56,10 +57,10 @@ class Source:
         """What is learned and recognised, in words."""
         return f"{' and '.join(self.learned)} learned, {self.recognised} recognised"
 
-    def taken(self, traverse: int, section: int) -> Taken:
-        """The images of a section in a traverse."""
-        chosen = self.traverses[traverse].take(range(*self.dataset.section(section)))
-        return Taken(chosen.source, self.every, tuple(chosen.indices.tolist()))
+    def taken(self, section: int) -> tuple[Taken, ...]:
+        """The images of a section in each traverse."""
+        chosen = [traverse.take(range(*self.dataset.section(section))) for traverse in self.traverses]
+        return tuple(Taken(part.source, self.every, tuple(part.indices.tolist())) for part in chosen)
 
 
 def official(name: str, root: Path, positions: Sequence[Path] = ()) -> Source:
@@ -165,27 +166,17 @@ def tasks(
     Raises:
         InputError: descriptors that cannot be used, or that are not one for each image.
     """
-    name = source.dataset.name
+    inputs: Callable[[int], tuple[Taken, ...] | tuple[Rows, ...]]
     if network != DESCRIPTORS:
-        last = len(source.traverses) - 1
-        return [
-            Task(
-                name,
-                number,
-                network,
-                seed,
-                tuple(source.taken(traverse, number) for traverse in range(last)),
-                source.taken(last, number),
-                epochs=epochs,
-            )
-            for number in sections
-        ]
-    if descriptors is None:
+        inputs = source.taken
+    elif descriptors is None:
         return []
-    return [Task(name, number, network, 0, descriptors=_rows(source, number, descriptors)) for number in sections]
+    else:
+        inputs, seed, epochs = partial(_rows, source, descriptors), 0, None
+    return [Task(source.dataset.name, number, network, seed, inputs(number), epochs) for number in sections]
 
 
-def _rows(source: Source, section: int, files: tuple[Path, Path]) -> tuple[Rows, Rows]:
+def _rows(source: Source, files: tuple[Path, Path], section: int) -> tuple[Rows, Rows]:
     """Rows of descriptors of a section: references, traverse after traverse, and queries.
 
     A file has a row for each place, or one for each image of the whole traverses; of references the traverses follow
