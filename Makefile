@@ -58,8 +58,8 @@ lint: $(STAMP) ## ruff, mypy, and which room imports which (Python 3.10)
 format: $(STAMP) ## Format the code
 	@$(BIN)/ruff format . && $(BIN)/ruff check --fix .
 
-bench: recall ## All benchmarks that need nothing beyond real images
-	@$(BIN)/python -m benchmarks.speed
+bench: recall ## Recall on real images, and the time of a query from its command to its answer
+	@$(BIN)/python -m benchmarks commands.startup
 
 results: $(STAMP) ## Compute the figures of docs/results.md that are out of date, and write them down (LAVA_VPR_DATA)
 	@$(BIN)/python -m benchmarks.results
@@ -68,7 +68,7 @@ pages: $(STAMP) ## Write the parts of README and docs that records and code deci
 	@$(BIN)/python -m scripts.pages
 
 recall: images $(STAMP) ## Recall on real images (LAVA_VPR_DATA)
-	@$(BIN)/python -m benchmarks.recall
+	@$(BIN)/python -m benchmarks recall decoders
 
 .venv-peers/.installed: pyproject.toml requirements/lock.txt benchmarks/peers/requirements.txt
 	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-peers
@@ -116,7 +116,7 @@ test-dl: .venv-torch/.installed ## The tests of learning by SLAYER and of NetX, 
 	@.venv-torch/bin/python -m pytest tests/training tests/exchange -k 'slayer or netx' --timeout 1800
 
 learning: images .venv-torch/.installed ## Five kinds of learning side by side (LAVA_VPR_DATA; the environment of ci-torch)
-	@.venv-torch/bin/python -m benchmarks.learning.table
+	@.venv-torch/bin/python -m benchmarks learning.table
 
 nir-peers: images .venv-torch/.installed ## Exported NIR graphs in snnTorch beside the host engine (LAVA_VPR_DATA; the environment of ci-torch)
 	@.venv-torch/bin/python -m benchmarks.exchange.compare

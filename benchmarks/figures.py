@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from lava_vpr.errors import InputError
+from lava_vpr.show.table import Table
 from lava_vpr.storage.writing import write_atomically
 
 FOLDER = Path(__file__).resolve().parents[1] / "docs" / "results"
@@ -72,8 +73,7 @@ def write(name: str, figures: Figures) -> None:
 
 def markdown(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """A table of Markdown cells as a page has it."""
-    lines = [f"| {' | '.join(cells)} |".replace("|  |", "| |").replace("|  |", "| |") for cells in (columns, *rows)]
-    return "\n".join([lines[0], "|" + "---|" * len(columns), *lines[1:]])
+    return Table(columns, rows, words=len(columns)).markdown()
 
 
 def parsed(text: str) -> tuple[list[str], list[list[str]]]:

@@ -1,6 +1,6 @@
 """How fast Lava runs the network on this machine, side by side with what it is held against.
 
-    python -m benchmarks.lava_speed
+    python -m benchmarks lava_speed
 
 Two comparisons, each alternating the two sides within one run, so that what else the machine does hits both:
 
@@ -12,7 +12,6 @@ Two comparisons, each alternating the two sides within one run, so that what els
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -21,9 +20,9 @@ from lava.magma.core.run_conditions import RunSteps
 from lava.magma.core.run_configs import Loihi2SimCfg
 from lava.proc.io.source import RingBuffer
 from numpy.typing import NDArray
-from rich.console import Console
-from rich.table import Table
 
+from benchmarks.program import Figures, Made, program
+from benchmarks.timing import elapsed, turns
 from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 from lava_vpr.engine.random import image_keys, presentation_keys
@@ -43,8 +42,6 @@ SPIKES_PER_STEP = 20.0
 ACTIVE = 0.45
 """Share of the inputs that have a rate, as in real images."""
 CONFIG = {"select_tag": FIXED_TAG}
-
-console = Console(highlight=False, width=100)
 
 
 def some_network(inputs: int, neurons: int) -> FixedNetwork:
@@ -95,14 +92,8 @@ def start_library(network: FixedNetwork, n: int) -> tuple[Any, PlaceNetwork]:
 
 
 def alternate(first: Callable[[], object], second: Callable[[], object], rounds: int) -> NDArray[np.float64]:
-    """Seconds of each call, (2, rounds); after one call each, which starts and compiles."""
-    times = np.zeros((2, rounds + 1))
-    for turn in range(rounds + 1):
-        for side, run in ((0, first), (1, second)) if turn % 2 else ((1, second), (0, first)):
-            started = time.perf_counter()
-            run()
-            times[side, turn] = time.perf_counter() - started
-    return times[:, 1:]
+    """Seconds of each call, (2, rounds)."""
+    return np.array(list(turns({0: elapsed(first), 1: elapsed(second)}, rounds).values()))
 
 
 def composed_and_library(arrays: Arrays, options: dict[str, Any]) -> Arrays:
@@ -148,10 +139,10 @@ def fused_and_host(arrays: Arrays, options: dict[str, Any]) -> Arrays:
     return {"rates": np.array([[n - batch], [n]]) / times}
 
 
-def main() -> None:
-    """Print how fast our networks in Lava run beside what they are held against."""
-    table = Table("", "per second, median", "least .. most", "ratio of medians")
-    options = {"rounds": ROUNDS, "batch": BATCH, "batches": BATCHES}
+@program()
+def main() -> Made:
+    """How fast our networks in Lava run beside what they are held against."""
+    options, rows = {"rounds": ROUNDS, "batch": BATCH, "batches": BATCHES}, []
     for names, measure in (
         (("composed Processes: time steps", "Lava's library"), composed_and_library),
         (("fused Process: presentations", "host engine, one thread"), fused_and_host),
@@ -160,9 +151,5 @@ def main() -> None:
         rates = run_isolated(target, {}, options, timeout=TIMEOUT)["rates"]
         ratio = np.median(rates[0]) / np.median(rates[1])
         for name, speeds, last in zip(names, rates, (f"{ratio:.2f}", ""), strict=True):
-            table.add_row(name, f"{np.median(speeds):,.0f}", f"{speeds.min():,.0f} .. {speeds.max():,.0f}", last)
-    console.print(table)
-
-
-if __name__ == "__main__":
-    main()
+            rows.append([name, f"{np.median(speeds):,.0f}", f"{speeds.min():,.0f} .. {speeds.max():,.0f}", last])
+    yield Figures(["", "per second, median", "least .. most", "ratio of medians"], rows)

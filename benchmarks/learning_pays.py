@@ -1,33 +1,30 @@
 """Does learning pay? STDP against templates, which learn nothing, where references are not one clean image a place.
 
-    LAVA_VPR_DATA=... python -m benchmarks.learning_pays [--seeds 0,1,2]
+    LAVA_VPR_DATA=... python -m benchmarks learning_pays [--seeds 0,1,2] [--record]
 
 Templates are the mean rates of what a place's references show, by their labels; STDP sees no label: a neuron learns
 what makes it spike, and the responses to all references label it afterwards. Real scenarios are three Nordland sections
 (200:500, which the search did not see), synthetic ones the built-in world in four conditions. ``cosine`` compares a
-query's rates with those of every reference, under its label.
+query's rates with those of every reference, under its label. No neuron is recruited.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-import click
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
-from rich.table import Table
 
-from benchmarks.nordland import FOLDERS, images_of, required
-from benchmarks.results.places import TEMPLATES
-from lava_vpr.config import Config, EncoderConfig, preset
+from benchmarks.nordland import FOLDERS, images_of
+from benchmarks.places import TEMPLATES
+from benchmarks.program import Figures, Made, program, recall, seeds_option
+from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
-from lava_vpr.encoding import EncodedTraverse, activity_of, thumbnail
+from lava_vpr.encoding import EncodedTraverse, Keep, encode_arrays
 from lava_vpr.engine.threads import cores
-from lava_vpr.inputs.patches import patch_normalised
 from lava_vpr.inputs.views import View, seen_as
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.recognition import Comparison, Recognition, recognise
@@ -35,9 +32,11 @@ from lava_vpr.synthetic.world import World, render
 from lava_vpr.training.loop import train
 from lava_vpr.traverse import open_traverse
 
-Images = list[NDArray[np.uint8]]
+Image = NDArray[np.uint8]
+Random = np.random.Generator
 PLACES = 100
 SECTIONS = (200, 300, 400)
+WORLDS = (0, 1, 2)
 NOISE = 25.0
 """Standard deviation of a noisy reference's pixels, in grey levels."""
 HIDDEN = 0.25
@@ -49,12 +48,11 @@ SPACING = 5.0
 """Metres between places of the synthetic world: closer than its usual ones, so that neighbours look alike."""
 SURE = 0.5
 """Share of the answers, the surest ones, that a robot learns from while it drives."""
-LEARNERS: dict[str, dict[str, Any]] = {
+LEARNERS: Mapping[str, Mapping[str, Any]] = {
     "templates": TEMPLATES,
-    "STDP": {},
-    "STDP, integer": {"arithmetic": "integer"},
+    "STDP": {"recruit": False},
+    "STDP in integers": {"recruit": False, "arithmetic": "integer"},
 }
-console = Console(highlight=False, width=120)
 
 
 class Scenario(NamedTuple):
@@ -64,41 +62,39 @@ class Scenario(NamedTuple):
         references: Traverses, place for place.
         queries: Images of the places, in order.
         tolerance: Places that an answer may be off.
-        settings: Settings of STDP's network beside the preset's.
+        neurons: STDP's neurons for each place.
         kept: Every so many places a template is kept (1: all), where there are fewer neurons than places.
+        rivals: Whether templates and cosine differ from those of the scenario before.
     """
 
-    references: list[Images]
-    queries: Images
+    references: Sequence[Sequence[Image]]
+    queries: Sequence[Image]
     tolerance: int = 0
-    settings: dict[str, Any] = {}  # noqa: RUF012 - never changed
+    neurons: float = 1.0
     kept: int = 1
+    rivals: bool = True
 
 
 @lru_cache(maxsize=8)
-def _nordland(which: int, first: int) -> tuple[NDArray[np.uint8], ...]:
+def nordland(which: int, first: int) -> tuple[Image, ...]:
+    """Summer (0) or winter (1) images of the places from ``first`` on."""
     traverse = open_traverse(images_of("nordland", FOLDERS["nordland"][which]))
     return tuple(traverse.take(range(first, first + PLACES)).images())
 
 
 @lru_cache(maxsize=16)
-def _synthetic(condition: str, seed: int) -> tuple[NDArray[np.uint8], ...]:
+def synthetic(condition: str, seed: int) -> tuple[Image, ...]:
+    """Images of a synthetic world in a condition."""
     world = World(seed=seed, places=PLACES, spacing_m=SPACING)
     return tuple(render(world, place, condition) for place in range(PLACES))
 
 
-def encoded(images: Sequence[NDArray[np.uint8]], encoder: EncoderConfig) -> EncodedTraverse:
+def encoded(images: Sequence[Image], config: Config) -> EncodedTraverse:
     """Images in memory, encoded."""
-    return EncodedTraverse(
-        tuple(f"{k:04d}" for k in range(len(images))),
-        np.arange(len(images)),
-        np.array([activity_of(image, encoder) for image in images], np.float32),
-        np.array([patch_normalised(image) for image in images], np.uint8),
-        np.array([thumbnail(image) for image in images], np.uint8),
-    )
+    return encode_arrays(images, config.encoder, keep=Keep.ALL)[0]
 
 
-def noisy(images: Sequence[NDArray[np.uint8]], rng: np.random.Generator) -> Images:
+def noisy(images: Sequence[Image], rng: Random) -> list[Image]:
     """Every image with a sensor's noise, and something that hides a part of it."""
     made = []
     for image in images:
@@ -110,7 +106,7 @@ def noisy(images: Sequence[NDArray[np.uint8]], rng: np.random.Generator) -> Imag
     return made
 
 
-def mislabelled(images: Sequence[NDArray[np.uint8]], rng: np.random.Generator) -> Images:
+def mislabelled(images: Sequence[Image], rng: Random) -> list[Image]:
     """The images, `MISLABELLED` of them in each other's places."""
     order = np.arange(len(images))
     some = rng.choice(len(images), round(MISLABELLED * len(images)), replace=False)
@@ -118,114 +114,100 @@ def mislabelled(images: Sequence[NDArray[np.uint8]], rng: np.random.Generator) -
     return [images[k] for k in order]
 
 
-def shifted(images: Sequence[NDArray[np.uint8]], rng: np.random.Generator) -> Images:
+def shifted(images: Sequence[Image], rng: Random) -> list[Image]:
     """Every image from one of three lanes, nobody says which."""
     return [seen_as(image, View(SHIFT * int(rng.integers(-1, 2)))) for image in images]
 
 
-def _clean(first: int, rng: np.random.Generator) -> Scenario:
-    return Scenario([list(_nordland(0, first))], list(_nordland(1, first)))
+def altered(first: int, rng: Random, alter: Callable[[Sequence[Image], Random], list[Image]], times: int) -> Scenario:
+    """So many traverses of a section, each altered; the queries as they are."""
+    return Scenario([alter(nordland(0, first), rng) for _ in range(times)], nordland(1, first))
 
 
-def _noisy_one(first: int, rng: np.random.Generator) -> Scenario:
-    return Scenario([noisy(_nordland(0, first), rng)], list(_nordland(1, first)))
+def lanes(first: int, rng: Random) -> Scenario:
+    """Five traverses and a query, each image from one of three lanes."""
+    made = altered(first, rng, shifted, 5)
+    return made._replace(queries=shifted(made.queries, rng))
 
 
-def _noisy_five(first: int, rng: np.random.Generator) -> Scenario:
-    return Scenario([noisy(_nordland(0, first), rng) for _ in range(5)], list(_nordland(1, first)))
+def seasons(world: int, *conditions: str) -> Scenario:
+    """A synthetic world, learned in some conditions and asked in winter."""
+    return Scenario([synthetic(condition, world) for condition in conditions], synthetic("winter", world))
 
 
-def _mislabelled_five(first: int, rng: np.random.Generator) -> Scenario:
-    return Scenario([mislabelled(_nordland(0, first), rng) for _ in range(5)], list(_nordland(1, first)))
-
-
-def _lanes(first: int, rng: np.random.Generator) -> Scenario:
-    references = [shifted(_nordland(0, first), rng) for _ in range(5)]
-    return Scenario(references, shifted(_nordland(1, first), rng))
-
-
-def _lanes_more_neurons(first: int, rng: np.random.Generator) -> Scenario:
-    return _lanes(first, rng)._replace(settings={"network": {"neurons_per_place": 3.0}})
-
-
-def _fewer(first: int, rng: np.random.Generator) -> Scenario:
-    scenario = _clean(first, rng)
-    return scenario._replace(tolerance=1, settings={"network": {"neurons_per_place": 0.5}}, kept=2)
-
-
-def _seasons(first: int, rng: np.random.Generator) -> Scenario:
-    references = [list(_synthetic(condition, first)) for condition in ("summer", "rain", "night")]
-    return Scenario(references, list(_synthetic("winter", first)))
-
-
-def _one_season(first: int, rng: np.random.Generator) -> Scenario:
-    return Scenario([list(_synthetic("summer", first))], list(_synthetic("winter", first)))
-
-
-SCENARIOS: dict[str, tuple[Callable[[int, np.random.Generator], Scenario], Sequence[int]]] = {
-    "one clean traverse": (_clean, SECTIONS),
-    "one noisy traverse, 25 % hidden": (_noisy_one, SECTIONS),
-    "five noisy traverses": (_noisy_five, SECTIONS),
-    "five traverses, 30 % mislabelled": (_mislabelled_five, SECTIONS),
-    "five traverses from three lanes, nobody says which": (_lanes, SECTIONS),
-    "the same, STDP with three neurons a place": (_lanes_more_neurons, SECTIONS),
-    "half as many neurons as places, within one place": (_fewer, SECTIONS),
-    "synthetic: summer learned, winter asked": (_one_season, (0, 1, 2)),
-    "synthetic: summer, rain and night learned, winter asked": (_seasons, (0, 1, 2)),
+SCENARIOS: Mapping[str, tuple[Callable[[int, Random], Scenario], Sequence[int]]] = {
+    "one clean traverse": (
+        lambda first, rng: Scenario([nordland(0, first)], nordland(1, first)),
+        SECTIONS,
+    ),
+    "one traverse, pixel noise of 25 grey levels, a quarter of each image hidden": (
+        lambda first, rng: altered(first, rng, noisy, 1),
+        SECTIONS,
+    ),
+    "five such traverses": (lambda first, rng: altered(first, rng, noisy, 5), SECTIONS),
+    "**five traverses, 30 % of each under a wrong label**": (
+        lambda first, rng: altered(first, rng, mislabelled, 5),
+        SECTIONS,
+    ),
+    "five traverses, each image from one of three lanes, nobody says which": (lanes, SECTIONS),
+    "the same, STDP with three neurons a place": (
+        lambda first, rng: lanes(first, rng)._replace(neurons=3.0, rivals=False),
+        SECTIONS,
+    ),
+    "half as many neurons as places, within one place (templates: of every second place)": (
+        lambda first, rng: Scenario([nordland(0, first)], nordland(1, first), tolerance=1, neurons=0.5, kept=2),
+        SECTIONS,
+    ),
+    "synthetic: summer learned, winter asked": (lambda world, rng: seasons(world, "summer"), WORLDS),
+    "synthetic: summer, rain and night learned, winter asked": (
+        lambda world, rng: seasons(world, "summer", "rain", "night"),
+        WORLDS,
+    ),
 }
 
 
 def answered(scenario: Scenario, config: Config, template: bool) -> Recognition:
     """What a network makes of a scenario."""
-    config = update(config, {} if template else scenario.settings)
+    config = config if template else update(config, {"network": {"neurons_per_place": scenario.neurons}})
     kept = np.arange(0, PLACES, scenario.kept if template else 1)
-    references = [encoded([images[k] for k in kept], config.encoder) for images in scenario.references]
+    references = [encoded([images[k] for k in kept], config) for images in scenario.references]
     model = train(references, config, jobs=cores())
     truth = np.abs(np.arange(PLACES)[:, None] - kept) <= scenario.tolerance
-    queries = encoded(scenario.queries, config.encoder)
-    return recognise(model, queries, truth, Comparison(rivals=("cosine",), keep_scores=False), threads=cores())
+    comparison = Comparison(rivals=("cosine",), keep_scores=False)
+    return recognise(model, encoded(scenario.queries, config), truth, comparison, threads=cores())
 
 
-def _figures(metrics: Sequence[Metrics]) -> str:
-    rows = [(m.recall_at_1, m.recall_at_100_precision, m.auc) for m in metrics]
-    return " / ".join(f"{100 * value:.1f}" for value in np.mean(rows, axis=0))
+def compared(make: Callable[[int, Random], Scenario], parts: Sequence[int], seeds: Sequence[int]) -> list[str]:
+    """The cells of a scenario: of each way to learn, and of cosine."""
+    found: dict[str, list[Metrics]] = {name: [] for name in (*LEARNERS, "cosine")}
+    shown = True
+    for part in parts:
+        for seed in seeds:
+            scenario = make(part, np.random.default_rng((seed, part)))
+            shown = scenario.rivals
+            for name, learning in LEARNERS.items():
+                settings = update(preset("loihi"), {"learning": dict(learning), "seed": seed})
+                result = answered(scenario, settings, name == "templates")
+                found[name].append(result.metrics[result.default])
+                if name == "STDP":
+                    found["cosine"].append(result.metrics["cosine"])
+    return [recall(each) if shown or name.startswith("STDP") else "" for name, each in found.items()]
 
 
-def print_scenarios(config: Config, seeds: Sequence[int]) -> None:
-    """Print a row for each scenario."""
-    table = Table(title="R@1 / R@100P / AUC", title_justify="left")
-    for column in ("", *LEARNERS, "cosine of the references"):
-        table.add_column(column)
-    for title, (make, parts) in SCENARIOS.items():
-        found: dict[str, list[Metrics]] = {name: [] for name in (*LEARNERS, "cosine")}
-        for part in parts:
-            for seed in seeds:
-                scenario = make(part, np.random.default_rng((seed, part)))
-                for name, learning in LEARNERS.items():
-                    settings = update(config, {"learning": learning, "seed": seed})
-                    result = answered(scenario, settings, name == "templates")
-                    found[name].append(result.metrics[result.default])
-                    if name == "STDP":
-                        found["cosine"].append(result.metrics["cosine"])
-        table.add_row(title, *(_figures(metrics) for metrics in found.values()))
-    console.print(table)
-
-
-def _drives(config: Config, world: int, gated: bool) -> Iterator[tuple[str, Metrics]]:
+def drives(config: Config, world: int, gated: bool) -> Iterator[Metrics]:
     """Recall in rain, at night and in winter of what was learned in summer and, if ``gated``, from its own answers."""
-    references = [encoded(_synthetic("summer", world), config.encoder)]
-    truth = np.eye(PLACES, dtype=bool)
+    references = [encoded(synthetic("summer", world), config)]
     for condition in ("rain", "night", "winter"):
         model = train(references, config, jobs=cores())
-        queries = encoded(_synthetic(condition, world), config.encoder)
+        queries = encoded(synthetic(condition, world), config)
         comparison = Comparison(rivals=(), keep_scores=False)
-        result = recognise(model, queries, truth, comparison, threads=cores())
-        yield condition, result.metrics[result.default]
+        result = recognise(model, queries, np.eye(PLACES, dtype=bool), comparison, threads=cores())
+        yield result.metrics[result.default]
         if gated:
-            references.append(_learned_from(result, queries, references[0]))
+            references.append(learned_from(result, queries, references[0]))
 
 
-def _learned_from(result: Recognition, queries: EncodedTraverse, first: EncodedTraverse) -> EncodedTraverse:
+def learned_from(result: Recognition, queries: EncodedTraverse, first: EncodedTraverse) -> EncodedTraverse:
     """The surest of the queries under the places that the network took them for; the first traverse elsewhere."""
     sure = np.argsort(result.confidence, kind="stable")[round((1 - SURE) * len(queries)) :]  # surest last, so it stays
     activity = first.activity.copy()
@@ -235,35 +217,21 @@ def _learned_from(result: Recognition, queries: EncodedTraverse, first: EncodedT
     return dataclasses.replace(first, activity=activity)
 
 
-def print_drift(config: Config, seeds: Sequence[int]) -> None:
-    """Print what learning from the network's own surest answers brings, drive after drive."""
-    table = Table(
-        title="synthetic drives one after another, learned in summer: R@1 / R@100P / AUC", title_justify="left"
-    )
-    for column in ("", "rain", "night", "winter"):
-        table.add_column(column)
-    for name, learning in LEARNERS.items():
-        for gated in (False, True):
-            found: dict[str, list[Metrics]] = {}
-            for world in seeds:
-                settings = update(config, {"learning": learning, "seed": world})
-                for condition, metrics in _drives(settings, world, gated):
-                    found.setdefault(condition, []).append(metrics)
-            title = f"{name}, {'learning from its surest answers' if gated else 'as learned in summer'}"
-            table.add_row(title, *(_figures(metrics) for metrics in found.values()))
-    console.print(table)
+def drifted(gated: bool, seeds: Sequence[int]) -> list[str]:
+    """The cells of drives one after another, of the last one, in winter."""
+    cells = []
+    for learning in LEARNERS.values():
+        each = (update(preset("loihi"), {"learning": dict(learning), "seed": seed}) for seed in seeds)
+        cells.append(recall([list(drives(config, config.seed, gated))[-1] for config in each]))
+    return [*cells, ""]
 
 
-@click.command()
-@click.option("--seeds", default="0,1,2", show_default=True, help="Seeds, separated by commas.")
-@click.option("--preset", "name", default="loihi", show_default=True)
-def main(seeds: str, name: str) -> None:
-    """Print where learning beats templates, and where it does not."""
-    required("nordland")
-    chosen = [int(seed) for seed in seeds.split(",")]
-    print_scenarios(preset(name), chosen)
-    print_drift(preset(name), chosen)
-
-
-if __name__ == "__main__":
-    main()
+@program("nordland")
+@seeds_option
+def main(seeds: Sequence[int]) -> Made:
+    """Print where learning beats templates, and where it does not: R@1 / R@100P / AUC in percent."""
+    rows = [[title, *compared(make, parts, seeds)] for title, (make, parts) in SCENARIOS.items()]
+    title = "synthetic drives in rain, at night, in winter: winter, as learned in summer"
+    rows.append([title, *drifted(False, seeds)])
+    rows.append(["the same, learning from the surest half of its answers after each drive", *drifted(True, seeds)])
+    yield Figures(["references", *LEARNERS, "`cosine`"], rows, record="learning-pays")

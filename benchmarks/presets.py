@@ -1,6 +1,6 @@
 """The search that chose the presets: the encoder, what learning does, and the network of each preset.
 
-    LAVA_VPR_DATA=... python -m benchmarks.presets [--log benchmarks/presets.log]
+    LAVA_VPR_DATA=... python -m benchmarks presets [--log benchmarks/presets.log]
 
 It sees places 0:200 of Nordland (as two sections and as one model) and 0:50 of Gardens Point (within two places), and
 seeds that no table uses; everything else is computed once, by `make results`. Three stages, each a coordinate descent
@@ -16,22 +16,25 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, TextIO
+from typing import Any, NamedTuple
 
 import click
 import numpy as np
 
-from benchmarks.nordland import required
-from benchmarks.results.places import TEMPLATES, Section, learn, places
+from benchmarks.places import TEMPLATES, Section, learn, places
+from benchmarks.program import Made, program
+from benchmarks.searching import MARGIN, RECALL, Log, recalls
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.encoding import query_rates
 from lava_vpr.engine.threads import cores
-from lava_vpr.errors import InputError, LavaVprError
+from lava_vpr.errors import InputError
 from lava_vpr.experiments.points import Case, configured, current, figures, runs_of
+from lava_vpr.experiments.search import Settings, Trial, descend
 from lava_vpr.inputs.views import ViewsConfig
 from lava_vpr.matching.baselines import cosine_similarities
+from lava_vpr.matching.figures import Recall
 from lava_vpr.model import Model
 
 SEEDS = tuple(range(3, 11))
@@ -39,14 +42,17 @@ FRESH = tuple(range(11, 19))
 """Seeds with which a network that won must win again: the luckiest of many is not the best."""
 ENERGY_OF = 2
 """So many sections decide about energy, those of 100 places: what presets promise is per query of 100 places."""
-PLACES = (("nordland", 0, 100, 0), ("nordland", 100, 200, 0), ("nordland", 0, 200, 0), ("gardens", 0, 50, 2))
-"""Dataset, first place, end, and how many places off an answer may be."""
-WEIGHTS = np.array(((0.25,), (0.25,), (0.35,), (0.15,))) * (0.6, 0.15, 0.25)
+PLACES = {
+    Section("nordland", 0, 100): 0,
+    Section("nordland", 100, 200): 0,
+    Section("nordland", 0, 200): 0,
+    Section("gardens", 0, 50): 2,
+}
+"""How many places off an answer may be, by what is learned."""
+WEIGHTS = np.array(((0.25,), (0.25,), (0.35,), (0.15,))) * RECALL
 """What R@1, R@100P and AUC of each of `PLACES` count in the score."""
 CEILING = 0.1
 """What R@1 of `cosine` of the same inputs counts where networks are chosen: what the inputs carry, for longer maps."""
-MARGIN = 0.5
-"""Points of score below which a difference is noise: a query in 200, about twice the standard error over the seeds."""
 MOST_INPUTS = 2048
 
 ENCODER: Mapping[str, Sequence[Any]] = {
@@ -110,7 +116,7 @@ class Result(NamedTuple):
 
     Attributes:
         figures: (R@1, R@100P, AUC) of each of `PLACES`, in percent.
-        ceiling: R@1 of `cosine` of the same inputs, mean over `PLACES`, in percent.
+        ceiling: R@1 of `cosine` of the same inputs, mean over `PLACES`, in percent; 0 where it does not count.
         microjoules: Modelled energy of a query.
     """
 
@@ -123,52 +129,37 @@ class Result(NamedTuple):
         """One number of all figures, in percent."""
         return float((WEIGHTS * self.figures).sum() + CEILING * self.ceiling)
 
-
-class Log:
-    """Writes a line for every setting, to the terminal and to a file."""
-
-    def __init__(self, file: TextIO) -> None:
-        self.file = file
-
-    def write(self, line: str) -> None:
-        """Write a line."""
-        click.echo(line)
-        self.file.write(line + "\n")
-        self.file.flush()
-
-    def result(self, name: str, result: Result | str, kept: bool) -> None:
-        """Write what a setting brought, or why it cannot be."""
-        if isinstance(result, str):
-            self.write(f"  {name:44s} {result}")
-            return
-        figures = "  ".join("/".join(f"{value:5.1f}" for value in row) for row in result.figures)
-        star = " *" if kept else ""
-        rest = f"{result.ceiling:5.1f}  {result.microjoules:6.2f} uJ  score {result.score:6.2f}{star}"
-        self.write(f"  {name:44s} {figures}  {rest}")
+    def __str__(self) -> str:
+        rest = f"{self.ceiling:5.1f}  {self.microjoules:6.2f} uJ  score {self.score:6.2f}"
+        return f"{recalls(self.figures)}  {rest}"
 
 
 def cases_of(config: Config, seeds: Sequence[int] = SEEDS) -> list[Case]:
     """A model of each of `PLACES` for each of ``seeds``, with its queries."""
     cases = []
-    for dataset, first, end, tolerance in PLACES:
-        numbers = np.arange(end - first)
+    for section, tolerance in PLACES.items():
+        numbers = np.arange(section.end - section.first)
         truth = np.abs(numbers[:, None] - numbers) <= tolerance
-        (queries,) = places(Section(dataset, first, end), 1, config, ViewsConfig())
-        for seed in seeds:
-            model = learn(Section(dataset, first, end), dataclasses.replace(config, seed=seed))
-            cases.append(Case(model, queries, truth))
+        (queries,) = places(section, 1, config, ViewsConfig())
+        models = (learn(section, dataclasses.replace(config, seed=seed)) for seed in seeds)
+        cases += [Case(model, queries, truth) for model in models]
     return cases
 
 
-def measured(cases: Sequence[Case], settings: Mapping[str, float]) -> Result:
+def measured(cases: Sequence[Case], settings: Mapping[str, float], ceiling: bool = True) -> Result:
     """What the models of ``cases`` recall with ``settings``."""
     runs = runs_of(cases, dict(settings), KAPOHO_BAY, cores())
     results = [figures(run, (np.inf,))[0] for run in runs]
-    rows = [(r.metrics.recall_at_1, r.metrics.recall_at_100_precision, r.metrics.auc) for r in results]
-    of_places = np.array(rows).reshape(len(PLACES), len(SEEDS), 3).mean(axis=1)
-    energy = np.mean([r.microjoules for r in results[: ENERGY_OF * len(SEEDS)]])
-    ceilings = [_ceiling(case, run.model) for case, run in zip(cases[:: len(SEEDS)], runs[:: len(SEEDS)], strict=True)]
-    return Result(100 * of_places, 100 * float(np.mean(ceilings)), float(energy))
+    of_places = np.array([Recall.of(one.metrics) for one in results]).reshape(len(PLACES), len(SEEDS), 3).mean(axis=1)
+    energy = np.mean([one.microjoules for one in results[: ENERGY_OF * len(SEEDS)]])
+    firsts = range(0, len(cases) if ceiling else 0, len(SEEDS))
+    ceilings = [_ceiling(cases[k], runs[k].model) for k in firsts]
+    return Result(100 * of_places, 100 * float(np.mean(ceilings or 0.0)), float(energy))
+
+
+def as_learned(cases: Sequence[Case]) -> Result:
+    """What models recall as they are."""
+    return measured(cases, current(cases[0].model), ceiling=False)
 
 
 def _ceiling(case: Case, model: Model) -> float:
@@ -178,54 +169,30 @@ def _ceiling(case: Case, model: Model) -> float:
     return float(case.truth[np.arange(len(best)), best].mean())
 
 
-def descend(
-    start: Mapping[str, Any],
-    values: Mapping[str, Sequence[Any]],
-    measure: Callable[[Mapping[str, Any]], Result],
-    most: float,
-    log: Log,
-    again: Callable[[Mapping[str, Any]], Result] | None = None,
-) -> dict[str, Any]:
-    """The settings that a coordinate descent ends at.
+def better(
+    log: Log, most: float = np.inf, again: Callable[[Settings], Result] | None = None
+) -> Callable[[Trial[Result], Trial[Result]], bool]:
+    """When a setting is better: its score is, by `MARGIN`, and it takes no more energy than ``most``.
 
-    Args:
-        start: Where it starts.
-        values: What settings take in turn.
-        measure: What a setting brings.
-        most: No setting that takes more energy is kept.
-        log: Told of all that is tried.
-        again: What a setting brings with fresh seeds, by which it must win, too; None: that is not asked.
+    With ``again``, what a setting brings with fresh seeds, it must win with these, too.
     """
-    best = dict(start)
-    top = measure(best)
-    log.result("start", top, True)
-    tried = {tuple(best.items())}
-    moved = True
-    while moved:
-        moved = False
-        for names, options in values.items():
-            together = names.split(", ")
-            for option in options:
-                trial = {**best, **dict(zip(together, option if len(together) > 1 else (option,), strict=True))}
-                if tuple(trial.items()) in tried:
-                    continue
-                tried.add(tuple(trial.items()))
-                try:
-                    result = measure(trial)
-                except LavaVprError as error:
-                    log.result(f"{names} = {option}", str(error), False)
-                    continue
-                dear = top.microjoules > most
-                kept = result.microjoules <= most and (dear or result.score > top.score + MARGIN)
-                log.result(f"{names} = {option}", result, kept)
-                if kept and again is not None:
-                    ours, standing = again(trial).score, again(best).score
-                    kept = dear or ours > standing + MARGIN / 2
-                    said = "stands" if kept else "does not stand"
-                    log.write(f"    with fresh seeds {ours:.2f} against {standing:.2f}: {said}")
-                if kept:
-                    best, top, moved = trial, result, True
-    return best
+
+    def wins(trial: Trial[Result], best: Trial[Result]) -> bool:
+        result, top = trial.result, best.result
+        if result is None or top is None or result.microjoules > most:
+            return False
+        dear = top.microjoules > most
+        if not dear and result.score <= top.score + MARGIN:
+            return False
+        if again is None:
+            return True
+        ours, standing = again(trial.settings).score, again(best.settings).score
+        kept = dear or ours > standing + MARGIN / 2
+        said = "stands" if kept else "does not stand"
+        log.write(f"    {trial.name} with fresh seeds {ours:.2f} against {standing:.2f}: {said}")
+        return kept
+
+    return wins
 
 
 def held(part: Any, values: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
@@ -233,46 +200,25 @@ def held(part: Any, values: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
     return {name: getattr(part, name) for names in values for name in names.split(", ")}
 
 
-def choose_encoder(base: Config, log: Log) -> Config:
-    """``base`` with the encoder that serves templates best."""
+def choose(base: Config, part: str, values: Mapping[str, Sequence[Any]], log: Log) -> Config:
+    """``base`` with the settings of a part that serve best: the encoder's with templates, or those of learning."""
 
-    def configured_by(settings: Mapping[str, Any]) -> Config:
-        return update(base, {"encoder": dict(settings)})
-
-    def measure(settings: Mapping[str, Any]) -> Result:
-        config = update(configured_by(settings), {"learning": TEMPLATES})
+    def measure(settings: Settings) -> Result:
+        config = update(base, {part: settings} | ({"learning": TEMPLATES} if part == "encoder" else {}))
         if config.encoder.inputs > MOST_INPUTS:
             raise InputError(f"{config.encoder.inputs:,} inputs; choose at most {MOST_INPUTS:,}")
-        cases = cases_of(config)
-        return measured(cases, current(cases[0].model))._replace(ceiling=0.0)
+        return as_learned(cases_of(config))
 
-    return configured_by(descend(held(base.encoder, ENCODER), ENCODER, measure, np.inf, log))
-
-
-def choose_learning(base: Config, log: Log) -> Config:
-    """``base`` with what learning brings most."""
-
-    def configured_by(settings: Mapping[str, Any]) -> Config:
-        return update(base, {"learning": dict(settings)})
-
-    def measure(settings: Mapping[str, Any]) -> Result:
-        cases = cases_of(configured_by(settings))
-        return measured(cases, current(cases[0].model))._replace(ceiling=0.0)
-
-    return configured_by(descend(held(base.learning, LEARNING), LEARNING, measure, np.inf, log))
+    trials = descend(held(getattr(base, part), values), values, measure, better(log))
+    return update(base, {part: log.chosen(trials, str)})
 
 
 def choose_network(base: Config, cases: Sequence[Case], fresh: Sequence[Case], goal: Goal, log: Log) -> Config:
     """``base`` with the network of the best recall within ``goal``; ``fresh`` are cases of other seeds."""
     start = {**current(cases[0].model), **goal.start, "steps": float(goal.steps)}
-
-    def measure(settings: Mapping[str, Any]) -> Result:
-        return measured(cases, settings)
-
-    def again(settings: Mapping[str, Any]) -> Result:
-        return measured(fresh, settings)
-
-    return configured(base, descend(start, NETWORK, measure, goal.microjoules, log, again))
+    wins = better(log, goal.microjoules, lambda settings: measured(fresh, settings))
+    trials = descend(start, NETWORK, lambda settings: measured(cases, settings), wins)
+    return configured(base, log.chosen(trials, str))
 
 
 def show_recruiting(base: Config, log: Log) -> None:
@@ -281,42 +227,35 @@ def show_recruiting(base: Config, log: Log) -> None:
         for seeds in (SEEDS, FRESH):
             cases = cases_of(update(base, {"learning": {"recruit": recruit}}), seeds)
             without = sum(case.model.places - int(case.model.training["places_covered"]) for case in cases)
-            result = measured(cases, current(cases[0].model))._replace(ceiling=0.0)
-            log.result(f"recruit = {recruit}, {without} places without", result, recruit)
+            name = f"recruit = {recruit}, {without} places without"
+            log.write(f"  {name:44s} {as_learned(cases)}")
 
 
 STAGES = ("encoder", "learning", "network", "recruiting")
 
 
-@click.command()
+@program(*(section.dataset for section in PLACES))
 @click.option("--log", "path", type=click.Path(path_type=Path), default=Path("benchmarks/presets.log"))
 @click.option("--stage", "stages", type=click.Choice(STAGES), multiple=True, default=STAGES, show_default=True)
 @click.option("--preset", "names", type=click.Choice(list(GOALS)), multiple=True, help="Networks to choose (all).")
-def main(path: Path, stages: Sequence[str], names: Sequence[str]) -> None:
+def main(path: Path, stages: Sequence[str], names: Sequence[str]) -> Made:
     """Choose the presets' settings, and log all that was tried; a stage that is left out stands as presets have it."""
-    required(*(dataset for dataset, *_ in PLACES))
-    with path.open("w") as file:
-        log = Log(file)
-        titles = ", ".join(f"{dataset} {first}:{end}" for dataset, first, end, _ in PLACES)
-        log.write(f"R@1/R@100P/AUC of {titles}; R@1 of cosine; seeds {', '.join(map(str, SEEDS))}; * kept")
-        config = update(preset("loihi"), {name: START[name] for name in ("encoder", "network")})
-        if "encoder" in stages:
-            log.write("encoder, with templates")
-            config = choose_encoder(config, log)
-        if "learning" in stages:
-            log.write("learning")
-            config = choose_learning(update(config, {"learning": START["learning"]}), log)
-        if "recruiting" in stages:
-            log.write("recruiting: each with the seeds above, and with fresh ones")
-            show_recruiting(config, log)
-        if "network" not in stages:
-            return
+    log, titles = Log(path), ", ".join(map(str, PLACES))
+    log.write(f"R@1/R@100P/AUC of {titles}; R@1 of cosine; seeds {', '.join(map(str, SEEDS))}; * kept")
+    config = update(preset("loihi"), {name: START[name] for name in ("encoder", "network")})
+    if "encoder" in stages:
+        log.write("encoder, with templates")
+        config = choose(config, "encoder", ENCODER, log)
+    if "learning" in stages:
+        log.write("learning")
+        config = choose(update(config, {"learning": START["learning"]}), "learning", LEARNING, log)
+    if "recruiting" in stages:
+        log.write("recruiting: each with the seeds above, and with fresh ones")
+        show_recruiting(config, log)
+    if "network" in stages:
         cases, fresh = cases_of(config), cases_of(config, FRESH)
         for name in names or GOALS:
             log.write(f"network of {name}: {GOALS[name].steps} steps, at most {GOALS[name].microjoules:g} uJ")
             chosen = choose_network(config, cases, fresh, GOALS[name], log)
             log.write(f"{name}: {chosen.encoder} {chosen.network} {chosen.learning}")
-
-
-if __name__ == "__main__":
-    main()
+    yield f"{path}: written"

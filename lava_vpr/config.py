@@ -276,7 +276,7 @@ def preset(name: str) -> Config:
 
 def for_events(config: Config) -> Config:
     """``config`` for images of events, where it does not say otherwise: the input ``events``, three views, and the
-    decoder ``standard``, chosen by ``python -m benchmarks.events.choose``. The conductance network takes pixels.
+    decoder ``standard``, chosen by ``python -m benchmarks events.lens --choose``. The conductance network takes pixels.
     """
     if isinstance(config.network, ConductanceNetwork):
         return config

@@ -1,92 +1,56 @@
 """How long one query takes from its command to its answer, most of which is starting.
 
-    LAVA_VPR_DATA=... python -m benchmarks.commands.startup [--rounds 7]
+    LAVA_VPR_DATA=... python -m benchmarks commands.startup [--rounds 7]
 
 Each command is a process of its own, and they take turns; kernels are in their cache and files in memory, because every
-command runs once before. Processor seconds are those of the process, its user's and its system's; medians. Elapsed
-seconds hold what other programs on the machine took, too.
+command runs once before. Processor seconds are those of all threads; medians. Elapsed seconds hold what other programs
+on the machine took, too. A query of one image may take 1.5 s.
 """
 
 from __future__ import annotations
 
 import os
-import resource
-import statistics
-import subprocess
 import sys
 import tempfile
-import time
+from functools import partial
 from pathlib import Path
 
 import click
-from rich.console import Console
-from rich.table import Table
+import numpy as np
 
-from benchmarks.nordland import folder, required
-from lava_vpr.errors import LavaVprError
-
-MOST = 1.5
-"""Seconds that a query of one image may take."""
+from benchmarks.commands.running import PROGRAM, lava_vpr, measured
+from benchmarks.nordland import folder
+from benchmarks.program import Figures, Made, program
+from benchmarks.timing import turns
 
 PYTHON = (sys.executable, "-c")
-PROGRAM = (sys.executable, "-m", "lava_vpr")
-PLACES = (100, 500)
-
-console = Console(highlight=False, width=118)
 
 
-def taken(command: tuple[str, ...]) -> tuple[float, float]:
-    """Processor and elapsed seconds of ``command``, which must succeed."""
-    before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    elapsed, after = time.monotonic() - started, resource.getrusage(resource.RUSAGE_CHILDREN)
-    if done.returncode != 0:
-        raise click.ClickException(f"{' '.join(command)}: exit code {done.returncode}: {done.stderr.strip()}")
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, elapsed
-
-
-def commands(place: Path) -> dict[str, tuple[str, ...]]:
+def commands(place: Path) -> dict[str, tuple[object, ...]]:
     """What is measured, by its name: what a query imports of others, then whole commands; models are made first."""
-    summer, winter = folder("summer"), folder("winter")
-    image = str(min(winter.iterdir()))
-    every = {
+    summer, image = folder("summer").absolute(), min(folder("winter").absolute().iterdir())
+    every: dict[str, tuple[object, ...]] = {
         "python, nothing else": (*PYTHON, "pass"),
         "import numpy": (*PYTHON, "import numpy"),
         "import numba, cv2": (*PYTHON, "import numba, cv2"),
         "import numba, compile x -> x": (*PYTHON, "import numba as n; n.njit(n.int64(n.int64))(lambda x: x)"),
         "lava-vpr --version": (*PROGRAM, "--version"),
     }
-    for places in PLACES:
-        model = str(place / f"{places}.lvpr")
-        taken((*PROGRAM, "train", str(summer), "--places", f"0:{places}", "-o", model))
-        query = ("query", model, image, "-o", str(place / f"{places}.csv"))
-        every[f"lava-vpr query, 1 image, {places} places"] = (*PROGRAM, *query)
+    for places in (100, 500):
+        lava_vpr(place, "train", summer, "--places", f"0:{places}", "-o", f"{places}.lvpr")
+        query = (*PROGRAM, "query", f"{places}.lvpr", image, "-o", f"{places}.csv")
+        every[f"lava-vpr query, 1 image, {places} places"] = query
     return every
 
 
-@click.command()
+@program("nordland")
 @click.option("--rounds", default=7, show_default=True, help="Turns of each command.")
-def main(rounds: int) -> None:
-    """Measure all commands in turns and print a table."""
-    required("nordland")
+def main(rounds: int) -> Made:
+    """Measure all commands in turns."""
     with tempfile.TemporaryDirectory() as name:
-        try:
-            every = commands(Path(name))
-        except LavaVprError as error:
-            raise click.ClickException(str(error)) from None
-        for command in every.values():
-            taken(command)
-        turns = [{what: taken(command) for what, command in every.items()} for _ in range(rounds)]
-    load = os.getloadavg()[0]
-    table = Table(title=f"Seconds, median of {rounds} turns; load of the machine {load:.1f}", title_justify="left")
-    table.add_column("command")
-    for column in ("processor", "elapsed"):
-        table.add_column(column, justify="right")
-    for what in every:
-        table.add_row(what, *(f"{statistics.median(turn[what][k] for turn in turns):.2f}" for k in range(2)))
-    console.print(table)
-    console.print(f"A query of one image may take {MOST} s.")
-
-
-if __name__ == "__main__":
-    main()
+        place = Path(name)
+        taken = turns({what: partial(measured, place, *words) for what, words in commands(place).items()}, rounds)
+    medians = {what: np.median(np.array(runs), axis=0) for what, runs in taken.items()}
+    rows = [[what, f"{used:.2f}", f"{seconds:.2f}"] for what, (seconds, used, _) in medians.items()]
+    title = f"seconds, median of {rounds} turns; load of the machine {os.getloadavg()[0]:.1f}"
+    yield Figures(["command", "processor", "elapsed"], rows, title)

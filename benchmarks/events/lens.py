@@ -1,127 +1,148 @@
-"""The example of LENS: 100 places as frames of an event camera, two drives, with its ground truth."""
+"""The example of LENS: 100 places as frames of an event camera, two drives, with its ground truth.
+
+    LAVA_VPR_DATA=... python -m benchmarks events.lens [--record]
+    LAVA_VPR_DATA=... python -m benchmarks events.lens --choose
+
+``--choose`` is how settings were chosen, on places 0:50 alone: each line is a candidate, with the mean R@1 and R@100P
+over seeds of its best decoder, by their sum; of equal sums the first is taken, which has fewer views.
+"""
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import NamedTuple
 
+import click
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.nordland import images_of, required
+from benchmarks.nordland import images_of
+from benchmarks.places import recognised
+from benchmarks.program import Figures, Made, fraction, program
 from lava_vpr.config import Config, for_events, preset
-from lava_vpr.encoding import Keep, encode_traverse, encode_views
-from lava_vpr.matching.evaluation import Metrics
-from lava_vpr.recognition import Comparison, recognise
-from lava_vpr.training.loop import train
-from lava_vpr.training.standard import fitted, settings_for
+from lava_vpr.recognition import Comparison
 from lava_vpr.traverse import Traverse, open_traverse, vector_traverse
 from lava_vpr.vectors.source import Vectors
 
 TOLERANCE = 3
 SEEDS = (0, 1, 2)
+PLAIN, EVENTS = preset("loihi"), for_events(preset("loihi"))
+CHOSEN_ON, UNSEEN, ALL = slice(0, 50), slice(50, 100), slice(0, 100)
 
 
-class Figures(NamedTuple):
-    """Mean figures of a matcher over seeds, fractions: R@1, R@5, R@10, R@100P; and the least R@1 of them."""
+class Way(NamedTuple):
+    """How frames are learned: settings, and cells and blur of counts as vectors (0 cells: the images themselves)."""
 
-    r1: float
-    r5: float
-    r10: float
-    full: float
-    least: float
-
-    def shown(self) -> str:
-        """The figures in columns."""
-        return f"{self.r1:6.3f} {self.r5:6.3f} {self.r10:6.3f} {self.full:8.3f} {self.least:10.2f}"
+    config: Config
+    cells: int = 0
+    blur: float = 0.0
 
 
-def folder() -> Path:
-    """The folder with the example; errors as `images_of`."""
-    return images_of("lens_example", "reference").parent
+WAYS: Mapping[str, Way] = {
+    "events": Way(EVENTS),
+    "orientation": Way(PLAIN),
+    "counts": Way(replace(PLAIN, encoder=replace(PLAIN.encoder, vector_dead_zone=0.0)), 14, 2.0),
+}
+ROWS = (
+    ("**input `events`, decoder `standard`**", "events", "standard"),
+    ("the same, decoder `contrast`", "events", "contrast"),
+    ("cosine of the same inputs", "events", "cosine"),
+    ("templates of the same inputs", "events", "template"),
+    ("SAD, three views", "events", "sad"),
+    ("HOG, three views", "events", "hog"),
+    ("input `orientation`, one view, `standard`", "orientation", "standard"),
+    ("the same, `contrast`", "orientation", "contrast"),
+    ("cosine of the same inputs", "orientation", "cosine"),
+    ("SAD, one view", "orientation", "sad"),
+    ("HOG, one view", "orientation", "hog"),
+    ("cosine of 14 x 14 counts", "counts", "vectors"),
+    ("the same, the references' mean off", "counts", "standardised"),
+    ("the same as input `vector`, `standard`", "counts", "standard"),
+)
+"""The table: what a row is called, how frames are learned, and the matcher."""
 
 
-def drive(which: str, places: slice) -> Traverse:
-    """Frames of the ``reference`` or the ``query`` drive."""
-    return open_traverse(folder() / which, places=(places.start, places.stop))
+def drive(which: str, places: slice, way: Way) -> Traverse:
+    """Frames of the ``reference`` or the ``query`` drive, or how many events each part of them has, after a blur."""
+    folder = images_of("lens_example", "reference").parent
+    frames = open_traverse(folder / which, places=(places.start, places.stop))
+    if not way.cells:
+        return frames
+    rows = []
+    for image in frames.images():
+        values = image.astype(np.float32)
+        values = cv2.GaussianBlur(values, (0, 0), way.blur) if way.blur else values
+        rows.append(cv2.resize(values, (way.cells, way.cells), interpolation=cv2.INTER_AREA).ravel())
+    return vector_traverse("counts", Vectors(np.stack(rows)))
 
 
 def truth(places: slice) -> NDArray[np.bool_]:
     """Which places are right for which query, bool (queries, places): those of LENS's own truth, 3 places around."""
-    own = np.load(folder() / "ground_truth.npy").astype(np.uint8)
+    own = np.load(images_of("lens_example", "reference").parent / "ground_truth.npy").astype(np.uint8)
     near = cv2.dilate(own, np.ones((1, 2 * TOLERANCE + 1), np.uint8))  # along the places
     return np.asarray(near[places, places] > 0)
 
 
-def counts(traverse: Traverse, cells: int, blur: float = 0.0) -> Traverse:
-    """The frames as vectors: how many events each of ``cells`` x ``cells`` parts of the image has, after a blur."""
-    rows = []
-    for image in traverse.images():
-        values = image.astype(np.float32)
-        if blur:
-            values = cv2.GaussianBlur(values, (0, 0), blur)
-        rows.append(cv2.resize(values, (cells, cells), interpolation=cv2.INTER_AREA).ravel())
-    return vector_traverse("counts", Vectors(np.stack(rows)))
-
-
-def measured(
-    config: Config, references: Traverse, queries: Traverse, right: NDArray[np.bool_], rivals: Sequence[str] | None
-) -> dict[str, Figures]:
-    """Figures of every decoder, and of ``rivals`` (None: all), over `SEEDS`."""
-    config = settings_for(config, [references])
-    standard = fitted(config, [references])
-    learned = list(encode_views(references, config.encoder, config.views.views, Keep.ALL, standard=standard))
-    asked = encode_traverse(queries, config.encoder, Keep.ALL, standard=standard)
-    found: dict[str, list[Metrics]] = defaultdict(list)
-    for seed in SEEDS:
-        model = train(learned, replace(config, seed=seed), standard=standard)
-        for name, metrics in recognise(
-            model, asked, right, Comparison(rivals=rivals, keep_scores=False)
-        ).metrics.items():
-            found[name].append(metrics)
+def measured(way: Way, places: slice, rivals: Sequence[str] | None) -> dict[str, NDArray[np.float64]]:
+    """R@1, R@5, R@10 and R@100P of every decoder, and of ``rivals`` (None: all), means over `SEEDS`."""
+    pair = [drive(which, places, way) for which in ("reference", "query")]
+    comparison = Comparison(rivals=rivals, keep_scores=False)
+    results = recognised(way.config, *pair, truth(places), SEEDS, comparison)
     return {
-        name: Figures(
-            float(np.mean([one.recall_at_1 for one in each])),
-            float(np.mean([one.recall_at_n[5] for one in each])),
-            float(np.mean([one.recall_at_n[10] for one in each])),
-            float(np.mean([one.recall_at_100_precision for one in each])),
-            min(one.recall_at_1 for one in each),
+        name: np.mean(
+            [
+                (m.recall_at_1, m.recall_at_n[5], m.recall_at_n[10], m.recall_at_100_precision)
+                for m in (result.metrics[name] for result in results)
+            ],
+            axis=0,
         )
-        for name, each in found.items()
+        for name in results[0].metrics
     }
 
 
-def main() -> None:
-    """Print the figures of docs/events.md, on places that the search did not see (50:100), and on all."""
-    required("lens_example")
-    events = for_events(preset("loihi"))
-    plain = preset("loihi")
-    print("lens_example, tolerance 3, seeds 0, 1, 2: means, and the least R@1")
-    print("LENS itself, on all places (its own figures)            R@1 .63, R@5 .84, R@10 .95")
-    for places in (slice(50, 100), slice(0, 100)):
-        pair, right = [drive(which, places) for which in ("reference", "query")], truth(places)
-        print(f"\nplaces {places.start}:{places.stop}{'':28}R@1    R@5   R@10   R@100P  least R@1")
-        found = measured(events, *pair, right, None)
-        _show({"events, standard (the default)": found["standard"], "events, contrast": found["contrast"]})
-        _show({f"events, {name}": found[name] for name in ("cosine", "template")})
-        _show({f"{name}, three views": found[name] for name in ("sad", "hog")})
-        found = measured(plain, *pair, right, None)
-        _show({f"orientation, {name}": found[name] for name in ("standard", "contrast", "cosine")})
-        _show({name: found[name] for name in ("sad", "hog")})
-        cells = [counts(one, 14, 2.0) for one in pair]
-        found = measured(replace(plain, encoder=replace(plain.encoder, vector_dead_zone=0.0)), *cells, right, None)
-        wanted = {"vectors": "as they are", "standardised": "mean off", "standard": "standard"}
-        _show({f"14 x 14 counts, {told}": found[name] for name, told in wanted.items() if name in found})
+def candidates() -> Iterator[tuple[str, Way]]:
+    """Everything that was tried, by name."""
+    kinds = {kind: replace(PLAIN.encoder, kind=kind) for kind in ("orientation", "onoff")}
+    for share in (0.8, 0.9, 0.95):
+        kinds[f"events, saturation {share:g}"] = replace(PLAIN.encoder, kind="events", saturation=share)
+    for shifts in (1, 3):
+        for name, encoder in kinds.items():
+            config = replace(PLAIN, encoder=encoder, views=replace(PLAIN.views, shifts=shifts))
+            yield f"{name}, {shifts} view{'s' * (shifts > 1)}", Way(config)
+    for cells in (10, 14, 20):
+        for blur in (0.0, 2.0):
+            for zone in (0.0, 0.5):
+                config = replace(PLAIN, encoder=replace(PLAIN.encoder, vector_dead_zone=zone))
+                name = f"{cells} x {cells} counts less their mean, blur {blur:g}, dead zone {zone:g}"
+                yield name, Way(config, cells, blur)
 
 
-def _show(rows: dict[str, Figures]) -> None:
-    for name, figures in rows.items():
-        print(f"  {name:34} {figures.shown()}")
+def chosen() -> Made:
+    """A line of each candidate, and the one that is chosen."""
+    best: tuple[float, str] = (0.0, "none")
+    for name, way in candidates():
+        found = {decoder: (r1, full) for decoder, (r1, _, _, full) in measured(way, CHOSEN_ON, ()).items()}
+        sums = {decoder: round(sum(pair), 6) for decoder, pair in found.items()}
+        decoder = max(sums, key=lambda one: sums[one])
+        (r1, full), total = found[decoder], sums[decoder]
+        yield f"{name:58} {decoder:21} R@1 {r1:.3f}  R@100P {full:.3f}"
+        best = (total, f"{name}; decoder {decoder}") if total > best[0] else best
+    yield f"chosen: {best[1]}"
 
 
-if __name__ == "__main__":
-    main()
+@program("lens_example")
+@click.option("--choose", is_flag=True, help="How settings were chosen, on places 0:50.")
+def main(choose: bool) -> Made:
+    """Recall on places that the search did not see (50:100), and on all; LENS's own: R@1 .63, R@5 .84, R@10 .95."""
+    if choose:
+        yield from chosen()
+        return
+    found = {(way, places.start): measured(WAYS[way], places, None) for way in WAYS for places in (UNSEEN, ALL)}
+    columns = ["", "50:100: R@1", "R@5", "R@10", "R@100P", "0:100: R@1", "R@5", "R@10", "R@100P"]
+    rows = [
+        [title, *(fraction(value) for places in (UNSEEN, ALL) for value in found[way, places.start][matcher])]
+        for title, way, matcher in ROWS
+    ]
+    yield Figures(columns, rows, record="lens")

@@ -1,7 +1,7 @@
 """Synthetic drives of an event camera: written to files, read, learned, and recognised from drives at other speeds.
 
-python -m benchmarks.events.synthetic             the figures of docs/events.md, on world 0
-python -m benchmarks.events.synthetic --choose    windows and images compared on world 7, on which they were chosen
+python -m benchmarks events.synthetic [--record]      the figures of docs/events.md, on world 0
+python -m benchmarks events.synthetic --choose        windows and images compared on world 7, on which they were chosen
 """
 
 from __future__ import annotations
@@ -14,21 +14,29 @@ from typing import NamedTuple
 import click
 import numpy as np
 
+from benchmarks.places import recognised
+from benchmarks.program import Figures, Made, fraction, program
 from lava_vpr.config import Config, for_events, preset
-from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse, encode_views
 from lava_vpr.events.writing import write_events
 from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.positions.frames import XY, Positions
-from lava_vpr.recognition import Comparison, recognise
+from lava_vpr.recognition import Comparison
 from lava_vpr.synthetic.drives import EventDrive
 from lava_vpr.synthetic.world import World
-from lava_vpr.training.loop import train
 from lava_vpr.traverse import Traverse, open_traverse
 from lava_vpr.truth.alignment import Located
 
 PLACES, SPEED, RADIUS_M = 50, 14.0, 10.0
 SEEDS = (0, 1, 2)
 QUERIES = (("summer", SPEED), ("rain", SPEED), ("winter", SPEED), ("winter", 7.0), ("night", SPEED))
+MATCHERS = {
+    "R@1": "ours",
+    "filtered": "filtered",
+    "cosine": "cosine",
+    "template": "template",
+    "SAD": "sad",
+    "HOG": "hog",
+}
 
 
 class Written(NamedTuple):
@@ -57,60 +65,44 @@ def seen(one: Written, config: EventsConfig) -> tuple[Traverse, Positions]:
 
 def measured(config: Config, reference: Written, query: Written) -> tuple[int, int, dict[str, float]]:
     """Places, queries, and R@1 by matcher over `SEEDS`: of the default decoder the mean, of the others once."""
-    images, places = seen(reference, config.events)
-    asked, positions = seen(query, config.events)
-    learned = list(encode_views(images, config.encoder, config.views.views, Keep.ALL))
-    queries: EncodedTraverse = encode_traverse(asked, config.encoder, Keep.ALL)
+    (images, places), (asked, positions) = seen(reference, config.events), seen(query, config.events)
     right = Located.of(places, positions, "synthetic").truth(RADIUS_M)
-    ours, found = [], {}
-    for seed in SEEDS:
-        result = recognise(
-            train(learned, replace(config, seed=seed)), queries, right, Comparison(motion="any", keep_scores=False)
-        )
-        figures = {**result.metrics, **result.followed}
-        ours.append(figures[result.default].recall_at_1)
-        found = {name: one.recall_at_1 for name, one in figures.items()}
-    return len(images), len(asked), {**found, "ours": float(np.mean(ours))}
+    results = recognised(config, images, asked, right, SEEDS, Comparison(motion="any", keep_scores=False))
+    last = results[-1].metrics | results[-1].followed
+    ours = float(np.mean([result.metrics[result.default].recall_at_1 for result in results]))
+    return len(images), len(asked), {name: one.recall_at_1 for name, one in last.items()} | {"ours": ours}
 
 
-def choose(folder: Path) -> None:
-    """Compare windows and images on a world of their own, in winter after summer and at another speed."""
+def chosen(folder: Path) -> Made:
+    """Windows and images compared on a world of their own, in winter after summer and at another speed."""
     world = World(seed=7, places=PLACES)
     reference, query = written(folder, world, "summer", 10.0), written(folder, world, "winter", SPEED)
-    base = for_events(preset("loihi"))
+    windows = [{"window_ms": ms} for ms in (25.0, 50.0, 100.0, 200.0, 400.0)]
+    windows += [{"window_events": number} for number in (3000, 10_000)]
     for image in ("counts", "surface"):
-        for said in (*({"window_ms": ms} for ms in (25.0, 50.0, 100.0, 200.0, 400.0)), {"window_events": 3000},
-                     {"window_events": 10_000}):  # fmt: skip
-            config = replace(base, events=EventsConfig(image=image, **said))
+        for window in windows:
+            config = replace(for_events(preset("loihi")), events=EventsConfig(image=image, **window))  # type: ignore[arg-type]
             places, queries, found = measured(config, reference, query)
-            what = ", ".join(f"{name} {value:g}" for name, value in said.items())
-            print(f"{image:8} {what:20} {places:3} places {queries:3} queries  R@1 {found['ours']:.3f}", flush=True)
+            what = ", ".join(f"{name} {value:g}" for name, value in window.items())
+            yield f"{image:8} {what:20} {places:3} places {queries:3} queries  R@1 {found['ours']:.3f}"
 
 
-def figures(folder: Path) -> None:
-    """Print the figures."""
-    world = World(seed=0, places=PLACES)
+def figures(folder: Path) -> Figures:
+    """The table of drives."""
+    world, rows = World(seed=0, places=PLACES), []
     reference = written(folder, world, "summer", 10.0)
-    config = for_events(preset("loihi"))
-    length = PLACES * world.spacing_m
-    print(f"world 0, {length:g} m; learned in summer at 10 m/s; right within {RADIUS_M:g} m; mean of seeds")
-    names = ("ours", "filtered", "cosine", "sad", "hog", "template")
-    print(f"{'query':22} {'file':5} queries " + " ".join(f"{name:>9}" for name in names), flush=True)
     for condition, speed in QUERIES:
-        end = ".npz" if condition == "summer" else ".h5"
-        query = written(folder, world, condition, speed, end)
-        _, count, found = measured(config, reference, query)
-        row = " ".join(f"{found[name]:9.3f}" for name in names)
-        print(f"{condition + f', {speed:g} m/s':22} {end:5} {count:7} {row}", flush=True)
+        query = written(folder, world, condition, speed, ".npz" if condition == "summer" else ".h5")
+        _, count, found = measured(for_events(preset("loihi")), reference, query)
+        cells = (fraction(found[name]) for name in MATCHERS.values())
+        rows.append([f"{condition}, {speed:g} m/s", str(count), *cells])
+    return Figures(["query", "queries", *MATCHERS], rows, record="event-drives")
 
 
-@click.command()
-@click.option("--choose", "choosing", is_flag=True)
-def main(choosing: bool) -> None:
-    """Print what is asked for."""
-    with tempfile.TemporaryDirectory() as folder:
-        (choose if choosing else figures)(Path(folder))
-
-
-if __name__ == "__main__":
-    main()
+@program()
+@click.option("--choose", is_flag=True, help="Windows and images compared on world 7.")
+def main(choose: bool) -> Made:
+    """Drives in other conditions and at other speeds, recognised on one learned in summer at 10 m/s."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        yield from chosen(folder) if choose else [figures(folder)]

@@ -1,6 +1,6 @@
 """The search that chose the settings of learning by SLAYER; needs lava-dl (`make ci-torch` sets it up).
 
-    LAVA_VPR_DATA=... .venv-torch/bin/python -m benchmarks.learning.search [--start template] [--log FILE]
+    LAVA_VPR_DATA=... .venv-torch/bin/python -m benchmarks learning.search [--start template] [--log FILE]
 
 It sees places 0:200 of Nordland, as two sections, and 0:50 of Gardens Point within two places, and seeds that no table
 uses. One round of coordinate descent: settings take their values in turn, and a value is kept if it raises the score by
@@ -9,27 +9,26 @@ more than `MARGIN` points: 0.6 R@1, 0.15 R@100P and 0.25 AUC, Gardens Point coun
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 import numpy as np
+from numpy.typing import NDArray
 
-from benchmarks.nordland import required
-from benchmarks.results.places import Section, learn, places
+from benchmarks.places import Section
+from benchmarks.program import Made, program
+from benchmarks.results.rows import Row, measure
+from benchmarks.searching import MARGIN, RECALL, Log, recalls
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
-from lava_vpr.engine.threads import cores
-from lava_vpr.model import Model
-from lava_vpr.recognition import Comparison, recognise
+from lava_vpr.experiments.search import Settings, descend
 
 SEEDS = (3, 4)
-PLACES = ((Section("nordland", 0, 100), 0), (Section("nordland", 100, 200), 0), (Section("gardens", 0, 50), 2))
-"""What is learned, and how many places off an answer may be."""
-WEIGHTS = np.array(((0.425,), (0.425,), (0.15,))) * (0.6, 0.15, 0.25)
-MARGIN = 0.5
+PLACES = {Section("nordland", 0, 100): 0, Section("nordland", 100, 200): 0, Section("gardens", 0, 50): 2}
+"""How many places off an answer may be, by what is learned."""
+WEIGHTS = np.array(((0.425,), (0.425,), (0.15,))) * RECALL
 FIRST: Mapping[str, Mapping[str, Any]] = {
     "template": {"learning": {"epochs": 10}, "slayer": {"start": "template", "rate": 0.02}},
     "scratch": {"learning": {"epochs": 40}, "slayer": {"start": "scratch", "rate": 0.05}},
@@ -48,59 +47,40 @@ TRIED: Mapping[str, Sequence[Any]] = {
 }
 
 
-def figures(model: Model, section: Section, tolerance: int) -> tuple[float, float, float]:
-    """R@1, R@100P and AUC in percent of the queries of a section."""
-    queries = places(section, 1, model.config)[0]
-    order = np.arange(len(queries))
-    truth = np.abs(order[:, None] - order) <= tolerance
-    result = recognise(model, queries, truth, Comparison(rivals=(), keep_scores=False), threads=cores())
-    found = result.metrics[result.default]
-    return 100 * found.recall_at_1, 100 * found.recall_at_100_precision, 100 * found.auc
-
-
-def scored(config: Config) -> tuple[float, str]:
-    """The score of settings, and their figures."""
-    rows = []
-    for section, tolerance in PLACES:
-        models = (learn(section, update(config, {"seed": seed})) for seed in SEEDS)
-        rows.append(np.mean([figures(model, section, tolerance) for model in models], axis=0))
-    told = "  ".join("/".join(f"{value:.1f}" for value in row) for row in rows)
-    return float(np.sum(np.array(rows) * WEIGHTS)), told
-
-
-@click.command()
-@click.option("--start", type=click.Choice(list(FIRST)), default="template", show_default=True)
-@click.option("--log", "path", type=click.Path(path_type=Path), default=None, help="Append here, too.")
-def main(start: str, path: Path | None) -> None:
-    """Choose the settings, and print a line for every one that was tried."""
-    required(*(section.dataset for section, _ in PLACES))
-
-    def note(line: str) -> None:
-        print(line, flush=True)
-        if path is not None:
-            with path.open("a") as file:
-                file.write(line + "\n")
-
-    config = update(preset("loihi"), {"learning": {"rule": "slayer"}})
-    config = update(config, {name: dict(values) for name, values in FIRST[start].items()})
-    began = time.monotonic()
-    best, told = scored(config)
-    seeds = ", ".join(map(str, SEEDS))
-    note(f"{start}: R@1/R@100P/AUC of {', '.join(str(section) for section, _ in PLACES)}; seeds {seeds}; * kept")
-    note(f"  {best:6.2f}   {told}  the start, {time.monotonic() - began:.0f} s")
-    for name, values in TRIED.items():
+def configured(base: Config, settings: Settings) -> Config:
+    """``base`` with settings, each by its section and name."""
+    for name, value in settings.items():
         section, _, key = name.partition(".")
-        for value in values:
-            tried = update(config, {section: {key: value}})
-            if tried == config:
-                continue
-            score, told = scored(tried)
-            kept = score > best + MARGIN
-            note(f"  {score:6.2f} {'*' if kept else ' '} {told}  {name} {value:g}")
-            if kept:
-                best, config = score, tried
-    note(f"{start}: {config.slayer} {config.augment} epochs={config.learning.epochs}")
+        base = update(base, {section: {key: value}})
+    return base
 
 
-if __name__ == "__main__":
-    main()
+def recalled(config: Config) -> NDArray[np.float64]:
+    """R@1, R@100P and AUC in percent of each of `PLACES`, means over the seeds."""
+    rows = (Row("", config, (section,), tolerance=off) for section, off in PLACES.items())
+    return np.array([np.mean([measure(row, *row.sections, seed)["network"] for seed in SEEDS], axis=0) for row in rows])
+
+
+@program(*(section.dataset for section in PLACES))
+@click.option("--start", type=click.Choice(list(FIRST)), default="template", show_default=True)
+@click.option("--log", "path", type=click.Path(path_type=Path), default=Path("search.log"), show_default=True)
+def main(start: str, path: Path) -> Made:
+    """Choose the settings, with a line for every one that is tried."""
+    base = update(preset("loihi"), {"learning": {"rule": "slayer"}})
+    base = update(base, {name: dict(values) for name, values in FIRST[start].items()})
+    log, titles = Log(path), ", ".join(map(str, PLACES))
+    log.write(f"{start}: R@1/R@100P/AUC of {titles}; seeds {', '.join(map(str, SEEDS))}; * kept")
+    held = {name: getattr(getattr(base, name.partition(".")[0]), name.partition(".")[2]) for name in TRIED}
+
+    def score(found: NDArray[np.float64]) -> float:
+        return float((found * WEIGHTS).sum())
+
+    trials = descend(
+        held,
+        TRIED,
+        lambda settings: recalled(configured(base, settings)),
+        lambda trial, best: score(trial.result) > score(best.result) + MARGIN,  # type: ignore[arg-type]
+        rounds=1,
+    )
+    chosen = configured(base, log.chosen(trials, lambda found: f"{recalls(found)}  {score(found):6.2f}"))
+    yield f"{start}: {chosen.slayer} {chosen.augment} epochs={chosen.learning.epochs}"

@@ -1,6 +1,6 @@
 """Kinds of learning side by side: recall, training time, modelled energy and time of a query, bits.
 
-    LAVA_VPR_DATA=... .venv-torch/bin/python -m benchmarks.learning.table [--learner NAME] [--log FILE]
+    LAVA_VPR_DATA=... .venv-torch/bin/python -m benchmarks learning.table [--learner NAME] [--log FILE] [--record]
 
 Five Nordland sections of 100 places, summer learned and winter asked, three seeds; exact matches. Settings were chosen
 on the first two sections and Gardens Point (`benchmarks.learning.search`, `benchmarks.presets`). Training time is that
@@ -20,8 +20,9 @@ from typing import Any, NamedTuple
 import click
 import numpy as np
 
-from benchmarks.nordland import FOLDERS, images_of, required
-from benchmarks.results.places import TEMPLATES, Section, places, sections_of
+from benchmarks.nordland import FOLDERS, images_of
+from benchmarks.places import TEMPLATES, Section, places, sections_of
+from benchmarks.program import Figures, Made, program
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
@@ -46,8 +47,8 @@ LEARNERS: Mapping[str, Mapping[str, Any]] = {
     "templates": {"learning": TEMPLATES},
     "STDP": {},
     "STDP in integers": {"learning": {"arithmetic": "integer"}},
-    "SLAYER from scratch": SCRATCH,
     "SLAYER from templates": {"learning": {"rule": "slayer", "epochs": 10}},
+    "SLAYER from scratch": SCRATCH,
     "templates behind filters before learning": {"learning": TEMPLATES, "encoder": {"kind": "filters"}},
     "templates behind filters that SLAYER learned": {"learning": TEMPLATES, "encoder": {"kind": "filters"}},
 }
@@ -109,50 +110,44 @@ def read(log: Path) -> list[Row]:
     return [Row(**json.loads(line)) for line in log.read_text().splitlines()] if log.exists() else []
 
 
-def table(rows: Sequence[Row]) -> str:
-    """A row of Markdown for each learner."""
-    late = {str(section) for section in SECTIONS[CHOSEN_ON:]}
-    lines = [
-        "| | 0:500 | 200:500, which the search did not see | training, s | µJ | ms | bits |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    for learner in dict.fromkeys(row.learner for row in rows):
+def table(rows: Sequence[Row]) -> Figures:
+    """A line for each learner."""
+    late, lines = {str(section) for section in SECTIONS[CHOSEN_ON:]}, []
+    for learner in LEARNERS:
         own = [row for row in rows if row.learner == learner]
-        cells = [_recall(own), _recall([row for row in own if row.section in late])]
-        cells += [f"{np.mean([row.training_s for row in own]):.1f}", f"{np.mean([row.microjoules for row in own]):.2f}"]
-        cells += [f"{np.mean([row.milliseconds for row in own]):.2f}", f"{own[0].bits} and a sign"]
+        if not own:
+            continue
+        costs = np.mean([(row.training_s, row.microjoules, row.milliseconds) for row in own], axis=0)
+        shown = (f"{value:.{digits}f}" for value, digits in zip(costs, (1, 2, 2), strict=True))
         seeds = sorted({row.seed for row in own})
         name = learner if len(seeds) == len(SEEDS) else f"{learner} (seed {', '.join(map(str, seeds))})"
-        lines.append(f"| {name} | {' | '.join(cells)} |")
-    return "\n".join(lines)
+        recalls = (recalled(own, seeds), recalled([row for row in own if row.section in late], seeds))
+        lines.append([name, *recalls, *shown, f"{own[0].bits} and a sign"])
+    columns = ["", "0:500", "200:500, which the search did not see", "training, s", "µJ", "ms", "bits"]
+    return Figures(columns, lines, record="learning-kinds")
 
 
-def _recall(rows: Sequence[Row]) -> str:
+def recalled(rows: Sequence[Row], seeds: Sequence[int]) -> str:
+    """Means of R@1, R@100P and AUC, and how far the seeds' mean R@1 spread, if there are several."""
     if not rows:
         return "-"
     means = np.mean([(row.recall_at_1, row.recall_at_100_precision, row.auc) for row in rows], axis=0)
-    spread = np.std([np.mean([r.recall_at_1 for r in rows if r.seed == seed]) for seed in {r.seed for r in rows}])
-    return " / ".join(f"{value:.1f}" for value in means) + f" (R@1 of seeds ± {spread:.1f})"
+    text = " / ".join(f"{value:.1f}" for value in means)
+    spread = np.std([np.mean([row.recall_at_1 for row in rows if row.seed == seed]) for seed in seeds])
+    return f"{text} (R@1 of seeds ± {spread:.1f})" if len(seeds) > 1 else text
 
 
-@click.command()
+@program(*(section.dataset for section in SECTIONS))
 @click.option("--learner", "names", multiple=True, type=click.Choice(list(LEARNERS)), help="Only these.")
 @click.option("--log", type=click.Path(path_type=Path), default=LOG, show_default=True)
-def main(names: Sequence[str], log: Path) -> None:
+def main(names: Sequence[str], log: Path) -> Made:
     """Learn what the log lacks, and print the table."""
-    required(*(section.dataset for section in SECTIONS))
     known = {(row.learner, row.section, row.seed) for row in read(log)}
-    for seed in SEEDS:
-        for learner in names or LEARNERS:
-            config = update(preset("loihi"), {**LEARNERS[learner], "seed": seed})
-            for section in SECTIONS:
-                if (learner, str(section), seed) in known:
-                    continue
-                row = measured(learner, config, section)
-                with log.open("a") as file:
-                    file.write(json.dumps(row._asdict()) + "\n")
-    print(table(read(log)))
-
-
-if __name__ == "__main__":
-    main()
+    due = [(seed, learner, section) for seed in SEEDS for learner in names or LEARNERS for section in SECTIONS]
+    for seed, learner, section in due:
+        if (learner, str(section), seed) in known:
+            continue
+        row = measured(learner, update(preset("loihi"), {**LEARNERS[learner], "seed": seed}), section)
+        with log.open("a") as file:
+            file.write(json.dumps(row._asdict()) + "\n")
+    yield table(read(log))

@@ -15,7 +15,7 @@ from pathlib import Path
 import click
 
 from benchmarks.results.page import ROWS
-from benchmarks.results.record import FILE, Record, key, sources_hash
+from benchmarks.results.record import FILE, Record, key, sources
 from benchmarks.results.rows import SEEDS, Row, measure
 from lava_vpr.errors import LavaVprError
 from scripts.pages import bring_up_to_date as write_pages
@@ -23,14 +23,14 @@ from scripts.pages import bring_up_to_date as write_pages
 
 def bring_up_to_date(record: Record, rows: Sequence[Row], file: Path, every: bool) -> None:
     """Compute what is out of date of ``rows``, or all, and write each down; what is no row any more goes."""
-    sources, names = sources_hash(), {row.name for row in rows}
+    today, names = sources(), {row.name for row in rows}
     record.rows = {name: row for name, row in record.rows.items() if name in names}
     for row in rows:
-        if not every and record.current(row, sources):
+        if not every and record.current(row, today):
             continue
         started = time.perf_counter()
         places = [(section, seed) for section in row.sections for seed in SEEDS]
-        record.put(row, sources, {key(*place): measure(row, *place) for place in places})
+        record.put(row, today, {key(*place): measure(row, *place) for place in places})
         record.write(file)
         click.echo(f"{row.name}: {record.cell(row)} ({time.perf_counter() - started:.0f} s)")
     record.write(file)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from benchmarks.figures import markdown
-from benchmarks.results.places import sections_of
+from benchmarks.places import sections_of
 from benchmarks.results.record import SIMPLER_TITLES, Record
 from benchmarks.results.rows import STANDING, TAU, Row
 from benchmarks.results.sections import DEFAULT, FIVE, LEARNED, SIMPLER

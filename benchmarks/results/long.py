@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from benchmarks.figures import markdown
-from benchmarks.results.places import Section
+from benchmarks.places import Section
 from benchmarks.results.record import SIMPLER_TITLES, Record
 from benchmarks.results.rows import Row
 from benchmarks.results.sections import DEFAULT, SIMPLER

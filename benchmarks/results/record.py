@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import hashlib
 import json
 from collections.abc import Sequence
@@ -12,26 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.results.places import Section
-from benchmarks.results.rows import SEEDS, Figures, Row
+from benchmarks.places import Section
+from benchmarks.results.rows import SEEDS, Figures, Row, measure
+from lava_vpr.experiments.cache import sources_hash
 from lava_vpr.storage.writing import write_atomically
 
 ROOT = Path(__file__).resolve().parents[2]
 FILE = ROOT / "docs" / "results.json"
-REMEDY = "run `make results` (LAVA_VPR_DATA names the images), and commit docs/results.json, its page and README.md"
-DECIDING = (
-    *(f"lava_vpr/{name}.py" for name in ("config", "encoding", "loihi", "model", "recognition", "traverse")),
-    *(f"lava_vpr/{room}" for room in ("images", "inputs", "matching", "settings", "training")),
-    *(f"lava_vpr/engine/{name}" for name in ("general", "inference", "learning")),
-    *(f"lava_vpr/engine/{name}.py" for name in ("adaptation", "draw", "random", "trains")),
-    *(f"lava_vpr/backends/{name}.py" for name in ("asking", "host", "interface", "rivals")),
-    "lava_vpr/experiments/points.py",
-    *(f"deploy/{room}" for room in ("boards", "compression", "cost", "mapping")),
-    "benchmarks/results/places.py",
-    "benchmarks/results/rows.py",
-    "requirements/lock.txt",
-)
-"""Modules and rooms that decide the figures, beside the settings, which each row's own hash covers."""
+REMEDY = "run `make results` (LAVA_VPR_DATA names the images), and commit docs/results.json and the pages"
 SIMPLER_TITLES = {"template": "without learning", "cosine": "`cosine`", "hog": "HOG", "sad": "SAD"}
 
 
@@ -45,30 +32,9 @@ def settings_hash(row: Row) -> str:
     return short_hash(json.dumps([asdict(row), SEEDS], sort_keys=True))
 
 
-def _code(path: Path) -> str:
-    """What a source does: its syntax tree without docstrings, comments and layout; another file's text."""
-    text = path.read_text(encoding="utf-8")
-    if path.suffix != ".py":
-        return text
-    tree = ast.parse(text)
-    for node in ast.walk(tree):
-        body = getattr(node, "body", None)
-        if isinstance(body, list):
-            node.body = [part for part in body if not _is_text(part)]  # type: ignore[attr-defined]
-    return ast.dump(tree)
-
-
-def _is_text(node: ast.AST) -> bool:
-    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
-
-
-def sources_hash(root: Path = ROOT) -> str:
-    """A hash of the sources that decide the figures; docstrings, comments and layout do not count."""
-    found = []
-    for name in DECIDING:
-        place = root / name
-        found += sorted(place.rglob("*.py")) if place.is_dir() else [place]
-    return short_hash("\n".join(f"{path.relative_to(root)} {_code(path)}" for path in found))
+def sources() -> str:
+    """A hash of what decides the figures: the sources of the modules that `measure` imports, and pinned versions."""
+    return short_hash(sources_hash(measure) + (ROOT / "requirements" / "lock.txt").read_text(encoding="utf-8"))
 
 
 @dataclass

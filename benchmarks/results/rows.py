@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.nordland import part
-from benchmarks.results.places import Section, learn, places
+from benchmarks.places import Section, learn, places
 from lava_vpr.backends.asking import Asking
 from lava_vpr.backends.rivals import BASELINES
 from lava_vpr.config import Config
@@ -18,7 +18,10 @@ from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.threads import cores
 from lava_vpr.experiments.points import Case, current, figures, runs_of
 from lava_vpr.inputs.views import ViewsConfig
-from lava_vpr.matching.evaluation import Metrics
+from lava_vpr.matching.decoders import decode
+from lava_vpr.matching.evaluation import Metrics, evaluate
+from lava_vpr.matching.figures import Recall
+from lava_vpr.matching.matchers import confidence
 from lava_vpr.model import Model
 from lava_vpr.recognition import Comparison, Recognition, recognise
 
@@ -29,6 +32,9 @@ STANDING = 20
 """Frames that a robot sees of each place where it stands still."""
 COSTED = 100
 """Costs are those of so many queries, the first ones."""
+
+PRINTED = ", as printed"
+"""Behind the name of one of the paper's decoders: as its equations are printed, not as its code was released."""
 
 Figures = dict[str, list[float]]
 """By matcher R@1, R@100P and AUC in percent, ``network`` being the default decoder; ``costs`` are uJ and ms."""
@@ -68,20 +74,33 @@ def measure(row: Row, section: Section, seed: int) -> Figures:
         InputError: LAVA_VPR_DATA does not name the images.
     """
     model = learn(section, dataclasses.replace(row.config, seed=seed))
+    return asked(row, model, section, costs=seed == SEEDS[0])
+
+
+def asked(row: Row, model: Model, section: Section, costs: bool = False) -> Figures:
+    """The figures of a model of a section."""
     result = _asked(model, row, section)
     found = {"network": _percent(result.metrics[result.default])}
-    found |= {name: _percent(result.metrics[name]) for name in row.matchers}
+    for name in row.matchers:
+        found[name] = _percent(_as_printed(model, result, name) if name.endswith(PRINTED) else result.metrics[name])
     if row.adapt:
         found["network, adapted"] = _percent(result.adapted[result.default])
         found |= {f"{name}, adapted": _percent(result.adapted[name]) for name in row.matchers if name in BASELINES}
-    if row.costs and seed == SEEDS[0]:
+    if row.costs and costs:
         found["costs"] = _costs(model, section)
     return found
 
 
+def _as_printed(model: Model, result: Recognition, name: str) -> Metrics:
+    """Figures of one of the paper's decoders read as its equations are printed, on the same spikes."""
+    name = name.removesuffix(PRINTED)
+    scores = decode(name, model.responses, result.counts, variant="printed", gamma=model.config.decoder.gamma)
+    return evaluate(scores, confidence(name, scores), result.truth)
+
+
 def _percent(metrics: Metrics) -> list[float]:
     """What is kept of the figures of a matcher."""
-    return [round(100 * value, 4) for value in (metrics.recall_at_1, metrics.recall_at_100_precision, metrics.auc)]
+    return [round(100 * value, 4) for value in Recall.of(metrics)]
 
 
 def _asked(model: Model, row: Row, section: Section) -> Recognition:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from benchmarks.figures import markdown
-from benchmarks.results.places import sections_of
+from benchmarks.places import sections_of
 from benchmarks.results.record import Record
 from benchmarks.results.rows import SEEDS, Row
 from lava_vpr.config import PRESETS, preset

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from benchmarks.figures import markdown
+from benchmarks.places import Section
 from benchmarks.results import adapted, long, views
-from benchmarks.results.places import Section
 from benchmarks.results.record import Record
 from benchmarks.results.rows import Row
 from benchmarks.results.sections import DEFAULT, LEARNED

@@ -1,6 +1,6 @@
 """A robot's day: Nordland, summer learned and winter driven; Gardens Point, one side of the path and the other.
 
-    python -m benchmarks.robot.day [--seeds 0,1,2] [--chosen] [--updates 100000]
+    python -m benchmarks robot.day [--seeds 0,1,2] [--chosen] [--updates 100000] [--record]
 
 All answers are causal. Drives are made of the query images by repeating, leaving out or reversing them; an image that
 shows what the last one showed is no news to the filter. Off the map are query images of places that the map does not
@@ -13,7 +13,7 @@ from __future__ import annotations
 import dataclasses
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,10 +21,9 @@ import click
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
-from rich.table import Table
 
-from benchmarks.nordland import FOLDERS, images_of, part, required
+from benchmarks.nordland import FOLDERS, images_of, part
+from benchmarks.program import Figures, Made, program, seeds_option
 from benchmarks.robot import drives
 from lava_vpr import Localizer
 from lava_vpr import train as learn
@@ -41,7 +40,6 @@ from lava_vpr.recognition import count_query_spikes
 from lava_vpr.training.loop import train
 from lava_vpr.traverse import open_traverse
 
-console = Console(highlight=False, width=140)
 ENCODER = preset("loihi").encoder
 KIDNAPPED = 60
 TIMED = 200
@@ -123,30 +121,37 @@ def found_again(some: Answered, motion: str) -> float:
     return 100 * again / len(cases)
 
 
-def print_drives(name: str, all_seeds: Sequence[Answered]) -> None:
-    """Exact matches and those within three places, of every drive."""
-    table = Table(title=f"{name}: exact / within 3, mean over {len(all_seeds)} seeds (least)", title_justify="left")
-    for column in ("drive", "each image alone", *(f"--motion {motion}" for motion in MOTIONS)):
-        table.add_column(column, justify="left" if column == "drive" else "right")
+def driven(some: Answered, motion: str, frames: NDArray[np.int64]) -> tuple[float, float]:
+    """Percent of the frames of a drive that are answered exactly, and within 3 places."""
+    alone = motion == NONE
+    return exact_and_near(some.on[frames].argmax(axis=1) if alone else follow(some.on, motion, frames).matches, frames)
+
+
+def drive_cells(all_seeds: Sequence[Answered]) -> list[list[str]]:
+    """The cells of a map, a row for each drive: exact / within three places, in percent, means over seeds."""
+    rows = []
     for drive, frames in drives.every_drive(all_seeds[0].model.places).items():
-        row = [drive]
+        cells = []
         for motion in (NONE, *MOTIONS):
-            if motion == "forward" and drive == "reversed":
-                row.append("")
-                continue
-            figures = [
-                exact_and_near(
-                    some.on[frames].argmax(axis=1) if motion == NONE else follow(some.on, motion, frames).matches,
-                    frames,
-                )
-                for some in all_seeds
-            ]
-            (exact, near), (least, least_near) = np.mean(figures, axis=0), np.min(figures, axis=0)
-            row.append(f"{exact:.1f} / {near:.1f} ({least:.1f} / {least_near:.1f})")
-        table.add_row(*row)
-    again = [[found_again(some, motion) for some in all_seeds] for motion in MOTIONS]
-    table.add_row("carried off: found within 10", "", *(f"{np.mean(of):.0f} ({min(of):.0f})" for of in again))
-    console.print(table)
+            figures = np.mean([driven(some, motion, frames) for some in all_seeds], axis=0)
+            backwards = motion == "forward" and drive == drives.REVERSED
+            cells.append("" if backwards else " / ".join(f"{value:.1f}" for value in figures))
+        rows.append(cells)
+    again = [np.mean([found_again(some, motion) for some in all_seeds]) for motion in MOTIONS]
+    return [*rows, ["", *(f"{of:.0f}" for of in again)]]
+
+
+def drive_table(maps: Mapping[str, Sequence[Answered]], record: str) -> Figures:
+    """All drives on all maps."""
+    names = [*drives.every_drive(KIDNAPPED), f"carried off: found again within {drives.AFTER} images"]
+    columns = [name for title in maps for name in (f"{title}: alone", "`--motion any`", "`forward`")]
+    rows = zip(*(drive_cells(seeds) for seeds in maps.values()), strict=True)
+    return Figures(
+        ["drive", *columns],
+        [[name, *(cell for cells in row for cell in cells)] for name, row in zip(names, rows, strict=True)],
+        "exact / within 3 places, percent",
+        record,
+    )
 
 
 def trusts(some: Answered) -> dict[str, Trust | None]:
@@ -157,30 +162,29 @@ def trusts(some: Answered) -> dict[str, Trust | None]:
     truth = np.zeros(scores.shape, np.bool_)
     truth[np.arange(len(on)), np.arange(len(on))] = True
     alone = answers_of(some.model.config.decoder.default, scores, some.calibration)
-    made = {"each image alone": trust(alone, truth, Together(calibration=some.calibration))}
+    made = {"alone": trust(alone, truth, Together(calibration=some.calibration))}
     for motion in MOTIONS:
         by_filter = follow(scores, motion, np.arange(len(scores)))
-        made[f"--motion {motion}"] = trust(by_filter, truth, Together(motion=motion))
+        made[f"`--motion {motion}`"] = trust(by_filter, truth, Together(motion=motion))
     return made
 
 
-def print_trust(name: str, all_seeds: Sequence[Answered]) -> None:
+def trust_table(maps: Mapping[str, Sequence[Answered]], record: str) -> Figures:
     """What each target precision gives, half of the images being off the map."""
-    asked = min(all_seeds[0].model.places, len(all_seeds[0].off))
-    title = f"{name}, {asked} images on the map and as many off it: precision / kept of those on it / accepted off it"
-    table = Table(title=title, title_justify="left", caption="percent, by --target-precision", caption_justify="left")
-    for column in ("", "calibration error", "0.9", "0.95", "0.98", "0.99"):
-        table.add_column(column, justify="right" if column else "left")
-    found = [trusts(some) for some in all_seeds]
-    for way in found[0]:
-        known = [one for one in (of[way] for of in found) if one is not None]
-        row = [way, f"{100 * np.mean([one.error for one in known]):.1f}"]
-        for number in range(4):
-            rows = [one.thresholds[number] for one in known]
-            figures = [(r.precision, r.kept, r.false_accepts) for r in rows]
-            row.append(" / ".join(mean_percent(of) for of in zip(*figures, strict=True)))
-        table.add_row(*row)
-    console.print(table)
+    rows = []
+    for title, all_seeds in maps.items():
+        found = [trusts(some) for some in all_seeds]
+        for number, way in enumerate(found[0]):
+            known = [one for one in (of[way] for of in found) if one is not None]
+            row = ["" if number else title, way, f"{100 * np.mean([one.error for one in known]):.1f}"]
+            for target in range(4):
+                thresholds = [one.thresholds[target] for one in known]
+                figures = [(r.precision, r.kept, r.false_accepts) for r in thresholds]
+                row.append(" / ".join(mean_percent(of) for of in zip(*figures, strict=True)))
+            rows.append(row)
+    columns = ["map", "answers", "expected calibration error", "`--target-precision` 0.9", "0.95", "0.98", "0.99"]
+    title = "as many images off the map as on it: precision / kept of those on it / accepted off it, percent"
+    return Figures(columns, rows, title, record)
 
 
 def mean_percent(figures: Sequence[float]) -> str:
@@ -189,7 +193,7 @@ def mean_percent(figures: Sequence[float]) -> str:
     return f"{100 * np.mean(known):.1f}" if known else "-"
 
 
-def print_latency(name: str, model: Model, dataset: str) -> None:
+def latency(name: str, model: Model, dataset: str) -> Made:
     """Milliseconds of `Localizer.update` of a 640 x 480 image."""
     traverse = open_traverse(images_of(dataset, "winter"))
     seen = [cv2.resize(traverse.load(k), (640, 480), interpolation=cv2.INTER_CUBIC) for k in range(TIMED)]
@@ -202,7 +206,7 @@ def print_latency(name: str, model: Model, dataset: str) -> None:
             wall.append(time.perf_counter() - started)
             busy.append(time.process_time() - worked)
         p50, p99 = np.percentile(wall, [50, 99]) * 1e3
-        console.print(
+        yield (
             f"{name}, motion {motion}: Localizer.update of 640 x 480: p50 {p50:.2f} ms, p99 {p99:.2f} ms elapsed, "
             f"{1e3 * float(np.median(busy)):.2f} ms of a processor"
         )
@@ -216,7 +220,7 @@ def mirrored() -> Model:
     return learn(seen + [np.ascontiguousarray(image[:, ::-1]) for image in seen])
 
 
-def print_memory(model: Model, updates: int) -> None:
+def memory(model: Model, updates: int) -> str:
     """Memory of the process before and after so many updates."""
     robot, seen = Localizer(model), list(open_traverse(images_of("nordland", "winter")).images())
     for image in seen:
@@ -224,7 +228,7 @@ def print_memory(model: Model, updates: int) -> None:
     before = resident()
     for number in range(updates):
         robot.update(seen[number % len(seen)])
-    console.print(f"{updates:,} updates: {before / 1e6:.1f} MB before, {resident() / 1e6:.1f} MB after")
+    return f"{updates:,} updates: {before / 1e6:.1f} MB before, {resident() / 1e6:.1f} MB after"
 
 
 def resident() -> int:
@@ -233,24 +237,19 @@ def resident() -> int:
     return pages * os.sysconf("SC_PAGE_SIZE")
 
 
-@click.command()
+@program("nordland", "nordland_long", "gardens")
 @click.option("--updates", default=0, help="Also: how memory changes over so many updates.")
-@click.option("--seeds", default="0,1,2", show_default=True)
+@seeds_option
 @click.option("--chosen", is_flag=True, help="The maps on which numbers were chosen.")
-def main(updates: int, seeds: str, chosen: bool) -> None:
-    """Print everything."""
-    required("nordland", "nordland_long")
-    for name, where in (CHOSEN if chosen else UNSEEN).items():
-        all_seeds = [answered(where, int(seed)) for seed in seeds.split(",")]
-        print_drives(name, all_seeds)
-        print_trust(name, all_seeds)
-        if not chosen:
-            print_latency(name, all_seeds[0].model, where.learned[0])
+def main(updates: int, seeds: Sequence[int], chosen: bool) -> Made:
+    """Drives, trust and milliseconds an image."""
+    maps = CHOSEN if chosen else UNSEEN
+    found = {name: [answered(where, seed) for seed in seeds] for name, where in maps.items()}
+    yield drive_table(found, "" if chosen else "robot-drives")
+    yield trust_table(dict(reversed(found.items())), "" if chosen else "robot-trust")
     if not chosen:
-        print_latency("3,000 places", mirrored(), "nordland")
+        for name, where in maps.items():
+            yield from latency(name, found[name][0].model, where.learned[0])
+        yield from latency("3,000 places", mirrored(), "nordland")
     if updates:
-        print_memory(all_seeds[0].model, updates)
-
-
-if __name__ == "__main__":
-    main()
+        yield memory(next(reversed(found.values()))[0].model, updates)

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-SPEEDS = (0.5, 1.0, 1.2, 1.5, 2.0)
+SPEEDS = {"half the speed": 0.5, "the same speed": 1.0, "1.2 times": 1.2, "1.5 times": 1.5, "twice": 2.0}
 EVERY, STOP = 50, 30
 """A stop of so many frames after so many places."""
 BEFORE, AFTER = 25, 10
 """Frames before a robot is carried off, and after."""
+
+REVERSED = "reversed"
 
 Frames = NDArray[np.int64]
 
@@ -26,8 +28,9 @@ def with_stops(places: int) -> Frames:
 
 def every_drive(places: int) -> dict[str, Frames]:
     """All drives by name."""
-    made = {f"{speed:g} times the speed": at_speed(speed, places) for speed in SPEEDS}
-    return made | {"stops": with_stops(places), "reversed": np.arange(places)[::-1]}
+    made = {name: at_speed(speed, places) for name, speed in SPEEDS.items()}
+    stops = f"{STOP} frames at rest, every {EVERY} places"
+    return made | {stops: with_stops(places), REVERSED: np.arange(places)[::-1]}
 
 
 def kidnappings(places: int, number: int, seed: int) -> list[Frames]:

@@ -1,4 +1,6 @@
-"""The host engine of this checkout beside that of another, in turns: `benchmarks.speed` with ``--other CHECKOUT``.
+"""The host engine of this checkout beside that of another, in turns.
+
+    LAVA_VPR_DATA=... python -m benchmarks versions.beside CHECKOUT [--rounds 15]
 
 Each checkout learns the same places with its own preset, but for the encoder. What is presented is the same: input
 spikes, steps and number of neurons, those of this checkout's presets, with regular and with Poisson trains. Figures are
@@ -12,10 +14,13 @@ import os
 import subprocess
 from contextlib import ExitStack
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
-from rich.table import Table
+import click
 
+from benchmarks.program import Figures, Made, program
+from benchmarks.timing import turns
 from benchmarks.versions.worker import Case
 from lava_vpr.config import preset
 from lava_vpr.configfile import to_dict
@@ -85,34 +90,45 @@ class Worker:
         return said
 
 
-def beside(other: Path, rounds: int) -> Table:
-    """Microseconds of processor time a query, here and in the checkout ``other``.
+def cpu_flags() -> str:
+    """The widest vector instructions of this processor, which decide most of the speed."""
+    try:
+        with open("/proc/cpuinfo") as file:
+            flags = next((line for line in file if line.startswith("flags")), "").split()
+    except OSError:
+        return "unknown"
+    return next((name for name in ("avx512f", "avx2", "avx") if name in flags), "none")
+
+
+def row(case: Case, here: list[dict[str, float]], there: list[dict[str, float]], other: Path) -> list[str]:
+    """Microseconds of processor time a query of a case, here and in the checkout ``other``.
 
     Raises:
-        InputError: the other checkout cannot run, or has not the same input spikes.
+        InputError: the other checkout has not the same input spikes.
     """
+    if here[0]["input_spikes"] != there[0]["input_spikes"]:
+        raise InputError(f"{other}: its input spikes are not those of this checkout; name a nearer one")
+    least = [1e6 * min(said["seconds"] for said in side) for side in (here, there)]
+    return [
+        f"{case.preset}, {'regular' if case.regular else 'Poisson'}",
+        *(f"{value:,.0f}" for value in (case.places, case.steps, here[0]["input_spikes"])),
+        *(f"{side[0]['exc_spikes']:.1f}" for side in (here, there)),
+        *(f"{value:.1f}" for value in least),
+        f"{least[1] / least[0]:.2f}",
+    ]
+
+
+@program("nordland")
+@click.argument("other", type=click.Path(exists=True, file_okay=False, resolve_path=True, path_type=Path))
+@click.option("--rounds", default=15, show_default=True, help="Turns with the other checkout.")
+def main(other: Path, rounds: int) -> Made:
+    """Processor time a query of this checkout's host engine, beside that of another checkout."""
     every = cases()
-    taken: dict[tuple[int, int], list[dict[str, float]]] = {}
     with ExitStack() as stack:
         workers = [stack.enter_context(Worker(checkout, every)) for checkout in (ROOT, other)]
-        for k in range(rounds + 1):  # the first round compiles and is not counted
-            for number in range(len(every)):
-                for side in (0, 1) if k % 2 else (1, 0):
-                    said = workers[side].run(number)
-                    taken.setdefault((number, side), []).extend([said] if k else [])
-    table = Table(title=f"processor time a query, one thread, least of {rounds} turns", title_justify="left")
-    for column in ("", "neurons", "steps", "input spikes", "exc, here", "exc, other", "us, here", "us, other", "ratio"):
-        table.add_column(column, justify="right" if column else "left", no_wrap=True)
-    for number, case in enumerate(every):
-        here, there = (taken[number, side] for side in (0, 1))
-        if here[0]["input_spikes"] != there[0]["input_spikes"]:
-            raise InputError(f"{other}: its input spikes are not those of this checkout; name a nearer one")
-        least = [1e6 * min(said["seconds"] for said in side) for side in (here, there)]
-        table.add_row(
-            f"{case.preset}, {'regular' if case.regular else 'Poisson'}",
-            *(f"{value:,.0f}" for value in (case.places, case.steps, here[0]["input_spikes"])),
-            *(f"{side[0]['exc_spikes']:.1f}" for side in (here, there)),
-            *(f"{value:.1f}" for value in least),
-            f"{least[1] / least[0]:.2f}",
-        )
-    return table
+        sides = [(number, side) for number in range(len(every)) for side in (0, 1)]
+        taken = turns({(k, side): partial(workers[side].run, k) for k, side in sides}, rounds)
+    columns = ["", "neurons", "steps", "input spikes", "exc, here", "exc, other", "us, here", "us, other", "ratio"]
+    rows = [row(case, taken[number, 0], taken[number, 1], other) for number, case in enumerate(every)]
+    title = f"processor time a query, one thread, least of {rounds} turns; vector instructions: {cpu_flags()}"
+    yield Figures(columns, rows, title)

@@ -10,7 +10,7 @@ still shows the same image again, which is no news: its belief stays.
 The filter is causal. `smooth` looks at later queries, too (forward-backward; Rabiner, Proc. IEEE 1989).
 
 FLAT, PEAK, SHARE, the steps and the rates below were chosen on Nordland 0:200 (three maps, drives at 0.5 to 2 times the
-speed, with stops, backwards, carried off, off the map); ``python -m benchmarks.robot.day`` prints what they reach.
+speed, with stops, backwards, carried off, off the map); ``python -m benchmarks robot.day`` prints what they reach.
 """
 
 from __future__ import annotations

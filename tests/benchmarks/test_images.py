@@ -10,12 +10,19 @@ import click
 import pytest
 from support.common import children
 
+from benchmarks import __main__ as benchmarks
+
 ROOT = Path(__file__).resolve().parents[2]
-_WITHOUT = ("oracles.compare", "peers.side_by_side", "query_memory", "sanafe.compare", "versions.worker")
-WITHOUT = {f"benchmarks.{name}" for name in _WITHOUT}
+WITHOUT = {
+    f"benchmarks.{name}" for name in ("oracles.compare", "peers.side_by_side", "sanafe.compare", "versions.worker")
+}
 """Those that do with less, and say so; and one that another starts."""
-WORDS = {"benchmarks.results.__main__": ["--all"]}
-"""What must be asked for to need images."""
+WORDS = {
+    "benchmarks.recall": ["decoders"],
+    "benchmarks.results.__main__": ["--all"],
+    "benchmarks.versions.beside": ["."],
+}
+"""What must be given."""
 
 
 def programs() -> list[str]:
@@ -24,14 +31,20 @@ def programs() -> list[str]:
     for path in sorted((ROOT / "benchmarks").rglob("*.py")):
         source = path.read_text(encoding="utf-8")
         froms = {node.module or "" for node in ast.walk(ast.parse(source)) if isinstance(node, ast.ImportFrom)}
-        if '__name__ == "__main__"' in source and "benchmarks.nordland" in froms:
+        plain = '__name__ == "__main__"' in source and "benchmarks.nordland" in froms
+        if plain or "\n@program(" in source.replace("@program()", ""):
             found.append(".".join(path.relative_to(ROOT).with_suffix("").parts))
     return found
 
 
 def test_the_programs_are_found() -> None:
-    assert len(programs()) > 20
+    assert len(programs()) > 15
     assert {"benchmarks.events.lens", "benchmarks.oracles.needs"} <= set(programs())
+    assert {f"benchmarks.{name}" for name in benchmarks.names()} - set(programs()) == {
+        *(f"benchmarks.commands.{name}" for name in ("file_costs", "large_maps", "long_routes")),
+        "benchmarks.events.synthetic",
+        "benchmarks.lava_speed",
+    }
 
 
 @pytest.mark.parametrize("name", sorted({*programs(), "benchmarks.results.__main__"} - WITHOUT))

@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.places import Section
 from benchmarks.results import __main__ as command
 from benchmarks.results import long, page, record, rows
-from benchmarks.results.places import Section
 from benchmarks.results.record import REMEDY, Record
 from benchmarks.results.sections import DEFAULT, FIVE, INTEGER, LEARNED
 from lava_vpr.configfile import update
+from lava_vpr.experiments.cache import modules_of
 
 
 def test_the_file_has_todays_rows_under_todays_settings() -> None:
@@ -40,22 +41,12 @@ def test_another_setting_of_a_preset_is_another_row(name: str) -> None:
     assert kept.lacks(others) == [row.name]
 
 
-def test_a_source_that_computes_otherwise_has_another_hash(tmp_path: Path) -> None:
-    for name in record.DECIDING:
-        place = record.ROOT / name
-        assert place.exists(), name
-        for path in sorted(place.rglob("*.py")) if place.is_dir() else [place]:
-            copy = tmp_path / path.relative_to(record.ROOT)
-            copy.parent.mkdir(parents=True, exist_ok=True)
-            copy.write_text(path.read_text(encoding="utf-8"), encoding="utf-8")
-    before = record.sources_hash()
-    assert record.sources_hash(tmp_path) == before
-    decoders = tmp_path / "lava_vpr" / "matching" / "equations.py"
-    text = decoders.read_text(encoding="utf-8")
-    decoders.write_text(f'"""Another docstring."""\n# a remark\n{text}', encoding="utf-8")
-    assert record.sources_hash(tmp_path) == before
-    decoders.write_text(f"{text}\nWEIGHT = 2\n", encoding="utf-8")
-    assert record.sources_hash(tmp_path) != before
+def test_what_decides_the_figures_is_derived_from_imports() -> None:
+    """A hash of sources changes with any of these modules: tests/experiments/test_cache.py."""
+    decide = set(modules_of(rows.measure))
+    engine, chip = {"lava_vpr.engine.inference.fixed", "lava_vpr.training.joining"}, {"lava_vpr.deploy.cost.costs"}
+    assert {"benchmarks.results.rows", "benchmarks.places", "lava_vpr.recognition", *engine, *chip} <= decide
+    assert not {name for name in decide if name.startswith(("lava_vpr.cli", "lava_vpr.report"))}
 
 
 def test_a_record_is_read_as_it_was_written(tmp_path: Path) -> None:

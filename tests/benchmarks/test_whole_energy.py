@@ -9,17 +9,18 @@ import pytest
 from click.testing import CliRunner
 
 from benchmarks.energy import whole
+from benchmarks.timing import turns
 
 
-def test_the_quickest_round_counts_and_all_take_turns() -> None:
-    times, order = {"a": iter([3.0, 1.0, 2.0]), "b": iter([5.0, 6.0, 4.0])}, []
+def test_all_take_turns_and_the_first_round_does_not_count() -> None:
+    values, order = iter(range(6)), list[str]()
 
-    def timed(name: str) -> float:
+    def timed(name: str) -> int:
         order.append(name)
-        return next(times[name])
+        return next(values)
 
-    assert whole.quickest({"a": lambda: timed("a"), "b": lambda: timed("b")}, 3) == {"a": 1.0, "b": 4.0}
-    assert order == ["a", "b"] * 3
+    assert turns({"a": lambda: timed("a"), "b": lambda: timed("b")}, 2) == {"a": [2, 5], "b": [3, 4]}
+    assert order == ["b", "a", "a", "b", "b", "a"]
 
 
 @pytest.mark.data

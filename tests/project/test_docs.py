@@ -9,6 +9,9 @@ from pathlib import Path
 import click
 import pytest
 
+from benchmarks import __main__ as benchmarks
+from benchmarks import figures
+from benchmarks.recall import TABLES
 from lava_vpr.cli import main
 from lava_vpr.cli.group import LazyGroup
 
@@ -51,8 +54,12 @@ def test_links_lead_somewhere(page: Path) -> None:
 
 def test_benchmarks_that_the_pages_name_exist() -> None:
     text = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
+    text += "".join(f"\n{figures.read(name).command}" for name in figures.names())
     modules = {name.rstrip(".") for name in re.findall(r"python -m (benchmarks\.[a-z_.]+)", text)}
-    assert len(modules) > 20
+    named = set(re.findall(r"python -m benchmarks ([a-z_.]+)", text))
+    assert len(named) > 12
+    assert named <= set(benchmarks.names())
+    assert set(re.findall(r"python -m benchmarks recall ([a-z-]+)", text)) <= set(TABLES)
     for module in modules:
         place = ROOT / module.replace(".", "/")
         assert place.with_suffix(".py").exists() or (place / "__main__.py").exists(), module

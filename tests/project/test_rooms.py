@@ -19,8 +19,9 @@ NOT_ROOMS = {"core", "project", "support"}
 """Folders of tests that mirror none: of the modules on the package's top floor, of the project, and the helpers."""
 MEASURED = {
     "bench/test_workload.py": {"benchmarks.neurobench"},
-    "core/test_fast.py": {"benchmarks.fast"},
-    "core/test_real_images.py": {"benchmarks.recall"},
+    "core/test_fast.py": {"benchmarks.recall", "benchmarks.results"},
+    "core/test_real_images.py": {"benchmarks.places", "benchmarks.recall", "benchmarks.results"},
+    "project/test_docs.py": {"benchmarks.__main__", "benchmarks.figures", "benchmarks.recall"},
     "project/test_pages.py": {"benchmarks.figures"},
     "engine/test_conductance.py": {"benchmarks.peers"},
 }

@@ -105,7 +105,7 @@ ETA, THETA_PLUS = 0.6, 1.0
 """Factors on ``learning.eta`` (first phase) and ``learning.theta_plus``. Chosen on Nordland 0:500, seeds 0 to 2: recall
 there is optimistic. Without the step of rest after a spike, and with a threshold that stays where it is during a
 presentation, a neuron spikes more often in it; at the full rate it then learns one presentation by heart
-(`benchmarks.chip_learning`)."""
+(`python -m benchmarks recall chip-learning`)."""
 
 
 def folded_phases(learning: StdpLearning, inputs: int, spikes_per_step: float) -> tuple[FoldedPhase, FoldedPhase]:

@@ -1,6 +1,6 @@
 """What the costliest files that lava-vpr accepts cost it: memory and seconds of a process that reads one.
 
-    python -m benchmarks.file_costs [--only NAME]
+    python -m benchmarks commands.file_costs [--only NAME]
 
 Each file is made as large as its limits allow (docs/security.md), of what packs best, so that it is as small
 on the disk as they allow.
@@ -10,13 +10,12 @@ command takes that reads next to nothing stands in the first row. Making the fil
 
 from __future__ import annotations
 
-import os
 import struct
 import subprocess
 import sys
 import tempfile
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -25,10 +24,9 @@ import click
 import cv2
 import h5py
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
-from benchmarks.query_memory import measured
+from benchmarks.commands.running import PROGRAM, measured
+from benchmarks.program import Figures, Made, program
 from lava_vpr import model as model_file
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
@@ -40,16 +38,16 @@ from lava_vpr.positions.gpx import gpx_text
 from lava_vpr.storage.limits import limit
 from lava_vpr.training.loop import split
 
-PROGRAM = [sys.executable, "-m", "lava_vpr"]
 IMAGE = "image.png"
 
 
 class Case(NamedTuple):
-    """A file at its limits: what it is, what makes it, and the command that reads it."""
+    """A file at its limits: what it is, what reads it, what makes it, and the command that does."""
 
     what: str
+    reader: str
     make: Callable[[Path], object]
-    words: list[str]
+    words: Sequence[str]
 
 
 def blank(config: Config, places: int) -> Model:
@@ -157,39 +155,61 @@ def cases() -> dict[str, Case]:
     def read(module: str, function: str, path: str) -> list[str]:
         return [sys.executable, "-c", reading.format(module, function, path)]
 
-    def read_vectors(end: str) -> list[str]:
-        return read("vectors.files", "read_vectors", f"v.{end}")
-
+    of_vectors = f"{limit('array_bytes') // (4 * 4096) - 1:,} vectors of 4,096 values"
     return {
-        "nothing": Case("model of 2 places, one small image", few, query),
-        "model": Case("model of 20,000 places", save_blank(fast, 20_000), query),
-        "steps": Case("model of 1,900 places and 65,536 steps", save_blank(long, 1_900), query),
-        "loihi2": Case("bundle of 16,000 places for Loihi 2", deploy_blank(fast, 16_000, "loihi2"), bundle),
+        "nothing": Case("a model of 2 places", "`query` of one small image", few, query),
+        "model": Case("a model of 20,000 places", "`query`", save_blank(fast, 20_000), query),
+        "steps": Case("a model of 1,900 places and 65,536 steps", "`query`", save_blank(long, 1_900), query),
+        "loihi2": Case(
+            "a bundle of 16,000 places for Loihi 2", "`query`", deploy_blank(fast, 16_000, "loihi2"), bundle
+        ),
         "kapoho": Case(
-            f"bundle of {kapoho} places for Kapoho Bay, simulated",
+            f"a bundle of {kapoho} places for Kapoho Bay",
+            "`query --backend bundle`",
             deploy_blank(loihi, kapoho, "kapoho-bay"),
             [*bundle, "--backend", "bundle"],
         ),
-        "picture": Case("PNG of 178,956,970 pixels", and_few(picture), [*query[:-3], "large.png", *query[-2:]]),
-        "list": Case("list of 2,000,000 images, read", listing, read("images.lists", "listed_images", "long.txt")),
+        "picture": Case(
+            "a picture of 178,956,970 pixels (PNG)",
+            "`query`",
+            and_few(picture),
+            [*PROGRAM, "query", "model.lvpr", "large.png", "-o", "answer.csv"],
+        ),
+        "list": Case(
+            "a list of 2,000,000 images",
+            "the reader of lists",
+            listing,
+            read("images.lists", "listed_images", "long.txt"),
+        ),
         "positions": Case(
-            "2,000,000 positions, read", positions, read("positions.tables", "read_table", "positions.csv")
+            "2,000,000 positions",
+            "the reader of positions",
+            positions,
+            read("positions.tables", "read_table", "positions.csv"),
+        ),
+        "gpx": Case(
+            "a GPX track of 250,000 points",
+            "the reader of positions",
+            tracking,
+            read("positions.gpx", "read_gpx", "track.gpx"),
         ),
         **{
-            end: Case(f"{limit('array_bytes') / 1e6:,.0f} MB of vectors, read", vectors(f"v.{end}"), read_vectors(end))
+            end: Case(
+                f"{of_vectors} (.{end})",
+                "the reader of vectors",
+                vectors(f"v.{end}"),
+                read("vectors.files", "read_vectors", f"v.{end}"),
+            )
             for end in ("npz", "h5")
         },
-        "gpx": Case("GPX track of 250,000 points, read", tracking, read("positions.gpx", "read_gpx", "track.gpx")),
     }
 
 
-@click.command()
+@program()
 @click.option("--only", multiple=True, help="Names of cases.")
-def main(only: tuple[str, ...]) -> None:
-    """Print what the costliest files cost."""
-    table = Table(title="The costliest files that are accepted", title_justify="left")
-    for column in ("name", "file", "MB on the disk", "MB at most", "seconds", "processor s"):
-        table.add_column(column, justify="left" if column in ("name", "file") else "right")
+def main(only: Sequence[str]) -> Made:
+    """What the costliest files cost."""
+    rows = []
     for name, case in cases().items():
         if only and name not in only:
             continue
@@ -198,13 +218,9 @@ def main(only: tuple[str, ...]) -> None:
             cv2.imwrite(str(place / IMAGE), np.random.default_rng(0).integers(0, 256, (64, 96), np.uint8))
             case.make(place)
             size = sum(file.stat().st_size for file in place.rglob("*") if file.is_file())
-            run = measured(case.words, place)
-        figures = (f"{size / 1e6:,.1f}", f"{run.held / 1e6:,.0f}", f"{run.seconds:,.1f}", f"{run.used:,.1f}")
-        table.add_row(name, case.what, *figures)
-        print(f"{name}: {figures}", file=sys.stderr, flush=True)
-    Console(highlight=False, width=120).print(table)
-
-
-if __name__ == "__main__":
-    os.environ.setdefault("MPLBACKEND", "Agg")
-    main()
+            run = measured(place, *case.words)
+        figures = (f"{size / 1e6:,.1f}", f"{run.held / 1e6:,.0f}", f"{run.seconds:,.1f}")
+        rows.append([case.what, case.reader, *figures])
+        yield f"{name}: {', '.join(figures)}; {run.used:,.1f} s of processors"
+    columns = ["file", "read by", "on the disk, MB", "memory at most, MB", "seconds"]
+    yield Figures(columns, rows, record="" if only else "file-costs")

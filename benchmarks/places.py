@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.nordland import FOLDERS, images_of, part
 from lava_vpr.config import Config, EncoderConfig
-from lava_vpr.encoding import EncodedTraverse, Keep, encode_views
+from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse, encode_views
 from lava_vpr.engine.threads import cores
 from lava_vpr.inputs.views import ViewsConfig
 from lava_vpr.model import Model
+from lava_vpr.recognition import Comparison, Recognition, recognise
 from lava_vpr.training.loop import train
-from lava_vpr.traverse import open_traverse
+from lava_vpr.training.standard import fitted, settings_for
+from lava_vpr.traverse import Traverse, open_traverse
 
 TEMPLATES = {"rule": "template", "epochs": 1}
 
@@ -80,6 +84,23 @@ def _joined(one: EncodedTraverse, two: EncodedTraverse) -> EncodedTraverse:
         np.concatenate([one.kept(Keep.THUMBNAILS, "a list"), two.kept(Keep.THUMBNAILS, "a list")]),
         np.concatenate([one.kept(Keep.HOG, "a list"), two.kept(Keep.HOG, "a list")]),
     )
+
+
+def recognised(
+    config: Config,
+    references: Traverse,
+    queries: Traverse,
+    truth: NDArray[np.bool_],
+    seeds: Sequence[int],
+    comparison: Comparison,
+) -> list[Recognition]:
+    """What models of each seed make of queries; vectors are fitted on the references, images seen in the views."""
+    config = settings_for(config, [references])
+    standard = fitted(config, [references])
+    learned = encode_views(references, config.encoder, config.views.views, Keep.ALL, standard=standard)
+    asked = encode_traverse(queries, config.encoder, Keep.ALL, standard=standard)
+    models = (train(learned, dataclasses.replace(config, seed=seed), standard=standard, jobs=cores()) for seed in seeds)
+    return [recognise(model, asked, truth, comparison, threads=cores()) for model in models]
 
 
 def learn(section: Section, config: Config) -> Model:

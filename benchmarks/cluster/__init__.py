@@ -1,1 +1,0 @@
-"""Long routes at a Dask cluster: time, bytes between machines, memory."""

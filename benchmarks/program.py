@@ -1,0 +1,96 @@
+"""What benchmarks share as programs: images that must be there, errors of one line, tables printed and recorded."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import wraps
+from typing import Any
+
+import click
+import numpy as np
+from rich.console import Console
+
+from benchmarks import figures
+from benchmarks.nordland import required
+from lava_vpr.errors import LavaVprError
+from lava_vpr.matching.evaluation import Metrics
+from lava_vpr.matching.figures import Recall
+from lava_vpr.show.table import Table
+
+console = Console(highlight=False, emoji=False, markup=False, width=160)
+seeds_option = click.option(
+    "--seeds",
+    default="0,1,2",
+    show_default=True,
+    callback=lambda context, option, value: tuple(int(seed) for seed in value.split(",")),
+    help="Seeds, separated by commas.",
+)
+
+
+@dataclass(frozen=True)
+class Figures(Table):
+    """A table that a benchmark makes; its cells are Markdown.
+
+    Attributes:
+        record: The record in docs/results that ``--record`` takes it into; none if empty.
+    """
+
+    record: str = ""
+
+
+Made = Iterator[Table | str]
+"""What a benchmark makes, one after the other: tables, and lines of text."""
+
+
+def program(*datasets: str) -> Callable[[Callable[..., Made]], click.Command]:
+    """A command that prints what a function makes, once all images of ``datasets`` are found to be there."""
+
+    def made(function: Callable[..., Made]) -> click.Command:
+        @click.option("--record", is_flag=True, help="Take the tables into docs/results; `make pages` then shows them.")
+        @wraps(function)
+        def run(record: bool, **options: Any) -> None:
+            required(*datasets)
+            try:
+                for one in function(**options):
+                    show(one)
+                    if record and isinstance(one, Figures) and one.record:
+                        figures.write(one.record, taken(one, figures.read(one.record)))
+            except LavaVprError as error:
+                raise SystemExit(f"error: {error}") from None
+
+        return click.command()(run)
+
+    return made
+
+
+def show(made: Table | str) -> None:
+    """Print a table, without its marks of Markdown, or a line."""
+    if isinstance(made, Table):
+        rows = [[plain(cell) for cell in row] for row in made.rows]
+        made = replace(made, columns=[plain(name) for name in made.columns], rows=rows)
+    console.print(made if isinstance(made, str) else made.terminal())
+
+
+def taken(made: Figures, before: figures.Figures) -> figures.Figures:
+    """A record with the cells of today; what has not changed keeps its emphasis."""
+    old = {(k, c, plain(cell)): cell for k, row in enumerate(before.rows) for c, cell in enumerate(row)}
+    rows = [[old.get((k, c, cell), cell) for c, cell in enumerate(row)] for k, row in enumerate(made.rows)]
+    return replace(before, columns=made.columns, rows=rows)
+
+
+def plain(cell: str) -> str:
+    """A cell without marks of Markdown."""
+    return re.sub(r"[`*]", "", cell)
+
+
+def recall(metrics: Sequence[Metrics]) -> str:
+    """The means of R@1, R@100P and AUC in percent, as one cell."""
+    means = np.mean([Recall.of(one) for one in metrics], axis=0)
+    return " / ".join(f"{100 * value:.1f}" for value in means)
+
+
+def fraction(value: float) -> str:
+    """A fraction with three decimals, as one cell."""
+    return "1" if value == 1 else f"{value:.3f}".removeprefix("0")
