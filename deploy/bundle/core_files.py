@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -81,37 +81,23 @@ def network_files(plan: Plan) -> dict[str, bytes]:
 
 
 def core_images(bundle: Bundle) -> tuple[CoreImage, ...]:
-    """Every core of a bundle, by chip and core; axons lead from and to what is there.
+    """Every core of a bundle, by chip and core.
 
     Raises:
-        BundleError: a file is missing, too much, of the wrong kind, or holds more than a core does.
+        BundleError: a file is missing, too much or of the wrong kind, or counts from below 0.
     """
-    board, images, names = BOARDS[bundle.target], [], {}
+    board, images = BOARDS[bundle.target], []
     for folder, files in sorted(_core_folders(bundle).items()):
         known = _CORE.fullmatch(folder)
         chip, core = (int(known[1]), int(known[2])) if known is not None else (-1, -1)
         if not (0 <= chip < board.chips and 0 <= core < board.cores) or files != _CORE_FILES:
             raise BundleError(f"{bundle.at(folder)}: is no core of {board.title}, or lacks files; {AGAIN}")
         arrays = {name: bundle.array(f"{folder}/{name}.npy", *CORE_ARRAYS[name]) for name in CORE_ARRAYS}
-        image = CoreImage(chip=chip, core=core, registers=bundle.json(f"{folder}/registers.json"), **arrays)
-        for name, have, most in (
-            ("compartments", len(image.compartments), board.compartments),
-            ("synapses", len(image.synapses), board.memory.words),
-            ("axons_in", len(image.axons_in), board.axons_in),
-            ("axons_out", len(image.axons_out), board.axons_out),
-        ):
-            if most is not None and have > most:
-                at = bundle.at(f"{folder}/{name}.npy")
-                raise BundleError(f"{at}: has {have:,} rows, but a core holds {most:,}; {AGAIN}")
-        names[chip, core] = folder
-        images.append(image)
+        for name in ("axons_in", "axons_out"):
+            _from_0(bundle, f"{folder}/{name}.npy", arrays[name])
+        images.append(CoreImage(chip=chip, core=core, registers=bundle.json(f"{folder}/registers.json"), **arrays))
     if not images:
         raise BundleError(f"{bundle.at(CORES)}: holds no core; {AGAIN}")
-    axons = _sizes(images, "axons_in")
-    for image in images:
-        out, file = image.axons_out, f"{names[image.chip, image.core]}/axons_out.npy"
-        within(bundle, file, "source", out[:, 0], len(image.compartments))
-        _lead(bundle, file, out[:, 1:], axons)
     return tuple(images)
 
 
@@ -125,9 +111,15 @@ def _core_folders(bundle: Bundle) -> dict[str, set[str]]:
     return found
 
 
-def _sizes(images: Sequence[CoreImage], name: str) -> dict[tuple[int, int], int]:
-    """How many rows the array ``name`` of each core has, by chip and core."""
-    return {(image.chip, image.core): len(getattr(image, name)) for image in images}
+def _from_0(bundle: Bundle, file: str, numbers: NDArray[np.int32]) -> NDArray[np.int32]:
+    """``numbers`` of chips, cores, compartments and axons, none of them below 0, which would count from the end.
+
+    Raises:
+        BundleError: naming one that is.
+    """
+    if numbers.min(initial=0) < 0:
+        raise BundleError(f"{bundle.at(file)}: names number {numbers.min()}, but numbers count from 0; {AGAIN}")
+    return numbers
 
 
 def within(bundle: Bundle, file: str, name: str, values: NDArray[Any], end: int, first: int = 0) -> None:
@@ -141,28 +133,11 @@ def within(bundle: Bundle, file: str, name: str, values: NDArray[Any], end: int,
         raise BundleError(f"{bundle.at(file)}: names {name} {values[wrong][0]}, of {first}..{end - 1}; {AGAIN}")
 
 
-def _lead(bundle: Bundle, file: str, places: NDArray[np.int32], sizes: Mapping[tuple[int, int], int]) -> None:
-    """Refuse ``places``, chip, core and number (n, 3), that are not on a core of ``sizes``.
+def host_tables(bundle: Bundle) -> HostTables:
+    """Where spikes go in and out of a bundle's cores.
 
     Raises:
-        BundleError: naming one that is not.
-    """
-    pairs, inverse = np.unique(places[:, :2], axis=0, return_inverse=True)
-    ends = np.array([sizes.get((int(chip), int(core)), 0) for chip, core in pairs], np.int64)[inverse.reshape(-1)]
-    wrong = (places[:, 2] < 0) | (places[:, 2] >= ends)
-    if wrong.any():
-        chip, core, number = places[wrong][0]
-        raise BundleError(f"{bundle.at(file)}: names {number} of chip {chip} core {core}, which is not there; {AGAIN}")
-
-
-def host_tables(bundle: Bundle, images: Sequence[CoreImage]) -> HostTables:
-    """Where spikes go in and out of a bundle's cores: every neuron and input has a compartment of its own.
-
-    Args:
-        bundle: The bundle.
-        images: Its cores.
-    Raises:
-        BundleError: a file is missing or of the wrong kind, or names what is not there.
+        BundleError: a file is missing or of the wrong kind, or counts from below 0.
     """
     network = rebuilding.outline(scalars(bundle))
     counts: dict[str, int | str] = {
@@ -172,20 +147,13 @@ def host_tables(bundle: Bundle, images: Sequence[CoreImage]) -> HostTables:
         "counters": network.neurons,
         "inh": network.inhibitory,
     }
-    tables = {
-        name: bundle.array(HOST_TABLE.format(name), np.int32, (counts[name], columns))
-        for name, columns in HOST_TABLES.items()
-    }
-    compartments = _sizes(images, "compartments")
-    for name in ("inputs", "exc", "counters", "inh"):
-        _lead(bundle, HOST_TABLE.format(name), tables[name], compartments)
-    taken = np.concatenate([tables[name] for name in ("inputs", "exc", "counters", "inh")])
-    if len(np.unique(taken, axis=0)) < len(taken):
-        raise BundleError(f"{bundle.at(HOST_TABLE.format('exc'))}: shares a compartment with another table; {AGAIN}")
-    injection, file = tables["injection"], HOST_TABLE.format("injection")
-    within(bundle, file, "input", injection[:, 0], 0 if network.bias_input else network.inputs)
-    _lead(bundle, file, injection[:, 1:], _sizes(images, "axons_in"))
-    return HostTables(**tables)
+    files = {name: HOST_TABLE.format(name) for name in HOST_TABLES}
+    return HostTables(
+        **{
+            name: _from_0(bundle, file, bundle.array(file, np.int32, (counts[name], HOST_TABLES[name])))
+            for name, file in files.items()
+        }
+    )
 
 
 def scalars(bundle: Bundle) -> Mapping[str, int]:
@@ -215,14 +183,14 @@ def scalars(bundle: Bundle) -> Mapping[str, int]:
 
 
 def network(bundle: Bundle) -> FixedNetwork:
-    """The network of a bundle, rebuilt from the registers and memory of its cores.
+    """The network of a bundle, rebuilt from the registers and memory of its cores, which are those of this network.
 
     Raises:
-        BundleError: a file is missing or of the wrong kind, or files do not fit together.
+        BundleError: a file is missing or of the wrong kind, or differs from what this version writes of that network.
     """
-    images = core_images(bundle)
     try:
-        return rebuilding.network_of(images, host_tables(bundle, images), scalars(bundle), BOARDS[bundle.target])
+        images, tables = core_images(bundle), host_tables(bundle)
+        return rebuilding.network_of(images, tables, scalars(bundle), BOARDS[bundle.target])
     except BundleError:
         raise
     except ModelFileError as error:
@@ -230,15 +198,15 @@ def network(bundle: Bundle) -> FixedNetwork:
 
 
 def player(bundle: Bundle) -> Player:
-    """A simulation of the registers and memory of a bundle's cores; they are read once.
+    """A simulation of the registers and memory of a bundle's cores, which `network` has seen; they are read once.
 
     Raises:
         BundleError: see `network`.
     """
-    numbers, images = scalars(bundle), core_images(bundle)
+    numbers = scalars(bundle)
     chips = Chips.of(
-        images,
-        host_tables(bundle, images),
+        core_images(bundle),
+        host_tables(bundle),
         steps=numbers["steps"],
         silent_steps=numbers["silent_steps"],
         regular=bool(numbers["regular"]),

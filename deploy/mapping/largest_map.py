@@ -24,10 +24,10 @@ from lava_vpr.deploy.mapping.ranges import reach
 from lava_vpr.deploy.mapping.refusal import cause
 from lava_vpr.deploy.mapping.sizing import Floats, Pattern, Sizing
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.engine.inference.quantise import check_steps, mantissa_of
+from lava_vpr.engine.inference.quantise import scaled
 from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.gate import IntegerConfig, integer_config
-from lava_vpr.loihi import DECAY_BITS, WEIGHT_BITS
+from lava_vpr.loihi import WEIGHT_BITS
 from lava_vpr.training.loop import split
 
 RowKind = Literal["sparse", "dense", "unknown"]
@@ -117,24 +117,10 @@ def network_of(config: IntegerConfig, neurons: int) -> FixedNetwork:
     """
     network, inputs = config.network, config.encoder.inputs
     top = (1 << network.weight_bits) - 1
-    unit = DRIVE * top * config.encoder.query_spikes
-    mantissa, exponent = mantissa_of(network.inhibition * unit)
     weights = np.full((inputs, 1), max(1, round(MEAN_MAGNITUDE * top)), np.int16)
     if network.signed:
         weights[::2] *= -1
-    return FixedNetwork(
-        weights=np.broadcast_to(weights, (inputs, neurons)),
-        bias=np.zeros(neurons, np.int32),
-        bits=network.weight_bits,
-        signed=network.signed,
-        threshold=max(1, round(network.threshold * unit)),
-        inhibition=mantissa,
-        inhibition_exponent=exponent,
-        decay=min((1 << DECAY_BITS) - 1, round((1 << DECAY_BITS) / network.tau_membrane)),
-        steps=network.steps - check_steps(network, neurons),
-        regular=network.trains == "regular",
-        bias_input=network.input_mode == "bias",
-    )
+    return scaled(network, np.broadcast_to(weights, (inputs, neurons)), DRIVE * top * config.encoder.query_spikes)
 
 
 def sizing_of(config: Config, board: Board, places: int, rows: RowKind, weights: Fullness) -> Sizing:

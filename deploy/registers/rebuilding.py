@@ -87,6 +87,11 @@ def _read_core(image: CoreImage, parts: tuple[Part, ...], ways: _Ways, found: _F
     formats = [None if form is None else Format.of(form, image.name) for form in registers]
     dense = np.zeros(len(found.weights), np.bool_)
     core = CorePlan(image.chip, image.core, parts, dense, _UNKNOWN_NEEDS, _UNKNOWN_LOAD)
+    named = np.concatenate([np.arange(part.compartment, part.compartment + part.size) for part in parts])
+    if not np.array_equal(np.sort(named), np.arange(len(image.compartments))):
+        raise ModelFileError(
+            f"{image.name}: the host's tables do not name each of its compartments once; deploy the model again"
+        )
     neurons, compartments = members_of(core, "exc")
     mantissas, exponents = image.compartments[compartments, 2:].T
     if (abs(mantissas.astype(np.int64)) >> BIAS_BITS).any() or (exponents & ~BIAS_EXPONENT_LIMIT).any():
@@ -173,12 +178,6 @@ def _rebuilt(
 ) -> tuple[FixedNetwork, tuple[CoreImage, ...], HostTables]:
     """The network with weights and biases from the images, and images and tables made of it again."""
     empty = outline(scalars)
-    sizes = (len(tables.exc), len(tables.inh), len(tables.inputs))
-    if sizes != (empty.neurons, empty.inhibitory, empty.input_compartments):
-        raise ModelFileError(
-            f"the host's tables hold {sizes[0]} neurons, {sizes[1]} inhibitory ones and {sizes[2]} inputs, but the "
-            f"network has {empty.neurons}, {empty.inhibitory} and {empty.input_compartments}; deploy the model again"
-        )
     weights, bias = np.zeros(empty.weights.shape, np.int16), np.zeros(empty.neurons, np.int32)
     found, ways = _Found(weights, bias, set(), set()), _Ways(_input_ways(images, tables), _root_ways(images, tables))
     cores = tuple(_read_core(image, _parts(tables, image.chip, image.core), ways, found) for image in images)

@@ -26,25 +26,12 @@ from lava_vpr.engine.inference.bias_input import bias_input_spikes, biases, star
 from lava_vpr.engine.threads import share
 from lava_vpr.errors import ModelFileError, NetworkLimitError
 from lava_vpr.loihi import (
-    BIAS_BITS,
-    BIAS_EXPONENT_LIMIT,
-    CEILING_EXPONENT_LIMIT,
     CEILING_EXPONENT_OFFSET,
     CEILING_EXPONENT_STEP,
-    CORE_AXONS,
-    CORE_COMPARTMENTS,
-    CORE_FORMATS,
-    CORE_PROFILES,
-    CORE_SYNAPSE_WORDS,
-    CORE_THRESHOLDS,
     DECAY_BITS,
     DECAY_UNITY,
-    FLOOR_EXPONENT_LIMIT,
     INPUT_SHIFT,
-    LEAST_REFRACTORY_STEPS,
     LOIHI_1_INPUT_LIMIT,
-    MOST_REFRACTORY_STEPS,
-    THRESHOLD_LIMIT,
 )
 
 Cores = tuple[tuple[int, int], ...]
@@ -73,7 +60,6 @@ class _Core(NamedTuple):
     keep_u: NDArray[np.int64]
     keep_v: NDArray[np.int64]
     refract: NDArray[np.int64]
-    register: NDArray[np.int64]
     threshold: NDArray[np.int64]
     bias: NDArray[np.int64]
     limits: tuple[int, int]
@@ -92,51 +78,24 @@ def _read(image: CoreImage) -> _Core:
     """The registers and rows of a core.
 
     Raises:
-        ModelFileError: they are not those of a Loihi 1 core.
+        ModelFileError: its memory is not what the synapse map says it is.
     """
     where, registers = image.name, image.registers
-    size, words, axons = len(image.compartments), len(image.synapses), max(len(image.axons_in), len(image.axons_out))
-    limits = (CORE_COMPARTMENTS, CORE_SYNAPSE_WORDS, CORE_AXONS)
-    for name, have, limit in zip(("compartments", "synapse words", "axons"), (size, words, axons), limits, strict=True):
-        if have > limit:
-            raise _fault(where, f"holds {have} {name}, but a core has {limit}")
-    try:
-        profiles = [[p["decayU"], p["decayV"], p["refractDelay"]] for p in registers["cxProfileCfg"]]
-        vth = np.array([v["vth"] for v in registers["vthProfileCfg"]], np.int64)
-        shared = registers["dendriteSharedCfg"]
-        floor, ceiling = int(shared["negVmLimit"]), int(shared["posVmLimit"])
-        forms = [None if form is None else Format.of(form, where) for form in registers["synapseFmt"]]
-        profile, register, mantissa, exponent = image.compartments.T.astype(np.int64)
-        decay_u, decay_v, refract = np.array(profiles, np.int64).reshape(-1, 3)[profile].T
-        threshold = vth[register]
-    except (LookupError, TypeError, ValueError, OverflowError) as error:
-        raise _fault(where, f"its registers are not those of a Loihi 1 core ({error!r})") from None
-    for name, column, most in (
-        ("profile", profile, CORE_PROFILES - 1),
-        ("threshold register", register, CORE_THRESHOLDS - 1),
-        ("decayU", decay_u, DECAY_UNITY - 1),
-        ("decayV", decay_v, DECAY_UNITY - 1),
-        ("vth", threshold, THRESHOLD_LIMIT - 1),
-        ("bias exponent", exponent, BIAS_EXPONENT_LIMIT),
-        ("refractDelay - 1", refract - LEAST_REFRACTORY_STEPS, MOST_REFRACTORY_STEPS - LEAST_REFRACTORY_STEPS),
-        ("bias mantissa", abs(mantissa), (1 << BIAS_BITS) - 1),
-        ("negVmLimit", np.array([floor]), FLOOR_EXPONENT_LIMIT),
-        ("posVmLimit", np.array([ceiling]), CEILING_EXPONENT_LIMIT),
-    ):
-        if column.size and not 0 <= column.min() <= column.max() <= most:
-            wrong = column.min() if column.min() < 0 else column.max()
-            raise _fault(where, f"a {name} of {wrong} is outside 0..{most}")
-    if len(forms) > CORE_FORMATS:
-        raise _fault(where, f"holds {len(forms)} synapse formats, but a core has {CORE_FORMATS}")
+    profiles = [[p["decayU"], p["decayV"], p["refractDelay"]] for p in registers["cxProfileCfg"]]
+    vth = np.array([v["vth"] for v in registers["vthProfileCfg"]], np.int64)
+    shared = registers["dendriteSharedCfg"]
+    floor, ceiling = int(shared["negVmLimit"]), int(shared["posVmLimit"])
+    forms = [None if form is None else Format.of(form, where) for form in registers["synapseFmt"]]
+    profile, register, mantissa, exponent = image.compartments.T.astype(np.int64)
+    decay_u, decay_v, refract = np.array(profiles, np.int64).reshape(-1, 3)[profile].T
     entries, row_of = stored_rows(image.synapses, image.axons_in, where)
-    rows = unpack(image.synapses, entries, forms, size, where)
+    rows = unpack(image.synapses, entries, forms, len(image.compartments), where)
     sparse = np.array([form is not None and form.index_bits > 0 for form in forms], np.int64)[rows.formats]
     return _Core(
         DECAY_UNITY - 1 - decay_u,
         DECAY_UNITY - decay_v,
         refract,
-        register,
-        threshold << INPUT_SHIFT,
+        vth[register] << INPUT_SHIFT,
         mantissa << exponent,
         (1 - (1 << floor), (1 << CEILING_EXPONENT_OFFSET + CEILING_EXPONENT_STEP * ceiling) - 1),
         row_of,
@@ -152,20 +111,12 @@ def _starts(sizes: Sequence[int] | NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _located(
-    what: str, pairs: NDArray[np.int32], numbers: NDArray[np.int32], starts: NDArray[np.int64], cores: Cores
+    pairs: NDArray[np.int32], numbers: NDArray[np.int32], starts: NDArray[np.int64], cores: Cores
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Cores that ``pairs`` (n, 2) of chip and core name, and where in them all one after another ``numbers`` (n,) are.
-
-    Raises:
-        ModelFileError: there is no such core, or no such number on it.
-    """
+    """Cores that ``pairs`` (n, 2) of chip and core name, and where ``numbers`` (n,) are in all of them, one by one."""
     index = {pair: k for k, pair in enumerate(cores)}
     named, inverse = np.unique(pairs.reshape(-1, 2), axis=0, return_inverse=True)
-    core = np.array([index.get((int(a), int(b)), -1) for a, b in named], np.int64)[inverse.reshape(-1)]
-    bad = (core < 0) | (numbers < 0) | (numbers >= (starts[1:] - starts[:-1])[core])
-    if bad.any():
-        (chip, number), at = pairs[bad][0], numbers[bad][0]
-        raise _fault(what, f"names {at} of chip {chip} core {number}, which is not there")
+    core = np.array([index[a, b] for a, b in named.tolist()], np.int64)[inverse.reshape(-1)]
     return core, starts[core] + numbers
 
 
@@ -179,10 +130,7 @@ def _wire(
     owner = np.repeat(np.arange(len(cores)), [len(i.axons_out) for i in images])
     out = np.concatenate([np.zeros((0, 4), np.int32), *(image.axons_out for image in images)]).astype(np.int64)
     chips = np.array([chip for chip, _ in cores], np.int64)
-    lost = (out[:, 0] < 0) | (out[:, 0] >= np.diff(first)[owner])
-    if lost.any():
-        raise _fault(images[owner[lost][0]].name, "an output axon comes from no compartment")
-    target, axon = _located("an output axon", out[:, 1:3], out[:, 3], axons, cores)
+    target, axon = _located(out[:, 1:3], out[:, 3], axons, cores)
     hops = np.zeros((len(out), 3), np.int64)
     hops[:, 0] = chips[target] != chips[owner]
     if positions is not None:
@@ -240,7 +188,7 @@ class Chips:
         """The chips whose cores hold ``images``.
 
         Args:
-            images: Images of all cores.
+            images: Images of all cores, as `core_images` writes them; a bundle that is opened has no others.
             tables: Where the host finds the network on them.
             steps: Steps with input of a presentation.
             silent_steps: Steps without input after those.
@@ -248,20 +196,18 @@ class Chips:
             bias_input: Input compartments integrate a bias; else spikes are injected, maybe into relays.
             positions: Column and row of each core's tile (`deploy.mapping.mesh.tiles`), (cores, 2), for hops.
         Raises:
-            ModelFileError: the images are no cores of Loihi 1, or contradict each other or the tables.
+            ModelFileError: the memory of a core is not what its synapse map says it is.
         """
         cores = tuple((image.chip, image.core) for image in images)
-        if not cores or len(set(cores)) != len(cores):
-            raise _fault("the images", "hold no core, or one twice")
         read = [_read(image) for image in images]
         wiring = _wire(images, read, cores, positions)
         compartments = {}
         for name in ("exc", "counters", "inh", "inputs"):
             table = getattr(tables, name)
-            compartments[name] = _located(f"the host's table {name}", table[:, :2], table[:, 2], wiring.first, cores)[1]
+            compartments[name] = _located(table[:, :2], table[:, 2], wiring.first, cores)[1]
         axons = _starts([len(image.axons_in) for image in images])
         way = tables.injection[np.argsort(tables.injection[:, 0], kind="stable")]
-        core, axon = _located("the host's table injection", way[:, 1:3], way[:, 3], axons, cores)
+        core, axon = _located(way[:, 1:3], way[:, 3], axons, cores)
         threshold = np.concatenate([core.threshold for core in read])
         bias = np.concatenate([core.bias for core in read])
         return Chips(
@@ -303,12 +249,9 @@ class Chips:
             record: Keep every spike; else ``exc``, ``inh`` and ``inputs`` are empty.
         Raises:
             NetworkLimitError: an accumulator overflows.
-            ModelFileError: the cores do not come to rest after a presentation; inputs that are not in the tables.
+            ModelFileError: the cores do not come to rest after a presentation.
         """
         n, total, inputs = len(rates), self.steps + self.silent_steps, rates.shape[1]
-        known = len(self.inputs) if self.bias_input else max(int(self.injection[0].max(initial=-1)) + 1, inputs)
-        if known != inputs:
-            raise _fault("the host's tables", f"hold {known} inputs, but images have {inputs}")
         counts = np.zeros((n, self.exc.size), np.int32)
         draw, written = bias_input_spikes if self.regular else draw_spikes, self._written()
         widths, recorded = (self.exc.size, self.inh.size, inputs), n if record else 0

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.deploy.hardware.nxsdk_registers import UNUSED_FIELDS
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import ModelFileError, NetworkLimitError
 from lava_vpr.loihi import (
@@ -45,17 +46,6 @@ COUNT_BITS = (BLOCK_SYNAPSES - 1).bit_length()
 ID_BITS = BLOCK_HEADER_BITS - COUNT_BITS
 WEIGHT_CODES, INDEX_CODES = (0, *LOIHI_1_WEIGHT_BITS), (0, *LOIHI_1_INDEX_BITS)
 """Widths by the value of registers wgtBits and idxBits; 0: none."""
-
-_UNUSED: tuple[str, ...] = (
-    "wgtLimitMant",
-    "wgtLimitExp",
-    "discMaxWgt",
-    "learningCfg",
-    "tagBits",
-    "dlyBits",
-    "reuseSynData",
-)
-_UNUSED += ("cIdxOffset", "cIdxMult", "skipBits", "synType", "stdpProfile", "ignoreDly")
 
 
 @dataclass(frozen=True)
@@ -85,7 +75,7 @@ class Format:
     @property
     def registers(self) -> dict[str, int]:
         """The registers of the format, as NxSDK's ``synapseFmt`` takes them."""
-        return dict.fromkeys(_UNUSED, 0) | {
+        return dict.fromkeys(UNUSED_FIELDS, 0) | {
             "wgtExp": self.exponent,
             "wgtBits": WEIGHT_CODES.index(self.weight_bits),
             "idxBits": INDEX_CODES.index(self.index_bits),

@@ -171,10 +171,26 @@ def quantise(weights: NDArray[np.float64], network: LifNetwork, shown: Sequence[
     unit = float((own_drives(integers, shown) - drives)[learned].mean()) if learned.any() else 0.0
     if not unit > 0:
         raise ConfigError("no neuron is driven by its own place; check learning.eta and the reference images")
-    silent = check_steps(network, neurons)
+    fixed = scaled(network, integers, unit)
+    fixed = replace(fixed, bias=biases_of(drives, fixed.highest_bias))
+    fixed.check()
+    return fixed
+
+
+def scaled(network: LifNetwork, weights: NDArray[np.int16], unit: float) -> FixedNetwork:
+    """The integer network of the settings ``network`` without biases.
+
+    Args:
+        network: The settings; threshold and inhibition are multiples of ``unit``.
+        weights: Integer weights, int16 (inputs, neurons).
+        unit: What an image of its own place brings a neuron in one step, in units of the weights.
+    Raises:
+        ConfigError: a presentation would be all silence.
+    """
+    neurons = weights.shape[1]
     mantissa, exponent = mantissa_of(network.inhibition * unit)
-    fixed = FixedNetwork(
-        weights=integers,
+    return FixedNetwork(
+        weights=weights,
         bias=np.zeros(neurons, np.int32),
         bits=network.weight_bits,
         signed=network.signed,
@@ -182,10 +198,7 @@ def quantise(weights: NDArray[np.float64], network: LifNetwork, shown: Sequence[
         inhibition=mantissa,
         inhibition_exponent=exponent,
         decay=min((1 << DECAY_BITS) - 1, round((1 << DECAY_BITS) / network.tau_membrane)),
-        steps=network.steps - silent,
+        steps=network.steps - check_steps(network, neurons),
         regular=network.trains == "regular",
         bias_input=network.input_mode == "bias",
     )
-    fixed = replace(fixed, bias=biases_of(drives, fixed.highest_bias))
-    fixed.check()
-    return fixed

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from support.boards.plans import busy_plan, chips_of, pictures, random_biases, random_network, simple_plan
 
 from lava_vpr.deploy.boards.plan import Plan
-from lava_vpr.deploy.registers.core_images import CoreImage, HostTables, core_images, host_tables
+from lava_vpr.deploy.registers.core_images import CoreImage, core_images, host_tables
 from lava_vpr.deploy.registers.simulator import Chips
 from lava_vpr.deploy.registers.simulator_kernels import EVENTS, State, Wiring, update
 from lava_vpr.deploy.registers.synapses import Format
@@ -303,69 +302,3 @@ def test_inputs_are_silent_because_their_bias_is_off() -> None:
     never = replace(good, steps=good.steps + good.silent_steps, silent_steps=0)
     with pytest.raises(ModelFileError, match="spikes are still on their way after its last step"):
         never.run(rates, keys)
-
-
-def table_with(table: NDArray[np.int32], *values: int) -> NDArray[np.int32]:
-    changed = table.copy()
-    changed[0] = values
-    return changed
-
-
-def test_images_and_tables_that_contradict_each_other() -> None:
-    plan = busy_plan(bias_input=False)
-    images, tables = core_images(plan), host_tables(plan)
-    rest, one = images[1:], images[0]
-
-    def refused(text: str, image: CoreImage | None = one, own: HostTables = tables) -> None:
-        others = rest if image is None else (image, *rest)
-        with pytest.raises(ModelFileError, match=f"^{text}.*; deploy the model again$"):
-            chips_of(plan, others, own)
-
-    refused(r"an output axon: names \d+ of chip 0 core 1, which is not there", None)
-    refused("the images: hold no core, or one twice", rest[0])
-    out = replace(one, axons_out=table_with(one.axons_out, 0, 0, 1, 4000))
-    refused("an output axon: names 4000 of chip 0 core 1, which is not there", out)
-    lost = replace(one, axons_out=table_with(one.axons_out, 99, 0, 1, 0))
-    refused("chip 0 core 1: an output axon comes from no compartment", lost)
-    text = "the host's table exc: names 77 of chip 0 core 1, which is not there"
-    refused(text, own=replace(tables, exc=table_with(tables.exc, 0, 1, 77)))
-    text = "the host's table injection: names 0 of chip 1 core 9, which is not there"
-    refused(text, own=replace(tables, injection=table_with(tables.injection, 0, 1, 9, 0)))
-    rates, keys = pictures(plan.network, 1, 1)
-    with pytest.raises(ModelFileError, match=r"^the host's tables: hold 30 inputs, but images have 29;"):
-        chips_of(plan).run(rates[:, :29], keys)
-
-
-def test_registers_that_no_core_has() -> None:
-    plan = busy_plan(bias_input=False)
-    one, *rest = core_images(plan)
-
-    def refused(text: str, image: CoreImage) -> None:
-        with pytest.raises(ModelFileError, match=f"^chip 0 core 1: .*{text}.*; deploy the model again$"):
-            chips_of(plan, (image, *rest))
-
-    refused("decayU of 4096 is outside 0..4095", with_registers(one, "cxProfileCfg", 0, decayU=4096))
-    refused("vth of -1 is outside 0..131071", with_registers(one, "vthProfileCfg", 0, vth=-1))
-    refused("refractDelay - 1 of -1 is", with_registers(one, "cxProfileCfg", 0, refractDelay=0))
-    refused("negVmLimit of 24", with_registers(one, "dendriteSharedCfg", None, negVmLimit=24))
-    refused("posVmLimit of 8", with_registers(one, "dendriteSharedCfg", None, posVmLimit=8))
-    refused("describe no synapse format", with_registers(one, "synapseFmt", 1, wgtBits=0))
-    for name in ("cxProfileCfg", "vthProfileCfg", "dendriteSharedCfg", "synapseFmt"):
-        fewer = {key: value for key, value in one.registers.items() if key != name}
-        refused("its registers are not those of a Loihi 1 core", replace(one, registers=fewer))
-    for column, value, text in ((0, 9, "its registers"), (1, -1, "threshold register of -1"), (3, 8, "bias exponent")):
-        compartments = one.compartments.copy()
-        compartments[0, column] = value
-        refused(text, replace(one, compartments=compartments))
-    many = replace(one, compartments=np.zeros((1025, 4), np.int32))
-    refused("holds 1025 compartments, but a core has 1024", many)
-    formats = replace(one, registers=one.registers | {"synapseFmt": [None] * 17})
-    refused("holds 17 synapse formats, but a core has 16", formats)
-    words = replace(one, synapses=np.zeros(16385, np.uint64))
-    refused("holds 16385 synapse words, but a core has 16384", words)
-    axons = replace(one, axons_in=np.zeros((4097, 3), np.int32))
-    refused("holds 4097 axons, but a core has 4096", axons)
-    empty = with_registers(one, "dendriteSharedCfg", None, negVmLimit=10**30)  # nothing is shifted by so many bits
-    arrays = {"synapses": np.zeros(0, np.uint64), "compartments": np.zeros((0, 4), np.int32)}
-    arrays |= {"axons_in": np.zeros((0, 3), np.int32), "axons_out": np.zeros((0, 4), np.int32)}
-    refused("negVmLimit of 10+ is outside", replace(empty, **arrays))
