@@ -49,22 +49,23 @@ def check_outputs(name: str, **arrays: tuple[NDArray[Any] | None, tuple[int, ...
 
 
 def check_presentations(
-    name: str, rates: NDArray[np.uint16], keys: NDArray[np.uint64], steps: int, silent_steps: int
+    name: str, rates: NDArray[Any], keys: NDArray[np.uint64], steps: int = 1, silent_steps: int = 0, bits: int = 16
 ) -> None:
     """Refuse what an input Process cannot present.
 
     Args:
         name: Name of the Process, for the message.
-        rates: Must be uint16 (n, inputs).
+        rates: Must be unsigned integers (n, inputs) of so many bits.
         keys: Must be uint64 (n,).
         steps, silent_steps: Steps of one presentation with and without input, at least 1 and 0.
+        bits: Of a rate, 16 or 32.
     Raises:
         NetworkLimitError: naming the argument and the remedy.
     """
-    if rates.dtype != np.uint16 or rates.ndim != 2 or not rates.shape[1]:
+    if rates.dtype != np.dtype(f"uint{bits}") or rates.ndim != 2 or not rates.shape[1]:
         raise NetworkLimitError(
-            f"{name}: rates are {rates.dtype} {rates.shape}, but must be uint16 (n, inputs) in units of 2^-16; use "
-            "lava_vpr.encoding.rates16"
+            f"{name}: rates are {rates.dtype} {rates.shape}, but must be uint{bits} (n, inputs) in units of 2^-{bits}; "
+            f"use lava_vpr.encoding.rates{bits}"
         )
     if keys.dtype != np.uint64 or keys.shape != rates.shape[:1]:
         raise NetworkLimitError(

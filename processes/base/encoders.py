@@ -1,4 +1,4 @@
-"""What the Processes that send injected input spikes have in common: presentations, one after another."""
+"""What the Processes that send input spikes have in common: presentations, one after another."""
 
 from __future__ import annotations
 
@@ -23,20 +23,23 @@ class EncoderProcess(CheckedProcess):
     ``emitted`` int64 (inputs,), how many spikes each input has sent. ``interval``: steps of a presentation.
     """
 
+    rate_bits = 16
+    """Bits of a rate, which is in units of 2^-rate_bits."""
+
     def __init__(
         self,
         *,
-        rates: NDArray[np.uint16],
+        rates: NDArray[Any],
         keys: NDArray[np.uint64],
         steps: int,
         silent_steps: int,
         emitted: NDArray[np.int64] | None = None,
         **kwargs: Any,
     ) -> None:
-        """Make the encoder of some presentations, which it sends one after another.
+        """Make what sends the spikes of some presentations, one after another.
 
         Args:
-            rates: Spikes a step in units of 2^-16, uint16 (n, inputs).
+            rates: Spikes a step in units of 2^-16, uint16 (n, inputs); with `rate_bits` 32, of 2^-32 in uint32.
             keys: One key per presentation (`lava_vpr.engine.random.presentation_keys`), uint64 (n,).
             steps: Steps with input, at least 1.
             silent_steps: Steps without; those of an inference network are `FixedNetwork.silent_steps`.
@@ -45,17 +48,17 @@ class EncoderProcess(CheckedProcess):
             NetworkLimitError: arrays of another type or shape, or numbers of steps out of range.
         """
         name = type(self).__name__
-        check_presentations(name, rates, keys, steps, silent_steps)
+        check_presentations(name, rates, keys, steps, silent_steps, bits=self.rate_bits)
         check_outputs(name, emitted=(emitted, rates.shape[1:], np.int64))
+        self.interval = int(steps + silent_steps)
         super().__init__(
             rates=np.ascontiguousarray(rates),
             keys=keys,
             steps=int(steps),
-            interval=int(steps + silent_steps),
+            interval=self.interval,
             shared=emitted,
             **kwargs,
         )
-        self.interval = int(steps + silent_steps)
         self.s_out = OutPort(shape=rates.shape[1:])
         self.emitted = Var(shape=rates.shape[1:], init=0)
 
@@ -71,15 +74,14 @@ class EncoderModel(PyLoihiProcessModel):
         self.rates, self.keys = proc_params["rates"], proc_params["keys"]
         self.steps, self.interval = proc_params["steps"], proc_params["interval"]
         self.shared = proc_params["shared"]
-        self.spikes = np.zeros(self.rates.shape[1], bool)
-        self.silence = np.zeros(self.rates.shape[1], bool)
+        self.spikes, self.silence = np.zeros((2, self.rates.shape[1]), bool)
 
     @abstractmethod
     def begin(self, image: int) -> None:
         """Prepare the presentation of this number."""
 
     @abstractmethod
-    def members(self, step: int) -> NDArray[np.int32]:
+    def members(self, step: int) -> NDArray[np.integer]:
         """The inputs that spike in ``step`` of the presentation; called once a step, in order."""
 
     def run_spk(self) -> None:

@@ -8,7 +8,8 @@ clipping, and with u and v in the unit of the threshold (2^6 times the integer m
 
 from __future__ import annotations
 
-from functools import lru_cache, partial
+from abc import abstractmethod
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,13 +27,6 @@ NO_FLOOR = -INPUT_LIMIT
 """What the Var ``floor`` holds when there is none: below every membrane of the integer model."""
 
 _UNITY = 1 << DECAY_BITS
-
-
-@lru_cache(maxsize=1)
-def compile_lif() -> None:
-    """Compile `lif_step`, or load it."""
-    state, sums = np.zeros((4, 1), np.int32), np.zeros((2, 1), np.int64)
-    lif_step(*state, *sums, LifParameters().constants, np.zeros(1, bool))
 
 
 def check_state(name: str, value: NDArray[Any]) -> None:
@@ -161,25 +155,21 @@ class LifProcess(CheckedProcess):
 
     def compile_kernels(self) -> None:
         """Compile `lif_step` before the models are forked."""
-        compile_lif()
+        state, sums = np.zeros((4, 1), np.int32), np.zeros((2, 1), np.int64)
+        lif_step(*state, *sums, LifParameters().constants, np.zeros(1, bool))
 
 
-class LifModelFixed(PyLoihiProcessModel):
-    """The neurons in Loihi's integers, by `lif_step`: bit-accurate with Lava's LIF."""
+class LifModel(PyLoihiProcessModel):
+    """The base of both models: presentations begin at rest and with their biases; each integrates in its arithmetic."""
 
-    a_in: PyInPort = LavaPyType(PyInPort.VEC_DENSE, np.int64, precision=24)
     s_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, bool, precision=1)
-    u: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=24)
-    v: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=24)
-    vth: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=17)
     held: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32)
-    bias_mant: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=13)
-    bias_exp: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=4)
-    du: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=12)
-    dv: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=13)
-    floor: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=18)
     hold_steps: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32)
-    theta_plus: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=17)
+    a_in: PyInPort
+    u: NDArray[Any]
+    v: NDArray[Any]
+    bias_mant: NDArray[Any]
+    bias_exp: NDArray[Any]
 
     def __init__(self, proc_params: Any) -> None:
         super().__init__(proc_params)
@@ -188,81 +178,92 @@ class LifModelFixed(PyLoihiProcessModel):
         self.spikes = np.zeros(proc_params["shape"], bool)
         self.ready = False
 
-    def _prepare(self) -> None:
+    @abstractmethod
+    def prepare(self) -> None:
         """Take over the Vars, at first and when one was set."""
-        floor = int(self.floor[0])
-        self.constants = LifParameters(
-            int(self.du[0]),
-            int(self.dv[0]),
-            None if floor == NO_FLOOR else floor,
-            int(self.hold_steps[0]),
-            int(self.theta_plus[0]),
-        ).constants
-        self.bias = bias_of(self.bias_mant, self.bias_exp)
-        self.ready = True
+
+    @abstractmethod
+    def biases(self) -> NDArray[Any]:
+        """What the neurons integrate besides their input, as the Vars have it."""
+
+    @abstractmethod
+    def integrate(self, drive: NDArray[Any]) -> None:
+        """Advance all states by one step in which ``drive`` arrived, and set ``spikes``."""
 
     def on_var_update(self) -> None:
         """Take over the Vars again before the next step: one was set."""
         self.ready = False
 
     def run_spk(self) -> None:
-        """Receive the input sums of one step, integrate them with `lif_step`, and send the spikes."""
+        """Receive the input sums of one step, integrate them, and send the spikes."""
         if not self.ready:
-            self._prepare()
+            self.prepare()
+            self.bias, self.ready = self.biases(), True
         drive = self.a_in.recv()
         if self.interval and (self.time_step - 1) % self.interval == 0:
             self.u[:] = self.v[:] = self.held[:] = 0
             if self.table is not None:
                 self.table.write((self.time_step - 1) // self.interval, self.bias_mant, self.bias_exp)
-                self.bias = bias_of(self.bias_mant, self.bias_exp)
-        lif_step(self.u, self.v, self.vth, self.held, drive, self.bias, self.constants, self.spikes)
+                self.bias = self.biases()
+        self.integrate(drive)
         self.s_out.send(self.spikes)
 
 
-class LifModelFloat(PyLoihiProcessModel):
+class LifModelFixed(LifModel):
+    """The neurons in Loihi's integers, by `lif_step`: bit-accurate with Lava's LIF."""
+
+    a_in: PyInPort = LavaPyType(PyInPort.VEC_DENSE, np.int64, precision=24)
+    u: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=24)
+    v: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=24)
+    vth: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=17)
+    bias_mant: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=13)
+    bias_exp: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=4)
+    du: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=12)
+    dv: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=13)
+    floor: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=18)
+    theta_plus: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=17)
+
+    def prepare(self) -> None:
+        """Make the numbers that `lif_step` takes of the Vars."""
+        du, dv, floor, hold, plus = (
+            int(var[0]) for var in (self.du, self.dv, self.floor, self.hold_steps, self.theta_plus)
+        )
+        self.constants = LifParameters(du, dv, None if floor == NO_FLOOR else floor, hold, plus).constants
+
+    def biases(self) -> NDArray[Any]:
+        """Biases in units of v, int64 (neurons,)."""
+        return bias_of(self.bias_mant, self.bias_exp)
+
+    def integrate(self, drive: NDArray[Any]) -> None:
+        """Advance all states by `lif_step`."""
+        lif_step(self.u, self.v, self.vth, self.held, drive, self.bias, self.constants, self.spikes)
+
+
+class LifModelFloat(LifModel):
     """The neurons of `LifProcess` in float64: the equations without truncation, wrapping and clipping."""
 
     a_in: PyInPort = LavaPyType(PyInPort.VEC_DENSE, float)
-    s_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, bool, precision=1)
     u: NDArray[np.float64] = LavaPyType(np.ndarray, float)
     v: NDArray[np.float64] = LavaPyType(np.ndarray, float)
     vth: NDArray[np.float64] = LavaPyType(np.ndarray, float)
-    held: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32)
     bias_mant: NDArray[np.float64] = LavaPyType(np.ndarray, float)
     bias_exp: NDArray[np.float64] = LavaPyType(np.ndarray, float)
     du: NDArray[np.float64] = LavaPyType(np.ndarray, float)
     dv: NDArray[np.float64] = LavaPyType(np.ndarray, float)
     floor: NDArray[np.float64] = LavaPyType(np.ndarray, float)
-    hold_steps: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32)
     theta_plus: NDArray[np.float64] = LavaPyType(np.ndarray, float)
 
-    def __init__(self, proc_params: Any) -> None:
-        super().__init__(proc_params)
-        self.interval: int = proc_params["reset_interval"]
-        self.table: BiasTable | None = proc_params.get("bias_table")
-        self.ready = False
-
-    def _prepare(self) -> None:
-        """Take over the Vars, at first and when one was set."""
+    def prepare(self) -> None:
+        """Make the shares of u and v that stay in a step."""
         self.keep_u = float((_UNITY - 1 - self.du[0]) / _UNITY)
         self.keep_v = float((_UNITY - self.dv[0]) / _UNITY)
-        self.bias = self.bias_mant * 2.0 ** (self.bias_exp - INPUT_SHIFT)
-        self.ready = True
 
-    def on_var_update(self) -> None:
-        """Take over the Vars again before the next step: one was set."""
-        self.ready = False
+    def biases(self) -> NDArray[Any]:
+        """Biases in the unit of the threshold, float64 (neurons,)."""
+        return np.asarray(self.bias_mant * 2.0 ** (self.bias_exp - INPUT_SHIFT))
 
-    def run_spk(self) -> None:
-        """Receive the input sums of one step, integrate them in floating point, and send the spikes."""
-        if not self.ready:
-            self._prepare()
-        drive = self.a_in.recv()
-        if self.interval and (self.time_step - 1) % self.interval == 0:
-            self.u[:] = self.v[:] = self.held[:] = 0
-            if self.table is not None:
-                self.table.write((self.time_step - 1) // self.interval, self.bias_mant, self.bias_exp)
-                self.bias = self.bias_mant * 2.0 ** (self.bias_exp - INPUT_SHIFT)
+    def integrate(self, drive: NDArray[Any]) -> None:
+        """Advance all states by the equations."""
         self.u *= self.keep_u
         self.u += drive
         self.v *= self.keep_v
@@ -274,8 +275,7 @@ class LifModelFloat(PyLoihiProcessModel):
             waiting = self.held > 0
             self.v[waiting] = 0
             self.held -= waiting
-        spikes = self.v > self.vth
-        self.v[spikes] = 0
-        self.held[spikes] = self.hold_steps
-        self.vth[spikes] += self.theta_plus
-        self.s_out.send(spikes)
+        np.greater(self.v, self.vth, out=self.spikes)
+        self.v[self.spikes] = 0
+        self.held[self.spikes] = self.hold_steps
+        self.vth[self.spikes] += self.theta_plus

@@ -5,8 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.model.py.model import PyLoihiProcessModel
-from lava.magma.core.model.py.ports import PyOutPort
 from lava.magma.core.model.py.type import LavaPyType
 from lava.magma.core.model.sub.model import AbstractSubProcessModel
 from lava.proc.lif.process import LIF
@@ -16,6 +14,7 @@ from lava_vpr.engine.inference.bias_input import LEVEL, THRESHOLD, biases, start
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import INPUT_SHIFT, NO_MEMORY_DECAY
 from lava_vpr.processes.base.cpu_model import cpu_model
+from lava_vpr.processes.base.encoders import EncoderModel
 from lava_vpr.processes.base.library_parts import library_model, stand_for
 from lava_vpr.processes.bias_inputs.process import BiasInputs
 
@@ -45,40 +44,26 @@ class SubBiasInputsFloat(_LibraryInputs):
     floating = True
 
 
-class _InputsModel(PyLoihiProcessModel):
+class _InputsModel(EncoderModel):
     """The model integrates in the unit of its arithmetic: ``threshold`` is `LEVEL` in units of 1 / ``scale``."""
 
-    s_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, bool, precision=1)
-    emitted: NDArray[np.int64] = LavaPyType(np.ndarray, np.int64)
     v: NDArray[Any]
     bias_mant: NDArray[Any]
     bias_exp: NDArray[Any]
     threshold: float
     scale: float
 
-    def __init__(self, proc_params: Any) -> None:
-        super().__init__(proc_params)
-        self.rates, self.keys = proc_params["rates"], proc_params["keys"]
-        self.steps, self.interval = proc_params["steps"], proc_params["interval"]
-        self.shared = proc_params["shared"]
-        self.silence = np.zeros(self.rates.shape[1], bool)
+    def begin(self, image: int) -> None:
+        """Write the biases and start membranes of a presentation."""
+        self.bias_mant[:], self.bias_exp[:] = biases(self.rates[image])
+        self.v[:] = start_membranes(self.keys[image], len(self.v)) * self.scale
 
-    def run_spk(self) -> None:
-        """Send the spikes of this step."""
-        image, step = divmod(self.time_step - 1, self.interval)
-        if image >= len(self.keys) or step >= self.steps:
-            self.s_out.send(self.silence)
-            return
-        if step == 0:
-            self.bias_mant[:], self.bias_exp[:] = biases(self.rates[image])
-            self.v[:] = start_membranes(self.keys[image], len(self.v)) * self.scale
+    def members(self, step: int) -> NDArray[np.integer]:
+        """The compartments whose membrane passes the threshold; it is 0 then."""
         self.v += self.bias_mant * 2**self.bias_exp * self.scale
-        spikes = self.v > self.threshold
+        spikes = np.flatnonzero(self.v > self.threshold)
         self.v[spikes] = 0
-        self.s_out.send(spikes)
-        self.emitted += spikes
-        if self.shared is not None:
-            self.shared += spikes
+        return spikes
 
 
 @cpu_model(BiasInputs, "float")

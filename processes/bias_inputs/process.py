@@ -6,14 +6,13 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from lava.magma.core.process.ports.ports import OutPort
-from lava.magma.core.process.variable import Var
 from numpy.typing import NDArray
 
 from lava_vpr.engine.inference.bias_input import biases, start_membranes
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT, INPUT_SHIFT
-from lava_vpr.processes.base.checked import CheckedProcess, RegisterVar, check_outputs, check_presentations, require
+from lava_vpr.processes.base.checked import RegisterVar, require
+from lava_vpr.processes.base.encoders import EncoderProcess
 from lava_vpr.processes.base.neurons import check_state
 
 
@@ -27,7 +26,7 @@ def _check_bias(name: str, largest: int, value: NDArray[Any]) -> None:
     require(name, value, fits, f"a whole number in 0..{largest}")
 
 
-class BiasInputs(CheckedProcess):
+class BiasInputs(EncoderProcess):
     """Sends the spikes of `engine.inference.bias_input.bias_input_spikes`, presentation after presentation, then none.
 
     In the first step of a presentation each compartment's bias and start membrane are written; in each step with
@@ -40,50 +39,25 @@ class BiasInputs(CheckedProcess):
     the way, and the threshold itself need not be written: Lava's simulated LIF ignores a new one after its first step.
 
     Port: ``s_out`` spikes (inputs,). Vars (inputs,): ``v``, ``bias_mant``, ``bias_exp``, and ``emitted`` int64, how
-    many spikes each input has sent (with Lava's library it stays 0). ``interval``: steps of a presentation. It can
-    stand wherever an encoder can. ``sent``: Vars that `write` has set so far; each is one message an element.
+    many spikes each input has sent (with Lava's library it stays 0). ``interval``: steps of a presentation.
+    ``sent``: Vars that `write` has set so far; each is one message an element.
     """
 
-    def __init__(
-        self,
-        *,
-        rates: NDArray[np.uint16],
-        keys: NDArray[np.uint64],
-        steps: int,
-        silent_steps: int,
-        emitted: NDArray[np.int64] | None = None,
-        **kwargs: Any,
-    ) -> None:
+    def __init__(self, *, silent_steps: int, **kwargs: Any) -> None:
         """Make the compartments, which send the spikes of all presentations one after another.
 
         Args:
-            rates: Spikes a step in units of 2^-16, uint16 (n, inputs).
-            keys: One key per presentation (`lava_vpr.engine.random.presentation_keys`), uint64 (n,); start
-                membranes depend on it.
-            steps: Steps with input, at least 1.
-            silent_steps: Steps without (`FixedNetwork.silent_steps`).
-            emitted: Shared array to count in, besides the Var; int64 (inputs,).
+            silent_steps: Steps without input at the end of a presentation (`FixedNetwork.silent_steps`).
+            **kwargs: The other arguments of `EncoderProcess`; start membranes depend on the keys.
         Raises:
-            NetworkLimitError: arrays of another type or shape, or numbers of steps out of range.
+            NetworkLimitError: as `EncoderProcess`.
         """
-        check_presentations("BiasInputs", rates, keys, steps, silent_steps)
-        shape = rates.shape[1:]
-        check_outputs("BiasInputs", emitted=(emitted, shape, np.int64))
-        self.interval = int(steps + silent_steps)
-        super().__init__(
-            rates=np.ascontiguousarray(rates),
-            keys=keys,
-            steps=int(steps),
-            interval=self.interval,
-            shared=emitted,
-            **kwargs,
-        )
-        self.s_out = OutPort(shape=shape)
+        super().__init__(silent_steps=silent_steps, **kwargs)
+        self.rates, self.keys, self.silent_steps = kwargs["rates"], kwargs["keys"], int(silent_steps)
+        shape = self.s_out.shape
         self.v = RegisterVar(shape, 0, partial(check_state, "v"))
         self.bias_mant = RegisterVar(shape, 0, partial(_check_bias, "bias_mant", (1 << BIAS_BITS) - 1))
         self.bias_exp = RegisterVar(shape, 0, partial(_check_bias, "bias_exp", BIAS_EXPONENT_LIMIT))
-        self.emitted = Var(shape=shape, init=0)
-        self.rates, self.keys, self.silent_steps = rates, keys, int(silent_steps)
         self.written: dict[str, NDArray[Any]] = {}
         self.sent = 0
 

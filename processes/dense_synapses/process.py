@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,12 +14,6 @@ from lava_vpr.engine.general import lif
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import WEIGHT_BITS, WEIGHT_EXPONENT_LIMIT
 from lava_vpr.processes.base.checked import CheckedProcess, RegisterVar, require, whole
-
-
-@lru_cache(maxsize=1)
-def compile_dense() -> None:
-    """Compile `lava_vpr.engine.general.lif.dense_step`, or load it."""
-    lif.dense_step(np.zeros((1, 1), np.int32), np.ones(1, bool), 0, np.zeros(1, np.int64), np.zeros(1, np.int32))
 
 
 def sign_of(weights: NDArray[Any], sign_mode: SignMode | str | None) -> lif.SignMode:
@@ -108,4 +101,4 @@ class DenseSynapses(CheckedProcess):
 
     def compile_kernels(self) -> None:
         """Compile the kernel before the models are forked."""
-        compile_dense()
+        lif.dense_step(np.zeros((1, 1), np.int32), np.ones(1, bool), 0, np.zeros(1, np.int64), np.zeros(1, np.int32))

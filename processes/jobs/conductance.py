@@ -59,7 +59,7 @@ def conductance(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) 
     rates, keys = arrays["rates"], arrays["keys"]
     c, n, neurons = constants(config, learn=learn), len(rates), len(state.theta_mv)
     network = ConductancePlaceNetwork(state=state, config=config, learn=learn)
-    encoder = FinePoissonEncoder(rates=rates, keys=keys, steps=c.steps, rest_steps=c.total - c.steps)
+    encoder = FinePoissonEncoder(rates=rates, keys=keys, steps=c.steps, silent_steps=c.total - c.steps)
     film_shape = (n, c.total, neurons)
     raster = shared_array(film_shape, np.uint8)
     raster_inh = shared_array(film_shape, np.uint8) if film else None

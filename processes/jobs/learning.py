@@ -15,7 +15,6 @@ from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, Rule
 from lava_vpr.engine.learning.lava_order import FoldedPhase, FoldedTrainer
 from lava_vpr.isolated.worker import report
-from lava_vpr.processes.base.encoders import EncoderProcess
 from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.networks.learning_place_network.process import LearningPlaceNetwork
 from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
@@ -37,10 +36,42 @@ def learning_of(options: Mapping[str, Any]) -> IntegerLearning:
     return IntegerLearning(**{**options, "rule": Rule(**rule), "neurons": LifParameters(**options["neurons"])})
 
 
-def _encoder(phase: IntegerLearning, rates: NDArray[np.uint16], keys: NDArray[np.uint64]) -> EncoderProcess:
-    """What sends the input spikes of the presentations of ``phase``."""
-    kind = RegularEncoder if phase.regular else PoissonEncoder
-    return kind(rates=rates, keys=keys, steps=phase.steps, silent_steps=phase.silent_steps)
+class _Runtime:
+    """`LearningPlaceNetwork` between an encoder and a counter, run presentation by presentation; stopped at its end.
+
+    Attributes:
+        network: The network.
+        raster: Every spike of its neurons, uint8 (presentations, interval, neurons).
+    """
+
+    def __init__(
+        self,
+        phase: IntegerLearning,
+        state: IntegerState,
+        rates: NDArray[np.uint16],
+        keys: NDArray[np.uint64],
+        run: Loihi2SimCfg,
+        **options: Any,
+    ) -> None:
+        """Wire the network of ``phase`` that begins with ``state``; ``options`` are more arguments of it."""
+        self.network, self.run = LearningPlaceNetwork(learning=phase, state=state, **{"keys": keys, **options}), run
+        shape, interval = state.theta.shape, phase.interval
+        self.raster = shared_array((len(rates), interval, *shape), np.uint8)
+        counter = SpikeCounter(shape=shape, presentations=len(rates), interval=interval, raster=self.raster)
+        kind = RegularEncoder if phase.regular else PoissonEncoder
+        encoder = kind(rates=rates, keys=keys, steps=phase.steps, silent_steps=phase.silent_steps)
+        encoder.s_out.connect(self.network.s_in)
+        self.network.s_out.connect(counter.s_in)
+
+    def present(self) -> None:
+        """Run one presentation."""
+        self.network.run(condition=RunSteps(num_steps=self.network.interval), run_cfg=self.run)
+
+    def __enter__(self) -> _Runtime:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.network.stop()
 
 
 def learning(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
@@ -58,29 +89,20 @@ def learning(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> 
         ``theta`` (n, neurons), int64 or float64; ``raster`` uint8 (n, interval, neurons).
     """
     phase, tag = learning_of(options["learning"]), options.get("tag", "fixed_pt")
-    state = IntegerState(arrays["weights"], arrays["theta"])
-    rates, keys = arrays["rates"], arrays["keys"]
+    state, rates, keys = IntegerState(arrays["weights"], arrays["theta"]), arrays["rates"], arrays["keys"]
     n, (inputs, neurons) = len(rates), state.weights.shape
     kind = np.uint8 if tag == "fixed_pt" else np.float64
     weights, traces = shared_array((n, neurons, inputs), kind), shared_array((n, inputs), kind)
     theta = np.zeros((n, neurons), np.int64 if tag == "fixed_pt" else np.float64)
-    encoder = _encoder(phase, rates, keys)
-    network = LearningPlaceNetwork(learning=phase, state=state, keys=keys, record_weights=weights, record_traces=traces)
-    raster = shared_array((n, network.interval, neurons), np.uint8)
-    counter = SpikeCounter(shape=(neurons,), presentations=n, interval=network.interval, raster=raster)
-    encoder.s_out.connect(network.s_in)
-    network.s_out.connect(counter.s_in)
-    config = Loihi2SimCfg(select_tag=tag)
-    try:
+    records = {"record_weights": weights, "record_traces": traces}
+    with _Runtime(phase, state, rates, keys, Loihi2SimCfg(select_tag=tag), **records) as runtime:
         for k in range(n):
-            network.run(condition=RunSteps(num_steps=network.interval), run_cfg=config)
+            runtime.present()
             if phase.late_theta:
-                network.raise_thresholds(raster[k].sum(axis=0, dtype=np.int32))
-            theta[k] = network.vth.get()
+                runtime.network.raise_thresholds(runtime.raster[k].sum(axis=0, dtype=np.int32))
+            theta[k] = runtime.network.vth.get()
             report(1)
-    finally:
-        network.stop()
-    return {"weights": weights.transpose(0, 2, 1), "theta": theta, "traces": traces, "raster": raster}
+    return {"weights": weights.transpose(0, 2, 1), "theta": theta, "traces": traces, "raster": runtime.raster}
 
 
 def library(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
@@ -93,21 +115,13 @@ def library(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> d
     Returns:
         ``weights`` (inputs, neurons) and ``traces`` (inputs,) after it; ``raster`` uint8 (interval, neurons).
     """
-    phase = learning_of(options["learning"])
-    state = IntegerState(arrays["weights"], arrays["theta"])
-    encoder = _encoder(phase, arrays["rates"], arrays["keys"])
-    network = LearningPlaceNetwork(learning=phase, state=state, keys=arrays["keys"], rng_seed=options["rng_seed"])
-    raster = shared_array((1, network.interval, len(state.theta)), np.uint8)
-    counter = SpikeCounter(shape=state.theta.shape, presentations=1, interval=network.interval, raster=raster)
-    encoder.s_out.connect(network.s_in)
-    network.s_out.connect(counter.s_in)
-    config = Loihi2SimCfg(select_tag="fixed_pt", select_sub_proc_model=not options.get("own"))
-    try:
-        network.run(condition=RunSteps(num_steps=network.interval), run_cfg=config)
-        weights, traces = network.weights.get(), network.x1.get()
-    finally:
-        network.stop()
-    return {"weights": weights.T, "traces": traces, "raster": raster[0]}
+    phase, state = learning_of(options["learning"]), IntegerState(arrays["weights"], arrays["theta"])
+    run = Loihi2SimCfg(select_tag="fixed_pt", select_sub_proc_model=not options.get("own"))
+    seed = options["rng_seed"]
+    with _Runtime(phase, state, arrays["rates"], arrays["keys"], run, rng_seed=seed) as runtime:
+        runtime.present()
+        weights, traces = runtime.network.weights.get(), runtime.network.x1.get()
+    return {"weights": weights.T, "traces": traces, "raster": runtime.raster[0]}
 
 
 def folded(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
@@ -133,29 +147,21 @@ def folded(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> di
     n, (inputs, neurons) = len(rates), state.weights.shape
     boundary = trainer.begin(int(keys[0]))
     start = IntegerState(boundary.weights, np.full(neurons, trainer.common, np.int32))
-    encoder = _encoder(chip, rates, keys)
-    network = LearningPlaceNetwork(
-        learning=chip, state=start, keys=keys[:1], rng_seed=trainer.seeds[epoch], mantissas=boundary.mantissas
-    )
-    raster = shared_array((n, network.interval, neurons), np.uint8)
-    counter = SpikeCounter(shape=(neurons,), presentations=n, interval=network.interval, raster=raster)
-    encoder.s_out.connect(network.s_in)
-    network.s_out.connect(counter.s_in)
-    config = Loihi2SimCfg(select_tag="fixed_pt", select_sub_proc_model=True)
+    run = Loihi2SimCfg(select_tag="fixed_pt", select_sub_proc_model=True)
+    more = {"keys": keys[:1], "rng_seed": trainer.seeds[epoch], "mantissas": boundary.mantissas}
     weights, traces = np.zeros((n, inputs, neurons), np.uint8), np.zeros((n, inputs), np.uint8)
-    try:
+    with _Runtime(chip, start, rates, keys, run, **more) as runtime:
+        network, raster = runtime.network, runtime.raster
         for k in range(n):
             if k:
                 boundary = trainer.begin(int(keys[k]))
                 network.weights.set(boundary.weights.T.astype(np.int32))
                 network.set_laterals(boundary.mantissas)
                 network.x1.set(np.zeros(inputs, np.int32))
-            network.run(condition=RunSteps(num_steps=network.interval), run_cfg=config)
+            runtime.present()
             weights[k], traces[k] = network.weights.get().T, network.x1.get()
             trainer.end(boundary, weights[k], raster[k].sum(axis=0, dtype=np.int32))
             report(1)
-    finally:
-        network.stop()
     return {
         "weights": weights,
         "traces": traces,

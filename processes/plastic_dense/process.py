@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -18,15 +17,6 @@ from lava_vpr.processes.base.checked import CheckedProcess, RegisterVar, check_o
 from lava_vpr.processes.base.float_rule import FloatRule
 
 _EXPONENTS = f"in {-WEIGHT_EXPONENT_LIMIT}..{WEIGHT_EXPONENT_LIMIT}"
-
-
-@lru_cache(maxsize=1)
-def compile_plasticity() -> None:
-    """Compile the kernels for weights as they lie in Lava's Vars, or load them."""
-    weights, x, rule = np.ones((2, 2), np.uint8).T, np.zeros(2, np.uint8), Rule(((1, 0),), 0, 0, 1.0)
-    decay_traces(x, *rule.decay(), np.uint64(0))
-    learn_column(weights, 0, x, rule.table(), rule.target, rule.mu, np.uint64(0))
-    normalise(weights, 2, 0)
 
 
 class PlasticDense(CheckedProcess):
@@ -122,8 +112,11 @@ class PlasticDense(CheckedProcess):
         )
 
     def compile_kernels(self) -> None:
-        """Compile the host engine's kernels before the models are forked."""
-        compile_plasticity()
+        """Compile the host engine's kernels, for weights as they lie in Lava's Vars, before the models are forked."""
+        weights, x, rule = np.ones((2, 2), np.uint8).T, np.zeros(2, np.uint8), Rule(((1, 0),), 0, 0, 1.0)
+        decay_traces(x, *rule.decay(), np.uint64(0))
+        learn_column(weights, 0, x, rule.table(), rule.target, rule.mu, np.uint64(0))
+        normalise(weights, 2, 0)
 
 
 def _checked_weights(weights: NDArray[Any], rule: Rule | FloatRule) -> NDArray[Any]:

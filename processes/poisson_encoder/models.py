@@ -1,4 +1,4 @@
-"""Models of `PoissonEncoder`: draws are integers, so both send the same spikes."""
+"""The model of `PoissonEncoder`: draws are integers, so it sends the same spikes in every arithmetic."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from lava_vpr.processes.base.encoders import EncoderModel
 from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
 
 
-class _PoissonModel(EncoderModel):
+@cpu_model(PoissonEncoder, "fixed", "float")
+class PyPoissonEncoder(EncoderModel):
     """The model draws the spikes of four steps at a time."""
 
     def __init__(self, proc_params: Any) -> None:
@@ -33,13 +34,3 @@ class _PoissonModel(EncoderModel):
             draw_block(step // LANES, self.active, *self.arrays)
         chosen: NDArray[np.int32] = self.drawn[lane, : self.sizes[lane]]
         return chosen
-
-
-@cpu_model(PoissonEncoder, "float")
-class PyPoissonEncoderFloat(_PoissonModel):
-    """The encoder for networks in float64."""
-
-
-@cpu_model(PoissonEncoder, "fixed")
-class PyPoissonEncoderFixed(_PoissonModel):
-    """The encoder for networks in Loihi's integers."""

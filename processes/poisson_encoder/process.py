@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -12,14 +11,6 @@ from lava_vpr.encoding import rates16
 from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.processes.base.encoders import EncoderProcess
-
-
-@lru_cache(maxsize=1)
-def compile_draws() -> None:
-    """Compile the drawing kernels, or load them."""
-    arrays = scratch(1)
-    n = prepare_draws(np.ones(1, np.uint16), np.uint64(0), *arrays[:3])
-    draw_block(0, n, *arrays)
 
 
 class PoissonEncoder(EncoderProcess):
@@ -65,4 +56,6 @@ class PoissonEncoder(EncoderProcess):
 
     def compile_kernels(self) -> None:
         """Compile the drawing kernels before the models are forked."""
-        compile_draws()
+        arrays = scratch(1)
+        n = prepare_draws(np.ones(1, np.uint16), np.uint64(0), *arrays[:3])
+        draw_block(0, n, *arrays)

@@ -1,4 +1,4 @@
-"""Models of `RegularEncoder`: trains are made of integers, so both send the same spikes."""
+"""The model of `RegularEncoder`: trains are made of integers, so it sends the same spikes in every arithmetic."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from lava_vpr.processes.base.encoders import EncoderModel
 from lava_vpr.processes.regular_encoder.process import RegularEncoder
 
 
-class _RegularModel(EncoderModel):
+@cpu_model(RegularEncoder, "fixed", "float")
+class PyRegularEncoder(EncoderModel):
     """The model works out a presentation's spikes at its start."""
 
     starts: NDArray[np.int64]
@@ -25,13 +26,3 @@ class _RegularModel(EncoderModel):
     def members(self, step: int) -> NDArray[np.int32]:
         """The inputs whose turn it is."""
         return self.listed[self.starts[step] : self.starts[step + 1]]
-
-
-@cpu_model(RegularEncoder, "float")
-class PyRegularEncoderFloat(_RegularModel):
-    """The encoder for networks in float64."""
-
-
-@cpu_model(RegularEncoder, "fixed")
-class PyRegularEncoderFixed(_RegularModel):
-    """The encoder for networks in Loihi's integers."""

@@ -2,18 +2,10 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 
 from lava_vpr.engine.inference.bias_input import schedule
 from lava_vpr.processes.base.encoders import EncoderProcess
-
-
-@lru_cache(maxsize=1)
-def compile_trains() -> None:
-    """Compile `lava_vpr.engine.inference.bias_input.schedule`, or load it."""
-    schedule(np.ones(1, np.int32), np.uint64(0), 1)
 
 
 class RegularEncoder(EncoderProcess):
@@ -27,4 +19,4 @@ class RegularEncoder(EncoderProcess):
 
     def compile_kernels(self) -> None:
         """Compile the kernel before the models are forked."""
-        compile_trains()
+        schedule(np.ones(1, np.int32), np.uint64(0), 1)

@@ -1,4 +1,4 @@
-"""Models of `SpikeCounter`."""
+"""The model of `SpikeCounter`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ from lava_vpr.processes.base.cpu_model import cpu_model
 from lava_vpr.processes.spike_counter.process import SpikeCounter
 
 
-class _CounterModel(PyLoihiProcessModel):
+@cpu_model(SpikeCounter, "fixed", "float")
+class PySpikeCounter(PyLoihiProcessModel):
+    """The counter, of networks in either arithmetic."""
+
     s_in: PyInPort = LavaPyType(PyInPort.VEC_DENSE, bool, precision=1)
     counts: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32)
 
@@ -34,13 +37,3 @@ class _CounterModel(PyLoihiProcessModel):
             self.shared[image, spikes] += 1
         if self.raster is not None:
             self.raster[image, step, spikes] = 1
-
-
-@cpu_model(SpikeCounter, "float")
-class PySpikeCounterFloat(_CounterModel):
-    """The counter for networks in float64."""
-
-
-@cpu_model(SpikeCounter, "fixed")
-class PySpikeCounterFixed(_CounterModel):
-    """The counter for networks in Loihi's integers."""

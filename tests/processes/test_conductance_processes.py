@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import to_dict
-from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.conductance.kernels import Constants
 from lava_vpr.engine.conductance.model import (
     ConductanceState,
@@ -35,7 +34,6 @@ from lava_vpr.processes.conductance.conductance_place_network.process import (
 from lava_vpr.processes.conductance.conductance_plastic.process import ConductancePlastic
 from lava_vpr.processes.conductance.delayed_dense.models import PyDelayedDenseFloat
 from lava_vpr.processes.conductance.delayed_dense.process import DelayedDense
-from lava_vpr.processes.conductance.fine_poisson_encoder.models import PyFinePoissonEncoder
 from lava_vpr.processes.conductance.fine_poisson_encoder.process import FinePoissonEncoder
 from lava_vpr.processes.conductance.neurons import ConductanceNeuron
 
@@ -243,18 +241,6 @@ def test_delays_are_those_of_a_literal_version(seed: int, longest: int, interval
     np.testing.assert_array_equal(model.a_out.sent, want[: 2 * interval])
 
 
-def test_the_encoder_sends_the_draws_of_each_presentation_and_then_nothing() -> None:
-    rates, keys = some_rates(2), np.array([5, 6], np.uint64)
-    model = PyFinePoissonEncoder({"rates": rates, "keys": keys, "steps": 7, "rest_steps": 3})
-    model.s_out = Wire()
-    run_model(model, 25)
-    want = np.zeros((25, INPUTS), bool)
-    for image, (own, key) in enumerate(zip(rates, keys, strict=True)):
-        want[10 * image : 10 * image + 7] = draw_spikes(own, int(key), 7)
-    np.testing.assert_array_equal(model.s_out.sent, want)
-    assert want.sum() > 10
-
-
 def constants_of(total: int) -> Constants:
     return constants(small(), learn=True)._replace(total=total)
 
@@ -267,6 +253,10 @@ def holed() -> NDArray[np.float64]:
     weights = WEIGHTS.copy()
     weights[2, 3] = np.nan
     return weights
+
+
+def fine(**changed: Any) -> FinePoissonEncoder:
+    return FinePoissonEncoder(**{"rates": RATES, "keys": KEYS, "steps": 5, "silent_steps": 0} | changed)
 
 
 def network(config: Config, **changed: Any) -> ConductancePlaceNetwork:
@@ -293,12 +283,12 @@ REFUSED = [
         "a presentation of 0 steps",
     ),
     (
-        lambda: FinePoissonEncoder(rates=RATES.astype(np.uint16), keys=KEYS, steps=5),
+        lambda: fine(rates=RATES.astype(np.uint16)),
         NetworkLimitError,
         "rates are uint16 (2, 14), but must be uint32",
     ),
-    (lambda: FinePoissonEncoder(rates=RATES, keys=KEYS[:1], steps=5), NetworkLimitError, "must be uint64 (2,)"),
-    (lambda: FinePoissonEncoder(rates=RATES, keys=KEYS, steps=0), NetworkLimitError, "0 steps and 0 at rest"),
+    (lambda: fine(keys=KEYS[:1]), NetworkLimitError, "must be uint64 (2,)"),
+    (lambda: fine(steps=0), NetworkLimitError, "0 steps and 0 silent"),
     (lambda: replace(NEURON, leak=1.0), NetworkLimitError, "leak is 1.0, but Euler's method needs [0, 1)"),
     (lambda: replace(NEURON, gi_decay=-0.1), NetworkLimitError, "gi_decay is -0.1"),
     (lambda: replace(NEURON, threshold=float("nan")), NetworkLimitError, "threshold is nan, but must be finite"),

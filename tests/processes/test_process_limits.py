@@ -105,7 +105,7 @@ REFUSED: list[tuple[Any, dict[str, Any], str]] = [
     (counter, {"interval": 0}, "interval is 0"),
     (counter, {"raster": np.zeros((2, 5, 3), np.uint8)}, "raster is uint8 (2, 5, 3), but must be uint8 (2, 4, 3)"),
     (fused, {"batch": 0}, "batch is 0, but must be a whole number, at least 1"),
-    (fused, {"rates": np.ones((2, 4), np.uint16)}, "rates are uint16 (2, 4), but must be uint16 (n, 3)"),
+    (fused, {"rates": np.ones((2, 4), np.uint16)}, "rates' shape is (2, 4), but must be (n, 3)"),
     (fused, {"keys": np.ones(2)}, "keys are float64 (2,), but must be uint64 (2,)"),
     (fused, {"counts": np.zeros((2, 2))}, "counts is float64 (2, 2), but must be int32 (2, 2)"),
 ]

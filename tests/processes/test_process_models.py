@@ -17,9 +17,11 @@ from lava.utils.weightutils import SignMode
 from numpy.typing import NDArray
 from support.lava.model_harness import build, drive, some_spikes
 
-from lava_vpr.encoding import draw_spikes, draw_trains, rates16
+from lava_vpr.encoding import draw_trains, rates16
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.processes.base.shared_memory import shared_array
+from lava_vpr.processes.conductance.fine_poisson_encoder.models import PyFinePoissonEncoder
+from lava_vpr.processes.conductance.fine_poisson_encoder.process import FinePoissonEncoder
 from lava_vpr.processes.dense_synapses.models import PyDenseSynapsesFixed, PyDenseSynapsesFloat
 from lava_vpr.processes.dense_synapses.process import DenseSynapses
 from lava_vpr.processes.excitatory_lif.models import PyExcitatoryLIFFixed, PyExcitatoryLIFFloat
@@ -30,11 +32,11 @@ from lava_vpr.processes.lateral_inhibition.models import PyLateralInhibitionFloa
 from lava_vpr.processes.lateral_inhibition.process import LateralInhibition
 from lava_vpr.processes.one_to_one.models import PyOneToOneFixed, PyOneToOneFloat
 from lava_vpr.processes.one_to_one.process import OneToOne
-from lava_vpr.processes.poisson_encoder.models import PyPoissonEncoderFixed, PyPoissonEncoderFloat
+from lava_vpr.processes.poisson_encoder.models import PyPoissonEncoder
 from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
-from lava_vpr.processes.regular_encoder.models import PyRegularEncoderFixed, PyRegularEncoderFloat
+from lava_vpr.processes.regular_encoder.models import PyRegularEncoder
 from lava_vpr.processes.regular_encoder.process import RegularEncoder
-from lava_vpr.processes.spike_counter.models import PySpikeCounterFixed
+from lava_vpr.processes.spike_counter.models import PySpikeCounter
 from lava_vpr.processes.spike_counter.process import SpikeCounter
 
 pytestmark = pytest.mark.lava
@@ -166,35 +168,26 @@ def test_lateral_inhibition_is_a_matrix_without_diagonal(inhibition: float) -> N
     assert not sent[0].any()
 
 
-@pytest.mark.parametrize("kind", [PyPoissonEncoderFixed, PyPoissonEncoderFloat])
-@pytest.mark.parametrize(("steps", "inputs"), [(1, 3), (6, 1), (13, 40)])
-def test_the_encoder_sends_the_drawn_spikes_then_nothing(kind: Any, steps: int, inputs: int) -> None:
-    rng = np.random.default_rng(steps)
-    rates = (rng.integers(0, 65_536, (3, inputs)) * (rng.random((3, inputs)) < 0.7)).astype(np.uint16)
-    keys, emitted = presentation_keys(1, "query", np.arange(3)), np.zeros(inputs, np.int64)
-    process = PoissonEncoder(rates=rates, keys=keys, steps=steps, silent_steps=2, emitted=emitted)
-    model = build(process, kind)
-    sent = drive(model, 4 * (steps + 2), port_out="s_out").reshape(4, steps + 2, inputs)
-    for image in range(3):
-        assert np.array_equal(sent[image, :steps], draw_spikes(rates[image], int(keys[image]), steps))
-    assert not sent[:, steps:].any()
-    assert not sent[3].any()
-    assert sent.any()
-    assert np.array_equal(emitted, sent.sum(axis=(0, 1)))
-    assert np.array_equal(model.emitted, emitted)
+ENCODERS = [
+    (PoissonEncoder, PyPoissonEncoder, np.uint16, False),
+    (RegularEncoder, PyRegularEncoder, np.uint16, True),
+    (FinePoissonEncoder, PyFinePoissonEncoder, np.uint32, False),
+]
 
 
-@pytest.mark.parametrize("kind", [PyRegularEncoderFixed, PyRegularEncoderFloat])
-@pytest.mark.parametrize(("steps", "inputs"), [(1, 3), (6, 1), (29, 40)])
-def test_the_regular_encoder_sends_the_spikes_of_input_compartments(kind: Any, steps: int, inputs: int) -> None:
+@pytest.mark.parametrize(("encoder", "kind", "unit", "regular"), ENCODERS)
+@pytest.mark.parametrize(("steps", "inputs"), [(1, 3), (6, 1), (13, 40), (29, 40)])
+def test_an_encoder_sends_the_spikes_of_its_trains_then_nothing(
+    encoder: Any, kind: Any, unit: Any, regular: bool, steps: int, inputs: int
+) -> None:
     rng = np.random.default_rng(steps)
-    rates = (rng.integers(0, 65_536, (3, inputs)) * (rng.random((3, inputs)) < 0.7)).astype(np.uint16)
+    rates = (rng.integers(0, np.iinfo(unit).max, (3, inputs)) * (rng.random((3, inputs)) < 0.7)).astype(unit)
     keys, emitted = presentation_keys(1, "query", np.arange(3)), np.zeros(inputs, np.int64)
-    process = RegularEncoder(rates=rates, keys=keys, steps=steps, silent_steps=2, emitted=emitted)
+    process = encoder(rates=rates, keys=keys, steps=steps, silent_steps=2, emitted=emitted)
     process.compile_kernels()
     model = build(process, kind)
     sent = drive(model, 4 * (steps + 2), port_out="s_out").reshape(4, steps + 2, inputs)
-    assert np.array_equal(sent[:3], draw_trains(rates, keys, steps, steps + 2, regular=True))
+    assert np.array_equal(sent[:3], draw_trains(rates, keys, steps, steps + 2, regular=regular))
     assert not sent[3].any()
     assert sent.any()
     assert np.array_equal(emitted, sent.sum(axis=(0, 1)))
@@ -215,9 +208,7 @@ def test_an_encoder_of_images() -> None:
 def test_the_counter_counts_and_records() -> None:
     spikes = some_spikes(np.random.default_rng(3), 30, 4)
     counts, raster = np.zeros((3, 4), np.int32), np.zeros((3, 7, 4), np.uint8)
-    model = build(
-        SpikeCounter(shape=(4,), presentations=3, interval=7, counts=counts, raster=raster), PySpikeCounterFixed
-    )
+    model = build(SpikeCounter(shape=(4,), presentations=3, interval=7, counts=counts, raster=raster), PySpikeCounter)
     drive(model, spikes, "s_in")
     assert np.array_equal(raster, spikes[:21].reshape(3, 7, 4))
     assert np.array_equal(counts, raster.sum(axis=1))

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import need
 from lava_vpr.engine.inference.fixed import EVENTS, FixedNetwork, count_spikes
-from lava_vpr.errors import NetworkLimitError
-from lava_vpr.processes.base.checked import CheckedProcess, check_outputs, whole
+from lava_vpr.processes.base.checked import CheckedProcess, check_outputs, check_presentations, whole
 
 
 class FusedPlaceNetwork(CheckedProcess):
@@ -53,14 +52,9 @@ class FusedPlaceNetwork(CheckedProcess):
             InputError: biases of another type or shape.
         """
         network.check()
-        if rates.dtype != np.uint16 or rates.shape != (len(rates), network.inputs) or not len(rates):
-            raise NetworkLimitError(
-                f"FusedPlaceNetwork: rates are {rates.dtype} {rates.shape}, but must be uint16 (n, {network.inputs})"
-            )
-        if keys.dtype != np.uint64 or keys.shape != (len(rates),):
-            raise NetworkLimitError(
-                f"FusedPlaceNetwork: keys are {keys.dtype} {keys.shape}, but must be uint64 ({len(rates)},)"
-            )
+        check_presentations("FusedPlaceNetwork", rates, keys)
+        fits = len(rates) > 0 and rates.shape[1] == network.inputs
+        need(fits, "FusedPlaceNetwork: rates' shape", rates.shape, f"(n, {network.inputs}), n at least 1")
         if bias is not None:
             network.check_presented(bias, len(rates))
         need(whole(batch) and batch >= 1, "batch", batch, "a whole number, at least 1")

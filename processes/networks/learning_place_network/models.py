@@ -31,7 +31,7 @@ class SubLearningPlaceNetwork(AbstractSubProcessModel):
             shape=shape,
             du=lif.du,
             dv=lif.dv,
-            vth=proc.theta,
+            vth=proc.vars.vth.init,
             floor=lif.floor,
             hold_steps=lif.hold_steps,
             theta_plus=0 if learning.late_theta else lif.theta_plus,

@@ -5,18 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.process.ports.ports import InPort, OutPort
 from lava.magma.core.process.variable import Var
 from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import check_thresholds, need
 from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState
 from lava_vpr.loihi import THRESHOLD_LIMIT
-from lava_vpr.processes.base.checked import CheckedProcess
-from lava_vpr.processes.base.wiring import exact_mantissa
+from lava_vpr.processes.base.wiring import NetworkProcess, exact_mantissa
 
 
-class LearningPlaceNetwork(CheckedProcess):
+class LearningPlaceNetwork(NetworkProcess):
     """`IntegerLearning` composed of PlasticDense, ExcitatoryLIF, InhibitoryLIF, DenseSynapses and OneToOne.
 
     One inhibitory neuron takes from every neuron; a relay of each neuron gives back what was taken in the same step.
@@ -75,16 +73,9 @@ class LearningPlaceNetwork(CheckedProcess):
         }
         mantissa, self.exponent = exact_mantissa(learning.inhibition)
         taken = np.full(neurons, mantissa, np.int32) if mantissas is None else mantissas.astype(np.int32)
-        super().__init__(**kwargs)
-        self.learning, self.theta, self.plasticity = learning, state.theta.copy(), plasticity
-        self.s_in = InPort(shape=(inputs,))
-        self.s_out = OutPort(shape=(neurons,))
-        self.s_out_inh = OutPort(shape=(1,))
-        self.weights = Var(shape=(neurons, inputs), init=plasticity["weights"])
+        super().__init__(plasticity["weights"], state.theta.copy(), -taken[:, None], learning.interval, **kwargs)
+        self.learning, self.plasticity = learning, plasticity
         self.x1 = Var(shape=(inputs,), init=0)
-        self.vth = Var(shape=(neurons,), init=self.theta)
-        self.u, self.v, self.v_inh = (Var(shape=(size,), init=0) for size in (neurons, neurons, 1))
-        self.lateral_weights = Var(shape=(neurons, 1), init=-taken[:, None])
         self.own_weights = Var(shape=(neurons, neurons), init=np.diag(taken))
 
     def set_laterals(self, mantissas: NDArray[np.int64]) -> None:
@@ -96,11 +87,6 @@ class LearningPlaceNetwork(CheckedProcess):
         values = mantissas.astype(np.int32)
         self.lateral_weights.set(-values[:, None])
         self.own_weights.set(np.diag(values))
-
-    @property
-    def interval(self) -> int:
-        """Steps of one presentation, the silent ones included."""
-        return self.learning.interval
 
     def raise_thresholds(self, counts: NDArray[np.int32]) -> None:
         """Raise the thresholds as the host does after a presentation with ``late_theta``; the run must pause.

@@ -5,18 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.process.ports.ports import InPort, OutPort
 from lava.magma.core.process.variable import Var
 from numpy.typing import NDArray
 
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.neuron_bias import bias_registers
 from lava_vpr.loihi import INPUT_SHIFT
-from lava_vpr.processes.base.checked import CheckedProcess
-from lava_vpr.processes.base.wiring import inhibiting
+from lava_vpr.processes.base.wiring import NetworkProcess, inhibiting
 
 
-class PlaceNetwork(CheckedProcess):
+class PlaceNetwork(NetworkProcess):
     """`FixedNetwork` composed of DenseSynapses, ExcitatoryLIF and InhibitoryLIF, and OneToOne before relays.
 
     A run that prefers SubProcessModels puts Lava's LIFReset, Dense and Sparse in their place, and nothing else: what a
@@ -41,17 +39,11 @@ class PlaceNetwork(CheckedProcess):
         network.check()
         if bias is not None:
             network.check_presented(bias, len(bias))
-        super().__init__(network=network, bias=bias, **kwargs)
+        laterals, interval = inhibiting(network), network.interval
+        numbers = {"network": network, "bias": bias, **kwargs}
+        super().__init__(network.stored[0], network.threshold, laterals, interval, **numbers)
         self.network, self.bias = network, bias
-        shape, inh = (network.neurons,), (network.inhibitory,)
-        self.s_in = InPort(shape=(network.inputs,))
-        self.s_out = OutPort(shape=shape)
-        self.s_out_inh = OutPort(shape=inh)
-        self.weights = Var(shape=(network.neurons, network.inputs), init=network.stored[0])
-        self.u, self.v, self.v_inh = Var(shape=shape), Var(shape=shape), Var(shape=inh)
-        self.vth = Var(shape=shape, init=network.threshold)
-        self.lateral_weights = Var(shape=shape + inh, init=inhibiting(network))
-        self.bias_mant, self.bias_exp = Var(shape=shape), Var(shape=shape)
+        self.bias_mant, self.bias_exp = Var(shape=(network.neurons,)), Var(shape=(network.neurons,))
 
     def write_bias(self, bias: NDArray[np.int32], floating: bool = False) -> None:
         """Set the biases while the run is paused, from the next step on.
@@ -66,8 +58,3 @@ class PlaceNetwork(CheckedProcess):
             values = {"bias_mant": bias * 2.0**-INPUT_SHIFT}
         for name, value in values.items():
             getattr(self, name).set(value)
-
-    @property
-    def interval(self) -> int:
-        """Steps of one presentation, the silent ones included."""
-        return self.network.interval
