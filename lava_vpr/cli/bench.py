@@ -92,8 +92,7 @@ def bench(
     sweep: bool,
     peers: bool,
     limit: int | None,
-    query_views: int,
-    adapt: float | None,
+    asking: Asking,
     seed: int | None,
     address: str | None,
     json_path: Path | None,
@@ -112,7 +111,7 @@ def bench(
     # The cost model and what it needs take a second to import: --help does not wait for them.
     from lava_vpr.bench.run import Request, run
 
-    model, asking = open_model(model_path), Asking(query_views, adapt)
+    model = open_model(model_path)
     asking.check(model)
     _refuse(model, model_path, targets, names, sweep)
     traverse = truth.open(model, query, places, every, outputs)

@@ -6,7 +6,7 @@ import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import partial
+from functools import partial, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
@@ -16,6 +16,7 @@ from rich.measure import Measurement
 from rich.segment import Segment
 from rich.text import Text
 
+from lava_vpr.backends.asking import Asking
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.config import Config, EncoderConfig
 from lava_vpr.deploy.boards.board import BOARDS, Board
@@ -174,10 +175,15 @@ def print_unproven(rows: Sequence[Belief]) -> None:
     )
 
 
-def asking_options(command: F) -> F:
-    """Give a command that asks a model queries the options ``--query-views`` and ``--adapt``."""
-    text = "Sideways views in which each query is presented, an odd number."
-    views = click.option("--query-views", type=click.IntRange(1, 99), default=1, show_default=True, help=text)(command)
+def asking_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command that asks a model queries the options ``--query-views`` and ``--adapt``, as ``asking``."""
+
+    @wraps(command)
+    def collected(*args: Any, query_views: int, adapt: float | None, **others: Any) -> Any:
+        return command(*args, asking=Asking(query_views, adapt), **others)
+
+    text, odd = "Sideways views in which each query is presented, an odd number.", click.IntRange(1, 99)
+    views = click.option("--query-views", type=odd, default=1, show_default=True, help=text)(collected)
     text = "Let biases follow the queries before, with a time constant of N queries."
     return click.option("--adapt", type=Number(min=1), default=None, metavar="N", help=text)(views)
 

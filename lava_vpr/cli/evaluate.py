@@ -87,8 +87,7 @@ def evaluate(
     sequence: int,
     rivals: tuple[str, ...],
     descriptors: tuple[Path, Path] | None,
-    query_views: int,
-    adapt: float | None,
+    asking: Asking,
     motion: str,
     backend: str,
     seed: int | None,
@@ -108,7 +107,7 @@ def evaluate(
     read = (*truth.files, *(descriptors or ()))
     route = benchmark.recognised(query, every, places=places)
     outputs = Outputs((json_path,), made=(page,), read=read, model=model_path, images=route.sources)
-    model, asking = open_model(model_path), Asking(query_views, adapt)
+    model = open_model(model_path)
     asking.check(model)
     backends.require(backend, model)
     truth = truth.for_route(route)
@@ -125,7 +124,7 @@ def evaluate(
             keep_scores=page is not None,
             asking=asking,
             motion=motion,
-            calibration=calibration_of(model, cores(), cluster) if sequence == query_views == 1 else None,
+            calibration=calibration_of(model, cores(), cluster) if sequence == asking.views == 1 else None,
         )
         queries, *further = encode_queries(traverse, model, asking.of(model), kept)
         with backend_progress(backend, len(queries)) as advance:

@@ -7,10 +7,14 @@ import math
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from functools import partial, wraps
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
+from numpy.typing import NDArray
 
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import Asking
@@ -36,40 +40,137 @@ from lava_vpr.cli.whereabouts import WhereOptions, query_positions_options
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
 from lava_vpr.matches import matches_of
-from lava_vpr.matching.answers import Together, accepted, least_probability, sure
+from lava_vpr.matching.answers import Answers, Together, accepted, least_probability, sure
 from lava_vpr.matching.forward_filter import NONE
 from lava_vpr.matching.sequences import Pace
-from lava_vpr.recognition import answer_stream
+from lava_vpr.model import Model
+from lava_vpr.recognition import Answered, answer_stream
 from lava_vpr.storage.text import shown
-from lava_vpr.traverse import open_traverse
+from lava_vpr.traverse import Traverse, open_traverse
+
+STDOUT = Path("-")
+"""The name of standard output; a file of this name is ``./-``."""
+SHOWN: dict[str, Callable[[Table, Row, float], str]] = {
+    "csv": lambda table, row, least: table.csv(row),
+    "jsonl": lambda table, row, least: table.json(row),
+    "sentence": sentences,
+}
+"""The text of a query: by the table, from its row, where a match is accepted from some probability on."""
+
+
+@dataclass(frozen=True)
+class Writing:
+    """What is to be written, and where.
+
+    Attributes:
+        output: The file, or `STDOUT`; None: none is named.
+        form: A row of `SHOWN`; None: by the file's name.
+        top: How many of the best places of each image are named.
+    """
+
+    output: Path | None
+    form: str | None
+    top: int
+
+    @property
+    def file(self) -> Path | None:
+        """The file; None: standard output."""
+        return None if self.output == STDOUT else self.output
+
+    @property
+    def silent(self) -> bool:
+        """Whether lines go to a terminal, where a bar would stand between them."""
+        return self.file is None and sys.stdout.isatty()
+
+    def form_of(self, images: int) -> str:
+        """The row of `SHOWN`: one of the ``images``, and no output named, is shown in words."""
+        if self.form is not None:
+            return self.form
+        if self.output is None and images == 1:
+            return "sentence"
+        return "jsonl" if self.file is not None and self.file.suffix.lower() == ".jsonl" else "csv"
+
+
+@dataclass(frozen=True)
+class Accepting:
+    """Which matches are accepted.
+
+    Attributes:
+        precision: What share of them is right, if half of the images are off the map.
+        confidence: The least confidence of the decoder; None: ``precision`` decides.
+    """
+
+    precision: float
+    confidence: float | None
+
+    def __post_init__(self) -> None:
+        if self.confidence is not None and math.isnan(self.confidence):
+            raise click.UsageError("--min-confidence is not a number")
+
+    def least(self, together: Together) -> float:
+        """The probability from which on a match is accepted; NaN where that is not what decides."""
+        return least_probability(together, self.precision) if self.confidence is None else math.nan
+
+    def of(self, answers: Answers, least: float) -> NDArray[np.bool_]:
+        """Whether each of ``answers`` is accepted, bool (queries,)."""
+        return accepted(answers, least) if self.confidence is None else sure(answers, self.confidence)
+
+
+def _writing_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The options ``-o``, ``--format`` and ``--top``, given to the command as ``writing``."""
+
+    @click.option(
+        "-o",
+        "--output",
+        type=PATH,
+        default=None,
+        metavar="matches.csv",
+        help="File to write, or - for standard output (default: standard output; of one image, a sentence).",
+    )
+    @click.option(
+        "--format",
+        "form",
+        type=click.Choice(("csv", "jsonl")),
+        default=None,
+        help="Lines of CSV or of JSON (default: csv, unless the file's name ends in .jsonl).",
+    )
+    @click.option(
+        "--top",
+        type=click.IntRange(1, 1000),
+        default=1,
+        show_default=True,
+        metavar="K",
+        help="Name the K best places of each image, too.",
+    )
+    @wraps(command)
+    def collected(*args: Any, output: Path | None, form: str | None, top: int, **others: Any) -> Any:
+        return command(*args, writing=Writing(output, form, top), **others)
+
+    return collected
+
+
+def _accepting_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The options ``--target-precision`` and ``--min-confidence``, given to the command as ``accepting``."""
+
+    @precision_option
+    @click.option(
+        "--min-confidence",
+        type=float,
+        default=None,
+        metavar="C",
+        help="Accept by the decoder's confidence instead: matches of at least this.",
+    )
+    @wraps(command)
+    def collected(*args: Any, target_precision: float, min_confidence: float | None, **others: Any) -> Any:
+        return command(*args, accepting=Accepting(target_precision, min_confidence), **others)
+
+    return collected
 
 
 @click.command(cls=OneSource)
 @click.argument("model_path", metavar="MODEL", type=PATH)
 @click.argument("images", type=str)
-@click.option(
-    "-o",
-    "--output",
-    type=PATH,
-    default=None,
-    metavar="matches.csv",
-    help="File to write, or - for standard output (default: standard output; of one image, a sentence).",
-)
-@click.option(
-    "--format",
-    "form",
-    type=click.Choice(("csv", "jsonl")),
-    default=None,
-    help="Lines of CSV or of JSON (default: csv, unless the file's name ends in .jsonl).",
-)
-@click.option(
-    "--top",
-    type=click.IntRange(1, 1000),
-    default=1,
-    show_default=True,
-    metavar="K",
-    help="Name the K best places of each image, too.",
-)
+@_writing_options
 @places_option("Images A..B-1 only (default: all).")
 @every_option
 @asking_options
@@ -82,30 +183,19 @@ from lava_vpr.traverse import open_traverse
     show_default=True,
     help="Match each image together with those before it, at the references' own speed.",
 )
-@precision_option
-@click.option(
-    "--min-confidence",
-    type=float,
-    default=None,
-    metavar="C",
-    help="Accept by the decoder's confidence instead: matches of at least this.",
-)
+@_accepting_options
 @query_positions_options
 def query(
     model_path: Path,
     images: str,
-    output: Path | None,
-    form: str | None,
-    top: int,
+    writing: Writing,
     places: tuple[int, int] | None,
     every: float,
-    query_views: int,
-    adapt: float | None,
+    asking: Asking,
     backend: str,
     motion: str,
     sequence: int,
-    target_precision: float,
-    min_confidence: float | None,
+    accepting: Accepting,
     seed: int | None,
     where: WhereOptions,
 ) -> None:
@@ -115,14 +205,8 @@ def query(
     if it is not accepted. Where positions and times are known, columns follow with those of the matched place (x, y or
     lat, lon), the query's time and the metres of error. On standard output lines come as images are done.
     """
-    if min_confidence is not None and np.isnan(min_confidence):
-        raise click.UsageError("--min-confidence is not a number")
-    file = None if output == STDOUT else output
-    outputs = Outputs((file,), read=where.files, model=model_path, images=(images,))
-    model, asking = open_model(model_path), Asking(query_views, adapt)
-    asking.check(model)
-    where.check(model)
-    backends.require(backend, model)
+    outputs = Outputs((writing.file,), read=where.files, model=model_path, images=(images,))
+    model = _checked(open_model(model_path), asking, where, backend)
     whole = open_traverse(images, every=every, events=model.config.events)
     outputs.spare(whole.paths)
     traverse = where.of(whole.between(*places) if places else whole, len(whole))
@@ -130,65 +214,55 @@ def query(
         raise InputError(
             f"{shown(images)}: has {len(traverse)} images, fewer than --sequence {sequence}; use a shorter sequence"
         )
-    table = Table.of(model, traverse, top, chances=motion != NONE)
-    calibration = None if query_views > 1 else calibration_of(model, cores())
-    together = Together(sequence, motion, calibration)
-    least = least_probability(together, target_precision)
-    decisive = least if min_confidence is None else math.nan
+    table = Table.of(model, traverse, writing.top, chances=motion != NONE)
+    together = Together(sequence, motion, None if asking.views > 1 else calibration_of(model, cores()))
     pace = Pace() if sequence > 1 else None
-    form = _form(form, file, one=output is None and len(traverse) == 1)
-    recognised, waiting = 0, ExitStack()
-    silent = file is None and sys.stdout.isatty()  # a bar would stand between the lines
-    with (
-        waiting,
-        query_progress(traverse.source, backend, len(traverse), silent=silent) as (read, advance),
-        stdout_writer() if file is None else text_writer(file) as write,
-    ):
+    answer = partial(answer_stream, model, traverse, backend=backend, together=together, asking=asking, seed=seed)
+    with query_progress(traverse.source, backend, len(traverse), silent=writing.silent) as (read, advance):
+        stream = answer(threads=cores(), pace=pace, at_once=writing.file is None, read=read, advance=advance)
+        recognised = _write(model, traverse, stream, table, together, writing, accepting)
+    if pace is not None and (contradiction := pace.contradiction(sequence)) is not None:
+        stderr.print(f"warning: {contradiction}")
+    if writing.file is not None:
+        console.print(f"{_counted(len(traverse))}, {recognised} recognised: {shown(writing.file)}")
+
+
+def _counted(images: int) -> str:
+    return "1 image" if images == 1 else f"{images} images"
+
+
+def _checked(model: Model, asking: Asking, where: WhereOptions, backend: str) -> Model:
+    """``model``, seen to be one that can be asked so."""
+    asking.check(model)
+    where.check(model)
+    backends.require(backend, model)
+    return model
+
+
+def _write(
+    model: Model,
+    traverse: Traverse,
+    stream: Iterator[Answered],
+    table: Table,
+    together: Together,
+    writing: Writing,
+    accepting: Accepting,
+) -> int:
+    """Write the rows of the queries as they are answered; how many were recognised."""
+    form, least, recognised = writing.form_of(len(traverse)), accepting.least(together), 0
+    with ExitStack() as waiting, stdout_writer() if writing.file is None else text_writer(writing.file) as write:
         write(table.csv_header() if form == "csv" else "")
-        if silent:
+        if writing.silent:
             waiting.enter_context(stage(f"reading {traverse.source}"))
-        stream = answer_stream(
-            model,
-            traverse,
-            backend=backend,
-            together=together,
-            asking=asking,
-            seed=seed,
-            threads=cores(),
-            pace=pace,
-            at_once=file is None,
-            read=read,
-            advance=advance,
-        )
         for done, answers, counts in stream:
-            good = accepted(answers, least) if min_confidence is None else sure(answers, min_confidence)
+            good = accepting.of(answers, least)
             recognised += int(good.sum())
             waiting.close()
-            found = matches_of(model, answers, good, counts, radius=together.radius, top=top, stamps=done.stamps)
-            write("".join(SHOWN[form](table, row, decisive) for row in table.rows(done, answers, found)))
-    contradiction = None if pace is None else pace.contradiction(sequence)
-    if contradiction is not None:
-        stderr.print(f"warning: {contradiction}")
-    if file is not None:
-        images_read = "1 image" if len(traverse) == 1 else f"{len(traverse)} images"
-        console.print(f"{images_read}, {recognised} recognised: {shown(file)}")
-
-
-STDOUT = Path("-")
-"""The name of standard output; a file of this name is ``./-``."""
-SHOWN: dict[str, Callable[[Table, Row, float], str]] = {
-    "csv": lambda table, row, least: table.csv(row),
-    "jsonl": lambda table, row, least: table.json(row),
-    "sentence": sentences,
-}
-"""The text of a query: by the table, from its row, where a match is accepted from some probability on."""
-
-
-def _form(asked: str | None, file: Path | None, *, one: bool) -> str:
-    """The row of `SHOWN` for what was ``asked``; ``one`` image, and no output named, is shown in words."""
-    if asked is not None:
-        return asked
-    return "sentence" if one else "jsonl" if file is not None and file.suffix.lower() == ".jsonl" else "csv"
+            found = matches_of(
+                model, answers, good, counts, radius=together.radius, top=writing.top, stamps=done.stamps
+            )
+            write("".join(SHOWN[form](table, row, least) for row in table.rows(done, answers, found)))
+    return recognised
 
 
 @contextmanager

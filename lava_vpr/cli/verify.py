@@ -60,8 +60,7 @@ def verify(
     every: float,
     limit: int,
     names: tuple[str, ...],
-    query_views: int,
-    adapt: float | None,
+    asking: Asking,
     seed: int | None,
     json_path: Path | None,
 ) -> None:
@@ -71,7 +70,7 @@ def verify(
     own; its recall is printed. Spikes that the network decides (exc, inh) are counted apart from those of inputs.
     """
     outputs = Outputs((json_path,), model=model_path, images=(query,))
-    model, asking = open_model(model_path), Asking(query_views, adapt)
+    model = open_model(model_path)
     asking.check(model)
     for name in names:  # asked for by name: not to run it is an error
         backends.require(name, model)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import click
 
+from lava_vpr.backends.asking import Asking
 from lava_vpr.cli.common import (
     PATH,
     OneSource,
@@ -73,8 +74,7 @@ def watch(
     model_path: Path,
     source: str,
     motion: str,
-    query_views: int,
-    adapt: float | None,
+    asking: Asking,
     target_precision: float,
     every: float,
     existing: bool,
@@ -93,7 +93,7 @@ def watch(
     given up. What cannot be read is told on stderr, with a count, and left out. Ctrl-C ends it; so does the end of
     SOURCE, unless there is a page to be looked at.
     """
-    localizer = Localizer(model_path, motion, adapt, query_views, target_precision=target_precision, seed=seed)
+    localizer = Localizer(model_path, motion, asking.adapt, asking.views, target_precision=target_precision, seed=seed)
     events = localizer.model.config.events
     found = open_source(source, every=every, topic=topic, events=events, live=True, existing=existing)
     recent = None if port is None else Recent(localizer.model)
@@ -108,24 +108,26 @@ def watch(
         told = "1 image" if answered == 1 else f"{answered} images"
         stderr.print(f"note: {told}, {recognised} recognised, {refused.count} left out")
         if recent is not None and answered != stop_after:
-            recent.end()
-            stderr.print("note: the source has ended; the page stays until Ctrl-C")
-            while True:
-                signal.pause()
+            _stay(recent)
 
 
-def _served(localizer: Localizer, source: str, recent: Recent | None, port: int | None) -> AbstractContextManager[str]:
-    """The live page, if one is asked for; its address is told on stderr."""
-    if recent is None or port is None:
-        return nullcontext("")
-    return _told(live_page(localizer.model, source, recent, port))
+def _stay(recent: Recent) -> NoReturn:
+    """Let the page be looked at until Ctrl-C."""
+    recent.end()
+    stderr.print("note: the source has ended; the page stays until Ctrl-C")
+    while True:
+        signal.pause()
 
 
 @contextmanager
-def _told(page: AbstractContextManager[str]) -> Iterator[str]:
-    with page as address:
+def _served(localizer: Localizer, source: str, recent: Recent | None, port: int | None) -> Iterator[None]:
+    """The live page, if one is asked for; its address is told on stderr."""
+    if recent is None or port is None:
+        yield
+        return
+    with live_page(localizer.model, source, recent, port) as address:
         stderr.print(f"note: the page is at {address}")
-        yield address
+        yield
 
 
 class Refused:
