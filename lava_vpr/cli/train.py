@@ -52,10 +52,8 @@ from lava_vpr.training.keyframes import choose_places
 from lava_vpr.training.loop import check_size
 from lava_vpr.training.loop import train as train_model
 from lava_vpr.training.standard import check_asked, fitted, in_words, settings_for, standard_like
+from lava_vpr.training.trainers import LEARNING, rule_settings
 from lava_vpr.traverse import Traverse, open_traverses
-
-EPOCHS = {"template": 1, "slayer": 10}
-"""Epochs of the rules other than STDP, unless --epochs says otherwise."""
 
 
 def window_options(command: F) -> F:
@@ -122,11 +120,11 @@ def window_options(command: F) -> F:
 @click.option("--weight-bits", type=setting_type(LifNetwork, "weight_bits"), default=None, help="Bits of one weight.")
 @click.option(
     "--learning",
-    type=click.Choice(["float", "integer", "slayer", "template"]),
+    type=RegisteredName(LEARNING),
     default=None,
-    help="How weights are learned (default: float); integer: in Loihi's 8-bit weights and 7-bit traces; slayer: by "
-    "gradients through spikes on changed references (lava-dl and torch, an extra); template: not at all, the "
-    "references' own rates are the weights, to hold learning against.",
+    help="How weights are learned (default: float); "
+    + "; ".join(f"{row.name}: {row.title}" for row in [*LEARNING.values()][1:])
+    + ".",
 )
 @reference_positions_options
 @click.option(
@@ -303,16 +301,9 @@ def settings(preset_name: str | None, config_file: Path | None, options: dict[st
         if options.get(name) is not None:
             changes.setdefault(section, {})[key] = options[name]
     if options.get("learning") is not None:
-        changes["learning"] = _learning(options["learning"], config) | changes.get("learning", {})
+        changes["learning"] = rule_settings(options["learning"], config) | changes.get("learning", {})
     changes.update({name: options[name] for name in ("seed", "stretch") if options.get(name) is not None})
     return update(config, changes)
-
-
-def _learning(word: str, config: Config) -> dict[str, Any]:
-    """The settings of ``learning`` that the ``word`` after ``--learning`` changes in ``config``."""
-    if word in EPOCHS:
-        return {"rule": word, "epochs": EPOCHS[word]}
-    return {"arithmetic": word} | ({"rule": "stdp"} if config.learning.rule in EPOCHS else {})
 
 
 def encode_references(

@@ -14,19 +14,18 @@ from lava_vpr.config import Config
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine import effort
 from lava_vpr.engine.inference import quantise
-from lava_vpr.engine.learning import integer, stdp
+from lava_vpr.engine.learning import stdp
 from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.gate import as_integer_config, integer_config
 from lava_vpr.inputs.vectors import Standard
 from lava_vpr.model import Model, Stretch
 from lava_vpr.modelfile import check_model
 from lava_vpr.positions.frames import Positions
-from lava_vpr.slayer import needs
 from lava_vpr.training.checkpoint import Checkpoint, fingerprint
 from lava_vpr.training.door import check_encoded_references
 from lava_vpr.training.joining import Route, joined, model_of
 from lava_vpr.training.stretches import Shown, learn, trainers_of, traverses_shown
-from lava_vpr.training.trainers import ConductanceTrainer, StretchTrainer
+from lava_vpr.training.trainers import ConductanceTrainer, StretchTrainer, rule_of
 
 
 def split(places: int, config: Config, parts: Sequence[int] = ()) -> tuple[Stretch, ...]:
@@ -105,19 +104,16 @@ def check_network(places: int, config: Config, parts: Sequence[int] = ()) -> tup
         if len(stretches) > 1:
             raise ConfigError("the conductance model learns a route in one network; use --stretch 0")
         return stretches
-    learning = settings.learning
+    rule = rule_of(config)
     quantise.check_steps(settings.network, sum(stretch.neurons for stretch in stretches))
-    if learning.rule == "slayer":
-        needs.require()
-    if learning.rule != "stdp":
+    rule.check(settings)
+    if rule.neuron_a_place:
         uneven = next((part for part in stretches if part.neurons != part.places), None)
         if uneven is not None:
             raise ConfigError(
-                f"learning.rule {learning.rule} takes one neuron for each place, but {uneven.places} places have "
+                f"learning.rule {rule.name} takes one neuron for each place, but {uneven.places} places have "
                 f"{uneven.neurons} neurons; set network.neurons to 0 and network.neurons_per_place to 1"
             )
-    elif learning.arithmetic == "integer":
-        integer.phases(learning, config.encoder.inputs, config.encoder.train_spikes)
     return stretches
 
 
@@ -192,7 +188,7 @@ def learned_weights(trainers: Sequence[StretchTrainer], config: Config) -> NDArr
     """
     parts = [trainer.state()["weights"].astype(np.float32) for trainer in trainers]
     learning = integer_config(config, "learned_weights").learning
-    for part in parts if learning.rule != "slayer" else ():
+    for part in parts if not rule_of(config).signed else ():
         stdp.normalise(part, learning.mean_weight)
     return np.concatenate(parts, axis=1)
 

@@ -7,6 +7,7 @@ from lava_vpr.configfile import update
 from lava_vpr.model import IntegerModel, Model, integer_model
 from lava_vpr.training.loop import train
 from lava_vpr.training.references import parts_of, references_of
+from lava_vpr.training.trainers import rule_settings
 
 
 def template_of(model: Model, threads: int = 1, cluster: Cluster | None = None) -> IntegerModel:
@@ -25,7 +26,7 @@ def template_of(model: Model, threads: int = 1, cluster: Cluster | None = None) 
     """
     config = integer_model(model, "the baseline template").config
     changes = {
-        "learning": {"rule": "template", "epochs": 1},
+        "learning": rule_settings("template", model.config),
         "network": {"neurons": 0, "neurons_per_place": 1},
     }
     settings, cut = update(config, changes), parts_of(model)

@@ -1,8 +1,13 @@
-"""What learns one stretch of a route: in float, in Loihi's integers, or as the conductance model does."""
+"""What learns one stretch of a route: in float, in Loihi's integers, or as the conductance model does.
+
+`LEARNING` has a row for each way; loop, checkpoints, commands and their help ask the row.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -13,10 +18,12 @@ from lava_vpr.engine.conductance import model as conductance
 from lava_vpr.engine.learning import integer, stdp
 from lava_vpr.engine.learning.recruiting import Thresholds
 from lava_vpr.errors import ConfigError
-from lava_vpr.gate import as_integer_config, integer_config
+from lava_vpr.gate import IntegerConfig, as_integer_config, integer_config
 from lava_vpr.loihi import THRESHOLD_LIMIT, WEIGHT_LIMIT
 from lava_vpr.model import Stretch
+from lava_vpr.rows.registry import Registry
 from lava_vpr.settings.conductance import ConductanceLearning
+from lava_vpr.slayer import needs
 from lava_vpr.slayer.trainer import SlayerTrainer
 from lava_vpr.storage.arrays import Rule, UnfitError, check_arrays
 
@@ -128,7 +135,7 @@ class IntegerLifTrainer:
 class TemplateTrainer:
     """What learning is held against: the neuron of a place has the rates of the place's references as its weights."""
 
-    def __init__(self, config: Config, stretch: Stretch, key: int) -> None:
+    def __init__(self, config: Config, stretch: Stretch) -> None:
         self._weights = np.zeros((config.encoder.inputs, stretch.neurons), np.float32)
 
     def begin_epoch(self, epoch: int) -> None:
@@ -189,26 +196,105 @@ class ConductanceTrainer:
         }
 
 
-def trainer_of(
-    config: Config, stretch: Stretch, key: int, activity: NDArray[np.float32] | None = None
-) -> StretchTrainer:
-    """The trainer that learns one stretch under ``config``.
+def trainer_of(config: Config, stretch: Stretch, key: int, activity: NDArray[np.float32]) -> StretchTrainer:
+    """The trainer that learns one stretch under ``config``; arguments as of `LearningRule.trainer`."""
+    return rule_of(config).trainer(config, stretch, key, activity)
 
-    Args:
-        config: Settings.
-        stretch: The stretch.
-        key: `stretch_key` of its images, for which start weights are drawn.
-        activity: Responses to its references, traverse after traverse, float32 (images, inputs), for what learns by
-            gradients; the others are shown them one by one.
-    """
+
+def rule_of(config: Config) -> LearningRule:
+    """How weights are learned under ``config``."""
     chosen = as_integer_config(config)
     if chosen is None:
-        return ConductanceTrainer(config, stretch, key)
-    if chosen.learning.rule == "template":
-        return TemplateTrainer(config, stretch, key)
-    if chosen.learning.rule == "slayer":
-        if activity is None:
-            raise ConfigError("learning.rule slayer needs all references at once; give their activity")
-        return SlayerTrainer(config, stretch, key, activity)
-    kind = IntegerLifTrainer if chosen.learning.arithmetic == "integer" else LifTrainer
-    return kind(config, stretch, key)
+        return CONDUCTANCE
+    learning = chosen.learning
+    return LEARNING[learning.arithmetic if learning.rule == STDP else learning.rule]
+
+
+def rule_settings(name: str, config: Config) -> dict[str, Any]:
+    """The settings of ``learning`` that choose the rule called ``name``, beside those of ``config``.
+
+    Raises:
+        ConfigError: there is no such rule.
+    """
+    row = LEARNING[name]
+    of_conductance = isinstance(config.learning, ConductanceLearning) and row.rule == STDP  # which has rules of its own
+    settings = {"rule": None if of_conductance else row.rule, "arithmetic": row.arithmetic, "epochs": row.epochs}
+    return {key: value for key, value in settings.items() if value is not None}
+
+
+@dataclass(frozen=True)
+class LearningRule:
+    """A way to learn the weights of a stretch.
+
+    Attributes:
+        name: What ``train --learning`` takes.
+        title: What it does, for help.
+        trainer: Makes the trainer of a stretch. It takes the settings; the stretch; `stretch_key` of its images, for
+            which start weights are drawn; and the responses to its references, traverse after traverse, float32
+            (images, inputs).
+        rule, arithmetic: The settings ``learning.rule`` and ``learning.arithmetic`` that choose it; None: either.
+        epochs: How often it shows each image unless a user says otherwise; None: as the settings say.
+        check: Refuses, before any work, settings that it cannot learn with, or where a library is missing.
+        neuron_a_place: Whether it takes exactly one neuron for each place.
+        signed: Whether weights have a sign; the mean of all others is normalised.
+    """
+
+    name: str
+    title: str
+    trainer: Callable[[Config, Stretch, int, NDArray[np.float32]], StretchTrainer]
+    rule: str
+    arithmetic: str | None = None
+    epochs: int | None = None
+    check: Callable[[IntegerConfig], object] = lambda config: None
+    neuron_a_place: bool = False
+    signed: bool = False
+
+
+STDP = "stdp"
+LEARNING: Registry[LearningRule] = Registry("learning rule", ConfigError)
+"""The ways to learn an integer network."""
+LEARNING.register(
+    LearningRule(
+        "float",
+        "by STDP, in real numbers",
+        lambda config, stretch, key, _: LifTrainer(config, stretch, key),
+        STDP,
+        "float",
+    )
+)
+LEARNING.register(
+    LearningRule(
+        "integer",
+        "in Loihi's 8-bit weights and 7-bit traces",
+        lambda config, stretch, key, _: IntegerLifTrainer(config, stretch, key),
+        STDP,
+        "integer",
+        check=lambda config: integer.phases(config.learning, config.encoder.inputs, config.encoder.train_spikes),
+    )
+)
+LEARNING.register(
+    LearningRule(
+        "slayer",
+        "by gradients through spikes on changed references (lava-dl and torch, an extra)",
+        SlayerTrainer,
+        "slayer",
+        epochs=10,
+        check=lambda config: needs.require(),
+        neuron_a_place=True,
+        signed=True,
+    )
+)
+LEARNING.register(
+    LearningRule(
+        "template",
+        "not at all, the references' own rates are the weights, to hold learning against",
+        lambda config, stretch, key, _: TemplateTrainer(config, stretch),
+        "template",
+        epochs=1,
+        neuron_a_place=True,
+    )
+)
+CONDUCTANCE = LearningRule(
+    "conductance", "preset paper", lambda config, stretch, key, _: ConductanceTrainer(config, stretch, key), "triplet"
+)
+"""How the float conductance model learns, which takes no other way."""

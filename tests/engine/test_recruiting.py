@@ -93,7 +93,7 @@ def config(**learning: object) -> Config:
 @pytest.mark.parametrize("arithmetic", ["float", "integer"])
 def test_neurons_that_have_a_place_learn_nothing_more(arithmetic: str) -> None:
     settings = config(arithmetic=arithmetic)
-    trainer: StretchTrainer = trainer_of(settings, Stretch(0, PLACES, 0, PLACES), 0)
+    trainer: StretchTrainer = trainer_of(settings, Stretch(0, PLACES, 0, PLACES), 0, np.zeros((0, 0), np.float32))
     inputs = settings.encoder.inputs
     rates = np.zeros((PLACES, inputs), np.uint16)
     for place, row in enumerate(rates):

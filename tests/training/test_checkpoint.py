@@ -32,12 +32,15 @@ def settings(kind: str) -> tuple[Config, list[EncodedTraverse]]:
     return small_config(learning=learning), [encoded()]
 
 
+NO_IMAGES = np.zeros((0, 0), np.float32)
+
+
 @cache
 def saved(kind: str) -> tuple[Header, Arrays]:
     """A sound checkpoint: one epoch of every stretch."""
     config, references = settings(kind)
     stretches = split(8, config)
-    states = [trainer_of(config, stretch, k).state() for k, stretch in enumerate(stretches)]
+    states = [trainer_of(config, stretch, k, NO_IMAGES).state() for k, stretch in enumerate(stretches)]
     arrays = {f"{k}.{name}": array for k, state in enumerate(states) for name, array in state.items()}
     epochs = {str(k): 1 for k in range(len(states))}
     return {"fingerprint": fingerprint(references, config, stretches), "epochs": epochs}, arrays
@@ -116,7 +119,7 @@ def test_what_training_saves_is_taken(kind: str, tmp_path: Path, monkeypatch: py
 
     def checked(self: Checkpoint, number: int, epoch: int, state: Arrays) -> None:
         update(self, number, epoch, state)
-        trainers = [trainer_of(config, stretch, k) for k, stretch in enumerate(split(8, config))]
+        trainers = [trainer_of(config, stretch, k, NO_IMAGES) for k, stretch in enumerate(split(8, config))]
         store = Checkpoint(path, self.fingerprint)
         store.load(trainers, config.learning.epochs, len(references))
         taken.append(store.epochs[number])

@@ -120,7 +120,7 @@ def _interrupted(path: Path, references: list[EncodedTraverse], config: Config) 
     store = Checkpoint(path, fingerprint(references, config, split(PLACES, config)), interval=1e9)
     stretches = split(PLACES, config)
     for number, stretch in enumerate(stretches):
-        trainer = trainer_of(config, stretch, number)
+        trainer = trainer_of(config, stretch, number, np.zeros((0, 0), np.float32))
         store.update(number, 2 if number == 0 else 1, trainer.state())
     store.flush()
     data = path.read_bytes()

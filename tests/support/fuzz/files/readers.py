@@ -73,7 +73,10 @@ def read_bundle(case: Case, corpus: Corpus, path: Path) -> Findings:
 def training(corpus: Corpus, name: str) -> dict[str, Any]:
     """What the checker is told of the training that goes on from the checkpoint ``name``."""
     config = SETTINGS[name]
-    trainers = [trainer_of(config, stretch, number) for number, stretch in enumerate(split(PLACES, config))]
+    trainers = [
+        trainer_of(config, stretch, number, np.zeros((0, 0), np.float32))
+        for number, stretch in enumerate(split(PLACES, config))
+    ]
     return {
         "fingerprint": corpus.fingerprint(name),
         "config": to_dict(config),
