@@ -15,10 +15,10 @@ from lava_vpr.config import Config, EncoderConfig
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse, encode_views
 from lava_vpr.engine.threads import cores
 from lava_vpr.inputs.views import ViewsConfig
+from lava_vpr.learning.references import encode_route
 from lava_vpr.model import Model
 from lava_vpr.recognition import Comparison, Recognition, recognise
 from lava_vpr.training.loop import train
-from lava_vpr.training.standard import fitted, settings_for
 from lava_vpr.traverse import Traverse, open_traverse
 
 TEMPLATES = {"rule": "template", "epochs": 1}
@@ -95,9 +95,7 @@ def recognised(
     comparison: Comparison,
 ) -> list[Recognition]:
     """What models of each seed make of queries; vectors are fitted on the references, images seen in the views."""
-    config = settings_for(config, [references])
-    standard = fitted(config, [references])
-    learned = encode_views(references, config.encoder, config.views.views, Keep.ALL, standard=standard)
+    config, standard, learned = encode_route([references], config)
     asked = encode_traverse(queries, config.encoder, Keep.ALL, standard=standard)
     models = (train(learned, dataclasses.replace(config, seed=seed), standard=standard, jobs=cores()) for seed in seeds)
     return [recognise(model, asked, truth, comparison, threads=cores()) for model in models]

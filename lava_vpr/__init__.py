@@ -13,10 +13,11 @@ from lava_vpr import kernelcache
 
 if TYPE_CHECKING:
     from lava_vpr.errors import LavaVprError
-    from lava_vpr.localizer import Localizer, load, train
+    from lava_vpr.learning.route import train
+    from lava_vpr.localizer import Localizer, load
     from lava_vpr.matches import Candidate, Match
 
-_ROOMS = {"LavaVprError": "errors", "Candidate": "matches", "Match": "matches"}
+_ROOMS = {"LavaVprError": "errors", "Candidate": "matches", "Match": "matches", "train": "learning.route"}
 __all__ = ["Candidate", "LavaVprError", "Localizer", "Match", "__version__", "load", "train"]
 
 __version__ = "0.1.0"

@@ -7,6 +7,7 @@ for the ``paper`` preset's 0.1 ms. An input spikes when its draw of the same wid
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import islice
 from typing import Any
 
@@ -21,12 +22,14 @@ from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.random import draws
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import InputError
+from lava_vpr.images.sampling import Sample
 from lava_vpr.inputs.encoded import THUMBNAIL, EncodedTraverse, Keep
 from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
 from lava_vpr.inputs.hog import HOG_VALUES, hog
 from lava_vpr.inputs.patches import PATCH_SIDE, patch_normalised
 from lava_vpr.inputs.vectors import Standard, picture_of
 from lava_vpr.inputs.views import STRAIGHT, View, seen_as
+from lava_vpr.readers import Found
 from lava_vpr.settings.conductance import ConductanceNetwork
 from lava_vpr.storage.text import shown
 from lava_vpr.traverse import Traverse
@@ -153,6 +156,17 @@ def encode_arrays(
         raise InputError(f"there are {len(named)} names for {len(taken)} {word}s; give one for each")
     indices = np.arange(len(taken), dtype=np.int64)
     return _encoded(named, indices, iter(taken), encoder, views, keep, None, standard)
+
+
+def image_traverse(images: Sequence[NDArray[Any]]) -> Traverse:
+    """A traverse of images in memory, each uint8 (h, w) grey or (h, w, 3) BGR.
+
+    Raises:
+        InputError: one of them is no image.
+    """
+    taken, numbers = _images(images), np.arange(len(images), dtype=np.int64)
+    samples = [Sample(number, None, partial(np.asarray, image)) for number, image in enumerate(taken)]
+    return Traverse("images", numbers, (), numbers, found=Found(walk=lambda: iter(samples), word="image"))
 
 
 def _images(images: Sequence[NDArray[Any]]) -> Sequence[NDArray[Any]]:

@@ -17,6 +17,10 @@ class InputError(LavaVprError):
     """Images, lists, videos, ground truth or descriptors that cannot be used."""
 
 
+class UsageError(InputError):
+    """Options or arguments that exclude each other, or that lack one another: wrong usage, whatever the data."""
+
+
 class ConfigError(LavaVprError):
     """A setting outside its range, or settings that contradict each other."""
 

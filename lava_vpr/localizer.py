@@ -1,94 +1,34 @@
-"""The public interface in Python: `train` a model, `load` one, ask a `Localizer` where a robot is, image by image."""
+"""The public interface of a robot: `load` a model, ask a `Localizer` where it is, image by image."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lava_vpr import config as settings
 from lava_vpr import maps
 from lava_vpr import model as model_file
 from lava_vpr.backends.asking import Asker, Asking, summed
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.opening import calibration_of, open_model
-from lava_vpr.config import Config
-from lava_vpr.encoding import EncodedTraverse, Keep, encode_arrays, encode_views
+from lava_vpr.encoding import Keep, encode_arrays, encode_views
 from lava_vpr.engine.adaptation import Motion
-from lava_vpr.engine.threads import cores
-from lava_vpr.errors import InputError
-from lava_vpr.events.files import is_recording
-from lava_vpr.inputs.vectors import Standard
 from lava_vpr.matches import Match, matches_of
 from lava_vpr.matching.answers import Answerer, Together, accepted, least_probability
 from lava_vpr.matching.forward_filter import NONE, Belief, ForwardFilter
 from lava_vpr.model import Model, prepare
-from lava_vpr.positions.frames import XY, Positions, placed
-from lava_vpr.training.calibration import calibrated
-from lava_vpr.training.loop import train as train_encoded
-from lava_vpr.training.standard import fitted, settings_for
-from lava_vpr.traverse import Traverse, open_traverse, vector_traverse
-from lava_vpr.vectors.source import Vectors, checked_vectors
+from lava_vpr.positions.frames import Positions
+from lava_vpr.traverse import open_traverse
 
-Images: TypeAlias = "str | Path | Sequence[NDArray[Any]] | NDArray[Any]"
-"""A folder, list, video, image or file of vectors; or images in memory, each uint8 (h, w) or (h, w, 3) BGR; or vectors,
-one for each image, real numbers (images, values)."""
+if TYPE_CHECKING:
+    from lava_vpr.learning.references import Images
 
 CANDIDATES = 5
 """Number of candidates that a match names."""
-
-
-def train(
-    *references: Images,
-    rates: NDArray[Any] | Sequence[NDArray[Any]] | None = None,
-    preset: str = "loihi",
-    config: Config | None = None,
-    positions: Positions | ArrayLike | None = None,
-    seed: int | None = None,
-    threads: int | None = None,
-) -> Model:
-    """Learn the places of a route.
-
-    Args:
-        references: One or more traverses of the same places; image i of each shows place i. Vectors are standardised on
-            all of them, and those of more than ``encoder.vector_kept`` values projected on so many.
-        rates: Instead of ``references``: what each input responds to each image, real numbers of at least 0, (images,
-            inputs), of one traverse or of each of several; they are taken as they are.
-        preset: Name of the settings, if no ``config`` is given; recordings of events are learned with
-            `lava_vpr.config.for_events` of it.
-        config: All settings.
-        positions: Where the first traverse's images were taken; an array is x and y in metres, float64 (places, 2).
-        seed: Another seed than that of the settings.
-        threads: Threads, which do not change the result; None: one a processor.
-    Returns:
-        The model, with probabilities calibrated; `lava_vpr.model.save` writes it, and so does `Localizer.save`.
-    Raises:
-        LavaVprError: images or settings cannot be used.
-    """
-    if bool(references) == (rates is not None):
-        raise InputError("there is nothing to learn, or too much; give the images of a route, or rates")
-    chosen = settings.preset(preset) if config is None else config
-    if config is None and any(isinstance(images, (str, Path)) and is_recording(images) for images in references):
-        chosen = settings.for_events(chosen)
-    if seed is not None:
-        chosen = dataclasses.replace(chosen, seed=seed)
-    if rates is not None:
-        encoder = dataclasses.replace(chosen.encoder, kind="rates", vector_values=0)
-        chosen = dataclasses.replace(chosen, encoder=encoder)
-        references = (rates,) if np.ndim(rates[0]) == 1 else tuple(rates)
-    where = placed(positions, XY)
-    opened = [_opened(images, chosen) for images in references]
-    traverses = [images for images in opened if isinstance(images, Traverse)]
-    if traverses:
-        chosen = settings_for(chosen, traverses)
-    standard = fitted(chosen, traverses) if len(traverses) == len(opened) else None
-    encoded = [seen for images in opened for seen in _encoded(images, chosen, standard)]
-    jobs = cores() if threads is None else threads
-    return calibrated(train_encoded(encoded, chosen, positions=where, standard=standard, jobs=jobs), jobs)
 
 
 def load(path: str | Path) -> Model:
@@ -98,35 +38,6 @@ def load(path: str | Path) -> Model:
         ModelFileError: it cannot be used.
     """
     return open_model(path)
-
-
-def _opened(images: Images, config: Config) -> Traverse | Sequence[NDArray[Any]]:
-    """What is on the disk, or vectors, as a traverse; images in memory as they are."""
-    if isinstance(images, (str, Path)):
-        return open_traverse(images, events=config.events)
-    if len(images) and np.ndim(images[0]) == 1:
-        rows = images if isinstance(images, np.ndarray) else _stacked(images)
-        return vector_traverse("vectors", Vectors(checked_vectors(rows, "vectors")))
-    return list(images)
-
-
-def _stacked(vectors: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    """Vectors of one length as one array."""
-    for number, vector in enumerate(vectors):
-        if np.shape(vector) != np.shape(vectors[0]):
-            raise InputError(
-                f"vector {number} has shape {np.shape(vector)}, the first {np.shape(vectors[0])}; give equal ones"
-            )
-    return np.stack([np.asarray(vector) for vector in vectors])
-
-
-def _encoded(
-    images: Traverse | Sequence[NDArray[Any]], config: Config, standard: Standard | None
-) -> tuple[EncodedTraverse, ...]:
-    """A traverse in all views, with all that a model keeps."""
-    if isinstance(images, Traverse):
-        return encode_views(images, config.encoder, config.views.views, Keep.ALL, None, standard)
-    return encode_arrays(list(images), config.encoder, config.views.views, Keep.ALL, None, standard)
 
 
 class Localizer:
@@ -213,7 +124,8 @@ class Localizer:
         """
         taken: Any = images
         if isinstance(images, (str, Path)):
-            taken = _encoded(_opened(images, self._model.config), self._model.config, self._model.standard)
+            config, opened = self._model.config, open_traverse(images, events=self._model.config.events)
+            taken = encode_views(opened, config.encoder, config.views.views, Keep.ALL, None, self._model.standard)
         before = self._answerer.filter
         self._use(maps.extend(self._model, taken, names=names, positions=positions))
         self.reset()

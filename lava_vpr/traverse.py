@@ -100,7 +100,7 @@ class Traverse:
         if self.stored is not None:
             return map(self.stored.row, self.frames[part].tolist())
         walk = self.found.walk or tuple
-        return chosen(walk, self.frames[part], f"{shown(self.paths[0])}: has no {self.found.word}")
+        return chosen(walk, self.frames[part], f"{shown((*self.paths, self.source)[0])}: has no {self.found.word}")
 
     def between(self, first: int, end: int) -> Traverse:
         """Images ``first`` .. ``end`` - 1 of this traverse.
@@ -112,7 +112,7 @@ class Traverse:
             raise InputError(f"places {first}:{end} are no range; give A:B with 0 <= A < B")
         if end > len(self):
             video = "frames at this --every" if self.stored is None else "vectors"
-            what = "images" if self.frames is None else video
+            what = video if self.frames is not None and self.paths else "images"
             raise InputError(
                 f"{shown(self.source)}: has {len(self)} {what}; places {first}:{end} go beyond, use at most "
                 f"0:{len(self)}"

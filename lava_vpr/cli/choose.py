@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from lava_vpr.cli.common import PATH, Number, stderr
 from lava_vpr.cli.outputs import Outputs
-from lava_vpr.cli.published.options import Route
 from lava_vpr.cli.whereabouts import WhereOptions, query_positions_options
+from lava_vpr.datasets.selecting import Selection
 from lava_vpr.errors import InputError
 from lava_vpr.model import Model
 from lava_vpr.storage.text import shown
@@ -118,7 +118,7 @@ class TruthOptions:
                 "is correct"
             )
 
-    def for_route(self, route: Route) -> TruthOptions:
+    def for_route(self, route: Selection) -> TruthOptions:
         """The same for the traverses of ``route``: where these are not in step, and places are some metres apart, an
         answer is correct within half of that, unless the user says otherwise."""
         if not route.by_position or route.opened is None:

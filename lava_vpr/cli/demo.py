@@ -22,22 +22,17 @@ from lava_vpr.cli.common import (
 )
 from lava_vpr.cli.evaluate import print_table, print_trust
 from lava_vpr.cli.outputs import Outputs, write_json
-from lava_vpr.cli.show.learning import learning_bar
-from lava_vpr.cli.train import encode_references
-from lava_vpr.config import preset
+from lava_vpr.cli.show.learning import TERMINAL
 from lava_vpr.encoding import Keep
 from lava_vpr.engine.threads import cores
 from lava_vpr.events.writing import WRITTEN
+from lava_vpr.learning.route import Training
 from lava_vpr.recognition import Comparison, as_json, recognise
 from lava_vpr.report import write_report
 from lava_vpr.report.build import report_data
 from lava_vpr.storage.text import shown
 from lava_vpr.synthetic.drives import EventDrive, write_drives
 from lava_vpr.synthetic.world import CONDITIONS, METRES_PER_S, World, write_traverses
-from lava_vpr.training.calibration import calibrated
-from lava_vpr.training.loop import check_size
-from lava_vpr.training.loop import train as train_model
-from lava_vpr.traverse import open_traverse
 from lava_vpr.truth.alignment import aligned_truth
 
 
@@ -116,14 +111,8 @@ def demo(out: Path) -> None:
     with progress_bar("drawing", 200) as advance:
         write_traverses(out, 100, 0, keep=kept, drawn=lambda: advance(1, ""))
     console.print(f"drew 100 places in summer and winter: {shown(out / 'reference')}, {shown(out / 'query')}")
-    config = preset("loihi")
-    reference = open_traverse(out / "reference")
     started = time.perf_counter()
-    encoded = encode_references([reference], config, None)
-    with learning_bar(check_size(len(reference), config), config, 1) as bar:
-        model = train_model(encoded, config, jobs=cores(), progress=bar.show)
-    with stage("calibrating probabilities"):
-        model = calibrated(model, cores())
+    model, _ = Training((out / "reference",)).learn(monitor=TERMINAL)
     console.print(
         f"learned them in {time.perf_counter() - started:.1f} s with {model.neurons} neurons and "
         f"{model.weight_bits}-bit weights: {shown(out / 'model.lvpr')}",

@@ -32,8 +32,9 @@ from lava_vpr.cli.common import (
     stderr,
 )
 from lava_vpr.cli.outputs import Outputs, write_json
-from lava_vpr.cli.published.options import BenchmarkOptions, asked_places, benchmark_options
+from lava_vpr.cli.published.options import asked_places, benchmark_options
 from lava_vpr.cli.show.clusters import cluster_at, cluster_option
+from lava_vpr.datasets.selecting import Benchmark
 from lava_vpr.encoding import EncodedTraverse, Keep
 from lava_vpr.engine.threads import cores
 from lava_vpr.matching.figures import TITLES, values_of
@@ -82,7 +83,7 @@ def evaluate(
     query: str,
     places: tuple[int, int] | None,
     every: float,
-    benchmark: BenchmarkOptions,
+    benchmark: Benchmark,
     truth: TruthOptions,
     sequence: int,
     rivals: tuple[str, ...],

@@ -14,7 +14,7 @@ from typing import Any
 import click
 
 from lava_vpr import interrupts
-from lava_vpr.errors import LavaVprError
+from lava_vpr.errors import LavaVprError, UsageError
 from lava_vpr.kernelcache import COMPILING, COMPILING_TEXT
 from lava_vpr.storage.text import harmless
 
@@ -56,6 +56,10 @@ class OneLineGroup(click.Group):
         try:
             with _told_in_one_line(), interrupts.minded():
                 return super().invoke(ctx)
+        except UsageError as error:
+            name = ctx.invoked_subcommand or ""
+            command = self.get_command(ctx, name) or self
+            raise click.UsageError(str(error), click.Context(command, ctx, name)) from None
         finally:
             logger.removeHandler(notes)
 
@@ -65,6 +69,8 @@ def _told_in_one_line() -> Iterator[None]:
     """Turn what the user or the machine is to blame for into a `_Failure`."""
     try:
         yield
+    except UsageError:
+        raise
     except LavaVprError as error:
         raise _Failure(str(error)) from None
     except BrokenPipeError:

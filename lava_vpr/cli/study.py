@@ -23,13 +23,15 @@ from lava_vpr.cli.common import (
 from lava_vpr.cli.evaluate import command_line
 from lava_vpr.cli.outputs import Outputs, write_json
 from lava_vpr.cli.show.clusters import cluster_at, cluster_option
-from lava_vpr.cli.train import settings, with_front_end
+from lava_vpr.cli.show.learning import TERMINAL
 from lava_vpr.config import PRESETS, Config
 from lava_vpr.encoding import Keep
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
 from lava_vpr.experiments.task import Route
 from lava_vpr.inputs.views import STRAIGHT
+from lava_vpr.learning.references import encode_route
+from lava_vpr.learning.route import settings_of
 from lava_vpr.matching.evaluation import truth_from_indices
 from lava_vpr.storage.text import shown
 from lava_vpr.studies.registry import STUDIES
@@ -37,7 +39,6 @@ from lava_vpr.studies.run import Studied, planned, run
 from lava_vpr.studies.show.values import as_json, table
 from lava_vpr.studies.study import Asked
 from lava_vpr.training.door import check_references
-from lava_vpr.training.standard import fitted, settings_for
 from lava_vpr.traverse import Traverse, open_traverse, open_traverses
 
 
@@ -103,7 +104,7 @@ def study(
         raise click.UsageError("--seeds names a seed twice; give each once")
     page = report_folder and report_folder / "study.html"
     outputs = Outputs((json_path,), made=(page,), read=(config_file,), images=(*references, query))
-    config = settings(preset_name, config_file, {})
+    config = settings_of(preset_name, config_file, {})
     whole = [*open_traverses(references, every=every, events=config.events)]
     whole.append(open_traverse(query, every=every, events=config.events))
     outputs.spare(path for traverse in whole for path in traverse.paths)
@@ -123,14 +124,8 @@ def study(
 
 def _route(learned: list[Traverse], asked: Traverse, config: Config, tolerance: int) -> tuple[Config, Route]:
     """The images, read and encoded, and the settings that fit them."""
-    config = with_front_end(settings_for(config, learned), learned[0])
-    standard = fitted(config, learned)
-    kept, views = Keep.PATCHES | Keep.VECTORS, config.views.views
-    references = [
-        seen
-        for traverse in learned
-        for seen in encode_in_views(traverse, config.encoder, views, kept | Keep.THUMBNAILS, standard)
-    ]
+    kept = Keep.PATCHES | Keep.VECTORS
+    config, standard, references = encode_route(learned, config, TERMINAL, keep=kept | Keep.THUMBNAILS)
     (queries,) = encode_in_views(asked, config.encoder, (STRAIGHT,), kept, standard)
     order = np.arange(len(queries))
     return config, Route(tuple(references), queries, truth_from_indices(order, order, tolerance), standard)

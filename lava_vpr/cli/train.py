@@ -1,16 +1,13 @@
-"""``lava-vpr train``; what it shows while it learns, and says of a model in the end, is shared with ``extend``."""
+"""``lava-vpr train``; what it says of a model in the end is shared with ``extend``."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 
 from lava_vpr import model as model_file
-from lava_vpr.backends.opening import open_model
 from lava_vpr.cli.common import (
     PATH,
     F,
@@ -18,42 +15,27 @@ from lava_vpr.cli.common import (
     Numbers,
     RegisteredName,
     console,
-    encode_in_views,
     every_option,
     places_option,
-    progress_bar,
     seed_type,
     setting_type,
-    stage,
     stderr,
 )
 from lava_vpr.cli.outputs import Outputs
-from lava_vpr.cli.published.options import BenchmarkOptions, benchmark_options
+from lava_vpr.cli.published.options import dataset_options
 from lava_vpr.cli.show.clusters import cluster_at, cluster_option
-from lava_vpr.cli.show.learning import learning_bar
-from lava_vpr.cli.whereabouts import WhereEach, reference_positions_options
-from lava_vpr.config import PRESETS, Config, LifNetwork, StdpLearning, for_events, preset
-from lava_vpr.configfile import read_toml, update
-from lava_vpr.encoding import EncodedTraverse, Keep
-from lava_vpr.engine.threads import cores
-from lava_vpr.events.files import is_recording
+from lava_vpr.cli.show.learning import TERMINAL
+from lava_vpr.cli.whereabouts import reference_positions_options
+from lava_vpr.config import PRESETS, Config, LifNetwork, StdpLearning
 from lava_vpr.inputs.encoder import INPUTS
-from lava_vpr.inputs.vectors import Standard
 from lava_vpr.inputs.views import ViewsConfig
 from lava_vpr.inputs.windows import EventsConfig
+from lava_vpr.learning.route import Training
 from lava_vpr.model import Model
-from lava_vpr.slayer.front_end import learned_filters
 from lava_vpr.storage.locking import only_one
 from lava_vpr.storage.text import shown
-from lava_vpr.training.calibration import calibrated
-from lava_vpr.training.checkpoint import check_resume, remove_checkpoint
-from lava_vpr.training.door import check_references
-from lava_vpr.training.keyframes import choose_places
-from lava_vpr.training.loop import check_size
-from lava_vpr.training.loop import train as train_model
-from lava_vpr.training.standard import check_asked, fitted, in_words, settings_for, standard_like
-from lava_vpr.training.trainers import LEARNING, rule_settings
-from lava_vpr.traverse import Traverse, open_traverses
+from lava_vpr.training.checkpoint import remove_checkpoint
+from lava_vpr.training.trainers import LEARNING
 
 
 def window_options(command: F) -> F:
@@ -72,18 +54,17 @@ def window_options(command: F) -> F:
 @click.option("-o", "--output", required=True, type=PATH, metavar="MODEL", help="File to write (.lvpr).")
 @click.option(
     "--preset",
-    "preset_name",
     type=click.Choice(list(PRESETS)),
     default=None,
     help="loihi: integer network for the chip (default); balanced, fast: the same with half and a quarter of the "
     "steps, and less energy; paper: VPRSNN's conductance model, as coded but that every presentation "
     "starts from rest, delays are kept for testing, and spikes of the rest are not carried over.",
 )
-@click.option("--config", "config_file", type=PATH, default=None, metavar="FILE", help="Settings in TOML.")
+@click.option("--config", type=PATH, default=None, metavar="FILE", help="Settings in TOML.")
 @places_option("Images A..B-1 of each REFERENCE (default: all).")
 @every_option
-@benchmark_options
-@click.option("--input", "input_kind", type=RegisteredName(INPUTS), default=None, help="What the inputs encode.")
+@dataset_options
+@click.option("--input", type=RegisteredName(INPUTS), default=None, help="What the inputs encode.")
 @click.option(
     "--events",
     is_flag=True,
@@ -112,7 +93,6 @@ def window_options(command: F) -> F:
 )
 @click.option(
     "--views",
-    "views",
     type=setting_type(ViewsConfig, "shifts"),
     default=None,
     help="Sideways views of every place, an odd number; each has neurons of its own.  [default: 1]",
@@ -136,7 +116,6 @@ def window_options(command: F) -> F:
 )
 @click.option(
     "--keyframes",
-    "change",
     type=Number(min=0, max=1, min_open=True),
     default=None,
     metavar="X",
@@ -144,35 +123,19 @@ def window_options(command: F) -> F:
 )
 @click.option(
     "--standard",
-    "like",
     type=PATH,
     default=None,
     metavar="MODEL",
     help="Vectors: measure them by the mean, scale and projection of this model, not their own, so that both can be "
     "merged.",
 )
-@click.option("--jobs", type=click.IntRange(1, 1024), default=None, help="Threads (default: all processors).")
+@click.option(
+    "--jobs", "threads", type=click.IntRange(1, 1024), default=None, help="Threads (default: all processors)."
+)
 @cluster_option
 @click.option("--seed", type=seed_type, default=None, help="Seed of start weights and spikes.  [default: 0]")
 @click.option("--resume", is_flag=True, help="Go on from the checkpoint of a training that was interrupted.")
-def train(
-    references: tuple[str, ...],
-    output: Path,
-    preset_name: str | None,
-    config_file: Path | None,
-    places: tuple[int, int] | None,
-    every: float,
-    benchmark: BenchmarkOptions,
-    parts: tuple[int, ...],
-    jobs: int | None,
-    resume: bool,
-    where: WhereEach,
-    spacing: float | None,
-    change: float | None,
-    like: Path | None,
-    address: str | None,
-    **options: Any,
-) -> None:
+def train(references: tuple[str, ...], output: Path, threads: int | None, address: str | None, **options: Any) -> None:
     """Learn the places of a route.
 
     REFERENCE is a folder of images (naturally sorted), a text or CSV list of image files, or a video; or a file of
@@ -182,142 +145,15 @@ def train(
     (lava-vpr datasets). While it learns, progress is kept beside MODEL in a .checkpoint file,
     from which --resume goes on.
     """
-    if options["window_ms"] is not None and options["window_events"] is not None:
-        raise click.UsageError("--window-ms and --window-events both say how long a window is; give one of them")
-    if spacing is not None and change is not None:
-        raise click.UsageError("--spacing and --keyframes both say which images become places; give one of them")
-    options["events"] = options["events"] or any(is_recording(source) for source in references)
-    config = settings(preset_name, config_file, options)
     checkpoint = output.with_name(output.name + ".checkpoint")
-    route = benchmark.learned(references, every, places=places, keyframes=change)
-    outputs = Outputs((output, checkpoint), read=(config_file, like, *where.files), images=route.sources)
+    training = Training.of(references, checkpoint=checkpoint, **options)
+    outputs = Outputs((output, checkpoint), read=training.files, images=training.selection.sources)
     with only_one(output), cluster_at(address) as cluster:
-        check_resume(checkpoint, resume)
-        whole = open_traverses(route.sources, every=route.every, events=config.events)
-        outputs.spare(path for traverse in whole for path in traverse.paths)
-        ranges = route.sampled(whole, places)
-        if options["input_kind"] is not None:
-            check_asked(ranges, config)
-        config = settings_for(config, ranges)
-        located = where.of(ranges, [len(traverse) for traverse in whole])
-        chosen = route.of_section(_places(located, config, route.spacing(spacing, located), change))
-        check_references([len(traverse) for traverse in chosen], route.sources)
-        stretches = check_size(len(chosen[0]), config, len(chosen), parts)
-        config = with_front_end(config, chosen[0])
-        standard = _standard(chosen, config, like)
-        encoded = encode_references(chosen, config, standard)
-        started = time.perf_counter()
-        try:
-            with learning_bar(stretches, config, len(chosen), here=cluster is None) as bar:
-                model = train_model(
-                    encoded,
-                    config,
-                    route_images=len(whole[0]),
-                    positions=chosen[0].positions,
-                    standard=standard,
-                    parts=parts,
-                    jobs=jobs or cores(),
-                    cluster=cluster,
-                    checkpoint=checkpoint,
-                    resume=resume,
-                    progress=bar.show,
-                    resumed=bar.resumed(checkpoint),
-                )
-        except KeyboardInterrupt:
-            if checkpoint.exists():
-                stderr.print(f"progress is kept in {shown(checkpoint)}; go on with --resume")
-            raise
-        with stage("calibrating probabilities"):
-            model = calibrated(model, cores(), cluster)
-        seconds = time.perf_counter() - started
+        model, seconds = training.learn(threads=threads, cluster=cluster, monitor=TERMINAL, opened=outputs.spare)
         model_file.save(model, output)
         remove_checkpoint(checkpoint)
     among = f" in {len(model.stretches)} stretches" if len(model.stretches) > 1 else ""
     tell(model, f"learned {model.places} places{among} in {seconds:.1f} s: {describe(model)}\nmodel: {shown(output)}")
-
-
-def with_front_end(config: Config, first: Traverse) -> Config:
-    """``config`` with the filters that the images of ``first`` teach, if it asks for such inputs and has none.
-
-    Raises:
-        ConfigError: lava-dl is missing.
-    """
-    if config.encoder.kind != "filters" or config.encoder.filters:
-        return config
-    stderr.print(f"note: the filters of the inputs are learned from {shown(first.source)}")
-    return update(config, {"encoder": {"filters": learned_filters(first.images(), config)}})
-
-
-def _places(traverses: list[Traverse], config: Config, spacing: float | None, change: float | None) -> list[Traverse]:
-    """The images of each traverse that become places; how many, if not all do, is told."""
-    first = traverses[0]
-    if change is None:
-        chosen = choose_places(traverses, config.encoder, spacing=spacing)
-    else:
-        standard = fitted(config, traverses)
-        with progress_bar(f"looking for places in {first.source}", len(first)) as advance:
-            chosen = choose_places(
-                traverses, config.encoder, standard=standard, change=change, progress=lambda read: advance(read, "")
-            )
-    if len(chosen[0]) < len(first):
-        stderr.print(f"note: {len(chosen[0])} of {len(first)} images of {shown(first.source)} become places")
-    return chosen
-
-
-def _standard(traverses: list[Traverse], config: Config, like: Path | None) -> Standard | None:
-    """What vectors are measured by, which is told; ``like`` is the model that they are to be measured like."""
-    if like is None:
-        standard = fitted(config, traverses)
-    else:
-        standard = standard_like(open_model(like).standard, config)
-    if standard is not None:
-        stderr.print(f"note: {in_words(config, standard)}")
-    return standard
-
-
-def settings(preset_name: str | None, config_file: Path | None, options: dict[str, Any]) -> Config:
-    """The settings that the preset, then the file, then single options decide.
-
-    Raises:
-        ConfigError: a setting that is unknown, out of range, or contradicts another.
-    """
-    base = preset(preset_name) if preset_name else None
-    if config_file is not None:
-        config = read_toml(config_file, base)
-    else:
-        config = base or preset("loihi")
-    if options.get("events"):
-        config = for_events(config)
-    changes: dict[str, Any] = {}
-    for name, section, key in (
-        ("input_kind", "encoder", "kind"),
-        ("epochs", "learning", "epochs"),
-        ("neurons", "network", "neurons"),
-        ("weight_bits", "network", "weight_bits"),
-        ("views", "views", "shifts"),
-        ("window_ms", "events", "window_ms"),
-        ("window_events", "events", "window_events"),
-    ):
-        if options.get(name) is not None:
-            changes.setdefault(section, {})[key] = options[name]
-    if options.get("learning") is not None:
-        changes["learning"] = rule_settings(options["learning"], config) | changes.get("learning", {})
-    changes.update({name: options[name] for name in ("seed", "stretch") if options.get(name) is not None})
-    return update(config, changes)
-
-
-def encode_references(
-    traverses: Sequence[Traverse], config: Config, standard: Standard | None
-) -> list[EncodedTraverse]:
-    """The images of ``traverses`` as training takes them, in all views, with a progress bar for each."""
-    return [
-        seen
-        # A model keeps the thumbnails of its first traverse.
-        for number, traverse in enumerate(traverses)
-        for seen in encode_in_views(
-            traverse, config.encoder, config.views.views, Keep.ALL & ~Keep.THUMBNAILS if number else Keep.ALL, standard
-        )
-    ]
 
 
 def describe(model: Model) -> str:

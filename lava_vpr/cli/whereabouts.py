@@ -82,59 +82,15 @@ def query_positions_options(command: F) -> F:
 
 
 def reference_positions_options(command: F) -> F:
-    """The options ``--positions``, ``--stamps`` and ``--gap`` of several traverses, given to the command as ``where``.
-
-    The command gets a function from the number of traverses to the `WhereOptions` of each.
-    """
-
-    @wraps(command)
-    def collected(*args: Any, positions: tuple[Path, ...], stamps: tuple[str, ...], gap: float, **others: Any) -> Any:
-        return command(*args, where=WhereEach(positions, stamps, gap), **others)
-
+    """Give a command the options ``--positions``, ``--stamps`` and ``--gap`` of several traverses."""
     each = " Once for each REFERENCE, in order."
     options = (
         click.option("--positions", type=PATH, multiple=True, metavar="FILE", help=_POSITIONS + each),
         click.option("--stamps", multiple=True, metavar="FILE|TIME", help=_STAMPS + each),
         _gap_option,
     )
-    return _optional(collected, options)
-
-
-@dataclass(frozen=True)
-class WhereEach:
-    """What the user says of several traverses.
-
-    Attributes:
-        positions, stamps: As in `WhereOptions`, of the first so many traverses.
-        gap: Of all.
-    """
-
-    positions: tuple[Path, ...]
-    stamps: tuple[str, ...]
-    gap: float
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """The files to be read."""
-        return (*self.positions, *map(Path, self.stamps))
-
-    def of(self, traverses: Sequence[Traverse], wholes: Sequence[int]) -> list[Traverse]:
-        """Each of ``traverses``, of which there are ``wholes`` images, with what is told of it.
-
-        Raises:
-            InputError: a file cannot be used, or does not tell of each image.
-        """
-        for name, values in (("--positions", self.positions), ("--stamps", self.stamps)):
-            if len(values) > len(traverses):
-                raise click.UsageError(f"{name} is given {len(values)} times for {len(traverses)} references")
-        return [
-            WhereOptions(
-                self.positions[k] if k < len(self.positions) else None,
-                self.stamps[k] if k < len(self.stamps) else None,
-                self.gap,
-            ).of(traverse, wholes[k])
-            for k, traverse in enumerate(traverses)
-        ]
+    optional: F = _optional(command, options)
+    return optional
 
 
 def _gap_option(command: F) -> F:

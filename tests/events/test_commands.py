@@ -17,7 +17,8 @@ from support.common.eventfiles import EVENT, Made, aedat4, dsec, made
 
 from lava_vpr.cli import main
 from lava_vpr.events.files import open_events
-from lava_vpr.localizer import Localizer, train
+from lava_vpr.learning.route import train
+from lava_vpr.localizer import Localizer
 from lava_vpr.model import load
 from lava_vpr.traverse import open_traverse
 

@@ -13,7 +13,7 @@ from lava_vpr.config import EncoderConfig, for_events, preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import Keep, activity_of, encode_traverse, encode_views
 from lava_vpr.inputs.windows import saturated
-from lava_vpr.localizer import train
+from lava_vpr.learning.route import train
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.model import load
 from lava_vpr.recognition import Comparison, recognise

@@ -11,7 +11,6 @@ import pytest
 from numpy.typing import NDArray
 from support.common.small_models import encoded, small_config, small_model
 
-from lava_vpr import localizer
 from lava_vpr import model as model_file
 from lava_vpr.backends.opening import calibration_of
 from lava_vpr.config import preset
@@ -20,6 +19,7 @@ from lava_vpr.encoding import query_rates16
 from lava_vpr.engine.inference.fixed import count_spikes
 from lava_vpr.engine.random import image_keys, presentation_key, presentation_keys, uniform
 from lava_vpr.errors import ModelFileError
+from lava_vpr.learning.route import train as train_images
 from lava_vpr.matching.decoders import decode
 from lava_vpr.matching.probability import KINDS, OFF_MAP, RIGHT
 from lava_vpr.model import IntegerModel, Model, integer_model
@@ -65,7 +65,7 @@ def of_vectors(places: int = 20) -> IntegerModel:
         "learning": {"rule": "template", "epochs": 1, "steps": 64},
     }
     vectors = np.random.default_rng(0).normal(size=(places, 30))
-    made = localizer.train(vectors, config=update(preset("loihi"), settings), threads=1)
+    made = train_images(vectors, config=update(preset("loihi"), settings), threads=1)
     return integer_model(replace(made, calibration=None), "a test")
 
 

@@ -16,7 +16,7 @@ from lava_vpr import model as model_file
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.errors import ModelFileError
-from lava_vpr.localizer import train
+from lava_vpr.learning.route import train
 from lava_vpr.matching.probability import RIGHT
 from lava_vpr.training.calibration import altered
 

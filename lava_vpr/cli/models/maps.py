@@ -15,11 +15,12 @@ from lava_vpr import maps
 from lava_vpr import model as model_file
 from lava_vpr.cli.common import PATH, Places, every_option, places_option, stage
 from lava_vpr.cli.outputs import Outputs
-from lava_vpr.cli.show.learning import learning_bar
-from lava_vpr.cli.train import describe, encode_references, tell
-from lava_vpr.cli.whereabouts import WhereEach, reference_positions_options
+from lava_vpr.cli.show.learning import TERMINAL
+from lava_vpr.cli.train import describe, tell
+from lava_vpr.cli.whereabouts import reference_positions_options
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError, ModelFileError
+from lava_vpr.learning.references import encode_references, located_each
 from lava_vpr.maps import checks
 from lava_vpr.model import Model
 from lava_vpr.positions.frames import Positions
@@ -27,6 +28,7 @@ from lava_vpr.storage.locking import only_one
 from lava_vpr.storage.text import shown
 from lava_vpr.training.calibration import calibrated
 from lava_vpr.training.door import check_references
+from lava_vpr.training.progress import learning_bar
 from lava_vpr.traverse import Traverse, open_traverses, ranges_of
 
 _OUTPUT = "File to write (default: MODEL, replaced in one step when the new one is complete)."
@@ -73,7 +75,9 @@ def extend(
     places: tuple[int, int] | None,
     every: float,
     jobs: int | None,
-    where: WhereEach,
+    positions: tuple[Path, ...],
+    stamps: tuple[str, ...],
+    gap: float,
 ) -> None:
     """Learn further places into a model, with its own settings; what it has learned stays as it is.
 
@@ -85,24 +89,24 @@ def extend(
     it was.
     """
     target = model_path if output is None else output
-    with _changed(model_path, target, images, where.files) as outputs:
+    with _changed(model_path, target, images, (*positions, *map(Path, stamps))) as outputs:
         model, threads = model_file.load(model_path), jobs or cores()
         checks.check_learned(model, "extending", model_path)
         whole = open_traverses(images, every=every, events=model.config.events)
         outputs.spare(path for traverse in whole for path in traverse.paths)
         ranges = [traverse.between(*places) if places else traverse for traverse in whole]
-        chosen = where.of(ranges, [len(traverse) for traverse in whole])
+        chosen = located_each(ranges, [len(traverse) for traverse in whole], positions, stamps, gap)
         check_references([len(traverse) for traverse in chosen], images, least=1)
         stretches = checks.check_extension(model, len(chosen[0]), len(chosen), model_path)
-        positions = _positions(model, chosen[0], bool(where.positions), model_path)
-        references = encode_references(chosen, model.config, model.standard)
+        known = _positions(model, chosen[0], bool(positions), model_path)
+        references = encode_references(chosen, model.config, model.standard, TERMINAL)
         started = time.perf_counter()
-        with learning_bar(stretches, model.config, len(chosen)) as bar:
+        with learning_bar(TERMINAL, stretches, model.config, len(chosen)) as bar:
             made = maps.extend(
                 model,
                 references,
                 route_images=len(whole[0]),
-                positions=positions,
+                positions=known,
                 jobs=threads,
                 progress=bar.show,
             )

@@ -1,6 +1,7 @@
 """Running commands in tests, on a small synthetic route.
 
-Used by backends, cli, conftest, core, deploy, events, examples, paper_table, studies and vectors.
+Used by backends, cli, conftest, core, deploy, events, examples, learning, paper_table, studies and
+vectors.
 """
 
 from __future__ import annotations

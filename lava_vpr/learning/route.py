@@ -1,0 +1,331 @@
+"""The one way from references to a model: `train` for Python, `Training` for commands, studies and benchmarks.
+
+References are opened and their places chosen; the settings are made to fit what they are, with the filters that they
+teach and the standard that vectors are measured by; they are encoded, learned, and the probabilities calibrated.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr import config as presets
+from lava_vpr.cluster.connection import connected
+from lava_vpr.cluster.tasks import Cluster
+from lava_vpr.config import Config, for_events
+from lava_vpr.configfile import read_toml, update
+from lava_vpr.datasets.selecting import Benchmark, Selection
+from lava_vpr.engine.threads import cores
+from lava_vpr.errors import InputError, UsageError
+from lava_vpr.events.files import is_recording
+from lava_vpr.inputs.windows import EventsConfig
+from lava_vpr.learning.references import Images, Places, each, encode_route, in_memory, located_each
+from lava_vpr.model import Model
+from lava_vpr.positions.track import MOST_GAP_S
+from lava_vpr.storage.text import shown
+from lava_vpr.training.calibration import calibrated
+from lava_vpr.training.checkpoint import check_resume, remove_checkpoint
+from lava_vpr.training.door import check_references
+from lava_vpr.training.keyframes import choose_places
+from lava_vpr.training.loop import check_size
+from lava_vpr.training.loop import train as train_encoded
+from lava_vpr.training.progress import UNSEEN, Monitor, learning_bar
+from lava_vpr.training.standard import check_asked, fitted, settings_for
+from lava_vpr.training.trainers import rule_settings
+from lava_vpr.traverse import Traverse, open_traverses
+
+SETTINGS = {
+    "input": ("encoder", "kind"),
+    "epochs": ("learning", "epochs"),
+    "neurons": ("network", "neurons"),
+    "weight_bits": ("network", "weight_bits"),
+    "views": ("views", "shifts"),
+    "window_ms": ("events", "window_ms"),
+    "window_events": ("events", "window_events"),
+    "seed": ("seed",),
+    "stretch": ("stretch",),
+    "learning": (),
+    "events": (),
+}
+"""Single settings by the name that `train` and the command line give them, and where each stands. ``learning`` names a
+row of `lava_vpr.training.trainers.LEARNING`; ``events``: the references are images of events."""
+
+
+def train(
+    *references: Images,
+    rates: NDArray[Any] | Sequence[NDArray[Any]] | None = None,
+    preset: str | None = None,
+    config: Config | str | Path | None = None,
+    places: tuple[int, int] | None = None,
+    every: float = 1.0,
+    dataset: str | None = None,
+    section: int | None = None,
+    positions: Places = (),
+    stamps: str | Sequence[str] = (),
+    gap: float = MOST_GAP_S,
+    spacing: float | None = None,
+    keyframes: float | None = None,
+    parts: Sequence[int] = (),
+    standard: Model | str | Path | None = None,
+    threads: int | None = None,
+    cluster: str | None = None,
+    checkpoint: str | Path | None = None,
+    resume: bool = False,
+    progress: Monitor = UNSEEN,
+    **settings: Any,
+) -> Model:
+    """Learn the places of a route, as ``lava-vpr train`` does.
+
+    Args:
+        references: One or more traverses of the same places; image i of each shows place i. Vectors are standardised on
+            all of them, and those of more than ``encoder.vector_kept`` values projected on so many.
+        rates: Instead of ``references``: what each input responds to each image, real numbers of at least 0, (images,
+            inputs), of one traverse or of each of several; they are taken as they are.
+        preset: Name of the settings to start from; None: ``loihi``. Recordings of events are learned with
+            `lava_vpr.config.for_events` of it.
+        config: All settings; or a file of settings in TOML, which changes those of the preset.
+        places: Images A..B-1 of each traverse.
+        every: Seconds between two images of a video, bag or recording of events.
+        dataset, section: The one reference is the folder of this benchmark dataset, and one of its sections, from 1.
+        positions: Where images were taken, of the first traverse or of each; an array is x and y in metres, float64
+            (images, 2), of the images in use.
+        stamps: CSV file with the times of the images, or when a video begins, of the first traverse or of each.
+        gap: Longest gap in seconds between two positions in which an image is placed by its time.
+        spacing: Learn a place every so many metres; needs positions.
+        keyframes: Learn only images whose input changed by so much since the place before: 1 - cosine, above 0 to 1.
+        parts: Places of consecutive parts of the route, each cut into stretches by itself.
+        standard: Measure vectors as this model does, so that both can be merged.
+        threads: Threads, which do not change the result; None: one a processor.
+        cluster: ``tcp://HOST:PORT`` of a Dask scheduler whose workers learn instead.
+        checkpoint: Where progress is kept while it learns; removed once it has.
+        resume: Go on from ``checkpoint``.
+        progress: Shows what is being done, and takes notes on it.
+        settings: Single settings, of `SETTINGS`: ``seed=1``, ``epochs=4``, ``learning="template"``.
+    Returns:
+        The model, with probabilities calibrated; `lava_vpr.model.save` writes it, and so does `Localizer.save`.
+    Raises:
+        LavaVprError: images or settings cannot be used.
+    """
+    if bool(references) == (rates is not None):
+        raise InputError("there is nothing to learn, or too much; give the images of a route, or rates")
+    if rates is not None:
+        settings["input"] = "rates"
+        references = (rates,) if np.ndim(rates[0]) == 1 else tuple(rates)
+    training = Training.of(
+        references,
+        preset=preset,
+        config=config,
+        places=places,
+        every=every,
+        dataset=dataset,
+        section=section,
+        positions=positions,
+        stamps=stamps,
+        gap=gap,
+        spacing=spacing,
+        keyframes=keyframes,
+        parts=parts,
+        standard=standard,
+        checkpoint=None if checkpoint is None else Path(checkpoint),
+        resume=resume,
+        **settings,
+    )
+    with connected(cluster) as workers:
+        model = training.learn(threads=threads, cluster=workers, monitor=progress).model
+    if training.checkpoint is not None:
+        remove_checkpoint(training.checkpoint)
+    return model
+
+
+class Learned(NamedTuple):
+    """A model, and the seconds that learning and calibrating took, without reading."""
+
+    model: Model
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Training:
+    """A training that is to be done: the arguments of `train`, by the same names.
+
+    Raises:
+        UsageError: two of them exclude each other, or one lacks another.
+    """
+
+    references: Sequence[Images]
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    preset: str | None = None
+    config: Config | str | Path | None = None
+    places: tuple[int, int] | None = None
+    every: float = 1.0
+    dataset: str | None = None
+    section: int | None = None
+    positions: Places = ()
+    stamps: str | Sequence[str] = ()
+    gap: float = MOST_GAP_S
+    spacing: float | None = None
+    keyframes: float | None = None
+    parts: Sequence[int] = ()
+    standard: Model | str | Path | None = None
+    checkpoint: Path | None = None
+    resume: bool = False
+
+    @classmethod
+    def of(cls, references: Sequence[Images], **arguments: Any) -> Training:
+        """A training with ``arguments`` of `train`, single `SETTINGS` among them; a setting of None is none."""
+        single = {name: arguments.pop(name) for name in SETTINGS if name in arguments}
+        return cls(references, {name: value for name, value in single.items() if value is not None}, **arguments)
+
+    def __post_init__(self) -> None:
+        if {"window_ms", "window_events"} <= self.settings.keys():
+            raise UsageError("--window-ms and --window-events both say how long a window is; give one of them")
+        if self.spacing is not None and self.keyframes is not None:
+            raise UsageError("--spacing and --keyframes both say which images become places; give one of them")
+        if self.resume and self.checkpoint is None:
+            raise UsageError("there is nowhere to resume from; name the checkpoint")
+
+    @cached_property
+    def start(self) -> Config:
+        """The settings that the preset, then the file, then single ones decide, whatever the references are.
+
+        Raises:
+            ConfigError: a setting that is unknown, out of range, or contradicts another.
+        """
+        recorded = not isinstance(self.config, Config) and any(map(is_recording, self._paths))
+        single = {**self.settings, "events": self.settings.get("events") or recorded}
+        return settings_of(self.preset, self.config, single)
+
+    @cached_property
+    def selection(self) -> Selection:
+        """Where the traverses lie on disk.
+
+        Raises:
+            InputError: a benchmark dataset is not where it should be.
+        """
+        chosen = Benchmark(self.dataset, self.section)
+        return chosen.learned(self._paths, self.every, places=self.places, keyframes=self.keyframes)
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files that are read beside the references."""
+        named = (self.config, self.standard, *each(self.positions), *each(self.stamps))
+        return tuple(Path(file) for file in named if isinstance(file, (str, Path)))
+
+    @property
+    def _paths(self) -> tuple[str, ...]:
+        """The references that lie on disk."""
+        return tuple(str(source) for source in self.references if isinstance(source, (str, Path)))
+
+    def learn(
+        self,
+        *,
+        threads: int | None = None,
+        cluster: Cluster | None = None,
+        monitor: Monitor = UNSEEN,
+        opened: Callable[[Iterable[str]], object] = lambda paths: None,
+    ) -> Learned:
+        """Do it.
+
+        Args:
+            threads, cluster: Threads of this process (None: one a processor), or who learns instead.
+            monitor: Shows what is being done.
+            opened: Takes the paths of all images before any work is done.
+        Raises:
+            LavaVprError: as `train`.
+        """
+        if self.checkpoint is not None:
+            check_resume(self.checkpoint, self.resume)
+        whole = self._opened(self.start.events)
+        opened(path for traverse in whole for path in traverse.paths)
+        chosen, config = self._chosen(whole, monitor)
+        stretches = check_size(len(chosen[0]), config, len(chosen), self.parts)
+        config, standard, references = encode_route(chosen, config, monitor, self.standard)
+        jobs, started = threads or cores(), time.perf_counter()
+        try:
+            with learning_bar(
+                monitor, stretches, config, len(chosen), here=cluster is None, checkpoint=self.checkpoint
+            ) as bar:
+                model = train_encoded(
+                    references,
+                    config,
+                    route_images=len(whole[0]),
+                    positions=chosen[0].positions,
+                    standard=standard,
+                    parts=self.parts,
+                    jobs=jobs,
+                    cluster=cluster,
+                    checkpoint=self.checkpoint,
+                    resume=self.resume,
+                    progress=bar.show,
+                    resumed=bar.resumed,
+                )
+        except KeyboardInterrupt:
+            if self.checkpoint is not None and self.checkpoint.exists():
+                monitor.line(f"progress is kept in {shown(self.checkpoint)}; go on with --resume")
+            raise
+        with monitor.stage("calibrating probabilities"):
+            model = calibrated(model, jobs, cluster)
+        return Learned(model, time.perf_counter() - started)
+
+    def _opened(self, events: EventsConfig) -> list[Traverse]:
+        """Each reference as a traverse, whole."""
+        stored = iter(open_traverses(self.selection.sources, every=self.selection.every, events=events))
+        if self.dataset is not None:
+            return list(stored)
+        return [next(stored) if isinstance(images, (str, Path)) else in_memory(images) for images in self.references]
+
+    def _chosen(self, whole: Sequence[Traverse], monitor: Monitor) -> tuple[list[Traverse], Config]:
+        """The images of each traverse that become places, and settings for what they are."""
+        ranges = self.selection.sampled(whole, self.places)
+        if "input" in self.settings:
+            check_asked(ranges, self.start)
+        config = settings_for(self.start, ranges)
+        ranges = located_each(ranges, [len(traverse) for traverse in whole], self.positions, self.stamps, self.gap)
+        first, spacing = ranges[0], self.selection.spacing(self.spacing, ranges)
+        if self.keyframes is None:
+            chosen = choose_places(ranges, config.encoder, spacing=spacing)
+        else:
+            with monitor.bar(f"looking for places in {first.source}", len(first)) as advance:
+                chosen = choose_places(
+                    ranges,
+                    config.encoder,
+                    standard=fitted(config, ranges),
+                    change=self.keyframes,
+                    progress=lambda read: advance(read, ""),
+                )
+        if len(chosen[0]) < len(first):
+            monitor.line(f"note: {len(chosen[0])} of {len(first)} images of {shown(first.source)} become places")
+        chosen = self.selection.of_section(chosen)
+        on_disk = len(self._paths) == len(self.references)
+        check_references([len(traverse) for traverse in chosen], self.selection.sources if on_disk else None)
+        return chosen, config
+
+
+def settings_of(preset: str | None, config: Config | str | Path | None, single: Mapping[str, Any]) -> Config:
+    """The settings that a preset, then all settings or a file of some, then ``single`` ones (`SETTINGS`) decide.
+
+    Raises:
+        ConfigError: a setting that is unknown, out of range, or contradicts another.
+    """
+    chosen = config if isinstance(config, Config) else presets.preset(preset or "loihi")
+    if isinstance(config, (str, Path)):
+        chosen = read_toml(Path(config), chosen if preset else None)
+    if single.get("events"):
+        chosen = for_events(chosen)
+    changes: dict[str, Any] = {}
+    if "learning" in single:
+        changes["learning"] = rule_settings(single["learning"], chosen)
+    for name, value in single.items():
+        match SETTINGS[name]:
+            case (section, key):
+                changes.setdefault(section, {})[key] = value
+            case (key,):
+                changes[key] = value
+    return update(chosen, changes)
