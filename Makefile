@@ -77,7 +77,7 @@ recall: images $(STAMP) ## Recall on real images (LAVA_VPR_DATA)
 	@touch .venv-peers/.installed
 
 peers: .venv-peers/.installed ## Side by side with VPRSNN's network in Brian2 (an environment of its own)
-	@.venv-peers/bin/python -m benchmarks.peers.side_by_side
+	@.venv-peers/bin/python -m benchmarks peers.side_by_side
 
 peers-test: .venv-peers/.installed ## The tests that hold the paper preset against Brian2
 	@.venv-peers/bin/python -m pytest tests/engine/test_conductance.py -m slow --timeout 1800
@@ -90,9 +90,9 @@ $(ORACLES): .venv-%/.installed: benchmarks/oracles/%.txt scripts/find_python.sh
 	@touch $@
 
 oracles: images $(STAMP) $(ORACLES) ## Other simulators of Loihi against our integers (environments of their own)
-	@$(BIN)/python -m benchmarks.oracles.compare
-	@$(BIN)/python -m benchmarks.oracles.needs
-	@$(BIN)/python -m benchmarks.oracles.registers
+	@$(BIN)/python -m benchmarks oracles.compare
+	@$(BIN)/python -m benchmarks oracles.needs
+	@$(BIN)/python -m benchmarks oracles.registers
 
 .venv-sanafe/.installed: benchmarks/sanafe/requirements.txt scripts/find_python.sh
 	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-sanafe
@@ -100,7 +100,7 @@ oracles: images $(STAMP) $(ORACLES) ## Other simulators of Loihi against our int
 	@touch $@
 
 sanafe: $(STAMP) .venv-sanafe/.installed ## The cost model's closed form against SANA-FE (an environment of its own)
-	@$(BIN)/python -m benchmarks.sanafe.compare
+	@$(BIN)/python -m benchmarks sanafe.compare
 
 .venv-torch/.installed: pyproject.toml requirements/lock.txt benchmarks/exchange/requirements.txt
 	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-torch

@@ -21,7 +21,7 @@ from lava.magma.core.run_configs import Loihi2SimCfg
 from lava.proc.io.source import RingBuffer
 from numpy.typing import NDArray
 
-from benchmarks.program import Figures, Made, program
+from benchmarks.program import Figures, Printed, program
 from benchmarks.timing import elapsed, turns
 from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
@@ -140,7 +140,7 @@ def fused_and_host(arrays: Arrays, options: dict[str, Any]) -> Arrays:
 
 
 @program()
-def main() -> Made:
+def main() -> Printed:
     """How fast our networks in Lava run beside what they are held against."""
     options, rows = {"rounds": ROUNDS, "batch": BATCH, "batches": BATCHES}, []
     for names, measure in (

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from benchmarks.nordland import FOLDERS, images_of
 from benchmarks.places import TEMPLATES
-from benchmarks.program import Figures, Made, program, recall, seeds_option
+from benchmarks.program import Figures, Printed, program, recall, seeds_option
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_arrays
@@ -228,7 +228,7 @@ def drifted(gated: bool, seeds: Sequence[int]) -> list[str]:
 
 @program("nordland")
 @seeds_option
-def main(seeds: Sequence[int]) -> Made:
+def main(seeds: Sequence[int]) -> Printed:
     """Print where learning beats templates, and where it does not: R@1 / R@100P / AUC in percent."""
     rows = [[title, *compared(make, parts, seeds)] for title, (make, parts) in SCENARIOS.items()]
     title = "synthetic drives in rain, at night, in winter: winter, as learned in summer"

@@ -22,7 +22,7 @@ import click
 import numpy as np
 
 from benchmarks.places import TEMPLATES, Section, learn, places
-from benchmarks.program import Made, program
+from benchmarks.program import Printed, program
 from benchmarks.searching import MARGIN, RECALL, Log, recalls
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
@@ -238,7 +238,7 @@ STAGES = ("encoder", "learning", "network", "recruiting")
 @click.option("--log", "path", type=click.Path(path_type=Path), default=Path("benchmarks/presets.log"))
 @click.option("--stage", "stages", type=click.Choice(STAGES), multiple=True, default=STAGES, show_default=True)
 @click.option("--preset", "names", type=click.Choice(list(GOALS)), multiple=True, help="Networks to choose (all).")
-def main(path: Path, stages: Sequence[str], names: Sequence[str]) -> Made:
+def main(path: Path, stages: Sequence[str], names: Sequence[str]) -> Printed:
     """Choose the presets' settings, and log all that was tried; a stage that is left out stands as presets have it."""
     log, titles = Log(path), ", ".join(map(str, PLACES))
     log.write(f"R@1/R@100P/AUC of {titles}; R@1 of cosine; seeds {', '.join(map(str, SEEDS))}; * kept")

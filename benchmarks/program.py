@@ -40,14 +40,14 @@ class Figures(Table):
     record: str = ""
 
 
-Made = Iterator[Table | str]
+Printed = Iterator[Table | str]
 """What a benchmark makes, one after the other: tables, and lines of text."""
 
 
-def program(*datasets: str) -> Callable[[Callable[..., Made]], click.Command]:
+def program(*datasets: str) -> Callable[[Callable[..., Printed]], click.Command]:
     """A command that prints what a function makes, once all images of ``datasets`` are found to be there."""
 
-    def made(function: Callable[..., Made]) -> click.Command:
+    def made(function: Callable[..., Printed]) -> click.Command:
         @click.option("--record", is_flag=True, help="Take the tables into docs/results; `make pages` then shows them.")
         @wraps(function)
         def run(record: bool, **options: Any) -> None:
@@ -71,6 +71,14 @@ def show(made: Table | str) -> None:
         rows = [[plain(cell) for cell in row] for row in made.rows]
         made = replace(made, columns=[plain(name) for name in made.columns], rows=rows)
     console.print(made if isinstance(made, str) else made.terminal())
+
+
+def verdict(failed: Sequence[str], well: str) -> Printed:
+    """What must not be, which ends the program with 1; or that all is ``well``."""
+    yield from failed
+    if failed:
+        raise SystemExit(1)
+    yield well
 
 
 def taken(made: Figures, before: figures.Figures) -> figures.Figures:

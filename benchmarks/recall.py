@@ -18,7 +18,7 @@ from typing import Any
 import click
 
 from benchmarks.places import TEMPLATES, Section, learn
-from benchmarks.program import Figures, Made, program, seeds_option
+from benchmarks.program import Figures, Printed, program, seeds_option
 from benchmarks.results.record import Record, key
 from benchmarks.results.rows import PRINTED, Row, asked, measure
 from benchmarks.results.sections import DEFAULT, FIVE, PAPERS, SIMPLER
@@ -108,7 +108,7 @@ def lines(row: Row, seeds: Sequence[int]) -> list[list[str]]:
 @program("nordland")
 @click.argument("table", type=click.Choice(list(TABLES)))
 @seeds_option
-def main(table: str, seeds: Sequence[int]) -> Made:
+def main(table: str, seeds: Sequence[int]) -> Printed:
     """Print recall on real images, and what it costs where that changes."""
     rows = [line for row in TABLES[table] for line in lines(row, seeds)]
     columns = ("", "R@1", "R@100P", "AUC", "µJ", "ms")[: max(map(len, rows))]

@@ -26,7 +26,7 @@ import h5py
 import numpy as np
 
 from benchmarks.commands.running import PROGRAM, measured
-from benchmarks.program import Figures, Made, program
+from benchmarks.program import Figures, Printed, program
 from lava_vpr import model as model_file
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
@@ -207,7 +207,7 @@ def cases() -> dict[str, Case]:
 
 @program()
 @click.option("--only", multiple=True, help="Names of cases.")
-def main(only: Sequence[str]) -> Made:
+def main(only: Sequence[str]) -> Printed:
     """What the costliest files cost."""
     rows = []
     for name, case in cases().items():

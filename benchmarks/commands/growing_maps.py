@@ -20,7 +20,7 @@ import numpy as np
 
 from benchmarks.commands.running import lava_vpr
 from benchmarks.nordland import images_of
-from benchmarks.program import Figures, Made, program, seeds_option
+from benchmarks.program import Figures, Printed, program, seeds_option
 from lava_vpr import maps, model
 from lava_vpr.encoding import Keep, encode_views
 from lava_vpr.engine.threads import cores
@@ -77,7 +77,7 @@ def commands(place: Path, seed: int) -> dict[str, list[object]]:
     }
 
 
-def stayed(place: Path) -> Made:
+def stayed(place: Path) -> Printed:
     """Whether what should be equal is."""
     files = {(place / f"{name}.lvpr").read_bytes() for name in ("extended", "merged", "parts")}
     yield f"extended, merged and trained in parts: {'byte-equal' if len(files) == 1 else 'DIFFERENT'}"
@@ -88,7 +88,7 @@ def stayed(place: Path) -> Made:
 
 @program("nordland", "nordland_long")
 @seeds_option
-def main(seeds: Sequence[int]) -> Made:
+def main(seeds: Sequence[int]) -> Printed:
     """A map of 500 places extended by 10."""
     for seed in seeds:
         with tempfile.TemporaryDirectory() as name:

@@ -19,7 +19,7 @@ from pathlib import Path
 import click
 
 from benchmarks.commands.running import lava_vpr
-from benchmarks.program import Figures, Made, program
+from benchmarks.program import Figures, Printed, program
 from lava_vpr.synthetic import write_traverses
 
 QUERIES = 20
@@ -61,7 +61,7 @@ def row(place: Path, what: str, places: int, words: Sequence[object], base: floa
 @click.option("--places", "sizes", type=int, multiple=True, default=(500, 1500, 3000, 10000), show_default=True)
 @click.option("--deploy", "deployed", type=int, default=3000, show_default=True, help="Places to deploy; 0: none.")
 @click.option("--eval", "many", type=int, default=3000, show_default=True, help="Queries to evaluate; 0: none.")
-def main(sizes: Sequence[int], deployed: int, many: int) -> Made:
+def main(sizes: Sequence[int], deployed: int, many: int) -> Printed:
     """Time and memory of maps of many places."""
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)

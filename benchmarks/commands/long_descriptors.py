@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from benchmarks.commands.running import PROGRAM
 from benchmarks.nordland import images_of
-from benchmarks.program import Made, program
+from benchmarks.program import Printed, program
 from lava_vpr.inputs.patches import grey
 from lava_vpr.storage.temporary import temporary_folder
 from lava_vpr.traverse import open_traverse
@@ -47,7 +47,7 @@ def commands(queries: int) -> Iterator[list[str]]:
 
 @program("nordland")
 @click.option("--queries", type=click.IntRange(1, PLACES), default=3, show_default=True, help="Queries to verify.")
-def main(queries: int) -> Made:
+def main(queries: int) -> Printed:
     """Make the vectors, and run the commands."""
     with temporary_folder() as folder:
         for season in ("summer", "winter"):

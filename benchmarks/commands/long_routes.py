@@ -24,7 +24,7 @@ import click
 import psutil
 
 from benchmarks.commands.running import Run, lava_vpr
-from benchmarks.program import Figures, Made, program
+from benchmarks.program import Figures, Printed, program
 from lava_vpr.synthetic import write_traverses
 
 DASK = str(Path(sys.executable).with_name("dask"))
@@ -103,7 +103,7 @@ def alone(place: Path, places: int, queries: int) -> list[list[str]]:
 @click.option("--alone", "compared", type=int, multiple=True, default=(1000,), show_default=True)
 @click.option("--queries", type=int, default=500, show_default=True)
 @click.option("--workers", type=int, default=2, show_default=True)
-def main(sizes: Sequence[int], compared: Sequence[int], queries: int, workers: int) -> Made:
+def main(sizes: Sequence[int], compared: Sequence[int], queries: int, workers: int) -> Printed:
     """What long routes take at a cluster."""
     rows = []
     with tempfile.TemporaryDirectory() as folder:

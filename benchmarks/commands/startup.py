@@ -20,7 +20,7 @@ import numpy as np
 
 from benchmarks.commands.running import PROGRAM, lava_vpr, measured
 from benchmarks.nordland import folder
-from benchmarks.program import Figures, Made, program
+from benchmarks.program import Figures, Printed, program
 from benchmarks.timing import turns
 
 PYTHON = (sys.executable, "-c")
@@ -45,7 +45,7 @@ def commands(place: Path) -> dict[str, tuple[object, ...]]:
 
 @program("nordland")
 @click.option("--rounds", default=7, show_default=True, help="Turns of each command.")
-def main(rounds: int) -> Made:
+def main(rounds: int) -> Printed:
     """Measure all commands in turns."""
     with tempfile.TemporaryDirectory() as name:
         place = Path(name)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from benchmarks.nordland import FOLDERS, images_of
 from benchmarks.places import Section, recognised, sections_of
-from benchmarks.program import Figures, Made, program, seeds_option
+from benchmarks.program import Figures, Printed, program, seeds_option
 from lava_vpr.config import Config, StdpLearning, preset
 from lava_vpr.configfile import update
 from lava_vpr.inputs.hog import hog
@@ -105,7 +105,7 @@ def measured(section: Section, settings: Mapping[str, Any], seeds: Sequence[int]
 @program("nordland", "gardens")
 @seeds_option
 @click.option("--chosen-on", is_flag=True, help="Every way to encode vectors, on what settings were chosen on.")
-def main(seeds: Sequence[int], chosen_on: bool) -> Made:
+def main(seeds: Sequence[int], chosen_on: bool) -> Printed:
     """R@1 in percent of HOG vectors through the network, and of their own cosine."""
     if not chosen_on:
         found = [measured(section, {}, seeds)[0] for section in FIVE]

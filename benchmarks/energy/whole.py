@@ -16,7 +16,7 @@ import click
 import numpy as np
 
 from benchmarks.nordland import SECTIONS, answer, encoded, folder, learn, part
-from benchmarks.program import Made, program
+from benchmarks.program import Printed, program
 from benchmarks.timing import turns
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.bench.energy import Way, on_board
@@ -76,7 +76,7 @@ def timed(queries: Mapping[str, QuerySet]) -> dict[str, Callable[[], float]]:
 
 @program("nordland")
 @click.option("--rounds", default=5, show_default=True)
-def main(rounds: int) -> Made:
+def main(rounds: int) -> Printed:
     """What a query costs in all, by preset and matcher."""
     found = {name: recalls(name) for name in INTEGER}
     every = {name: asked(name) for name in INTEGER}

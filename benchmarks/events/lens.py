@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from benchmarks.nordland import images_of
 from benchmarks.places import recognised
-from benchmarks.program import Figures, Made, fraction, program
+from benchmarks.program import Figures, Printed, fraction, program
 from lava_vpr.config import Config, for_events, preset
 from lava_vpr.recognition import Comparison
 from lava_vpr.traverse import Traverse, open_traverse, vector_traverse
@@ -119,7 +119,7 @@ def candidates() -> Iterator[tuple[str, Way]]:
                 yield name, Way(config, cells, blur)
 
 
-def chosen() -> Made:
+def chosen() -> Printed:
     """A line of each candidate, and the one that is chosen."""
     best: tuple[float, str] = (0.0, "none")
     for name, way in candidates():
@@ -134,7 +134,7 @@ def chosen() -> Made:
 
 @program("lens_example")
 @click.option("--choose", is_flag=True, help="How settings were chosen, on places 0:50.")
-def main(choose: bool) -> Made:
+def main(choose: bool) -> Printed:
     """Recall on places that the search did not see (50:100), and on all; LENS's own: R@1 .63, R@5 .84, R@10 .95."""
     if choose:
         yield from chosen()

@@ -15,7 +15,7 @@ import click
 import numpy as np
 
 from benchmarks.places import recognised
-from benchmarks.program import Figures, Made, fraction, program
+from benchmarks.program import Figures, Printed, fraction, program
 from lava_vpr.config import Config, for_events, preset
 from lava_vpr.events.writing import write_events
 from lava_vpr.inputs.windows import EventsConfig
@@ -73,7 +73,7 @@ def measured(config: Config, reference: Written, query: Written) -> tuple[int, i
     return len(images), len(asked), {name: one.recall_at_1 for name, one in last.items()} | {"ours": ours}
 
 
-def chosen(folder: Path) -> Made:
+def chosen(folder: Path) -> Printed:
     """Windows and images compared on a world of their own, in winter after summer and at another speed."""
     world = World(seed=7, places=PLACES)
     reference, query = written(folder, world, "summer", 10.0), written(folder, world, "winter", SPEED)
@@ -101,7 +101,7 @@ def figures(folder: Path) -> Figures:
 
 @program()
 @click.option("--choose", is_flag=True, help="Windows and images compared on world 7.")
-def main(choose: bool) -> Made:
+def main(choose: bool) -> Printed:
     """Drives in other conditions and at other speeds, recognised on one learned in summer at 10 m/s."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

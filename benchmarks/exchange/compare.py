@@ -11,9 +11,7 @@ same one without leak and without memory, must be equal in every spike. Fails wh
 
 from __future__ import annotations
 
-import subprocess
 import tempfile
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,11 +20,11 @@ import click
 import nir
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
-from rich.table import Table
 
+from benchmarks.elsewhere import python_of, run_elsewhere
 from benchmarks.exchange.literal import spikes_of
-from benchmarks.nordland import encoded, learn, part, required
+from benchmarks.nordland import encoded, learn, part
+from benchmarks.program import Printed, program, verdict
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import query_presentations
 from lava_vpr.config import preset
@@ -35,9 +33,9 @@ from lava_vpr.exchange.formats import TIME_STEP
 from lava_vpr.exchange.nir_writing import graph_of
 from lava_vpr.loihi import DECAY_UNITY
 from lava_vpr.model import IntegerModel, Model, decode, integer_model
+from lava_vpr.show.table import Table
 
-HOME = Path(__file__).resolve().parents[2]
-PYTHON = HOME / ".venv-torch" / "bin" / "python"
+PYTHON = python_of("torch")
 WORKER = Path(__file__).with_name("in_snntorch.py")
 LIMIT_S = 1800
 NOTE = (
@@ -45,7 +43,6 @@ NOTE = (
     "spike of snnTorch; truncated = host: with truncation, every spike of the host. own import: what snnTorch's "
     "import_from_nir makes."
 )
-console = Console(highlight=False, width=132)
 
 
 @dataclass(frozen=True)
@@ -97,10 +94,8 @@ def run(chosen: list[Case], queries: int) -> list[Spikes]:
     """The spikes of every case.
 
     Raises:
-        BackendUnavailableError: the environment is missing, or snnTorch fails in it.
+        InputError: the environment is missing, or snnTorch fails in it.
     """
-    if not PYTHON.exists():
-        raise BackendUnavailableError(f"{PYTHON}: is missing; run make nir-peers")
     with tempfile.TemporaryDirectory() as name:
         folder, shown = Path(name), []
         for number, case in enumerate(chosen):
@@ -115,11 +110,7 @@ def run(chosen: list[Case], queries: int) -> list[Spikes]:
             packed = np.packbits(trains.inputs, axis=2)
             np.savez(path.with_suffix(".trains.npz"), packed=packed, inputs=trains.inputs.shape[2])
             shown.append((path, trains.inputs, np.concatenate([trains.exc, trains.inh], axis=2)))
-        done = subprocess.run(
-            [PYTHON, "-I", WORKER, folder], capture_output=True, text=True, timeout=LIMIT_S, check=False
-        )
-        if done.returncode:
-            raise BackendUnavailableError(f"snnTorch failed: {done.stderr.strip().splitlines()[-1:]}")
+        run_elsewhere("snnTorch", PYTHON, "nir-peers", "-I", WORKER, folder, seconds=LIMIT_S)
         return [_spikes(*parts) for parts in shown]
 
 
@@ -174,28 +165,18 @@ def row(case: Case, spikes: Spikes) -> list[str]:
     ]
 
 
-@click.command()
+@program("nordland")
 @click.option("--queries", type=click.IntRange(1, 100), default=100, show_default=True, help="Winter images to ask.")
-def main(queries: int) -> None:
-    """Print where snnTorch's spikes of exported graphs are the host's, and what the others differ by."""
-    required("nordland")
-    started, chosen = time.perf_counter(), list(cases())
-    results = run(chosen, queries)
-    table = Table(title="exported NIR graphs in snnTorch beside the host engine", title_justify="left")
-    for column in (
-        *("network", "host spikes", "snnTorch", "queries equal", "counts apart", "by at most", "R@1"),
-        *("float32 = snnTorch", "truncated = host", "own import equal"),
-    ):
-        table.add_column(column, justify="left" if column == "network" else "right")
-    for case, spikes in zip(chosen, results, strict=True):
-        table.add_row(*row(case, spikes))
-    console.print(table)
-    console.print(NOTE)
-    console.print(f"{time.perf_counter() - started:.0f} s")
-    found = [line for case, spikes in zip(chosen, results, strict=True) for line in failures(case, spikes)]
-    for line in found:
-        console.print(line)
-    raise SystemExit(1 if found else 0)
+def main(queries: int) -> Printed:
+    """Where snnTorch's spikes of exported graphs are the host's, and what the others differ by."""
+    chosen = list(cases())
+    results = list(zip(chosen, run(chosen, queries), strict=True))
+    columns = ("network", "host spikes", "snnTorch", "queries equal", "counts apart", "by at most", "R@1")
+    columns += ("float32 = snnTorch", "truncated = host", "own import equal")
+    title = "exported NIR graphs in snnTorch beside the host engine"
+    yield Table(columns, [row(*result) for result in results], [NOTE], title)
+    found = [line for result in results for line in failures(*result)]
+    yield from verdict(found, "every difference is attributed")
 
 
 if __name__ == "__main__":

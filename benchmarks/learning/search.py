@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.places import Section
-from benchmarks.program import Made, program
+from benchmarks.program import Printed, program
 from benchmarks.results.rows import Row, measure
 from benchmarks.searching import MARGIN, RECALL, Log, recalls
 from lava_vpr.config import Config, preset
@@ -64,7 +64,7 @@ def recalled(config: Config) -> NDArray[np.float64]:
 @program(*(section.dataset for section in PLACES))
 @click.option("--start", type=click.Choice(list(FIRST)), default="template", show_default=True)
 @click.option("--log", "path", type=click.Path(path_type=Path), default=Path("search.log"), show_default=True)
-def main(start: str, path: Path) -> Made:
+def main(start: str, path: Path) -> Printed:
     """Choose the settings, with a line for every one that is tried."""
     base = update(preset("loihi"), {"learning": {"rule": "slayer"}})
     base = update(base, {name: dict(values) for name, values in FIRST[start].items()})

@@ -22,7 +22,7 @@ import numpy as np
 
 from benchmarks.nordland import FOLDERS, images_of
 from benchmarks.places import TEMPLATES, Section, places, sections_of
-from benchmarks.program import Figures, Made, program
+from benchmarks.program import Figures, Printed, program
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
@@ -140,7 +140,7 @@ def recalled(rows: Sequence[Row], seeds: Sequence[int]) -> str:
 @program(*(section.dataset for section in SECTIONS))
 @click.option("--learner", "names", multiple=True, type=click.Choice(list(LEARNERS)), help="Only these.")
 @click.option("--log", type=click.Path(path_type=Path), default=LOG, show_default=True)
-def main(names: Sequence[str], log: Path) -> Made:
+def main(names: Sequence[str], log: Path) -> Printed:
     """Learn what the log lacks, and print the table."""
     known = {(row.learner, row.section, row.seed) for row in read(log)}
     due = [(seed, learner, section) for seed in SEEDS for learner in names or LEARNERS for section in SECTIONS]

@@ -10,17 +10,16 @@ equal: counts exactly, fractions to the digits that the package rounds to.
 from __future__ import annotations
 
 import json
-import sys
 import tempfile
 from pathlib import Path
 
 import click
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
-from rich.table import Table
 
-from benchmarks.nordland import required
+from benchmarks.elsewhere import python_of, run_elsewhere
+from benchmarks.nordland import encoded, learn, part
+from benchmarks.program import Printed, program, verdict
 from lava_vpr.bench.measure.workload import of_trains
 from lava_vpr.bench.results import Workload
 from lava_vpr.config import PRESETS, preset
@@ -30,12 +29,10 @@ from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes, inhibito
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import BackendUnavailableError, LavaRunError
-from lava_vpr.isolated.child import run_child
 from lava_vpr.model import integer_model
+from lava_vpr.show.table import Table
 
-ROOT = Path(__file__).resolve().parents[2]
-PYTHON = ROOT / ".venv-torch" / "bin" / "python"
-PROGRAM = ROOT / "benchmarks" / "neurobench" / "package.py"
+PYTHON, PROGRAM = python_of("torch"), Path(__file__).with_name("package.py")
 NUMBERS = ("threshold", "decay", "inhibition", "inhibition_exponent")
 ROUNDED = 0.5e-4
 """neurobench 2.3.0 rounds connection sparsity to 4 digits."""
@@ -56,11 +53,10 @@ def compare(network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.u
     Inputs must be injected directly, into a network without leaves: neurobench takes inputs for data.
 
     Raises:
-        BackendUnavailableError: the package is not installed, or inputs or inhibition are otherwise.
-        LavaRunError: it failed, or its neurons spike otherwise.
+        BackendUnavailableError: inputs or inhibition are otherwise.
+        InputError: the package is not installed, or failed.
+        LavaRunError: its neurons spike otherwise.
     """
-    if not PYTHON.exists():
-        raise BackendUnavailableError(f"{PYTHON}: there is no neurobench; run make neurobench")
     if network.input_compartments or network.leaves:
         raise BackendUnavailableError("neurobench is given networks without compartments of inputs, and without leaves")
     trains = trains_of(network, rates, keys)
@@ -69,9 +65,7 @@ def compare(network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.u
         problem = Path(folder) / "problem.npz"
         numbers = {name: np.int64(getattr(network, name)) for name in NUMBERS}
         np.savez(problem, weights=network.weights, bias=network.bias, spikes=trains.inputs, **numbers)
-        ended = run_child([PYTHON, PROGRAM, problem], seconds=1200)
-    if ended.code:
-        raise LavaRunError(f"neurobench failed: {ended.last}", ended.err)
+        ended = run_elsewhere("neurobench", PYTHON, "neurobench", PROGRAM, problem, seconds=1200)
     answer = json.loads(ended.out.strip().splitlines()[-1])
     if not np.array_equal(np.array(answer["counts"]), trains.exc.sum(axis=1, dtype=np.int64)):
         raise LavaRunError("the network built for neurobench spikes otherwise than ours", ended.err)
@@ -102,8 +96,6 @@ def equal(pairs: dict[str, Pair]) -> bool:
 
 def problems(queries: int) -> list[tuple[str, FixedNetwork, NDArray[np.uint16], NDArray[np.uint64]]]:
     """Networks learned from real images, and winter queries."""
-    from benchmarks.nordland import encoded, learn, part
-
     configs = {name: preset(name) for name in PRESETS if name != "paper"}
     configs["loihi, 1 bit"] = update(preset("loihi"), {"network": {"weight_bits": 1}})
     configs["loihi, without signs"] = update(preset("loihi"), {"network": {"signed": False}})
@@ -118,25 +110,21 @@ def problems(queries: int) -> list[tuple[str, FixedNetwork, NDArray[np.uint16], 
     return made
 
 
-@click.command()
+@program("nordland")
 @click.option("--queries", default=20, show_default=True, help="Winter images that are presented.")
-def main(queries: int) -> None:
-    """Print both sides of every metric."""
-    required("nordland")
-    console, failed = Console(highlight=False, width=110), []
+def main(queries: int) -> Printed:
+    """Both sides of every metric."""
+    failed = []
     for name, network, rates, keys in problems(queries):
         pairs = compare(network, np.asarray(rates, np.uint16), keys)
-        table = Table(title=f"{name}, {len(keys)} queries", title_justify="left")
-        for column in ("per query where it depends on it", "ours", "neurobench 2.3.0"):
-            table.add_column(column, justify="left" if column[0] == "p" else "right")
-        for metric, (ours, other) in pairs.items():
-            table.add_row(metric, *(f"{value:,.6g}" if value < 1 else f"{value:,.2f}" for value in (ours, other)))
-        console.print(table)
-        if not equal(pairs):
-            failed.append(name)
-    if failed:
-        sys.exit(f"not equal: {', '.join(failed)}")
-    console.print("all equal, and so are the spikes")
+        rows = [
+            [metric, *(f"{value:,.6g}" if value < 1 else f"{value:,.2f}" for value in both)]
+            for metric, both in pairs.items()
+        ]
+        columns = ("per query where it depends on it", "ours", "neurobench 2.3.0")
+        yield Table(columns, rows, title=f"{name}, {len(keys)} queries")
+        failed += [] if equal(pairs) else [f"not equal: {name}"]
+    yield from verdict(failed, "all equal, and so are the spikes")
 
 
 if __name__ == "__main__":

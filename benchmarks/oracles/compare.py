@@ -1,6 +1,6 @@
 """Other people's simulators of Loihi against this project's integers, spike for spike and membrane for membrane.
 
-    python -m benchmarks.oracles.compare [--networks N] [--queries N] [--only NAME]      (`make oracles` sets it up)
+    python -m benchmarks oracles.compare [--networks N] [--queries N] [--only NAME]      (`make oracles` sets it up)
 
 brian2-loihi and nengo-loihi's emulator each live in an environment of their own; networks and results travel as files.
 Where a simulator's arithmetic is ours it has to agree: one spike or membrane that differs is a failure. Where it is
@@ -11,34 +11,29 @@ gives exactly what the simulator says; a network without such rules is a failure
 from __future__ import annotations
 
 import os
-import subprocess
 import tempfile
-import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import click
-from rich.console import Console
-from rich.table import Table
 
+from benchmarks.elsewhere import python_of, run_elsewhere
 from benchmarks.nordland import required
 from benchmarks.oracles.inference import real_inference, small_inference
 from benchmarks.oracles.networks import DIALECTS, edge_networks, is_common, random_networks, reaches_limits
 from benchmarks.oracles.problems import Problem, Result, read_result, write_problem
 from benchmarks.oracles.rules import RULES, explain, literal
-from lava_vpr.errors import InputError, LavaVprError
-from lava_vpr.isolated.child import environment_without_python, run_child
+from benchmarks.program import Printed, program, verdict
+from lava_vpr.show.table import Table
 
-ROOT = Path(__file__).resolve().parents[2]
 SCRIPTS = {name: Path(__file__).with_name(f"in_{name.replace('-', '_')}.py") for name in RULES}
 TIMEOUT_S = 1200
 RULE_COLUMNS = ("networks", "spikes", "membranes", "needed in")
-LEGEND = """\
-common: no rule of this simulator changes anything in our own arithmetic, so everything has to be equal
-at limits: a current wraps or a membrane is clipped; needed in: networks that cannot be reproduced without this rule
-"""
-console = Console(highlight=False, width=118)
+LEGEND = (
+    "common: no rule of this simulator changes anything in our own arithmetic, so everything has to be equal",
+    "at limits: a current wraps or a membrane is clipped; needed in: networks that nothing gives without this rule",
+)
 
 
 @dataclass(frozen=True)
@@ -62,36 +57,19 @@ class Verdict:
     rules: tuple[str, ...] | None
 
 
-def environment(simulator: str) -> Path:
-    """The Python in which ``simulator`` is installed; it need not exist."""
-    return ROOT / f".venv-{simulator}" / "bin" / "python"
-
-
 def ask(simulator: str, problems: Sequence[Problem], timeout_s: float = TIMEOUT_S) -> list[Result]:
     """What ``simulator`` makes of ``problems``, in its own environment.
 
     Raises:
         InputError: it is not installed, fails, or takes too long.
     """
-    python = environment(simulator)
-    if not python.exists():
-        raise InputError(f"{simulator}: not installed in {python.parent.parent.name}; run make oracles")
-    with tempfile.TemporaryDirectory(prefix="oracle-") as folder:
+    with tempfile.TemporaryDirectory(prefix="oracle-") as name:
+        folder = Path(name)
         for i, problem in enumerate(problems):
-            write_problem(Path(folder) / f"{i:04d}.problem.npz", problem)
-        try:
-            ended = run_child(
-                [python, SCRIPTS[simulator], folder],
-                seconds=timeout_s,
-                folder=Path(folder),
-                environment=environment_without_python(),
-            )
-        except subprocess.TimeoutExpired:
-            raise InputError(f"{simulator}: not done after {timeout_s:g} s; ask for fewer --networks") from None
-        if ended.code != 0:
-            last = ended.last or f"exit status {ended.code}"
-            raise InputError(f"{simulator}: {last}; delete {python.parent.parent.name} and run make oracles")
-        return [read_result(Path(folder) / f"{i:04d}.result.npz", problem) for i, problem in enumerate(problems)]
+            write_problem(folder / f"{i:04d}.problem.npz", problem)
+        python = python_of(simulator)
+        run_elsewhere(simulator, python, "oracles", SCRIPTS[simulator], folder, seconds=timeout_s, folder=folder)
+        return [read_result(folder / f"{i:04d}.result.npz", problem) for i, problem in enumerate(problems)]
 
 
 def random_cases(simulator: str, count: int) -> list[Case]:
@@ -112,7 +90,7 @@ def random_cases(simulator: str, count: int) -> list[Case]:
 
 
 def inference_cases(simulator: str, queries: int) -> list[Case]:
-    """Made-up inference networks, and the real ones on ``queries`` images; without biases where there are none."""
+    """Printed-up inference networks, and the real ones on ``queries`` images; without biases where there are none."""
     bias = DIALECTS[simulator].bias
     made = small_inference(bias) + (real_inference(queries, bias) if queries else [])
     return [
@@ -131,17 +109,10 @@ def judge(case: Case, theirs: Result, rules: tuple[str, ...]) -> Verdict:
     return Verdict(case, spikes, membranes, None if case.common else explain(case.problem, theirs, rules))
 
 
-def _table(title: str, *columns: str) -> Table:
-    table = Table(title=title, title_justify="left")
-    for i, name in enumerate(columns):
-        table.add_column(name, justify="right" if i else "left")
-    return table
-
-
 def group_table(simulator: str, verdicts: Sequence[Verdict]) -> Table:
     """One line a group: what was compared, what differs, how many networks stay unexplained."""
-    columns = ("networks", "at limits", "spikes", "differ", "membranes", "differ", "unexplained")
-    table = _table(f"{simulator}: spikes and membranes", "", *columns)
+    columns = ("", "networks", "at limits", "spikes", "differ", "membranes", "differ", "unexplained")
+    rows = []
     for group in dict.fromkeys(v.case.group for v in verdicts):
         members = [v for v in verdicts if v.case.group == group]
         figures = (
@@ -153,26 +124,24 @@ def group_table(simulator: str, verdicts: Sequence[Verdict]) -> Table:
             sum(v.membranes for v in members),
             sum(v.rules is None for v in members),
         )
-        table.add_row(group, *(f"{figure:,}" for figure in figures))
-    return table
+        rows.append([group, *(f"{figure:,}" for figure in figures)])
+    return Table(columns, rows, title=f"{simulator}: spikes and membranes")
 
 
 def rule_table(simulator: str, verdicts: Sequence[Verdict]) -> Table:
     """What explains the networks that differ, each counted once: by one rule, by several together, or not at all."""
-    table = _table(f"{simulator}: what differs, by the fewest rules that reproduce it", "", *RULE_COLUMNS)
-    differing = [v for v in verdicts if v.spikes or v.membranes]
-
-    def row(name: str, explained: Sequence[Verdict], *needed: int) -> None:
-        spikes, membranes = sum(v.spikes for v in explained), sum(v.membranes for v in explained)
-        figures = (len(explained), spikes, membranes, *needed)
-        table.add_row(name, *(f"{figure:,}" for figure in figures))
-
-    for rule in RULES[simulator]:
-        needed = sum(rule in (v.rules or ()) for v in differing)
-        row(rule, [v for v in differing if v.rules == (rule,)], needed)
-    row("two or more of these together", [v for v in differing if len(v.rules or ()) > 1])
-    row("unexplained", [v for v in differing if v.rules is None])
-    return table
+    differing, rows = [v for v in verdicts if v.spikes or v.membranes], []
+    single = {rule: [v for v in differing if v.rules == (rule,)] for rule in RULES[simulator]}
+    together = {
+        "two or more of these together": [v for v in differing if len(v.rules or ()) > 1],
+        "unexplained": [v for v in differing if v.rules is None],
+    }
+    for name, explained in (single | together).items():
+        needed = [sum(name in (v.rules or ()) for v in differing)] if name in single else []
+        figures = (len(explained), sum(v.spikes for v in explained), sum(v.membranes for v in explained), *needed)
+        rows.append([name, *(f"{figure:,}" for figure in figures)])
+    title = f"{simulator}: what differs, by the fewest rules that reproduce it"
+    return Table(("", *RULE_COLUMNS), rows, LEGEND, title)
 
 
 def failures(verdicts: Iterable[Verdict]) -> list[str]:
@@ -192,37 +161,25 @@ def failures(verdicts: Iterable[Verdict]) -> list[str]:
 def compare(simulator: str, networks: int, queries: int) -> list[Verdict]:
     """The verdicts on every network that one simulator is asked about."""
     cases = random_cases(simulator, networks) + inference_cases(simulator, queries)
-    started = time.perf_counter()
     answers = ask(simulator, [case.problem for case in cases])
-    console.print(f"{simulator}: {len(cases)} networks in {time.perf_counter() - started:.0f} s")
     return [judge(case, answer, RULES[simulator]) for case, answer in zip(cases, answers, strict=True)]
 
 
-@click.command()
+@program()
 @click.option("--networks", default=50, show_default=True, help="Random networks within common arithmetic, and beyond.")
 @click.option("--queries", default=8, show_default=True, help="Real queries, if LAVA_VPR_DATA names the images.")
 @click.option("--only", type=click.Choice(list(RULES)), help="One simulator.")
-def main(networks: int, queries: int, only: str | None) -> None:
+def main(networks: int, queries: int, only: str | None) -> Printed:
     """Hold this project's integers against other simulators of Loihi."""
     if queries and not os.environ.get("LAVA_VPR_DATA"):
-        console.print("no real queries: LAVA_VPR_DATA does not name the images")
+        yield "no real queries: LAVA_VPR_DATA does not name the images"
         queries = 0
     if queries:
         required("nordland")
     failed = []
     for simulator in [only] if only else list(RULES):
-        try:
-            verdicts = compare(simulator, networks, queries)
-        except LavaVprError as error:
-            raise click.ClickException(str(error)) from None
-        console.print(group_table(simulator, verdicts), rule_table(simulator, verdicts), LEGEND, sep="\n")
+        verdicts = compare(simulator, networks, queries)
+        yield group_table(simulator, verdicts)
+        yield rule_table(simulator, verdicts)
         failed += [f"{simulator}, {line}" for line in failures(verdicts)]
-    for line in failed:
-        console.print(line)
-    if failed:
-        raise SystemExit(1)
-    console.print("every spike and membrane is equal, or differs by a named rule")
-
-
-if __name__ == "__main__":
-    main()
+    yield from verdict(failed, "every spike and membrane is equal, or differs by a named rule")

@@ -1,6 +1,6 @@
 """What cores need of Loihi 1, as we plan it and as nengo-loihi's own code counts it.
 
-    python -m benchmarks.oracles.needs [--random N] [--no-real]      (`make oracles` sets it up)
+    python -m benchmarks oracles.needs [--random N] [--no-real]      (`make oracles` sets it up)
 
 Every core of every plan is described by the neurons on it and the weights that lead to them, nothing that we counted.
 nengo-loihi (1.1.0, in an environment of its own) builds its own block of it and counts synapse bits, axons, formats,
@@ -12,7 +12,6 @@ write one each.
 from __future__ import annotations
 
 import json
-import sys
 import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
@@ -21,10 +20,10 @@ from typing import Any
 
 import click
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
+from benchmarks.elsewhere import python_of, run_elsewhere
 from benchmarks.nordland import learn, required
+from benchmarks.program import Printed, program, verdict
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
@@ -33,17 +32,15 @@ from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.deploy.registers.core_images import CoreImage, core_images
 from lava_vpr.deploy.registers.synapses import lateral_synapse
 from lava_vpr.engine.inference.fixed import FAN_IN, FixedNetwork, bias_registers
-from lava_vpr.errors import InputError, NetworkLimitError
-from lava_vpr.isolated.child import run_child
+from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import WEIGHT_BITS, WORD_BITS
 from lava_vpr.model import integer_model
+from lava_vpr.show.table import Table
 from lava_vpr.training.references import expected_rates
 
-ROOT = Path(__file__).resolve().parents[2]
-PYTHON = ROOT / ".venv-nengo-loihi" / "bin" / "python"
+PYTHON = python_of("nengo-loihi")
 SCRIPT = Path(__file__).with_name("needs_in_nengo_loihi.py")
 COUNTED = ("compartments", "axons_in", "axons_out", "synapse_bits", "profiles", "thresholds", "formats")
-console = Console(highlight=False, width=118)
 
 
 def problem(plan: Plan, core: CorePlan, image: CoreImage) -> dict[str, Any]:
@@ -114,14 +111,10 @@ def ask(problems: list[dict[str, Any]]) -> list[dict[str, Any]]:
     Raises:
         InputError: its environment is missing, or it failed.
     """
-    if not PYTHON.exists():
-        raise InputError(f"{PYTHON}: no environment of nengo-loihi; run `make oracles`")
     with tempfile.TemporaryDirectory() as folder:
         for number, arrays in enumerate(problems):
             np.savez(Path(folder) / f"{number:05d}.core.npz", **arrays)
-        ended = run_child([PYTHON, SCRIPT, folder], seconds=1200)
-        if ended.code:
-            raise InputError(f"{SCRIPT.name}: failed; {ended.last}")
+        run_elsewhere("nengo-loihi", PYTHON, "oracles", SCRIPT, folder, seconds=1200)
         return [json.loads(path.read_text()) for path in sorted(Path(folder).glob("*.needs.json"))]
 
 
@@ -171,7 +164,7 @@ def random_plans(count: int) -> Iterator[Plan]:
         try:
             yield partition(network, KAPOHO_BAY, rates, dense_rows=bool(seed % 2))
         except NetworkLimitError as error:
-            console.print(f"random {seed}: does not fit ({error})", markup=False)
+            click.echo(f"random {seed}: does not fit ({error})")
 
 
 def real_plans() -> Iterator[tuple[str, Plan]]:
@@ -203,17 +196,14 @@ def too_large() -> dict[str, Any]:
     }
 
 
-@click.command()
+@program()
 @click.option("--random", "count", default=40, show_default=True, help="Random networks.")
 @click.option("--real/--no-real", default=True, help="Also networks trained on real images (LAVA_VPR_DATA).")
-def main(count: int, real: bool) -> None:
-    """Print what was compared; fail if anything differs."""
+def main(count: int, real: bool) -> Printed:
+    """What cores need, ours and nengo-loihi's count; fails if anything differs."""
     if real:
         required("nordland")
-    table = Table(title="needs of cores, ours and nengo-loihi's", title_justify="left")
-    for i, name in enumerate(("", "cores", "counts compared", "differ", "most bits of a core")):
-        table.add_column(name, justify="right" if i else "left")
-    failed: list[str] = []
+    failed, rows = list[str](), list[list[str]]()
     plans = [("random", plan) for plan in random_plans(count)] + (list(real_plans()) if real else [])
     cores = [(n, plan, *pair) for n, plan in plans for pair in zip(plan.cores, core_images(plan), strict=True)]
     *answers, refused = ask([problem(plan, core, image) for _, plan, core, image in cores] + [too_large()])
@@ -222,17 +212,10 @@ def main(count: int, real: bool) -> None:
         wrong = [line for core, image, said in of for line in differences(core, image, said)]
         failed += [f"{name}: {line}" for line in wrong]
         most = max((core.needs.synapse_words or 0) * WORD_BITS for core, _, _ in of)
-        figures = (len(of), len(of) * len(COUNTED), len(wrong), most)
-        table.add_row(name, *(f"{figure:,}" for figure in figures))
-    console.print(table)
+        rows.append([name, *(f"{figure:,}" for figure in (len(of), len(of) * len(COUNTED), len(wrong), most))])
+    columns = ("", "cores", "counts compared", "differ", "most bits of a core")
+    yield Table(columns, rows, title="needs of cores, ours and nengo-loihi's")
     refusal = refused["error"] or "nothing"
-    console.print(f"a core that is too large: nengo-loihi says {refusal!r}", markup=False)
     if "exceeded max (1048576)" not in refusal:
         failed.append("a core that is too large was not refused")
-    for line in failed[:20]:
-        console.print(line, markup=False)
-    sys.exit(1 if failed else 0)
-
-
-if __name__ == "__main__":
-    main()
+    yield from verdict(failed[:20], f"a core that is too large: nengo-loihi says {refusal!r}")

@@ -1,6 +1,6 @@
 """Registers of bundles for Kapoho Bay, read by a reader of its own and run in nengo-loihi's emulator, beside the host.
 
-    python -m benchmarks.oracles.registers [BUNDLE ...] [--presentations N] [--no-real]      (`make oracles` sets it up)
+    python -m benchmarks oracles.registers [BUNDLE ...] [--presentations N] [--no-real]      (`make oracles` sets it up)
 
 Without BUNDLE: made-up networks on one and on several cores of both chips, and the default model of 100 and of 500
 places (LAVA_VPR_DATA), as `lava-vpr deploy` writes them, real queries. A BUNDLE is run on its own references.
@@ -11,21 +11,21 @@ host's, and every counter hold 128 a spike. Clearing, injection and read-out by 
 
 from __future__ import annotations
 
-import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 
 import click
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
-from rich.table import Table
 
+from benchmarks.elsewhere import run_elsewhere
 from benchmarks.nordland import encoded, learn, part, required
 from benchmarks.oracles.inference import Made, made_up
 from benchmarks.oracles.needs import PYTHON
+from benchmarks.program import Printed, program, verdict
 from lava_vpr.config import preset
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
 from lava_vpr.deploy.boards.memory import PackedRows
@@ -36,9 +36,9 @@ from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.encoding import draw_trains, query_rates16
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes, inhibitory_spikes
 from lava_vpr.engine.random import image_keys, presentation_keys
-from lava_vpr.errors import InputError, LavaVprError
-from lava_vpr.isolated.child import run_child
+from lava_vpr.errors import InputError
 from lava_vpr.model import integer_model
+from lava_vpr.show.table import Table
 
 SCRIPT = Path(__file__).with_name("registers_in_nengo_loihi.py")
 SMALL_CORES = replace(KAPOHO_BAY, compartments=9, cores=2)
@@ -54,8 +54,6 @@ MADE_UP = (
     ("relays and leaves", Made(2, True, False, 20, inputs=24, neurons=4200, steps=27), KAPOHO_BAY, False),
 )
 """Names, networks, boards, and whether rows may be dense."""
-
-console = Console(highlight=False, width=118)
 
 
 @dataclass(frozen=True)
@@ -147,15 +145,11 @@ def emulated(bundle: Path, spikes: NDArray[np.bool_]) -> dict[str, NDArray[np.in
     Raises:
         InputError: its environment is missing, or it failed.
     """
-    if not PYTHON.exists():
-        raise InputError(f"{PYTHON}: no environment of nengo-loihi; run `make oracles`")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "bundle").symlink_to(bundle.resolve())
         np.save(folder / "spikes.npy", spikes)
-        ended = run_child([PYTHON, SCRIPT, folder], seconds=1800)
-        if ended.code:
-            raise InputError(f"{SCRIPT.name}: failed; {ended.last}")
+        run_elsewhere("nengo-loihi", PYTHON, "oracles", SCRIPT, folder)
         with np.load(folder / "spikes.npz", allow_pickle=False) as found:
             return {name: found[name].astype(np.int64) for name in found.files}
 
@@ -172,34 +166,24 @@ def compared(case: Case) -> Compared:
     return Compared(*found["read"].tolist(), int(exc.sum()) + int(inh.sum()), differ, counters)
 
 
-@click.command()
+@program()
 @click.argument("bundles", nargs=-1, type=click.Path(path_type=Path))
 @click.option("--presentations", default=4, show_default=True, help="Of each bundle.")
 @click.option("--real/--no-real", default=True, help="Also models trained on real images (LAVA_VPR_DATA).")
-def main(bundles: tuple[Path, ...], presentations: int, real: bool) -> None:
-    """Print what was compared; fail if anything differs."""
+def main(bundles: Sequence[Path], presentations: int, real: bool) -> Printed:
+    """Registers of bundles in nengo-loihi's emulator, and the host; fails if anything differs."""
     if real and not bundles:
         required("nordland")
-    table = Table(title="registers of bundles in nengo-loihi's emulator, and the host", title_justify="left")
-    for i, name in enumerate(("", "cores", "synapses", "axons", "spikes", "differ", "counters differ")):
-        table.add_column(name, justify="right" if i else "left")
-    failed = False
+    failed, rows = list[str](), list[list[str]]()
     with tempfile.TemporaryDirectory() as name:
-        if bundles:
-            try:
-                cases = iter([bundle_case(path, presentations) for path in bundles])
-            except LavaVprError as error:
-                raise click.ClickException(str(error)) from None
-        else:
-            cases = made_up_cases(Path(name), presentations)
-        for source in (cases, real_cases(Path(name), presentations) if real and not bundles else ()):
-            for case in source:
-                result = compared(case)
-                failed |= result.spikes == 0 or result.differ > 0 or result.counters_differ > 0
-                table.add_row(case.name, *(f"{value:,}" for value in vars(result).values()))
-    console.print(table)
-    sys.exit(1 if failed else 0)
-
-
-if __name__ == "__main__":
-    main()
+        cases = [bundle_case(path, presentations) for path in bundles]
+        made = () if bundles else made_up_cases(Path(name), presentations)
+        learned = real_cases(Path(name), presentations) if real and not bundles else ()
+        for case in chain(cases, made, learned):
+            result = compared(case)
+            if result.spikes == 0 or result.differ or result.counters_differ:
+                failed.append(f"{case.name}: {result}")
+            rows.append([case.name, *(f"{value:,}" for value in vars(result).values())])
+    columns = ("", "cores", "synapses", "axons", "spikes", "differ", "counters differ")
+    yield Table(columns, rows, title="registers of bundles in nengo-loihi's emulator, and the host")
+    yield from verdict(failed, "every spike and counter is the host's")

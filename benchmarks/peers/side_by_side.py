@@ -1,6 +1,6 @@
 """Other systems beside this one, measured in one run.
 
-    python -m benchmarks.peers.side_by_side [--presentations N] [--images FOLDER] [--peers-only] [--json FILE]
+    python -m benchmarks peers.side_by_side [--presentations N] [--images FOLDER] [--peers-only] [--json FILE]
 
 (`make peers` sets it up.)
 
@@ -30,12 +30,11 @@ from typing import Any
 import click
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
-from rich.table import Table
 
 from benchmarks.nordland import folder
 from benchmarks.peers.brian2_network import Brian2Network, spare_collection
 from benchmarks.peers.rivals import OwnImages, brian2_peer, own_images, vprtempo_matchers
+from benchmarks.program import Printed, program
 from lava_vpr.bench.peers import run_peers
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Peer
@@ -48,10 +47,12 @@ from lava_vpr.engine.inference.quantise import Shown
 from lava_vpr.engine.learning import stdp
 from lava_vpr.engine.random import image_keys, presentation_key, presentation_keys
 from lava_vpr.engine.threads import cores
-from lava_vpr.errors import LavaVprError
 from lava_vpr.gate import integer_config
 from lava_vpr.inputs.patches import patch_normalised
+from lava_vpr.matching.figures import values_of
 from lava_vpr.model import Model
+from lava_vpr.show.numbers import percent
+from lava_vpr.show.table import Table
 from lava_vpr.synthetic.world import World, render, write_traverses
 from lava_vpr.training.loop import train
 from lava_vpr.traverse import open_traverse
@@ -199,29 +200,23 @@ def side_by_side() -> tuple[str, tuple[Peer, ...]]:
     return name, all_peers(model, queries, np.eye(len(queries), dtype=bool), own)
 
 
-def print_peers(name: str, peers: tuple[Peer, ...]) -> None:
-    """Print the table of all peers; ratios are of speed, to this project's."""
-    console = Console(highlight=False, width=140)
-    table = Table(title=f"{name}; exact matches, percent", title_justify="left")
-    table.add_column("matcher", no_wrap=True)
-    for head in ("queries/s", "of lava-vpr", "threads", "R@1", "R@5", "R@10", "R@100P", "AUC", "kB kept"):
-        table.add_column(head, justify="right")
-    our_rate = peers[0].queries_per_second
+def peer_table(name: str, peers: tuple[Peer, ...]) -> Table:
+    """All peers; ratios are of speed, to this project's."""
+    rows, our_rate = [], peers[0].queries_per_second
     for peer in peers:
-        if peer.absent or peer.queries_per_second is None or our_rate is None or peer.bytes is None:
-            table.add_row(peer.name, *["-"] * 9)
+        rate = peer.queries_per_second
+        if peer.absent or rate is None or our_rate is None or peer.bytes is None:
+            rows.append([peer.name, *["-"] * 9])
             continue
-        recall = ["-"] * 5
-        if peer.metrics is not None:
-            m = peer.metrics
-            values = (m.recall_at_1, m.recall_at_n[5], m.recall_at_n[10], m.recall_at_100_precision, m.auc)
-            recall = [f"{100 * value:.1f}" for value in values]
-        rate = f"{peer.queries_per_second:,.0f}" if peer.queries_per_second >= 10 else f"{peer.queries_per_second:.2g}"
-        ratio = f"{peer.queries_per_second / our_rate:.2g}"
-        table.add_row(peer.name, rate, ratio, f"{peer.threads}", *recall, f"{peer.bytes / 1000:,.0f}")
-    console.print(table)
-    for peer in peers:
-        console.print(f"{peer.name}: {peer.absent or peer.what}", style="dim", markup=False)
+        keys = ("recall_at_1", "recall_at_5", "recall_at_10", "recall_at_100_precision", "auc")
+        recall = ["-"] * 5 if peer.metrics is None else [percent(value) for value in values_of(peer.metrics, keys)]
+        speed = f"{rate:,.0f}" if rate >= 10 else f"{rate:.2g}"
+        rows.append(
+            [peer.name, speed, f"{rate / our_rate:.2g}", f"{peer.threads}", *recall, f"{peer.bytes / 1000:,.0f}"]
+        )
+    heads = ("queries/s", "of lava-vpr", "threads", "R@1", "R@5", "R@10", "R@100P", "AUC", "kB kept")
+    notes = [f"{peer.name}: {peer.absent or peer.what}" for peer in peers]
+    return Table(("matcher", *heads), rows, notes, f"{name}; exact matches, percent")
 
 
 def as_json(peers: tuple[Peer, ...]) -> dict[str, Any]:
@@ -238,8 +233,8 @@ def as_json(peers: tuple[Peer, ...]) -> dict[str, Any]:
     }
 
 
-def print_presentations(presentations: int, epochs: int, images: Path | None, compare: bool) -> dict[str, Any]:
-    """Print the table of presentations and the comparison of spikes; returns their figures."""
+def presented(presentations: int, epochs: int, images: Path | None, compare: bool) -> dict[str, Any]:
+    """Milliseconds of presentations, and the comparison of spikes."""
     config = preset("paper")
     pictures = load_images(images)
     patches = np.stack([patch_normalised(picture).ravel() for picture in pictures])
@@ -251,21 +246,24 @@ def print_presentations(presentations: int, epochs: int, images: Path | None, co
         for q, image in enumerate(rates):
             train_presentation(state, image, presentation_key(config.seed, "train", q, epoch), config)
     times |= measure(config, state, loihi, patches, presentations, f"train, epoch {epochs + 1}")
-    figures = {name: median(values) for name, values in times.items()}
-    head = "".join(f"{name:>10}" for name in ("Brian2", "paper", "ratio", "loihi", "ratio"))
-    click.echo(f"{'ms per presentation':28}{head}")
+    return {"milliseconds": {name: median(values) for name, values in times.items()}, "parity": same}
+
+
+def presentation_table(figures: dict[str, float], same: dict[str, float] | None) -> Table:
+    """Milliseconds of presentations by what is done and who does it, and whether the spikes were the same."""
+    rows, notes = [], []
     for row in dict.fromkeys(name.split("/")[0] for name in figures):
         brian, paper, ours = (figures[f"{row}/{name}"] for name in ("brian2", "paper", "loihi"))
-        click.echo(f"{row:28}{brian:10.1f}{paper:10.1f}{brian / paper:10.0f}{ours:10.3f}{brian / ours:10.0f}")
+        rows.append([row, f"{brian:.1f}", f"{paper:.1f}", f"{brian / paper:.0f}", f"{ours:.3f}", f"{brian / ours:.0f}"])
     if same is not None:
-        click.echo(
+        notes.append(
             f"same input spikes: {same['equal']} of {same['presentations']} presentations give the same "
             f"{same['spikes']} spikes; largest weight difference {same['largest_weight_difference']:.1e}"
         )
-    return {"milliseconds": figures, "parity": same}
+    return Table(("ms per presentation", "Brian2", "paper", "ratio", "loihi", "ratio"), rows, notes)
 
 
-@click.command()
+@program()
 @click.option("--presentations", default=7, show_default=True, help="Timed presentations of each kind.")
 @click.option("--epochs", default=25, show_default=True, help=f"Epochs over {IMAGES} images before 'trained'.")
 @click.option("--images", type=click.Path(exists=True, file_okay=False, path_type=Path), help="Folder of images.")
@@ -279,20 +277,14 @@ def main(
     compare: bool,
     peers_only: bool,
     json_file: Path | None,
-) -> None:
+) -> Printed:
     """Time VPRSNN's network in Brian2 beside this project's engines, and every peer beside lava-vpr."""
     figures: dict[str, Any] = {}
-    try:
-        if not peers_only:
-            figures = print_presentations(presentations, epochs, images, compare)
-        name, peers = side_by_side()
-    except LavaVprError as error:
-        raise click.ClickException(str(error)) from None
-    print_peers(name, peers)
+    if not peers_only:
+        figures = presented(presentations, epochs, images, compare)
+        yield presentation_table(figures["milliseconds"], figures["parity"])
+    name, peers = side_by_side()
+    yield peer_table(name, peers)
     if json_file is not None:
         text = json.dumps(figures | {"peers": as_json(peers)}, indent=1, sort_keys=True)
         json_file.write_text(text + "\n", encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,6 +1,6 @@
 """VPRTempo written from its equations, on real images: recall of winter queries, exact matches, five sections.
 
-    LAVA_VPR_DATA=... python -m benchmarks.peers.vprtempo_recall [--seeds 0,1,2] [--own] [--variants]
+    LAVA_VPR_DATA=... python -m benchmarks peers.vprtempo_recall [--seeds 0,1,2] [--own] [--variants]
 
 Without options: 28x28 images patch-normalised as in VPRSNN, as model files hold them. ``--own`` adds VPRTempo's own
 56x56 images, gamma-corrected, window 15 (about a minute a seed). Nothing here was chosen on recall.
@@ -10,16 +10,14 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import click
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
-from rich.table import Table
 
-from benchmarks.nordland import SECTIONS, folder, required
+from benchmarks.nordland import SECTIONS, folder
 from benchmarks.peers.vprtempo import (
     SIDE,
     SMALL_SIDE,
@@ -30,12 +28,13 @@ from benchmarks.peers.vprtempo import (
     preprocess,
     train,
 )
-from lava_vpr.errors import LavaVprError
+from benchmarks.program import Printed, program, seeds_option
 from lava_vpr.inputs.patches import patch_normalised
 from lava_vpr.matching.evaluation import Metrics, evaluate
+from lava_vpr.matching.figures import Recall, titles
+from lava_vpr.show.table import Table
 from lava_vpr.traverse import open_traverse
 
-console = Console(highlight=False, width=140)
 Prepare = Callable[[NDArray[np.uint8]], NDArray[np.uint8]]
 
 IMAGES: dict[str, Prepare] = {
@@ -66,39 +65,26 @@ def section(kind: str, places: tuple[int, int], config: VprTempoConfig, seed: in
     return evaluate(values, values.max(axis=1), np.eye(len(values), dtype=bool))
 
 
-@click.command()
-@click.option("--seeds", default="0,1,2", show_default=True, help="Seeds, separated by commas.")
+@program("nordland")
+@seeds_option
 @click.option("--own", is_flag=True, help="Also VPRTempo's own preprocessing and its 56x56 images.")
 @click.option("--variants", is_flag=True, help="Also what the paper has and its code has not.")
-def main(seeds: str, own: bool, variants: bool) -> None:
-    """Print recall on real images."""
-    required("nordland")
-    chosen = [int(seed) for seed in seeds.split(",")]
-    table = Table(title=f"VPRTempo, five sections of 100 places, seeds {seeds}, percent", title_justify="left")
-    table.add_column("", no_wrap=True)
-    for name in ("R@1", "R@100P", "AUC", "R@1 by section", "by seed", "s a section"):
-        table.add_column(name, justify="right")
-    try:
-        for kind in list(IMAGES) if own else list(IMAGES)[:1]:
-            for variant, changes in (VARIANTS if variants else {"": {}}).items():
-                started = time.perf_counter()
-                config = dataclasses.replace(VprTempoConfig(), **changes)  # type: ignore[arg-type]
-                results = [[section(kind, places, config, seed) for places in SECTIONS] for seed in chosen]
-                figures = 100 * np.array(
-                    [[(m.recall_at_1, m.recall_at_100_precision, m.auc) for m in row] for row in results]
-                )
-                table.add_row(
+def main(seeds: Sequence[int], own: bool, variants: bool) -> Printed:
+    """Recall of VPRTempo on real images: five sections of 100 places, percent."""
+    rows = []
+    for kind in list(IMAGES) if own else list(IMAGES)[:1]:
+        for variant, changes in (VARIANTS if variants else {"": {}}).items():
+            started = time.perf_counter()
+            config = dataclasses.replace(VprTempoConfig(), **changes)  # type: ignore[arg-type]
+            found = [[Recall.of(section(kind, places, config, seed)) for places in SECTIONS] for seed in seeds]
+            figures, took = 100 * np.array(found), time.perf_counter() - started
+            rows.append(
+                [
                     kind + variant,
                     *(f"{value:.1f}" for value in figures.mean(axis=(0, 1))),
                     " ".join(f"{value:.0f}" for value in figures[..., 0].mean(axis=0)),
                     " ".join(f"{value:.1f}" for value in figures[..., 0].mean(axis=1)),
-                    f"{(time.perf_counter() - started) / (len(chosen) * len(SECTIONS)):.1f}",
-                )
-                console.print(f"{kind}{variant}: done", style="dim")
-    except LavaVprError as error:
-        raise click.ClickException(str(error)) from None
-    console.print(table)
-
-
-if __name__ == "__main__":
-    main()
+                    f"{took / (len(seeds) * len(SECTIONS)):.1f}",
+                ]
+            )
+    yield Table(["", *titles(), "R@1 by section", "by seed", "s a section"], rows)

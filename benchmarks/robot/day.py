@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.nordland import FOLDERS, images_of, part
-from benchmarks.program import Figures, Made, program, seeds_option
+from benchmarks.program import Figures, Printed, program, seeds_option
 from benchmarks.robot import drives
 from lava_vpr import Localizer
 from lava_vpr import train as learn
@@ -193,7 +193,7 @@ def mean_percent(figures: Sequence[float]) -> str:
     return f"{100 * np.mean(known):.1f}" if known else "-"
 
 
-def latency(name: str, model: Model, dataset: str) -> Made:
+def latency(name: str, model: Model, dataset: str) -> Printed:
     """Milliseconds of `Localizer.update` of a 640 x 480 image."""
     traverse = open_traverse(images_of(dataset, "winter"))
     seen = [cv2.resize(traverse.load(k), (640, 480), interpolation=cv2.INTER_CUBIC) for k in range(TIMED)]
@@ -241,7 +241,7 @@ def resident() -> int:
 @click.option("--updates", default=0, help="Also: how memory changes over so many updates.")
 @seeds_option
 @click.option("--chosen", is_flag=True, help="The maps on which numbers were chosen.")
-def main(updates: int, seeds: Sequence[int], chosen: bool) -> Made:
+def main(updates: int, seeds: Sequence[int], chosen: bool) -> Printed:
     """Drives, trust and milliseconds an image."""
     maps = CHOSEN if chosen else UNSEEN
     found = {name: [answered(where, seed) for seed in seeds] for name, where in maps.items()}

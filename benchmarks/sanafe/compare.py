@@ -1,6 +1,6 @@
 """The closed form of the cost model beside SANA-FE, component by component, on the same networks, mappings and spikes.
 
-    [LAVA_VPR_DATA=...] python -m benchmarks.sanafe.compare [--queries N] [--random N]      (`make sanafe` sets it up)
+    [LAVA_VPR_DATA=...] python -m benchmarks sanafe.compare [--queries N] [--random N]      (`make sanafe` sets it up)
 
 Real: models of summer images as they are deployed on Kapoho Bay, asked winter images: the default preset with 100 and
 500 places, preset fast, other bits, pruned, without signs, Poisson trains, input compartments. Random: networks of a
@@ -13,17 +13,15 @@ where SANA-FE's own spikes or counts are not ours.
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import click
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
-from rich.table import Table
 
 from benchmarks.nordland import encoded, learn, part, required
+from benchmarks.program import Printed, program, verdict
 from benchmarks.sanafe.cross_check import CrossCheck, cross_check, find_sanafe
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import query_presentations
@@ -40,8 +38,10 @@ from lava_vpr.engine.inference.fixed import DIRECT, FixedNetwork, count_spikes, 
 from lava_vpr.engine.inference.quantise import biases_of
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.engine.trains import Trains
+from lava_vpr.errors import InputError
 from lava_vpr.loihi import NO_MEMORY_DECAY, TILE_CORES
 from lava_vpr.model import Model
+from lava_vpr.show.table import Table
 
 LIMIT = 1e-6
 SEEDS = (0, 2, 3, 5, 7, 8, 16, 18, 22, 27, 28, 31, 39)
@@ -50,8 +50,6 @@ membranes that are 0, which SANA-FE updates and the chip's registers do not tell
 
 MANY = {8: 4_200, 22: 1_100}
 """Neurons of the random networks with leaves and relays."""
-
-console = Console(highlight=False, width=132)
 
 
 @dataclass(frozen=True)
@@ -173,60 +171,48 @@ def failures(case: Case, checked: CrossCheck) -> list[str]:
     return lines
 
 
-def rows(table: Table, case: Case, checked: CrossCheck) -> None:
-    """A section of the table: figures of a query, mean over the queries."""
+def rows(case: Case, checked: CrossCheck) -> Iterator[list[str]]:
+    """A part of the table: figures of a query, mean over the queries."""
 
-    def row(name: str, pair: tuple[float, float], digits: str) -> None:
+    def row(name: str, pair: tuple[float, float], digits: str) -> list[str]:
         ours, theirs = pair
         apart = "0" if ours == theirs else f"{abs(ours - theirs) / max(abs(ours), abs(theirs)):.1e}"
-        table.add_row(name, f"{ours:{digits}}", f"{theirs:{digits}}", apart)
+        return [name, f"{ours:{digits}}", f"{theirs:{digits}}", apart]
 
-    table.add_section()
-    table.add_row(f"[bold]{case.name}[/bold]", "", "", f"[bold]{checked.difference:.1e}[/bold]")
+    yield [case.name, "", "", f"{checked.difference:.1e}"]
     for name, pair in checked.microjoules.items():
-        row(f"  {name}, uJ", pair, ",.8g")
+        yield row(f"  {name}, uJ", pair, ",.8g")
     if checked.simple_milliseconds is not None:
-        row("  time, simple, ms", checked.simple_milliseconds, ",.8g")
-    table.add_row("  time, detailed, ms", "", f"{checked.detailed_milliseconds:,.8g}", "")
+        yield row("  time, simple, ms", checked.simple_milliseconds, ",.8g")
+    yield ["  time, detailed, ms", "", f"{checked.detailed_milliseconds:,.8g}", ""]
     for name, pair in checked.counts.items():
-        row(f"  {name}", pair, ",.12g")
+        yield row(f"  {name}", pair, ",.12g")
 
 
-@click.command()
+@program()
 @click.option("--queries", default=2, show_default=True, help="Of each network.")
 @click.option("--random", "count", default=0, show_default=True, help="More random networks.")
-def main(queries: int, count: int) -> None:
+def main(queries: int, count: int) -> Printed:
     """Hold the closed form against SANA-FE."""
     if find_sanafe() is None:
-        raise click.ClickException("SANA-FE is not installed; run make sanafe")
+        raise InputError("SANA-FE is not installed; run make sanafe")
     cases = []
     if os.environ.get("LAVA_VPR_DATA"):
         required("nordland")
         cases = list(real_cases(queries))
     else:
-        console.print("no real images: LAVA_VPR_DATA does not name them")
+        yield "no real images: LAVA_VPR_DATA does not name them"
     cases += [random_case(seed, queries) for seed in (*SEEDS, *range(100, 100 + count))]
-    title = f"modelled energy and time of a query, mean of {queries}; bold: largest difference of any query and step"
-    table = Table(title=title, title_justify="left")
-    for i, name in enumerate(("", "closed form", "SANA-FE", "relative difference")):
-        table.add_column(name, justify="right" if i else "left", no_wrap=True)
-    bad, largest, started = [], 0.0, time.perf_counter()
+    bad, largest, lines, first = list[str](), 0.0, list[list[str]](), set[int]()
     for case in cases:
         checked = cross_check(case.plan, case.trains, input_core=case.input_core)
         bad += [f"{case.name}: {line}" for line in failures(case, checked)]
         if not checked.absent:
-            rows(table, case, checked)
+            first.add(len(lines))
+            lines += rows(case, checked)
             largest = max(largest, checked.difference or 0.0)
-    console.print(table)
-    for line in bad:
-        console.print(line)
-    if bad:
-        raise SystemExit(1)
-    took = time.perf_counter() - started
-    console.print(
-        f"{len(cases)} networks equal within {LIMIT:g}, the largest difference is {largest:.1e} ({took:.0f} s)"
-    )
-
-
-if __name__ == "__main__":
-    main()
+    title = f"modelled energy and time of a query, mean of {queries}; bold: largest difference of any query and step"
+    columns = ("", "closed form", "SANA-FE", "relative difference")
+    yield Table(columns, lines, title=title, strong=frozenset(first), rules=frozenset(first))
+    well = f"{len(cases)} networks equal within {LIMIT:g}, the largest difference is {largest:.1e}"
+    yield from verdict(bad, well)

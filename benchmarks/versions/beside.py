@@ -19,7 +19,7 @@ from pathlib import Path
 
 import click
 
-from benchmarks.program import Figures, Made, program
+from benchmarks.program import Figures, Printed, program
 from benchmarks.timing import turns
 from benchmarks.versions.worker import Case
 from lava_vpr.config import preset
@@ -121,7 +121,7 @@ def row(case: Case, here: list[dict[str, float]], there: list[dict[str, float]],
 @program("nordland")
 @click.argument("other", type=click.Path(exists=True, file_okay=False, resolve_path=True, path_type=Path))
 @click.option("--rounds", default=15, show_default=True, help="Turns with the other checkout.")
-def main(other: Path, rounds: int) -> Made:
+def main(other: Path, rounds: int) -> Printed:
     """Processor time a query of this checkout's host engine, beside that of another checkout."""
     every = cases()
     with ExitStack() as stack:

@@ -16,7 +16,7 @@ from benchmarks.exchange.compare import Case, Spikes, failures, row, run
 from benchmarks.exchange.literal import spikes_of
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Presentations
-from lava_vpr.errors import BackendUnavailableError
+from lava_vpr.errors import InputError
 from lava_vpr.exchange.nir_writing import graph_of
 from lava_vpr.model import integer_model
 
@@ -82,7 +82,7 @@ def test_a_simulator_without_spikes_is_seen(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setattr(compare, "encoded", lambda season, encoder: encoded(8, seed=1))
     with monkeypatch.context() as patch:
         patch.setattr(compare, "PYTHON", tmp_path / "none")
-        with pytest.raises(BackendUnavailableError, match=r"none: is missing; run make nir-peers"):
+        with pytest.raises(InputError, match=r"snnTorch: not installed in \S+; run make nir-peers"):
             run([case()], 8)
     (tmp_path / "worker.py").write_text(ECHO)
     monkeypatch.setattr(compare, "PYTHON", Path(sys.executable))
@@ -93,5 +93,5 @@ def test_a_simulator_without_spikes_is_seen(tmp_path: Path, monkeypatch: pytest.
     np.testing.assert_array_equal(spikes.whole, spikes.host)
     assert failures(case(), spikes) == ["small: snnTorch differs from NIR's equations in single precision"]
     (tmp_path / "worker.py").write_text("raise SystemExit('broken')")
-    with pytest.raises(BackendUnavailableError, match=r"snnTorch failed: .*broken"):
+    with pytest.raises(InputError, match=r"snnTorch: .*broken"):
         run([case()], 8)

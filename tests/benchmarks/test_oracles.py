@@ -15,8 +15,10 @@ from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks import elsewhere
+from benchmarks.elsewhere import python_of
 from benchmarks.oracles import compare as oracles
-from benchmarks.oracles.compare import Case, ask, environment, failures, judge
+from benchmarks.oracles.compare import Case, ask, failures, judge
 from benchmarks.oracles.inference import SMALL, inference_problem, made_up, small_inference
 from benchmarks.oracles.networks import DIALECTS, edge_networks, is_common, random_networks, reaches_limits
 from benchmarks.oracles.problems import SIGNS, Connection, Problem, Result, engine_result, read_result, write_problem
@@ -190,7 +192,7 @@ def stand_in(folder: Path, body: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Put a script of ours in the place of both simulators."""
     script = folder / "simulator.py"
     script.write_text("import sys, time\nfrom pathlib import Path\nimport numpy as np\n" + body)
-    monkeypatch.setattr(oracles, "environment", lambda _: Path(sys.executable))
+    monkeypatch.setattr(oracles, "python_of", lambda _: Path(sys.executable))
     monkeypatch.setattr(oracles, "SCRIPTS", dict.fromkeys(SIMULATORS, script))
 
 
@@ -218,12 +220,12 @@ def test_a_simulator_that_fails_is_one_line(tmp_path: Path, monkeypatch: pytest.
     with pytest.raises(InputError, match=r"^nengo-loihi: no such parameter; delete \S+ and run make oracles$"):
         ask("nengo-loihi", [small_inference()[0][0]])
     stand_in(tmp_path, "time.sleep(60)\n", monkeypatch)
-    with pytest.raises(InputError, match=r"^nengo-loihi: not done after 0\.5 s; ask for fewer --networks$"):
+    with pytest.raises(InputError, match=r"^nengo-loihi: not done after 0\.5 s; ask for less$"):
         ask("nengo-loihi", [small_inference()[0][0]], timeout_s=0.5)
 
 
 def test_a_missing_environment_says_what_to_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(oracles, "ROOT", tmp_path)
+    monkeypatch.setattr(elsewhere, "ROOT", tmp_path)
     done = CliRunner().invoke(oracles.main, ["--networks", "1", "--queries", "0"])
     assert done.exit_code == 1
     assert done.output.endswith("brian2-loihi: not installed in .venv-brian2-loihi; run make oracles\n")
@@ -279,7 +281,7 @@ def test_scripts_need_nothing_of_this_project_and_versions_are_pinned(simulator:
             names.add(str(node.module).split(".")[0])
     own = {"brian2", "brian2_loihi"} if simulator == "brian2-loihi" else {"nengo_loihi"}
     assert names - set(sys.stdlib_module_names) == own | {"numpy"}
-    lines = (oracles.ROOT / "requirements" / f"{simulator}.txt").read_text().splitlines()
+    lines = (elsewhere.ROOT / "benchmarks" / "oracles" / f"{simulator}.txt").read_text().splitlines()
     pinned = [line for line in lines if not line.startswith("#")]
     assert any(line.startswith(f"{simulator}==") for line in pinned)
     assert all(line.count("==") == 1 for line in pinned)
@@ -288,7 +290,7 @@ def test_scripts_need_nothing_of_this_project_and_versions_are_pinned(simulator:
 @pytest.mark.slow
 @pytest.mark.parametrize("simulator", SIMULATORS)
 def test_the_simulator_agrees_or_differs_by_named_rules(simulator: str) -> None:
-    if not environment(simulator).exists():
+    if not python_of(simulator).exists():
         pytest.skip(f"{simulator} is not installed: make oracles")
     verdicts = oracles.compare(simulator, 50, 4 if os.environ.get("LAVA_VPR_DATA") else 0)
     assert failures(verdicts) == []
