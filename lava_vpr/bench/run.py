@@ -37,6 +37,7 @@ from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.threads import cores
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import ConfigError, LavaVprError, NetworkLimitError
+from lava_vpr.experiments.points import Case
 from lava_vpr.gate import not_integer
 from lava_vpr.matching.probability import Calibration
 from lava_vpr.matching.trust import is_right
@@ -375,5 +376,5 @@ def _sweep(queries: QuerySet, truth: NDArray[np.bool_], request: Request, begin:
     if not request.sweep:
         return ()
     advance = begin("sweep of settings", BUDGET)
-    seed, cluster = queries.shown.seed, request.cluster
-    return sweep(queries.model, queries.images, truth, seed=seed, threads=cores(), advance=advance, cluster=cluster)
+    case = Case(queries.model, queries.images, truth, queries.shown.seed)
+    return sweep([case], threads=cores(), advance=advance, cluster=request.cluster)

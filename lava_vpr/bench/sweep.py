@@ -18,18 +18,15 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lava_vpr.bench.results import Candidate
 from lava_vpr.cluster.tasks import Cluster, Standing, run_tasks
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
 from lava_vpr.deploy.compression.compression import UNCHANGED, with_settings
-from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.experiments.early_stopping import MARGINS
 from lava_vpr.experiments.points import Asked, Case, Measurement, Settings, current, fast_settings, measured
 from lava_vpr.experiments.search import key_of, on_front, wander
-from lava_vpr.model import Model
 
 BUDGET = 240
 """Points that a search measures, early stopping aside."""
@@ -89,11 +86,8 @@ def _moved(settings: Settings, rng: random.Random, retrain: bool) -> Settings:
 
 
 def sweep(
-    model: Model,
-    queries: EncodedTraverse,
-    truth: NDArray[np.bool_],
+    cases: Sequence[Case],
     *,
-    seed: int | None = None,
     budget: int = BUDGET,
     retrain: bool = True,
     board: Board = KAPOHO_BAY,
@@ -101,13 +95,11 @@ def sweep(
     advance: Advance | None = None,
     cluster: Cluster | None = None,
 ) -> tuple[Candidate, ...]:
-    """Points around ``model`` and preset ``fast``, and which of them form the front.
+    """Points around a model and preset ``fast``, and which of them form the front.
 
     Args:
-        model: A model with an integer network and its float weights.
-        queries: Calibration images, encoded with the model's settings.
-        truth: bool (queries, places).
-        seed: The seed of the queries' noise; None: the model's.
+        cases: A model with an integer network and its float weights, or several of equal settings, each with queries of
+            its own: figures are means over them.
         budget: Points to measure; those that the board refuses count, early stopping does not.
         retrain: Also try other numbers of neurons, for which the references are learned again.
         board: One whose energies and times are published.
@@ -115,25 +107,12 @@ def sweep(
         advance: Told, after each of ``budget`` points, how many more are done.
         cluster: Who measures them instead: `AHEAD` at once, those that come next if the front stays as it is.
     Returns:
-        Every point, this model first. The front is over R@1, energy and time of the mean query. No backend stops early
-        yet, so points without early stopping also have a front of their own.
+        Every point, the first model first. The front is over R@1, energy and time of the mean query. No backend stops
+        early yet, so points without early stopping also have a front of their own.
     Raises:
         ConfigError: the model has no integer network, or no float weights.
         NetworkLimitError: nothing that was tried fits the board.
     """
-    return search([Case(model, queries, truth, seed)], budget, retrain, board, threads, advance, cluster)
-
-
-def search(
-    cases: Sequence[Case],
-    budget: int = BUDGET,
-    retrain: bool = True,
-    board: Board = KAPOHO_BAY,
-    threads: int = 1,
-    advance: Advance | None = None,
-    cluster: Cluster | None = None,
-) -> tuple[Candidate, ...]:
-    """`sweep` over several models of equal settings with queries of their own: figures are means over them."""
     asked = Asked(cases, board, (np.inf, *MARGINS), threads if cluster is None else 1)
     as_learned, fast = current(cases[0].model), fast_settings(cases[0].model)
     with_settings(cases[0].model, UNCHANGED)  # refuse what cannot be quantised anew

@@ -2,42 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import Asking
 from lava_vpr.backends.opening import calibration_of, open_model
-from lava_vpr.backends.rivals import chosen, kept_for
+from lava_vpr.backends.rivals import chosen as rivals
+from lava_vpr.backends.rivals import kept_for
 from lava_vpr.cli.choose import TruthOptions, truth_options
 from lava_vpr.cli.common import (
     PATH,
     OneSource,
     RegisteredName,
     asking_options,
-    console,
     encode_queries,
     every_option,
     places_option,
-    print_whole,
     progress_bar,
     seed_type,
-    stage,
 )
 from lava_vpr.cli.evaluate import command_line
-from lava_vpr.cli.outputs import Outputs, write_json
+from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.show.clusters import cluster_at, cluster_option
+from lava_vpr.cli.show.results import show_results
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.encoding import Keep
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import ConfigError
 from lava_vpr.model import Model, integer_model
-from lava_vpr.storage.text import shown
 
 if TYPE_CHECKING:
     from lava_vpr.bench.results import Bench
@@ -89,14 +87,11 @@ def bench(
     truth: TruthOptions,
     targets: tuple[str, ...],
     names: tuple[str, ...],
-    sweep: bool,
-    peers: bool,
-    limit: int | None,
     asking: Asking,
-    seed: int | None,
     address: str | None,
     json_path: Path | None,
     report_folder: Path | None,
+    **chosen: Any,
 ) -> None:
     """Say what it costs MODEL to recognise an image of QUERY: recall first, then time and memory measured here, then
     energy and time modelled for the boards.
@@ -104,48 +99,45 @@ def bench(
     Which places are correct is told as to eval: without --gt or positions, query i shows place i. What this machine
     lacks (a board, energy counters) is said, and the rest is told.
     """
-    if address is not None and not sweep:
+    if address is not None and not chosen["sweep"]:
         raise click.UsageError("--cluster shares the points of --sweep; all else measures this machine: add --sweep")
     page = report_folder and report_folder / "bench.html"
     outputs = Outputs((json_path,), made=(page,), read=truth.files, model=model_path, images=(query,))
-    # The cost model and what it needs take a second to import: --help does not wait for them.
-    from lava_vpr.bench.run import Request, run
+    from lava_vpr.bench.run import Request, run  # takes a second: --help does not wait for it
 
     model = open_model(model_path)
-    asking.check(model)
-    _refuse(model, model_path, targets, names, sweep)
+    _refuse(model, model_path, asking, targets, names, chosen["sweep"])
     traverse = truth.open(model, query, places, every, outputs)
     located = truth.located(model, traverse)
     correct = truth.of(model, traverse, located)
-    kept = kept_for(chosen(model, None)) if peers else Keep.NOTHING
+    kept = kept_for(rivals(model, None)) if chosen["peers"] else Keep.NOTHING
     queries, *further = encode_queries(traverse, model, asking.of(model), kept)
-    request = Request(
-        targets=tuple(dict.fromkeys(targets)) or tuple(BOARDS),
-        backends=tuple(dict.fromkeys(names)) or backends.timed_by_default(),
-        sweep=sweep,
-        peers=peers,
-        limit=limit,
-        seed=seed,
-        asking=asking,
-        calibration=calibration_of(model, cores()),
-        located=located,
-        near=truth.near,
-    )
-    with cluster_at(address) as cluster, ExitStack() as bars:
+    boards, backs = (tuple(dict.fromkeys(each)) for each in (targets or BOARDS, names or DEFAULT))
+    request = Request(boards, backs, asking=asking, located=located, near=truth.near, **chosen)
+    with cluster_at(address) as cluster, _bars() as begin:
+        asked = replace(request, cluster=cluster, calibration=calibration_of(model, cores()))
+        found = run(model, traverse, queries, correct, asked, further=further, command=command_line(ctx), begin=begin)
+    _tell(found, json_path, page)
+
+
+@contextmanager
+def _bars() -> Iterator[Callable[[str, int], Callable[[int], None]]]:
+    """A function that shows a bar for a stage in the place of the one before, and returns what moves it."""
+    with ExitStack() as bars:
 
         def begin(text: str, parts: int) -> Callable[[int], None]:
             bars.close()
             advance = bars.enter_context(progress_bar(text, parts))
             return lambda done: advance(done, "")
 
-        words = command_line(ctx)
-        asked = replace(request, cluster=cluster)
-        results = run(model, traverse, queries, correct, asked, further=further, command=words, begin=begin)
-    _tell(results, json_path, page)
+        yield begin
 
 
-def _refuse(model: Model, path: Path, targets: tuple[str, ...], names: tuple[str, ...], sweep: bool) -> None:
+def _refuse(
+    model: Model, path: Path, asking: Asking, targets: tuple[str, ...], names: tuple[str, ...], sweep: bool
+) -> None:
     """Refuse, before any work is done, what was asked for by name and cannot be."""
+    asking.check(model)
     from lava_vpr.bench.run import sweepable
     from lava_vpr.deploy.bundle.deployment import plan_of
 
@@ -163,18 +155,9 @@ def _tell(results: Bench, json_path: Path | None, page: Path | None) -> None:
     from lava_vpr.bench.show.json_values import as_json
     from lava_vpr.bench.show.terminal import absences, tables
 
-    if json_path is not None:
-        write_json(json_path, as_json(results))
-    if page is not None:
-        # matplotlib takes a second to import: only those who want a report wait for it.
-        from lava_vpr.bench.show.page import page as page_of
-        from lava_vpr.report import write_page
+    def drawn() -> str:
+        from lava_vpr.bench.show.page import page as page_of  # matplotlib takes a second to be imported
 
-        with stage("writing the report"):
-            write_page(page_of(results), page)
-    for table in tables(results):
-        print_whole(table)
-    for line in absences(results):
-        console.print(line)
-    if page is not None:
-        console.print(f"report: {shown(page)}")
+        return page_of(results)
+
+    show_results(tables(results), {json_path: as_json(results)}, page, drawn, absences(results))

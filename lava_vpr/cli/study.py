@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
@@ -12,18 +13,16 @@ from lava_vpr.cli.common import (
     Numbers,
     RegisteredName,
     Values,
-    console,
     encode_in_views,
     every_option,
     places_option,
-    print_whole,
     progress_bar,
-    stage,
 )
 from lava_vpr.cli.evaluate import command_line
-from lava_vpr.cli.outputs import Outputs, write_json
+from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.show.clusters import cluster_at, cluster_option
 from lava_vpr.cli.show.learning import TERMINAL
+from lava_vpr.cli.show.results import show_results
 from lava_vpr.config import PRESETS, Config
 from lava_vpr.encoding import Keep
 from lava_vpr.engine.threads import cores
@@ -39,7 +38,7 @@ from lava_vpr.studies.run import Studied, planned, run
 from lava_vpr.studies.show.values import as_json, table
 from lava_vpr.studies.study import Asked
 from lava_vpr.training.door import check_references
-from lava_vpr.traverse import Traverse, open_traverse, open_traverses
+from lava_vpr.traverse import open_traverse, open_traverses
 
 
 @click.command()
@@ -82,17 +81,14 @@ def study(
     name: str,
     references: tuple[str, ...],
     query: str,
-    places: tuple[int, int] | None,
-    every: float,
-    preset_name: str | None,
     config_file: Path | None,
-    tolerance: int,
     seeds: tuple[int, ...],
     values: tuple[float, ...],
     jobs: int | None,
     address: str | None,
     json_path: Path | None,
     report_folder: Path | None,
+    **images: Any,
 ) -> None:
     """Say what one thing does to recall and cost: learn and ask the same images again and again, with several seeds.
 
@@ -104,7 +100,31 @@ def study(
         raise click.UsageError("--seeds names a seed twice; give each once")
     page = report_folder and report_folder / "study.html"
     outputs = Outputs((json_path,), made=(page,), read=(config_file,), images=(*references, query))
-    config = settings_of(preset_name, config_file, {})
+    config = settings_of(images.pop("preset_name"), config_file, {})
+    row, said = STUDIES[name], Asked(*_route(references, query, config, outputs, **images), seeds, values)
+    with cluster_at(address) as cluster, progress_bar(f"study {name}", len(planned(row, said))) as advance:
+        found = run(row, said, jobs=jobs or cores(), cluster=cluster, command=command_line(ctx), advance=advance)
+    show_results([table(found)], {json_path: as_json(found)}, page, lambda: _page(found))
+
+
+def _page(found: Studied) -> str:
+    """The page of a study; it takes matplotlib a second to be imported."""
+    from lava_vpr.studies.show.page import page
+
+    return page(found)
+
+
+def _route(
+    references: tuple[str, ...],
+    query: str,
+    config: Config,
+    outputs: Outputs,
+    *,
+    places: tuple[int, int] | None,
+    every: float,
+    tolerance: int,
+) -> tuple[Route, Config]:
+    """The images, read and encoded, and the settings that fit them; no output is one of them."""
     whole = [*open_traverses(references, every=every, events=config.events)]
     whole.append(open_traverse(query, every=every, events=config.events))
     outputs.spare(path for traverse in whole for path in traverse.paths)
@@ -115,33 +135,8 @@ def study(
             f"{shown(query)}: has {len(asked)} images for {len(learned[0])} places; image i of the query must show "
             "place i: choose with --places A:B, or give lists of matching images"
         )
-    config, route = _route(learned, asked, config, tolerance)
-    row, said = STUDIES[name], Asked(route, config, seeds, values)
-    with cluster_at(address) as cluster, progress_bar(f"study {name}", len(planned(row, said))) as advance:
-        found = run(row, said, jobs=jobs or cores(), cluster=cluster, command=command_line(ctx), advance=advance)
-    _tell(found, json_path, page)
-
-
-def _route(learned: list[Traverse], asked: Traverse, config: Config, tolerance: int) -> tuple[Config, Route]:
-    """The images, read and encoded, and the settings that fit them."""
     kept = Keep.PATCHES | Keep.VECTORS
-    config, standard, references = encode_route(learned, config, TERMINAL, keep=kept | Keep.THUMBNAILS)
+    config, standard, seen = encode_route(learned, config, TERMINAL, keep=kept | Keep.THUMBNAILS)
     (queries,) = encode_in_views(asked, config.encoder, (STRAIGHT,), kept, standard)
     order = np.arange(len(queries))
-    return config, Route(tuple(references), queries, truth_from_indices(order, order, tolerance), standard)
-
-
-def _tell(found: Studied, json_path: Path | None, page: Path | None) -> None:
-    """Write the files, then print the table: whoever reads it may go away."""
-    if json_path is not None:
-        write_json(json_path, as_json(found))
-    if page is not None:
-        # matplotlib takes a second to import: only those who want a report wait for it.
-        from lava_vpr.report import write_page
-        from lava_vpr.studies.show.page import page as page_of
-
-        with stage("writing the report"):
-            write_page(page_of(found), page)
-    print_whole(table(found))
-    if page is not None:
-        console.print(f"report: {shown(page)}")
+    return Route(tuple(seen), queries, truth_from_indices(order, order, tolerance), standard), config

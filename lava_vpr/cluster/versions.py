@@ -16,17 +16,17 @@ COMPUTES = ("numpy", "numba", "scipy", "opencv-python-headless")
 """Packages whose versions can change a result."""
 
 
-@cache
-def of_results() -> Mapping[str, str]:
-    """Versions by name: of this package with a hash of its source, of Python, and of the packages that compute."""
-    found = {"lava-vpr": f"{__version__} ({_source()})", "Python": platform.python_version()}
-    return found | {name: version(name) for name in COMPUTES}
+def that_compute() -> Mapping[str, str]:
+    """Versions of Python, and of the packages that compute, by name."""
+    return {"Python": platform.python_version()} | {name: version(name) for name in COMPUTES}
 
 
 @cache
 def here() -> Mapping[str, str]:
-    """Those of `of_results`, and of what machines talk with: a cluster's machines must have the same."""
-    return {**of_results(), "distributed": version("distributed")}
+    """Versions by name that a cluster's machines must share: of this package with a hash of its source, those of
+    `that_compute`, and of what machines talk with."""
+    own = {"lava-vpr": f"{__version__} ({_source()})"}
+    return {**own, **that_compute(), "distributed": version("distributed")}
 
 
 def _source() -> str:

@@ -9,16 +9,14 @@ from __future__ import annotations
 import ast
 import hashlib
 import json
-import platform
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache, partial
-from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from lava_vpr.cluster.versions import COMPUTES
+from lava_vpr.cluster.versions import that_compute
 from lava_vpr.errors import InputError
 from lava_vpr.storage.reading import parse_json, read_bytes
 from lava_vpr.storage.text import shown
@@ -104,7 +102,8 @@ def modules_of(function: Callable[..., Any]) -> list[str]:
 
 def sources_hash(function: Callable[..., Any]) -> str:
     """A hash of the sources that decide what a function returns; docstrings, comments and layout do not count."""
-    return _hash(json.dumps([[name, _read(name)[0]] for name in modules_of(function)]).encode())
+    text = json.dumps([[name, _read(name)[0]] for name in modules_of(function)])
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def content_key(function: Callable[..., Any], decides: Any, *inputs: bytes) -> str:
@@ -115,14 +114,8 @@ def content_key(function: Callable[..., Any], decides: Any, *inputs: bytes) -> s
         decides: Settings, seed and whatever else decides, as plain JSON values.
         inputs: Hashes of the inputs, in order.
     """
-    packages = {"Python": platform.python_version()} | {name: version(name) for name in COMPUTES}
-    text = json.dumps([sources_hash(function), packages, decides], sort_keys=True)
-    return _hash(text.encode(), *inputs)
-
-
-def _hash(*parts: bytes) -> str:
-    digest = hashlib.sha256()
-    for part in parts:
+    digest = hashlib.sha256(json.dumps([sources_hash(function), that_compute(), decides], sort_keys=True).encode())
+    for part in inputs:
         digest.update(part)
     return digest.hexdigest()
 

@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.backends.host import HostBackend
+from lava_vpr.backends.interface import query_presentations
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.compression.compression import (
     PURPOSE,
@@ -23,15 +25,12 @@ from lava_vpr.deploy.compression.compression import (
     for_inputs,
     with_settings,
 )
-from lava_vpr.encoding import EncodedTraverse, query_rates16
-from lava_vpr.engine.inference import fixed
+from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.experiments.search import cheapest
-from lava_vpr.matching.evaluation import evaluate
-from lava_vpr.matching.matchers import confidence
-from lava_vpr.model import Model, checked_network, decode, integer_model
+from lava_vpr.experiments.task import judged
+from lava_vpr.model import Model, integer_model
 from lava_vpr.training.references import expected_rates
 
 PRUNES = (0.0, 0.3, 0.4, 0.5, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.925, 0.95, 0.97)
@@ -50,14 +49,8 @@ Begin = Callable[[int], Callable[[str], None]]
 def figures(model: Model, calibration: Calibration, *, threads: int = 1) -> Figures:
     """How ``model`` does on calibration images and their truth, bool (images, places)."""
     queries, truth = calibration
-    rates = query_rates16(queries.activity, model.config.encoder)
-    keys = presentation_keys(model.config.seed, "query", image_keys(rates))
-    counts, events, _ = fixed.count_spikes(checked_network(model, "calibration"), rates, keys, threads=threads)
-    decoder = model.config.decoder.default
-    scores = decode(model, counts, decoder)
-    metrics = evaluate(scores, confidence(decoder, scores), truth)
-    operations = events["synaptic_operations"] / max(1, len(queries))
-    return Figures(metrics.recall_at_1, metrics.recall_at_100_precision, metrics.auc, operations)
+    counts, events = HostBackend(threads).count_spikes(model, query_presentations(model, queries))
+    return Figures(*judged(model, counts, truth), events["synaptic_operations"] / max(1, len(queries)))
 
 
 def calibrated(compressed: Compressed, calibration: Calibration, *, threads: int = 1) -> Compressed:

@@ -48,7 +48,7 @@ def found() -> tuple[tuple[Candidate, ...], int]:
     """A short search, and how many points it said were done."""
     done: list[int] = []
     one = case()
-    return sweep(one.model, one.queries, one.truth, budget=10, advance=done.append), sum(done)
+    return sweep([one], budget=10, advance=done.append), sum(done)
 
 
 @settings(max_examples=50, deadline=None, derandomize=True)
@@ -149,7 +149,7 @@ def test_a_search_tells_what_it_tried() -> None:
 
 def test_equal_input_gives_equal_points() -> None:
     one = case()
-    again = sweep(one.model, one.queries, one.truth, budget=10, threads=2)
+    again = sweep([one], budget=10, threads=2)
     assert [repr(point) for point in again] == [repr(point) for point in found()[0]]
 
 
@@ -160,7 +160,7 @@ def test_a_cluster_measures_the_points_of_one_machine(tmp_path: Path) -> None:
     try:
         with connected(made.address) as cluster:
             done: list[int] = []
-            again = sweep(one.model, one.queries, one.truth, budget=10, cluster=cluster, advance=done.append)
+            again = sweep([one], budget=10, cluster=cluster, advance=done.append)
     finally:
         made.end()
     assert [repr(point) for point in again] == [repr(point) for point in found()[0]]
@@ -188,6 +188,6 @@ def test_settings_go_in_and_come_out() -> None:
 def test_what_cannot_be_swept_is_refused() -> None:
     one = case()
     with pytest.raises(ConfigError, match="no float weights to quantise anew"):
-        sweep(dataclasses.replace(one.model, learned=np.zeros((0, 0), np.float32)), one.queries, one.truth)
+        sweep([dataclasses.replace(one, model=dataclasses.replace(one.model, learned=np.zeros((0, 0), np.float32)))])
     with pytest.raises(ConfigError, match="the search of settings needs an integer network"):
         current(dataclasses.replace(one.model, config=tiny_paper()))

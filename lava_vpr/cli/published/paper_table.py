@@ -9,10 +9,11 @@ from typing import Any
 
 import click
 
-from lava_vpr.cli.common import PATH, Numbers, console, print_whole, progress_bar, seed_type, setting_type
+from lava_vpr.cli.common import PATH, Numbers, progress_bar, seed_type, setting_type
 from lava_vpr.cli.evaluate import command_line
-from lava_vpr.cli.outputs import Outputs, write_json, write_text
+from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.show.clusters import cluster_at, cluster_option
+from lava_vpr.cli.show.results import Files, show_results
 from lava_vpr.config import StdpLearning
 from lava_vpr.datasets.layouts import DATASETS
 from lava_vpr.engine.threads import cores
@@ -120,14 +121,6 @@ class NamedPathsType(click.ParamType):
 @click.pass_context
 def paper_table(
     ctx: click.Context,
-    folders: tuple[NamedPaths, ...],
-    traverses: tuple[NamedPaths, ...],
-    positions: tuple[NamedPaths, ...],
-    descriptors: tuple[NamedPaths, ...],
-    only: tuple[str, ...],
-    sections: tuple[int, ...],
-    epochs: int | None,
-    seed: int,
     jobs: int | None,
     address: str | None,
     keep: Path | None,
@@ -136,6 +129,7 @@ def paper_table(
     csv_path: Path | None,
     markdown_path: Path | None,
     report_folder: Path | None,
+    **given: Any,
 ) -> None:
     """Compute the paper's table anew, beside the numbers that it prints.
 
@@ -144,11 +138,53 @@ def paper_table(
     takes seconds, by preset paper one to two minutes: with --keep a run that is interrupted goes on where it was.
     """
     page = report_folder and report_folder / "paper_table.html"
-    given = [path for some in (*positions, *descriptors) for path in some.paths]
-    images = [str(path) for some in (*folders, *traverses) for path in some.paths]
-    outputs = Outputs((json_path, csv_path, markdown_path), made=(page,), read=given, images=images)
     if kept_only and keep is None:
         raise click.UsageError("--kept-only takes what is kept; give --keep DIR")
+    wanted = _wanted((json_path, csv_path, markdown_path), page, keep, **given)
+    with cluster_at(address) as cluster, progress_bar("paper's table", len(wanted.tasks())) as advance:
+        said = command_line(ctx)
+        try:
+            table = compute(
+                wanted, keep, jobs=jobs or cores(), cluster=cluster, kept_only=kept_only, command=said, advance=advance
+            )
+        except KeyboardInterrupt:
+            if keep is not None:
+                text = f"finished sections are kept in {shown(keep)}; the same command goes on from there"
+                click.echo(text, err=True)
+            raise
+    files: Files = {json_path: as_json(table), csv_path: as_csv(table), markdown_path: markdown(table)}
+    show_results(tables(table), files, page, lambda: _page(table), [RULES])
+
+
+def _page(table: PaperTable) -> str:
+    """The page of the table; it takes matplotlib a second to be imported."""
+    from lava_vpr.paper_table.show.page import page
+
+    return page(table)
+
+
+def _wanted(
+    files: tuple[Path | None, ...],
+    page: Path | None,
+    keep: Path | None,
+    *,
+    folders: tuple[NamedPaths, ...],
+    traverses: tuple[NamedPaths, ...],
+    positions: tuple[NamedPaths, ...],
+    descriptors: tuple[NamedPaths, ...],
+    only: tuple[str, ...],
+    sections: tuple[int, ...],
+    epochs: int | None,
+    seed: int,
+) -> Wanted:
+    """What the table is computed from; no output is one of its files.
+
+    Raises:
+        LavaVprError: an output, or an input, that cannot be used.
+    """
+    given = [path for some in (*positions, *descriptors) for path in some.paths]
+    images = [str(path) for some in (*folders, *traverses) for path in some.paths]
+    outputs = Outputs(files, made=(page,), read=given, images=images)
     if keep is not None and keep.exists() and not keep.is_dir():
         raise InputError(f"{shown(keep)}: is a file; name a folder with --keep")
     sources = _sources(folders, traverses, positions)
@@ -156,25 +192,7 @@ def paper_table(
     vectors = {name: (paths[0], paths[1]) for name, paths in _once(descriptors, "--descriptors").items()}
     for name in vectors.keys() - sources.keys():
         raise InputError(f"--descriptors {name}: no images of it are given; add --dataset or --traverses")
-    wanted = Wanted(sources, vectors, only or NETWORKS, sections, seed, epochs)
-    with cluster_at(address) as cluster, progress_bar("paper's table", len(wanted.tasks())) as advance:
-        try:
-            table = compute(
-                wanted,
-                keep,
-                jobs=jobs or cores(),
-                cluster=cluster,
-                kept_only=kept_only,
-                command=command_line(ctx),
-                advance=advance,
-            )
-        except KeyboardInterrupt:
-            if keep is not None:
-                click.echo(
-                    f"finished sections are kept in {shown(keep)}; the same command goes on from there", err=True
-                )
-            raise
-    _tell(table, json_path, csv_path, markdown_path, page)
+    return Wanted(sources, vectors, only or NETWORKS, sections, seed, epochs)
 
 
 def _once(given: Sequence[NamedPaths], option: str) -> dict[str, tuple[Path, ...]]:
@@ -212,26 +230,3 @@ def _sources(
         elif name in plain:
             found[name] = stand_in(name, plain[name], known.get(name, ()))
     return found
-
-
-def _tell(
-    table: PaperTable, json_path: Path | None, csv_path: Path | None, markdown_path: Path | None, page: Path | None
-) -> None:
-    """Write the files, then print the tables: whoever reads them may go away."""
-    if json_path is not None:
-        write_json(json_path, as_json(table))
-    if csv_path is not None:
-        write_text(csv_path, as_csv(table))
-    if markdown_path is not None:
-        write_text(markdown_path, markdown(table))
-    if page is not None:
-        # matplotlib takes a second to import: only those who want a report wait for it.
-        from lava_vpr.paper_table.show.page import page as page_of
-        from lava_vpr.report import write_page
-
-        write_page(page_of(table), page)
-    for one in tables(table):
-        print_whole(one)
-    console.print(RULES)
-    if page is not None:
-        console.print(f"report: {shown(page)}")
