@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import wraps
 from pathlib import Path
-from typing import Any, TypeVar
 
 import click
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.cli.common import PATH, Number, stderr
+from lava_vpr.cli.common import PATH, Number, noun, stderr
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.whereabouts import WhereOptions, query_positions_options
 from lava_vpr.datasets.selecting import Selection
@@ -22,8 +19,6 @@ from lava_vpr.storage.text import shown
 from lava_vpr.traverse import Traverse, open_traverse, ranges_of
 from lava_vpr.truth.alignment import NEAR_M, Located, aligned_truth, by_number, choose_queries, located_by
 from lava_vpr.truth.groundtruth import read_ground_truth
-
-F = TypeVar("F", bound=Callable[..., Any])
 
 
 def open_queries(
@@ -197,45 +192,37 @@ class TruthOptions:
         return NEAR_M if self.radius is None else self.radius
 
 
-def truth_options(command: F) -> F:
-    """The options that say which places are correct, given to the command as ``truth``."""
-
-    @wraps(command)
-    def collected(*args: Any, gt: Any, positions: Any, radius: Any, tolerance: Any, where: Any, **others: Any) -> Any:
-        return command(*args, truth=TruthOptions(gt, positions, radius, tolerance, where), **others)
-
-    options = (
-        click.option(
-            "--gt",
-            type=PATH,
-            default=None,
-            metavar="FILE",
-            help="Correct places of each query: txt, csv, json or npy.",
-        ),
-        click.option(
-            "--positions",
-            type=(PATH, PATH),
-            default=None,
-            metavar="REF.csv QUERY.csv",
-            help="Positions of all images; with --radius.",
-        ),
-        query_positions_options,
-        click.option(
-            "--radius",
-            type=Number(min=0),
-            default=None,
-            metavar="M",
-            help=f"Metres within which a place is correct, where positions are known.  [default: {NEAR_M:g}]",
-        ),
-        click.option(
-            "--tolerance",
-            type=click.IntRange(min=0),
-            default=0,
-            show_default=True,
-            help="Places off that still count.",
-        ),
-    )
-    optional: Any = collected
-    for option in reversed(options):
-        optional = option(optional)
-    return optional
+truth_options = noun(
+    "truth",
+    TruthOptions,
+    click.option(
+        "--gt",
+        type=PATH,
+        default=None,
+        metavar="FILE",
+        help="Correct places of each query: txt, csv, json or npy.",
+    ),
+    click.option(
+        "--positions",
+        type=(PATH, PATH),
+        default=None,
+        metavar="REF.csv QUERY.csv",
+        help="Positions of all images; with --radius.",
+    ),
+    query_positions_options,
+    click.option(
+        "--radius",
+        type=Number(min=0),
+        default=None,
+        metavar="M",
+        help=f"Metres within which a place is correct, where positions are known.  [default: {NEAR_M:g}]",
+    ),
+    click.option(
+        "--tolerance",
+        type=click.IntRange(min=0),
+        default=0,
+        show_default=True,
+        help="Places off that still count.",
+    ),
+)
+"""The options that say which places are correct, given to the command as ``truth``."""

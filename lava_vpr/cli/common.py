@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import partial, wraps
+from functools import partial, reduce, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
@@ -175,17 +176,50 @@ def print_unproven(rows: Sequence[Belief]) -> None:
     )
 
 
-def asking_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a command that asks a model queries the options ``--query-views`` and ``--adapt``, as ``asking``."""
+def several(*options: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Give a command ``options``, the first of them first in its help."""
+    return lambda command: reduce(lambda optional, option: option(optional), reversed(options), command)
 
-    @wraps(command)
-    def collected(*args: Any, query_views: int, adapt: float | None, **others: Any) -> Any:
-        return command(*args, asking=Asking(query_views, adapt), **others)
 
-    text, odd = "Sideways views in which each query is presented, an odd number.", click.IntRange(1, 99)
-    views = click.option("--query-views", type=odd, default=1, show_default=True, help=text)(collected)
-    text = "Let biases follow the queries before, with a time constant of N queries."
-    return click.option("--adapt", type=Number(min=1), default=None, metavar="N", help=text)(views)
+def noun(name: str, make: Callable[..., Any], *options: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Give a command ``options``, the first of them first in its help, whose values it gets together.
+
+    Args:
+        name: The command's argument.
+        make: Makes it of the options' values, by their names.
+        options: As click makes them, or this function.
+    """
+
+    def given(command: Any) -> Any:
+        @wraps(command)
+        def collected(*args: Any, **values: Any) -> Any:
+            parts = {key: values.pop(key) for key in inspect.signature(make).parameters if key in values}
+            return command(*args, **{name: make(**parts)}, **values)
+
+        return several(*options)(collected)
+
+    return given
+
+
+asking_options = noun(
+    "asking",
+    lambda query_views, adapt: Asking(query_views, adapt),
+    click.option(
+        "--adapt",
+        type=Number(min=1),
+        default=None,
+        metavar="N",
+        help="Let biases follow the queries before, with a time constant of N queries.",
+    ),
+    click.option(
+        "--query-views",
+        type=click.IntRange(1, 99),
+        default=1,
+        show_default=True,
+        help="Sideways views in which each query is presented, an odd number.",
+    ),
+)
+"""Give a command that asks a model queries the options ``--query-views`` and ``--adapt``, as ``asking``."""
 
 
 def motion_option(default: str) -> Callable[[F], F]:

@@ -8,9 +8,8 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from functools import partial, wraps
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import click
 import numpy as np
@@ -28,6 +27,7 @@ from lava_vpr.cli.common import (
     console,
     every_option,
     motion_option,
+    noun,
     places_option,
     precision_option,
     progress_bar,
@@ -116,61 +116,36 @@ class Accepting:
         return accepted(answers, least) if self.confidence is None else sure(answers, self.confidence)
 
 
-def _writing_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The options ``-o``, ``--format`` and ``--top``, given to the command as ``writing``."""
-
-    @click.option(
+@click.command(cls=OneSource)
+@click.argument("model_path", metavar="MODEL", type=PATH)
+@click.argument("images", type=str)
+@noun(
+    "writing",
+    Writing,
+    click.option(
         "-o",
         "--output",
         type=PATH,
         default=None,
         metavar="matches.csv",
         help="File to write, or - for standard output (default: standard output; of one image, a sentence).",
-    )
-    @click.option(
+    ),
+    click.option(
         "--format",
         "form",
         type=click.Choice(("csv", "jsonl")),
         default=None,
         help="Lines of CSV or of JSON (default: csv, unless the file's name ends in .jsonl).",
-    )
-    @click.option(
+    ),
+    click.option(
         "--top",
         type=click.IntRange(1, 1000),
         default=1,
         show_default=True,
         metavar="K",
         help="Name the K best places of each image, too.",
-    )
-    @wraps(command)
-    def collected(*args: Any, output: Path | None, form: str | None, top: int, **others: Any) -> Any:
-        return command(*args, writing=Writing(output, form, top), **others)
-
-    return collected
-
-
-def _accepting_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The options ``--target-precision`` and ``--min-confidence``, given to the command as ``accepting``."""
-
-    @precision_option
-    @click.option(
-        "--min-confidence",
-        type=float,
-        default=None,
-        metavar="C",
-        help="Accept by the decoder's confidence instead: matches of at least this.",
-    )
-    @wraps(command)
-    def collected(*args: Any, target_precision: float, min_confidence: float | None, **others: Any) -> Any:
-        return command(*args, accepting=Accepting(target_precision, min_confidence), **others)
-
-    return collected
-
-
-@click.command(cls=OneSource)
-@click.argument("model_path", metavar="MODEL", type=PATH)
-@click.argument("images", type=str)
-@_writing_options
+    ),
+)
 @places_option("Images A..B-1 only (default: all).")
 @every_option
 @asking_options
@@ -183,7 +158,18 @@ def _accepting_options(command: Callable[..., Any]) -> Callable[..., Any]:
     show_default=True,
     help="Match each image together with those before it, at the references' own speed.",
 )
-@_accepting_options
+@noun(
+    "accepting",
+    lambda target_precision, min_confidence: Accepting(target_precision, min_confidence),
+    precision_option,
+    click.option(
+        "--min-confidence",
+        type=float,
+        default=None,
+        metavar="C",
+        help="Accept by the decoder's confidence instead: matches of at least this.",
+    ),
+)
 @query_positions_options
 def query(
     model_path: Path,

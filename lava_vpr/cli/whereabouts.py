@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import wraps
 from pathlib import Path
-from typing import Any, TypeVar
 
 import click
 
-from lava_vpr.cli.common import PATH, Number
+from lava_vpr.cli.common import PATH, Number, noun, several
 from lava_vpr.errors import InputError
 from lava_vpr.model import Model
 from lava_vpr.positions.track import MOST_GAP_S
 from lava_vpr.traverse import Traverse, located
-
-F = TypeVar("F", bound=Callable[..., Any])
 
 _POSITIONS = "Positions, CSV or GPX: a row an image, or timed (default: from names @UTM_east@UTM_north@...)."
 _STAMPS = "When they were taken: CSV, a row an image; or when a video begins (default: from names and frames)."
@@ -66,41 +61,28 @@ class WhereOptions:
         return located(traverse, whole, self.positions, self.stamps, self.gap)
 
 
-def query_positions_options(command: F) -> F:
-    """The options ``--query-positions``, ``--stamps`` and ``--gap``, given to the command as ``where``."""
+_GAP = click.option(
+    "--gap",
+    type=Number(min=0),
+    default=MOST_GAP_S,
+    show_default=True,
+    metavar="SECONDS",
+    help="Longest gap between two positions in which an image is placed by its time.",
+)
+_EACH = " Once for each REFERENCE, in order."
 
-    @wraps(command)
-    def collected(*args: Any, query_positions: Any, stamps: Any, gap: Any, **others: Any) -> Any:
-        return command(*args, where=WhereOptions(query_positions, stamps, gap), **others)
+query_positions_options = noun(
+    "where",
+    lambda query_positions, stamps, gap: WhereOptions(query_positions, stamps, gap),
+    click.option("--query-positions", type=PATH, default=None, metavar="FILE", help=_POSITIONS),
+    click.option("--stamps", default=None, metavar="FILE|TIME", help=_STAMPS),
+    _GAP,
+)
+"""The options ``--query-positions``, ``--stamps`` and ``--gap``, given to the command as ``where``."""
 
-    options = (
-        click.option("--query-positions", type=PATH, default=None, metavar="FILE", help=_POSITIONS),
-        click.option("--stamps", default=None, metavar="FILE|TIME", help=_STAMPS),
-        _gap_option,
-    )
-    return _optional(collected, options)
-
-
-def reference_positions_options(command: F) -> F:
-    """Give a command the options ``--positions``, ``--stamps`` and ``--gap`` of several traverses."""
-    each = " Once for each REFERENCE, in order."
-    options = (
-        click.option("--positions", type=PATH, multiple=True, metavar="FILE", help=_POSITIONS + each),
-        click.option("--stamps", multiple=True, metavar="FILE|TIME", help=_STAMPS + each),
-        _gap_option,
-    )
-    optional: F = _optional(command, options)
-    return optional
-
-
-def _gap_option(command: F) -> F:
-    text = "Longest gap between two positions in which an image is placed by its time."
-    gap = click.option("--gap", type=Number(min=0), default=MOST_GAP_S, show_default=True, metavar="SECONDS", help=text)
-    return gap(command)
-
-
-def _optional(command: Any, options: Sequence[Callable[[Any], Any]]) -> Any:
-    """``command`` with ``options``, the first of them first in its help."""
-    for option in reversed(options):
-        command = option(command)
-    return command
+reference_positions_options = several(
+    click.option("--positions", type=PATH, multiple=True, metavar="FILE", help=_POSITIONS + _EACH),
+    click.option("--stamps", multiple=True, metavar="FILE|TIME", help=_STAMPS + _EACH),
+    _GAP,
+)
+"""Give a command the options ``--positions``, ``--stamps`` and ``--gap`` of several traverses."""

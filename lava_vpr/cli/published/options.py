@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import wraps
-from typing import Any, TypeVar
-
 import click
 
-from lava_vpr.cli.common import RegisteredName
+from lava_vpr.cli.common import RegisteredName, noun, several
 from lava_vpr.datasets.layouts import DATASETS
 from lava_vpr.datasets.selecting import Benchmark, Selection
 from lava_vpr.errors import InputError
 from lava_vpr.model import Model
-
-F = TypeVar("F", bound=Callable[..., Any])
 
 
 def asked_places(route: Selection, model: Model, places: tuple[int, int] | None) -> tuple[int, int] | None:
@@ -34,20 +28,22 @@ def asked_places(route: Selection, model: Model, places: tuple[int, int] | None)
     return first, end
 
 
-def dataset_options(command: F) -> F:
-    """Give a command the options ``--dataset`` and ``--section``."""
-    text = "One of the dataset's sections, from 1 (default: all its places)."
-    sectioned = click.option("--section", type=click.IntRange(min=1), default=None, metavar="K", help=text)(command)
-    text = "The folder holds this benchmark dataset: take the paper's traverses and sampling."
-    return click.option("--dataset", type=RegisteredName(DATASETS), default=None, help=text)(sectioned)
+dataset_options = several(
+    click.option(
+        "--dataset",
+        type=RegisteredName(DATASETS),
+        default=None,
+        help="The folder holds this benchmark dataset: take the paper's traverses and sampling.",
+    ),
+    click.option(
+        "--section",
+        type=click.IntRange(min=1),
+        default=None,
+        metavar="K",
+        help="One of the dataset's sections, from 1 (default: all its places).",
+    ),
+)
+"""Give a command the options ``--dataset`` and ``--section``."""
 
-
-def benchmark_options(command: F) -> F:
-    """The options ``--dataset`` and ``--section``, given to the command as ``benchmark``."""
-
-    @wraps(command)
-    def collected(*args: Any, dataset: str | None, section: int | None, **others: Any) -> Any:
-        return command(*args, benchmark=Benchmark(dataset, section), **others)
-
-    optional: Any = dataset_options(collected)
-    return optional
+benchmark_options = noun("benchmark", lambda dataset, section: Benchmark(dataset, section), dataset_options)
+"""The options ``--dataset`` and ``--section``, given to the command as ``benchmark``."""
