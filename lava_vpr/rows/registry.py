@@ -66,16 +66,16 @@ class Registry(Mapping[str, Row], Generic[Row]):
         self._error = error
         self._row_class = row_class
         self._rows: dict[str, Row] = {}
-        self._plugged: dict[Plugin, Row | str] = {}
+        self._loaded: dict[Plugin, Row | str] = {}
 
     def register(self, row: Row) -> Row:
         """Add ``row`` as the last one, and return it.
 
         Raises:
-            TypeError: the row is no frozen dataclass, or a part of it is missing or of another type than its field.
+            TypeError: the row is no frozen dataclass, or lacks a part.
             ValueError: a row of that name is registered already.
         """
-        check_row(row, self.kind)
+        _check_row(row, self.kind)
         if row.name in self._rows:
             raise ValueError(f"{self.kind} {row.name!r} is registered twice; give each row a name of its own")
         self._rows[row.name] = row
@@ -91,8 +91,8 @@ class Registry(Mapping[str, Row], Generic[Row]):
 
     def plugged(self) -> Iterator[tuple[Plugin, str | None]]:
         """Every plug-in of the group, and why it cannot be used; None if it can. All are loaded."""
-        for plugin in plugins(self.group) if self.group is not None else ():
-            row = self._load(plugin)
+        for plugin, taken in self._found():
+            row = taken or self._load(plugin)
             yield plugin, row if isinstance(row, str) else None
 
     def __getitem__(self, name: str) -> Row:
@@ -104,12 +104,10 @@ class Registry(Mapping[str, Row], Generic[Row]):
         """
         if name in self._rows:
             return self._rows[name]
-        plugin = self._plugins().get(name)
-        if plugin is None:
-            raise self._error(
-                f"there is no {self.kind} {name!r}; choose from {', '.join(self.names())}{self.elsewhere}"
-            )
-        row = self._load(plugin)
+        if name not in self._plugins():
+            known = ", ".join(self.names())
+            raise self._error(f"there is no {self.kind} {name!r}; choose from {known}{self.elsewhere}")
+        row = self._load(self._plugins()[name])
         if isinstance(row, str):
             raise self._error(row)
         return row
@@ -140,46 +138,37 @@ class Registry(Mapping[str, Row], Generic[Row]):
     def __contains__(self, name: object) -> bool:
         return name in self._rows or name in self._plugins()
 
+    def _found(self) -> Iterator[tuple[Plugin, str | None]]:
+        """Every plug-in, and what a message says if its name is taken, by a row of this program or an earlier one."""
+        owners = dict.fromkeys(self._rows, "this program itself")
+        for plugin in plugins(self.group) if self.group is not None else ():
+            owner = owners.setdefault(plugin.name, "")
+            owners[plugin.name] = owner or plugin.origin
+            end = f"has a {self.kind} of that name; uninstall one, or rename it"
+            yield plugin, f"{self._called(plugin)} is left out: {owner} {end}" if owner else None
+
     def _plugins(self) -> dict[str, Plugin]:
         """The plug-ins by name, the first of each; a warning tells of one whose name is taken."""
-        found: dict[str, Plugin] = {}
-        for plugin in plugins(self.group) if self.group is not None else ():
-            taken = self._taken(plugin)
+        free = {}
+        for plugin, taken in self._found():
             if taken is None:
-                found[plugin.name] = plugin
+                free[plugin.name] = plugin
             else:
                 _warn(taken)
-        return found
+        return free
 
-    def _taken(self, plugin: Plugin) -> str | None:
-        """What a message says of a plug-in whose name another row has; None if it has its own."""
-        by = None
-        if plugin.name in self._rows:
-            by = "this program itself"
-        for other in plugins(plugin.group):
-            if by is None and other.name == plugin.name and other is not plugin:
-                by = other.origin
-            if other is plugin:
-                break
-        if by is None:
-            return None
-        return f"{self._told(plugin)} is left out: {by} has a {self.kind} of that name; uninstall one, or rename it"
-
-    def _told(self, plugin: Plugin) -> str:
+    def _called(self, plugin: Plugin) -> str:
         """A plug-in, for messages."""
         return f"{self.kind} {plugin.name!r} of {plugin.origin}"
 
     def _load(self, plugin: Plugin) -> Row | str:
         """The row of ``plugin``, loaded once, or why it cannot be used, for people."""
-        taken = self._taken(plugin)
-        if taken is not None:
-            return taken
-        if plugin not in self._plugged:
+        if plugin not in self._loaded:
             try:
-                self._plugged[plugin] = self._sound(plugin)
+                self._loaded[plugin] = self._sound(plugin)
             except PluginError as error:
-                self._plugged[plugin] = f"{self._told(plugin)} {error}; update or uninstall that package"
-        return self._plugged[plugin]
+                self._loaded[plugin] = f"{self._called(plugin)} {error}; update or uninstall that package"
+        return self._loaded[plugin]
 
     def _sound(self, plugin: Plugin) -> Row:
         """The row of ``plugin``.
@@ -193,7 +182,7 @@ class Registry(Mapping[str, Row], Generic[Row]):
         if getattr(row, "name", None) != plugin.name:
             raise PluginError(f"calls itself {brief(getattr(row, 'name', None))}")
         try:
-            check_row(row, self.kind)
+            _check_row(row, self.kind)
         except TypeError as error:
             raise PluginError(f"is not whole ({error})") from None
         return typing.cast(Row, row)
@@ -205,57 +194,35 @@ def _warn(line: str) -> None:
     logging.getLogger("lava_vpr").warning("%s", line)
 
 
-def check_row(row: object, kind: str) -> None:
-    """Refuse a row that lacks a part.
-
-    Every field must hold what its annotation says: a callable where a function belongs, a text that is not empty, and
-    None only where the annotation allows it.
+def _check_row(row: object, kind: str) -> None:
+    """Refuse a row that is no frozen dataclass or lacks a part; finer types are for type checkers.
 
     Raises:
         TypeError: with the row's name and the field.
     """
     if not dataclasses.is_dataclass(row) or isinstance(row, type) or not type(row).__dataclass_params__.frozen:  # type: ignore[attr-defined]
         raise TypeError(f"{kind} {row!r} is no frozen dataclass; make its row one")
-    name = getattr(row, "name", None)
     hints = typing.get_type_hints(type(row))
     for field in dataclasses.fields(row):
-        value = getattr(row, field.name)
-        if not _holds(value, hints[field.name]):
-            raise TypeError(f"{kind} {name!r}: {field.name} is {value!r}, but must be {_described(hints[field.name])}")
+        value, wanted = getattr(row, field.name), _lacking(getattr(row, field.name), hints[field.name])
+        if wanted is not None:
+            wanted = wanted or f"a value of {field.type}"
+            name = getattr(row, "name", None)
+            raise TypeError(f"{kind} {name!r}: {field.name} is {value!r}, but must be {wanted}")
 
 
-def _holds(value: object, annotation: Any) -> bool:
-    """Whether ``value`` is what a field annotated with ``annotation`` must hold; items of containers are not seen."""
-    if annotation is Any:
-        return value is not None
-    if annotation is None or annotation is type(None):
-        return value is None
-    origin = typing.get_origin(annotation)
-    if origin in (typing.Union, types.UnionType):
-        return any(_holds(value, part) for part in typing.get_args(annotation))
-    if origin is typing.Literal:
-        return value in typing.get_args(annotation)
-    if collections.abc.Callable in (annotation, origin):
-        return callable(value)
-    expected = origin or annotation
-    if expected is str:
-        return isinstance(value, str) and value != ""
-    if expected in (int, float):
-        return isinstance(value, (int, expected)) and not isinstance(value, bool)
-    if not isinstance(expected, type) or getattr(expected, "_is_protocol", False):
-        return value is not None  # a protocol or a type variable: no class to compare with
-    return isinstance(value, expected)
-
-
-def _described(annotation: Any) -> str:
-    """What a field annotated with ``annotation`` must hold, in words."""
-    origin = typing.get_origin(annotation)
-    if origin in (typing.Union, types.UnionType):
-        return " or ".join(_described(part) for part in typing.get_args(annotation))
-    if collections.abc.Callable in (annotation, origin):
-        return "a function"
+def _lacking(value: object, annotation: Any) -> str | None:
+    """What belongs in a field, as a message says it; None if ``value`` does, empty if that is a value of its annotation."""
+    united = typing.get_origin(annotation) in (typing.Union, types.UnionType)
+    kinds = typing.get_args(annotation) if united else (annotation,)
+    if value is None and type(None) in kinds:
+        return None
+    if any(collections.abc.Callable in (kind, typing.get_origin(kind)) for kind in kinds):
+        return None if callable(value) else "a function"
     if annotation is str:
-        return "a text that is not empty"
-    if annotation is type(None):
-        return "None"
-    return f"a value of {getattr(origin or annotation, '__name__', annotation)}"
+        return None if isinstance(value, str) and value else "a text that is not empty"
+    if typing.get_origin(annotation) is typing.Literal:
+        return None if value in typing.get_args(annotation) else ""
+    if annotation in (int, float, bool):
+        return None if isinstance(value, (int, annotation)) else ""
+    return None if value is not None else ""
