@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from lava_vpr.errors import InputError, brief
 from lava_vpr.events.hdf5 import NAMES
 from lava_vpr.events.stream import BLOCK, Raw, Recording, check_size
+from lava_vpr.storage.archives import ARCHIVE_ERRORS, entries_of
 from lava_vpr.storage.limits import excess
-from lava_vpr.storage.npy import NPZ_ERRORS, npz_entries
 from lava_vpr.storage.reading import open_regular
 from lava_vpr.storage.text import shown
 
@@ -76,7 +76,7 @@ def _opened(path: Path) -> Iterator[zipfile.ZipFile]:
         raise
     except OSError as error:
         raise InputError(f"{shown(path)}: cannot be read ({error.strerror or error}); check it") from None
-    except NPZ_ERRORS as error:
+    except ARCHIVE_ERRORS as error:
         why = shown(" ".join(str(error).split())[:160])
         raise InputError(f"{shown(path)}: is damaged, cut short or no .npz file ({why}); copy it again") from None
     except MemoryError:  # of a header that is nested too deeply, too
@@ -86,7 +86,7 @@ def _opened(path: Path) -> Iterator[zipfile.ZipFile]:
 def _members(archive: zipfile.ZipFile) -> dict[str, _Member]:
     """The one-dimensional arrays of plain numbers, and tables of such, by their names."""
     found = {}
-    for name in [entry.filename for entry in npz_entries(archive) if entry.filename.endswith(".npy")]:
+    for name in [entry.filename for entry in entries_of(archive) if entry.filename.endswith(".npy")]:
         with archive.open(name) as stream:
             shape, dtype = _header(stream)
         if len(shape) == 1 and not dtype.hasobject:

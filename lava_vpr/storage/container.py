@@ -4,9 +4,8 @@ Layout: a magic line, the SHA-256 of the rest in hexadecimal, a newline, then a 
 entry ``header`` is UTF-8 JSON. Equal content gives equal bytes. Files are written under a temporary name, flushed to
 the disk and renamed, so that a crash or a full disk leaves what was there before.
 
-A right checksum says that a file is whole, not that it is honest. What it unpacks to is added up from the archive's
-directory, and held against the limit ``model_bytes``, before an entry is opened; each entry must then be what its own
-header says, to the byte.
+A right checksum says that a file is whole, not that it is honest: what it unpacks to is bounded by `model_bytes`
+(`lava_vpr.storage.archives`), and each entry must be what its own header says, to the byte.
 """
 
 from __future__ import annotations
@@ -15,10 +14,8 @@ import hashlib
 import io
 import json
 import re
-import struct
 import zipfile
-import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import ModelFileError
-from lava_vpr.storage.limits import excess, unpacking
-from lava_vpr.storage.npy import METHODS, array_of
+from lava_vpr.storage.archives import ARCHIVE_ERRORS, BeyondError, check_budget, entries_of, unpacked
+from lava_vpr.storage.limits import excess
+from lava_vpr.storage.npy import array_of
 from lava_vpr.storage.reading import parse_json, read_bytes
 from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import write_atomically
@@ -54,7 +52,7 @@ def pack(kind: str, header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]
     data = _magic(kind) + hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload
     try:
         _check_entries(archive.infolist(), len(data))
-    except _Beyond as error:
+    except BeyondError as error:
         raise ModelFileError(f"the {kind} {error}") from None
     return data
 
@@ -111,7 +109,7 @@ def unpack(data: bytes, path: Path, kind: str) -> tuple[dict[str, Any], dict[str
         raise ModelFileError(f"{shown(path)}: the {kind} is damaged (checksum differs); {REMEDIES[kind]}")
     try:
         return _unpacked(data, end + 1)
-    except _Beyond as error:
+    except BeyondError as error:
         raise ModelFileError(f"{shown(path)}: the {kind} {error}") from None
     except MemoryError:
         raise ModelFileError(
@@ -131,45 +129,23 @@ REMEDIES = {
 }
 """What to do about a file of each kind that cannot be used."""
 
-_UNFIT = (
-    ValueError,
-    KeyError,
-    OverflowError,
-    OSError,
-    EOFError,
-    RuntimeError,
-    struct.error,
-    zipfile.BadZipFile,
-    zlib.error,
-)
+_UNFIT = (*ARCHIVE_ERRORS, OSError)
 """What reading an archive and its entries raises when they are not what they should be."""
 
 _MOST_ENTRIES = 65_535
 """Entries that an archive without ZIP64's own directory can have; a checkpoint has two for each stretch."""
 
-_LOCAL_HEADER, _DIRECTORY_ENTRY, _DIRECTORY_END, _DIRECTORY_END_64 = 30, 46, 22, 76
-"""Bytes of an archive's parts without names and extra fields (APPNOTE.TXT 4.3.7, 4.3.12, 4.3.16; 4.3.14 and 4.3.15)."""
-_LOCAL_LENGTHS = struct.Struct("<HH")
-"""The end of a local header: bytes of the name and of the extra field."""
-_DIRECTORY_COUNTS = struct.Struct("<HHHH")
-"""In its end: number of this disk, of that with the directory, and how many entries are on this one and on all."""
 _ENTRY = re.compile(r"(header|a\.[a-z0-9_.]{1,60})\.npy")
-_PIECE = 1 << 20
-
-
-class _Beyond(Exception):
-    """A container costs more than a limit allows; the message says what, and how the limit is raised."""
 
 
 def _unpacked(data: bytes, start: int) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Header and arrays of the archive in ``data``, from ``start`` on; errors are `_Beyond` and those in `_UNFIT`."""
+    """Header and arrays of the archive in ``data``, from ``start`` on; errors: `BeyondError`, and `_UNFIT`."""
     if data.count(b"PK\x01\x02") > _MOST_ENTRIES:  # before the directory is read, whose entries cost memory
         raise ValueError(f"it has more than {_MOST_ENTRIES:,} entries")
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        entries = sorted(archive.infolist(), key=lambda entry: entry.header_offset)
+        entries = entries_of(archive, _MOST_ENTRIES)
         _check_entries(entries, len(data))
-        packed = _packed(entries, archive.start_dir, data, start)
-    arrays = {entry.filename[: -len(".npy")]: _array(packed[entry.filename], entry) for entry in entries}
+        arrays = {entry.filename.removesuffix(".npy"): _array(archive, entry) for entry in entries}
     text = arrays.pop("header", None)
     if text is None:
         raise ValueError("it has no header")
@@ -193,91 +169,19 @@ def _check_entries(entries: list[zipfile.ZipInfo], packed: int) -> None:
         name = entry.orig_filename
         if not _ENTRY.fullmatch(name) or name in seen:
             raise ValueError(f"{'a second' if name in seen else 'an unknown'} entry {name[:60]!r}")
-        if entry.flag_bits & 0x1 or entry.compress_type not in METHODS:
-            raise ValueError(f"entry {name} is encrypted or compressed in an unknown way")
         seen.add(name)
         beyond = excess("header_bytes", entry.file_size) if name == "header.npy" else None
         if beyond is not None:
-            raise _Beyond(f"has a header of {beyond}")
-    beyond = unpacking("model_bytes", sum(entry.file_size for entry in entries), packed)
-    if beyond is not None:
-        raise _Beyond(f"unpacks to {beyond}")
+            raise BeyondError(f"has a header of {beyond}")
+    check_budget(entries, packed, "model_bytes")
 
 
-def _packed(entries: list[zipfile.ZipInfo], directory: int, data: bytes, start: int) -> dict[str, memoryview]:
-    """The packed bytes of each entry, if the parts of the archive are all that is in ``data`` from ``start`` on.
-
-    zipfile would skip bytes before, between and behind them, and take a name from the directory alone; other programs
-    might read such a file otherwise than we do.
-
-    Args:
-        entries: The entries, in the order in which they stand.
-        directory: Where the directory begins.
-        data: The whole file.
-        start: Where the archive begins.
-    Raises:
-        ValueError, struct.error: they are not, or an entry has another name than the directory says.
-    """
-    whole, packed, place = memoryview(data), {}, start
-    for entry in entries:
-        names = place + _LOCAL_HEADER
-        name, extra = _LOCAL_LENGTHS.unpack_from(data, names - _LOCAL_LENGTHS.size)
-        if entry.header_offset != place or data[place : place + 4] != b"PK\x03\x04":
-            raise ValueError(f"bytes before entry {entry.filename}")
-        if data[names : names + name] != entry.orig_filename.encode():
-            raise ValueError(f"entry {entry.filename} goes by another name, too")
-        place = names + name + extra + entry.compress_size
-        packed[entry.filename] = whole[place - entry.compress_size : place]
-    if place != directory:
-        raise ValueError("bytes before its directory")
-    for entry in entries:
-        place += _DIRECTORY_ENTRY + len(entry.orig_filename) + len(entry.extra) + len(entry.comment)
-    place += _DIRECTORY_END + (_DIRECTORY_END_64 if directory > zipfile.ZIP64_LIMIT else 0)
-    if place != len(data):
-        raise ValueError("bytes behind its directory")
-    if _DIRECTORY_COUNTS.unpack_from(data, len(data) - _DIRECTORY_END + 4) != (0, 0, len(entries), len(entries)):
-        raise ValueError(f"a directory of {len(entries)} entries that tells another number")
-    return packed
-
-
-def _array(packed: memoryview, entry: zipfile.ZipInfo) -> NDArray[Any]:
-    """The array in an entry, which holds an .npy file and nothing after it; ``packed`` is as it stands in the archive.
-
-    Raises:
-        ValueError, zlib.error: it does not, or is damaged.
-    """
-    content, begin, checksum = np.empty(entry.file_size, np.uint8), 0, 0
-    for piece in _unpacked_pieces(packed, entry):
-        end = begin + len(piece)
-        if end > entry.file_size:
-            raise ValueError(f"entry {entry.filename} is longer than the {entry.file_size:,} bytes that it tells")
-        content[begin:end] = np.frombuffer(piece, np.uint8)
-        checksum, begin = zlib.crc32(piece, checksum), end
-    if begin != entry.file_size or checksum != entry.CRC:
-        raise ValueError(f"entry {entry.filename} ends early or is damaged")
+def _array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray[Any]:
+    """The array in an entry, which holds an .npy file and nothing after it."""
     try:
-        return array_of(content.data)
+        return array_of(unpacked(archive, entry))
     except ValueError as error:
         raise ValueError(f"entry {entry.filename} {error}") from None
-
-
-def _unpacked_pieces(packed: memoryview, entry: zipfile.ZipInfo) -> Iterator[bytes | memoryview]:
-    """What an entry unpacks to, in pieces of at most `_PIECE` bytes.
-
-    Raises:
-        ValueError, zlib.error: the packed bytes are damaged, end early, or go on behind their end.
-    """
-    inflate = None if entry.compress_type == zipfile.ZIP_STORED else zlib.decompressobj(-zlib.MAX_WBITS)
-    for begin in range(0, len(packed), _PIECE):
-        rest: bytes | memoryview = packed[begin : begin + _PIECE]
-        if inflate is None:
-            yield rest
-            continue
-        while piece := inflate.decompress(rest, _PIECE):
-            yield piece
-            rest = inflate.unconsumed_tail
-    if inflate is not None and (not inflate.eof or inflate.unused_data):
-        raise ValueError(f"entry {entry.filename} does not end where its packed bytes do")
 
 
 def _cause(error: Exception) -> str:

@@ -9,10 +9,6 @@ from __future__ import annotations
 
 import math
 import re
-import struct
-import tokenize
-import zipfile
-import zlib
 from pathlib import Path
 from typing import Any
 
@@ -30,23 +26,6 @@ _HEADER = re.compile(
 )
 _TYPE = re.compile(r"[<|][biufcmMSUV]\d{1,4}")
 _MOST_AXES, _LONGEST_AXIS = 32, 10**12
-
-METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
-"""How `numpy.savez` and `numpy.savez_compressed` pack the arrays of an archive."""
-NPZ_ERRORS = (
-    zipfile.BadZipFile,
-    zlib.error,
-    tokenize.TokenError,
-    struct.error,
-    ValueError,
-    KeyError,
-    EOFError,
-    OverflowError,
-    NotImplementedError,
-    RuntimeError,
-)
-"""What zipfile and NumPy raise of a damaged archive of arrays, beside `OSError`."""
-_MOST_ENTRIES = 1000
 
 Shape = tuple[int | str, ...]
 """The length of each axis, or what it counts if any will do."""
@@ -89,21 +68,6 @@ def array_of(
         raise ValueError(f"is {found} {sizes}, but must be {wanted}{named}")
     array = np.frombuffer(data, found, offset=end).reshape(sizes, order="F" if header[2] == b"True" else "C")
     return array if array.flags.aligned else array.copy()
-
-
-def npz_entries(archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
-    """The entries of an archive, each packed as `numpy.savez` does.
-
-    Raises:
-        ValueError: one is not, or there are too many.
-    """
-    entries = archive.infolist()
-    if len(entries) > _MOST_ENTRIES:
-        raise ValueError(f"it has {len(entries):,} entries, more than {_MOST_ENTRIES:,}")
-    for entry in entries:
-        if entry.flag_bits & 0x1 or entry.compress_type not in METHODS:
-            raise ValueError(f"entry {brief(entry.filename)} is encrypted, or packed otherwise than numpy.savez does")
-    return entries
 
 
 def _type(code: str, kinds: str) -> np.dtype[Any]:

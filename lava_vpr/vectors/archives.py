@@ -8,19 +8,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError, brief
-from lava_vpr.storage.limits import unpacking
-from lava_vpr.storage.npy import NPZ_ERRORS, array_of, npz_entries
+from lava_vpr.storage.archives import ARCHIVE_ERRORS, BeyondError, check_budget, entries_of, unpacked
+from lava_vpr.storage.npy import array_of
 from lava_vpr.storage.reading import open_regular
 from lava_vpr.storage.text import shown
 
 DESCRIPTORS = "descriptors"
 BESIDE = ("names", "positions", "stamps", "frame")
 """What may stand beside vectors, by its name."""
-_PIECE = 1 << 18
 _REMEDY = "write it with numpy.savez(file, descriptors=..., names=...)"
 
 
@@ -55,7 +53,9 @@ def read_npz(path: Path) -> tuple[NDArray[Any], dict[str, NDArray[Any]]]:
             arrays = _arrays(archive, os.fstat(file.fileno()).st_size, path)
     except OSError as error:
         raise InputError(f"{shown(path)}: cannot be read ({error.strerror or error}); {_REMEDY}") from None
-    except NPZ_ERRORS as error:
+    except BeyondError as error:
+        raise InputError(f"{shown(path)}: {error}") from None
+    except ARCHIVE_ERRORS as error:
         raise InputError(f"{shown(path)}: is no sound .npz archive ({_cause(error)}); {_REMEDY}") from None
     name = chosen({name: array.shape for name, array in arrays.items()}, path, _REMEDY)
     return arrays[name], {key: arrays[key] for key in BESIDE if key in arrays}
@@ -63,28 +63,16 @@ def read_npz(path: Path) -> tuple[NDArray[Any], dict[str, NDArray[Any]]]:
 
 def _arrays(archive: zipfile.ZipFile, packed: int, path: Path) -> dict[str, NDArray[Any]]:
     """Every array of numbers or texts in ``archive``, a file of ``packed`` bytes, by its name."""
-    entries = npz_entries(archive)
-    beyond = unpacking("array_bytes", sum(entry.file_size for entry in entries), packed)
-    if beyond is not None:
-        raise InputError(f"{shown(path)}: unpacks to {beyond}")
+    entries = entries_of(archive)
+    check_budget(entries, packed, "array_bytes")
     arrays: dict[str, NDArray[Any]] = {}
     for entry in entries:
         name = entry.filename.removesuffix(".npy")
         try:
-            arrays[name] = array_of(_unpacked(archive, entry), texts=name in BESIDE)
+            arrays[name] = array_of(unpacked(archive, entry), texts=name in BESIDE)
         except ValueError as error:
             raise InputError(f"{shown(path)}: {brief(name)} {error}; {_REMEDY}") from None
     return arrays
-
-
-def _unpacked(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> memoryview:
-    """What an entry unpacks to, in the memory that it takes and no more: `ZipExtFile.read` takes twice as much."""
-    content, length = np.empty(entry.file_size, np.uint8).data, 0
-    with archive.open(entry) as member:
-        while piece := member.read(_PIECE):
-            content[length : length + len(piece)] = piece
-            length += len(piece)
-    return content[:length]
 
 
 def _cause(error: Exception) -> str:

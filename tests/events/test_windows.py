@@ -159,7 +159,7 @@ def test_a_large_sensor_is_averaged_down() -> None:
 @pytest.mark.parametrize(
     ("said", "words"),
     [
-        ({"image": "colour"}, "counts, surface"),
+        ({"image": "colour"}, "counts or surface"),
         ({"window_ms": 0.0}, "events.window_ms"),
         ({"window_ms": float("nan")}, "events.window_ms"),
         ({"window_events": -1}, "events.window_events"),
