@@ -148,11 +148,16 @@ def check_model(config: Config, places: int, traverses: int, neurons: int) -> No
         raise ConfigError(
             f"inputs {config.encoder.kind!r} see vectors, of which nothing is known; give vectors to learn"
         )
-    rules = {**_rules(config, sizes), **_network_rules(config, sizes)}
+    rules = array_rules(config, sizes)
     content = sum(math.prod(rule.shape) * np.dtype(rule.dtype).itemsize for rule in rules.values())
     beyond = excess("model_bytes", content + _HEADERS + 300 * places)  # and their names
     if beyond is not None:
         raise ConfigError(f"a model of {places:,} places and {neurons:,} neurons takes {beyond}, or learn fewer places")
+
+
+def array_rules(config: Config, sizes: Sizes) -> dict[str, Rule]:
+    """What every array of a model file must be."""
+    return {**_rules(config, sizes), **_network_rules(config, sizes)}
 
 
 def _config(header: Mapping[str, Any], network: FixedNetwork | None) -> Config:

@@ -1,12 +1,12 @@
-"""The parts of docs/security.md that the code decides: limits, and what holds for accepted files (`make pages`)."""
+"""The parts of docs/security.md that the code decides: limits, ranges of settings, arrays of a model (`make pages`)."""
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
+from lava_vpr.config import preset
 from lava_vpr.configfile import sections
+from lava_vpr.modelfile import Sizes, array_rules
 from lava_vpr.settings.ranges import declared
+from lava_vpr.storage.arrays import Rule
 from lava_vpr.storage.limits import LIMITS, variable
 
 
@@ -25,15 +25,38 @@ def settings() -> str:
     return "\n".join(rows)
 
 
-def rules() -> str:
-    """The list of what holds for accepted files."""
-    sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
-    from support.fuzz.soundness.rules import INVARIANTS
+class Axis(int):
+    """A length that a table shows by its name."""
 
-    return "\n".join(f"- **{name}** {text}" for name, text in INVARIANTS.items())
+    name: str
+
+    @classmethod
+    def called(cls, name: str, length: int) -> Axis:
+        """The axis ``name``, of some length."""
+        axis = cls(length)
+        axis.name = name
+        return axis
 
 
-PARTS = {"limits": limits, "settings": settings, "rules": rules}
+def arrays() -> str:
+    """The table of what every array of a model must be, with the integer network and with preset ``paper``."""
+    sizes = Sizes(*(Axis.called(name, 200 if name == "images" else 100) for name in Sizes._fields))
+    rows = ["| array | with preset | type and shape | values |", "|---|---|---|---|"]
+    both = {name: array_rules(preset(name), sizes) for name in ("loihi", "paper")}
+    for array in sorted({array for rules in both.values() for array in rules}):
+        found = {name: _written(rules[array]) for name, rules in both.items() if array in rules}
+        if len(found) == 2 and len(set(found.values())) == 1:
+            found = {"any": found["loihi"]}
+        rows += [f"| `{array}` | {name} | {rule} |" for name, rule in found.items()]
+    return "\n".join(rows)
+
+
+def _written(rule: Rule) -> str:
+    shape = ", ".join(getattr(length, "name", str(length)) for length in rule.shape)
+    return f"{rule.dtype} ({shape}) | {rule.least:g} .. {rule.most:g}"
+
+
+PARTS = {"limits": limits, "settings": settings, "arrays": arrays}
 
 
 def names() -> list[str]:

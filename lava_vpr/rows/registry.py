@@ -212,7 +212,7 @@ def _check_row(row: object, kind: str) -> None:
 
 
 def _lacking(value: object, annotation: Any) -> str | None:
-    """What belongs in a field, as a message says it; None if ``value`` does, empty if that is a value of its annotation."""
+    """What belongs in a field, for a message; None if ``value`` does, empty if that is a value of its annotation."""
     united = typing.get_origin(annotation) in (typing.Union, types.UnionType)
     kinds = typing.get_args(annotation) if united else (annotation,)
     if value is None and type(None) in kinds:

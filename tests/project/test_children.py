@@ -17,7 +17,6 @@ ROOT = Path(__file__).resolve().parents[2]
 ONE_PLACE = "tests/support/common/children.py"
 ELSEWHERE = {
     "tests/golden/running.py": "forks the cases of the golden files, each ended by an alarm",
-    "tests/support/fuzz/files/pool.py": "forks workers, each held to a time of silence and of processor",
     "tests/support/lava/lava_targets.py": "runs as a child of run_isolated, which ends what it leaves",
 }
 """Files that start processes in another way, and why they may."""

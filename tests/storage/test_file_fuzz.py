@@ -1,8 +1,7 @@
-"""Honest files changed at random: what is taken is sound, by a checker that shares no code with the readers."""
+"""Honest files changed at random: each reads and is equal when written again, or costs one clear line."""
 
 from __future__ import annotations
 
-import ast
 import random
 import subprocess
 import sys
@@ -10,29 +9,11 @@ from pathlib import Path
 
 import pytest
 from support.common import children
-from support.fuzz.files import bundles, cases, corpus, lists
-from support.fuzz.files.cases import Case
-from support.fuzz.files.corpus import Corpus
-from support.fuzz.files.trial import SOUND, tried
+from support.fuzz import corpus, trial
+from support.fuzz.changes import sealed_bundle
+from support.fuzz.corpus import Corpus
 
 ROOT = Path(__file__).resolve().parents[2]
-CHECKER = ROOT / "tests" / "support" / "fuzz" / "soundness"
-ALLOWED = {
-    "ast",
-    "collections",
-    "csv",
-    "hashlib",
-    "io",
-    "json",
-    "math",
-    "os",
-    "pathlib",
-    "re",
-    "stat",
-    "struct",
-    "typing",
-}
-ALLOWED |= {"zlib", "xml", "numpy", "tomli", "support", "__future__"}
 
 
 @pytest.fixture(scope="module")
@@ -41,63 +22,84 @@ def honest(tmp_path_factory: pytest.TempPathFactory) -> Corpus:
     return corpus.make(tmp_path_factory.mktemp("honest"))
 
 
-def whole(made: Corpus, kind: str, name: str) -> Case:
-    """An honest file as a case that changes nothing; all commands are tried with it."""
-    contents = {
-        "model": lambda: {"m.lvpr": made.models[name]},
-        "bundle": lambda: made.bundles[name],
-        "checkpoint": lambda: {"n.lvpr.checkpoint": made.checkpoints[name]},
-        "settings": lambda: {"settings.toml": made.texts[name]},
-        "list": lambda: {name: lists.HONEST[name]},
-    }
-    return Case(0, 0, kind, name, "nothing", contents[kind](), draw=0.0)
+def run(*words: object, code: str = "") -> subprocess.CompletedProcess[str]:
+    """Run the fuzzer in a process of its own, after ``code``."""
+    command = f"import sys, time, os\nfrom support.fuzz import run, trial\n{code}\nsys.exit(run.main())"
+    environment = {"PYTHONPATH": str(ROOT / "tests"), "PATH": "/usr/bin:/bin", "HOME": str(Path.home())}
+    return children.run(
+        [sys.executable, "-c", command, *words], cwd=ROOT, env=environment, capture_output=True, text=True, check=False
+    )
 
 
-HONEST = [
-    *(("model", name) for name in corpus.SETTINGS),
-    *(("bundle", name) for name in corpus.BUNDLES),
-    *(("checkpoint", name) for name in corpus.INTERRUPTED),
-    *(("settings", name) for name in corpus.SETTINGS),
-    *(("list", name) for name in lists.HONEST),
-]
-
-
-@pytest.mark.parametrize(("kind", "name"), HONEST)
-def test_honest_files_are_taken_and_sound(honest: Corpus, kind: str, name: str) -> None:
-    outcome = tried(whole(honest, kind, name), honest)
-    assert outcome.kind == SOUND, outcome.told
-
-
-def test_a_bundle_sealed_again_is_the_same(honest: Corpus) -> None:
-    for files in honest.bundles.values():
-        again = bundles.sealed(files)
-        assert corpus.manifest_of(again) == corpus.manifest_of(files)
+def test_honest_files_are_equal_when_they_are_written_again(honest: Corpus) -> None:
+    cases = trial.honest(honest)
+    assert len(cases) == 33
+    for case in cases:
+        assert trial.tried(case, honest) == (trial.SOUND, ""), case
+    for files in honest.files["bundle"].values():
+        assert sealed_bundle(files).keys() == files.keys()
 
 
 def test_seed_and_number_decide_a_case(honest: Corpus) -> None:
-    first, again = (cases.make(honest, 3, number) for number in (17, 17))
-    assert first == again
-    assert first.files == again.files
-    assert len({cases.make(honest, 3, number).told for number in range(30)}) > 25
+    first = trial.made(honest, 3, 17)
     random.seed(5)  # nobody's but the case's own generator is asked
-    assert cases.make(honest, 3, 17).files == first.files
+    again = trial.made(honest, 3, 17)
+    assert (first, first.files) == (again, again.files)
+    assert trial.made(honest, 3, 18).files != first.files
 
 
-def test_the_checker_shares_no_code_with_the_readers() -> None:
-    modules = sorted(CHECKER.glob("*.py"))
-    assert len(modules) >= 8
-    for module in modules:
-        for node in ast.walk(ast.parse(module.read_text(encoding="utf-8"))):
-            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-            names += [str(node.module)] if isinstance(node, ast.ImportFrom) else []
-            for name in names:
-                assert name.split(".")[0] in ALLOWED, f"{module.name} imports {name}"
-                assert not name.startswith("support.") or name.startswith("support.fuzz.soundness"), module.name
-        assert "__import__" not in module.read_text(encoding="utf-8")
+FIRST = [pytest.param(0, 250, 0), pytest.param(0, 250, 250)]
+FIRST += [pytest.param(1, 2500, first, marks=pytest.mark.slow) for first in range(0, 10_000, 2500)]
 
 
-def run(*words: str) -> subprocess.CompletedProcess[str]:
-    """Run the fuzzer in a process of its own, whose workers are forked before any thread is started."""
-    command = [sys.executable, "-m", "support.fuzz.files.run", *words]
-    environment = {"PYTHONPATH": str(ROOT / "tests"), "PATH": "/usr/bin:/bin", "HOME": str(Path.home())}
-    return children.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+@pytest.mark.parametrize(("seed", "count", "first"), FIRST)
+def test_what_is_taken_is_equal_when_it_is_written_again(seed: int, count: int, first: int, tmp_path: Path) -> None:
+    done = run("--seed", seed, "--count", count, "--first", first, "--log", tmp_path / "log")
+    assert done.returncode == 0, (done.stdout + done.stderr)[-4000:] + (tmp_path / "log").read_text()[-200:]
+
+
+PLANTED = {
+    "a traceback": ("{}['steps']", 1, "KeyError: seed 0, number 0"),
+    "memory": ("bytearray(2 * run.MEMORY)", 1, "MemoryError: seed 0, number 0"),
+    "a message without a remedy": ("raise_(trial.LavaVprError('radius is nan'))", 1, "NOT THE FILE'S NAME FIRST"),
+    "another value": ("trial.equal(1.0, 2.0, 'steps')", 1, "UnequalError: seed 0, number 0"),
+    "the end of the process": ("os.abort()", -6, ""),
+    "no end": ("spin()", -27, ""),
+}
+"""Faults of a reader: what it does, how the run ends, and what it prints."""
+
+
+@pytest.mark.parametrize("name", PLANTED)
+def test_a_reader_that_fails_is_told(name: str, tmp_path: Path) -> None:
+    fault, code, told = PLANTED[name]
+    planted = f"""
+from support.fuzz import corpus
+def raise_(error): raise error
+def spin():
+    while True: pass
+run.CPU_SECONDS = 0.5
+corpus.make = lambda folder: corpus.Corpus(folder, {{"list": {{"a": {{"a.txt": b"a"}}}}}})
+trial.SHARES = {{"list": 1}}
+trial.honest = lambda corpus: []
+trial.READERS["list"] = lambda *_: {fault}
+"""
+    done = run("--count", 1, "--log", tmp_path / "log", code=planted)
+    assert done.returncode == code, done.stderr[-2000:]
+    assert told in done.stdout
+    assert (tmp_path / "log").read_text().startswith("0 list a")
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        "/a/b: is empty",
+        "/a/b: is empty; train again\nand again",
+        "/a/b: is \x1b[31mempty; train again",
+        "/a/c: is empty; train again",
+        f"/a/b: is {'empty' * 200}; train again",
+        "/a/b: needs more than this machine has memory for; use another",
+    ],
+)
+def test_a_message_is_one_short_printable_line_with_file_and_remedy(message: str) -> None:
+    assert trial.wrong_with(message, Path("/a/b"))
+    assert not trial.wrong_with("/a/b: is empty; train again", Path("/a/b"))

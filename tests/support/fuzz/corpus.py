@@ -6,12 +6,14 @@ Used by storage and support.
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
+from support.fuzz.changes import Files, stored
 
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import to_toml, update
@@ -56,23 +58,50 @@ BUNDLES = {
 INTERRUPTED = ("float", "integer", "paper")
 
 
+PATHS = tuple(f"../query/img{k}.png" for k in range(PLACES))
+NEAR = [[k] if k % 2 else [k, (k + 1) % PLACES] for k in range(PLACES)]
+METRES = [(10.0 * k, 2.5 * k) for k in range(PLACES)]
+DEGREES = [(50 + x / 1e5, 8 + y / 1e5) for x, y in METRES]
+GPX = '<?xml version="1.0"?>\n<gpx version="1.1" creator="a">\n<trk><trkseg>\n{}</trkseg></trk>\n</gpx>\n'
+
+
+def _text(lines: Iterable[str]) -> bytes:
+    return "".join(f"{line}\n" for line in lines).encode()
+
+
+LISTS: dict[str, bytes] = {
+    "list.txt": _text(["# images", *PATHS]),
+    "plain.csv": _text(f"{path},{k}" for k, path in enumerate(PATHS)),
+    "list.csv": _text(["number,image,weather", *(f"{k},{path},sun" for k, path in enumerate(PATHS))]),
+    "truth.txt": _text(f"{k}: {' '.join(map(str, near))}" for k, near in enumerate(NEAR)),
+    "truth.csv": _text(["query,places", *(f"{k},{';'.join(map(str, near))}" for k, near in enumerate(NEAR))]),
+    "truth.json": json.dumps({str(k): near for k, near in enumerate(NEAR)}).encode(),
+    "truth-list.json": json.dumps(NEAR).encode(),
+    "truth.npy": stored(np.arange(PLACES)),
+    "truth-pairs.npy": stored(np.array([(k, place) for k, near in enumerate(NEAR) for place in near])),
+    "truth-matrix.npy": stored(np.eye(PLACES, dtype=bool)),
+    "positions.csv": _text(["x,y", *(f"{x},{y}" for x, y in METRES)]),
+    "plain-positions.csv": _text(f"{x},{y}" for x, y in METRES),
+    "degrees.csv": _text(["lat,lon", *(f"{a},{b}" for a, b in DEGREES)]),
+    "track.gpx": GPX.format("".join(f'<trkpt lat="{a}" lon="{b}"><ele>1</ele></trkpt>\n' for a, b in DEGREES)).encode(),
+}
+"""Lists of images, truths of six queries and places, positions."""
+
+IMAGE_LISTS = ("list.txt", "list.csv", "plain.csv")
+
+
 @dataclass
 class Corpus:
-    """Honest files by name, and the folder in which the images are that they were made of.
+    """Honest files, and the folder in which the images are that they were made of.
 
     Attributes:
-        folder: Holds ``reference``, ``second`` and ``query``, folders of images, and all of these files, too.
-        models, checkpoints: Containers.
-        bundles: Files of each bundle by name.
-        texts: Settings.
+        folder: Holds ``reference``, ``second`` and ``query``, folders of images, and these files, too.
+        files: Of each format, the content of every file by the name of what they are; a bundle has several.
         references: The images that a checkpoint was made of.
     """
 
     folder: Path
-    models: dict[str, bytes] = field(default_factory=dict)
-    checkpoints: dict[str, bytes] = field(default_factory=dict)
-    bundles: dict[str, dict[str, bytes]] = field(default_factory=dict)
-    texts: dict[str, bytes] = field(default_factory=dict)
+    files: dict[str, dict[str, Files]] = field(default_factory=dict)
     references: dict[str, list[EncodedTraverse]] = field(default_factory=dict)
 
     def fingerprint(self, name: str) -> str:
@@ -82,7 +111,8 @@ class Corpus:
 
 def make(folder: Path) -> Corpus:
     """Make all honest files; they are the same at every call."""
-    made = Corpus(folder)
+    made = Corpus(folder, {kind: {} for kind in ("model", "bundle", "checkpoint", "settings")})
+    made.files["list"] = {name: {name: data} for name, data in LISTS.items()}
     for seed, name in enumerate(("reference", "second", "query")):
         _draw(folder / name, seed)
     for name, config in SETTINGS.items():
@@ -94,14 +124,14 @@ def make(folder: Path) -> Corpus:
         ]
         model = train(made.references[name], config, jobs=1)
         save(model, folder / f"{name}.lvpr")
-        made.models[name] = (folder / f"{name}.lvpr").read_bytes()
-        made.texts[name] = to_toml(config).encode()
-        (folder / f"{name}.toml").write_bytes(made.texts[name])
+        (folder / f"{name}.toml").write_text(to_toml(config))
+        made.files["model"][name] = {"m.lvpr": (folder / f"{name}.lvpr").read_bytes()}
+        made.files["settings"][name] = {"settings.toml": to_toml(config).encode()}
         if name in INTERRUPTED:
-            made.checkpoints[name] = _interrupted(folder / "c.checkpoint", made.references[name], config)
+            made.files["checkpoint"][name] = {"n.lvpr.checkpoint": _interrupted(folder / "c", made, name)}
         for bundle, (of, board, learns) in BUNDLES.items():
             if of == name:
-                made.bundles[bundle] = _deployed(model, board, learns, folder / bundle)
+                made.files["bundle"][bundle] = _deployed(model, board, learns, folder / bundle)
     return made
 
 
@@ -115,26 +145,18 @@ def _draw(folder: Path, seed: int) -> None:
         cv2.imwrite(str(folder / f"img{place}.png"), picture.astype(np.uint8))
 
 
-def _interrupted(path: Path, references: list[EncodedTraverse], config: Config) -> bytes:
+def _interrupted(path: Path, made: Corpus, name: str) -> bytes:
     """The checkpoint of a training in which the first stretch has done two epochs."""
-    store = Checkpoint(path, fingerprint(references, config, split(PLACES, config)), interval=1e9)
-    stretches = split(PLACES, config)
-    for number, stretch in enumerate(stretches):
-        trainer = trainer_of(config, stretch, number, np.zeros((0, 0), np.float32))
-        store.update(number, 2 if number == 0 else 1, trainer.state())
+    config = SETTINGS[name]
+    store = Checkpoint(path, made.fingerprint(name), interval=1e9)
+    for number, stretch in enumerate(split(PLACES, config)):
+        state = trainer_of(config, stretch, number, np.zeros((0, 0), np.float32)).state()
+        store.update(number, 2 if number == 0 else 1, state)
     store.flush()
-    data = path.read_bytes()
-    path.unlink()
-    return data
+    return path.read_bytes()
 
 
-def _deployed(model: Model, board: str, learns: bool, path: Path) -> dict[str, bytes]:
+def _deployed(model: Model, board: str, learns: bool, path: Path) -> Files:
     """The files of a bundle by name, its manifest among them."""
     deploy(model, BOARDS[board], path, learning=learns, picture=False)
     return {str(file.relative_to(path)): file.read_bytes() for file in sorted(path.rglob("*")) if file.is_file()}
-
-
-def manifest_of(files: dict[str, bytes]) -> dict[str, Any]:
-    """The manifest of an honest bundle."""
-    value: dict[str, Any] = json.loads(files["manifest.json"])
-    return value
