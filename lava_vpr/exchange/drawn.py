@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from lava_vpr.config import LifNetwork
 from lava_vpr.engine.inference.fixed import FixedNetwork, silent_steps
 from lava_vpr.engine.inference.neuron_bias import held_biases
 from lava_vpr.engine.inference.quantise import TOP_PERCENTILE, mantissa_of
-from lava_vpr.errors import NetworkLimitError
+from lava_vpr.errors import NetworkLimitError, brief
 from lava_vpr.loihi import (
     BIAS_BITS,
     BIAS_EXPONENT_LIMIT,
@@ -31,6 +31,11 @@ STEP_UNIT = 1 << INPUT_SHIFT
 
 _MOST_BIAS = ((1 << BIAS_BITS) - 1) << BIAS_EXPONENT_LIMIT
 """The largest bias of a register, in units of the membrane."""
+
+
+class Unfit(Exception):
+    """A file's content that is no such network, or would be too large a file; the message says why, as in "has two
+    inputs"."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +63,18 @@ class Drawn:
     scalars: Mapping[str, int] | None = None
     digest: str | None = None
     references: bytes | None = field(default=None, repr=False)
+
+
+def packed_references(kept: Mapping[str, Any]) -> bytes | None:
+    """The references that a file keeps, of what our own export added to it; None: there are none.
+
+    Raises:
+        Unfit: they are no bytes.
+    """
+    packed = kept.get("references")
+    if packed is not None and not (isinstance(packed, np.ndarray) and packed.dtype == np.uint8):
+        raise Unfit(f"has references that are no bytes: {brief(packed)}")
+    return None if packed is None else packed.tobytes()
 
 
 class Whole(NamedTuple):

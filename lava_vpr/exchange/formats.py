@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from lava_vpr.errors import InputError
-from lava_vpr.exchange.drawn import Drawn
+from lava_vpr.exchange.drawn import Drawn, Unfit
 from lava_vpr.model import IntegerModel
 from lava_vpr.rows.registry import Registry
 from lava_vpr.storage.text import shown
+from lava_vpr.storage.writing import write_atomically
 
 TIME_STEP = 1e-4
 """Seconds of a step where nothing else is said: for it snnTorch takes a graph's time constants to be meant."""
@@ -38,33 +40,76 @@ class FormatRow:
         name: Its name, as ``--format`` takes it.
         title: What it is, for people.
         endings: How names of its files end, with the dot, in small letters.
-        write: Writes a model's network to a path, complete or not at all; returns notes for people.
-        read: The network in the file at a path; the number is the seconds of a step where the file does not say.
+        holds: What a file holds, for messages.
+        remedy: What to do about a file that holds no network of this shape.
+        content: Makes a file's content of a model's network; returns it with notes for people.
+        network: The network in a file's content, as `lava_vpr.storage.hdf5.read` reads it; the number is the seconds of
+            a step where the file does not say.
     """
 
     name: str
     title: str
     endings: tuple[str, ...]
-    write: Callable[[IntegerModel, Path, Asked], tuple[str, ...]]
-    read: Callable[[Path, float], Drawn]
+    holds: str
+    remedy: str
+    content: Callable[[IntegerModel, Asked], tuple[bytes, tuple[str, ...]]]
+    network: Callable[[Mapping[str, Any], float], Drawn]
+
+    def write(self, model: IntegerModel, path: Path, asked: Asked) -> tuple[str, ...]:
+        """Write the network of ``model`` to ``path``, complete or not at all.
+
+        Returns:
+            Notes for people: what the file does not hold as the model does.
+        Raises:
+            NetworkLimitError: the format has no place for the network.
+            InputError: it cannot be written, or would be larger than what is read.
+        """
+        try:
+            content, notes = self.content(model, asked)
+            write_atomically(path, lambda file: file.write(content))
+        except Unfit as error:
+            raise InputError(f"{shown(path)}: the {self.holds} {error}") from None
+        except OSError as error:
+            raise InputError(
+                f"{shown(path)}: the {self.holds} cannot be written ({error.strerror}); free space or choose another "
+                "place"
+            ) from None
+        return notes
+
+    def read(self, path: Path, time_step: float) -> Drawn:
+        """The network in the file at ``path``.
+
+        Args:
+            path: The file.
+            time_step: Seconds of a step, where the file does not say.
+        Raises:
+            InputError: it cannot be read (`lava_vpr.storage.hdf5`), or holds no network of this shape.
+        """
+        from lava_vpr.storage import hdf5  # only who exchanges networks waits for HDF5
+
+        file = hdf5.read(path, self.holds)
+        try:
+            return self.network(file, time_step)
+        except Unfit as error:
+            raise InputError(f"{shown(path)}: the {self.holds} {error}; {self.remedy}") from None
 
 
 FORMATS: Registry[FormatRow] = Registry("format", InputError)
 """Every format by name."""
 
 
-def _write_nir(model: IntegerModel, path: Path, asked: Asked) -> tuple[str, ...]:
-    """See `lava_vpr.exchange.nir_writing.write`."""
-    from lava_vpr.exchange import nir_writing  # only who exchanges networks waits for HDF5
+def _nir_content(model: IntegerModel, asked: Asked) -> tuple[bytes, tuple[str, ...]]:
+    """See `lava_vpr.exchange.nir_writing.content`."""
+    from lava_vpr.exchange import nir_writing
 
-    return nir_writing.write(model, path, asked.time_step, references=asked.references)
+    return nir_writing.content(model, asked.time_step, references=asked.references)
 
 
-def _read_nir(path: Path, time_step: float) -> Drawn:
-    """See `lava_vpr.exchange.nir_reading.read`."""
+def _nir_network(file: Mapping[str, Any], time_step: float) -> Drawn:
+    """See `lava_vpr.exchange.nir_reading.network`."""
     from lava_vpr.exchange import nir_reading
 
-    return nir_reading.read(path, time_step)
+    return nir_reading.network(file, time_step)
 
 
 FORMATS.register(
@@ -72,24 +117,26 @@ FORMATS.register(
         "nir",
         "NIR, the Neuromorphic Intermediate Representation: a graph of Affine, LIF and Linear nodes",
         endings=(".nir",),
-        write=_write_nir,
-        read=_read_nir,
+        holds="NIR graph",
+        remedy="give a graph Input -> Affine -> LIF -> Output with at most one recurrent Linear (docs/exchange.md)",
+        content=_nir_content,
+        network=_nir_network,
     )
 )
 
 
-def _write_netx(model: IntegerModel, path: Path, asked: Asked) -> tuple[str, ...]:
-    """See `lava_vpr.exchange.netx.write`."""
+def _netx_content(model: IntegerModel, asked: Asked) -> tuple[bytes, tuple[str, ...]]:
+    """See `lava_vpr.exchange.netx.content`."""
     from lava_vpr.exchange import netx
 
-    return netx.write(model, path, references=asked.references)
+    return netx.content(model, references=asked.references)
 
 
-def _read_netx(path: Path, time_step: float) -> Drawn:
-    """See `lava_vpr.exchange.netx.read`; it counts steps."""
+def _netx_network(file: Mapping[str, Any], time_step: float) -> Drawn:
+    """See `lava_vpr.exchange.netx.network`; it counts steps."""
     from lava_vpr.exchange import netx
 
-    return netx.read(path)
+    return netx.network(file)
 
 
 FORMATS.register(
@@ -97,8 +144,10 @@ FORMATS.register(
         "netx",
         "NetX, the HDF5 file of lava-dl: one recurrent population, with biases in whole weights",
         endings=(".net", ".h5", ".hdf5"),
-        write=_write_netx,
-        read=_read_netx,
+        holds="NetX file",
+        remedy="give one with a single dense CUBA layer",
+        content=_netx_content,
+        network=_netx_network,
     )
 )
 

@@ -19,7 +19,6 @@ from __future__ import annotations
 import io
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import h5py
@@ -27,24 +26,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.engine.inference.fixed import DIRECT, FixedNetwork
-from lava_vpr.errors import InputError, NetworkLimitError, brief
-from lava_vpr.exchange.drawn import STEP_UNIT, Drawn
+from lava_vpr.errors import NetworkLimitError, brief
+from lava_vpr.exchange.drawn import STEP_UNIT, Drawn, Unfit, packed_references
 from lava_vpr.exchange.nir_writing import FORMAT, container_of
 from lava_vpr.loihi import DECAY_UNITY, INPUT_SHIFT, SIGNED_WEIGHT_LIMIT, WEIGHT_BITS
 from lava_vpr.model import IntegerModel
-from lava_vpr.storage import hdf5
-from lava_vpr.storage.text import shown
-from lava_vpr.storage.writing import write_atomically
 
-WHAT = "NetX file"
 SAID = (
     "the last neuron of the population is the inhibitory one, all others are excitatory; a presentation is 'interval' "
     "steps, of which the first 'steps' have input, and all states are 0 at its start (reset_interval)"
 )
-
-
-class _Unfit(Exception):
-    """The file holds no network of this shape; the message says why."""
 
 
 def held(network: FixedNetwork) -> FixedNetwork:
@@ -82,18 +73,14 @@ def held(network: FixedNetwork) -> FixedNetwork:
     return made
 
 
-def write(model: IntegerModel, path: Path, *, references: bool) -> tuple[str, ...]:
-    """Write the network of ``model`` to ``path``, complete or not at all.
+def content(model: IntegerModel, *, references: bool) -> tuple[bytes, tuple[str, ...]]:
+    """The content of a file with the network of ``model``, and what it does not hold as the model does, for people.
 
     Args:
         model: The model.
-        path: The file.
         references: Whether the file takes along all of the model that the network does not say.
-    Returns:
-        Notes for people: what the file does not hold as the model does.
     Raises:
         NetworkLimitError: NetX has no place for the network.
-        InputError: it cannot be written.
     """
     network = held(model.network)
     buffer = io.BytesIO()
@@ -104,13 +91,7 @@ def write(model: IntegerModel, path: Path, *, references: bool) -> tuple[str, ..
             own["references"] = np.frombuffer(container_of(model), np.uint8)
         for name, value in own.items():
             file[f"lava_vpr/{name}"] = value
-    try:
-        write_atomically(path, lambda file: file.write(buffer.getbuffer()))
-    except OSError as error:
-        raise InputError(
-            f"{shown(path)}: the network cannot be written ({error.strerror}); free space or choose another place"
-        ) from None
-    return _notes(model.network, network)
+    return buffer.getvalue(), _notes(model.network, network)
 
 
 def _notes(wanted: FixedNetwork, made: FixedNetwork) -> tuple[str, ...]:
@@ -152,35 +133,31 @@ def _fill(file: h5py.File, network: FixedNetwork) -> None:
         file.create_dataset(f"layer/{name}", (1,), "S10", [word])
 
 
-def read(path: Path) -> Drawn:
-    """The network in the NetX file at ``path``: one dense layer, recurrent or not, behind its input.
+def network(file: Mapping[str, Any]) -> Drawn:
+    """The network in the content of a file: one dense layer, recurrent or not, behind its input.
 
     Raises:
-        InputError: it cannot be read (`lava_vpr.storage.hdf5`), or holds no network of this shape.
+        Unfit: it holds no network of this shape.
     """
-    file = hdf5.read(path, WHAT)
-    try:
-        return _network(_layer(file), file.get("lava_vpr"))
-    except _Unfit as error:
-        raise InputError(f"{shown(path)}: the {WHAT} {error}; give one with a single dense CUBA layer") from None
+    return _network(_layer(file), file.get("lava_vpr"))
 
 
 def _layer(file: Mapping[str, Any]) -> Mapping[str, Any]:
     """The one layer with synapses."""
     layers = file.get("layer")
     if not isinstance(layers, dict) or not all(isinstance(layer, dict) for layer in layers.values()):
-        raise _Unfit("has no layers")
+        raise Unfit("has no layers")
     kinds = {name: _word(layer) for name, layer in layers.items()}
     if not kinds:
-        raise _Unfit("has no layers")
+        raise Unfit("has no layers")
     (*others, name) = sorted(kinds)
     if kinds[name] not in ("dense", "dense_rec") or len(others) > 1 or any(kinds[one] != "input" for one in others):
-        raise _Unfit(f"has layers {brief([kinds[one] for one in sorted(kinds)])}")
+        raise Unfit(f"has layers {brief([kinds[one] for one in sorted(kinds)])}")
     layer = layers[name]
     if any("neuron" in layers[one] for one in others):
-        raise _Unfit("has neurons in its input layer")
+        raise Unfit("has neurons in its input layer")
     if "delay" in layer:
-        raise _Unfit("has synaptic delays")
+        raise Unfit("has synaptic delays")
     return dict(layer)
 
 
@@ -194,10 +171,10 @@ def _numbers(part: Mapping[str, Any], name: str, axes: int) -> NDArray[np.float6
     """The array ``name`` of so many axes, of whole numbers."""
     array = np.asarray(part.get(name, []))
     if array.dtype.kind not in "fiu" or array.ndim != axes or array.size == 0:
-        raise _Unfit(f"has no {name} of {axes} axes" if axes else f"has no number {name}")
+        raise Unfit(f"has no {name} of {axes} axes" if axes else f"has no number {name}")
     values = array.astype(np.float64)
     if not (np.isfinite(values) & (values == np.trunc(values)) & (np.abs(values) < 1 << 24)).all():
-        raise _Unfit(f"has a {name} that is no whole number of 24 bits")
+        raise Unfit(f"has a {name} that is no whole number of 24 bits")
     return values
 
 
@@ -205,21 +182,19 @@ def _network(layer: Mapping[str, Any], own: object) -> Drawn:
     """The network of a layer, with what our own export keeps beside it."""
     neuron = layer.get("neuron")
     if not isinstance(neuron, dict) or _word(neuron) not in ("CUBA", "LOIHI"):
-        raise _Unfit("has no CUBA neurons")
+        raise Unfit("has no CUBA neurons")
     current, decay = _numbers(neuron, "iDecay", 0), _numbers(neuron, "vDecay", 0)
     if current != DECAY_UNITY or not 0 <= decay <= DECAY_UNITY:
-        raise _Unfit(f"has decays {int(current)} and {int(decay)}; currents must last a step ({DECAY_UNITY})")
+        raise Unfit(f"has decays {int(current)} and {int(decay)}; currents must last a step ({DECAY_UNITY})")
     weight, threshold = _numbers(layer, "weight", 2), float(_numbers(neuron, "vThMant", 0))
     bias = _numbers(layer, "bias", 1) if "bias" in layer else np.zeros(len(weight))
     if bias.shape != (len(weight),):
-        raise _Unfit(f"has {len(bias)} biases for {len(weight)} neurons")
+        raise Unfit(f"has {len(bias)} biases for {len(weight)} neurons")
     taken = 0.0
     if _word(layer) == "dense_rec":
         taken = _inhibition(_numbers(layer, "weight_rec", 2), weight, bias, threshold)
         weight, bias = weight[:-1], bias[:-1]
-    packed = own.get("references") if isinstance(own, dict) and own.get("format") == FORMAT else None
-    if packed is not None and not (isinstance(packed, np.ndarray) and packed.dtype == np.uint8):
-        raise _Unfit("has references that are no bytes")
+    kept = own if isinstance(own, dict) and own.get("format") == FORMAT else {}
     return Drawn(
         weights=weight.T * STEP_UNIT,
         bias=bias * STEP_UNIT,
@@ -227,7 +202,7 @@ def _network(layer: Mapping[str, Any], own: object) -> Drawn:
         decay=float(decay) / DECAY_UNITY,
         inhibition=taken * STEP_UNIT,
         unit=float(STEP_UNIT),
-        references=None if packed is None else packed.tobytes(),
+        references=packed_references(kept),
     )
 
 
@@ -237,10 +212,10 @@ def _inhibition(
     """What the last neuron of a population takes from all others, seen to be the only recurrence."""
     size = len(weight)
     if recurrent.shape != (size, size) or size < 2:
-        raise _Unfit(f"has recurrent weights of shape {recurrent.shape} for {size} neurons")
+        raise Unfit(f"has recurrent weights of shape {recurrent.shape} for {size} neurons")
     taken = -recurrent[:-1, -1]
     if recurrent[:-1, :-1].any() or recurrent[-1, -1] or taken.min() != taken.max() or taken[0] < 0:
-        raise _Unfit("has a recurrence other than one inhibitory neuron, the last, that takes the same from all")
+        raise Unfit("has a recurrence other than one inhibitory neuron, the last, that takes the same from all")
     if weight[-1].any() or bias[-1] or (recurrent[-1, :-1] <= threshold).any():
-        raise _Unfit("has a last neuron that does not fire by any spike of the others alone, or by more than that")
+        raise Unfit("has a last neuron that does not fire by any spike of the others alone, or by more than that")
     return float(taken[0])

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import nir
@@ -16,22 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.engine.inference.fixed import FAN_IN, SCALARS, inhibitory_depth
-from lava_vpr.errors import InputError, brief
-from lava_vpr.exchange.drawn import Drawn
+from lava_vpr.errors import brief
+from lava_vpr.exchange.drawn import Drawn, Unfit, packed_references
 from lava_vpr.exchange.nir_writing import FORMAT
 from lava_vpr.loihi import WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
 from lava_vpr.settings.ranges import real, whole
-from lava_vpr.storage import hdf5
 from lava_vpr.storage.reading import parse_json
-from lava_vpr.storage.text import shown
 
 _NEURONS = ("LIF", "IF", "CubaLIF")
 _LINEAR = ("Affine", "Linear")
-_REMEDY = "give a graph Input -> Affine -> LIF -> Output with at most one recurrent Linear (docs/exchange.md)"
-
-
-class _Unfit(Exception):
-    """A graph that is no such network; the message says what it has, as in "has two Inputs"."""
 
 
 class _Neurons(NamedTuple):
@@ -50,38 +42,34 @@ class _Neurons(NamedTuple):
     leak: float
 
 
-def read(path: Path, time_step: float) -> Drawn:
-    """The network in the NIR file at ``path``.
+def network(file: Mapping[str, Any], time_step: float) -> Drawn:
+    """The network in the content of a NIR file.
 
     Args:
-        path: The file.
+        file: As `lava_vpr.storage.hdf5.read` reads it.
         time_step: Seconds of a step, where the file does not say.
     Raises:
-        InputError: it cannot be read (`lava_vpr.storage.hdf5`), is no NIR graph, or none of this shape.
+        Unfit: it is no NIR graph, or none of this shape.
     """
-    file = hdf5.read(path, "NIR graph")
-    try:
-        return network_of(_graph(file), time_step)
-    except _Unfit as error:
-        raise InputError(f"{shown(path)}: the NIR graph {error}; {_REMEDY}") from None
+    return network_of(_graph(file), time_step)
 
 
 def _graph(file: Mapping[str, Any]) -> nir.NIRGraph:
     """The graph in a file's contents, its types checked by NIR's own package.
 
     Raises:
-        _Unfit: there is none, or it has nodes that are none of this network.
+        Unfit: there is none, or it has nodes that are none of this network.
     """
     node = file.get("node")
     if not isinstance(node, dict) or node.get("type") != "NIRGraph":
-        raise _Unfit("is none: the file has no node of type NIRGraph")
+        raise Unfit("is none: the file has no node of type NIRGraph")
     nodes, edges = node.get("nodes"), node.get("edges")
     if not isinstance(nodes, dict) or not isinstance(edges, np.ndarray) or edges.ndim != 2 or edges.shape[1] != 2:
-        raise _Unfit("has no nodes or no edges")
+        raise Unfit("has no nodes or no edges")
     for name, part in nodes.items():
         kind = part.get("type") if isinstance(part, dict) else None
         if kind not in ("Input", "Output", *_NEURONS, *_LINEAR):
-            raise _Unfit(f"has {brief(kind)}, node {brief(name)}")
+            raise Unfit(f"has {brief(kind)}, node {brief(name)}")
         part.pop("metadata", None)
         _check_numbers(name, part)
     try:
@@ -90,23 +78,23 @@ def _graph(file: Mapping[str, Any]) -> nir.NIRGraph:
         )
     except (ValueError, TypeError, KeyError, AssertionError, AttributeError, IndexError, NotImplementedError) as error:
         cause = " ".join(str(error).split())[:160] or type(error).__name__
-        raise _Unfit(f"is not accepted by NIR's own package ({cause})") from None
+        raise Unfit(f"is not accepted by NIR's own package ({cause})") from None
 
 
 def _check_numbers(name: str, part: dict[str, Any]) -> None:
     """Refuse a node with values that are not numbers, or not finite; make each an array of floats.
 
     Raises:
-        _Unfit: naming node and value.
+        Unfit: naming node and value.
     """
     for key, value in part.items():
         if key == "type":
             continue
         array = np.asarray(value)
         if array.dtype.kind not in "fiu":
-            raise _Unfit(f"has no numbers as {brief(key)} of node {brief(name)}")
+            raise Unfit(f"has no numbers as {brief(key)} of node {brief(name)}")
         if not np.isfinite(array).all():
-            raise _Unfit(f"has NaN or infinity in {brief(key)} of node {brief(name)}")
+            raise Unfit(f"has NaN or infinity in {brief(key)} of node {brief(name)}")
         part[key] = array.astype(np.int64) if key == "shape" else array.astype(np.float64)
 
 
@@ -114,26 +102,26 @@ def network_of(graph: nir.NIRGraph, time_step: float) -> Drawn:
     """The network that ``graph`` draws.
 
     Raises:
-        _Unfit: it is none of this shape.
+        Unfit: it is none of this shape.
     """
     synapses, neurons, recurrent = _parts(graph)
     kept = graph.metadata if graph.metadata.get("format") == FORMAT else {}
     step = kept.get("time_step", time_step)
     if not real(step) or not step > 0:
-        raise _Unfit(f"has a time_step of {brief(step)}")
+        raise Unfit(f"has a time_step of {brief(step)}")
     constants = _constants(neurons, float(step))
     weights = synapses.weight * constants.gain
     bias = getattr(synapses, "bias", np.zeros(len(weights))) * constants.gain + constants.leak
     if weights.ndim != 2 or bias.shape != (len(weights),):
-        raise _Unfit(f"has synapses of shape {weights.shape} with biases of shape {bias.shape}")
+        raise Unfit(f"has synapses of shape {weights.shape} with biases of shape {bias.shape}")
     inhibition, excitatory = 0.0, len(weights)
     if recurrent is not None:
         if getattr(recurrent, "bias", np.zeros(1)).any():
-            raise _Unfit("has biases in its recurrent edge")
+            raise Unfit("has biases in its recurrent edge")
         excitatory = excitatory_of(len(weights))
         inhibition = _inhibition(recurrent.weight * constants.gain, excitatory, constants.threshold)
         if weights[excitatory:].any() or bias[excitatory:].any():
-            raise _Unfit("has inputs or biases of its inhibitory neurons, the last of the population")
+            raise Unfit("has inputs or biases of its inhibitory neurons, the last of the population")
     return Drawn(
         weights=weights[:excitatory].T,
         bias=bias[:excitatory],
@@ -148,24 +136,22 @@ def _kept(kept: Mapping[str, Any]) -> dict[str, Any]:
     """What our own metadata add; nothing for a graph of another program.
 
     Raises:
-        _Unfit: they are garbled.
+        Unfit: they are garbled.
     """
     if not kept:
         return {}
-    unit, checksum, references = (kept.get(name) for name in ("weight_unit", "digest", "references"))
+    unit, checksum = kept.get("weight_unit"), kept.get("digest")
     if not isinstance(unit, float) or not real(unit) or not unit > 0 or not isinstance(checksum, str):
-        raise _Unfit(f"has metadata 'weight_unit' {brief(unit)} and 'digest' {brief(checksum)}")
-    if references is not None and not (isinstance(references, np.ndarray) and references.dtype == np.uint8):
-        raise _Unfit(f"has metadata 'references' {brief(references)}")
-    packed = None if references is None else references.tobytes()
-    return {"unit": unit, "scalars": _scalars(kept.get("network")), "digest": checksum, "references": packed}
+        raise Unfit(f"has metadata 'weight_unit' {brief(unit)} and 'digest' {brief(checksum)}")
+    own = {"unit": unit, "scalars": _scalars(kept.get("network")), "digest": checksum}
+    return own | {"references": packed_references(kept)}
 
 
 def _scalars(text: object) -> dict[str, int]:
     """`FixedNetwork.scalars` of our own metadata, those that are used within their ranges.
 
     Raises:
-        _Unfit: they are garbled.
+        Unfit: they are garbled.
     """
     try:
         scalars = parse_json(text) if isinstance(text, str) else None
@@ -175,27 +161,27 @@ def _scalars(text: object) -> dict[str, int]:
         ranges = {"bits": (1, 8), "inhibition": (0, WEIGHT_LIMIT), "inhibition_exponent": (0, WEIGHT_EXPONENT_LIMIT)}
         if all(least <= scalars[name] <= most for name, (least, most) in ranges.items()):
             return scalars
-    raise _Unfit(f"has metadata 'network' {brief(text)}")
+    raise Unfit(f"has metadata 'network' {brief(text)}")
 
 
 def _parts(graph: nir.NIRGraph) -> tuple[Any, Any, Any]:
     """Synapses, neurons, and the recurrent edge or None.
 
     Raises:
-        _Unfit: nodes or edges are missing or too many.
+        Unfit: nodes or edges are missing or too many.
     """
     kinds = {name: type(node).__name__ for name, node in graph.nodes.items()}
     inputs, outputs = (_of(kinds, (kind,)) for kind in ("Input", "Output"))
     neurons, linear = _of(kinds, _NEURONS), _of(kinds, _LINEAR)
     if not (len(inputs) == len(neurons) == 1 and len(outputs) <= 1 and 1 <= len(linear) <= 2):
-        raise _Unfit(f"has the nodes {brief(sorted(kinds.values()))}")
+        raise Unfit(f"has the nodes {brief(sorted(kinds.values()))}")
     neuron, edges = neurons[0], set(graph.edges)
     first = [name for name in linear if (inputs[0], name) in edges]
     recurrent = [name for name in linear if name not in first]
     wanted = {(inputs[0], name) for name in first} | {(name, neuron) for name in linear}
     wanted |= {(neuron, name) for name in (*recurrent, *outputs)}
     if len(first) != 1 or edges != wanted:
-        raise _Unfit(f"has the edges {brief(sorted(edges))}")
+        raise Unfit(f"has the edges {brief(sorted(edges))}")
     return graph.nodes[first[0]], graph.nodes[neuron], graph.nodes[recurrent[0]] if recurrent else None
 
 
@@ -208,20 +194,20 @@ def _constants(node: Any, step: float) -> _Neurons:
     """The constants of a population under forward Euler with ``step`` seconds.
 
     Raises:
-        _Unfit: neurons differ, reset to other than 0, keep a current, or the step is longer than a time constant.
+        Unfit: neurons differ, reset to other than 0, keep a current, or the step is longer than a time constant.
     """
     if _one(node.v_reset, "v_reset") != 0:
-        raise _Unfit("resets membranes to other than 0")
+        raise Unfit("resets membranes to other than 0")
     r, threshold = _one(node.r, "r"), _one(node.v_threshold, "v_threshold")
     if isinstance(node, nir.IF):
         return _Neurons(0.0, r * step, threshold, 0.0)
     tau, gain = _one(node.tau_mem if isinstance(node, nir.CubaLIF) else node.tau, "tau"), r
     if isinstance(node, nir.CubaLIF):
         if not math.isclose(_one(node.tau_syn, "tau_syn"), step, rel_tol=1e-6):
-            raise _Unfit("keeps currents from step to step (tau_syn is not one step), which these neurons cannot")
+            raise Unfit("keeps currents from step to step (tau_syn is not one step), which these neurons cannot")
         gain *= _one(node.w_in, "w_in")
     if not tau >= step * (1 - 1e-9):
-        raise _Unfit(f"has a time constant of {tau:g} s, less than a step of {step:g} s; say --time-step")
+        raise Unfit(f"has a time constant of {tau:g} s, less than a step of {step:g} s; say --time-step")
     decay = min(1.0, step / tau)
     return _Neurons(decay if decay > 1e-8 else 0.0, _near(gain * decay), threshold, _one(node.v_leak, "v_leak") * decay)
 
@@ -235,10 +221,10 @@ def _one(values: NDArray[np.float64], name: str) -> float:
     """The one value that all neurons have.
 
     Raises:
-        _Unfit: they differ, or there is none.
+        Unfit: they differ, or there is none.
     """
     if np.size(values) == 0 or not (values == np.ravel(values)[0]).all():
-        raise _Unfit(f"has neurons that differ in {name}")
+        raise Unfit(f"has neurons that differ in {name}")
     return float(np.ravel(values)[0])
 
 
@@ -246,12 +232,12 @@ def excitatory_of(size: int) -> int:
     """Excitatory neurons of a population of ``size``: all but the inhibitory ones that so many need.
 
     Raises:
-        _Unfit: no number of neurons makes a population of that size.
+        Unfit: no number of neurons makes a population of that size.
     """
     leaves = 0 if inhibitory_depth(size - 1) == 1 else -(-(size - 1) // (FAN_IN + 1))
     neurons = size - 1 - leaves
     if neurons < 1 or leaves != (0 if inhibitory_depth(neurons) == 1 else -(-neurons // FAN_IN)):
-        raise _Unfit(f"has a population of {size}, which no number of neurons and their inhibitory ones make")
+        raise Unfit(f"has a population of {size}, which no number of neurons and their inhibitory ones make")
     return neurons
 
 
@@ -259,11 +245,11 @@ def _inhibition(matrix: NDArray[np.float64], neurons: int, threshold: float) -> 
     """What the root takes from every excitatory neuron, of a recurrent ``matrix`` (to, from).
 
     Raises:
-        _Unfit: the matrix is not that of one root that listens to all, by leaves where they are too many.
+        Unfit: the matrix is not that of one root that listens to all, by leaves where they are too many.
     """
     taken = matrix[:neurons, -1]
     if not (taken == taken[0]).all() or taken[0] > 0:
-        raise _Unfit("has a last neuron that does not take the same from every excitatory one")
+        raise Unfit("has a last neuron that does not take the same from every excitatory one")
     inhibitory = len(matrix) - neurons
     listens = np.zeros((inhibitory, len(matrix)), bool)
     if inhibitory == 1:
@@ -274,5 +260,5 @@ def _inhibition(matrix: NDArray[np.float64], neurons: int, threshold: float) -> 
         listens[-1, neurons:-1] = True
     own = matrix[neurons:]
     if matrix[:neurons, :-1].any() or (own[~listens] != 0).any() or not (own[listens] > threshold).all():
-        raise _Unfit("has a recurrent edge other than one inhibitory neuron that any spike fires")
+        raise Unfit("has a recurrent edge other than one inhibitory neuron that any spike fires")
     return float(-taken[0])

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import io
 import json
-from pathlib import Path
 from typing import Any
 
 import nir
@@ -27,14 +26,11 @@ from numpy.typing import NDArray
 
 from lava_vpr import __version__
 from lava_vpr.engine.inference.fixed import FAN_IN, FixedNetwork
-from lava_vpr.errors import InputError
-from lava_vpr.exchange.drawn import STEP_UNIT, digest
+from lava_vpr.exchange.drawn import STEP_UNIT, Unfit, digest
 from lava_vpr.loihi import DECAY_UNITY, INPUT_SHIFT
 from lava_vpr.model import IntegerModel, checked_content
 from lava_vpr.storage import container
 from lava_vpr.storage.limits import excess
-from lava_vpr.storage.text import shown
-from lava_vpr.storage.writing import write_atomically
 
 FORMAT = "lava-vpr network 1"
 """What the metadata of our graphs say that they are."""
@@ -57,37 +53,27 @@ POPULATION = (
 )
 
 
-def write(model: IntegerModel, path: Path, time_step: float, *, references: bool) -> tuple[str, ...]:
-    """Write the network of ``model`` to ``path``, complete or not at all.
+def content(model: IntegerModel, time_step: float, *, references: bool) -> tuple[bytes, tuple[str, ...]]:
+    """The content of a file with the network of ``model``, and what the graph does not say, for people.
 
     Args:
         model: The model.
-        path: The file.
         time_step: Seconds of a step.
         references: Whether the file takes along all of the model that the network does not say.
-    Returns:
-        Notes for people: what the graph does not say.
     Raises:
-        InputError: it cannot be written, or would be larger than what is read.
+        Unfit: it would be larger than what is read.
     """
     network = model.network
     size = network.neurons + network.inhibitory
     beyond = excess("model_bytes", 4 * size * (size + network.inputs))
     if beyond is not None:
-        raise InputError(f"{shown(path)}: the graph would unpack to {beyond}")
+        raise Unfit(f"would unpack to {beyond}")
     buffer = io.BytesIO()
     nir.write(buffer, graph_of(network, time_step, container_of(model) if references else None))
-    try:
-        write_atomically(path, lambda file: file.write(buffer.getbuffer()))
-    except OSError as error:
-        raise InputError(
-            f"{shown(path)}: the graph cannot be written ({error.strerror}); free space or choose another place"
-        ) from None
-    notes = [
+    return buffer.getvalue(), (
         f"NIR says nothing of input delays: an input spike reaches the membranes {network.input_delay} step(s) later",
         "NIR has no integers: a simulator that does not truncate the decayed membrane may differ by some spikes",
-    ]
-    return tuple(notes)
+    )
 
 
 def container_of(model: IntegerModel) -> bytes:

@@ -25,11 +25,15 @@ from lava_vpr.encoding import EncodedTraverse, draw_trains
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import InputError, NetworkLimitError
 from lava_vpr.exchange import netx
+from lava_vpr.exchange.formats import FORMATS, TIME_STEP, Asked
 from lava_vpr.model import IntegerModel, decode, integer_model
 from lava_vpr.slayer import needs
 from lava_vpr.training.loop import train
 
 with_lava_dl = pytest.mark.skipif(needs.missing() is not None, reason=f"lava-dl is left out: {needs.missing()}")
+
+
+NETX = FORMATS["netx"]
 
 
 def small() -> IntegerModel:
@@ -39,7 +43,7 @@ def small() -> IntegerModel:
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     path = tmp_path / "m.net"
-    netx.write(small(), path, references=True)
+    NETX.write(small(), path, Asked())
     return path
 
 
@@ -69,7 +73,7 @@ def loaded_spikes(path: Path, network: FixedNetwork, trains: NDArray[np.uint8]) 
 
 def compared(model: IntegerModel, queries: EncodedTraverse, path: Path) -> tuple[NDArray[Any], ...]:
     """Counts of the loaded file, of the network that it holds, and of the model's own; each spike is compared."""
-    netx.write(model, path, references=False)
+    NETX.write(model, path, Asked(references=False))
     network = netx.held(model.network)
     shown = query_presentations(model, queries)
     trains = draw_trains(shown.rates, shown.keys, network.steps, network.interval, regular=network.regular)
@@ -167,7 +171,7 @@ def test_a_feed_forward_layer_is_read(file: Path) -> None:
         layer = opened["layer/1"]
         del layer["type"], layer["weight_rec"], layer["bias"], opened["lava_vpr"], opened["layer/0"]
         layer.create_dataset("type", (1,), "S10", [b"dense"])
-    drawn = netx.read(file)
+    drawn = NETX.read(file, TIME_STEP)
     assert drawn.inhibition == 0
     assert drawn.references is None
     assert drawn.weights.shape[1] == 9
@@ -221,6 +225,6 @@ def test_other_files_are_refused_in_one_line(change: Callable[[h5py.File], None]
     with h5py.File(file, "r+") as opened:
         change(opened)
     with pytest.raises(InputError) as caught:
-        netx.read(file)
+        NETX.read(file, TIME_STEP)
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)

@@ -244,7 +244,7 @@ REFUSED = [
     (lambda graph: graph.metadata.__setitem__("network", "{"), "has metadata 'network' '{'"),
     (lambda graph: graph.metadata.__setitem__("network", "[1]"), r"has metadata 'network' '\[1\]'"),
     (lambda graph: graph.metadata.__setitem__("weight_unit", "x"), "has metadata 'weight_unit' 'x'"),
-    (lambda graph: graph.metadata.__setitem__("references", 3), "has metadata 'references' 3"),
+    (lambda graph: graph.metadata.__setitem__("references", 3), "has references that are no bytes: 3"),
 ]
 
 
@@ -279,7 +279,7 @@ def test_references_that_are_no_models_are_refused(tmp_path: Path) -> None:
 
 def test_a_graph_too_large_to_be_read_is_not_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("LAVA_VPR_MAX_MODEL_BYTES", "50000")
-    with pytest.raises(InputError, match=r"net.nir: the graph would unpack to 56,772 bytes, more than the 50,000"):
+    with pytest.raises(InputError, match=r"net.nir: the NIR graph would unpack to 56,772 bytes, more than the 50,000"):
         exported(tmp_path)
     assert not (tmp_path / "net.nir").exists()
 
@@ -295,5 +295,5 @@ def test_formats_are_chosen_by_ending_or_by_name(tmp_path: Path) -> None:
 
 def test_what_is_written_needs_a_place(tmp_path: Path) -> None:
     model: IntegerModel = integer_model(small_model(), "a test")
-    with pytest.raises(InputError, match=r"net.nir: the graph cannot be written \(No such file"):
+    with pytest.raises(InputError, match=r"net.nir: the NIR graph cannot be written \(No such file"):
         NIR.write(model, tmp_path / "missing" / "net.nir", Asked())
