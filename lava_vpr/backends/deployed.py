@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.backends.interface import Advance, Events, Presentations
+from lava_vpr.backends.interface import Advance, Events, Presentations, events_of
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
 from lava_vpr.deploy.bundle import effort
 from lava_vpr.deploy.bundle.core_files import Spikes
@@ -79,9 +79,7 @@ class BundleBackend:
             counts[part] = spikes.exc.sum(axis=1, dtype=np.int32)
             sent += spikes.inputs.sum(axis=(0, 1), dtype=np.int64)
             inh += spikes.inh.sum(axis=(0, 1), dtype=np.int64)
-        operations = sent @ network.prepared.row_sizes
-        raw = np.array([operations, sent.sum(), counts.sum(), inh[:-1].sum(), inh[-1]], np.int64)
-        return counts, fixed.named_events(network, raw, len(counts))
+        return counts, events_of(network, counts, sent, inh)
 
     def trains(self, model: Model, shown: Presentations) -> Trains:
         """See `lava_vpr.backends.interface.Backend.trains`."""

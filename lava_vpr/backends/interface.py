@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.encoding import query_rates
+from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.engine.trains import Trains
 from lava_vpr.inputs.encoded import EncodedTraverse, check_encoded
@@ -21,6 +23,22 @@ Advance = Callable[[int], None]
 
 Events = dict[str, int]
 """The counted events of a run by name, summed over its presentations."""
+
+
+def events_of(
+    network: FixedNetwork, counts: NDArray[np.int32], inputs: NDArray[np.int64], inh: NDArray[np.int64]
+) -> Events:
+    """The events of presentations of which only spikes were counted.
+
+    Args:
+        network: What ran.
+        counts: Spikes of exc in each presentation, (n, neurons).
+        inputs: Spikes of each input, (inputs,).
+        inh: Spikes of each inhibitory neuron, leaves and then the root, (inhibitory,).
+    """
+    operations = inputs @ network.prepared.row_sizes
+    raw = np.array([operations, inputs.sum(), counts.sum(), inh[:-1].sum(), inh[-1]], np.int64)
+    return fixed.named_events(network, raw, len(counts))
 
 
 @dataclass(frozen=True)

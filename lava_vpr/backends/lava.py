@@ -9,13 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.backends.interface import Advance, Events, Presentations
+from lava_vpr.backends.interface import Advance, Events, Presentations, events_of
 from lava_vpr.config import Config
 from lava_vpr.configfile import to_dict
 from lava_vpr.engine.conductance import model as conductance
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference import fixed
-from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.isolated.runner import run_isolated
@@ -39,23 +38,6 @@ class Timed(NamedTuple):
     counts: NDArray[np.int32]
     runs: NDArray[np.float64]
     held: int | None
-
-
-def events_of(
-    network: FixedNetwork, counts: NDArray[np.int32], inputs: NDArray[np.int64], inh: NDArray[np.int64], n: int
-) -> Events:
-    """The events of ``n`` presentations of which only spikes were counted.
-
-    Args:
-        network: What ran.
-        counts: Spikes of exc, (n, neurons).
-        inputs: Spikes of each input, (inputs,).
-        inh: Spikes of each inhibitory neuron, leaves and then the root, (inhibitory,).
-        n: Number of presentations.
-    """
-    operations = inputs @ network.prepared.row_sizes
-    raw = np.array([operations, inputs.sum(), counts.sum(), inh[:-1].sum(), inh[-1]], np.int64)
-    return fixed.named_events(network, raw, n)
 
 
 @dataclass(frozen=True)
@@ -85,7 +67,7 @@ class LavaBackend:
         if "events" in results:
             return counts, dict(zip(fixed.EVENTS, (int(x) for x in results["events"]), strict=True))
         network = checked_network(model, self.name)
-        return counts, events_of(network, counts, results["input_spikes"], results["inh_spikes"], len(shown.rates))
+        return counts, events_of(network, counts, results["input_spikes"], results["inh_spikes"])
 
     def trains(self, model: Model, shown: Presentations) -> Trains:
         """See `lava_vpr.backends.interface.Backend.trains`; a population that Lava does not record has no train."""

@@ -134,24 +134,6 @@ def compare(host: Trains, other: Trains, names: Sequence[str]) -> tuple[dict[str
     return compared, differing, first[1] if first else None
 
 
-def compare_counts(
-    host: NDArray[np.int32], other: NDArray[np.int32], names: Sequence[str]
-) -> tuple[int, Mismatch | None]:
-    """The number of counts (queries, neurons) that differ, and the first that does.
-
-    Raises:
-        InputError: of different shapes.
-    """
-    if host.shape != other.shape:
-        raise InputError(f"counts of shape {other.shape} instead of {host.shape}; the backend runs another network")
-    where = np.argwhere(host != other)
-    if not len(where):
-        return 0, None
-    query, neuron = (int(x) for x in where[0])
-    first = Mismatch(names[query], None, "exc", neuron, int(host[query, neuron]), int(other[query, neuron]))
-    return len(where), first
-
-
 def recall_at_1(model: Model, counts: NDArray[np.int32], truth: NDArray[np.bool_]) -> float:
     """R@1 of the model's default decoder on spike counts (views n, neurons) of the presentations of n queries."""
     name = model.config.decoder.default
@@ -234,8 +216,9 @@ def _verdict(
         return replace(reference, name=name, equal=None, recall=recall)
     if row.counts_only:
         counts, _ = backend.count_spikes(model, shown)
-        compared = {"exc": int(host.exc.sum(dtype=np.int64))}
-        differing, mismatch = compare_counts(host.exc.sum(axis=1, dtype=np.int32), counts, images)
+        ours, theirs = (Trains(np.asarray(each)[:, None]) for each in (host.exc.sum(axis=1), counts))  # of one step
+        compared, differing, mismatch = compare(ours, theirs, images)
+        mismatch = None if mismatch is None else replace(mismatch, step=None)
     else:
         trains = backend.trains(model, shown)
         counts = trains.exc.sum(axis=1, dtype=np.int32)

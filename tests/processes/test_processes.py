@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from support.lava.model_harness import build, drive
 from support.lava.small_networks import SMALL_LIMITS, limits, random_bias, random_network
 
-from lava_vpr.backends.lava import events_of
+from lava_vpr.backends.interface import events_of
 from lava_vpr.encoding import draw_spikes, draw_trains
 from lava_vpr.engine.general.lif import stored_weights
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes, inhibitory_spikes
@@ -166,7 +166,7 @@ def test_the_backend_counts_the_hosts_events() -> None:
             counts, events, film = count_spikes(network, rates, keys, raster=True)
             inputs = draw_trains(rates, keys, network.steps, network.interval).sum(axis=(0, 1))
             inh = inhibitory_spikes(network, film).sum(axis=(0, 1))
-            assert events_of(network, counts, inputs, inh, 3) == events
+            assert events_of(network, counts, inputs, inh) == events
 
 
 def test_the_fused_process_without_shared_arrays() -> None:
