@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from support.boards import host_programs, kapoho_board
-from support.boards.kapoho_board import Board, altered, answers, child, load_program, write_queries
+from support.boards.kapoho_board import Board, Ended, altered, answers, child, load_program, write_queries
 from support.boards.kapoho_bundles import LAYOUTS, Made, layout, make, plan_by_hand, random_network
 from support.common.small_models import small_model
 
@@ -108,25 +108,6 @@ def test_words_are_unpacked_as_they_were_packed(program: Any, tmp_path: Path, de
             assert np.array_equal(worth, rows.currents(formats)[own])
 
 
-@pytest.mark.parametrize("name", LAYOUTS)
-@pytest.mark.parametrize("mode", MODES)
-def test_the_board_counts_as_the_host(
-    board: Board, tmp_path: Path, name: str, mode: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    if name == "leaves":
-        monkeypatch.setattr(fixed, "FAN_IN", 4)
-        monkeypatch.setattr(fixed, "DIRECT", 9)
-    dense = float((mode == "bias") != (name == "apart"))
-    network = random_network(3, signed=mode == "regular" or name == "leaves", threshold=30, **MODES[mode])
-    made = make(tmp_path, layout(name, network, dense=dense))
-    assert (network.leaves, network.relayed) == ((3, mode != "bias") if name == "leaves" else (0, False))
-    assert network.bias.any()
-    assert made.counts.sum() > 20
-    ended = board.run(made, "--self-test")
-    assert (ended.code, ended.err) == (0, "")
-    assert ended.out == f"equal: 5 references, 50 counts, {made.counts.sum()} spikes of exc\n"
-
-
 def presented_biases(network: FixedNetwork, n: int) -> NDArray[np.int32]:
     """Biases of ``n`` queries, of both signs, with exponents that differ."""
     rng = np.random.default_rng(7)
@@ -141,26 +122,42 @@ def written_biases(folder: Path, biases: NDArray[np.int32]) -> None:
         np.save(folder / f"{name}.npy", array)
 
 
+@pytest.mark.parametrize("simulate", [False, True])
+@pytest.mark.parametrize("name", LAYOUTS)
 @pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("name", ["one core", "two chips"])
-def test_every_query_may_bring_biases(board: Board, tmp_path: Path, name: str, mode: str) -> None:
-    network = random_network(3, signed=True, threshold=30, **MODES[mode])
-    made = make(tmp_path, layout(name, network))
-    rates, keys = (np.load(made.path / "host" / f"{what}.npy") for what in ("rates", "keys"))
-    biases = presented_biases(network, len(keys))
+def test_the_board_and_its_registers_in_numpy_count_as_the_host(
+    board: Board, tmp_path: Path, name: str, mode: str, simulate: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The references, then queries that each bring biases, in batches, then the references again."""
+    if name == "leaves":
+        monkeypatch.setattr(fixed, "FAN_IN", 4)
+        monkeypatch.setattr(fixed, "DIRECT", 9)
+    if simulate:
+        monkeypatch.setitem(sys.modules, "nxsdk", None)  # there is none
+    dense = float((mode == "bias") != (name == "apart"))
+    network = random_network(3, signed=mode == "regular" or name == "leaves", threshold=30, **MODES[mode])
+    made = make(tmp_path, layout(name, network, dense=dense))
+    assert (network.leaves, network.relayed) == ((3, mode != "bias") if name == "leaves" else (0, False))
+    assert network.bias.any()
+    assert made.counts.sum() > 20
+    where = ["--simulate"] * simulate
+    equal = f"equal: 5 references, 50 counts, {made.counts.sum()} spikes of exc\n"
+    assert board.run(made, "--self-test", *where) == Ended(0, equal, "")
+    biases = presented_biases(network, 5)
     assert len(set(bias_registers(biases)[1].tolist())) > 1
-    queries = write_queries(tmp_path / "queries", rates, keys)
+    queries = write_queries(tmp_path / "queries", made.rates, made.keys)
     written_biases(queries, biases)
-    ended = board.run(made, "--queries", queries, "--out", tmp_path / "out", "--batch", 2)
-    assert (ended.code, ended.err) == (0, "")
-    expected, _, _ = count_spikes(network, rates, keys, bias=biases)
+    words = ("--queries", queries, "--out", tmp_path / "out", "--batch", 2, *where)
+    assert board.run(made, *words) == Ended(0, "5 of 5 queries answered\n", "")
+    expected, _, _ = count_spikes(network, made.rates, made.keys, bias=biases)
     counts, done, _ = answers(tmp_path / "out")
     assert done.all()
     assert np.array_equal(counts, expected)
     assert expected.sum() > 10
     assert not np.array_equal(expected, made.counts)
-    # Without them the neurons have their own again.
-    assert board.run(made, "--self-test").code == 0
+    assert board.run(made, "--self-test", *where).code == 0  # without them the neurons have their own again
+    if simulate:
+        assert board.run(made, "--simulate", "--check").out.splitlines()[1].startswith("ready to simulate: ")
 
 
 def test_biases_that_no_register_holds_are_refused(board: Board, tmp_path: Path) -> None:
@@ -253,32 +250,6 @@ def test_a_deployed_model(board: Board, tmp_path: Path, mode: str) -> None:
     assert clearing["writes_per_query"] == 2 * network.neurons + 3 * network.input_compartments
     ended = board.run(Made(tmp_path / "bundle", network, *3 * [np.zeros(0)]), "--self-test", 2)
     assert (ended.code, ended.err) == (0, "")
-
-
-@pytest.mark.parametrize("name", LAYOUTS)
-@pytest.mark.parametrize("mode", MODES)
-def test_the_registers_in_numpy_count_as_the_host(
-    board: Board, tmp_path: Path, name: str, mode: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    if name == "leaves":
-        monkeypatch.setattr(fixed, "FAN_IN", 4)
-        monkeypatch.setattr(fixed, "DIRECT", 9)
-    network = random_network(3, signed=mode == "regular" or name == "leaves", threshold=30, **MODES[mode])
-    made = make(tmp_path, layout(name, network))
-    monkeypatch.setitem(sys.modules, "nxsdk", None)  # there is none
-    ended = board.run(made, "--simulate", "--self-test")
-    assert (ended.code, ended.err) == (0, "")
-    assert ended.out == f"equal: 5 references, 50 counts, {made.counts.sum()} spikes of exc\n"
-    biases = presented_biases(network, 5)
-    queries = write_queries(tmp_path / "queries", made.rates, made.keys)
-    written_biases(queries, biases)
-    assert board.run(made, "--simulate", "--queries", queries, "--out", tmp_path / "out").code == 0
-    expected, _, _ = count_spikes(network, made.rates, made.keys, bias=biases)
-    counts, done, _ = answers(tmp_path / "out")
-    assert done.all()
-    assert np.array_equal(counts, expected)
-    ended = board.run(made, "--simulate", "--check")
-    assert ended.out.splitlines()[1].startswith("ready to simulate: ")
 
 
 WRONG: dict[str, tuple[str, str]] = {
