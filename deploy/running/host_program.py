@@ -12,7 +12,6 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -44,24 +43,6 @@ _ERRORS: dict[str, type[LavaVprError]] = {
     "start": BackendUnavailableError,
 }
 """Stages of the program at which another attempt would end alike, and what their failure is to the caller."""
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What one run of the program left.
-
-    Attributes:
-        counts: int32 (n, neurons), -1 in rows that were not answered; or None.
-        done: Which presentations were answered, bool (n,).
-        stage, error: Where and why it failed; empty if it did not.
-        log: What it wrote, and NxSDK's traceback.
-    """
-
-    counts: NDArray[np.int32] | None = field(repr=False)
-    done: NDArray[np.bool_] = field(repr=False)
-    stage: str
-    error: str
-    log: str
 
 
 def _has_nxsdk(python: str) -> str | None:
@@ -116,70 +97,57 @@ def run_bundle(
         NetworkLimitError: a query has more input spikes in a step than the host can send.
         LavaRunError: queries remain unanswered; the message says how many were answered.
     """
-    counts: NDArray[np.int32] | None = None
-    done = np.zeros(len(keys), bool)
+    counts, done = np.full((len(keys), scalars(bundle)["neurons"]), -1, np.int32), np.zeros(len(keys), bool)
+    seconds = timeout or 0.0
     for attempt in range(ATTEMPTS):
         left = np.flatnonzero(~done)
-        own = None if bias is None else bias[left]
-        outcome = _present(bundle, rates[left], keys[left], own, python, timeout or 0.0, advance)
-        if outcome.counts is not None:
-            counts = np.full((len(keys), outcome.counts.shape[1]), -1, np.int32) if counts is None else counts
-            counts[left[outcome.done]] = outcome.counts[outcome.done]
-            done[left[outcome.done]] = True
-        if counts is not None and done.all():
-            return counts
-        if outcome.stage in _ERRORS and not done.any():
-            raise _ERRORS[outcome.stage](outcome.error)
-        said = f"Kapoho Bay answered {int(done.sum())} of {len(done)} queries, then: {outcome.error}"
+        with temporary_folder() as folder:
+            ended = run_program(
+                bundle,
+                folder,
+                rates[left],
+                keys[left],
+                ("--timeout", str(seconds)),
+                bias=None if bias is None else bias[left],
+                python=python,
+                patience=seconds + PATIENCE,
+                advance=advance,
+            )
+            found, error = _answers(folder / "out", (len(left), counts.shape[1]), ended)
+        if found is not None:
+            rows, answered = found
+            counts[left[answered]], done[left[answered]] = rows[answered], True
+            if done.all():
+                return counts
+        if ended.stage in _ERRORS and not ended.hung and not done.any():
+            raise _ERRORS[ended.stage](error)
+        said = f"Kapoho Bay answered {int(done.sum())} of {len(done)} queries, then: {error}"
         if attempt + 1 < ATTEMPTS:
             NOTES.warning("%s; the others are presented again", said)
     raise LavaRunError(
-        f"{said}; run the bundle's program/run.py --self-test to see whether the board is sound", outcome.log
+        f"{said}; run the bundle's program/run.py --self-test to see whether the board is sound", ended.log
     )
 
 
-def _present(
-    bundle: Bundle,
-    rates: NDArray[np.uint16],
-    keys: NDArray[np.uint64],
-    bias: NDArray[np.int32] | None,
-    python: str | None,
-    timeout: float,
-    advance: Callable[[int], None] | None,
-) -> Outcome:
-    """Run the host program once."""
-    with temporary_folder() as folder:
-        words = ("--timeout", str(timeout))
-        ended = run_program(
-            bundle,
-            folder,
-            rates,
-            keys,
-            words,
-            bias=bias,
-            python=python,
-            patience=timeout + PATIENCE,
-            advance=advance,
-        )
-        return _outcome(ended, folder / "out", (len(keys), scalars(bundle)["neurons"]))
+def _answers(
+    out: Path, size: tuple[int, int], ended: Ended
+) -> tuple[tuple[NDArray[np.int32], NDArray[np.bool_]] | None, str]:
+    """What the program left for ``size`` (n, neurons), and why it went no further.
 
-
-def _outcome(ended: Ended, out: Path, size: tuple[int, int]) -> Outcome:
-    """Read what the program left for ``size`` (n, neurons); rows count as answered only if all of it agrees."""
-    last, stage, error = ended.last or "it said nothing", ended.stage, ended.error
+    Counts int32 (n, neurons), and which presentations were answered, bool (n,); None unless all of it agrees.
+    """
+    last, error = ended.last or "it said nothing", ended.error
     if ended.hung:
-        stage, error = "run", "the program hung and was stopped"
+        error = "the program hung and was stopped"
     elif ended.code != 0 and not error:
-        stage, error = "run", f"the program ended with exit code {ended.code} ({last})"
-    stage = stage or "run"
-    nothing = Outcome(None, np.zeros(size[0], bool), stage, error or last, ended.log)
+        error = f"the program ended with exit code {ended.code} ({last})"
     try:
         counts = array_of(read_bytes(out / "counts.npy", "bundle_bytes"), np.int32, size)
         done = array_of(read_bytes(out / "done.npy", "bundle_bytes"), np.bool_, size[:1])
     except OSError:
-        return nothing
+        return None, error or last
     except ValueError:
-        return replace(nothing, error=error or "the program left impossible results")
+        return None, error or "the program left impossible results"
     if (counts[done] < 0).any():
-        return replace(nothing, error=error or "the program left impossible results")
-    return replace(nothing, counts=counts, done=done)
+        return None, error or "the program left impossible results"
+    return (counts, done), error or last

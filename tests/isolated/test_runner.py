@@ -244,19 +244,20 @@ def test_it_takes_too_long(place: Place, target: str, stands: str, monkeypatch: 
 
 @pytest.mark.lava
 @pytest.mark.parametrize(
-    ("who", "name"),
+    ("who", "name", "number"),
     [
-        ("PyActor", "the process of PyActor"),
-        ("LoihiPyRuntimeService", "the process of LoihiPyRuntimeService"),
-        ("SharedMemoryManager-1", "the process of SharedMemoryManager-1"),
-        ("the target", "its process"),
-        ("the keeper", "its process"),
+        ("PyActor", "the process of PyActor", signal.SIGKILL),
+        ("LoihiPyRuntimeService", "the process of LoihiPyRuntimeService", signal.SIGKILL),
+        ("SharedMemoryManager-1", "the process of SharedMemoryManager-1", signal.SIGKILL),
+        ("the target", "its process", signal.SIGKILL),
+        ("the keeper", "its process", signal.SIGKILL),
+        ("the keeper", "its process", signal.SIGTERM),
     ],
 )
-def test_a_process_is_killed(place: Place, who: str, name: str) -> None:
-    error = failed(place, "support.lava.lava_targets:act", ENDLESS, lambda: os.kill(place.process(who), signal.SIGKILL))
-    said = f"support.lava.lava_targets:act: {name} was killed (SIGKILL); if memory ran out, free some or run less at "
-    assert str(error).startswith(said + "once; then run it again")
+def test_a_process_is_ended(place: Place, who: str, name: str, number: signal.Signals) -> None:
+    error = failed(place, "support.lava.lava_targets:act", ENDLESS, lambda: os.kill(place.process(who), number))
+    said = "if memory ran out, free some or run less at once; then run it again"
+    assert str(error).startswith(f"support.lava.lava_targets:act: {name} was killed ({number.name}); {said}")
 
 
 @pytest.mark.parametrize("session", [False, True])
@@ -273,14 +274,6 @@ def test_programs_are_ended_without_the_keeper(place: Place) -> None:
     failed(
         place, "support.lava.lava_targets:leave", options, lambda: os.kill(place.process("the keeper"), signal.SIGKILL)
     )
-
-
-@pytest.mark.lava
-def test_the_keeper_is_told_to_end(place: Place) -> None:
-    error = failed(
-        place, "support.lava.lava_targets:act", ENDLESS, lambda: os.kill(place.process("the keeper"), signal.SIGTERM)
-    )
-    assert str(error).startswith("support.lava.lava_targets:act: its process was killed (SIGTERM); ")
 
 
 @pytest.mark.lava

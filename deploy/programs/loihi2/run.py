@@ -21,9 +21,9 @@ and lava-nc, lava.utils.loihi2_profiler in the benchmarks of lava-dl.
 
 from __future__ import annotations
 
+import argparse
 import importlib.metadata
 import importlib.util
-import json
 import os
 import sys
 from functools import partial
@@ -37,6 +37,7 @@ try:
     if __name__ == "__main__":
         look(__file__, "loihi2", sys.argv[1:])
     import host
+    from bundle_files import Bundle
     from lava_network import VENDOR
     from lava_worker import work
     from lifetime import keep
@@ -75,6 +76,10 @@ class Loihi2(host.Host):
 
     title, target = "Loihi 2", "loihi2"
 
+    def __init__(self, bundle: Bundle, options: argparse.Namespace) -> None:
+        super().__init__(bundle, options)
+        self.parameters = bundle.json("network/parameters.json")
+
     def require(self) -> dict[str, Any]:
         """See to Lava, and that power can be measured, which is done over one run."""
         if self.options.power and self.bundle.manifest["network"].get("bias_input"):
@@ -96,17 +101,17 @@ class Loihi2(host.Host):
                 "input",
                 "--power needs all queries in one run, which biases of each query interrupt; leave out biases.npy",
             )
-        run(self.bundle.files, arrays, self.options, results)
+        network = {name: self.bundle.array(f"network/{name}.npy") for name in ("weights", "bias")}
+        run(self.parameters, network | arrays, self.options, results)
 
     def silent(self) -> int:
         """As the parameters have it."""
-        return int(json.loads(self.bundle.files["network/parameters.json"])["silent_steps"])
+        return int(self.parameters["silent_steps"])
 
     def ask(self, rung: Rung) -> Any:
         """With Lava's library, in the bundle's own parameters."""
-        small, arrays = small_network(self.bundle.files, rung)
         results = Results(rung.presentations, len(rung.weights[0]))
-        run(small, arrays, self.options, results)
+        run(*small_network(self.parameters, rung), self.options, results)
         return results.counts
 
 

@@ -66,17 +66,23 @@ def started(folder: Path) -> Iterator[subprocess.Popen[bytes]]:
         lifetime.clear(folder, worker.wait())
 
 
-def run(files: dict[str, bytes], arrays: Arrays, args: argparse.Namespace, results: Results) -> None:
-    """Present all queries in a process of its own, and keep what it answers."""
+def run(parameters: dict[str, Any], arrays: Arrays, args: argparse.Namespace, results: Results) -> None:
+    """Present all queries in a process of its own, and keep what it answers.
+
+    Args:
+        parameters: Of the network, as the bundle has them.
+        arrays: Weights and bias of the network; rates and keys of the queries, and their biases and exponents if they
+            bring any.
+        args: The command line.
+        results: Where answers are kept.
+    """
     n = len(arrays["keys"])
     if not n:
         return
     args.batch = n if args.power else args.batch
-    parameters = json.loads(files["network/parameters.json"])
     options = {"batch": args.batch, "simulate": args.simulate, "power": bool(args.power), "parameters": parameters}
-    network = {name: array_of(files[f"network/{name}.npy"]) for name in ("weights", "bias")}
     interval = int(parameters["steps"] + parameters["silent_steps"])
-    with job(network | arrays, options) as folder, started(folder) as worker:
+    with job(arrays, options) as folder, started(folder) as worker:
         for start in range(0, n, args.batch):
             end = min(n, start + args.batch)
             seconds = args.timeout or (START_SECONDS if start == 0 else 60) + (end - start) * interval / SLOWEST

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from support.boards import host_programs, kapoho_board
-from support.boards.kapoho_board import Board, Ended, altered, answers, child, load_program, write_queries
+from support.boards.kapoho_board import Board, Ended, altered, answers, child, edited, load_program, write_queries
 from support.boards.kapoho_bundles import LAYOUTS, Made, layout, make, plan_by_hand, random_network
 from support.common.small_models import small_model
 
@@ -263,11 +263,8 @@ WRONG: dict[str, tuple[str, str]] = {
 
 @pytest.mark.parametrize("name", WRONG)
 def test_a_wrong_simulation_is_seen(board: Board, tmp_path: Path, name: str) -> None:
-    old, new = WRONG[name]
     made = make(tmp_path, layout("one core", random_network(3, signed=True, threshold=30)))
-    altered(made, "program/simulated.py", lambda content: content.replace(old.encode(), new.encode()))
-    edited = replace(board, program=load_program(made.path / "program"))
-    ended = edited.run(made, "--simulate", "--self-test")
+    ended = edited(board, made, "simulated.py", *WRONG[name]).run(made, "--simulate", "--self-test")
     assert ended.code == 1
     assert "instead of" in ended.err or "a counter holds" in ended.err
 
@@ -311,8 +308,7 @@ MUTATIONS: dict[str, tuple[str, str, bool, str]] = {
 def test_the_stand_in_sees_defects_of_the_chips_program(board: Board, tmp_path: Path, name: str) -> None:
     old, new, bias_input, said = MUTATIONS[name]
     made = make(tmp_path, layout("one core", random_network(1, regular=bias_input, bias_input=bias_input)), images=3)
-    altered(made, "program/embedded.c", lambda content: content.replace(old.encode(), new.encode()))
-    ended = board.run(made, "--self-test", "--timeout", 3)
+    ended = edited(board, made, "embedded.c", old, new).run(made, "--self-test", "--timeout", 3)
     assert ended.code == 1
     assert said in ended.err, ended.err
     assert len(ended.err.splitlines()) == 1
@@ -337,9 +333,7 @@ def test_the_stand_in_sees_defects_of_the_program(board: Board, tmp_path: Path, 
     old, new, said = EDITS[name]
     made = make(tmp_path, layout("two chips", random_network()), images=2)
     (name,) = [file for file, content in host_programs.files("kapoho_bay").items() if old.encode() in content]
-    altered(made, f"program/{name}", lambda content: content.replace(old.encode(), new.encode()))
-    edited = replace(board, program=load_program(made.path / "program"))
-    ended = edited.run(made, "--self-test")
+    ended = edited(board, made, name, old, new).run(made, "--self-test")
     assert ended.code == 1
     assert said in ended.err, ended.err
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from support.boards import host_programs, kapoho_board, loihi2_bundles
-from support.boards.kapoho_board import Board, altered, load_program
+from support.boards.kapoho_board import Board, edited, load_program
 from support.boards.kapoho_bundles import layout, make, plan_by_hand, random_network
 
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
@@ -119,11 +118,9 @@ def test_every_format_of_the_bundle_has_a_rung(board: Board, tmp_path: Path, sig
 def test_a_wrong_index_width_fails_its_rung(board: Board, tmp_path: Path) -> None:
     network = random_network(2, neurons=80, signed=True, threshold=300)
     made = make(tmp_path, plan_by_hand(network, WIDE, 0.0), images=2)  # type: ignore[arg-type]
-    old, new = b"CIdx=", b"CIdx=0 * "
-    altered(made, "program/board_device.py", lambda content: content.replace(old, new))
-    edited = replace(board, program=load_program(made.path / "program"))
+    wrong = edited(board, made, "board_device.py", "CIdx=", "CIdx=0 * ")
     path = tmp_path / "ladder.json"
-    assert edited.run(made, "--ladder", path, "--timeout", 3).code == 1
+    assert wrong.run(made, "--ladder", path, "--timeout", 3).code == 1
     rows = {row["name"]: row for row in climbed(path)["rungs"]}
     assert not any(rows[name]["passed"] for name in OTHERS)
 
@@ -156,10 +153,8 @@ QUICK = ("decay", "sign", "clearing")
 def test_one_wrong_register_fails_its_rung(board: Board, tmp_path: Path, name: str) -> None:
     file, old, new, rungs = WRONG[name]
     made = make(tmp_path, layout("one core", random_network(3, signed=True, threshold=30), 0.0))
-    altered(made, f"program/{file}", lambda content: content.replace(old.encode(), new.encode()))
-    edited = replace(board, program=load_program(made.path / "program"))
     path = tmp_path / "ladder.json"
-    ended = edited.run(made, "--ladder", path, "--timeout", 3)
+    ended = edited(board, made, file, old, new).run(made, "--ladder", path, "--timeout", 3)
     assert ended.code == 1
     assert f"rungs failed, first {rungs[0]}; send {path}" in ended.err
     rows = {row["name"]: row for row in climbed(path)["rungs"]}

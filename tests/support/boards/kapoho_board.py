@@ -14,7 +14,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -154,6 +154,12 @@ def answers(folder: Path) -> tuple[NDArray[np.int32], NDArray[np.bool_], dict[st
     """What the program left: counts, which rows are answered, status."""
     status = json.loads((folder / "status.json").read_text())
     return np.load(folder / "counts.npy"), np.load(folder / "done.npy"), status
+
+
+def edited(board: Board, made: Made, name: str, old: str, new: str) -> Board:
+    """A board with the program of a bundle, in whose file ``name`` the text ``old`` is ``new``."""
+    altered(made, f"program/{name}", lambda content: content.replace(old.encode(), new.encode()))
+    return replace(board, program=load_program(made.path / "program"))
 
 
 def altered(made: Made, name: str, change: Callable[[bytes], bytes]) -> None:
