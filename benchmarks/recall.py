@@ -21,7 +21,7 @@ from benchmarks.places import TEMPLATES, Section, learn
 from benchmarks.program import Figures, Printed, program, seeds_option
 from benchmarks.results.record import Record, key
 from benchmarks.results.rows import PRINTED, Row, asked, measure
-from benchmarks.results.sections import DEFAULT, FIVE, PAPERS, SIMPLER
+from benchmarks.results.tables import DEFAULT, FIVE, PAPERS, SIMPLEST
 from lava_vpr.config import INPUT_MODES, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.bundle.folder import Bundle
@@ -40,7 +40,7 @@ def varied(name: str, changes: Mapping[str, Mapping[str, Any]], of: str = DEFAUL
 
 
 TABLES: dict[str, list[Row]] = {
-    "decoders": [varied("preset loihi", {}, matchers=(*SIMPLER, *PAPERS, *(f"{name}{PRINTED}" for name in PAPERS)))],
+    "decoders": [varied("preset loihi", {}, matchers=(*SIMPLEST, *PAPERS, *(f"{name}{PRINTED}" for name in PAPERS)))],
     "arithmetic": [
         varied("float", {}),
         varied("none: the references' rates as weights", {"learning": TEMPLATES}),
@@ -80,7 +80,7 @@ TABLES: dict[str, list[Row]] = {
     ],
     "paper": [
         Row("preset paper, 0:100 and 300:400", preset("paper"), PAPER, (*PAPERS, "contrast", "sad", "hog")),
-        Row("preset loihi, the same places", preset(DEFAULT), PAPER, SIMPLER),
+        Row("preset loihi, the same places", preset(DEFAULT), PAPER, SIMPLEST),
     ],
 }
 """Rows by the name of their table. Preset paper takes two minutes for each section and seed."""

@@ -7,17 +7,12 @@ The synthetic world draws the images, `lava_vpr.train` learns the summer; one wi
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
-
-import matplotlib
 import numpy as np
-from numpy.typing import NDArray
-
-matplotlib.use("Agg")
+from drawn_world import BLUE, DARK, GREEN, LIGHT, WORLD, bare, show, summer, target
 from matplotlib import pyplot
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
+from numpy.typing import NDArray
 
 from lava_vpr import train
 from lava_vpr.backends.host import HostBackend
@@ -25,12 +20,9 @@ from lava_vpr.backends.interface import query_presentations
 from lava_vpr.encoding import encode_arrays
 from lava_vpr.model import prepare
 from lava_vpr.report.fields import edge_direction
-from lava_vpr.synthetic.world import World, render
+from lava_vpr.synthetic.world import render
 
-ROOT = Path(__file__).resolve().parents[1]
-WORLD = World(seed=0, places=100, width=256, height=128)
 PLACE = 32
-DARK, BLUE, GREEN, GREY = "#111827", "#1d4ed8", "#15803d", "#9ca3af"
 
 
 def draw_edges(axes: Axes, activity: NDArray[np.float32], orientations: int, grid: int, title: str) -> None:
@@ -47,12 +39,9 @@ def draw_edges(axes: Axes, activity: NDArray[np.float32], orientations: int, gri
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Draw the picture of docs/concepts.md.")
-    parser.add_argument("file", type=Path, nargs="?", default=ROOT / "docs" / "concepts.png")
-    target = parser.parse_args().file
-    summer = np.stack([render(WORLD, place, "summer") for place in range(WORLD.places)])
-    winter = render(WORLD, PLACE, "winter")
-    model = train(summer)
+    file = target("concepts.png", "Draw the picture of docs/concepts.md.")
+    references, winter = summer(), render(WORLD, PLACE, "winter")
+    model = train(references)
     encoder = model.config.encoder
     (query,) = encode_arrays([winter], encoder, model.config.views.views[:1])
     backend, shown = HostBackend(1), query_presentations(model, query)
@@ -65,7 +54,7 @@ def main() -> None:
         figsize=(11, 5.2),
         layout="constrained",
     )
-    axes["image"].imshow(winter[..., ::-1], aspect="auto")
+    show(axes["image"], winter, aspect="auto")
     axes["image"].set_title("1  an image, in winter", fontsize=10)
     draw_edges(
         axes["edges"],
@@ -83,17 +72,14 @@ def main() -> None:
     axes["neurons"].set(xlabel="step (ms)", ylabel="neuron, by its place", ylim=(-1, model.neurons))
     axes["neurons"].set_title(f"4  the network: {len(who)} spikes; one neuron learned this place", fontsize=10)
     best = int(scores.argmax())
-    axes["scores"].bar(range(WORLD.places), scores, color=[GREEN if k == best else GREY for k in range(WORLD.places)])
+    axes["scores"].bar(range(WORLD.places), scores, color=[GREEN if k == best else LIGHT for k in range(WORLD.places)])
     axes["scores"].set(xlabel="place", yticks=[])
     axes["scores"].set_title("5  the decoder's scores", fontsize=10)
-    axes["place"].imshow(summer[best][..., ::-1], aspect="auto")
+    show(axes["place"], references[best], aspect="auto")
     axes["place"].set_title(f"6  place {best}, as it was learned", fontsize=10)
-    for name in ("image", "place"):
-        axes[name].set(xticks=[], yticks=[])
-    for name in ("inputs", "neurons", "scores"):
-        axes[name].spines[["top", "right"]].set_visible(False)
-    figure.savefig(target, dpi=110)
-    print(f"{target.name}: place {PLACE} is recognised as {best}; {target.stat().st_size / 1e3:.0f} kB")
+    bare(axes, ("inputs", "neurons", "scores"))
+    figure.savefig(file, dpi=110)
+    print(f"{file.name}: place {PLACE} is recognised as {best}; {file.stat().st_size / 1e3:.0f} kB")
 
 
 if __name__ == "__main__":

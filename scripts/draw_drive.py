@@ -8,31 +8,24 @@ Everything in it is computed: the synthetic world draws the images, `lava_vpr.tr
 
 from __future__ import annotations
 
-import argparse
 import io
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
-import matplotlib
 import numpy as np
-from numpy.typing import NDArray
-
-matplotlib.use("Agg")
+from drawn_world import BLUE, GREEN, GREY, WORLD, bare, show, summer, target
 from matplotlib import pyplot
+from numpy.typing import NDArray
 from PIL import Image
 
 from lava_vpr import Localizer, Match, train
-from lava_vpr.synthetic.world import World, render
+from lava_vpr.synthetic.world import render
 
-ROOT = Path(__file__).resolve().parents[1]
-WORLD = World(seed=0, places=100, width=256, height=128)
 STOP, CARRIED = 30, 46
 DRIVE = (*range(12, STOP), *([STOP] * 5), *range(STOP + 1, CARRIED), *range(72, 96))
 """The place of each image: a stretch, five images at a stop, on, and from place 45 to place 72 in no time."""
 MILLISECONDS = 180
 SIZE = (8.0, 4.6)  # inches, at 100 pixels
-GREEN, GREY, BLUE = "#15803d", "#6b7280", "#1d4ed8"
 
 
 @dataclass(frozen=True)
@@ -60,12 +53,12 @@ def verdict(match: Match) -> tuple[str, str]:
     return f"perhaps place {match.place}, probability {match.probability:.0%}: not accepted", GREY
 
 
-def draw(frame: Frame, summer: NDArray[np.uint8], order: NDArray[np.int64]) -> Image.Image:
+def draw(frame: Frame, references: NDArray[np.uint8], order: NDArray[np.int64]) -> Image.Image:
     """One frame of the picture.
 
     Args:
         frame: What it shows.
-        summer: The references, uint8 (places, h, w, 3) BGR.
+        references: Uint8 (places, h, w, 3) BGR.
         order: The place that each neuron spikes most for, int64 (neurons,).
     """
     match, (words, colour) = frame.match, verdict(frame.match)
@@ -75,14 +68,12 @@ def draw(frame: Frame, summer: NDArray[np.uint8], order: NDArray[np.int64]) -> I
         gridspec_kw={"height_ratios": [3.2, 1, 1]},
         layout="constrained",
     )
-    axes["now"].imshow(frame.image[..., ::-1])
+    show(axes["now"], frame.image)
     axes["now"].set_title("what the robot sees: winter", fontsize=11)
-    found = summer[match.place] if match.accepted else np.full_like(summer[0], 235)
-    axes["then"].imshow(found[..., ::-1])
+    show(axes["then"], references[match.place] if match.accepted else np.full_like(references[0], 235))
     axes["then"].set_title("what it recognises: summer", fontsize=11)
     axes["then"].set_xlabel(words, color=colour, fontsize=11)
     for name in ("now", "then"):
-        axes[name].set(xticks=[], yticks=[])
         for edge in axes[name].spines.values():
             edge.set(color=colour if name == "then" else GREY, linewidth=3)
     axes["spikes"].bar(order, match.spikes, width=0.8, color=BLUE)
@@ -96,7 +87,7 @@ def draw(frame: Frame, summer: NDArray[np.uint8], order: NDArray[np.int64]) -> I
     axes["belief"].plot([frame.place], [0.93], marker="v", color="black", markersize=8)
     for name in ("spikes", "belief"):
         axes[name].set_xlim(-1, WORLD.places)
-        axes[name].spines[["top", "right"]].set_visible(False)
+    bare(axes, ("spikes", "belief"))
     buffer = io.BytesIO()
     figure.savefig(buffer, dpi=100)
     pyplot.close(figure)
@@ -104,19 +95,16 @@ def draw(frame: Frame, summer: NDArray[np.uint8], order: NDArray[np.int64]) -> I
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Draw the moving picture of README.")
-    parser.add_argument("file", type=Path, nargs="?", default=ROOT / "docs" / "drive.webp")
-    target = parser.parse_args().file
-    summer = np.stack([render(WORLD, place, "summer") for place in range(WORLD.places)])
-    robot = Localizer(train(summer), motion="any")
+    file, references = target("drive.webp", "Draw the moving picture of README."), summer()
+    robot = Localizer(train(references), motion="any")
     order = robot.model.responses.argmax(axis=1)
     shown = list(frames(robot))
-    first, *rest = [draw(frame, summer, order) for frame in shown]
-    first.save(target, save_all=True, append_images=rest, duration=MILLISECONDS, loop=0, quality=60, method=6)
+    first, *rest = [draw(frame, references, order) for frame in shown]
+    first.save(file, save_all=True, append_images=rest, duration=MILLISECONDS, loop=0, quality=60, method=6)
     right = sum(frame.match.accepted and frame.match.place == frame.place for frame in shown)
     accepted = sum(frame.match.accepted for frame in shown)
-    print(f"{target.name}: {len(shown)} images, {accepted} accepted, {right} of them exactly right")
-    print(f"{target.stat().st_size / 1e6:.2f} MB")
+    print(f"{file.name}: {len(shown)} images, {accepted} accepted, {right} of them exactly right")
+    print(f"{file.stat().st_size / 1e6:.2f} MB")
 
 
 if __name__ == "__main__":

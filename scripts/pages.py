@@ -20,7 +20,7 @@ KINDS = {
     "cli": "scripts.cli_reference",
     "figures": "benchmarks.figures",
     "hardware": "scripts.hardware_reference",
-    "results": "benchmarks.results.page",
+    "results": "benchmarks.results.tables",
     "security": "scripts.security_reference",
     "settings": "scripts.settings_reference",
 }

@@ -11,7 +11,6 @@ are not learned again.
 from __future__ import annotations
 
 import json
-import math
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -23,15 +22,13 @@ import numpy as np
 from benchmarks.nordland import FOLDERS, images_of
 from benchmarks.places import TEMPLATES, Section, places, sections_of
 from benchmarks.program import Figures, Printed, program
+from benchmarks.results.rows import Row, asked
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
-from lava_vpr.deploy.boards.board import KAPOHO_BAY
-from lava_vpr.encoding import EncodedTraverse, Keep, encode_views
 from lava_vpr.engine.threads import cores
-from lava_vpr.experiments.points import Case, current, figures, runs_of
 from lava_vpr.slayer.front_end import EPOCHS, learned_filters
 from lava_vpr.training.loop import train
-from lava_vpr.traverse import Traverse, open_traverse
+from lava_vpr.traverse import open_traverse
 
 SECTIONS = sections_of("nordland", 500)
 SEEDS = (0, 1, 2)
@@ -55,7 +52,7 @@ LEARNERS: Mapping[str, Mapping[str, Any]] = {
 UNLEARNED = "templates behind filters before learning"
 
 
-class Row(NamedTuple):
+class Learned(NamedTuple):
     """What one model reached, in percent, seconds, microjoules and milliseconds."""
 
     learner: str
@@ -70,47 +67,32 @@ class Row(NamedTuple):
     bits: int
 
 
-def measured(learner: str, config: Config, section: Section) -> Row:
+def measured(learner: str, config: Config, section: Section) -> Learned:
     """Learn a section and ask for its places."""
     began = time.process_time()
     if config.encoder.kind == "filters":
-        epochs = 0 if learner == UNLEARNED else EPOCHS
-        config = update(config, {"encoder": {"filters": learned_filters(taken(section, 0).images(), config, epochs)}})
+        traverse = open_traverse(images_of(section.dataset, FOLDERS[section.dataset][0]))
+        images, epochs = (
+            traverse.take(range(section.first, section.end)).images(),
+            0 if learner == UNLEARNED else EPOCHS,
+        )
+        config = update(config, {"encoder": {"filters": learned_filters(images, config, epochs)}})
     seconds = time.process_time() - began
-    (queries,), references = encoded(section, 1, config), encoded(section, 0, config)
+    references = places(section, 0, config)
     began = time.process_time()
     model = train(references, config, jobs=cores())
     seconds += time.process_time() - began
-    case = Case(model, queries, np.eye(len(queries), dtype=bool))
-    (run,) = runs_of([case], current(model), KAPOHO_BAY, cores())
-    (found,) = figures(run, [math.inf])
-    metrics = found.metrics
-    recall = (metrics.recall_at_1, metrics.recall_at_100_precision, metrics.auc)
-    bits = model.weight_bits or 0
-    percent = (round(100 * value, 2) for value in recall)
-    costs = (round(seconds, 2), round(found.microjoules, 4), round(found.milliseconds, 4))
-    return Row(learner, str(section), config.seed, *percent, *costs, bits)
+    found = asked(Row("", config, (section,), costs=True), model, section, costs=True)
+    recall, costs = ([round(value, digits) for value in found[name]] for name, digits in (("network", 2), ("costs", 4)))
+    return Learned(learner, str(section), config.seed, *recall, round(seconds, 2), *costs, model.weight_bits or 0)
 
 
-def taken(section: Section, which: int) -> Traverse:
-    """References (0) or queries (1) of a section as they were taken."""
-    dataset, first, end = section
-    return open_traverse(images_of(dataset, FOLDERS[dataset][which])).take(range(first, end))
-
-
-def encoded(section: Section, which: int, config: Config) -> tuple[EncodedTraverse, ...]:
-    """References (0) or queries (1) of a section, of the whole journey once where inputs are fixed."""
-    if config.encoder.kind != "filters":
-        return places(section, which, config)
-    return encode_views(taken(section, which), config.encoder, config.views.views, Keep.ALL)
-
-
-def read(log: Path) -> list[Row]:
+def read(log: Path) -> list[Learned]:
     """The rows that a log holds."""
-    return [Row(**json.loads(line)) for line in log.read_text().splitlines()] if log.exists() else []
+    return [Learned(**json.loads(line)) for line in log.read_text().splitlines()] if log.exists() else []
 
 
-def table(rows: Sequence[Row]) -> Figures:
+def table(rows: Sequence[Learned]) -> Figures:
     """A line for each learner."""
     late, lines = {str(section) for section in SECTIONS[CHOSEN_ON:]}, []
     for learner in LEARNERS:
@@ -127,7 +109,7 @@ def table(rows: Sequence[Row]) -> Figures:
     return Figures(columns, lines, record="learning-kinds")
 
 
-def recalled(rows: Sequence[Row], seeds: Sequence[int]) -> str:
+def recalled(rows: Sequence[Learned], seeds: Sequence[int]) -> str:
     """Means of R@1, R@100P and AUC, and how far the seeds' mean R@1 spread, if there are several."""
     if not rows:
         return "-"

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import click
 
-from benchmarks.results.page import ROWS
 from benchmarks.results.record import FILE, Record, key, sources
 from benchmarks.results.rows import SEEDS, Row, measure
+from benchmarks.results.tables import ROWS
 from lava_vpr.errors import LavaVprError
 from scripts.pages import bring_up_to_date as write_pages
 

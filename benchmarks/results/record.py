@@ -19,7 +19,6 @@ from lava_vpr.storage.writing import write_atomically
 ROOT = Path(__file__).resolve().parents[2]
 FILE = ROOT / "docs" / "results.json"
 REMEDY = "run `make results` (LAVA_VPR_DATA names the images), and commit docs/results.json and the pages"
-SIMPLER_TITLES = {"template": "without learning", "cosine": "`cosine`", "hog": "HOG", "sad": "SAD"}
 
 
 def short_hash(text: str) -> str:

@@ -10,33 +10,33 @@ import pytest
 
 from benchmarks.places import Section
 from benchmarks.results import __main__ as command
-from benchmarks.results import long, page, record, rows
+from benchmarks.results import record, rows, tables
 from benchmarks.results.record import REMEDY, Record
-from benchmarks.results.sections import DEFAULT, FIVE, INTEGER, LEARNED
+from benchmarks.results.tables import DEFAULT, FIVE, INTEGER, LEARNED
 from lava_vpr.configfile import update
 from lava_vpr.experiments.cache import modules_of
 
 
 def test_the_file_has_todays_rows_under_todays_settings() -> None:
-    assert Record.read().lacks(page.ROWS) == [], REMEDY
+    assert Record.read().lacks(tables.ROWS) == [], REMEDY
 
 
 def test_the_file_has_every_section_and_seed_of_a_row() -> None:
     kept = Record.read()
-    for row in page.ROWS:
+    for row in tables.ROWS:
         wanted = {record.key(section, seed) for section in row.sections for seed in rows.SEEDS}
         assert set(kept.rows[row.name]["figures"]) == wanted, row.name
-    assert len({row.name for row in page.ROWS}) == len(page.ROWS)
+    assert len({row.name for row in tables.ROWS}) == len(tables.ROWS)
 
 
 @pytest.mark.parametrize("name", INTEGER)
 def test_another_setting_of_a_preset_is_another_row(name: str) -> None:
     row = LEARNED[name]
     changed = dataclasses.replace(row, config=update(row.config, {"network": {"inhibition": 0.66}}))
-    others, kept = [other for other in page.ROWS if other != row], Record({})
-    for one in page.ROWS:
+    others, kept = [other for other in tables.ROWS if other != row], Record({})
+    for one in tables.ROWS:
         kept.put(one, "of today", {})
-    assert kept.lacks(page.ROWS) == []
+    assert kept.lacks(tables.ROWS) == []
     assert kept.lacks([*others, changed]) == [row.name]
     assert kept.lacks(others) == [row.name]
 
@@ -96,14 +96,14 @@ def test_what_is_up_to_date_is_not_computed_again(tmp_path: Path, monkeypatch: p
 def test_what_the_page_says_of_its_tables_is_so() -> None:
     """Learning one clean traverse brings nothing; where cosine is ahead; what `fast` takes the chip."""
     kept = Record.read()
-    for row in page.ROWS:
+    for row in tables.ROWS:
         if "template" in row.matchers:
             few = row.sections[0].dataset == "gardens"  # 50 images: one is two points
             assert (-3 if few else -1) <= kept.mean(row, "template")[0] - kept.mean(row)[0] <= (3 if few else 2), (
                 row.name
             )
-    assert kept.mean(long.TITLED["1,500"], "cosine")[1] > kept.mean(long.TITLED["1,500"])[1]
-    every = long.TITLED["1,500, all inputs spike in queries"]
+    assert kept.mean(tables.LENGTHS["1,500"], "cosine")[1] > kept.mean(tables.LENGTHS["1,500"])[1]
+    every = tables.LENGTHS["1,500, all inputs spike in queries"]
     assert np.all(np.array(kept.mean(every, "cosine")) > kept.mean(every))
     adapted = (kept.mean(LEARNED[DEFAULT], f"{name}, adapted") for name in ("cosine", "network"))
     assert np.all(np.greater(*adapted))
@@ -115,10 +115,10 @@ def test_what_the_page_says_of_its_tables_is_so() -> None:
 
 @pytest.mark.data
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", page.KINDS)
+@pytest.mark.parametrize("kind", tables.KINDS)
 def test_a_section_of_each_row_is_what_the_file_says(kind: str, data_root: Path) -> None:
     """The first section with the first seed, computed anew: figure for figure."""
     kept = Record.read()
-    for row in page.KINDS[kind].ROWS:
+    for row in tables.KINDS[kind]:
         place = row.sections[0], rows.SEEDS[0]
         assert rows.measure(row, *place) == kept.figures(row, *place), f"{row.name}: if that is meant, {REMEDY}"

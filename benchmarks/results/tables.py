@@ -1,0 +1,179 @@
+"""The rows of the results and the tables that show them, in docs/results.md and README; `make pages` writes these."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from benchmarks.figures import markdown
+from benchmarks.places import Section, sections_of
+from benchmarks.results.record import Record
+from benchmarks.results.rows import SEEDS, STANDING, TAU, Row
+from lava_vpr.config import PRESETS, preset
+from lava_vpr.configfile import update
+
+FIVE, TEN = sections_of("nordland", 500), sections_of("nordland_long", 1000)
+SHORT, LONG = (Section("nordland_all", 0, 500),), (Section("nordland_all", 0, 1500),)
+GARDENS = (Section("gardens", 50, 100),)
+LATE = FIVE[2:]
+"""Sections that the search for the settings did not see; the first two chose them."""
+INTEGER = tuple(name for name in PRESETS if name != "paper")
+DEFAULT = INTEGER[0]
+PAPERS = ("standard", "weighted", "probability", "weighted_probability")
+SIMPLER = {"template": "without learning", "cosine": "`cosine`", "hog": "HOG", "sad": "SAD"}
+SIMPLEST = tuple(SIMPLER)
+POISSON = {"network": {"trains": "poisson", "input_mode": "injected"}}
+ALL_INPUTS = {"encoder": {"query_inputs": 0}}
+VIEWS: Mapping[str, dict[str, Any]] = {
+    "one": {},
+    "three (`--views 3`)": {"shifts": 3},
+    "five in three scales (`[views]`)": {"shifts": 5, "shift": 0.071, "scales": 3},
+}
+
+
+def _learned(name: str) -> Row:
+    """A preset on the five sections, with all that stands beside the default one."""
+    default = name == DEFAULT
+    matchers = SIMPLEST + (PAPERS if default else ())
+    return Row(f"{name}, five sections", preset(name), FIVE, matchers, adapt=default, costs=True)
+
+
+LEARNED = {name: _learned(name) for name in INTEGER}
+DRAWN = {
+    name: Row(f"{name}, five sections, Poisson trains in queries", update(preset(name), POISSON), FIVE)
+    for name in INTEGER
+}
+LENGTHS = {
+    "500": Row("500 places", preset(DEFAULT), SHORT, SIMPLEST, costs=True),
+    "500, in sequences of 5": Row("500 places, sequences of 5", preset(DEFAULT), SHORT, SIMPLEST, sequence=5),
+    "1,500": Row("1,500 places", preset(DEFAULT), LONG, SIMPLEST, costs=True),
+    "1,500, all inputs spike in queries": Row(
+        "1,500 places, all inputs", update(preset(DEFAULT), ALL_INPUTS), LONG, SIMPLEST, costs=True
+    ),
+}
+FURTHER = Row("ten further sections", preset(DEFAULT), TEN, SIMPLEST, adapt=True)
+STILL = Row(
+    f"five sections, each image {STANDING} times with noise",
+    preset(DEFAULT),
+    FIVE,
+    ("template", "cosine"),
+    adapt=True,
+    standing=True,
+)
+ADAPTED = {
+    "the five sections": LEARNED[DEFAULT],
+    "ten further sections, which the search did not see": FURTHER,
+    f"the five sections, standing still for {STANDING} frames at every place": STILL,
+}
+WALKED = {
+    title: Row(f"Gardens Point, views: {title}", update(preset(DEFAULT), {"views": views}), GARDENS, SIMPLEST, 2)
+    for title, views in VIEWS.items()
+}
+RIDDEN = {
+    title: Row(f"five sections, views: {title}", update(preset(DEFAULT), {"views": views}), FIVE)
+    for title, views in VIEWS.items()
+    if views
+}
+KINDS: Mapping[str, Sequence[Row]] = {
+    "sections": (*LEARNED.values(), *DRAWN.values()),
+    "long": tuple(LENGTHS.values()),
+    "adapted": (FURTHER, STILL),
+    "views": (*WALKED.values(), *RIDDEN.values()),
+}
+"""The rows by the table that shows them."""
+ROWS = tuple(row for rows in KINDS.values() for row in rows)
+
+
+def simpler(record: Record, row: Row, suffix: str = "") -> list[str]:
+    """The cells of a row: its network, then what is simpler; empty where that was not computed."""
+    others = (record.cell(row, name + suffix) if name in row.matchers else "" for name in SIMPLER)
+    return [f"**{record.cell(row, f'network{suffix}')}**", *others]
+
+
+def _sections(record: Record) -> str:
+    """Five sections of 100 Nordland places by every preset, the seeds, and the paper's decoders."""
+    head = ["", "as learned", "places 200:500, which the search did not see", "without learning", "Poisson trains"]
+    rows = []
+    for name, row in LEARNED.items():
+        microjoules, milliseconds = record.mean(row, "costs")
+        cells = [f"**{record.cell(row)}**", record.cell(row, sections=LATE), record.cell(row, "template")]
+        cells += [record.cell(DRAWN[name]), record.cell(row, "cosine"), f"{microjoules:.2f}", f"{milliseconds:.2f}"]
+        rows.append([f"preset `{name}`", *cells])
+    default = LEARNED[DEFAULT]
+    for rival in ("hog", "sad"):
+        cells = [record.cell(default, rival), record.cell(default, rival, LATE)]
+        rows.append([f"{SIMPLER[rival]} instead of a network", *cells, *[""] * 5])
+    seeds = "; ".join(f"{record.mean(default, seeds=(seed,))[0]:.1f}" for seed in SEEDS)
+    papers = ", ".join(f"{name.replace('_', ' ')} {record.cell(default, name)}" for name in PAPERS)
+    numbers = "; ".join(map(str, SEEDS))
+    sentence = f"R@1 of `{DEFAULT}` by seed ({numbers}): {seeds}. The paper's decoders on the same spikes: {papers}."
+    return f"{markdown([*head, '`cosine`', 'µJ', 'ms'], rows)}\n\n{sentence}"
+
+
+def _long(record: Record) -> str:
+    """Long maps: 500 and 1,500 Nordland places in one model of the default preset."""
+    rows = []
+    for title, row in LENGTHS.items():
+        cost = f"{record.mean(row, 'costs')[0]:.1f}" if row.costs else ""
+        rows.append([title, *simpler(record, row), cost])
+    return markdown(["places in one model", "as learned", *SIMPLER.values(), "µJ"], rows)
+
+
+def _adapted(record: Record) -> str:
+    """Adaptation to the queries before: a line for each row, and below it the same adapted."""
+    rows = []
+    for title, row in ADAPTED.items():
+        rows.append([title, *simpler(record, row)])
+        rows.append([f"the same with `--adapt {TAU:g}`", *simpler(record, row, ", adapted")])
+    return markdown(["", "as learned", *SIMPLER.values()], rows)
+
+
+def _views(record: Record) -> str:
+    """Gardens Point on the other side of the path, and what several views of a place cost Nordland."""
+    costs = {title: record.cell(RIDDEN.get(title, LEARNED[DEFAULT])) for title in WALKED}
+    rows = [[title, *simpler(record, row), costs[title]] for title, row in WALKED.items()]
+    head = ["views of each place", "as learned", *SIMPLER.values(), "what it costs the five Nordland sections"]
+    return markdown(head, rows)
+
+
+def _six(record: Record) -> str:
+    """What a newcomer should know first: R@1 in percent, with what is simpler beside it, and microjoules."""
+    titled = {
+        "Nordland, 100 places, five sections": LEARNED[DEFAULT],
+        "the same in a quarter of the time, preset `fast`": LEARNED["fast"],
+        "Nordland, 500 places in one map": LENGTHS["500"],
+        "Nordland, 1,500 places in one map": LENGTHS["1,500"],
+        "Nordland, ten further sections of 100, which the search did not see": FURTHER,
+        "Gardens Point, 50 places, from the other side of the path": list(WALKED.values())[-1],
+    }
+    rows = []
+    for title, row in titled.items():
+        own, *rivals = (f"{record.mean(row, name)[0]:.1f}" for name in ("network", *SIMPLER))
+        cost = f"{record.mean(row, 'costs')[0]:.1f} µJ" if row.costs else ""
+        rows.append([title, f"**{own}**", *rivals, cost])
+    return markdown(["", "recognised (R@1)", *SIMPLER.values(), "energy, modelled"], rows)
+
+
+def _origin(record: Record) -> str:
+    """Where the tables come from."""
+    settings, sources = record.origin
+    return (
+        f"`make results` wrote these tables from [results.json](results.json): settings `{settings}`, "
+        f"sources `{sources}`."
+    )
+
+
+PARTS: Mapping[str, Callable[[Record], str]] = {
+    **{"sections": _sections, "long": _long, "adapted": _adapted, "views": _views},
+    **{"six": _six, "origin": _origin},
+}
+
+
+def names() -> list[str]:
+    """All parts of pages that this module writes."""
+    return list(PARTS)
+
+
+def section(name: str) -> str:
+    """A part of a page."""
+    return PARTS[name](Record.read())
