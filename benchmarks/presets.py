@@ -30,7 +30,7 @@ from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.encoding import query_rates
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
-from lava_vpr.experiments.points import Case, configured, current, figures, runs_of
+from lava_vpr.experiments.points import Case, configured, current, figures, run_of
 from lava_vpr.experiments.search import Settings, Trial, descend
 from lava_vpr.inputs.views import ViewsConfig
 from lava_vpr.matching.baselines import cosine_similarities
@@ -148,7 +148,7 @@ def cases_of(config: Config, seeds: Sequence[int] = SEEDS) -> list[Case]:
 
 def measured(cases: Sequence[Case], settings: Mapping[str, float], ceiling: bool = True) -> Result:
     """What the models of ``cases`` recall with ``settings``."""
-    runs = runs_of(cases, dict(settings), KAPOHO_BAY, cores())
+    runs = [run_of(case, dict(settings), KAPOHO_BAY, cores()) for case in cases]
     results = [figures(run, (np.inf,))[0] for run in runs]
     of_places = np.array([Recall.of(one.metrics) for one in results]).reshape(len(PLACES), len(SEEDS), 3).mean(axis=1)
     energy = np.mean([one.microjoules for one in results[: ENERGY_OF * len(SEEDS)]])

@@ -16,7 +16,7 @@ from lava_vpr.config import Config
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.threads import cores
-from lava_vpr.experiments.points import Case, current, figures, runs_of
+from lava_vpr.experiments.points import Case, current, figures, run_of
 from lava_vpr.inputs.views import ViewsConfig
 from lava_vpr.matching.decoders import decode
 from lava_vpr.matching.evaluation import Metrics, evaluate
@@ -135,6 +135,6 @@ def _costs(model: Model, section: Section) -> list[float]:
     (queries,) = places(section, 1, model.config, ViewsConfig())
     some = slice(0, min(COSTED, len(queries)))
     case = Case(model, part(queries, some), np.eye(len(queries), dtype=bool)[some])
-    (run,) = runs_of([case], current(model), KAPOHO_BAY, cores())
+    run = run_of(case, current(model), KAPOHO_BAY, cores())
     (measurement,) = figures(run, (np.inf,))
     return [round(measurement.microjoules, 4), round(measurement.milliseconds, 5)]

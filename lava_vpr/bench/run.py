@@ -377,4 +377,4 @@ def _sweep(queries: QuerySet, truth: NDArray[np.bool_], request: Request, begin:
         return ()
     advance = begin("sweep of settings", BUDGET)
     case = Case(queries.model, queries.images, truth, queries.shown.seed)
-    return sweep([case], threads=cores(), advance=advance, cluster=request.cluster)
+    return sweep(case, threads=cores(), advance=advance, cluster=request.cluster)

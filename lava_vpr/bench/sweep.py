@@ -25,7 +25,7 @@ from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
 from lava_vpr.deploy.compression.compression import UNCHANGED, with_settings
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.experiments.early_stopping import MARGINS
-from lava_vpr.experiments.points import Asked, Case, Measurement, Settings, current, fast_settings, measured
+from lava_vpr.experiments.points import Case, Measurement, Settings, current, fast_settings, measured
 from lava_vpr.experiments.search import key_of, on_front, wander
 
 BUDGET = 240
@@ -86,7 +86,7 @@ def _moved(settings: Settings, rng: random.Random, retrain: bool) -> Settings:
 
 
 def sweep(
-    cases: Sequence[Case],
+    case: Case,
     *,
     budget: int = BUDGET,
     retrain: bool = True,
@@ -98,8 +98,7 @@ def sweep(
     """Points around a model and preset ``fast``, and which of them form the front.
 
     Args:
-        cases: A model with an integer network and its float weights, or several of equal settings, each with queries of
-            its own: figures are means over them.
+        case: A model with an integer network and its float weights, and its queries.
         budget: Points to measure; those that the board refuses count, early stopping does not.
         retrain: Also try other numbers of neurons, for which the references are learned again.
         board: One whose energies and times are published.
@@ -107,23 +106,24 @@ def sweep(
         advance: Told, after each of ``budget`` points, how many more are done.
         cluster: Who measures them instead: `AHEAD` at once, those that come next if the front stays as it is.
     Returns:
-        Every point, the first model first. The front is over R@1, energy and time of the mean query. No backend stops
+        Every point, the model first. The front is over R@1, energy and time of the mean query. No backend stops
         early yet, so points without early stopping also have a front of their own.
     Raises:
         ConfigError: the model has no integer network, or no float weights.
         NetworkLimitError: nothing that was tried fits the board.
     """
-    asked = Asked(cases, board, (np.inf, *MARGINS), threads if cluster is None else 1)
-    as_learned, fast = current(cases[0].model), fast_settings(cases[0].model)
-    with_settings(cases[0].model, UNCHANGED)  # refuse what cannot be quantised anew
+    margins = (np.inf, *MARGINS)
+    shared = case, board, margins, threads if cluster is None else 1
+    as_learned, fast = current(case.model), fast_settings(case.model)
+    with_settings(case.model, UNCHANGED)  # refuse what cannot be quantised anew
 
     def moved(settings: Settings, rng: random.Random) -> Settings:
         return _moved(settings, rng, retrain)
 
     def measure(some: Sequence[Settings]) -> Iterable[list[Point]]:
-        found = run_tasks(measured, some, shared=asked, cluster=cluster, called="points", progress=_nobody)
+        found = run_tasks(measured, some, shared=shared, cluster=cluster, called="points", progress=_nobody)
         for settings, each in zip(some, found, strict=True):  # none where a network cannot be
-            yield [(settings, margin, one) for margin, one in zip(asked.margins, each, strict=False)]
+            yield [(settings, margin, one) for margin, one in zip(margins, each, strict=False)]
 
     points: list[Point] = []
     for _, each in wander([as_learned, fast], moved, measure, parents, budget, 1 if cluster is None else AHEAD):

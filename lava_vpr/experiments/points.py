@@ -1,4 +1,4 @@
-"""One point of the sweep on one or several models: quantised anew for a board, run, its costs modelled."""
+"""One point of a search of settings: a model quantised anew for a board, run, its costs modelled."""
 
 from __future__ import annotations
 
@@ -72,28 +72,11 @@ class Run:
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What all points of a search are measured on.
-
-    Attributes:
-        cases: Models, their queries and truths.
-        board: Where they stand.
-        margins: Of early stopping; inf: none.
-        threads: Do not change the result.
-    """
-
-    cases: Sequence[Case] = field(repr=False)
-    board: Board
-    margins: tuple[float, ...]
-    threads: int = 1
-
-
-@dataclass(frozen=True)
 class Measurement:
-    """Figures of a point, means over the cases: of the default decoder, and modelled costs of a query.
+    """Figures of a point: of the default decoder, and modelled costs of a query.
 
     Attributes:
-        metrics: Figures of the default decoder; curves are those of the first case.
+        metrics: Figures of the default decoder.
         microjoules, milliseconds: Dynamic energy and time on the board, clearing of states included, host I/O not.
         steps: Steps of a query, silent ones included.
     """
@@ -150,24 +133,17 @@ def _source(case: Case, settings: Settings, threads: int) -> Model:
     return case.learned[number]
 
 
-def _run(case: Case, settings: Settings, board: Board, threads: int) -> Run:
-    """The queries of ``case`` through its network under ``settings``."""
-    source = _source(case, settings, threads)
-    source = replace(source, config=configured(source.config, settings))
-    model = requantised(source, threads=threads)
-    plan = plan_of(model, board)
-    trains = HostBackend(threads).trains(model, query_presentations(model, case.queries, case.seed))
-    return Run(model, plan, trains, case.truth)
-
-
-def runs_of(cases: Sequence[Case], settings: Settings, board: Board, threads: int) -> tuple[Run, ...]:
-    """The queries of every case under ``settings`` (all that `current` names).
+def run_of(case: Case, settings: Settings, board: Board, threads: int) -> Run:
+    """The queries of ``case`` through its network under ``settings`` (all that `current` names).
 
     Raises:
         ConfigError: there is nothing to quantise anew, or a value is outside its range.
         NetworkLimitError: ``board`` cannot run it.
     """
-    return tuple(_run(case, settings, board, threads) for case in cases)
+    source = _source(case, settings, threads)
+    model = requantised(replace(source, config=configured(source.config, settings)), threads=threads)
+    trains = HostBackend(threads).trains(model, query_presentations(model, case.queries, case.seed))
+    return Run(model, plan_of(model, board), trains, case.truth)
 
 
 def constants_of(board: Board) -> CostConstants:
@@ -207,36 +183,15 @@ def figures(run: Run, margins: Sequence[float]) -> list[Measurement]:
     return measurements
 
 
-def mean(measurements: Sequence[Measurement]) -> Measurement:
-    """The means of the figures of all cases."""
-    first = measurements[0].metrics
-    metrics = replace(
-        first,
-        recall_at_1=float(np.mean([measurement.metrics.recall_at_1 for measurement in measurements])),
-        recall_at_100_precision=float(
-            np.mean([measurement.metrics.recall_at_100_precision for measurement in measurements])
-        ),
-        precision_at_100_recall=float(
-            np.mean([measurement.metrics.precision_at_100_recall for measurement in measurements])
-        ),
-        auc=float(np.mean([measurement.metrics.auc for measurement in measurements])),
-        recall_at_n={
-            n: float(np.mean([measurement.metrics.recall_at_n[n] for measurement in measurements]))
-            for n in first.recall_at_n
-        },
-        queries=sum(measurement.metrics.queries for measurement in measurements),
-        without_place=sum(measurement.metrics.without_place for measurement in measurements),
-    )
-    costs = np.mean(
-        [(measurement.microjoules, measurement.milliseconds, measurement.steps) for measurement in measurements], axis=0
-    )
-    return Measurement(metrics, *(float(value) for value in costs))
+def measured(shared: tuple[Case, Board, Sequence[float], int], settings: Settings) -> list[Measurement]:
+    """The network of some settings with each margin: a task; nothing where it cannot be, or not on the board.
 
-
-def measured(asked: Asked, settings: Settings) -> list[Measurement]:
-    """The network of some settings with each margin: a task; nothing where it cannot be, or not on the board."""
+    Args:
+        shared: The case, the board, margins of early stopping (inf: none), and threads, which change no figure.
+        settings: The settings.
+    """
+    case, board, margins, threads = shared
     try:
-        runs = runs_of(asked.cases, settings, asked.board, asked.threads)
+        return figures(run_of(case, settings, board, threads), margins)
     except (ConfigError, NetworkLimitError):
         return []
-    return [mean(each) for each in zip(*(figures(run, asked.margins) for run in runs), strict=True)]

@@ -30,17 +30,20 @@ class Method:
 
 METHODS: Registry[Method] = Registry("method", ConfigError)
 """The methods by name, in the order of the table: the paper's columns first."""
-METHODS.register(Method("standard", "standard", "paper", "standard"))
-METHODS.register(Method("weighted", "weighted", "paper", "weighted"))
-METHODS.register(Method("probability", "probability", "paper", "probability"))
-METHODS.register(Method("weighted_probability", "weighted probability", "paper", "weighted_probability"))
-METHODS.register(Method("netvlad", "NetVLAD", DESCRIPTORS, "descriptors"))
-METHODS.register(Method("sad", "SAD", "loihi", "sad"))
-METHODS.register(Method("loihi", "preset loihi", "loihi", "contrast"))
-METHODS.register(Method("fast", "preset fast", "fast", "contrast"))
-METHODS.register(Method("template", "loihi without learning", "loihi", "template"))
-METHODS.register(Method("cosine", "cosine of inputs", "loihi", "cosine"))
-METHODS.register(Method("hog", "HOG", "loihi", "hog"))
+for _method in (
+    Method("standard", "standard", "paper", "standard"),
+    Method("weighted", "weighted", "paper", "weighted"),
+    Method("probability", "probability", "paper", "probability"),
+    Method("weighted_probability", "weighted probability", "paper", "weighted_probability"),
+    Method("netvlad", "NetVLAD", DESCRIPTORS, "descriptors"),
+    Method("sad", "SAD", "loihi", "sad"),
+    Method("loihi", "preset loihi", "loihi", "contrast"),
+    Method("fast", "preset fast", "fast", "contrast"),
+    Method("template", "loihi without learning", "loihi", "template"),
+    Method("cosine", "cosine of inputs", "loihi", "cosine"),
+    Method("hog", "HOG", "loihi", "hog"),
+):
+    METHODS.register(_method)
 
 NETWORKS = ("loihi", "fast", DESCRIPTORS, "paper")
 """What is learned, the quick ones first: a minute of all sections of Nordland, then half an hour."""

@@ -85,11 +85,12 @@ class Row:
     left: tuple[int, ...]
     absent: str | None
 
-    def spread(self, figure: str) -> Spread | None:
-        """A field of `Figures` over the sections; None if absent."""
-        if not self.sections:
-            return None
-        return Spread.of({number: getattr(row, figure) for number, row in self.sections.items()})
+    @property
+    def spreads(self) -> dict[str, Spread]:
+        """Each field of `Figures` over the sections; none if absent."""
+        columns = zip(*self.sections.values(), strict=True)
+        by_name = dict(zip(Figures._fields, columns, strict=False))
+        return {name: Spread.of(dict(zip(self.sections, column, strict=True))) for name, column in by_name.items()}
 
 
 @dataclass(frozen=True)

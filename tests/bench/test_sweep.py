@@ -32,7 +32,7 @@ from lava_vpr.deploy.cost.events import count_events
 from lava_vpr.encoding import query_rates
 from lava_vpr.errors import ConfigError
 from lava_vpr.experiments.early_stopping import leads, stops
-from lava_vpr.experiments.points import Case, Run, configured, current, fast_settings, figures, runs_of
+from lava_vpr.experiments.points import Case, Run, configured, current, fast_settings, figures, run_of
 from lava_vpr.recognition import DECODERS_ONLY, recognise
 from lava_vpr.training.loop import train
 
@@ -48,7 +48,7 @@ def found() -> tuple[tuple[Candidate, ...], int]:
     """A short search, and how many points it said were done."""
     done: list[int] = []
     one = case()
-    return sweep([one], budget=10, advance=done.append), sum(done)
+    return sweep(one, budget=10, advance=done.append), sum(done)
 
 
 @settings(max_examples=50, deadline=None, derandomize=True)
@@ -88,7 +88,7 @@ def _literal(run: Run, margin: float) -> tuple[list[int], list[int]]:
 def test_early_stopping_against_spike_by_spike(margin: float) -> None:
     """Recall, energy and time of the steps that were run, and of the clearing."""
     one = case()
-    (run,) = runs_of([one], current(one.model), KAPOHO_BAY, 1)
+    run = run_of(one, current(one.model), KAPOHO_BAY, 1)
     (result,) = figures(run, [margin])
     steps, answers = _literal(run, margin)
     assert stops(leads(run.model, np.cumsum(run.trains.exc, axis=1, dtype=np.int32)), margin).tolist() == steps
@@ -109,7 +109,7 @@ def test_a_point_is_the_model_quantised_anew_and_modelled() -> None:
     """Against the functions that evaluate and price a model anywhere else."""
     one = case()
     wanted = {**current(one.model), "weight_bits": 2.0, "steps": 32.0, "prune": 0.5, "query_inputs": 300.0}
-    (run,) = runs_of([one], wanted, KAPOHO_BAY, 1)
+    run = run_of(one, wanted, KAPOHO_BAY, 1)
     (result,) = figures(run, [np.inf])
     changes = {"encoder": {"query_inputs": 300}, "network": {"weight_bits": 2, "steps": 32, "prune": 0.5}}
     source = dataclasses.replace(one.model, config=update(one.model.config, changes))
@@ -149,7 +149,7 @@ def test_a_search_tells_what_it_tried() -> None:
 
 def test_equal_input_gives_equal_points() -> None:
     one = case()
-    again = sweep([one], budget=10, threads=2)
+    again = sweep(one, budget=10, threads=2)
     assert [repr(point) for point in again] == [repr(point) for point in found()[0]]
 
 
@@ -160,7 +160,7 @@ def test_a_cluster_measures_the_points_of_one_machine(tmp_path: Path) -> None:
     try:
         with connected(made.address) as cluster:
             done: list[int] = []
-            again = sweep([one], budget=10, cluster=cluster, advance=done.append)
+            again = sweep(one, budget=10, cluster=cluster, advance=done.append)
     finally:
         made.end()
     assert [repr(point) for point in again] == [repr(point) for point in found()[0]]
@@ -169,7 +169,7 @@ def test_a_cluster_measures_the_points_of_one_machine(tmp_path: Path) -> None:
 
 def test_other_numbers_of_neurons_are_learned_again() -> None:
     one = case()
-    (run,) = runs_of([one], {**current(one.model), "neurons_per_place": 1.5}, KAPOHO_BAY, 1)
+    run = run_of(one, {**current(one.model), "neurons_per_place": 1.5}, KAPOHO_BAY, 1)
     assert run.model.neurons == 12
     assert list(one.learned) == [1.5]
     # What the model kept of its references is enough to learn them the same again.
@@ -188,6 +188,6 @@ def test_settings_go_in_and_come_out() -> None:
 def test_what_cannot_be_swept_is_refused() -> None:
     one = case()
     with pytest.raises(ConfigError, match="no float weights to quantise anew"):
-        sweep([dataclasses.replace(one, model=dataclasses.replace(one.model, learned=np.zeros((0, 0), np.float32)))])
+        sweep(dataclasses.replace(one, model=dataclasses.replace(one.model, learned=np.zeros((0, 0), np.float32))))
     with pytest.raises(ConfigError, match="the search of settings needs an integer network"):
         current(dataclasses.replace(one.model, config=tiny_paper()))

@@ -19,7 +19,7 @@ def sections(part: Part, label: str) -> str:
         axes.grid(axis="x", color=THEME["line"], linewidth=0.6, alpha=0.6)
         axes.set_axisbelow(True)
         for k, row in enumerate(rows):
-            released = row.spread("released")
+            released = row.spreads.get("released")
             if released is not None:
                 values = [100 * value for value in released.by_seed.values()]
                 axes.plot(values, [k] * len(values), "o", color=THEME["c0"], markersize=4, alpha=0.45)

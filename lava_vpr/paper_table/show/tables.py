@@ -42,10 +42,11 @@ def summary(part: Part) -> Table:
 
 def _summary(row: Row) -> tuple[str, ...]:
     printed = percent(row.printed)
-    released = row.spread("released")
+    spreads = row.spreads
+    released = spreads.get("released")
     if released is None:
         return (row.method.title, printed, *[NONE] * 5, row.absent or "")
-    others = (row.spread(name) for name in ("recall_at_100_precision", "recall_at_1", "auc"))
+    others = (spreads.get(name) for name in ("recall_at_100_precision", "recall_at_1", "auc"))
     spread = "" if released.deviation is None else f" ± {percent(released.deviation)}"
     values = released.by_seed.values()
     return (

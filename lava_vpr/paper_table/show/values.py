@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from typing import Any
 
 from lava_vpr.paper_table.printed import DOI
 from lava_vpr.paper_table.run import PaperTable, Part, Row
 from lava_vpr.paper_table.sections import Figures
+from lava_vpr.show.table import Table
 
 HEADER = ("dataset", "method", "section", *Figures._fields, "printed", "absent")
 
@@ -43,7 +42,7 @@ def _part(part: Part) -> dict[str, Any]:
 
 
 def _row(row: Row) -> dict[str, Any]:
-    spreads = {name: row.spread(name) for name in Figures._fields}
+    spreads = {name: row.spreads.get(name) for name in Figures._fields}
     return {
         "method": row.method.name,
         "printed": row.printed,
@@ -57,25 +56,20 @@ def _row(row: Row) -> dict[str, Any]:
 
 def as_csv(table: PaperTable) -> str:
     """The table as CSV: a line for each section, then ``mean`` and ``deviation``; one line says why a row is absent."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(HEADER)
-    for part in table.parts:
-        for row in part.rows:
-            start, printed = [part.dataset.name, row.method.name], "" if row.printed is None else f"{row.printed:g}"
-            if row.absent is not None:
-                writer.writerow([*start, "", *[""] * len(Figures._fields), printed, row.absent])
-                continue
-            for number, figures in row.sections.items():
-                writer.writerow([*start, number, *map(_number, figures), "", ""])
-            spreads = [row.spread(name) for name in Figures._fields]
-            means = [_number(one.mean) for one in spreads if one is not None]
-            writer.writerow([*start, "mean", *means, printed, ""])
-            deviations = ["" if one is None or one.deviation is None else _number(one.deviation) for one in spreads]
-            writer.writerow([*start, "deviation", *deviations, "", ""])
-    return text.getvalue()
+    lines = [line for part in table.parts for row in part.rows for line in _lines(part.dataset.name, row)]
+    return Table(HEADER, lines).csv()
 
 
-def _number(value: float) -> str:
-    """A fraction with as many digits as sections of 100 queries have, and some more."""
-    return f"{value:.6f}"
+def _lines(dataset: str, row: Row) -> list[tuple[str, ...]]:
+    """The lines of a row."""
+    start, printed = (dataset, row.method.name), "" if row.printed is None else f"{row.printed:g}"
+    if row.absent is not None:
+        return [(*start, "", *[""] * len(Figures._fields), printed, row.absent)]
+    lines = [(*start, str(number), *map(_number, figures), "", "") for number, figures in row.sections.items()]
+    means, deviations = ([_number(getattr(one, of)) for one in row.spreads.values()] for of in ("mean", "deviation"))
+    return [*lines, (*start, "mean", *means, printed, ""), (*start, "deviation", *deviations, "", "")]
+
+
+def _number(value: float | None) -> str:
+    """A fraction with as many digits as sections of 100 queries have, and some more; nothing for none."""
+    return "" if value is None else f"{value:.6f}"
