@@ -34,18 +34,6 @@ def fails(*words: object) -> str:
     return line
 
 
-def test_equal_images_give_equal_bytes_whatever_the_jobs(here: Path) -> None:
-    words = ("bits", "reference", "--query", "query", "--values", "2,3")
-    texts = [
-        study(*words, "--json", f"{k}.json", "--report", f"{k}", "--jobs", jobs) for k, jobs in enumerate((1, 3, 1))
-    ]
-    assert len({text.replace(f"report: {k}/", "") for k, text in enumerate(texts)}) == 1
-    assert len({Path(f"{k}.json").read_bytes() for k in range(3)}) == 1
-    assert len({Path(f"{k}/study.html").read_bytes() for k in range(3)}) == 1
-    assert "lava-vpr study bits reference --query query" in Path("0/study.html").read_text()
-    assert "--seeds 0,1 --values 2,3" in Path("0/study.html").read_text()
-
-
 @pytest.mark.slow
 def test_a_cluster_gives_the_bytes_of_this_machine(here: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     cluster = DaskCluster(tmp_path_factory.mktemp("cluster"))
@@ -58,20 +46,6 @@ def test_a_cluster_gives_the_bytes_of_this_machine(here: Path, tmp_path_factory:
     assert alone == there.replace("report: there", "report: here")
     assert Path("there.json").read_bytes() == Path("here.json").read_bytes()
     assert Path("there/study.html").read_bytes() == Path("here/study.html").read_bytes()
-
-
-def test_the_keys_of_the_json_are_pinned(here: Path) -> None:
-    study("steps", "reference", "--query", "query", "--values", "64", "--json", "s.json")
-    found = json.loads(Path("s.json").read_text())
-    assert list(found) == ["study", "varied", "places", "queries", "seeds", "board", "settings", "points"]
-    (point,) = found["points"]
-    assert list(point) == ["point", "value", "network", "baselines", "modelled", "facts"]
-    assert list(point["network"]) == ["recall_at_1", "recall_at_100_precision", "auc"]
-    assert list(point["network"]["auc"]) == ["mean", "deviation", "by_seed"]
-    assert list(point["baselines"]["cosine"]) == ["recall_at_1", "recall_at_100_precision", "auc"]
-    assert list(point["modelled"]) == ["microjoules", "milliseconds"]
-    assert (found["study"], found["places"], point["value"]) == ("steps", 8, 64)
-    assert "seed" not in found["settings"]
 
 
 def test_places_take_a_part_of_each_traverse(here: Path) -> None:
@@ -87,13 +61,6 @@ def test_several_traverses_are_learned_together(here: Path) -> None:
     study("weighting", "reference", "query", "--query", "query", "--json", "w.json")
     points = json.loads(Path("w.json").read_text())["points"]
     assert {point["point"]: point["network"]["recall_at_1"]["mean"] for point in points}["decoder contrast"] == 1.0
-
-
-def test_a_table_says_what_it_shows(here: Path) -> None:
-    text = study("places", "reference", "--query", "query", "--values", "4,8", "--tolerance", 1)
-    assert re.search(r"│ 4 +│ +[\d.]+ ± [\d.]+ │", text)
-    assert "mean of seeds 0, 1, ± their standard deviation" in text
-    assert "modelled for Kapoho Bay" in text
 
 
 REFUSED = [
