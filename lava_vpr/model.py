@@ -274,7 +274,7 @@ def assemble(
     except LavaVprError as error:
         raise ModelFileError(f"{shown(path)}: the model cannot be used ({error}); {remedy}") from None
     except UnfitError as error:
-        raise ModelFileError(f"{shown(path)}: the model lacks or garbles {error}; {remedy}") from None
+        raise ModelFileError(f"{shown(path)}: the model {error.how} {error}; {remedy}") from None
     arrays = found.arrays
     return Model(
         config=found.config,

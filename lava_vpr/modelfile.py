@@ -45,7 +45,7 @@ from lava_vpr.matching.probability import KINDS
 from lava_vpr.positions.frames import LAT_LON, MOST_METRES, XY, fits, is_frame
 from lava_vpr.settings.conductance import ConductanceLearning, ConductanceNetwork
 from lava_vpr.settings.ranges import real, whole
-from lava_vpr.storage.arrays import Rule, UnfitError, check_arrays
+from lava_vpr.storage.arrays import Rule, UnexpectedError, UnfitError, check_arrays
 from lava_vpr.storage.limits import excess
 from lava_vpr.vectors.kept import check_standard, seen_rules
 
@@ -174,7 +174,7 @@ def _config(header: Mapping[str, Any], network: FixedNetwork | None) -> Config:
             raise UnfitError(brief(name))
     for name in header:
         if name not in (*_HEADER, *fixed, "frame"):
-            raise UnfitError(f"the header with a key {brief(name)}")
+            raise UnexpectedError(f"an unexpected key {brief(name)} in its header")
     version = header["version"]
     if not isinstance(version, str) or not 0 < len(version) <= _MOST_VERSION or not version.isprintable():
         raise UnfitError(f"version {brief(version)}")

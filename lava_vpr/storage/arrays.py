@@ -13,7 +13,15 @@ from lava_vpr.errors import brief
 
 
 class UnfitError(ValueError):
-    """A value of a file that is not what its format says; the message names it."""
+    """A value of a file that is not what its format says; the message names it, `how` goes before it."""
+
+    how = "lacks or garbles"
+
+
+class UnexpectedError(UnfitError):
+    """Something in a file that its format does not have."""
+
+    how = "has"
 
 
 class Rule(NamedTuple):
@@ -39,7 +47,7 @@ def check_arrays(arrays: Mapping[str, NDArray[Any]], rules: Mapping[str, Rule]) 
     """
     for name in arrays:
         if name not in rules:
-            raise UnfitError(f"an array {brief(name)}, which does not belong there")
+            raise UnexpectedError(f"an unexpected array {brief(name)}")
     for name, rule in rules.items():
         if name not in arrays:
             raise UnfitError(brief(name))

@@ -20,7 +20,7 @@ from lava_vpr.errors import ModelFileError, brief
 from lava_vpr.model import Stretch
 from lava_vpr.modelfile import count
 from lava_vpr.storage import container
-from lava_vpr.storage.arrays import UnfitError
+from lava_vpr.storage.arrays import UnexpectedError, UnfitError
 from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import leftovers
 from lava_vpr.training.trainers import StretchTrainer, restore
@@ -89,7 +89,7 @@ def _by_stretch(arrays: dict[str, NDArray[Any]], done: dict[int, int]) -> dict[i
     for name, array in arrays.items():
         number, _, own = name.partition(".")
         if number not in numbers:
-            raise UnfitError(f"an array {brief(name)}, which does not belong there")
+            raise UnexpectedError(f"an unexpected array {brief(name)}")
         states[numbers[number]][own] = array
     return states
 
@@ -138,7 +138,7 @@ class Checkpoint:
                 restore(trainers[number], states[number], epoch, traverses)
         except UnfitError as error:
             raise ModelFileError(
-                f"{shown(self.path)}: the checkpoint lacks or garbles {error}; {container.REMEDIES['checkpoint']}"
+                f"{shown(self.path)}: the checkpoint {error.how} {error}; {container.REMEDIES['checkpoint']}"
             ) from None
         self.epochs, self.arrays = done, arrays
 
