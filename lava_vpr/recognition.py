@@ -16,7 +16,7 @@ from lava_vpr.backends.asking import PLAINLY, Asker, Asking, summed
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Advance, Backend, Events, Presentations, query_presentations
 from lava_vpr.backends.registry import BACKENDS
-from lava_vpr.backends.rivals import Adapted, Rivals, Scored, decoded
+from lava_vpr.backends.rivals import Rivals, Scored, decoded
 from lava_vpr.backends.rivals import chosen as rivals_of
 from lava_vpr.cluster.tasks import Cluster
 from lava_vpr.encoding import EncodedTraverse, encoded_batches
@@ -276,7 +276,7 @@ def recognise(
             moving = Motion().moving(shown.rates[: len(queries)])
             followed = follow(matcher, scores, truth, Together(motion=comparison.motion), moving)
     adapted = {
-        name: hold(matcher, InBlocks.made(scores), truth, Together(sequence))
+        name: hold(matcher, scores, truth, Together(sequence))
         for name, matcher, scores in _adapted_matchers(rivals, backend, advance)
     }
     single = held[default].answers
@@ -312,7 +312,7 @@ def _trusts(
     return {name: value for name, value in found.items() if value is not None}
 
 
-def _adapted_matchers(rivals: Rivals, backend: str | Backend, advance: Advance | None) -> Iterator[Adapted]:
+def _adapted_matchers(rivals: Rivals, backend: str | Backend, advance: Advance | None) -> Iterator[Scored]:
     """The scores of the default decoder and the baselines, all adapted; none unless that is asked."""
     model, shown, asking, threads = rivals.model, rivals.shown, rivals.asking, rivals.threads
     if asking.adapt is None:
@@ -323,7 +323,7 @@ def _adapted_matchers(rivals: Rivals, backend: str | Backend, advance: Advance |
     counts, _ = count_query_spikes(
         model, rivals.queries, backend=backend, threads=threads, advance=advance, shown=adapting
     )
-    yield Adapted(default, default, decode(model, summed(counts, asking.views), default))
+    yield Scored(default, default, InBlocks.made(decode(model, summed(counts, asking.views), default)))
     yield from rivals.adapted(asking.adapt)
 
 

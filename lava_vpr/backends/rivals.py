@@ -116,19 +116,6 @@ class Scored(NamedTuple):
     scores: InBlocks
 
 
-class Adapted(NamedTuple):
-    """Scores of a decoder or a rival, adapted to the queries before.
-
-    Attributes:
-        name, matcher: As in `Scored`.
-        scores: Scores float64 (n, places), higher is better.
-    """
-
-    name: str
-    matcher: str
-    scores: NDArray[np.float64]
-
-
 def decoded(model: Model, counts: NDArray[Any], name: str) -> InBlocks:
     """Scores of spike counts (n, neurons) by the decoder ``name``."""
     scores_of = decoders.prepare(name, model.responses, gamma=model.config.decoder.gamma)
@@ -180,18 +167,20 @@ class Rivals:
                 of = partial(_of_rows, partial(self._similar, name, references), seen)
                 yield Scored(name, name, InBlocks(len(seen), self.model.places, of))
 
-    def adapted(self, tau: float) -> Iterator[Adapted]:
+    def adapted(self, tau: float) -> Iterator[Scored]:
         """The scores of each baseline, adapted to the queries before with a time constant of ``tau`` queries."""
         for name in self.names:
             if name == "template":
                 bias = Adaptation(self.template.network, tau).biases(self._rates)
                 shown = replace(self.shown, bias=np.tile(bias, (self.asking.views, 1)))
                 decoder = self.template.config.decoder.default
-                yield Adapted(name, decoder, decode(self.template, self._of_template(shown), decoder))
+                scores = decode(self.template, self._of_template(shown), decoder)
+                yield Scored(name, decoder, InBlocks.made(scores))
             else:
                 seen, references = self._seen(name)
                 scores, own = (self._similar(name, references, items) for items in (seen, references))
-                yield Adapted(name, name, adapted_scores(scores, own.mean(axis=0), self._rates, tau))
+                scores = adapted_scores(scores, own.mean(axis=0), self._rates, tau)
+                yield Scored(name, name, InBlocks.made(scores))
 
     def _of_template(self, shown: Presentations) -> NDArray[np.int32]:
         """The spike counts (n, neurons) of the network without learning."""

@@ -10,6 +10,7 @@ from support.boards import kapoho_board
 from support.boards.kapoho_board import Board
 
 board = kapoho_board.board
+UNSHOWN = "is shown by no public source; ask for it by name"
 
 
 @pytest.fixture
@@ -28,25 +29,44 @@ def core_of(nxsdk: Any, synapses: int = 4) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("field", "value", "said"),
+    ("register", "values", "said"),
     [
-        ("fanoutType", 3, "fanoutType 3 is not 1 (nengo-loihi 1.1.0 "),
-        ("fanoutType", 0, "fanoutType 0 is not 1 (nengo-loihi 1.1.0 "),
-        ("compression", 0, "compression 0: rows with indices, of discrete axons is shown by no public source; ask for"),
-        ("compression", 1, "compression 1 is not 3 (nengo-loihi 1.1.0 "),
-        ("wgtBits", 6, "wgtBits 6: weights of fewer than 8 bits is shown by no public source; ask for it by name"),
-        ("wgtBits", 8, "wgtBits 8 is not 7 (nengo-loihi 1.1.0 "),
-        ("idxBits", 0, "idxBits 0: rows without indices is shown by no public source; ask for it by name"),
-        ("idxBits", 8, "idxBits 8 is not 1 to 7 (nengo-loihi 1.1.0 "),
-        ("wgtExp", 8, "wgtExp 8 is not -7 to 7 (nengo-loihi 1.1.0 "),
-        ("numSynapses", 62, "numSynapses 62 is not 63 (nengo-loihi 1.1.0 "),
-        ("learningCfg", 1, "learningCfg 1 is not 0 (nengo-loihi 1.1.0 "),
+        ("synapseFmt", {"fanoutType": 3}, "fanoutType 3 is not 1 (nengo-loihi 1.1.0 "),
+        ("synapseFmt", {"fanoutType": 0}, "fanoutType 0 is not 1 (nengo-loihi 1.1.0 "),
+        (
+            "synapseFmt",
+            {"compression": 0},
+            f"compression 0: rows with indices, of discrete axons {UNSHOWN}",
+        ),
+        ("synapseFmt", {"compression": 1}, "compression 1 is not 3 (nengo-loihi 1.1.0 "),
+        (
+            "synapseFmt",
+            {"wgtBits": 6},
+            f"wgtBits 6: weights of fewer than 8 bits {UNSHOWN}",
+        ),
+        ("synapseFmt", {"wgtBits": 8}, "wgtBits 8 is not 7 (nengo-loihi 1.1.0 "),
+        (
+            "synapseFmt",
+            {"idxBits": 0},
+            f"idxBits 0: rows without indices {UNSHOWN}",
+        ),
+        ("synapseFmt", {"idxBits": 8}, "idxBits 8 is not 1 to 7 (nengo-loihi 1.1.0 "),
+        ("synapseFmt", {"wgtExp": 8}, "wgtExp 8 is not -7 to 7 (nengo-loihi 1.1.0 "),
+        ("synapseFmt", {"numSynapses": 62}, "numSynapses 62 is not 63 (nengo-loihi 1.1.0 "),
+        ("synapseFmt", {"learningCfg": 1}, "learningCfg 1 is not 0 (nengo-loihi 1.1.0 "),
+        ("cxProfileCfg", {"decayU": 4096}, "decayU 4,096 is not 0 to 4,095"),
+        ("cxProfileCfg", {"refractDelay": 0}, "refractDelay 0 is not 1 to 63"),
+        ("cxCfg", {"bias": 4096}, "bias 4,096 is not -4,095 to 4,095"),
+        ("cxMetaState", {"phase0": 1}, "phase0 1 is not 2"),
+        ("synapses", {"Wgt": 256}, "Wgt 256 is not -256 to 255"),
+        ("synapses", {"synFmtId": 0}, "synFmtId 0 is not 1 to 15"),
     ],
 )
-def test_a_synapse_format_that_no_source_shows_is_refused(nxsdk: Any, field: str, value: int, said: str) -> None:
+def test_registers_hold_what_their_rows_say(nxsdk: Any, register: str, values: dict[str, int], said: str) -> None:
+    """And of a synapse format what a public source shows."""
     _, core = core_of(nxsdk)
     with pytest.raises(nxsdk.error) as caught:
-        setattr(core.synapseFmt[1], field, value)
+        getattr(core, register)[0].configure(**values)
     assert said in str(caught.value)
 
 
@@ -57,24 +77,6 @@ def test_what_is_unproven_is_taken_where_it_is_asked_for(nxsdk: Any) -> None:
     nxsdk.faults.choose(asked=["another kind"])
     with pytest.raises(nxsdk.error, match="rows without indices is shown by no public source"):
         core.synapseFmt[2].idxBits = 0
-
-
-@pytest.mark.parametrize(
-    ("register", "values", "said"),
-    [
-        ("cxProfileCfg", {"decayU": 4096}, "decayU 4,096 is not 0 to 4,095"),
-        ("cxProfileCfg", {"refractDelay": 0}, "refractDelay 0 is not 1 to 63"),
-        ("cxCfg", {"bias": 4096}, "bias 4,096 is not -4,095 to 4,095"),
-        ("cxMetaState", {"phase0": 1}, "phase0 1 is not 2"),
-        ("synapses", {"Wgt": 256}, "Wgt 256 is not -256 to 255"),
-        ("synapses", {"synFmtId": 0}, "synFmtId 0 is not 1 to 15"),
-    ],
-)
-def test_registers_hold_what_their_rows_say(nxsdk: Any, register: str, values: dict[str, int], said: str) -> None:
-    _, core = core_of(nxsdk)
-    with pytest.raises(nxsdk.error) as caught:
-        getattr(core, register)[0].configure(**values)
-    assert said in str(caught.value)
 
 
 def test_a_core_has_as_many_registers_as_the_rows_say(nxsdk: Any) -> None:
