@@ -7,23 +7,19 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from lava_vpr.errors import InputError, brief
+from lava_vpr.events.parts import Parts, apart, check_lengths, in_blocks, in_tables
 from lava_vpr.events.stream import BLOCK, Raw, Recording, check_size
 from lava_vpr.storage.limits import excess
 from lava_vpr.storage.text import shown
 
 HDF5_SUFFIXES = (".h5", ".hdf5")
-NAMES: dict[str, tuple[str, ...]] = {
-    "t": ("t", "ts", "timestamp", "timestamps", "time"),
-    "x": ("x", "xs"),
-    "y": ("y", "ys"),
-}
-"""What files call the parts of an event."""
 _TABLES = ("CD/events", "events", "EXT_CD/events")
 _GROUPS = ("events", "CD", "")
 _KEEP_IT = "convert it to events/t, events/x and events/y"
@@ -47,7 +43,7 @@ def open_hdf5(path: Path) -> Recording:
         if parts is None:
             held = ", ".join(brief(name) for name in list(file)[:10]) or "nothing"
             raise InputError(f"{shown(path)}: holds no events (at its top: {held}); {_KEEP_IT}")
-        size = _size(file, parts, shown(path))
+        size = _size(file, parts[0][0], shown(path))
         start_s = _offset(file, shown(path))
     return Recording(path, lambda: _blocks(path), size, start_s)
 
@@ -75,26 +71,17 @@ def _opened(path: Path) -> Iterator[Any]:
         raise InputError(f"{shown(path)}: is damaged, cut short or no HDF5 file ({why}); copy it again") from None
 
 
-def _found(file: Any, where: str) -> dict[str, Any] | None:
-    """The datasets of times, columns and rows, or one table of all three under ``t``; None: there are none."""
-    for name in _TABLES:
-        table = _dataset(file, name)
-        if table is not None and table.dtype.names is not None and _fields(table.dtype) is not None:
-            _check(table, table.dtype, where)
-            return {"t": table}
+def _found(file: Any, where: str) -> Parts | None:
+    """The datasets of times, columns and rows; None: there are none."""
+    tables = (_dataset(file, name) for name in _TABLES)
+    parts = in_tables(table for table in tables if table is not None)
     for group in _GROUPS:
-        found: dict[str, Any] = {
-            part: next((d for name in names if (d := _dataset(file, f"{group}/{name}")) is not None), None)
-            for part, names in NAMES.items()
-        }
-        if all(one is not None and one.dtype.kind in "iuf" for one in found.values()):
-            for one in found.values():
-                _check(one, one.dtype, where)
-            lengths = {name: len(one) for name, one in found.items()}
-            if len(set(lengths.values())) > 1:
-                raise InputError(f"{where}: has {lengths['t']} times, {lengths['x']} columns, {lengths['y']} rows")
-            return found
-    return None
+        parts = parts or apart(partial(lambda group, name: _dataset(file, f"{group}/{name}"), group))
+    for dataset, _ in parts or ():
+        _check(dataset, where)
+    if parts is not None:
+        check_lengths([len(dataset) for dataset, _ in parts], where)
+    return parts
 
 
 def _dataset(file: Any, name: str) -> Any:
@@ -109,32 +96,24 @@ def _dataset(file: Any, name: str) -> Any:
     return at if isinstance(at, h5py.Dataset) and len(at.shape or ()) == 1 else None
 
 
-def _fields(dtype: np.dtype[Any]) -> dict[str, str] | None:
-    """What a table calls the parts of an event, if it has them all as numbers."""
-    names = dtype.names or ()
-    found = {part: next((name for name in known if name in names), "") for part, known in NAMES.items()}
-    good = all(name and dtype[name].kind in "iuf" and dtype[name].shape == () for name in found.values())
-    return found if good and not dtype.hasobject else None
-
-
-def _check(dataset: Any, dtype: np.dtype[Any], where: str) -> None:
+def _check(dataset: Any, where: str) -> None:
     """Refuse what is stored elsewhere, too much, or in pieces that are too large."""
     if dataset.is_virtual or dataset.external:
         raise InputError(f"{where}: keeps {brief(dataset.name)} in other files; copy the events into one")
     beyond = excess("events", len(dataset))
     if beyond is not None:
         raise InputError(f"{where}: has {beyond}")
-    beyond = excess("event_chunk_bytes", (dataset.chunks or (0,))[0] * dtype.itemsize)
+    beyond = excess("event_chunk_bytes", (dataset.chunks or (0,))[0] * dataset.dtype.itemsize)
     if beyond is not None:
         raise InputError(f"{where}: stores {brief(dataset.name)} in chunks of {beyond}")
-    beyond = excess("event_chunk_bytes", BLOCK * dtype.itemsize)
+    beyond = excess("event_chunk_bytes", BLOCK * dataset.dtype.itemsize)
     if beyond is not None:
-        raise InputError(f"{where}: has rows of {dtype.itemsize} bytes in {brief(dataset.name)}; {_KEEP_IT}")
+        raise InputError(f"{where}: has rows of {dataset.dtype.itemsize} bytes in {brief(dataset.name)}; {_KEEP_IT}")
 
 
-def _size(file: Any, parts: dict[str, Any], where: str) -> tuple[int, int] | None:
+def _size(file: Any, times: Any, where: str) -> tuple[int, int] | None:
     """Width and height of the sensor, where attributes of the file, its groups or datasets tell it."""
-    for holder in (parts["t"], parts["t"].parent, file):
+    for holder in (times, times.parent, file):
         for names in (("width", "height"), ("sensor_width", "sensor_height")):
             # A text is not even read: from one that is damaged the HDF5 library may not return.
             if all(name in holder.attrs and _is_number(holder.attrs.get_id(name)) for name in names):
@@ -164,13 +143,7 @@ def _offset(file: Any, where: str) -> float:
 def _blocks(path: Path) -> Iterator[Raw]:
     """The events, some at a time."""
     with _opened(path) as file:
-        parts = _found(file, shown(path)) or {}
-        if len(parts) == 1:
-            table = parts["t"]
-            names = _fields(table.dtype) or {}
-            for first in range(0, len(table), BLOCK):
-                rows = table[first : first + BLOCK]
-                yield Raw(*(rows[names[part]] for part in ("t", "x", "y")))
-        elif parts:
-            for first in range(0, len(parts["t"]), BLOCK):
-                yield Raw(*(parts[part][first : first + BLOCK] for part in ("t", "x", "y")))
+        parts = _found(file, shown(path)) or []
+        yield from in_blocks(
+            parts, len(parts[0][0]) if parts else 0, lambda dataset, first, count: dataset[first : first + count]
+        )

@@ -17,7 +17,7 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError, brief
-from lava_vpr.events.hdf5 import NAMES
+from lava_vpr.events.parts import Parts, apart, check_lengths, in_blocks, in_tables
 from lava_vpr.events.stream import BLOCK, Raw, Recording, check_size
 from lava_vpr.storage.archives import ARCHIVE_ERRORS, entries_of
 from lava_vpr.storage.limits import excess
@@ -55,10 +55,8 @@ def open_npz(path: Path) -> Recording:
         if parts is None:
             held = ", ".join(brief(name) for name in sorted(members)[:10]) or "nothing"
             raise InputError(f"{shown(path)}: holds no events (but {held}); {_KEEP_IT}")
-        lengths = [member.length for member, _ in parts]
-        if len(set(lengths)) > 1:
-            raise InputError(f"{shown(path)}: has {lengths[0]} times, {lengths[1]} columns, {lengths[2]} rows")
-        for number, name in ((lengths[0], "events"), (BLOCK * parts[0][0].dtype.itemsize, "event_chunk_bytes")):
+        check_lengths([member.length for member, _ in parts], shown(path))
+        for number, name in ((parts[0][0].length, "events"), (BLOCK * parts[0][0].dtype.itemsize, "event_chunk_bytes")):
             beyond = excess(name, number)
             if beyond is not None:
                 raise InputError(f"{shown(path)}: has {beyond}")
@@ -107,17 +105,9 @@ def _header(stream: Any) -> tuple[tuple[int, ...], np.dtype[Any]]:
     return shape, dtype
 
 
-def _found(members: dict[str, _Member]) -> list[tuple[_Member, str]] | None:
-    """Times, columns and rows: the member of each and its field there, "" for all of it; None: there are none."""
-    for member in members.values():
-        fields = member.dtype.names or ()
-        inside = [next((name for name in known if name in fields), "") for known in NAMES.values()]
-        if all(name and member.dtype[name].kind in "iuf" and member.dtype[name].shape == () for name in inside):
-            return [(member, name) for name in inside]
-    alone = [next((members[name] for name in known if name in members), None) for known in NAMES.values()]
-    if all(member is not None and member.dtype.kind in "iuf" for member in alone):
-        return [(member, "") for member in alone if member is not None]
-    return None
+def _found(members: dict[str, _Member]) -> Parts | None:
+    """The members with times, columns and rows; None: there are none."""
+    return in_tables(members.values()) or apart(members.get)
 
 
 def _size(archive: zipfile.ZipFile, members: dict[str, _Member], where: str) -> tuple[int, int] | None:
@@ -143,12 +133,11 @@ def _blocks(path: Path) -> Iterator[Raw]:
     """The events, some at a time."""
     with _opened(path) as archive, contextlib.ExitStack() as stack:
         parts = _found(_members(archive)) or []
-        members = {member.name: member for member, _ in parts}
-        streams = {name: stack.enter_context(archive.open(name)) for name in members}
+        streams = {member.name: stack.enter_context(archive.open(member.name)) for member, _ in parts}
         for stream in streams.values():
             _header(stream)
-        length = parts[0][0].length if parts else 0
-        for first in range(0, length, BLOCK):
-            count = min(BLOCK, length - first)
-            read = {member.name: _next(streams[member.name], member, count) for member in members.values()}
-            yield Raw(*(read[member.name][name] if name else read[member.name] for member, name in parts))
+        yield from in_blocks(
+            parts,
+            parts[0][0].length if parts else 0,
+            lambda member, first, count: _next(streams[member.name], member, count),
+        )

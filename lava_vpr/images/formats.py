@@ -3,8 +3,8 @@
 Some OpenCV versions return half a picture for a file that was cut short, OpenCV ignores the orientation of WebP, and it
 takes the memory of any size that a file claims. What a walk cannot see: samples of a BMP or TIFF that were overwritten,
 if they are stored without compression or by PackBits, and zeros over less than the last 128 bytes of a WebP.
-Pillow (12.3) cannot take the place of the walk: of the 459 cuts of each kind in tests/images/test_imagefiles.py it
-takes 4 for a whole image (PNG, uncompressed TIFF), of the 443 with a tail of zeros 129 (WebP, TIFF packed by Deflate),
+Pillow (12.3) cannot take the place of the walk: of 459 cuts like those of tests/images/test_imagefiles.py it
+takes 4 for a whole image (PNG, uncompressed TIFF), of 442 with a tail of zeros 129 (WebP, TIFF packed by Deflate),
 where the walk and OpenCV together take none; and it decodes each image once more, which takes longer than all that is
 done here.
 """

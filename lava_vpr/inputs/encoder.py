@@ -159,7 +159,12 @@ def _orientation_activity(image: NDArray[np.uint8], encoder: EncoderConfig) -> N
     )
 
 
-INPUTS.register(
+def _line(channels: int, values: int) -> Layout:
+    """So many channels of so many values, row by row in the smallest square that holds them."""
+    return Layout(channels, math.isqrt(max(0, values - 1)) + 1 if values else 0, values)
+
+
+for _row in (
     Input(
         "orientation",
         layout=_orientation_layout,
@@ -168,9 +173,7 @@ INPUTS.register(
         grey_levels=False,
         drawing="strokes",
         legend="A stroke runs along the edge that excites the neuron; the longer and stronger, the larger the weight.",
-    )
-)
-INPUTS.register(
+    ),
     Input(
         "filters",
         layout=_orientation_layout,
@@ -189,9 +192,7 @@ INPUTS.register(
         drawing="strokes",
         legend="A stroke stands for a learned filter, drawn along the edge that filters of its number start from; the "
         "longer and stronger, the larger the weight.",
-    )
-)
-INPUTS.register(
+    ),
     Input(
         "onoff",
         layout=lambda encoder: Layout(2, PATCH_SIDE),
@@ -201,9 +202,7 @@ INPUTS.register(
         drawing="grey",
         legend="White: the neuron expects a pixel brighter than its surroundings; black: a darker one; grey: it does "
         "not care.",
-    )
-)
-INPUTS.register(
+    ),
     Input(
         "pixels",
         layout=lambda encoder: Layout(1, PATCH_SIDE),
@@ -212,9 +211,7 @@ INPUTS.register(
         grey_levels=True,
         drawing="grey",
         legend="The whiter a pixel, the larger its weight.",
-    )
-)
-INPUTS.register(
+    ),
     Input(
         "events",
         layout=_orientation_layout,
@@ -224,16 +221,7 @@ INPUTS.register(
         drawing="strokes",
         legend="A stroke runs along the edge whose events excite the neuron; the longer and stronger, the larger the "
         "weight.",
-    )
-)
-
-
-def _line(channels: int, values: int) -> Layout:
-    """So many channels of so many values, row by row in the smallest square that holds them."""
-    return Layout(channels, math.isqrt(max(0, values - 1)) + 1 if values else 0, values)
-
-
-INPUTS.register(
+    ),
     Input(
         "vector",
         layout=lambda encoder: _line(2, min(encoder.vector_values, encoder.vector_kept)),
@@ -244,9 +232,7 @@ INPUTS.register(
         legend="The values of a vector, row by row. White: the neuron expects more than the mean of the references; "
         "black: less; grey: it does not care.",
         standardised=True,
-    )
-)
-INPUTS.register(
+    ),
     Input(
         "rates",
         layout=lambda encoder: _line(1, encoder.vector_values),
@@ -255,5 +241,6 @@ INPUTS.register(
         grey_levels=False,
         drawing="grey",
         legend="The values of a vector, row by row: the whiter, the larger the weight.",
-    )
-)
+    ),
+):
+    INPUTS.register(_row)
