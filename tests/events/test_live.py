@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import os
 import threading
-from pathlib import Path
 
 import numpy as np
 import pytest
-from support.common.eventfiles import EVENT, Made, dsec, made
+from support.common.eventfiles import EVENT, Made, made
 from support.common.imagefiles import refused
-from support.common.sources import watched
 
 from lava_vpr.events.live import event_samples, is_event_stream
 from lava_vpr.events.stream import Events
 from lava_vpr.events.windows import Windows
 from lava_vpr.inputs.windows import EventsConfig
-from lava_vpr.traverse import open_traverse
 
 CONFIG = EventsConfig(window_ms=80)
 
@@ -83,14 +80,3 @@ def test_names_of_streams() -> None:
     assert is_event_stream("events:346x260")
     assert not is_event_stream("events:346")
     assert not is_event_stream("events")
-
-
-def test_a_recording_is_watched_as_a_traverse_is_read(tmp_path: Path) -> None:
-    path = dsec(tmp_path / "a.h5", made(3000, 3.0))
-    whole = open_traverse(path, every=0.5, events=CONFIG)
-    seen = list(watched(path, every=0.5, events=CONFIG))
-    assert [one.name for one in seen] == list(whole.names)
-    assert whole.stamps is not None
-    assert [one.stamp for one in seen] == whole.stamps.tolist()
-    for one, image in zip(seen, whole.images(), strict=True):
-        np.testing.assert_array_equal(one.image, image)

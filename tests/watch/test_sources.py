@@ -33,12 +33,6 @@ def test_a_video_gives_the_frames_that_a_traverse_has(every: float, tmp_path: Pa
         np.testing.assert_array_equal(one.image, image)
 
 
-def test_a_video_that_is_cut_is_refused(tmp_path: Path) -> None:
-    path = video(tmp_path / "v.avi", 24, marked=True)
-    path.write_bytes(path.read_bytes()[:-2000])
-    refused(lambda: list(watched(path)), "v.avi: is damaged or cut short")
-
-
 def test_paths_on_standard_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = write_images(tmp_path / "in", 2)
     named = folder / "20240501_120000.png"
