@@ -1,4 +1,4 @@
-"""Sources as `lava-vpr watch` takes them. Used by core, events, images, watch."""
+"""Sources as `lava-vpr watch` takes them. Used by core, images, watch."""
 
 from __future__ import annotations
 
