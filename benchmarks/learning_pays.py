@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from benchmarks.nordland import FOLDERS, images_of
 from benchmarks.places import TEMPLATES
 from benchmarks.program import Figures, Printed, program, recall, seeds_option
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_arrays
@@ -171,10 +172,10 @@ def answered(scenario: Scenario, config: Config, template: bool) -> Recognition:
     config = config if template else update(config, {"network": {"neurons_per_place": scenario.neurons}})
     kept = np.arange(0, PLACES, scenario.kept if template else 1)
     references = [encoded([images[k] for k in kept], config) for images in scenario.references]
-    model = train(references, config, jobs=cores())
+    model = train(references, config, pool=Pool(cores()))
     truth = np.abs(np.arange(PLACES)[:, None] - kept) <= scenario.tolerance
     comparison = Comparison(rivals=("cosine",), keep_scores=False)
-    return recognise(model, encoded(scenario.queries, config), truth, comparison, threads=cores())
+    return recognise(model, encoded(scenario.queries, config), truth, comparison, pool=Pool(cores()))
 
 
 def compared(make: Callable[[int, Random], Scenario], parts: Sequence[int], seeds: Sequence[int]) -> list[str]:
@@ -198,10 +199,10 @@ def drives(config: Config, world: int, gated: bool) -> Iterator[Metrics]:
     """Recall in rain, at night and in winter of what was learned in summer and, if ``gated``, from its own answers."""
     references = [encoded(synthetic("summer", world), config)]
     for condition in ("rain", "night", "winter"):
-        model = train(references, config, jobs=cores())
+        model = train(references, config, pool=Pool(cores()))
         queries = encoded(synthetic(condition, world), config)
         comparison = Comparison(rivals=(), keep_scores=False)
-        result = recognise(model, queries, np.eye(PLACES, dtype=bool), comparison, threads=cores())
+        result = recognise(model, queries, np.eye(PLACES, dtype=bool), comparison, pool=Pool(cores()))
         yield result.metrics[result.default]
         if gated:
             references.append(learned_from(result, queries, references[0]))

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, EncoderConfig
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse
 from lava_vpr.engine.threads import cores
@@ -69,11 +70,13 @@ def part(traverse: EncodedTraverse, chosen: slice | NDArray[np.int64]) -> Encode
 
 def learn(places: tuple[int, int], config: Config) -> Model:
     """A model of the summer images ``places``."""
-    return train([part(encoded("summer", config.encoder), slice(*places))], config, route_images=500, jobs=cores())
+    return train(
+        [part(encoded("summer", config.encoder), slice(*places))], config, route_images=500, pool=Pool(cores())
+    )
 
 
 def answer(model: Model, places: tuple[int, int], backend: str = "host", **comparison: Any) -> Recognition:
     """What ``model`` makes of the winter images ``places``; ``comparison`` holds fields of `Comparison`."""
     queries = part(encoded("winter", model.config.encoder), slice(*places))
     truth = np.eye(len(queries), dtype=bool)
-    return recognise(model, queries, truth, Comparison(**comparison), backend=backend, threads=cores())
+    return recognise(model, queries, truth, Comparison(**comparison), backend=backend, pool=Pool(cores()))

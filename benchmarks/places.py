@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.nordland import FOLDERS, images_of, part
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, EncoderConfig
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse, encode_views
 from lava_vpr.engine.threads import cores
@@ -97,10 +98,12 @@ def recognised(
     """What models of each seed make of queries; vectors are fitted on the references, images seen in the views."""
     config, standard, learned = encode_route([references], config)
     asked = encode_traverse(queries, config.encoder, Keep.ALL, standard=standard)
-    models = (train(learned, dataclasses.replace(config, seed=seed), standard=standard, jobs=cores()) for seed in seeds)
-    return [recognise(model, asked, truth, comparison, threads=cores()) for model in models]
+    models = (
+        train(learned, dataclasses.replace(config, seed=seed), standard=standard, pool=Pool(cores())) for seed in seeds
+    )
+    return [recognise(model, asked, truth, comparison, pool=Pool(cores())) for model in models]
 
 
 def learn(section: Section, config: Config) -> Model:
     """A model of a section."""
-    return train(places(section, 0, config), config, jobs=cores())
+    return train(places(section, 0, config), config, pool=Pool(cores()))

@@ -70,7 +70,7 @@ class Localizer:
     ) -> None:
         self._asking, self._seed = Asking(query_views, adapt), seed
         self._motion, self._precision = motion, target_precision
-        self._backend = HostBackend(1)
+        self._backend = HostBackend()
         self._use(model if isinstance(model, Model) else load(model))
         self.reset()
 

@@ -18,7 +18,7 @@ from lava_vpr.backends.interface import Advance, Backend, Events, Presentations,
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.backends.rivals import Rivals, Scored, decoded
 from lava_vpr.backends.rivals import chosen as rivals_of
-from lava_vpr.cluster.tasks import Cluster
+from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.encoding import EncodedTraverse, encoded_batches
 from lava_vpr.engine.adaptation import Adaptation, Motion
 from lava_vpr.matching import baselines, sequences
@@ -227,11 +227,10 @@ def recognise(
     *,
     backend: str | Backend = "host",
     seed: int | None = None,
-    threads: int = 1,
+    pool: Pool = ONE_THREAD,
     advance: Advance | None = None,
     shown: Presentations | None = None,
     further: Sequence[EncodedTraverse] = (),
-    cluster: Cluster | None = None,
 ) -> Recognition:
     """Answer every query and hold the answers against the truth.
 
@@ -240,15 +239,15 @@ def recognise(
         queries: Encoded with the model's settings.
         truth: bool (n_queries, places).
         comparison: How queries are matched, and with what the decoder is compared.
-        backend, seed, threads, advance, shown: As in `count_query_spikes`.
+        backend, seed, advance, shown: As in `count_query_spikes`.
         further: The queries in the further views in which they are presented (`Asking.of`).
-        cluster: Who counts the spikes of the backend ``host`` instead of this process.
+        pool: Who counts the spikes of the backend ``host``; threads for others that are given by name.
     Raises:
         LavaVprError: the queries, the descriptors, the baselines or the sequence do not fit the model, or the backend
             cannot run.
     """
-    if cluster is not None and backend == "host":
-        backend = HostBackend(threads, cluster)
+    if not pool.here and backend == "host":
+        backend = HostBackend(pool)
     # What files or options can be wrong about comes first, before the work.
     if comparison.sequence > 1:
         truth = sequences.sequence_truth(truth, comparison.sequence)
@@ -257,12 +256,12 @@ def recognise(
     comparison.asking.check(model)
     shown = Asker(model, seed=seed).presentations((queries, *further)) if shown is None else shown
     shown_counts, events = count_query_spikes(
-        model, queries, backend=backend, threads=threads, advance=advance, shown=shown
+        model, queries, backend=backend, threads=pool.threads, advance=advance, shown=shown
     )
     counts = narrow(summed(shown_counts, comparison.asking.views))
     del shown_counts
     default = model.config.decoder.default
-    rivals = Rivals(model, queries, shown, names, comparison.asking, threads, cluster)
+    rivals = Rivals(model, queries, shown, names, comparison.asking, pool)
     sequence, pace = comparison.sequence, sequences.Pace()
     held: dict[str, Held] = {}
     followed: Followed | None = None
@@ -314,7 +313,7 @@ def _trusts(
 
 def _adapted_matchers(rivals: Rivals, backend: str | Backend, advance: Advance | None) -> Iterator[Scored]:
     """The scores of the default decoder and the baselines, all adapted; none unless that is asked."""
-    model, shown, asking, threads = rivals.model, rivals.shown, rivals.asking, rivals.threads
+    model, shown, asking, threads = rivals.model, rivals.shown, rivals.asking, rivals.pool.threads
     if asking.adapt is None:
         return
     default, rates = model.config.decoder.default, shown.rates[: len(rivals.queries)]

@@ -44,7 +44,7 @@ def main() -> None:
     model = train(references)
     encoder = model.config.encoder
     (query,) = encode_arrays([winter], encoder, model.config.views.views[:1])
-    backend, shown = HostBackend(1), query_presentations(model, query)
+    backend, shown = HostBackend(), query_presentations(model, query)
     trains, counts = backend.trains(model, shown), backend.count_spikes(model, shown)[0]
     scores = prepare(model)(counts)[0]
     order = np.argsort(model.responses.argmax(axis=1), kind="stable")

@@ -22,6 +22,7 @@ from benchmarks.commands.running import lava_vpr
 from benchmarks.nordland import images_of
 from benchmarks.program import Figures, Printed, program, seeds_option
 from lava_vpr import maps, model
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.encoding import Keep, encode_views
 from lava_vpr.engine.threads import cores
 from lava_vpr.traverse import open_traverse
@@ -53,7 +54,7 @@ def extending(place: Path) -> float:
     taken = []
     for _ in range(6):  # the first loads kernels
         started = time.process_time()
-        maps.extend(before, new, jobs=cores())
+        maps.extend(before, new, pool=Pool(cores()))
         taken.append(time.process_time() - started)
     return float(np.median(taken[1:]))
 

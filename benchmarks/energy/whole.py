@@ -55,7 +55,7 @@ def asked(name: str) -> tuple[QuerySet, Modelled]:
     """The queries of the first section to preset ``name``, and what they cost on Kapoho Bay."""
     model = learn(SECTIONS[0], preset(name))
     queries = QuerySet.of(model, part(encoded("winter", model.config.encoder), slice(*SECTIONS[0])))
-    trains = HostBackend(1).trains(model, queries.shown)
+    trains = HostBackend().trains(model, queries.shown)
     plan = plan_of(model, KAPOHO_BAY)
     return queries, modelled(plan, count_events(plan, trains))
 

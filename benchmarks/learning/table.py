@@ -23,6 +23,7 @@ from benchmarks.nordland import FOLDERS, images_of
 from benchmarks.places import TEMPLATES, Section, places, sections_of
 from benchmarks.program import Figures, Printed, program
 from benchmarks.results.rows import Row, asked
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.engine.threads import cores
@@ -80,7 +81,7 @@ def measured(learner: str, config: Config, section: Section) -> Learned:
     seconds = time.process_time() - began
     references = places(section, 0, config)
     began = time.process_time()
-    model = train(references, config, jobs=cores())
+    model = train(references, config, pool=Pool(cores()))
     seconds += time.process_time() - began
     found = asked(Row("", config, (section,), costs=True), model, section, costs=True)
     recall, costs = ([round(value, digits) for value in found[name]] for name, digits in (("network", 2), ("costs", 4)))

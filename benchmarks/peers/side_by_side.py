@@ -38,6 +38,7 @@ from benchmarks.program import Printed, program
 from lava_vpr.bench.peers import run_peers
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Peer
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, preset
 from lava_vpr.encoding import EncodedTraverse, Keep, activity_of, encode_traverse, query_rates16, rates16
 from lava_vpr.engine.conductance.kernels import draw_spikes
@@ -196,7 +197,7 @@ def side_by_side() -> tuple[str, tuple[Peer, ...]]:
     """Every matcher on the same places and queries, and what images those were."""
     name, references, queries, own = section()
     config = preset("loihi")
-    model = train([references], config, jobs=cores())
+    model = train([references], config, pool=Pool(cores()))
     return name, all_peers(model, queries, np.eye(len(queries), dtype=bool), own)
 
 

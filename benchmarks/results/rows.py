@@ -12,6 +12,7 @@ from benchmarks.nordland import part
 from benchmarks.places import Section, learn, places
 from lava_vpr.backends.asking import Asking
 from lava_vpr.backends.rivals import BASELINES
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.encoding import EncodedTraverse
@@ -111,7 +112,7 @@ def _asked(model: Model, row: Row, section: Section) -> Recognition:
     rivals = tuple(name for name in row.matchers if name in BASELINES)
     comparison = Comparison(row.sequence, rivals, None, False, Asking(adapt=TAU if row.adapt else None))
     asked = _standing(queries, section.first) if row.standing else queries
-    return recognise(model, asked, truth, comparison, threads=cores())
+    return recognise(model, asked, truth, comparison, pool=Pool(cores()))
 
 
 def _standing(queries: EncodedTraverse, seed: int) -> EncodedTraverse:

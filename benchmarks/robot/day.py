@@ -28,6 +28,7 @@ from benchmarks.robot import drives
 from lava_vpr import Localizer
 from lava_vpr import train as learn
 from lava_vpr.backends.opening import calibration_of
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import preset
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse
 from lava_vpr.engine.threads import cores
@@ -86,13 +87,13 @@ def answered(where: Map, seed: int) -> Answered:
     config = preset("loihi")
     dataset, first, end = where.learned
     settings = dataclasses.replace(config, seed=seed)
-    model = train([images(dataset, 0, first, end)], settings, jobs=cores())
+    model = train([images(dataset, 0, first, end)], settings, pool=Pool(cores()))
     scores_of = prepare(model)
     on, off = (
         scores_of(count_query_spikes(model, images(name, 1, a, b), threads=cores())[0])
         for name, a, b in (where.learned, where.off)
     )
-    calibration = calibration_of(model, cores())
+    calibration = calibration_of(model, Pool(cores()))
     if calibration is None:
         raise TypeError("an integer model has a calibration")
     return Answered(model, on, off, calibration)

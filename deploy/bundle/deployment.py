@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from lava_vpr import __version__
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.boards.plan import CorePlan, Plan
 from lava_vpr.deploy.bundle import folder as bundle_folder
@@ -65,7 +66,7 @@ def contents(
     plan, target = timed(plan_of(model, board, dense_rows=dense_rows), model), TARGETS[board.name]
     network = plan.network
     if not measured:
-        responses = measured_responses(model, network, cores())
+        responses = measured_responses(model, network, Pool(cores()))
         calibration = model.calibration if np.array_equal(responses, model.responses) else None
         model = replace(model, responses=responses, calibration=calibration)
     files = reference_files(model)

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.registers.synapses import lateral_synapse
@@ -121,7 +122,7 @@ def requantised(model: Model, changes: Changes = UNCHANGED, *, threads: int = 1)
         NetworkLimitError: the network could overflow.
     """
     source = with_settings(model, changes)
-    return remeasured(replace(source, network=_quantised(source, distinctive(source))), threads)
+    return remeasured(replace(source, network=_quantised(source, distinctive(source))), Pool(threads))
 
 
 def with_settings(model: Model, changes: Changes) -> Model:
@@ -201,7 +202,9 @@ def for_board(model: Model, board: Board, changes: Changes = UNCHANGED, *, threa
         threads: For the references' responses; does not change the result.
     """
     compressed = adapted(model, board, changes)
-    return compressed if compressed.unchanged else replace(compressed, model=remeasured(compressed.model, threads))
+    return (
+        compressed if compressed.unchanged else replace(compressed, model=remeasured(compressed.model, Pool(threads)))
+    )
 
 
 def adapted(model: Model, board: Board, changes: Changes = UNCHANGED) -> Compressed:

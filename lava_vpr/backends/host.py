@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.backends.interface import Events, Presentations
-from lava_vpr.cluster.tasks import Cluster
+from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.encoding import spike_trains
 from lava_vpr.engine.blocks import Block, in_blocks, of_conductances, of_integers
 from lava_vpr.engine.conductance.model import ConductanceState
@@ -18,21 +18,20 @@ from lava_vpr.model import Model, checked_network
 
 @dataclass(frozen=True)
 class HostBackend:
-    """The compiled engine; results depend neither on the number of threads nor on a cluster that counts instead."""
+    """The compiled engine; results do not depend on who counts."""
 
-    threads: int = 1
-    cluster: Cluster | None = None
+    pool: Pool = ONE_THREAD
 
     def count_spikes(self, model: Model, shown: Presentations) -> tuple[NDArray[np.int32], Events]:
         """See `lava_vpr.backends.interface.Backend.count_spikes`."""
         block = Block(shown.rates, shown.keys, shown.bias)
         if isinstance(model.network, ConductanceState):
             network = model.network, model.config
-            return in_blocks(of_conductances, network, block, threads=self.threads, cluster=self.cluster)
+            return in_blocks(of_conductances, network, block, pool=self.pool)
         integer = checked_network(model, "host")
-        return in_blocks(of_integers, integer, block, threads=self.threads, cluster=self.cluster)
+        return in_blocks(of_integers, integer, block, pool=self.pool)
 
     def trains(self, model: Model, shown: Presentations) -> Trains:
         """See `lava_vpr.backends.interface.Backend.trains`."""
         network = checked_network(model, "host")
-        return spike_trains(network, shown.rates, shown.keys, bias=shown.bias, threads=self.threads)
+        return spike_trains(network, shown.rates, shown.keys, bias=shown.bias, threads=self.pool.threads)

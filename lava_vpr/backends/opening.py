@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from lava_vpr import model as model_file
-from lava_vpr.cluster.tasks import Cluster
+from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.matching.probability import Calibration
 from lava_vpr.model import Model, as_integer
 
@@ -25,17 +25,16 @@ def open_model(path: str | Path) -> Model:
     return open_bundle(Path(path))
 
 
-def calibration_of(model: Model, threads: int = 1, cluster: Cluster | None = None) -> Calibration | None:
+def calibration_of(model: Model, pool: Pool = ONE_THREAD) -> Calibration | None:
     """The calibration of ``model``: what it holds, or measured now; None for the float conductance model.
 
     Args:
         model: A model, of any origin.
-        threads: Threads; they do not change the result.
-        cluster: Who measures instead; None: those threads.
+        pool: Who measures; it does not change the result.
     """
     integer = as_integer(model)
     if model.calibration is not None or integer is None:
         return None if model.calibration is None else Calibration(model.calibration)
     from lava_vpr.training.calibration import measured  # a model that holds it, as its file does, need not wait for it
 
-    return measured(integer, threads, cluster)
+    return measured(integer, pool)

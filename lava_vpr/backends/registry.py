@@ -9,6 +9,7 @@ from __future__ import annotations
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Advance, Backend, BackendRow
 from lava_vpr.backends.lava import lava_missing, loihi2_missing, maker
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.model import Model, integer_model
 from lava_vpr.rows.registry import Registry
@@ -45,7 +46,7 @@ BACKENDS.register(
         "host",
         "compiled engine on this machine's processor, bit-exact integers",
         hosts_kernel=True,
-        make=lambda threads, advance: HostBackend(threads),
+        make=lambda threads, advance: HostBackend(Pool(threads)),
         unavailable=lambda: None,
         float_model=True,
         timing="compiled",

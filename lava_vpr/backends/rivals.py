@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from lava_vpr.backends.asking import PLAINLY, Asking, adapted_scores, summed
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Presentations
-from lava_vpr.cluster.tasks import Cluster
+from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.encoding import EncodedTraverse, Keep, query_rates
 from lava_vpr.engine.adaptation import Adaptation
 from lava_vpr.errors import ConfigError
@@ -132,8 +132,7 @@ class Rivals:
         shown: The queries as backends are shown them, in every view.
         names: Names of the baselines, as `chosen` returns them.
         asking: How queries are asked.
-        threads: Threads of the host engine.
-        cluster: Who counts spikes instead; None: those threads.
+        pool: Who counts spikes.
     """
 
     model: Model = field(repr=False)
@@ -141,15 +140,14 @@ class Rivals:
     shown: Presentations = field(repr=False)
     names: tuple[str, ...]
     asking: Asking = PLAINLY
-    threads: int = 1
-    cluster: Cluster | None = None
+    pool: Pool = ONE_THREAD
 
     @cached_property
     def template(self) -> IntegerModel:
         """The model without learning."""
         from lava_vpr.training.templates import template_of  # a query needs nothing of training
 
-        return template_of(self.model, self.threads, self.cluster)
+        return template_of(self.model, self.pool)
 
     @property
     def _rates(self) -> NDArray[Any]:
@@ -184,7 +182,7 @@ class Rivals:
 
     def _of_template(self, shown: Presentations) -> NDArray[np.int32]:
         """The spike counts (n, neurons) of the network without learning."""
-        counts, _ = HostBackend(self.threads, self.cluster).count_spikes(self.template, shown)
+        counts, _ = HostBackend(self.pool).count_spikes(self.template, shown)
         return summed(counts, self.asking.views)
 
     def _seen(self, name: str) -> tuple[NDArray[Any], NDArray[Any]]:

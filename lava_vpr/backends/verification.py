@@ -14,6 +14,7 @@ from lava_vpr.backends.asking import PLAINLY, Asker, Asking, summed
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Presentations
 from lava_vpr.backends.registry import BACKENDS
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import BackendUnavailableError, ConfigError, InputError, NetworkLimitError
@@ -170,7 +171,7 @@ def verify(
     """
     shown = Asker(model, asking, seed).presentations((queries, *further))
     images = queries.names * asking.views
-    host = HostBackend(threads)
+    host = HostBackend(Pool(threads))
     verdicts = []
     trains = None if as_integer(model) is None else host.trains(model, shown)
     counts, _ = host.count_spikes(model, shown)

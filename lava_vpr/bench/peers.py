@@ -21,6 +21,7 @@ from lava_vpr.backends.rivals import BASELINES, chosen, compared_vectors
 from lava_vpr.bench.measure.child import host_answer
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Peer
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.encoding import query_rates
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.threads import cores, share
@@ -201,7 +202,7 @@ def _matchers(queries: QuerySet, known: Recognition) -> list[TimedMatcher]:
 
 def _template(queries: QuerySet, rates: NDArray[Any], known: Recognition) -> TimedMatcher:
     """The network without learning, timed as the model is."""
-    template = template_of(queries.model, cores())
+    template = template_of(queries.model, Pool(cores()))
     host = host_answer(template, queries.shown.seed)
     return TimedMatcher(
         "template",
@@ -278,7 +279,7 @@ def run_peers(
             queries.images,
             truth,
             Comparison(keep_scores=False),
-            threads=workers,
+            pool=Pool(workers),
             shown=queries.shown,
         )
     with one_blas_thread():

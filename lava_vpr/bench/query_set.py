@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Presentations, query_presentations
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.threads import cores
 from lava_vpr.engine.trains import Trains
@@ -47,4 +48,4 @@ class QuerySet:
         Raises:
             ConfigError: the model has no integer network.
         """
-        return HostBackend(cores()).trains(self.model, self.shown.part(chosen))
+        return HostBackend(Pool(cores())).trains(self.model, self.shown.part(chosen))

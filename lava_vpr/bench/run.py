@@ -24,7 +24,7 @@ from lava_vpr.bench.peers import run_peers
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Asked, Bench, Candidate, Measured, Modelled, OnMap, Peer, StepTimes, Workload
 from lava_vpr.bench.sweep import BUDGET, sweep
-from lava_vpr.cluster.tasks import Cluster
+from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.deploy.boards.constants import HOST_POWER, Constant, CostConstants
 from lava_vpr.deploy.boards.plan import Plan
@@ -70,7 +70,7 @@ class Request:
         calibration: Of the model's decoder; None: probabilities are not known.
         located: Where places and queries were taken; None: not known.
         near: Metres within which a match counts.
-        cluster: Who measures the points of the sweep; None: this process.
+        pool: Who measures the points of the sweep.
     """
 
     targets: tuple[str, ...] = field(default_factory=lambda: tuple(BOARDS))
@@ -83,7 +83,7 @@ class Request:
     calibration: Calibration | None = None
     located: Located | None = None
     near: float = NEAR_M
-    cluster: Cluster | None = None
+    pool: Pool = ONE_THREAD
 
 
 @dataclass
@@ -169,7 +169,7 @@ def _recall(queries: QuerySet, truth: NDArray[np.bool_], request: Request) -> Re
         queries.images,
         truth,
         Comparison(rivals=None if request.peers else ("cosine",), keep_scores=False, calibration=request.calibration),
-        threads=cores(),
+        pool=Pool(cores()),
         shown=queries.shown,
     )
 
@@ -377,4 +377,4 @@ def _sweep(queries: QuerySet, truth: NDArray[np.bool_], request: Request, begin:
         return ()
     advance = begin("sweep of settings", BUDGET)
     case = Case(queries.model, queries.images, truth, queries.shown.seed)
-    return sweep(case, threads=cores(), advance=advance, cluster=request.cluster)
+    return sweep(case, pool=request.pool, advance=advance)

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from lava_vpr.bench.results import Candidate
-from lava_vpr.cluster.tasks import Cluster, Standing, run_tasks
+from lava_vpr.cluster.tasks import ONE_THREAD, Pool, Standing
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
 from lava_vpr.deploy.compression.compression import UNCHANGED, with_settings
 from lava_vpr.errors import NetworkLimitError
@@ -91,9 +91,8 @@ def sweep(
     budget: int = BUDGET,
     retrain: bool = True,
     board: Board = KAPOHO_BAY,
-    threads: int = 1,
+    pool: Pool = ONE_THREAD,
     advance: Advance | None = None,
-    cluster: Cluster | None = None,
 ) -> tuple[Candidate, ...]:
     """Points around a model and preset ``fast``, and which of them form the front.
 
@@ -102,9 +101,9 @@ def sweep(
         budget: Points to measure; those that the board refuses count, early stopping does not.
         retrain: Also try other numbers of neurons, for which the references are learned again.
         board: One whose energies and times are published.
-        threads: Do not change the result.
+        pool: Who measures, which does not change the result; a cluster's workers measure `AHEAD` points at once, those
+            that come next if the front stays as it is.
         advance: Told, after each of ``budget`` points, how many more are done.
-        cluster: Who measures them instead: `AHEAD` at once, those that come next if the front stays as it is.
     Returns:
         Every point, the model first. The front is over R@1, energy and time of the mean query. No backend stops
         early yet, so points without early stopping also have a front of their own.
@@ -113,7 +112,7 @@ def sweep(
         NetworkLimitError: nothing that was tried fits the board.
     """
     margins = (np.inf, *MARGINS)
-    shared = case, board, margins, threads if cluster is None else 1
+    shared = case, board, margins, pool.threads if pool.here else 1
     as_learned, fast = current(case.model), fast_settings(case.model)
     with_settings(case.model, UNCHANGED)  # refuse what cannot be quantised anew
 
@@ -121,12 +120,12 @@ def sweep(
         return _moved(settings, rng, retrain)
 
     def measure(some: Sequence[Settings]) -> Iterable[list[Point]]:
-        found = run_tasks(measured, some, shared=shared, cluster=cluster, called="points", progress=_nobody)
+        found = pool.map(measured, some, shared=shared, called="points", progress=_nobody)
         for settings, each in zip(some, found, strict=True):  # none where a network cannot be
             yield [(settings, margin, one) for margin, one in zip(margins, each, strict=False)]
 
     points: list[Point] = []
-    for _, each in wander([as_learned, fast], moved, measure, parents, budget, 1 if cluster is None else AHEAD):
+    for _, each in wander([as_learned, fast], moved, measure, parents, budget, 1 if pool.here else AHEAD):
         points += each
         if advance is not None:
             advance(1)

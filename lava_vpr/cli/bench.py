@@ -29,8 +29,9 @@ from lava_vpr.cli.common import (
 )
 from lava_vpr.cli.evaluate import command_line
 from lava_vpr.cli.outputs import Outputs
-from lava_vpr.cli.show.clusters import cluster_at, cluster_option
+from lava_vpr.cli.show.clusters import cluster_option, pool_at
 from lava_vpr.cli.show.results import show_results
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.encoding import Keep
 from lava_vpr.engine.threads import cores
@@ -114,8 +115,8 @@ def bench(
     queries, *further = encode_queries(traverse, model, asking.of(model), kept)
     boards, backs = (tuple(dict.fromkeys(each)) for each in (targets or BOARDS, names or DEFAULT))
     request = Request(boards, backs, asking=asking, located=located, near=truth.near, **chosen)
-    with cluster_at(address) as cluster, _bars() as begin:
-        asked = replace(request, cluster=cluster, calibration=calibration_of(model, cores()))
+    with pool_at(address) as pool, _bars() as begin:
+        asked = replace(request, pool=pool, calibration=calibration_of(model, Pool(cores())))
         found = run(model, traverse, queries, correct, asked, further=further, command=command_line(ctx), begin=begin)
     _tell(found, json_path, page)
 

@@ -23,6 +23,7 @@ from lava_vpr.cli.common import (
 from lava_vpr.cli.evaluate import print_table, print_trust
 from lava_vpr.cli.outputs import Outputs, write_json
 from lava_vpr.cli.show.learning import TERMINAL
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.encoding import Keep
 from lava_vpr.engine.threads import cores
 from lava_vpr.events.writing import WRITTEN
@@ -112,7 +113,7 @@ def demo(out: Path) -> None:
         write_traverses(out, 100, 0, keep=kept, drawn=lambda: advance(1, ""))
     console.print(f"drew 100 places in summer and winter: {shown(out / 'reference')}, {shown(out / 'query')}")
     started = time.perf_counter()
-    model, _ = Training((out / "reference",)).learn(monitor=TERMINAL)
+    model, _ = Training((out / "reference",)).learn(Pool(cores()), TERMINAL)
     console.print(
         f"learned them in {time.perf_counter() - started:.1f} s with {model.neurons} neurons and "
         f"{model.weight_bits}-bit weights: {shown(out / 'model.lvpr')}",
@@ -121,7 +122,7 @@ def demo(out: Path) -> None:
     queries, *_ = encode_queries(traverse, model, keep=Keep.ALL)
     comparison = Comparison(motion="any", calibration=calibration_of(model))
     with backend_progress("host", len(queries)):
-        result = recognise(model, queries, aligned_truth(model, traverse), comparison, threads=cores())
+        result = recognise(model, queries, aligned_truth(model, traverse), comparison, pool=Pool(cores()))
     print_table(model, result)
     print_trust(result)
     with stage("writing the report"):

@@ -33,10 +33,9 @@ from lava_vpr.cli.common import (
 )
 from lava_vpr.cli.outputs import Outputs, write_json
 from lava_vpr.cli.published.options import asked_places, benchmark_options
-from lava_vpr.cli.show.clusters import cluster_at, cluster_option
+from lava_vpr.cli.show.clusters import cluster_option, pool_at
 from lava_vpr.datasets.selecting import Benchmark
 from lava_vpr.encoding import EncodedTraverse, Keep
-from lava_vpr.engine.threads import cores
 from lava_vpr.matching.figures import TITLES, values_of
 from lava_vpr.model import Model
 from lava_vpr.recognition import Comparison, Recognition, as_json, recognise
@@ -117,7 +116,7 @@ def evaluate(
     correct = truth.of(model, traverse, located)
     names = rivals_of(model, rivals or None)
     kept = kept_for(names) | (Keep.THUMBNAILS if page is not None else Keep.NOTHING)
-    with cluster_at(address) as cluster:
+    with pool_at(address) as pool:
         comparison = Comparison(
             sequence,
             names,
@@ -125,7 +124,7 @@ def evaluate(
             keep_scores=page is not None,
             asking=asking,
             motion=motion,
-            calibration=calibration_of(model, cores(), cluster) if sequence == asking.views == 1 else None,
+            calibration=calibration_of(model, pool) if sequence == asking.views == 1 else None,
         )
         queries, *further = encode_queries(traverse, model, asking.of(model), kept)
         with backend_progress(backend, len(queries)) as advance:
@@ -136,10 +135,9 @@ def evaluate(
                 comparison,
                 backend=backend,
                 seed=seed,
-                threads=cores(),
                 advance=advance,
                 further=further,
-                cluster=cluster,
+                pool=pool,
             )
     errors = None if located is None else PositionErrors(located, located.errors(result.matches), truth.near)
     if json_path is not None:  # files first: whoever reads the table may go away

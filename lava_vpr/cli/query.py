@@ -37,6 +37,7 @@ from lava_vpr.cli.common import (
 from lava_vpr.cli.outputs import Outputs, stdout_writer, text_writer
 from lava_vpr.cli.show.matches import Row, Table, sentences
 from lava_vpr.cli.whereabouts import WhereOptions, query_positions_options
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
 from lava_vpr.matches import matches_of
@@ -201,7 +202,7 @@ def query(
             f"{shown(images)}: has {len(traverse)} images, fewer than --sequence {sequence}; use a shorter sequence"
         )
     table = Table.of(model, traverse, writing.top, chances=motion != NONE)
-    together = Together(sequence, motion, None if asking.views > 1 else calibration_of(model, cores()))
+    together = Together(sequence, motion, None if asking.views > 1 else calibration_of(model, Pool(cores())))
     pace = Pace() if sequence > 1 else None
     answer = partial(answer_stream, model, traverse, backend=backend, together=together, asking=asking, seed=seed)
     with query_progress(traverse.source, backend, len(traverse), silent=writing.silent) as (read, advance):

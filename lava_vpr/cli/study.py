@@ -20,12 +20,11 @@ from lava_vpr.cli.common import (
 )
 from lava_vpr.cli.evaluate import command_line
 from lava_vpr.cli.outputs import Outputs
-from lava_vpr.cli.show.clusters import cluster_at, cluster_option
+from lava_vpr.cli.show.clusters import cluster_option, pool_at
 from lava_vpr.cli.show.learning import TERMINAL
 from lava_vpr.cli.show.results import show_results
 from lava_vpr.config import PRESETS, Config
 from lava_vpr.encoding import Keep
-from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
 from lava_vpr.experiments.task import Route
 from lava_vpr.inputs.views import STRAIGHT
@@ -102,8 +101,8 @@ def study(
     outputs = Outputs((json_path,), made=(page,), read=(config_file,), images=(*references, query))
     config = settings_of(images.pop("preset_name"), config_file, {})
     row, said = STUDIES[name], Asked(*_route(references, query, config, outputs, **images), seeds, values)
-    with cluster_at(address) as cluster, progress_bar(f"study {name}", len(planned(row, said))) as advance:
-        found = run(row, said, jobs=jobs or cores(), cluster=cluster, command=command_line(ctx), advance=advance)
+    with pool_at(address, jobs) as pool, progress_bar(f"study {name}", len(planned(row, said))) as advance:
+        found = run(row, said, pool=pool, command=command_line(ctx), advance=advance)
     show_results([table(found)], {json_path: as_json(found)}, page, lambda: _page(found))
 
 

@@ -23,7 +23,7 @@ from lava_vpr.cli.common import (
 )
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.published.options import dataset_options
-from lava_vpr.cli.show.clusters import cluster_at, cluster_option
+from lava_vpr.cli.show.clusters import cluster_option, pool_at
 from lava_vpr.cli.show.learning import TERMINAL
 from lava_vpr.cli.whereabouts import reference_positions_options
 from lava_vpr.config import PRESETS, Config, LifNetwork, StdpLearning
@@ -148,8 +148,8 @@ def train(references: tuple[str, ...], output: Path, threads: int | None, addres
     checkpoint = output.with_name(output.name + ".checkpoint")
     training = Training.of(references, checkpoint=checkpoint, **options)
     outputs = Outputs((output, checkpoint), read=training.files, images=training.selection.sources)
-    with only_one(output), cluster_at(address) as cluster:
-        model, seconds = training.learn(threads=threads, cluster=cluster, monitor=TERMINAL, opened=outputs.spare)
+    with only_one(output), pool_at(address, threads) as pool:
+        model, seconds = training.learn(pool, TERMINAL, opened=outputs.spare)
         model_file.save(model, output)
         remove_checkpoint(checkpoint)
     among = f" in {len(model.stretches)} stretches" if len(model.stretches) > 1 else ""

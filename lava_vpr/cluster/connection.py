@@ -39,7 +39,7 @@ INSTALL = "pip install 'lava-vpr[cluster]'"
 
 
 class Connection:
-    """A cluster that was connected to, as `lava_vpr.cluster.tasks.run_tasks` takes it.
+    """A cluster that was connected to, as a `lava_vpr.cluster.tasks.Pool` takes it.
 
     Attributes:
         address: Of its scheduler.

@@ -15,7 +15,7 @@ once. A point of a study::
 
     with connected(address) as cluster:  # address: what --cluster names; None: cluster is None, and threads run
         points = (Point(config, places) for places in (25, 100, 400))
-        for figures in run_tasks(measured, points, shared=references, cluster=cluster, jobs=jobs, called="points"):
+        for figures in Pool(threads, cluster).map(measured, points, shared=references, called="points"):
             ...  # in the order of the points, each as soon as it and those before it are done
 
 A point runs on one thread of its worker; it must not use a cluster itself. What it raises is raised here: a
@@ -143,65 +143,80 @@ class _Threads:
         self._pool.shutdown(wait=True, cancel_futures=True)
 
 
-def run_tasks(
-    function: Callable[[S, T], R],
-    tasks: Iterable[T],
-    *,
-    shared: S,
-    cluster: Cluster | None = None,
-    jobs: int = 1,
-    called: str = "tasks",
-    total: int | None = None,
-    progress: Told | None = None,
-    stop: threading.Event | None = None,
-) -> Generator[R, None, None]:
-    """The results of ``function(shared, task)`` for all ``tasks``, in their order, each as soon as it can be told.
+@dataclass(frozen=True)
+class Pool:
+    """Who runs tasks: threads of this process, or a cluster's workers. It changes no result.
 
-    Args:
-        function: A function of a module; of this process alone, where there is no cluster, any.
-        tasks: Plain values; only so many are made at once as workers or threads can use.
-        shared: What every task takes first; sent to each worker once.
-        cluster: Who runs them; None: threads of this process.
-        jobs: Threads of this process.
-        called: What the tasks are, in the plural, for `Standing`.
-        total: How many they are, if that is known, for the same.
-        progress: Told where they stand; None: who was named to the cluster, if anybody was.
-        stop: Set as soon as one fails or the run is given up; what runs here can look at it and end early.
-    Raises:
-        ClusterError: the cluster was lost, or a task ends its workers.
-        Exception: what a task raised; the rest is not run.
+    Attributes:
+        threads: Threads of this process.
+        cluster: Whose workers run tasks instead; None: those threads.
     """
-    ready: dict[int, R] = {}
-    due = 0
-    for number, result in _results(function, tasks, shared, cluster, jobs, (called, total), progress, stop, ready):
-        ready[number] = result
-        while due in ready:
-            yield ready.pop(due)
-            due += 1
+
+    threads: int = 1
+    cluster: Cluster | None = None
+
+    @property
+    def here(self) -> bool:
+        """Whether this process runs the tasks."""
+        return self.cluster is None
+
+    def map(
+        self,
+        function: Callable[[S, T], R],
+        tasks: Iterable[T],
+        *,
+        shared: S,
+        called: str = "tasks",
+        total: int | None = None,
+        progress: Told | None = None,
+        stop: threading.Event | None = None,
+    ) -> Generator[R, None, None]:
+        """The results of ``function(shared, task)`` for all ``tasks``, in their order, each as soon as it can be told.
+
+        Args:
+            function: A function of a module; of this process alone, where there is no cluster, any.
+            tasks: Plain values; only so many are made at once as workers or threads can use.
+            shared: What every task takes first; sent to each worker once.
+            called: What the tasks are, in the plural, for `Standing`.
+            total: How many they are, if that is known, for the same.
+            progress: Told where they stand; None: who was named to the cluster, if anybody was.
+            stop: Set as soon as one fails or the run is given up; what runs here can look at it and end early.
+        Raises:
+            ClusterError: the cluster was lost, or a task ends its workers.
+            Exception: what a task raised; the rest is not run.
+        """
+        ready: dict[int, R] = {}
+        due = 0
+        for number, result in _results(self, function, tasks, shared, (called, total), progress, stop, ready):
+            ready[number] = result
+            while due in ready:
+                yield ready.pop(due)
+                due += 1
+
+    def as_done(
+        self,
+        function: Callable[[S, T], R],
+        tasks: Iterable[T],
+        *,
+        shared: S,
+        called: str = "tasks",
+        total: int | None = None,
+        progress: Told | None = None,
+        stop: threading.Event | None = None,
+    ) -> Generator[tuple[int, R], None, None]:
+        """`map` without their order: the number of each task, from 0, and its result, as soon as it is done."""
+        return _results(self, function, tasks, shared, (called, total), progress, stop, {})
 
 
-def as_done(
-    function: Callable[[S, T], R],
-    tasks: Iterable[T],
-    *,
-    shared: S,
-    cluster: Cluster | None = None,
-    jobs: int = 1,
-    called: str = "tasks",
-    total: int | None = None,
-    progress: Told | None = None,
-    stop: threading.Event | None = None,
-) -> Generator[tuple[int, R], None, None]:
-    """`run_tasks` without their order: the number of each task, from 0, and its result, as soon as it is done."""
-    return _results(function, tasks, shared, cluster, jobs, (called, total), progress, stop, {})
+ONE_THREAD = Pool()
+"""Runs tasks one after another."""
 
 
 def _results(
+    pool: Pool,
     function: Callable[[S, T], R],
     tasks: Iterable[T],
     shared: S,
-    cluster: Cluster | None,
-    jobs: int,
     told_as: tuple[str, int | None],
     progress: Told | None,
     stop: threading.Event | None,
@@ -209,11 +224,11 @@ def _results(
 ) -> Generator[tuple[int, R], None, None]:
     """Results as they come; those in ``ready`` wait for one before them, and take the room of tasks that could run."""
     running: Running
-    if cluster is None:
-        running = _Threads(function, shared, jobs, stop or threading.Event())
+    if pool.cluster is None:
+        running = _Threads(function, shared, pool.threads, stop or threading.Event())
     else:
-        running = cluster.running(function, shared)
-        progress = progress or cluster.progress
+        running = pool.cluster.running(function, shared)
+        progress = progress or pool.cluster.progress
     numbered, pending, done, more = enumerate(tasks), 0, 0, True
     told: Standing | None = None
     above: threading.Event | None = getattr(_thread, "stop", None)

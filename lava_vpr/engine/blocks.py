@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from lava_vpr.cluster.tasks import Cluster, run_tasks
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config
 from lava_vpr.engine.conductance import model as conductance
 from lava_vpr.engine.conductance.model import ConductanceState
@@ -72,24 +72,21 @@ class _Task(NamedTuple):
     block: Block
 
 
-def counted(
-    count: Count[N], network: N, blocks: Iterable[Block], *, threads: int, cluster: Cluster | None, total: int
-) -> Iterator[Counted]:
+def counted(count: Count[N], network: N, blocks: Iterable[Block], *, pool: Pool, total: int) -> Iterator[Counted]:
     """What ``total`` blocks count, in their order, each as soon as it can be told; equal whoever counts.
 
     Args:
         count: Counts a block.
         network: What it is given first; a cluster keeps it as long as no other is asked.
         blocks: The presentations; only so many are made at once as are counted.
-        threads: Threads of this process, which share each block.
-        cluster: Who counts instead, a thread a block; None: this process.
+        pool: Threads of this process share each block; a cluster's workers count one a thread.
         total: How many blocks there are.
     """
-    if cluster is None:
-        yield from (count(network, block, threads) for block in blocks)
+    if pool.here:
+        yield from (count(network, block, pool.threads) for block in blocks)
         return
     tasks = (_Task(count, block) for block in blocks)
-    for sparse, events in run_tasks(sparsely, tasks, shared=network, cluster=cluster, called="blocks", total=total):
+    for sparse, events in pool.map(sparsely, tasks, shared=network, called="blocks", total=total):
         yield sparse.toarray(), events
 
 
@@ -99,13 +96,13 @@ def sparsely(network: Any, task: _Task) -> tuple[Any, dict[str, int]]:
     return csr_matrix(counts), events
 
 
-def in_blocks(count: Count[N], network: N, shown: Block, *, threads: int, cluster: Cluster | None) -> Counted:
+def in_blocks(count: Count[N], network: N, shown: Block, *, pool: Pool) -> Counted:
     """Spike counts and events of presentations; as `counted`, but all at once."""
-    if cluster is None or not len(shown.rates):
-        return count(network, shown, threads)
+    if pool.here or not len(shown.rates):
+        return count(network, shown, pool.threads)
     parts = shown.parts(BLOCK)
     counts, summed = [], dict[str, int]()
-    for some, events in counted(count, network, parts, threads=threads, cluster=cluster, total=len(parts)):
+    for some, events in counted(count, network, parts, pool=pool, total=len(parts)):
         counts.append(some)
         summed = {name: summed.get(name, 0) + number for name, number in events.items()}
     return np.concatenate(counts), summed

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.configfile import from_dict, update
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import InputError, LavaVprError, ModelFileError
@@ -117,4 +118,4 @@ def _from_model(drawn: Drawn, like: IntegerModel, threads: int) -> Imported:
 def _remeasured(model: Model, notes: tuple[str, ...], threads: int) -> Imported:
     """``model`` with responses and calibration of its network as it is, which was made or altered elsewhere."""
     said = "responses and calibration are measured anew on the references; float weights as learned are not kept"
-    return Imported(calibrated(remeasured(model, threads), threads), (*notes, said))
+    return Imported(calibrated(remeasured(model, Pool(threads)), Pool(threads)), (*notes, said))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import query_presentations
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.compression.compression import (
     PURPOSE,
@@ -49,7 +50,7 @@ Begin = Callable[[int], Callable[[str], None]]
 def figures(model: Model, calibration: Calibration, *, threads: int = 1) -> Figures:
     """How ``model`` does on calibration images and their truth, bool (images, places)."""
     queries, truth = calibration
-    counts, events = HostBackend(threads).count_spikes(model, query_presentations(model, queries))
+    counts, events = HostBackend(Pool(threads)).count_spikes(model, query_presentations(model, queries))
     return Figures(*judged(model, counts, truth), events["synaptic_operations"] / max(1, len(queries)))
 
 

@@ -4,7 +4,7 @@ A task is a pure function of a shared value and a point of the grid (`lava_vpr.c
 same wherever it runs. The rows of results, each on its sections with every seed, are such a grid::
 
     points = [(row, section, seed) for row in rows for section in row.sections for seed in seeds]
-    figures = compute(measure, points, jobs=cores())  # figures by point
+    figures = compute(measure, points, pool=Pool(cores()))  # figures by point
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Callable, Hashable, Sequence
 from contextlib import closing
 from typing import Any, TypeVar
 
-from lava_vpr.cluster.tasks import Cluster, Standing, as_done
+from lava_vpr.cluster.tasks import ONE_THREAD, Pool, Standing
 from lava_vpr.experiments.cache import Cache
 
 T = TypeVar("T", bound=Hashable)
@@ -37,8 +37,7 @@ def compute(
     read: Callable[[T], Any] | None = None,
     called: str = "points",
     in_words: Callable[[T], str] | None = None,
-    jobs: int = 1,
-    cluster: Cluster | None = None,
+    pool: Pool = ONE_THREAD,
     advance: Advance = ignored,
 ) -> dict[T, R]:
     """The figures of every point, in the order of ``points``.
@@ -53,8 +52,7 @@ def compute(
             files; None: the task takes the point itself.
         called: What the points are, in the plural, for ``advance``.
         in_words: A point, for ``advance``; None: ``called``.
-        jobs: Threads, each at one point; they change no figure.
-        cluster: Whose workers compute instead.
+        pool: Who computes, a thread one point at a time; it changes no figure.
         advance: Called for every point that is done, and when the number of workers changes.
     Raises:
         LavaVprError: what a task raises, figures that cannot be kept, or the cluster was lost.
@@ -77,11 +75,9 @@ def compute(
     def on_thread(shared: Any, point: T) -> R:
         return task(shared, point if read is None else read(point))
 
-    due = (point if read is None or cluster is None else read(point) for point, _ in missing)
-    function = on_thread if cluster is None else task
-    with closing(
-        as_done(function, due, shared=shared, cluster=cluster, jobs=jobs, called=called, progress=standing)
-    ) as done:
+    due = (point if read is None or pool.here else read(point) for point, _ in missing)
+    function = on_thread if pool.here else task
+    with closing(pool.as_done(function, due, shared=shared, called=called, progress=standing)) as done:
         for number, figures in done:
             point, key = missing[number]
             if cache is not None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import query_presentations
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import Board
@@ -128,7 +129,7 @@ def _source(case: Case, settings: Settings, threads: int) -> Model:
     if number not in case.learned:
         config = update(case.model.config, {"network": {"neurons": 0, "neurons_per_place": number}})
         references, cut = references_of(case.model), parts_of(case.model)
-        made = train(references, config, route_images=case.model.route_images, parts=cut, jobs=threads)
+        made = train(references, config, route_images=case.model.route_images, parts=cut, pool=Pool(threads))
         case.learned[number] = made
     return case.learned[number]
 
@@ -142,7 +143,7 @@ def run_of(case: Case, settings: Settings, board: Board, threads: int) -> Run:
     """
     source = _source(case, settings, threads)
     model = requantised(replace(source, config=configured(source.config, settings)), threads=threads)
-    trains = HostBackend(threads).trains(model, query_presentations(model, case.queries, case.seed))
+    trains = HostBackend(Pool(threads)).trains(model, query_presentations(model, case.queries, case.seed))
     return Run(model, plan_of(model, board), trains, case.truth)
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from lava_vpr import config as presets
 from lava_vpr.cluster.connection import connected
-from lava_vpr.cluster.tasks import Cluster
+from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.config import Config, for_events
 from lava_vpr.configfile import read_toml, update
 from lava_vpr.datasets.selecting import Benchmark, Selection
@@ -138,7 +138,7 @@ def train(
         **settings,
     )
     with connected(cluster) as workers:
-        model = training.learn(threads=threads, cluster=workers, monitor=progress).model
+        model = training.learn(Pool(threads or cores(), workers), progress).model
     if training.checkpoint is not None:
         remove_checkpoint(training.checkpoint)
     return model
@@ -225,16 +225,14 @@ class Training:
 
     def learn(
         self,
-        *,
-        threads: int | None = None,
-        cluster: Cluster | None = None,
+        pool: Pool = ONE_THREAD,
         monitor: Monitor = UNSEEN,
         opened: Callable[[Iterable[str]], object] = lambda paths: None,
     ) -> Learned:
         """Do it.
 
         Args:
-            threads, cluster: Threads of this process (None: one a processor), or who learns instead.
+            pool: Who learns.
             monitor: Shows what is being done.
             opened: Takes the paths of all images before any work is done.
         Raises:
@@ -247,10 +245,10 @@ class Training:
         chosen, config = self._chosen(whole, monitor)
         stretches = check_size(len(chosen[0]), config, len(chosen), self.parts)
         config, standard, references = encode_route(chosen, config, monitor, self.standard)
-        jobs, started = threads or cores(), time.perf_counter()
+        started = time.perf_counter()
         try:
             with learning_bar(
-                monitor, stretches, config, len(chosen), here=cluster is None, checkpoint=self.checkpoint
+                monitor, stretches, config, len(chosen), here=pool.here, checkpoint=self.checkpoint
             ) as bar:
                 model = train_encoded(
                     references,
@@ -259,8 +257,7 @@ class Training:
                     positions=chosen[0].positions,
                     standard=standard,
                     parts=self.parts,
-                    jobs=jobs,
-                    cluster=cluster,
+                    pool=pool,
                     checkpoint=self.checkpoint,
                     resume=self.resume,
                     progress=bar.show,
@@ -271,7 +268,7 @@ class Training:
                 monitor.line(f"progress is kept in {shown(self.checkpoint)}; go on with --resume")
             raise
         with monitor.stage("calibrating probabilities"):
-            model = calibrated(model, jobs, cluster)
+            model = calibrated(model, pool)
         return Learned(model, time.perf_counter() - started)
 
     def _opened(self, events: EventsConfig) -> list[Traverse]:

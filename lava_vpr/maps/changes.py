@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_arrays
 from lava_vpr.errors import InputError
 from lava_vpr.maps.checks import check_extension, check_mergeable, check_positions
@@ -33,7 +34,7 @@ def extend(
     names: Sequence[str] | None = None,
     route_images: int | None = None,
     positions: Positions | ArrayLike | None = None,
-    jobs: int = 1,
+    pool: Pool = ONE_THREAD,
     progress: Callable[[Progress], None] | None = None,
 ) -> IntegerModel:
     """``model`` and the new places of ``images``, which stretches of their own learn; it is not changed itself.
@@ -48,7 +49,7 @@ def extend(
             own traverse; None: they are none, and their indices are counted on.
         positions: Where the new places are; an array (images, 2) is in the model's frame. Needed if the model knows
             that of its own, and only then.
-        jobs: Threads; they change nothing.
+        pool: Who learns and measures; it changes nothing.
         progress: Called after every presentation, from any thread; its stretches are the new ones.
     Raises:
         ConfigError: preset ``paper``; or the map would cost more than the limits allow.
@@ -64,12 +65,12 @@ def extend(
     route.check(config.encoder)
     check_positions((part.route, route))
     trainers = trainers_of(stretches, references, config)
-    learn(trainers, stretches, references, config, jobs=jobs, progress=progress)
+    learn(trainers, stretches, references, config, pool=pool, progress=progress)
     new = Part(learned_weights(trainers, config), stretches, route)
-    return join((part, new), config, jobs, same_traverse=route_images is not None)
+    return join((part, new), config, pool, same_traverse=route_images is not None)
 
 
-def remove(model: Model, places: Iterable[int], *, jobs: int = 1) -> IntegerModel:
+def remove(model: Model, places: Iterable[int], *, pool: Pool = ONE_THREAD) -> IntegerModel:
     """``model`` without some of its places; it is not changed itself.
 
     A neuron goes with the place, of those that its stretch has learned, to which it responds most, if that is removed;
@@ -78,7 +79,7 @@ def remove(model: Model, places: Iterable[int], *, jobs: int = 1) -> IntegerMode
     Args:
         model: A model with an integer network and its learned weights.
         places: Absolute indices (`Model.place_indices`).
-        jobs: Threads; they change nothing.
+        pool: Who learns and measures; it changes nothing.
     Raises:
         ConfigError: preset ``paper``.
         InputError: the model has no such place, or fewer than 2 places or no neuron would be left.
@@ -97,17 +98,17 @@ def remove(model: Model, places: Iterable[int], *, jobs: int = 1) -> IntegerMode
     kept_references = [taken(reference, ~gone) for reference in route.references]
     route = Route(kept_references, route.images, positions, model.standard)
     learned = np.ascontiguousarray(part.learned[:, kept])
-    return integer_model(joined(learned, model.config, stretches, route, jobs), "removing places")
+    return integer_model(joined(learned, model.config, stretches, route, pool), "removing places")
 
 
-def merge(models: Sequence[Model], *, paths: Sequence[Path] = (), jobs: int = 1) -> IntegerModel:
+def merge(models: Sequence[Model], *, paths: Sequence[Path] = (), pool: Pool = ONE_THREAD) -> IntegerModel:
     """One model of all places of ``models``, in their order; they are not changed.
 
     Args:
         models: Two or more of equal settings, with integer networks and their learned weights, learned from as many
             traverses.
         paths: The files of the models, for messages; none: they are not known.
-        jobs: Threads; they change nothing.
+        pool: Who learns and measures; it changes nothing.
     Raises:
         ConfigError: preset ``paper``; settings differ, and the message names the first; or the map would cost more than
             the limits allow.
@@ -118,7 +119,7 @@ def merge(models: Sequence[Model], *, paths: Sequence[Path] = (), jobs: int = 1)
     check_mergeable(models, paths)
     parts = [part_of(model, "merging") for model in models]
     check_positions([part.route for part in parts])
-    return join(parts, models[0].config, jobs, same_traverse=True)
+    return join(parts, models[0].config, pool, same_traverse=True)
 
 
 def _encoded(images: Any, model: Model, names: Sequence[str] | None) -> Sequence[EncodedTraverse]:

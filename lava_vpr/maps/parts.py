@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.maps.checks import check_learned
@@ -41,7 +42,7 @@ def part_of(model: Model, purpose: str) -> Part:
     )
 
 
-def join(parts: Sequence[Part], config: Config, jobs: int, same_traverse: bool) -> IntegerModel:
+def join(parts: Sequence[Part], config: Config, pool: Pool, same_traverse: bool) -> IntegerModel:
     """The model of ``parts``, one after another in every view."""
     stretches: list[Stretch] = []
     learned: list[NDArray[np.float32]] = []
@@ -58,7 +59,7 @@ def join(parts: Sequence[Part], config: Config, jobs: int, same_traverse: bool) 
             place += len(part.route.references[0])
     weights = np.ascontiguousarray(np.concatenate(learned, axis=1))
     route = _one_route([part.route for part in parts], same_traverse)
-    return integer_model(joined(weights, config, tuple(stretches), route, jobs), "joining")
+    return integer_model(joined(weights, config, tuple(stretches), route, pool), "joining")
 
 
 def _one_route(routes: Sequence[Route], same_traverse: bool) -> Route:

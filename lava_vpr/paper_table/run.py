@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from lava_vpr.cluster.tasks import Cluster
+from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.datasets.layouts import DATASETS, Dataset
 from lava_vpr.errors import InputError
 from lava_vpr.experiments import grid
@@ -127,8 +127,7 @@ def compute(
     wanted: Wanted,
     keep: Path | None = None,
     *,
-    jobs: int = 1,
-    cluster: Cluster | None = None,
+    pool: Pool = ONE_THREAD,
     kept_only: bool = False,
     command: str = "",
     advance: Advance = ignored,
@@ -138,8 +137,7 @@ def compute(
     Args:
         wanted: What it is computed from.
         keep: The folder of the figures of finished sections; None: they are not kept.
-        jobs: Threads, a section each; they change no figure.
-        cluster: Whose workers measure the sections, which are read here; None: those threads.
+        pool: Who measures, a thread one section at a time; a cluster's are read here. It changes no figure.
         kept_only: Compute nothing: take what is kept.
         command: How to repeat it.
         advance: Told of every section that is done.
@@ -154,8 +152,7 @@ def compute(
         read=read,
         called="sections",
         in_words=lambda task: task.in_words,
-        jobs=jobs,
-        cluster=cluster,
+        pool=pool,
         advance=advance,
     )
     return PaperTable(tuple(_part(row, wanted, found) for row in DATASETS.values()), wanted, command)

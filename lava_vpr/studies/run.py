@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from lava_vpr.cluster.tasks import Cluster
+from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.configfile import update
 from lava_vpr.errors import ConfigError
 from lava_vpr.experiments.grid import Advance, compute, ignored
@@ -46,8 +46,7 @@ def run(
     study: Study,
     asked: Asked,
     *,
-    jobs: int = 1,
-    cluster: Cluster | None = None,
+    pool: Pool = ONE_THREAD,
     command: str = "",
     advance: Advance = ignored,
 ) -> Studied:
@@ -56,8 +55,7 @@ def run(
     Args:
         study: The study.
         asked: What it is asked.
-        jobs: Threads, each at one task; they change no figure.
-        cluster: Whose workers measure instead.
+        pool: Who measures, a thread one task at a time; it changes no figure.
         command: How to repeat it, for the page.
         advance: Called for every task that is done.
     Raises:
@@ -65,7 +63,7 @@ def run(
             the cluster was lost.
     """
     tasks, shared = planned(study, asked), (asked.route, study.measure)
-    found = compute(measured, tasks, shared=shared, called=CALLED, jobs=jobs, cluster=cluster, advance=advance)
+    found = compute(measured, tasks, shared=shared, called=CALLED, pool=pool, advance=advance)
     return Studied(study, asked, rows(outcome for some in found.values() for outcome in some), command)
 
 

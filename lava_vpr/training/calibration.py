@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.cluster.tasks import Cluster
+from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.encoding import query_rates16
 from lava_vpr.engine.blocks import BLOCK, Block, counted, of_integers
 from lava_vpr.engine.random import image_keys, presentation_key, presentation_keys, uniform
@@ -38,25 +38,23 @@ SAMPLES = 500
 _PARTS, _SHIFTS, _REPEATS = 4, 2, 4
 
 
-def calibrated(model: Model, threads: int = 1, cluster: Cluster | None = None) -> Model:
+def calibrated(model: Model, pool: Pool = ONE_THREAD) -> Model:
     """``model`` with its calibration, for its file to keep; as it is, if its network is the float conductance model's.
 
     Args:
         model: A model.
-        threads: Threads; they do not change the result.
-        cluster: Who asks the networks instead; None: those threads.
+        pool: Who asks the networks; it does not change the result.
     """
     integer = as_integer(model) if model.calibration is None else None
-    return model if integer is None else replace(model, calibration=measured(integer, threads, cluster).samples)
+    return model if integer is None else replace(model, calibration=measured(integer, pool).samples)
 
 
-def measured(model: IntegerModel, threads: int = 1, cluster: Cluster | None = None) -> Calibration:
+def measured(model: IntegerModel, pool: Pool = ONE_THREAD) -> Calibration:
     """The calibration of ``model``, measured on its references.
 
     Args:
         model: A model whose network is one of integers.
-        threads: Threads; they do not change the result.
-        cluster: Who asks the networks instead; None: those threads.
+        pool: Who asks the networks; it does not change the result.
     """
     repeats = min(_REPEATS, max(2, -(-SAMPLES // model.places)))
     places = np.unique(np.linspace(0, model.places - 1, min(model.places, SAMPLES)).astype(np.int64))
@@ -65,10 +63,10 @@ def measured(model: IntegerModel, threads: int = 1, cluster: Cluster | None = No
     on_map = [_OnMap(model, places, repeat, shares, channels) for repeat in range(repeats)]
     off_map = [_OffMap(model, number, *part, repeats) for number, part in enumerate(_without_parts(model))]
     asked: list[_OnMap | _OffMap] = [*on_map, *off_map]
-    size = BLOCK if cluster is not None else SAMPLES * _REPEATS
+    size = BLOCK if not pool.here else SAMPLES * _REPEATS
     cuts = [-(-question.presentations // size) for question in asked]
     blocks = (part for question in asked for part in question.block().parts(size))
-    counts = counted(of_integers, model.network, blocks, threads=threads, cluster=cluster, total=sum(cuts))
+    counts = counted(of_integers, model.network, blocks, pool=pool, total=sum(cuts))
     samples = [
         question.samples(np.concatenate([some for some, _ in islice(counts, cut)]))
         for question, cut in zip(asked, cuts, strict=True)

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.cluster.tasks import Cluster
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.conductance.model import ConductanceState
@@ -102,8 +102,7 @@ def joined(
     config: Config,
     stretches: tuple[Stretch, ...],
     route: Route,
-    jobs: int,
-    cluster: Cluster | None = None,
+    pool: Pool,
 ) -> Model:
     """The model of what its stretches learned: quantised as a whole, its responses measured.
 
@@ -112,14 +111,13 @@ def joined(
         config: Settings of an integer network.
         stretches: The parts of the route, view after view.
         route: The references, checked.
-        jobs: Threads that measure the responses; they change nothing.
-        cluster: Who measures them instead; None: those threads.
+        pool: Who measures the responses; it changes nothing.
     Raises:
         ConfigError, NetworkLimitError: as `integer_network`.
     """
     activity = np.concatenate([reference.activity for reference in route.references])
     network = integer_network(learned, config, stretches, activity)
-    responses = reference_responses(network, route.references, config, jobs, cluster)
+    responses = reference_responses(network, route.references, config, pool)
     return model_of(network, learned, responses, config, stretches, route)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.cluster.tasks import Cluster
+from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.config import Config
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine import effort
@@ -125,8 +125,7 @@ def train(
     positions: Positions | None = None,
     standard: Standard | None = None,
     parts: Sequence[int] = (),
-    jobs: int = 1,
-    cluster: Cluster | None = None,
+    pool: Pool = ONE_THREAD,
     checkpoint: Path | None = None,
     interval: float = 2.0,
     resume: bool = False,
@@ -138,14 +137,13 @@ def train(
     Args:
         references: One or more traverses of the same places, each in all views of ``config.views``, view after view
             (`lava_vpr.encoding.encode_views`).
-        config: Settings; equal settings and images give the bit-identical model whatever ``jobs``.
+        config: Settings; equal settings and images give the bit-identical model whatever ``pool``.
         route_images: Images in the whole first traverse (default: up to the last place).
         positions: Where the first traverse's images were taken, one for each place; None if that is unknown.
         standard: What vectors were measured by when they were encoded; None of images.
         parts: Numbers of places in a row, each part of the route cut into stretches by itself; none: the whole route is
             one part. Training parts together gives the model that training each and `lava_vpr.maps.merge` gives.
-        jobs: Threads; each learns one stretch at a time.
-        cluster: Who learns the stretches and measures responses instead; None: threads of this process.
+        pool: Who learns the stretches, a thread one at a time, and measures responses.
         checkpoint: Where to keep checkpoints; None keeps none.
         interval: Least seconds between two checkpoints.
         resume: Go on from ``checkpoint``.
@@ -168,12 +166,12 @@ def train(
         store.load(trainers, config.learning.epochs, traverses)
         if resumed is not None:
             resumed(dict(store.epochs))
-    learn(trainers, stretches, references, config, jobs=jobs, cluster=cluster, store=store, progress=progress)
+    learn(trainers, stretches, references, config, pool=pool, store=store, progress=progress)
     try:
         if isinstance(trainers[0], ConductanceTrainer):
             network, responses = trainers[0].network, trainers[0].responses
             return model_of(network, np.zeros((0, 0), np.float32), responses, config, stretches, route)
-        return joined(learned_weights(trainers, config), config, stretches, route, jobs, cluster)
+        return joined(learned_weights(trainers, config), config, stretches, route, pool)
     except (ConfigError, NetworkLimitError):
         # Only other settings help, and those cannot go on from here.
         if checkpoint is not None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.cluster.tasks import Cluster
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config
 from lava_vpr.encoding import EncodedTraverse, query_rates, query_rates16
 from lava_vpr.engine.blocks import BLOCK, Block, counted, of_integers
@@ -78,12 +78,10 @@ def shown_references(stretches: Sequence[Stretch], activity: NDArray[np.float32]
     )
 
 
-def measured_responses(
-    model: Model, network: FixedNetwork, threads: int, cluster: Cluster | None = None
-) -> NDArray[Any]:
+def measured_responses(model: Model, network: FixedNetwork, pool: Pool) -> NDArray[Any]:
     """S^R of ``network`` on the references that ``model`` keeps, `narrow` (neurons, places), traverses summed."""
     total = _no_responses(network, model.places, len(model.labels) // model.places)
-    for rows, counts in _response_counts(network, model.activity, model.config, threads, cluster):
+    for rows, counts in _response_counts(network, model.activity, model.config, pool):
         np.add.at(total.T, model.labels[rows], counts.astype(total.dtype))
     return narrow(total)
 
@@ -92,13 +90,12 @@ def reference_responses(
     network: FixedNetwork,
     references: Sequence[EncodedTraverse],
     config: Config,
-    threads: int,
-    cluster: Cluster | None = None,
+    pool: Pool,
 ) -> NDArray[Any]:
     """S^R of the frozen ``network`` on the references, `narrow` (neurons, places), traverses summed."""
     total = _no_responses(network, len(references[0]), len(references))
     for reference in references:
-        for rows, counts in _response_counts(network, reference.activity, config, threads, cluster):
+        for rows, counts in _response_counts(network, reference.activity, config, pool):
             total[:, rows] += counts.T.astype(total.dtype)
     return narrow(total)
 
@@ -110,10 +107,10 @@ def _no_responses(network: FixedNetwork, places: int, images: int) -> NDArray[An
 
 
 def _response_counts(
-    network: FixedNetwork, activity: NDArray[np.float32], config: Config, threads: int, cluster: Cluster | None
+    network: FixedNetwork, activity: NDArray[np.float32], config: Config, pool: Pool
 ) -> Iterator[tuple[slice, NDArray[np.int32]]]:
     """The spike counts int32 (rows, neurons) of references, some at a time: of a long map, all would not fit."""
-    together = _TOGETHER if cluster is None else BLOCK
+    together = _TOGETHER if pool.here else BLOCK
     parts = [slice(start, start + together) for start in range(0, len(activity), together)]
 
     def block(rows: slice) -> Block:
@@ -121,7 +118,7 @@ def _response_counts(
         return Block(rates, response_keys(rates, config.seed))
 
     asked = map(block, parts)
-    found = counted(of_integers, network, asked, threads=threads, cluster=cluster, total=len(parts))
+    found = counted(of_integers, network, asked, pool=pool, total=len(parts))
     for rows, (counts, _) in zip(parts, found, strict=True):
         yield rows, counts
 
@@ -132,13 +129,13 @@ def coverage(responses: NDArray[Any]) -> tuple[int, int]:
     return int(used.sum()), len(np.unique(responses[used].argmax(axis=1)))
 
 
-def remeasured(model: Model, threads: int) -> Model:
+def remeasured(model: Model, pool: Pool) -> Model:
     """``model`` with its network's responses to the references, as training measures them, and no calibration.
 
     Raises:
         ConfigError: the model is the float conductance model.
     """
-    responses = measured_responses(model, integer_model(model, "responses").network, threads)
+    responses = measured_responses(model, integer_model(model, "responses").network, pool)
     used, covered = coverage(responses)
     figures = {
         "spikes_per_image": float(responses.sum() / len(model.labels)),

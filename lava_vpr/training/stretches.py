@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.cluster.tasks import Cluster, as_done
+from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.config import Config
 from lava_vpr.encoding import EncodedTraverse, training_rates
 from lava_vpr.engine.learning.recruiting import key_again, recruit, rounds
@@ -102,8 +102,7 @@ def learn(
     references: Sequence[EncodedTraverse],
     config: Config,
     *,
-    jobs: int = 1,
-    cluster: Cluster | None = None,
+    pool: Pool = ONE_THREAD,
     store: Checkpoint | None = None,
     progress: Shown | None = None,
 ) -> None:
@@ -113,7 +112,7 @@ def learn(
 
     Args:
         trainers, stretches: The trainer of each stretch, which is changed.
-        references, config, jobs, cluster, progress: As in `lava_vpr.training.loop.train`.
+        references, config, pool, progress: As in `lava_vpr.training.loop.train`.
         store: Where training stands; None: at its start, and no checkpoint is kept.
     """
     known = Checkpoint(None, "") if store is None else store
@@ -132,15 +131,13 @@ def learn(
         return Lesson(stretches[number], activity, done, trainers[number].state() if done else {})
 
     try:
-        if cluster is None:
-            with closing(as_done(learn_here, left, shared=None, jobs=jobs, called="stretches", stop=stop)) as found:
+        if pool.here:
+            with closing(pool.as_done(learn_here, left, shared=None, called="stretches", stop=stop)) as found:
                 for _ in found:
                     pass
             return
         lessons = (lesson(number) for number in left)
-        with closing(
-            as_done(learned, lessons, shared=config, cluster=cluster, called="stretches", total=len(left))
-        ) as states:
+        with closing(pool.as_done(learned, lessons, shared=config, called="stretches", total=len(left))) as states:
             for at, state in states:
                 trainer = trainers[left[at]]
                 restore(trainer, state, epochs, len(references) // views)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lava_vpr.cluster.tasks import Cluster
+from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.configfile import update
 from lava_vpr.model import IntegerModel, Model, integer_model
 from lava_vpr.training.loop import train
@@ -10,7 +10,7 @@ from lava_vpr.training.references import parts_of, references_of
 from lava_vpr.training.trainers import rule_settings
 
 
-def template_of(model: Model, threads: int = 1, cluster: Cluster | None = None) -> IntegerModel:
+def template_of(model: Model, pool: Pool = ONE_THREAD) -> IntegerModel:
     """The model of the same references and settings whose weights are the references' mean rates, one neuron a place.
 
     It is the one that ``train --learning template`` makes of the same stretches, bit for bit: same inputs, same
@@ -18,8 +18,7 @@ def template_of(model: Model, threads: int = 1, cluster: Cluster | None = None) 
 
     Args:
         model: A model with an integer network, of a bundle, too.
-        threads: Threads that measure S^R; they change nothing.
-        cluster: Who measures it instead; None: those threads.
+        pool: Who measures S^R; it changes nothing.
     Raises:
         ConfigError: the model is the float conductance model, or so many neurons cost more than the limits allow.
         NetworkLimitError: the network could overflow.
@@ -36,7 +35,6 @@ def template_of(model: Model, threads: int = 1, cluster: Cluster | None = None) 
         route_images=model.route_images,
         standard=model.standard,
         parts=cut,
-        jobs=threads,
-        cluster=cluster,
+        pool=pool,
     )
     return integer_model(made, "the baseline template")

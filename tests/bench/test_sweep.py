@@ -20,6 +20,7 @@ from lava_vpr.backends.interface import Presentations
 from lava_vpr.bench.results import Candidate
 from lava_vpr.bench.sweep import FAST, MODEL, on_front, sweep
 from lava_vpr.cluster.connection import connected
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import LifNetwork, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
@@ -149,7 +150,7 @@ def test_a_search_tells_what_it_tried() -> None:
 
 def test_equal_input_gives_equal_points() -> None:
     one = case()
-    again = sweep(one, budget=10, threads=2)
+    again = sweep(one, budget=10, pool=Pool(2))
     assert [repr(point) for point in again] == [repr(point) for point in found()[0]]
 
 
@@ -160,7 +161,7 @@ def test_a_cluster_measures_the_points_of_one_machine(tmp_path: Path) -> None:
     try:
         with connected(made.address) as cluster:
             done: list[int] = []
-            again = sweep(one, budget=10, cluster=cluster, advance=done.append)
+            again = sweep(one, budget=10, pool=Pool(1, cluster), advance=done.append)
     finally:
         made.end()
     assert [repr(point) for point in again] == [repr(point) for point in found()[0]]

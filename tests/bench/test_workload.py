@@ -190,7 +190,7 @@ def test_a_model_is_counted_on_its_own_queries(mode: bool) -> None:
     model = replace(model, network=changed)
     rates = query_rates(queries.activity, model.config)[:5]
     shown = Presentations(rates, 3)
-    trains = HostBackend(1).trains(model, shown)
+    trains = HostBackend().trains(model, shown)
     wanted = of_trains(model.network, trains, rates, shown.keys)  # type: ignore[arg-type]
     asked = QuerySet.of(model, queries, seed=3)
     assert workload(asked, limit=5) == workload(asked, asked.trains(slice(None)), limit=5) == wanted

@@ -13,7 +13,7 @@ from support.common.daskcluster import DaskCluster, die, die_once, refuse, rest,
 
 from lava_vpr.cluster import connection, versions
 from lava_vpr.cluster.connection import Connection, connected
-from lava_vpr.cluster.tasks import Standing, run_tasks
+from lava_vpr.cluster.tasks import Pool, Standing
 from lava_vpr.errors import ClusterError, ConfigError
 
 
@@ -49,7 +49,7 @@ def test_results_come_in_order_and_arrays_as_they_are(at: Connection) -> None:
     shared, told = np.arange(6, dtype=np.int16).reshape(2, 3), []
     at.progress = told.append
     tasks = [np.full((2, 3), number, np.int16) for number in range(9)]
-    found = list(run_tasks(times, iter(tasks), shared=shared, cluster=at, called="blocks"))
+    found = list(Pool(1, at).map(times, iter(tasks), shared=shared, called="blocks"))
     assert all(np.array_equal(one, shared * number) for number, one in enumerate(found))
     assert {(one.dtype, one.flags.writeable) for one in found} == {(np.dtype(np.int16), True)}
     assert told[-1] == Standing("blocks", 9, 2)
@@ -57,19 +57,19 @@ def test_results_come_in_order_and_arrays_as_they_are(at: Connection) -> None:
 
 def test_an_error_of_ours_is_raised_as_it_is(at: Connection) -> None:
     with pytest.raises(ConfigError, match=r"^3 is too many; give 2$"):
-        list(run_tasks(refuse, range(9), shared=0, cluster=at))
-    assert list(run_tasks(refuse, range(3), shared=0, cluster=at)) == [0, 1, 2]
+        list(Pool(1, at).map(refuse, range(9), shared=0))
+    assert list(Pool(1, at).map(refuse, range(3), shared=0)) == [0, 1, 2]
 
 
 def test_any_other_error_is_one_line(at: Connection) -> None:
     with pytest.raises(ClusterError, match=r"^task 4 failed at a worker: ValueError: three lines; its log says more$"):
-        list(run_tasks(refuse, range(9), shared=1, cluster=at))
+        list(Pool(1, at).map(refuse, range(9), shared=1))
 
 
 def test_killed_workers_cost_their_tasks_alone(cluster: DaskCluster, at: Connection) -> None:
     """Even all at once, with what they all had been sent."""
     found = []
-    for result in run_tasks(rest, range(8), shared=(np.ones(9), 0.1), cluster=at):
+    for result in Pool(1, at).map(rest, range(8), shared=(np.ones(9), 0.1)):
         found.append(result)
         if result == 1:
             for worker in cluster.workers:
@@ -91,7 +91,7 @@ def test_more_deaths_than_the_scheduler_allows_do_not_end_a_run(strict: DaskClus
     """Dask gives the task up; here it is submitted again, for it may be chance."""
     strict.workers += [strict.add()]
     with connected(strict.address) as found:
-        assert list(run_tasks(die_once, range(5), shared=str(tmp_path), cluster=found)) == list(range(5))
+        assert list(Pool(1, found).map(die_once, range(5), shared=str(tmp_path))) == list(range(5))
     assert len(list(tmp_path.glob("died-*"))) == 2
     assert sum(worker.poll() is None for worker in strict.workers) == 1
 
@@ -101,7 +101,7 @@ def test_a_task_that_kills_its_workers_is_not_run_for_ever(
 ) -> None:
     monkeypatch.setattr(connection, "DEATHS", 2)
     with connected(strict.address) as found, pytest.raises(ClusterError) as refused:
-        list(run_tasks(die, [0], shared=None, cluster=found))
+        list(Pool(1, found).map(die, [0], shared=None))
     assert str(refused.value) == (
         "task 1: 2 workers have died with it, one after another; it may need more memory than they have (dask worker "
         "--memory-limit), and their logs say more"
@@ -110,7 +110,7 @@ def test_a_task_that_kills_its_workers_is_not_run_for_ever(
 
 def slowly(found: Connection | None, at: int, do: Callable[[], object]) -> None:
     """Fifty tasks, and what is done once the result of one is here."""
-    for result in run_tasks(rest, range(50), shared=(None, 0.05), cluster=found):
+    for result in Pool(1, found).map(rest, range(50), shared=(None, 0.05)):
         if result == at:
             do()
 

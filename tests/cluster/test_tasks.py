@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lava_vpr.cluster.tasks import GivenUpError, Standing, as_done, run_tasks
+from lava_vpr.cluster.tasks import GivenUpError, Pool, Standing
 from lava_vpr.errors import ConfigError
 
 
@@ -22,7 +22,7 @@ def shorter_later(shared: int, task: int) -> tuple[int, int]:
 
 @given(tasks=st.integers(0, 20), jobs=st.integers(1, 5))
 def test_results_come_in_the_order_of_the_tasks(tasks: int, jobs: int) -> None:
-    found = run_tasks(shorter_later, range(tasks), shared=20, jobs=jobs)
+    found = Pool(jobs).map(shorter_later, range(tasks), shared=20)
     assert list(found) == [(20, task) for task in range(tasks)]
 
 
@@ -35,7 +35,7 @@ def test_or_each_as_soon_as_it_is_done() -> None:
         return task
 
     found = []
-    for number, result in as_done(waiting, range(3), shared=None, jobs=2):
+    for number, result in Pool(2).as_done(waiting, range(3), shared=None):
         assert number == result
         found.append(number)
         if len(found) == 2:
@@ -63,7 +63,7 @@ def test_a_slow_first_task_does_not_let_the_others_pile_up() -> None:
             go.set()
 
     found = []
-    for result in run_tasks(first_is_slow, tasks(), shared=None, jobs=2, progress=told):
+    for result in Pool(2).map(first_is_slow, tasks(), shared=None, progress=told):
         found.append(result)
         if result == 0:
             assert len(made) <= 4
@@ -81,7 +81,7 @@ def test_an_error_stops_the_others_and_is_raised() -> None:
         return task
 
     with pytest.raises(ConfigError, match=r"^1 is too many$"):
-        list(run_tasks(failing, range(50), shared=None, jobs=2, stop=stop))
+        list(Pool(2).map(failing, range(50), shared=None, stop=stop))
     assert len(begun) <= 3
 
 
@@ -92,7 +92,7 @@ def test_who_gives_up_stops_what_runs() -> None:
         assert task == 0 or stop.wait(60)
         return task
 
-    found = run_tasks(until_stopped, range(50), shared=None, jobs=2, stop=stop)
+    found = Pool(2).map(until_stopped, range(50), shared=None, stop=stop)
     assert next(found) == 0
     found.close()  # type: ignore[attr-defined]
     assert stop.is_set()
@@ -107,7 +107,7 @@ def test_who_gives_up_stops_the_tasks_of_tasks() -> None:
             assert begun.wait(60)
         else:
             try:
-                list(run_tasks(until_stopped, range(50), shared=None, stop=own))
+                list(Pool().map(until_stopped, range(50), shared=None, stop=own))
             except GivenUpError:
                 ended.append(task)
                 raise
@@ -118,14 +118,14 @@ def test_who_gives_up_stops_the_tasks_of_tasks() -> None:
         assert own.wait(60)
         return task
 
-    found = run_tasks(learning, range(2), shared=None, jobs=2)
+    found = Pool(2).map(learning, range(2), shared=None)
     assert next(found) == 0
     found.close()
     assert ended == [1]
-    assert list(run_tasks(learning, range(1), shared=None, jobs=2)) == [0]  # what a thread knew is gone with its run
+    assert list(Pool(2).map(learning, range(1), shared=None)) == [0]  # what a thread knew is gone with its run
 
 
 def test_progress_is_told_of_every_task() -> None:
     told: list[Standing] = []
-    list(run_tasks(shorter_later, range(3), shared=3, called="blocks", progress=told.append))
+    list(Pool().map(shorter_later, range(3), shared=3, called="blocks", progress=told.append))
     assert told == [Standing("blocks", done, 0) for done in range(4)]

@@ -14,6 +14,7 @@ from support.common.small_models import encoded
 from lava_vpr.backends.deployed import BundleBackend
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import query_presentations
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import LifNetwork, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
@@ -35,7 +36,7 @@ WEIGHTS = arrays(np.float32, (12, 4), elements=st.floats(0, 2, width=32))
 def small_fast() -> Model:
     """Preset ``fast``, quickly trained on made-up places."""
     config = update(preset("fast"), {"stretch": 4, "learning": {"steps": 80, "epochs": 5}})
-    return train([encoded(8, 2048)], config, jobs=2)
+    return train([encoded(8, 2048)], config, pool=Pool(2))
 
 
 def test_what_is_not_asked_for_changes_nothing() -> None:

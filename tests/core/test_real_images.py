@@ -13,6 +13,7 @@ from benchmarks.nordland import SECTIONS, answer, encoded, folder, learn, part
 from benchmarks.places import Section
 from benchmarks.recall import TABLES
 from benchmarks.results.rows import Figures, measure
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import preset
 from lava_vpr.encoding import Keep, encode_traverse, encoded_batches
 from lava_vpr.engine.inference.fixed import FixedNetwork
@@ -65,7 +66,8 @@ def shuffled(model: Model, places: tuple[int, int], seed: int) -> Recognition:
     order = np.random.default_rng(seed).permutation(np.arange(*places))
     queries = part(encoded("winter", model.config.encoder), order)
     truth = order[:, None] == np.arange(*places)[None, :]
-    return recognise(model, queries, truth, DECODERS_ONLY, seed=model.config.seed + 1000 * (seed + 1), threads=cores())
+    noise = model.config.seed + 1000 * (seed + 1)
+    return recognise(model, queries, truth, DECODERS_ONLY, seed=noise, pool=Pool(cores()))
 
 
 @pytest.mark.data
@@ -193,7 +195,7 @@ def test_the_synthetic_world_is_a_fair_likeness(seed: int, tmp_path: Path) -> No
         encode_traverse(open_traverse(tmp_path / "world" / name), CONFIG.encoder, Keep.ALL)
         for name in ("reference", "query")
     )
-    result = recognise(train([summer], CONFIG, jobs=cores()), winter, np.eye(100, dtype=bool), threads=cores())
+    result = recognise(train([summer], CONFIG, pool=Pool(cores())), winter, np.eye(100, dtype=bool), pool=Pool(cores()))
     ours, sad = result.metrics[result.default], result.metrics["sad"]
     assert 0.4 <= sad.recall_at_1 <= 0.8
     for name in ("recall_at_1", "recall_at_100_precision", "auc"):

@@ -19,6 +19,7 @@ from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import BackendRow, Presentations
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.cli import main
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.deploy.boards.board import BOARDS, KAPOHO_BAY, Board
 from lava_vpr.deploy.bundle import targets
 from lava_vpr.deploy.bundle.targets import TARGETS, Target
@@ -37,7 +38,7 @@ class Dummy(HostBackend):
 DUMMY_BACKEND = BackendRow(
     "dummy",
     "the host once more",
-    make=lambda threads, advance: Dummy(threads),
+    make=lambda threads, advance: Dummy(Pool(threads)),
     unavailable=lambda: None,
     counts_only=True,
 )

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from support.common.small_models import small_config, small_model, tiny_paper
 
 from lava_vpr import model as model_file
+from lava_vpr.cluster.tasks import ONE_THREAD
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.neuron_bias import held_biases
 from lava_vpr.errors import ConfigError, InputError, LavaVprError, ModelFileError
@@ -84,7 +85,7 @@ def test_an_altered_graph_answers_with_its_own_numbers(tmp_path: Path) -> None:
     np.testing.assert_array_equal(after.weights[:, 1:], before.weights[:, 1:])
     np.testing.assert_array_equal(after.weights[:, 0], np.round(before.weights[:, 0] * np.float32(0.7)))
     assert "weights are rounded to 3 bits and a sign: by" in made.notes[0]
-    np.testing.assert_array_equal(made.model.responses, measured_responses(made.model, after, 1))
+    np.testing.assert_array_equal(made.model.responses, measured_responses(made.model, after, ONE_THREAD))
     assert (made.model.responses != small_model().responses).any()
     assert made.model.calibration is not None
     model_file.save(made.model, tmp_path / "a.lvpr")

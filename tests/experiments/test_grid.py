@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.errors import InputError
 from lava_vpr.experiments.cache import Cache
 from lava_vpr.experiments.grid import compute
@@ -21,7 +22,7 @@ def times(factor: int, point: int) -> int:
 
 @pytest.mark.parametrize("jobs", [1, 3])
 def test_figures_stand_in_the_order_of_the_points(jobs: int) -> None:
-    assert list(compute(times, POINTS, shared=5, jobs=jobs).items()) == [(3, 15), (1, 5), (2, 10)]
+    assert list(compute(times, POINTS, shared=5, pool=Pool(jobs)).items()) == [(3, 15), (1, 5), (2, 10)]
     assert compute(times, POINTS, shared=5, read=lambda point: point + 1) == {3: 20, 1: 10, 2: 15}
 
 

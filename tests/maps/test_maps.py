@@ -14,6 +14,7 @@ from support.common.small_models import encoded, small_config, small_model, some
 from benchmarks.nordland import encoded as encoded_nordland
 from benchmarks.nordland import learn, part
 from lava_vpr import maps, model
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import BOARDS
@@ -62,7 +63,7 @@ class Case:
     def trained(self, first: int, end: int, shift: int = 0, route_images: int | None = None, **options: Any) -> Model:
         own = None if self.positions is None else self.positions.take(slice(first, end))
         references = self.part(first, end, shift)
-        return train(references, self.config, positions=own, route_images=route_images, jobs=2, **options)
+        return train(references, self.config, positions=own, route_images=route_images, pool=Pool(2), **options)
 
 
 def case(kind: str, traverses: int = 1, hog: bool = True, positions: bool = False) -> Case:
@@ -365,12 +366,12 @@ def test_an_extended_map_of_real_images(data_root: Path) -> None:
     config = preset("loihi")
     first = learn((0, 490), config)
     new = part(encoded_nordland("summer", config.encoder), slice(490, 500))
-    grown = maps.extend(first, [new], route_images=500, jobs=2)
+    grown = maps.extend(first, [new], route_images=500, pool=Pool(2))
     np.testing.assert_array_equal(grown.learned[:, :490], first.learned)
     together = learn((0, 500), config)
     for first_place, end in ((0, 490), (490, 500)):
         queries = part(encoded_nordland("winter", config.encoder), slice(first_place, end))
         truth = queries.indices[:, None] == grown.place_indices
-        found = [recognise(made, queries, truth, DECODERS_ONLY, threads=2) for made in (grown, together)]
+        found = [recognise(made, queries, truth, DECODERS_ONLY, pool=Pool(2)) for made in (grown, together)]
         ours, theirs = (result.metrics[result.default].recall_at_1 for result in found)
         assert ours >= theirs - 0.02

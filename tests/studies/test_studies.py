@@ -15,6 +15,7 @@ import pytest
 from support.common.browser import PHONE, on_phone, visit
 from support.common.small_models import encoded, small_config, tiny_paper
 
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.boards.memory import PackedRows
@@ -71,7 +72,7 @@ def row(name: str, point: str) -> Row:
 @pytest.mark.parametrize("name", STUDIES)
 def test_a_study_is_the_same_every_time_and_with_other_threads(name: str) -> None:
     first = json.dumps(as_json(found(name)), allow_nan=False)
-    assert json.dumps(as_json(run(STUDIES[name], asked(name), jobs=3))) == first
+    assert json.dumps(as_json(run(STUDIES[name], asked(name), pool=Pool(3)))) == first
     assert page(found(name)) == page(dataclasses.replace(found(name)))
 
 

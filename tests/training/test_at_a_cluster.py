@@ -15,7 +15,7 @@ from lava_vpr import model
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import query_presentations
 from lava_vpr.cluster.connection import Connection, connected
-from lava_vpr.cluster.tasks import Standing
+from lava_vpr.cluster.tasks import Pool, Standing
 from lava_vpr.config import Config
 from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse
@@ -72,8 +72,8 @@ def test_a_model_has_the_bytes_of_one_machine(at: Connection, name: str, tmp_pat
     config, shown = cases()[name]
     told: list[Standing] = []
     at.progress = told.append
-    here, there = train(shown, config), train(shown, config, cluster=at)
-    assert saved(calibrated(here), tmp_path) == saved(calibrated(there, cluster=at), tmp_path)
+    here, there = train(shown, config), train(shown, config, pool=Pool(1, at))
+    assert saved(calibrated(here), tmp_path) == saved(calibrated(there, Pool(1, at)), tmp_path)
     stretches = len(here.stretches)
     assert Standing("stretches", stretches, 2, stretches) in told
     assert ("blocks" in {standing.called for standing in told}) == (name != "paper")
@@ -95,7 +95,7 @@ def test_training_goes_on_at_the_cluster_from_whole_epochs(at: Connection, tmp_p
     with pytest.raises(EnoughError):
         train(shown, config, checkpoint=checkpoint, interval=0.0, progress=some)
     assert 0 < sum(container.load(checkpoint, "checkpoint")[0]["epochs"].values()) < config.learning.epochs
-    resumed = train(shown, config, checkpoint=checkpoint, resume=True, cluster=at)
+    resumed = train(shown, config, checkpoint=checkpoint, resume=True, pool=Pool(1, at))
     assert saved(resumed, tmp_path) == saved(train(shown, config), tmp_path)
 
 
@@ -111,7 +111,7 @@ def test_a_lost_scheduler_leaves_the_stretches_that_had_come_back(tmp_path: Path
 
     try:
         with connected(own.address, one) as found, pytest.raises(ClusterError, match="the scheduler was lost"):
-            train(shown, config, checkpoint=checkpoint, cluster=found)
+            train(shown, config, checkpoint=checkpoint, pool=Pool(1, found))
     finally:
         own.end()
     done = container.load(checkpoint, "checkpoint")[0]["epochs"]
@@ -127,8 +127,8 @@ def test_a_lost_scheduler_leaves_the_stretches_that_had_come_back(tmp_path: Path
 def test_queries_have_the_counts_and_events_of_one_machine(at: Connection, paper: bool) -> None:
     trained = train([encoded(inputs=784)], tiny_paper()) if paper else small_model()
     shown = query_presentations(trained, encoded(noise=0.5, inputs=784 if paper else trained.config.encoder.inputs))
-    here, events = HostBackend(1).count_spikes(trained, shown)
-    there, the_same = HostBackend(1, at).count_spikes(trained, shown)
+    here, events = HostBackend().count_spikes(trained, shown)
+    there, the_same = HostBackend(Pool(1, at)).count_spikes(trained, shown)
     assert here.any()
     assert np.array_equal(here, there)
     assert (here.dtype, events) == (there.dtype, the_same)
@@ -139,7 +139,7 @@ def test_figures_with_every_baseline_are_those_of_one_machine(at: Connection) ->
     told: list[Standing] = []
     at.progress = told.append
     here, there = (
-        as_json(trained, recognise(trained, queries, np.eye(8, dtype=bool), EVERYTHING, cluster=asked))
+        as_json(trained, recognise(trained, queries, np.eye(8, dtype=bool), EVERYTHING, pool=Pool(1, asked)))
         for asked in (None, at)
     )
     assert here == there

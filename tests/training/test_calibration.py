@@ -13,6 +13,7 @@ from support.common.small_models import encoded, small_config, small_model
 
 from lava_vpr import model as model_file
 from lava_vpr.backends.opening import calibration_of
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import query_rates16
@@ -152,7 +153,7 @@ def test_what_was_calibrated_stays(model: IntegerModel) -> None:
 
 
 def test_it_is_a_function_of_the_model_alone(model: IntegerModel) -> None:
-    first, again = measured(model), measured(model, threads=2)
+    first, again = measured(model), measured(model, Pool(2))
     assert np.array_equal(first.samples, again.samples)
     kinds = first.samples[:, 1]
     assert set(kinds.tolist()) <= set(KINDS)

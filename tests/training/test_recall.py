@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lava_vpr.cluster.tasks import ONE_THREAD
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse
@@ -42,7 +43,7 @@ Journeys = tuple[EncodedTraverse, EncodedTraverse]
 
 def learned(journeys: Journeys, name: str, changes: dict[str, Any] | None = None) -> Model:
     """Preset ``name``, with ``changes`` of its settings, that learned the summer."""
-    return train([journeys[0]], update(preset(name), changes or {}), jobs=1)
+    return train([journeys[0]], update(preset(name), changes or {}), pool=ONE_THREAD)
 
 
 def figures(model: Model, journeys: Journeys) -> dict[str, Metrics]:

@@ -12,6 +12,7 @@ from support.common import children
 from support.common.small_models import encoded, small_config
 
 from lava_vpr import model as model_file
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config
 from lava_vpr.encoding import draw_trains, query_rates16
 from lava_vpr.engine.inference import fixed, quantise
@@ -31,7 +32,7 @@ def slayer(**changes: object) -> Config:
 
 @cache
 def learned() -> Model:
-    return train([encoded()], slayer(), jobs=2)
+    return train([encoded()], slayer(), pool=Pool(2))
 
 
 @pytest.mark.parametrize("changes", [{}, {"trains": "poisson"}, {"signed": False, "tau_membrane": 4.0}])

@@ -12,6 +12,7 @@ from support.common.small_models import encoded, small_config, tiny_paper
 
 from lava_vpr import model
 from lava_vpr.cli import main
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.bundle.learning import chip_learning
@@ -81,7 +82,7 @@ def test_any_model_gives_the_one_that_learned_nothing(views: int) -> None:
     traverses = [encoded(seed=view) for view in range(views)] + [encoded(seed=view, noise=0.5) for view in range(views)]
     traverses = [dataclasses.replace(one, names=traverses[0].names) for one in traverses]
     settings = {"views": {"shifts": views}, "network": {"neurons_per_place": 2.0}}
-    made = template_of(train(traverses, small_config(**settings)), threads=2)
+    made = template_of(train(traverses, small_config(**settings)), Pool(2))
     wanted = train(traverses, update(templates(), {"views": {"shifts": views}}))
     assert made.neurons == 8 * views
     np.testing.assert_array_equal(made.network.weights, wanted.network.weights)

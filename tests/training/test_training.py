@@ -10,6 +10,7 @@ import pytest
 from support.common.small_models import encoded, small_config, small_model, some, tiny_paper, two_images_a_place
 
 from lava_vpr import model
+from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse, query_rates, training_rates
@@ -73,7 +74,9 @@ def test_a_resumed_training_is_bit_identical(
 
 
 def test_threads_do_not_matter(tmp_path: Path) -> None:
-    assert same(train([encoded()], small_config(), jobs=1), train([encoded()], small_config(), jobs=2), tmp_path)
+    assert same(
+        train([encoded()], small_config(), pool=ONE_THREAD), train([encoded()], small_config(), pool=Pool(2)), tmp_path
+    )
 
 
 def test_seeds_do(tmp_path: Path) -> None:
@@ -261,15 +264,15 @@ def test_a_references_response_is_its_own() -> None:
     """Neither the order of traverses nor that of places changes what an image adds to S^R."""
     model, first, second = small_model(), encoded(), encoded(seed=5)
     network = integer_model(model, "this test").network
-    responses = reference_responses(network, [first, second], model.config, 1)
-    np.testing.assert_array_equal(reference_responses(network, [second, first], model.config, 1), responses)
-    alone = [reference_responses(network, [one], model.config, 1) for one in (first, second)]
+    responses = reference_responses(network, [first, second], model.config, ONE_THREAD)
+    np.testing.assert_array_equal(reference_responses(network, [second, first], model.config, ONE_THREAD), responses)
+    alone = [reference_responses(network, [one], model.config, ONE_THREAD) for one in (first, second)]
     np.testing.assert_array_equal(alone[0] + alone[1], responses)
     np.testing.assert_array_equal(alone[0], model.responses)
     back = dataclasses.replace(first, activity=first.activity[::-1])
-    np.testing.assert_array_equal(reference_responses(network, [back], model.config, 1), alone[0][:, ::-1])
+    np.testing.assert_array_equal(reference_responses(network, [back], model.config, ONE_THREAD), alone[0][:, ::-1])
     twice = two_images_a_place()
-    measured = measured_responses(twice, network, 1)
+    measured = measured_responses(twice, network, ONE_THREAD)
     np.testing.assert_array_equal(measured, responses)
 
 

@@ -59,7 +59,7 @@ def beside_board(queries: QuerySet) -> float:
         ConfigError: the model has no integer network.
     """
     network, match = checked_network(queries.model, "bench"), decoder_of(queries.model)
-    counts, _ = HostBackend(1).count_spikes(queries.model, queries.shown.part(slice(1)))
+    counts, _ = HostBackend().count_spikes(queries.model, queries.shown.part(slice(1)))
     rates, keys = queries.shown.rates, queries.shown.keys
 
     def work(k: int) -> None:

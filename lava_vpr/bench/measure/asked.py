@@ -18,6 +18,7 @@ from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Presentations
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Asked, AskedOn
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.deploy.boards.estimate import Estimate
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.cost.costs import adaptation_microjoules, modelled
@@ -57,7 +58,7 @@ def asked(
     model, n = queries.model, len(queries)
     shown = Asker(model, seed=queries.shown.seed).presentations((queries.images, *further))
     comparison = Comparison(rivals=(), keep_scores=False, asking=asking)
-    result = recognise(model, queries.images, truth, comparison, threads=cores(), shown=shown)
+    result = recognise(model, queries.images, truth, comparison, pool=Pool(cores()), shown=shown)
     integer, milliseconds, products = as_integer(model), None, 0
     boards: tuple[AskedOn, ...] = ()
     if integer is not None:
@@ -67,7 +68,7 @@ def asked(
             shown = replace(shown, bias=np.tile(bias, (asking.views, 1)))
             milliseconds, products = _bias_milliseconds(network, asking.adapt, shown.rates[:n]), network.weights.size
         boards = _boards(plans, network, asking, queries, _some(shown, n, asking.views, most))
-    _, events = HostBackend(cores()).count_spikes(model, shown)
+    _, events = HostBackend(Pool(cores())).count_spikes(model, shown)
     return Asked(
         views=asking.views,
         adapt=asking.adapt,
@@ -101,7 +102,7 @@ def _boards(
     plans: Mapping[str, Plan | str], network: FixedNetwork, asking: Asking, queries: QuerySet, shown: Presentations
 ) -> tuple[AskedOn, ...]:
     """What a query takes on each board that the network fits."""
-    rows, trains = [], HostBackend(cores()).trains(queries.model, shown)
+    rows, trains = [], HostBackend(Pool(cores())).trains(queries.model, shown)
     for name, plan in plans.items():
         if isinstance(plan, str):
             continue

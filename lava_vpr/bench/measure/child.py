@@ -38,7 +38,7 @@ def host_answer(model: Model, seed: int) -> Answer:
     """A function that answers queries on the host engine, one thread; it checks and prepares the network once."""
     match = decoder_of(model)
     if as_integer(model) is None:
-        host = HostBackend(1)
+        host = HostBackend()
         return lambda rates: match(host.count_spikes(model, Presentations(rates, seed))[0])
     network = checked_network(model, "host")
     return lambda rates: match(fixed.count_spikes(network, rates, Presentations(rates, seed).keys)[0])

@@ -18,6 +18,7 @@ from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.show.learning import TERMINAL
 from lava_vpr.cli.train import describe, tell
 from lava_vpr.cli.whereabouts import reference_positions_options
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError, ModelFileError
 from lava_vpr.learning.references import encode_references, located_each
@@ -90,7 +91,7 @@ def extend(
     """
     target = model_path if output is None else output
     with _changed(model_path, target, images, (*positions, *map(Path, stamps))) as outputs:
-        model, threads = model_file.load(model_path), jobs or cores()
+        model, pool = model_file.load(model_path), Pool(jobs or cores())
         checks.check_learned(model, "extending", model_path)
         whole = open_traverses(images, every=every, events=model.config.events)
         outputs.spare(path for traverse in whole for path in traverse.paths)
@@ -107,7 +108,7 @@ def extend(
                 references,
                 route_images=len(whole[0]),
                 positions=known,
-                jobs=threads,
+                pool=pool,
                 progress=bar.show,
             )
         seconds = time.perf_counter() - started
@@ -134,7 +135,7 @@ def remove(model_path: Path, places: tuple[tuple[int, int], ...], output: Path |
         checks.check_learned(model, "removing places", model_path)
         indices = _indices(model, places, model_path)
         with stage(f"joining what is left of {model.places:,} places"):
-            made = maps.remove(model, indices, jobs=jobs or cores())
+            made = maps.remove(model, indices, pool=Pool(jobs or cores()))
         _save(made, target)
     gone, lost = model.places - made.places, model.neurons - made.neurons
     _report(made, f"removed {gone} places with {lost} neurons", target)
@@ -158,7 +159,7 @@ def merge(model_paths: tuple[Path, ...], output: Path, jobs: int | None) -> None
     with only_one(output):
         models = [model_file.load(path) for path in model_paths]
         with stage(f"joining {len(models)} models"):
-            made = maps.merge(models, paths=model_paths, jobs=jobs or cores())
+            made = maps.merge(models, paths=model_paths, pool=Pool(jobs or cores()))
         _save(made, output)
     _report(made, f"merged {len(models)} models", output)
 
@@ -166,7 +167,7 @@ def merge(model_paths: tuple[Path, ...], output: Path, jobs: int | None) -> None
 def _save(model: Model, path: Path) -> None:
     """Write ``model`` with its calibration."""
     with stage("calibrating probabilities"):
-        model = calibrated(model, cores())
+        model = calibrated(model, Pool(cores()))
     model_file.save(model, path)
 
 

@@ -12,11 +12,10 @@ import click
 from lava_vpr.cli.common import PATH, Numbers, progress_bar, seed_type, setting_type
 from lava_vpr.cli.evaluate import command_line
 from lava_vpr.cli.outputs import Outputs
-from lava_vpr.cli.show.clusters import cluster_at, cluster_option
+from lava_vpr.cli.show.clusters import cluster_option, pool_at
 from lava_vpr.cli.show.results import Files, show_results
 from lava_vpr.config import StdpLearning
 from lava_vpr.datasets.layouts import DATASETS
-from lava_vpr.engine.threads import cores
 from lava_vpr.errors import InputError
 from lava_vpr.paper_table.methods import NETWORKS
 from lava_vpr.paper_table.run import PaperTable, Wanted, compute
@@ -141,12 +140,10 @@ def paper_table(
     if kept_only and keep is None:
         raise click.UsageError("--kept-only takes what is kept; give --keep DIR")
     wanted = _wanted((json_path, csv_path, markdown_path), page, keep, **given)
-    with cluster_at(address) as cluster, progress_bar("paper's table", len(wanted.tasks())) as advance:
+    with pool_at(address, jobs) as pool, progress_bar("paper's table", len(wanted.tasks())) as advance:
         said = command_line(ctx)
         try:
-            table = compute(
-                wanted, keep, jobs=jobs or cores(), cluster=cluster, kept_only=kept_only, command=said, advance=advance
-            )
+            table = compute(wanted, keep, pool=pool, kept_only=kept_only, command=said, advance=advance)
         except KeyboardInterrupt:
             if keep is not None:
                 text = f"finished sections are kept in {shown(keep)}; the same command goes on from there"

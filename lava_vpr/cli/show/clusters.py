@@ -8,8 +8,9 @@ from contextlib import ExitStack, contextmanager
 import click
 
 from lava_vpr.cli.common import F, progress_bar, stderr
-from lava_vpr.cluster.connection import Connection, connected
-from lava_vpr.cluster.tasks import Standing
+from lava_vpr.cluster.connection import connected
+from lava_vpr.cluster.tasks import Pool, Standing
+from lava_vpr.engine.threads import cores
 
 
 def cluster_option(command: F) -> F:
@@ -47,15 +48,15 @@ def _workers(number: int) -> str:
 
 
 @contextmanager
-def cluster_at(address: str | None) -> Iterator[Connection | None]:
-    """The cluster at ``address``, whose workers are told, and every run's progress; None if there is no address.
+def pool_at(address: str | None, threads: int | None = None) -> Iterator[Pool]:
+    """The cluster at ``address``, whose workers are told, and every run's progress; without, threads, one a processor.
 
     Raises:
         ClusterError: as `lava_vpr.cluster.connection.connected`.
     """
     with connected(address) as cluster, ExitStack() as bars:
         if cluster is not None:
-            threads = cluster.threads()
-            stderr.print(f"note: {cluster.address}: {_workers(len(threads))}, threads in all: {sum(threads.values())}")
-            cluster.progress = _Told(bars, cluster.address, len(threads))
-        yield cluster
+            workers = cluster.threads()
+            stderr.print(f"note: {cluster.address}: {_workers(len(workers))}, threads in all: {sum(workers.values())}")
+            cluster.progress = _Told(bars, cluster.address, len(workers))
+        yield Pool(threads or cores(), cluster)

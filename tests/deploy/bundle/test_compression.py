@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from support.common.small_models import encoded, small_config, small_model
 
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2
@@ -359,7 +360,7 @@ def test_figures_before_and_after() -> None:
 def test_a_hundred_real_places_lose_two_points_for_half_of_the_operations(data_root: Path) -> None:
     summer, winter = (open_traverse(data_root / "data" / "nordland" / name) for name in ("summer", "winter"))
     config = update(preset("loihi"), {"learning": {"steps": 350, "epochs": 8}})
-    model = train([encode_traverse(summer.between(0, 100), config.encoder, Keep.ALL)], config, jobs=2)
+    model = train([encode_traverse(summer.between(0, 100), config.encoder, Keep.ALL)], config, pool=Pool(2))
     seen = winter.between(0, 100)
     images = encode_traverse(seen, config.encoder), aligned_truth(model, seen)
     result = calibration.search(model, KAPOHO_BAY, images, 0.02, threads=2)

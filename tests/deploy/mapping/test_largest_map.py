@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2, Board
@@ -135,7 +136,7 @@ def test_a_trained_network_is_as_was_assumed(data_root: Path) -> None:
     images = open_traverse(data_root / "data" / "nordland" / "summer").take(range(100))
     chosen = update(preset("loihi"), {"stretch": 50})
     encoded = encode_traverse(images, chosen.encoder, Keep.ALL)
-    real = train([encoded], chosen, jobs=2).network
+    real = train([encoded], chosen, pool=Pool(2)).network
     sizing = sizing_of(chosen, KAPOHO_BAY, 100, "sparse", "typical")
     assumed = sizing.network
     mask = sizing.pattern.mask[sizing.pattern.kind]

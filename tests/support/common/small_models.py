@@ -12,6 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse
@@ -66,7 +67,7 @@ def tiny_paper() -> Config:
 @lru_cache(maxsize=4)
 def small_model(places: int = 8) -> Model:
     """A quickly trained model of two stretches."""
-    return train([encoded(places)], small_config(), jobs=2)
+    return train([encoded(places)], small_config(), pool=Pool(2))
 
 
 def two_images_a_place() -> Model:

@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 from support.fuzz.changes import Files, stored
 
+from lava_vpr.cluster.tasks import ONE_THREAD
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import to_toml, update
 from lava_vpr.deploy.boards.board import BOARDS
@@ -122,7 +123,7 @@ def make(folder: Path) -> Corpus:
             for source in sources
             for seen in encode_views(open_traverse(folder / source), config.encoder, config.views.views, Keep.ALL)
         ]
-        model = train(made.references[name], config, jobs=1)
+        model = train(made.references[name], config, pool=ONE_THREAD)
         save(model, folder / f"{name}.lvpr")
         (folder / f"{name}.toml").write_text(to_toml(config))
         made.files["model"][name] = {"m.lvpr": (folder / f"{name}.lvpr").read_bytes()}

@@ -193,7 +193,7 @@ def read_checkpoint(case: Case, corpus: Corpus, path: Path) -> None:
     equal(sorted(state), sorted(held), "arrays")
     for name, array in held.items():
         equal(state[name], array, name)
-    written_again(train(references, config, jobs=1, checkpoint=path, resume=True), path)
+    written_again(train(references, config, checkpoint=path, resume=True), path)
 
 
 def read_settings(case: Case, corpus: Corpus, path: Path) -> None:
