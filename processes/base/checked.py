@@ -6,12 +6,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from lava.magma.core.process.process import AbstractProcess
-from lava.magma.core.process.variable import Var
 from numpy.typing import DTypeLike, NDArray
 
 from lava_vpr.engine.general.lif import need
 from lava_vpr.errors import NetworkLimitError
+from lava_vpr.processes.base.magma import AbstractProcess, Var
 
 FIXED_TAG = "fixed_pt"
 """Tag of the models that compute in Loihi's integers."""

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Literal, TypeVar
 
-from lava.magma.core.decorator import implements, requires, tag
-from lava.magma.core.resources import CPU
-from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
+from lava_vpr.processes.base.magma import CPU, LoihiProtocol, implements, requires, tag
 
 Model = TypeVar("Model", bound=type[Any])
 

@@ -6,14 +6,10 @@ from abc import abstractmethod
 from typing import Any
 
 import numpy as np
-from lava.magma.core.model.py.model import PyLoihiProcessModel
-from lava.magma.core.model.py.ports import PyOutPort
-from lava.magma.core.model.py.type import LavaPyType
-from lava.magma.core.process.ports.ports import OutPort
-from lava.magma.core.process.variable import Var
 from numpy.typing import NDArray
 
 from lava_vpr.processes.base.checked import CheckedProcess, check_outputs, check_presentations
+from lava_vpr.processes.base.magma import LavaPyType, OutPort, PyLoihiProcessModel, PyOutPort, Var
 
 
 class EncoderProcess(CheckedProcess):

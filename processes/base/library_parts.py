@@ -13,10 +13,6 @@ from collections.abc import Callable
 from typing import Any, Literal, TypeVar
 
 import numpy as np
-from lava.magma.core.decorator import implements, tag
-from lava.magma.core.model.sub.model import AbstractSubProcessModel
-from lava.magma.core.process.process import AbstractProcess
-from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 from lava.proc.dense.process import Dense
 from lava.proc.lif.process import LIF, LIFReset
 from lava.proc.sparse.process import Sparse
@@ -28,6 +24,7 @@ from lava_vpr.engine.general.lif import need
 from lava_vpr.loihi import DECAY_UNITY, INPUT_SHIFT
 from lava_vpr.processes.base.checked import RegisterVar
 from lava_vpr.processes.base.cpu_model import TAGS
+from lava_vpr.processes.base.magma import AbstractProcess, AbstractSubProcessModel, LoihiProtocol, implements, tag
 from lava_vpr.processes.base.neurons import NO_FLOOR, LifProcess
 
 Model = TypeVar("Model", bound=type[Any])

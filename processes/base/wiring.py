@@ -5,8 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.process.ports.ports import InPort, OutPort
-from lava.magma.core.process.variable import Var
 from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import need
@@ -14,6 +12,7 @@ from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.loihi import WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
 from lava_vpr.processes.base.checked import CheckedProcess
+from lava_vpr.processes.base.magma import InPort, OutPort, Var
 
 RELAY_WEIGHT = 2
 """Weight of the synapses to inhibitory neurons and relays: any positive one makes them spike, an even one with any sign

@@ -5,8 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.model.py.type import LavaPyType
-from lava.magma.core.model.sub.model import AbstractSubProcessModel
 from lava.proc.lif.process import LIF
 from numpy.typing import NDArray
 
@@ -16,6 +14,7 @@ from lava_vpr.loihi import INPUT_SHIFT, NO_MEMORY_DECAY
 from lava_vpr.processes.base.cpu_model import cpu_model
 from lava_vpr.processes.base.encoders import EncoderModel
 from lava_vpr.processes.base.library_parts import library_model, stand_for
+from lava_vpr.processes.base.magma import AbstractSubProcessModel, LavaPyType
 from lava_vpr.processes.bias_inputs.process import BiasInputs
 
 

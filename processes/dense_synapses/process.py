@@ -5,8 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.process.ports.ports import InPort, OutPort
-from lava.magma.core.process.variable import Var
 from lava.utils.weightutils import SignMode
 from numpy.typing import NDArray
 
@@ -14,6 +12,7 @@ from lava_vpr.engine.general import lif
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import WEIGHT_BITS, WEIGHT_EXPONENT_LIMIT
 from lava_vpr.processes.base.checked import CheckedProcess, RegisterVar, require, whole
+from lava_vpr.processes.base.magma import InPort, OutPort, Var
 
 
 def sign_of(weights: NDArray[Any], sign_mode: SignMode | str | None) -> lif.SignMode:

@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from lava.magma.core.run_conditions import RunSteps
-from lava.magma.core.run_configs import Loihi2SimCfg
 from numpy.typing import NDArray
 
 from lava_vpr.configfile import from_dict
@@ -15,6 +13,7 @@ from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.conductance.kernels import Constants
 from lava_vpr.engine.conductance.model import ConductanceState, constants
 from lava_vpr.isolated.worker import report
+from lava_vpr.processes.base.magma import Loihi2SimCfg, RunSteps
 from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.conductance.conductance_place_network.process import ConductancePlaceNetwork
 from lava_vpr.processes.conductance.fine_poisson_encoder.process import FinePoissonEncoder

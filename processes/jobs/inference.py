@@ -15,10 +15,6 @@ import time
 from typing import Any, NamedTuple
 
 import numpy as np
-from lava.magma.core.process.ports.ports import InPort, OutPort
-from lava.magma.core.process.process import AbstractProcess
-from lava.magma.core.run_conditions import RunSteps
-from lava.magma.core.run_configs import Loihi2HwCfg, Loihi2SimCfg, RunConfig
 from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import need
@@ -30,6 +26,15 @@ from lava_vpr.loihi import DECAY_BITS
 from lava_vpr.processes.base.checked import FIXED_TAG
 from lava_vpr.processes.base.encoders import EncoderProcess
 from lava_vpr.processes.base.lava_checks import refuse_cpu_models
+from lava_vpr.processes.base.magma import (
+    AbstractProcess,
+    InPort,
+    Loihi2HwCfg,
+    Loihi2SimCfg,
+    OutPort,
+    RunConfig,
+    RunSteps,
+)
 from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.bias_inputs.process import BiasInputs
 from lava_vpr.processes.networks.fused_place_network.process import FusedPlaceNetwork

@@ -7,14 +7,13 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from lava.magma.core.run_conditions import RunSteps
-from lava.magma.core.run_configs import Loihi2SimCfg
 from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, Rule
 from lava_vpr.engine.learning.lava_order import FoldedPhase, FoldedTrainer
 from lava_vpr.isolated.worker import report
+from lava_vpr.processes.base.magma import Loihi2SimCfg, RunSteps
 from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.networks.learning_place_network.process import LearningPlaceNetwork
 from lava_vpr.processes.poisson_encoder.process import PoissonEncoder

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from lava.magma.core.process.ports.ports import InPort, OutPort
-from lava.magma.core.process.variable import Var
-
 from lava_vpr.engine.general.lif import need
 from lava_vpr.processes.base.checked import CheckedProcess, check_shape, vector
+from lava_vpr.processes.base.magma import InPort, OutPort, Var
 
 
 class LateralInhibition(CheckedProcess):

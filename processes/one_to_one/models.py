@@ -5,9 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.model.py.model import PyLoihiProcessModel
-from lava.magma.core.model.py.ports import PyInPort, PyOutPort
-from lava.magma.core.model.py.type import LavaPyType
 from lava.proc.dense.process import Dense
 from lava.proc.sparse.process import Sparse
 from lava.utils.weightutils import SignMode
@@ -16,6 +13,7 @@ from scipy.sparse import identity
 
 from lava_vpr.processes.base.cpu_model import cpu_model
 from lava_vpr.processes.base.library_parts import LibrarySynapses, library_model, library_synapses
+from lava_vpr.processes.base.magma import LavaPyType, PyInPort, PyLoihiProcessModel, PyOutPort
 from lava_vpr.processes.one_to_one.process import OneToOne
 
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.process.ports.ports import InPort, OutPort
-from lava.magma.core.process.variable import Var
 from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import need
 from lava_vpr.loihi import WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
 from lava_vpr.processes.base.checked import CheckedProcess, RegisterVar, check_shape, vector, whole
+from lava_vpr.processes.base.magma import InPort, OutPort, Var
 
 
 class OneToOne(CheckedProcess):

@@ -6,10 +6,6 @@ from typing import Any
 
 import numpy as np
 from lava.magma.core.learning.learning_rule import Loihi2FLearningRule
-from lava.magma.core.model.py.model import PyLoihiProcessModel
-from lava.magma.core.model.py.ports import PyInPort, PyOutPort
-from lava.magma.core.model.py.type import LavaPyType
-from lava.magma.core.model.sub.model import AbstractSubProcessModel
 from lava.proc.dense.process import LearningDense
 from lava.utils.weightutils import SignMode
 from numpy.typing import NDArray
@@ -23,6 +19,7 @@ from lava_vpr.loihi import TRACE_LIMIT
 from lava_vpr.processes.base.cpu_model import cpu_model
 from lava_vpr.processes.base.float_rule import FloatRule
 from lava_vpr.processes.base.library_parts import MISSING, LibrarySynapses, library_model, stand_for
+from lava_vpr.processes.base.magma import AbstractSubProcessModel, LavaPyType, PyInPort, PyLoihiProcessModel, PyOutPort
 from lava_vpr.processes.plastic_dense.process import PlasticDense
 
 

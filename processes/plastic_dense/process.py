@@ -5,8 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.process.ports.ports import InPort, OutPort
-from lava.magma.core.process.variable import Var
 from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import need, stored_weights
@@ -15,6 +13,7 @@ from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS, decay_traces,
 from lava_vpr.loihi import WEIGHT_EXPONENT_LIMIT
 from lava_vpr.processes.base.checked import CheckedProcess, RegisterVar, check_outputs, whole
 from lava_vpr.processes.base.float_rule import FloatRule
+from lava_vpr.processes.base.magma import InPort, OutPort, Var
 
 _EXPONENTS = f"in {-WEIGHT_EXPONENT_LIMIT}..{WEIGHT_EXPONENT_LIMIT}"
 

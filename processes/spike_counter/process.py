@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.process.ports.ports import InPort
-from lava.magma.core.process.variable import Var
 from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import need
 from lava_vpr.processes.base.checked import CheckedProcess, check_outputs, check_shape, whole
+from lava_vpr.processes.base.magma import InPort, Var
 
 
 class SpikeCounter(CheckedProcess):

@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.model.py.model import PyLoihiProcessModel
-from lava.magma.core.model.py.ports import PyInPort, PyOutPort
-from lava.magma.core.model.py.type import LavaPyType
 
 from lava_vpr.processes.base.cpu_model import cpu_model
+from lava_vpr.processes.base.magma import LavaPyType, PyInPort, PyLoihiProcessModel, PyOutPort
 from lava_vpr.processes.conductance.conductance_lif.process import READY, ConductanceLIF
 from lava_vpr.processes.conductance.neurons import ConductanceNeuron
 

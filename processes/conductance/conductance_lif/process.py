@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.process.ports.ports import InPort, OutPort
-from lava.magma.core.process.process import AbstractProcess
-from lava.magma.core.process.variable import Var
 from numpy.typing import NDArray
 
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.processes.base.checked import check_shape
+from lava_vpr.processes.base.magma import AbstractProcess, InPort, OutPort, Var
 from lava_vpr.processes.conductance.neurons import ConductanceNeuron
 
 READY = 1 << 40

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from lava.magma.core.decorator import implements, tag
-from lava.magma.core.model.sub.model import AbstractSubProcessModel
 
 from lava_vpr.engine.conductance.kernels import EXC_TO_INH, Constants
 from lava_vpr.engine.conductance.model import constants
+from lava_vpr.processes.base.magma import AbstractSubProcessModel, implements, tag
 from lava_vpr.processes.conductance.conductance_lif.process import ConductanceLIF
 from lava_vpr.processes.conductance.conductance_place_network.process import (
     ConductancePlaceNetwork,

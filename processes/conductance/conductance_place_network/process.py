@@ -5,9 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.process.ports.ports import InPort, OutPort
-from lava.magma.core.process.process import AbstractProcess
-from lava.magma.core.process.variable import Var
 
 from lava_vpr.config import Config
 from lava_vpr.engine.conductance.kernels import (
@@ -25,6 +22,7 @@ from lava_vpr.engine.conductance.kernels import (
 )
 from lava_vpr.engine.conductance.model import ConductanceState, constants
 from lava_vpr.errors import NetworkLimitError
+from lava_vpr.processes.base.magma import AbstractProcess, InPort, OutPort, Var
 from lava_vpr.processes.conductance.delayed_dense.process import check_synapses
 from lava_vpr.processes.conductance.neurons import ConductanceNeuron
 

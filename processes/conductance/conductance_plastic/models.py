@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.model.py.model import PyLoihiProcessModel
-from lava.magma.core.model.py.ports import PyInPort, PyOutPort
-from lava.magma.core.model.py.type import LavaPyType
 from numpy.typing import NDArray
 
 from lava_vpr.engine.conductance.kernels import NEVER, TRIPLET, Constants, normalise
 from lava_vpr.engine.conductance.plastic import learn
 from lava_vpr.processes.base.cpu_model import cpu_model
+from lava_vpr.processes.base.magma import LavaPyType, PyInPort, PyLoihiProcessModel, PyOutPort
 from lava_vpr.processes.conductance.conductance_plastic.process import ConductancePlastic
 
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.process.ports.ports import InPort, OutPort
-from lava.magma.core.process.variable import Var
 from numpy.typing import NDArray
 
 from lava_vpr.engine.conductance.kernels import Constants, normalise
@@ -14,6 +12,7 @@ from lava_vpr.engine.conductance.model import RULES, trace_table
 from lava_vpr.engine.conductance.plastic import learn
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.processes.base.checked import CheckedProcess
+from lava_vpr.processes.base.magma import InPort, OutPort, Var
 from lava_vpr.processes.conductance.delayed_dense.process import check_synapses
 from lava_vpr.settings.conductance import ConductanceLearning
 

@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.process.ports.ports import InPort, OutPort
-from lava.magma.core.process.process import AbstractProcess
-from lava.magma.core.process.variable import Var
 from numpy.typing import NDArray
 
 from lava_vpr.errors import NetworkLimitError
+from lava_vpr.processes.base.magma import AbstractProcess, InPort, OutPort, Var
 
 MAX_DELAY = 65534
 """Steps; delays are kept as 16 bits, as in the model file."""

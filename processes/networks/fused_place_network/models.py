@@ -6,12 +6,11 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
-from lava.magma.core.model.py.model import PyLoihiProcessModel
-from lava.magma.core.model.py.type import LavaPyType
 from numpy.typing import NDArray
 
 from lava_vpr.engine.inference.fixed import EVENTS, count_spikes
 from lava_vpr.processes.base.cpu_model import cpu_model
+from lava_vpr.processes.base.magma import LavaPyType, PyLoihiProcessModel
 from lava_vpr.processes.networks.fused_place_network.process import FusedPlaceNetwork
 
 

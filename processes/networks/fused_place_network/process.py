@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.process.variable import Var
 from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import need
 from lava_vpr.engine.inference.fixed import EVENTS, FixedNetwork, count_spikes
 from lava_vpr.processes.base.checked import CheckedProcess, check_outputs, check_presentations, whole
+from lava_vpr.processes.base.magma import Var
 
 
 class FusedPlaceNetwork(CheckedProcess):

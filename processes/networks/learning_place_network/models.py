@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from lava.magma.core.decorator import implements
-from lava.magma.core.model.sub.model import AbstractSubProcessModel
-from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
 
+from lava_vpr.processes.base.magma import AbstractSubProcessModel, LoihiProtocol, implements
 from lava_vpr.processes.base.wiring import RELAY_WEIGHT, wire
 from lava_vpr.processes.dense_synapses.process import DenseSynapses
 from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF

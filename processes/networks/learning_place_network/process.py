@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.process.variable import Var
 from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import check_thresholds, need
 from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState
 from lava_vpr.loihi import THRESHOLD_LIMIT
+from lava_vpr.processes.base.magma import Var
 from lava_vpr.processes.base.wiring import NetworkProcess, exact_mantissa
 
 

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from lava.magma.core.decorator import implements
-from lava.magma.core.model.sub.model import AbstractSubProcessModel
-from lava.magma.core.sync.protocols.loihi_protocol import LoihiProtocol
-
 from lava_vpr.engine.inference.neuron_bias import bias_registers
+from lava_vpr.processes.base.magma import AbstractSubProcessModel, LoihiProtocol, implements
 from lava_vpr.processes.base.neurons import BiasTable
 from lava_vpr.processes.base.wiring import RELAY_WEIGHT, gathering, inhibiting, listening, wire
 from lava_vpr.processes.dense_synapses.process import DenseSynapses

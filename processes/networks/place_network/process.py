@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.process.variable import Var
 from numpy.typing import NDArray
 
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.neuron_bias import bias_registers
 from lava_vpr.loihi import INPUT_SHIFT
+from lava_vpr.processes.base.magma import Var
 from lava_vpr.processes.base.wiring import NetworkProcess, inhibiting
 
 

@@ -10,8 +10,6 @@ from typing import Any
 
 import numpy as np
 from lava.magma.core.learning.learning_rule import Loihi2FLearningRule
-from lava.magma.core.run_conditions import RunSteps
-from lava.magma.core.run_configs import Loihi2SimCfg
 from lava.proc.dense.models import PyLearningDenseModelBitApproximate
 from lava.proc.dense.process import LearningDense
 from lava.proc.io.source import RingBuffer
@@ -21,6 +19,7 @@ from numpy.typing import NDArray
 from lava_vpr.engine.learning.integer import Rule
 from lava_vpr.loihi import TRACE_LIMIT
 from lava_vpr.processes.base.float_rule import FloatRule
+from lava_vpr.processes.base.magma import Loihi2SimCfg, RunSteps
 from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.plastic_dense.models import PyPlasticDenseFixed
 from lava_vpr.processes.plastic_dense.process import PlasticDense

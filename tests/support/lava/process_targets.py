@@ -8,12 +8,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lava.magma.core.run_conditions import RunSteps
-from lava.magma.core.run_configs import Loihi2SimCfg
 from numpy.typing import NDArray
 from support.lava.small_networks import limits
 
 from lava_vpr.errors import NetworkLimitError
+from lava_vpr.processes.base.magma import Loihi2SimCfg, RunSteps
 from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.dense_synapses.process import DenseSynapses
 from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF

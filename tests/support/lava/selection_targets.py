@@ -10,9 +10,6 @@ from typing import Any
 
 import numpy as np
 from lava.magma.compiler.compiler_graphs import ProcGroupDiGraphs
-from lava.magma.core.process.process import AbstractProcess
-from lava.magma.core.run_conditions import RunSteps
-from lava.magma.core.run_configs import Loihi2HwCfg, Loihi2SimCfg
 from lava.proc.io.source import RingBuffer
 from numpy.typing import NDArray
 from support.lava.small_networks import SMALL_LIMITS, limits, random_network
@@ -20,6 +17,7 @@ from support.lava.small_networks import SMALL_LIMITS, limits, random_network
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, Rule
 from lava_vpr.errors import BackendUnavailableError
+from lava_vpr.processes.base.magma import AbstractProcess, Loihi2HwCfg, Loihi2SimCfg, RunSteps
 from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.bias_inputs.process import BiasInputs
 from lava_vpr.processes.dense_synapses.process import DenseSynapses
