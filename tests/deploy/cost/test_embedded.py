@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.boards import kapoho_board, kapoho_bundles
-from support.boards.kapoho_board import Board, write_queries
+from support.boards.host_programs import write_queries
+from support.boards.kapoho_board import Board
 from support.boards.kapoho_bundles import layout, make
 from support.boards.plans import busy_plan, trains_of
 

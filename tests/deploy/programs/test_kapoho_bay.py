@@ -14,8 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from support.boards import host_programs, kapoho_board
-from support.boards.kapoho_board import Board, Ended, altered, answers, child, edited, load_program, write_queries
-from support.boards.kapoho_bundles import LAYOUTS, Made, layout, make, plan_by_hand, random_network
+from support.boards.host_programs import Made, answers, write_queries
+from support.boards.kapoho_board import Board, Ended, altered, child, edited, load_program
+from support.boards.kapoho_bundles import LAYOUTS, layout, make, plan_by_hand, random_network
 from support.common.small_models import small_model
 
 from lava_vpr.configfile import update

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 from support.boards import kapoho_board
+from support.boards.host_programs import Made
 from support.boards.kapoho_board import child
-from support.boards.kapoho_bundles import Made, layout, make, random_network
+from support.boards.kapoho_bundles import layout, make, random_network
 from support.common import children
 
 

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 import pytest
 from support.boards import kapoho_board
-from support.boards.kapoho_board import ASKED, SEEDS, STANDIN, Board, altered, answers, child, start, write_queries
-from support.boards.kapoho_bundles import Made, layout, make, random_network
+from support.boards.host_programs import Made, answers, write_queries
+from support.boards.kapoho_board import ASKED, SEEDS, STANDIN, Board, altered, child, start
+from support.boards.kapoho_bundles import layout, make, random_network
 
 from lava_vpr.deploy.bundle.folder import load
 from lava_vpr.deploy.running import host_program

@@ -20,11 +20,11 @@ from typing import Any
 import numpy as np
 import pytest
 from support.boards import host_programs
+from support.boards.host_programs import answers
 from support.boards.loihi2_bundles import (
     AGAIN,
     INTERVAL,
     STANDIN,
-    answers,
     asked,
     environment,
     network,

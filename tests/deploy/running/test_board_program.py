@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from support.boards import host_programs
-from support.boards.kapoho_bundles import Made, layout, make, random_network
+from support.boards.host_programs import Made
+from support.boards.kapoho_bundles import layout, make, random_network
 from support.common.commands import run
 from support.common.small_models import encoded
 

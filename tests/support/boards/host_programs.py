@@ -1,4 +1,4 @@
-"""The host programs as they stand in a bundle, in one folder, and loaded from there into this process.
+"""The host programs as they stand in a bundle, in one folder, and loaded from there into this process; small bundles.
 
 Used by deploy and support.
 """
@@ -7,12 +7,32 @@ from __future__ import annotations
 
 import ast
 import importlib
+import json
 import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.deploy.bundle import folder as bundle
 from lava_vpr.deploy.bundle import programs
+from lava_vpr.deploy.bundle.folder import array_bytes
+from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
+
+
+@dataclass(frozen=True)
+class Made:
+    """A bundle, the network in it, and presentations with the counts that the host gives them."""
+
+    path: Path
+    network: FixedNetwork
+    rates: NDArray[np.uint16]
+    keys: NDArray[np.uint64]
+    counts: NDArray[np.int32]
 
 
 def files(board: str) -> dict[str, bytes]:
@@ -69,3 +89,37 @@ def imported(board: str, version: tuple[int, int]) -> set[str]:
             elif isinstance(node, ast.ImportFrom):
                 names.add(str(node.module).split(".")[0])
     return names - {name.removesuffix(".py") for name in content}
+
+
+def write_bundle(
+    path: Path, board: str, network: FixedNetwork, files_: Mapping[str, bytes], shown: Any, labels: Any, **told: Any
+) -> Made:
+    """A bundle whose network is in ``files_``, with its program and references: ``shown`` rates and keys of ``labels``.
+
+    ``told`` is more of its manifest.
+    """
+    rates, keys = shown
+    counts, _, _ = count_spikes(network, rates, keys)
+    responses = np.zeros((network.neurons, int(labels.max()) + 1), np.int32)
+    np.add.at(responses.T, labels, counts)
+    arrays = {"rates": rates, "keys": keys, "labels": labels, "responses": responses}
+    content = {f"host/{name}.npy": array_bytes(array) for name, array in arrays.items()}
+    program = {f"program/{name}": data for name, data in files(board.replace("-", "_")).items()}
+    sizes = {"inputs": network.inputs, "neurons": network.neurons, "silent_steps": network.silent_steps}
+    manifest = {"target": board, "network": {**sizes, **network.scalars}, **told}
+    bundle.write(path, manifest, {**files_, **content, **program})
+    return Made(path, network, rates, keys, counts)
+
+
+def write_queries(folder: Path, rates: NDArray[np.uint16], keys: NDArray[np.uint64]) -> Path:
+    """A folder as ``--queries`` takes it."""
+    folder.mkdir(exist_ok=True)
+    np.save(folder / "rates.npy", rates)
+    np.save(folder / "keys.npy", keys)
+    return folder
+
+
+def answers(folder: Path) -> tuple[NDArray[np.int32], NDArray[np.bool_], dict[str, Any]]:
+    """What a program left: counts, which rows are answered, status."""
+    status = json.loads((folder / "status.json").read_text())
+    return np.load(folder / "counts.npy"), np.load(folder / "done.npy"), status

@@ -18,11 +18,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
-from numpy.typing import NDArray
 from support.boards import host_programs
-from support.boards.kapoho_bundles import Made
+from support.boards.host_programs import Made
 from support.common import children
 
 from lava_vpr.deploy.bundle import folder as bundle
@@ -140,20 +138,6 @@ def child(made: Made, *words: object, **given: Any) -> Ended:
     running = start(made, *words, **given)
     out, err = running.communicate(timeout=60)
     return Ended(running.returncode, out, err)
-
-
-def write_queries(folder: Path, rates: NDArray[np.uint16], keys: NDArray[np.uint64]) -> Path:
-    """A folder as ``--queries`` takes it."""
-    folder.mkdir(exist_ok=True)
-    np.save(folder / "rates.npy", rates)
-    np.save(folder / "keys.npy", keys)
-    return folder
-
-
-def answers(folder: Path) -> tuple[NDArray[np.int32], NDArray[np.bool_], dict[str, Any]]:
-    """What the program left: counts, which rows are answered, status."""
-    status = json.loads((folder / "status.json").read_text())
-    return np.load(folder / "counts.npy"), np.load(folder / "done.npy"), status
 
 
 def edited(board: Board, made: Made, name: str, old: str, new: str) -> Board:

@@ -5,34 +5,19 @@ Used by deploy and support.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from support.boards import host_programs
+from support.boards.host_programs import Made, write_bundle
+from support.boards.plans import LOAD
 
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
-from lava_vpr.deploy.boards.plan import CorePlan, Load, Needs, Part, Plan, PopulationName
-from lava_vpr.deploy.bundle import folder as bundle
-from lava_vpr.deploy.bundle.folder import array_bytes, json_bytes
-from lava_vpr.deploy.registers.core_images import core_images, host_tables
-from lava_vpr.engine.inference import fixed
+from lava_vpr.deploy.boards.plan import CorePlan, Needs, Part, Plan, PopulationName
+from lava_vpr.deploy.bundle import core_files
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.loihi import HOST_SPIKES
-
-
-@dataclass(frozen=True)
-class Made:
-    """A bundle, the network in it, and presentations with the counts that the host gives them."""
-
-    path: Path
-    network: FixedNetwork
-    rates: NDArray[np.uint16]
-    keys: NDArray[np.uint64]
-    counts: NDArray[np.int32]
 
 
 def random_network(seed: int = 0, inputs: int = 30, neurons: int = 10, **changes: Any) -> FixedNetwork:
@@ -67,9 +52,8 @@ def plan_by_hand(network: FixedNetwork, cores: dict[tuple[int, int], list[Place]
         parts = with_counters(members)
         compartment = sum(part.size for part in parts)
         rows = np.arange(network.inputs) % 8 < 8 * dense
-        nothing = Load(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         needs = Needs(compartment, None, None, None, None, None, None)
-        made.append(CorePlan(chip, core, tuple(parts), rows, needs, nothing))
+        made.append(CorePlan(chip, core, tuple(parts), rows, needs, LOAD))
     bits = network.inhibition.bit_length() + 1
     return Plan(network, KAPOHO_BAY, tuple(made), KAPOHO_BAY.stored_bits(network), bits, None, 0.0)
 
@@ -107,27 +91,9 @@ def layout(name: str, network: FixedNetwork, dense: float = 0.5) -> Plan:
 
 def make(folder: Path, plan: Plan, images: int = 5, traverses: int = 1, seed: int = 0) -> Made:
     """Write the bundle of ``plan`` with ``images`` random references of each of ``traverses``."""
-    network, rng = plan.network, np.random.default_rng(seed + 1)
-    n = images * traverses
-    rates = (rng.random((n, network.inputs)) ** 3 * 20000).astype(np.uint16)
-    keys = presentation_keys(seed, "response", np.arange(n))
-    counts, _, _ = fixed.count_spikes(network, rates, keys)
-    labels = np.tile(np.arange(images), traverses)
-    responses = np.zeros((network.neurons, images), np.int32)
-    np.add.at(responses.T, labels, counts)
-    files = {"host/rates.npy": rates, "host/keys.npy": keys, "host/responses.npy": responses, "host/labels.npy": labels}
-    tables = host_tables(plan)
-    files |= {f"host/{name}.npy": getattr(tables, name) for name in ("injection", "inputs", "exc", "counters", "inh")}
-    registers = {}
-    for image in core_images(plan):
-        name = f"cores/chip{image.chip}-core{image.core:03d}"
-        registers[f"{name}/registers.json"] = json_bytes(image.registers)
-        arrays = ("compartments", "synapses", "axons_in", "axons_out")
-        files |= {f"{name}/{array}.npy": getattr(image, array) for array in arrays}
-    content = {f"program/{name}": data for name, data in host_programs.files("kapoho_bay").items()}
-    content |= {name: array_bytes(array) for name, array in files.items()} | registers
-    sizes = {"inputs": network.inputs, "neurons": network.neurons, "silent_steps": network.silent_steps}
-    manifest = {"target": "kapoho-bay", "network": {**sizes, **network.scalars}, "limits": {"host_spikes": HOST_SPIKES}}
-    path = folder / "bundle"
-    bundle.write(path, manifest, content)
-    return Made(path, network, rates, keys, counts)
+    n, inputs = images * traverses, plan.network.inputs
+    rates = (np.random.default_rng(seed + 1).random((n, inputs)) ** 3 * 20000).astype(np.uint16)
+    shown, labels = (rates, presentation_keys(seed, "response", np.arange(n))), np.tile(np.arange(images), traverses)
+    limits = {"host_spikes": HOST_SPIKES}
+    files = core_files.network_files(plan)
+    return write_bundle(folder / "bundle", "kapoho-bay", plan.network, files, shown, labels, limits=limits)

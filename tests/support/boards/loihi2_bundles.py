@@ -18,10 +18,8 @@ from support.boards import host_programs
 from support.common import children
 from support.lava.small_networks import random_bias
 
-from lava_vpr.deploy.bundle import folder as bundle_folder
 from lava_vpr.deploy.bundle import loihi2
-from lava_vpr.deploy.bundle.folder import array_bytes
-from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes, silent_steps
+from lava_vpr.engine.inference.fixed import FixedNetwork, silent_steps
 from lava_vpr.engine.random import presentation_keys
 
 STANDIN = Path(__file__).parents[1] / "standins" / "loihi2"
@@ -51,16 +49,8 @@ def queries(inputs: int = 24, n: int = IMAGES, seed: int = 0) -> tuple[NDArray[n
 
 def write_bundle(path: Path, net: FixedNetwork) -> Path:
     """A bundle of ``net`` with its references: the first place has two images."""
-    rates, keys = queries(net.inputs)
-    counts, _, _ = count_spikes(net, rates, keys)
-    labels, responses = np.arange(IMAGES) % PLACES, np.zeros((net.neurons, PLACES), np.int32)
-    np.add.at(responses.T, labels, counts)
-    arrays = {"rates": rates, "keys": keys, "labels": labels, "responses": responses}
-    files = loihi2.network_files(net) | {f"host/{name}.npy": array_bytes(array) for name, array in arrays.items()}
-    program = {f"program/{name}": data for name, data in host_programs.files("loihi2").items()}
-    told = {"target": "loihi2", "network": {"inputs": net.inputs, "neurons": net.neurons, **net.scalars}}
-    bundle_folder.write(path, told, files | program)
-    return path
+    labels = np.arange(IMAGES) % PLACES
+    return host_programs.write_bundle(path, "loihi2", net, loihi2.network_files(net), queries(net.inputs), labels).path
 
 
 def environment(standin: Path | None = STANDIN, options: Path | None = None) -> dict[str, str]:
@@ -95,8 +85,3 @@ def asked(folder: Path, **options: Any) -> Path:
     path = folder / "standin.json"
     path.write_text(json.dumps(options), encoding="utf-8")
     return path
-
-
-def answers(out: Path) -> tuple[NDArray[np.int32], NDArray[np.bool_], dict[str, Any]]:
-    """What a program wrote."""
-    return np.load(out / "counts.npy"), np.load(out / "done.npy"), json.loads((out / "status.json").read_text())
