@@ -27,6 +27,8 @@ CALL_WORDS = 8
 """Words that a call of the program takes by itself: guard, state, and the step of the query."""
 
 ROOM = PACKET_WORDS - PACKET_HEADER_WORDS
+"""Payload of a packet, in words."""
+
 SETTING_WORDS, SETTING_ACCESSES, SILENCING_ACCESSES, BIAS_ACCESSES, NEURON_ACCESSES = 2, 3, 2, 2, 3
 """Words that set an input compartment; accesses to set it (bias read and written, membrane written), to take its bias
 away, to set a neuron's bias (read and written), and of a neuron between queries (counter read; counter and membrane
@@ -58,12 +60,12 @@ def _sent(words: float) -> float:
     return max(1, -(-words // ROOM)) * (2 * PACKET_WORDS + PACKET_HEADER_WORDS) + 2 * words
 
 
-def _chips(plan: Plan) -> list[int]:
+def chips_of(plan: Plan) -> list[int]:
     """The chips in use."""
     return sorted({core.chip for core in plan.cores})
 
 
-def _members(plan: Plan, chip: int, population: PopulationName) -> tuple[int, int]:
+def members(plan: Plan, chip: int, population: PopulationName) -> tuple[int, int]:
     """Neurons of ``population`` on a chip, and the cores that they stand on."""
     sizes = [core.part(population).size for core in plan.cores if core.chip == chip]
     return sum(sizes), sum(size > 0 for size in sizes)
@@ -73,11 +75,11 @@ def between_queries(plan: Plan) -> dict[int, Accesses]:
     """Accesses of each chip's processor between two queries: counts read and sent, states cleared, inputs set and, at
     the end, silenced."""
     found = {}
-    for chip in _chips(plan):
-        exc, exc_cores = _members(plan, chip, "exc")
+    for chip in chips_of(plan):
+        exc, exc_cores = members(plan, chip, "exc")
         accesses = Accesses(NEURON_ACCESSES * exc + exc_cores, _sent(exc) + 2 * exc)
         if plan.network.bias_input:
-            inputs, cores = _members(plan, chip, "inputs")
+            inputs, cores = members(plan, chip, "inputs")
             set_up = (SETTING_ACCESSES + SILENCING_ACCESSES) * inputs + 2 * cores
             accesses += Accesses(set_up, _received(SETTING_WORDS * inputs) + inputs)
         found[chip] = accesses
@@ -86,7 +88,7 @@ def between_queries(plan: Plan) -> dict[int, Accesses]:
 
 def of_biases(plan: Plan) -> dict[int, Accesses]:
     """Accesses of each chip's processor for the biases of an adapted query."""
-    sizes = {chip: _members(plan, chip, "exc") for chip in _chips(plan)}
+    sizes = {chip: members(plan, chip, "exc") for chip in chips_of(plan)}
     return {chip: Accesses(BIAS_ACCESSES * exc + cores, _received(exc)) for chip, (exc, cores) in sizes.items()}
 
 
@@ -101,12 +103,12 @@ def _in_steps(plan: Plan, events: EventCounts) -> list[tuple[Floats, Floats]]:
     where = np.array([core.chip for core in plan.cores])
     with_input = np.arange(events.steps) < plan.network.steps
     found = []
-    for chip in _chips(plan):
+    for chip in chips_of(plan):
         registers = events.injected_messages[:, :, where == chip].sum(axis=2).astype(np.float64)
         words = np.full(registers.shape, float(CALL_WORDS))
         if events.injected:
             spikes = registers if plan.network.relayed else events.input_spikes.astype(np.float64)
-            targets = sum(_members(plan, chip, "inputs" if plan.network.relayed else "exc")[1:])
+            targets = sum(members(plan, chip, "inputs" if plan.network.relayed else "exc")[1:])
             packet = PACKET_WORDS + PACKET_HEADER_WORDS
             words = words + np.where(with_input, packet + (2 + targets) * spikes, 0.0)
         found.append((registers, words))

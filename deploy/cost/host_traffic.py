@@ -7,7 +7,6 @@ whole query packed one after another. High: every spike, setting and count a mes
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -16,23 +15,17 @@ from lava_vpr.deploy.boards.constants import CostConstants
 from lava_vpr.deploy.boards.estimate import Estimate
 from lava_vpr.deploy.boards.plan import Plan, PopulationName
 from lava_vpr.deploy.cost import embedded
+from lava_vpr.deploy.cost.embedded import ROOM, SETTING_WORDS, chips_of, members
 from lava_vpr.deploy.cost.events import EventCounts, routes
 from lava_vpr.engine.inference import fixed
-from lava_vpr.loihi import PACKET_HEADER_WORDS, PACKET_WORDS
 
-ROOM = PACKET_WORDS - PACKET_HEADER_WORDS
-"""Payload of a packet, in words."""
-
-SETTING_WORDS, SETTING_WRITES = 2, 3
-"""Words that set an input compartment, and registers that are written for it: bias, membrane, and bias 0 at the end."""
+SETTING_WRITES = 3
+"""Registers that are written for an input compartment: bias, membrane, and bias 0 at the end."""
 
 
 def counts_on_chips(plan: Plan, population: PopulationName) -> dict[int, int]:
     """The number of neurons of ``population`` on each chip in use."""
-    neurons: Counter[int] = Counter({core.chip: 0 for core in plan.cores})
-    for core in plan.cores:
-        neurons[core.chip] += sum(part.size for part in core.parts if part.population == population)
-    return dict(neurons)
+    return {chip: members(plan, chip, population)[0] for chip in chips_of(plan)}
 
 
 def entry_hops(plan: Plan, population: PopulationName = "exc") -> tuple[float, float]:
