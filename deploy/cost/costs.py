@@ -8,7 +8,7 @@ the host's traffic.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -46,18 +46,10 @@ ALL_DENSE = (
 
 
 @dataclass(frozen=True)
-class Modelled:
-    """A query on a board, by the cost model; nothing of this was measured on a chip.
-
-    Estimates are None where there are no energies and times. Fields and sums are named as in the JSON contract, which
-    `as_json` makes of them in this order.
+class Figures:
+    """Energies and times of a query on a board whose constants are public.
 
     Attributes:
-        target: The name of the board.
-        chips: All chips of the board; all of them draw static power, used or not.
-        cores, tiles: Those in use; tiles None: the mesh is not public.
-        steps: Steps of a presentation, the silent ones included.
-        input_mode: ``injected`` or ``bias``.
         dynamic_by_component: Microjoules of a query, clearing of states included, host I/O not.
         milliseconds: Time of a query on the chip: all its steps, and what is read, cleared and set between two.
         step_microseconds: Time of one step, mean over the steps: cores, barrier, and the program on the chips'
@@ -71,10 +63,55 @@ class Modelled:
             on the chip and traffic of the mode in use.
         wall_static_millijoules: Static energy during ``wall_milliseconds``.
         busiest: Whose part made a step that long, as share of the steps (nominal): ``receive`` or ``neurons``.
-        busiest_core: What a step waits for: events of the core that has most of them, mean over the steps, by name.
         embedded: What the program on the chips' processors does: accesses a step and between queries on the busiest
             chip, and their times, which are part of ``step_microseconds`` and ``milliseconds``
             (`deploy.cost.embedded`).
+    """
+
+    dynamic_by_component: dict[str, Estimate]
+    milliseconds: Estimate
+    step_microseconds: Estimate
+    static_millijoules: Estimate
+    io_milliseconds_by_way: dict[str, Estimate]
+    io_microjoules_by_way: dict[str, Estimate]
+    wall_milliseconds: Estimate
+    wall_static_millijoules: Estimate
+    busiest: dict[str, float]
+    embedded: dict[str, Any]
+
+    @property
+    def dynamic_microjoules(self) -> Estimate:
+        """Dynamic energy of a query, all components."""
+        return total(self.dynamic_by_component.values())
+
+    @property
+    def io_milliseconds(self) -> Estimate:
+        """Time of the host's traffic in the input mode in use."""
+        return next(iter(self.io_milliseconds_by_way.values()))
+
+
+_KEYS: tuple[str, ...] = (
+    *("chips", "cores", "tiles", "steps", "input_mode", "dynamic_microjoules", "dynamic_by_component", "milliseconds"),
+    *("step_microseconds", "static_millijoules", "io_milliseconds", "io_milliseconds_by_way", "io_microjoules_by_way"),
+    *("wall_milliseconds", "wall_static_millijoules", "busiest", "busiest_core", "embedded", "clearing", "counts"),
+    "unavailable",
+)
+"""What `Modelled.as_json` has, in its order."""
+
+
+@dataclass(frozen=True)
+class Modelled:
+    """A query on a board, by the cost model; nothing of this was measured on a chip.
+
+    Attributes:
+        target: The name of the board.
+        chips: All chips of the board; all of them draw static power, used or not.
+        cores, tiles: Those in use; tiles None: the mesh is not public.
+        steps: Steps of a presentation, the silent ones included.
+        input_mode: ``injected`` or ``bias``.
+        figures: Energies and times; None: there are none, and ``unavailable`` says why.
+        busiest_core: What a step waits for: events of the core that has most of them, mean over the steps, by name;
+            None: no query was counted.
         clearing: How states are cleared and what it takes: writes, microjoules, milliseconds; what rest would
             take (None: no rest clears them).
         counts: Events of a query, mean over the queries, by name; None: unknown.
@@ -88,47 +125,21 @@ class Modelled:
     tiles: int | None
     steps: int
     input_mode: str
-    dynamic_by_component: dict[str, Estimate] | None = None
-    milliseconds: Estimate | None = None
-    step_microseconds: Estimate | None = None
-    static_millijoules: Estimate | None = None
-    io_milliseconds_by_way: dict[str, Estimate] | None = None
-    io_microjoules_by_way: dict[str, Estimate] | None = None
-    wall_milliseconds: Estimate | None = None
-    wall_static_millijoules: Estimate | None = None
-    busiest: dict[str, float] | None = None
+    figures: Figures | None = None
     busiest_core: dict[str, float] | None = None
-    embedded: dict[str, Any] | None = None
     clearing: dict[str, Any] = field(default_factory=dict)
     counts: dict[str, float | None] = field(default_factory=dict)
     unavailable: str | None = None
     assumptions: tuple[str, ...] = ()
 
-    @property
-    def dynamic_microjoules(self) -> Estimate | None:
-        """Dynamic energy of a query, all components."""
-        return None if self.dynamic_by_component is None else total(self.dynamic_by_component.values())
-
-    @property
-    def io_milliseconds(self) -> Estimate | None:
-        """Time of the host's traffic in the input mode in use."""
-        return None if self.io_milliseconds_by_way is None else next(iter(self.io_milliseconds_by_way.values()))
-
     def as_json(self) -> dict[str, Any]:
         """The figures by name, as scripts read them; the target is the key, and assumptions stand with all others'."""
-        before = {"dynamic_by_component": "dynamic_microjoules", "io_milliseconds_by_way": "io_milliseconds"}
-        values: dict[str, Any] = {}
-        for item in fields(self):
-            if item.name in before:
-                values[before[item.name]] = getattr(self, before[item.name])
-            if item.name not in ("target", "assumptions"):
-                values[item.name] = getattr(self, item.name)
-        return values
+        return {key: getattr(self if hasattr(self, key) else self.figures, key, None) for key in _KEYS}
 
 
 def modelled(plan: Plan, events: EventCounts) -> Modelled:
     """What a query costs on the board of ``plan``, mean over the queries of ``events``."""
-    board = plan.board
+    board, constants = plan.board, plan.board.constants
     counted = Modelled(
         target=board.name,
         chips=board.chips,
@@ -142,23 +153,22 @@ def modelled(plan: Plan, events: EventCounts) -> Modelled:
     if not events.queries:
         return replace(counted, unavailable="there is no query")
     counted = replace(counted, busiest_core=_busiest_core(events))
-    if board.constants is None:
+    if constants is None:
         return replace(counted, unavailable=UNPUBLISHED, assumptions=(ALL_DENSE,))
-    return _with_figures(counted, plan, events, board.constants)
+    cleared, figures = _clearing(plan, events, constants), _figures(plan, events, constants)
+    return replace(counted, figures=figures, clearing=cleared, assumptions=assumptions(events))
 
 
-def _with_figures(counted: Modelled, plan: Plan, events: EventCounts, constants: CostConstants) -> Modelled:
-    """``counted`` with the estimates of energies and times."""
-    cleared = _clearing(plan, events, constants)
+def _figures(plan: Plan, events: EventCounts, constants: CostConstants) -> Figures:
+    """The estimates of energies and times."""
     steps = Estimate.of(lambda level: float(all_microseconds(plan, events, constants, level).mean()))
     milliseconds = query_milliseconds(plan, steps, constants)
     traffic = host_milliseconds(plan, events, constants)
-    in_use = traffic[counted.input_mode]
+    in_use = next(iter(traffic.values()))
     wall = Estimate.of(lambda level: max(milliseconds.at(level), in_use.at(level)))
     receive, neurons = step_nanoseconds(events, constants, "nominal")
     share = float((receive > neurons).mean())
-    return replace(
-        counted,
+    return Figures(
         dynamic_by_component=_dynamic(plan, events, constants),
         milliseconds=milliseconds,
         step_microseconds=steps,
@@ -167,10 +177,8 @@ def _with_figures(counted: Modelled, plan: Plan, events: EventCounts, constants:
         io_microjoules_by_way=_input_microjoules(plan, events, constants),
         wall_milliseconds=wall,
         wall_static_millijoules=_static(plan, wall, constants),
-        embedded=embedded.as_json(plan, events, constants),
         busiest={"receive": share, "neurons": 1 - share},
-        clearing=cleared,
-        assumptions=assumptions(events),
+        embedded=embedded.as_json(plan, events, constants),
     )
 
 

@@ -84,8 +84,9 @@ def on_board(costs: Modelled, recall: float, work: float, encoding: float) -> Wa
         work: The host's own work for a query besides the encoding, ms.
         encoding: Time of the encoding, ms.
     """
-    dynamic, static, whole = costs.dynamic_microjoules, costs.static_millijoules, costs.wall_static_millijoules
-    if dynamic is None or static is None or whole is None:
+    figures = costs.figures
+    if figures is None:
         return None
+    static, whole = figures.static_millijoules, figures.wall_static_millijoules
     later = Estimate.of(lambda level: 1e3 * (whole.at(level) - static.at(level)))
-    return Way(costs.target, recall, work, encoding, dynamic, static * 1e3, later)
+    return Way(costs.target, recall, work, encoding, figures.dynamic_microjoules, static * 1e3, later)

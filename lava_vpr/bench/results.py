@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.bench.energy import Way
 from lava_vpr.deploy.boards.estimate import Estimate as Estimate
+from lava_vpr.deploy.cost.costs import Figures as Figures
 from lava_vpr.deploy.cost.costs import Modelled as Modelled
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.matching.trust import Trust

@@ -246,7 +246,7 @@ def _costs(
     if events.queries < queries:
         sample = f"Counted on {events.queries} of the {queries} queries, evenly spread."
         costs = replace(costs, assumptions=(*costs.assumptions, sample))
-    if plan.board.constants is None or costs.unavailable:
+    if plan.board.constants is None or costs.figures is None:
         return costs, None
     return costs, step_times(plan, events, plan.board.constants)
 

@@ -7,7 +7,7 @@ import re
 from typing import Any
 
 import pytest
-from support.common.bench_results import bench, metrics, modelled, printed
+from support.common.bench_results import FIGURES, bench, metrics, modelled, printed
 
 from lava_vpr.bench.results import (
     Candidate,
@@ -41,14 +41,14 @@ def test_every_modelled_figure_stands_below_the_word() -> None:
     assert [row[0] for row in alone.rows if "board" in row[0]] == []
     assert [alone.rows[k][0] for k in sorted(alone.strong)] == ["all but the encoding", "all of it"]
     assert all(("modelled" in row[0]) == (row[0].startswith("board")) for row in whole.rows)
-    shown = [described.modelled(run.targets["kapoho-bay"]), described.sweep(run.sweep)]
+    shown = [described.modelled(run.targets["kapoho-bay"], FIGURES), described.sweep(run.sweep)]
     for grid in shown:
         for column in grid.columns:
             if any(unit in column for unit in energies) or column in ("ms", "modelled low"):
                 assert "modelled" in column
         assert "modelled" in grid.title or "modelled" in " ".join(grid.columns)
     assert all("modelled" in column for column in shown[0].columns)
-    drawings = [plots.energy(modelled().dynamic_by_component or {}, "e", ""), plots.pareto(run.sweep, "")]
+    drawings = [plots.energy(FIGURES.dynamic_by_component, "e", ""), plots.pareto(run.sweep, "")]
     drawings += [plots.step_times(run.step_times[0], "s", ""), plots.beside_anchors(modelled(), "")]
     assert all("modelled" in drawing for drawing in drawings)
     assert "modelled" not in plots.latencies(run.measured, "")

@@ -109,13 +109,13 @@ def _boards(
         adapted = asking.adapt is not None
         writes = asking.views * plan.board.clearing.of(network, adapted=adapted)["writes_per_query"]
         costs, constants = modelled(plan, count_events(plan, trains, bias=shown.bias)), plan.board.constants
-        row = AskedOn(name, asking.views, asking.views * costs.steps, writes)
-        energy, chip, traffic = costs.dynamic_microjoules, costs.milliseconds, costs.io_milliseconds
-        if constants is not None and energy is not None and chip is not None and traffic is not None:
+        in_all: list[Estimate] = []
+        if constants is not None and costs.figures is not None:
             nothing = Estimate(0.0, 0.0, 0.0)
-            energy = energy + (adaptation_microjoules(plan, constants) if adapted else nothing)
-            traffic = traffic + (bias_milliseconds(plan, constants) if adapted else nothing)
-            in_all = (part * asking.views for part in (energy, chip, traffic))
-            row = AskedOn(name, asking.views, asking.views * costs.steps, writes, *in_all)
-        rows.append(row)
+            energy = adaptation_microjoules(plan, constants) if adapted else nothing
+            traffic = bias_milliseconds(plan, constants) if adapted else nothing
+            found = costs.figures
+            each = (found.dynamic_microjoules + energy, found.milliseconds, found.io_milliseconds + traffic)
+            in_all = [part * asking.views for part in each]
+        rows.append(AskedOn(name, asking.views, asking.views * costs.steps, writes, *in_all))
     return tuple(rows)

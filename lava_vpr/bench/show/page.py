@@ -67,11 +67,10 @@ def _fact(value: object) -> str:
 
 def _in_short(costs: Modelled) -> str:
     """Energy and time of a target, or that there are none."""
-    energy = costs.dynamic_microjoules
-    if energy is None or costs.milliseconds is None:
+    if costs.figures is None:
         return f'unavailable <span class="note">{in_html(costs.unavailable or "")}</span>'
     figures = []
-    for value, unit in ((energy, "uJ dynamic"), (costs.milliseconds, "ms")):
+    for value, unit in ((costs.figures.dynamic_microjoules, "uJ dynamic"), (costs.figures.milliseconds, "ms")):
         span = f"({figure(value.low)} to {figure(value.high)})"
         figures.append(f'{in_html(f"{figure(value.nominal)} {unit}")} <span class="note">{span}</span>')
     return ", ".join(figures)
@@ -89,22 +88,20 @@ def _modelled(bench: Bench) -> str:
     parts = []
     for k, (name, costs) in enumerate(bench.targets.items()):
         title = title_of(name)
-        if costs.dynamic_by_component:
+        if costs.figures is not None:
             alt = safe(f"Modelled dynamic energy of a query on {title} by component")
-            drawing = plots.energy(costs.dynamic_by_component, f"energy{k}", alt)
+            drawing = plots.energy(costs.figures.dynamic_by_component, f"energy{k}", alt)
             parts.append(_drawn(f"Where the energy goes, modelled for {title}", drawing))
         for times in bench.step_times:
             if times.target == name and times.busiest:
                 alt = safe(f"Modelled time of each step on {title}")
                 drawing = plots.step_times(times, f"steps{k}", alt)
                 parts.append(_drawn(f"Time of each step, modelled for {title}, nominal, mean of the queries", drawing))
-        if costs.unavailable:
-            reason = (
-                f"<h3>{in_html(title)}</h3><p>Modelled energy and time unavailable: {in_html(costs.unavailable)}.</p>"
-            )
-            parts.append(f'<div class="panel">{reason}</div>')
+        if costs.figures is None:
+            reason = f"Modelled energy and time unavailable: {in_html(costs.unavailable or '')}."
+            parts.append(f'<div class="panel"><h3>{in_html(title)}</h3><p>{reason}</p></div>')
         else:
-            parts.append(modelled(costs).html())
+            parts.append(modelled(costs, costs.figures).html())
     parts.append(counted(bench).html())
     note = (
         "Nothing here was measured on a chip: events were counted, then multiplied by published constants. Low: the "
@@ -136,7 +133,7 @@ def _sweep(bench: Bench, tables: Iterable[Table]) -> str:
 
 
 def _anchors(bench: Bench, tables: Iterable[Table]) -> str:
-    ours = next((costs for costs in bench.targets.values() if costs.milliseconds is not None), None)
+    ours = next((costs.figures for costs in bench.targets.values() if costs.figures is not None), None)
     drawing = ""
     if ours is not None:
         beside = plots.beside_anchors(ours, safe("This network, modelled, beside published figures"))

@@ -9,7 +9,7 @@ from lava_vpr.show.table import Table
 
 def sections(bench: Bench, page: bool = True) -> dict[str, tuple[Table, ...]]:
     """All tables with rows, by section, in the terminal's order; only a page has what was timed, anchors, constants."""
-    on_board = (tables.modelled(costs) for costs in bench.targets.values() if not costs.unavailable)
+    on_board = (tables.modelled(costs, costs.figures) for costs in bench.targets.values() if costs.figures)
     tables_of: dict[str, tuple[Table, ...]] = {
         "recall": (tables.recall(bench),),
         "probability": (tables.thresholds(bench),),

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from lava_vpr.bench.anchors import ANCHORS
-from lava_vpr.bench.results import Asked, Bench, Candidate, Measured, Modelled, Peer, Workload
+from lava_vpr.bench.results import Asked, Bench, Candidate, Figures, Measured, Modelled, Peer, Workload
 from lava_vpr.bench.show.json_values import PERCENTILES, counts, percentiles
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.boards.estimate import Estimate
@@ -152,29 +152,30 @@ def title_of(target: str) -> str:
     return BOARDS[target].title if target in BOARDS else target
 
 
-def modelled(costs: Modelled) -> Table:
+def modelled(costs: Modelled, figures: Figures) -> Table:
     """The costs of a query on a board."""
-    rows: list[tuple[str, ...]] = [_levels("dynamic energy, uJ", costs.dynamic_microjoules)]
-    parts = sorted((costs.dynamic_by_component or {}).items(), key=lambda item: -item[1].nominal)
+    rows: list[tuple[str, ...]] = [_levels("dynamic energy, uJ", figures.dynamic_microjoules)]
+    parts = sorted(figures.dynamic_by_component.items(), key=lambda item: -item[1].nominal)
     rows += [_levels(f"  {named(name)}", value) for name, value in parts]
     strong = {0, len(rows)}
-    rows += [_levels("time on the chip, ms", costs.milliseconds), _levels("  one step, us", costs.step_microseconds)]
+    rows += [_levels("time on the chip, ms", figures.milliseconds)]
+    rows += [_levels("  one step, us", figures.step_microseconds)]
     static = f"static energy, apart, mJ ({costs.chips} chips)"
-    rows += [_levels(f"{static}, time on the chip", costs.static_millijoules)]
-    for k, (way, value) in enumerate((costs.io_milliseconds_by_way or {}).items()):
+    rows += [_levels(f"{static}, time on the chip", figures.static_millijoules)]
+    for k, (way, value) in enumerate(figures.io_milliseconds_by_way.items()):
         rows += [_levels(f"host I/O, apart, ms: {way}{' (in use)' if k == 0 else ''}", value)]
-    for k, (way, value) in enumerate((costs.io_microjoules_by_way or {}).items()):
+    for k, (way, value) in enumerate(figures.io_microjoules_by_way.items()):
         use = "in use, contained above" if k == 0 else "instead"
         rows += [_levels(f"input on the chip, uJ: {way} ({use})", value)]
-    rows += [_levels("time with host I/O, not overlapped, ms", costs.wall_milliseconds)]
-    rows += [_levels(f"{static}, that time", costs.wall_static_millijoules)]
+    rows += [_levels("time with host I/O, not overlapped, ms", figures.wall_milliseconds)]
+    rows += [_levels(f"{static}, that time", figures.wall_static_millijoules)]
     rows += _clearing(costs.clearing)
     return Table(
         title=f"modelled for {title_of(costs.target)}: a query of {costs.steps} steps, input {costs.input_mode}",
         columns=("modelled", "modelled low", "modelled nominal", "modelled high"),
         rows=tuple(rows),
         strong=frozenset(strong),
-        notes=(f"Modelled, not measured. {_in_use(costs)}{_busy(costs.busiest)}",),
+        notes=(f"Modelled, not measured. {_in_use(costs)}{_busy(figures.busiest)}",),
     )
 
 
@@ -186,11 +187,9 @@ def _in_use(costs: Modelled) -> str:
     return f"{cores} on {'1 tile' if costs.tiles == 1 else f'{costs.tiles} tiles'}."
 
 
-def _busy(shares: dict[str, float] | None) -> str:
+def _busy(shares: dict[str, float]) -> str:
     """What the board waits for in how many steps."""
-    if not shares:
-        return ""
-    arriving = percent(shares.get("receive"))
+    arriving = percent(shares["receive"])
     return f" In {arriving} % of the steps the board waits for what arrives at a core, else for a core's neurons."
 
 

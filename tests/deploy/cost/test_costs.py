@@ -20,7 +20,7 @@ from lava_vpr.deploy.boards.estimate import LEVELS, Estimate, total
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.cost import costs, embedded, host_traffic
 from lava_vpr.deploy.cost.closed_form import closed_form, step_microseconds, step_nanoseconds, step_picojoules
-from lava_vpr.deploy.cost.costs import Modelled, all_microseconds, modelled, outside_steps
+from lava_vpr.deploy.cost.costs import Figures, Modelled, all_microseconds, modelled, outside_steps
 from lava_vpr.deploy.cost.events import KINDS, EventCounts, count_events
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.engine.inference import fixed
@@ -151,29 +151,28 @@ def test_sanafes_input_core_and_tiles() -> None:
     ).all()
 
 
-def every_estimate(found: Modelled) -> list[Estimate]:
-    estimates = [*(found.dynamic_by_component or {}).values(), *(found.io_milliseconds_by_way or {}).values()]
-    estimates += [
-        *(found.io_microjoules_by_way or {}).values(),
-        *(v for v in found.clearing.values() if isinstance(v, Estimate)),
-    ]
-    own = (found.milliseconds, found.step_microseconds, found.static_millijoules)
-    return [*estimates, *(one for one in (*own, found.wall_milliseconds, found.wall_static_millijoules) if one)]
+def figures_of(plan: Plan, counted: EventCounts) -> Figures:
+    found = modelled(plan, counted).figures
+    assert found is not None
+    return found
+
+
+def estimates(*values: Any) -> list[Estimate]:
+    """All estimates in ``values``, which may be dictionaries of them."""
+    inner = [item for value in values for item in (value.values() if isinstance(value, dict) else (value,))]
+    return [item for item in inner if isinstance(item, Estimate)]
 
 
 @every_mode
 def test_what_a_query_costs(input_mode: str) -> None:
     plan, counted, _ = example(input_mode)
-    found = modelled(plan, counted)
+    costs, found = modelled(plan, counted), figures_of(plan, counted)
     mode, steps = "bias" if input_mode == "bias" else "injected", 34 if input_mode == "relayed" else 33
-    assert (found.target, found.chips, found.cores, found.steps) == ("kapoho-bay", 2, len(plan.cores), steps)
-    assert (found.input_mode, found.unavailable) == (mode, None)
-    assert len(every_estimate(found)) >= 20
-    assert all(0 <= one.low <= one.nominal <= one.high for one in every_estimate(found))
-    assert found.dynamic_by_component is not None
-    assert found.milliseconds is not None
-    assert found.io_milliseconds_by_way is not None
-    assert found.io_microjoules_by_way is not None
+    assert (costs.target, costs.chips, costs.cores, costs.steps) == ("kapoho-bay", 2, len(plan.cores), steps)
+    assert (costs.input_mode, costs.unavailable) == (mode, None)
+    every = estimates(*vars(found).values(), costs.clearing)
+    assert len(every) >= 20
+    assert all(0 <= one.low <= one.nominal <= one.high for one in every)
     # What SANA-FE knows, and what it does not: reading counts, clearing, and settings of the inputs.
     own = closed_form(counted, LOIHI_1, updates="updates", input_core=False)
     beyond = found.dynamic_by_component["clearing of states"] + found.dynamic_by_component["reading of counts"]
@@ -189,15 +188,12 @@ def test_what_a_query_costs(input_mode: str) -> None:
     )
     assert found.embedded["step_microseconds"].nominal == pytest.approx(program.mean())
     # Two chips, used or not.
-    assert found.static_millijoules is not None
     assert found.static_millijoules.nominal == pytest.approx(2 * 169 * found.milliseconds.nominal / 1e3)
     assert found.static_millijoules.low == pytest.approx(2 * 29 * found.milliseconds.low / 1e3)
     assert next(iter(found.io_milliseconds_by_way)) == next(iter(found.io_microjoules_by_way)) == mode
     assert set(found.io_milliseconds_by_way) == set(found.io_microjoules_by_way) == {"injected", "bias"}
-    assert found.wall_milliseconds is not None
     assert found.wall_milliseconds.high == max(found.milliseconds.high, found.io_milliseconds_by_way[mode].high)
     # Static energy of that time, not of the chips' work alone.
-    assert found.wall_static_millijoules is not None
     for level, milliwatts in zip(LEVELS, (29, 169, 169), strict=True):
         wall, own_time = found.wall_milliseconds.at(level), found.milliseconds.at(level)
         assert wall == max(own_time, found.io_milliseconds_by_way[mode].at(level))
@@ -205,11 +201,9 @@ def test_what_a_query_costs(input_mode: str) -> None:
     assert found.wall_static_millijoules.high > 2 * found.static_millijoules.high
     assert found.io_milliseconds == found.io_milliseconds_by_way[mode]
     assert found.dynamic_microjoules == whole
-    assert found.busiest is not None
-    assert found.busiest_core is not None
     assert sum(found.busiest.values()) == pytest.approx(1)
-    assert found.busiest_core["updates"] == pytest.approx(counted.updates.max(axis=2).mean())
-    assert found.assumptions
+    assert costs.busiest_core["updates"] == pytest.approx(counted.updates.max(axis=2).mean())
+    assert costs.assumptions
     # All steps, and what is outside of them.
     microjoules, milliseconds = outside_steps(plan, LOIHI_1)
     picojoules = sum(step_picojoules(counted, LOIHI_1, "nominal").values())
@@ -242,10 +236,8 @@ def test_input_layer_beside_an_injected_network(input_mode: str) -> None:
     made = replace(small_network(10, 784), steps=97, regular=True)
     bias = replace(made, bias_input=True)
     found, true = (
-        modelled(plan, count_events(plan, trains_of(plan.network, 1, 0))) for plan in map(placed, (made, bias))
+        figures_of(plan, count_events(plan, trains_of(plan.network, 1, 0))) for plan in map(placed, (made, bias))
     )
-    assert found.io_microjoules_by_way is not None
-    assert true.io_microjoules_by_way is not None
     assert 784 * 100 * 72.8e-6 == pytest.approx(5.7, rel=0.01)
     assert found.io_microjoules_by_way["bias"].nominal > 5.7
     # The spikes are the same: what is estimated beside one network is what the other really takes.
@@ -300,15 +292,14 @@ def test_steps_that_are_run_cost_what_they_do_in_a_shorter_presentation() -> Non
 @every_mode
 def test_outside_of_the_steps_states_are_cleared_and_inputs_set(input_mode: str) -> None:
     plan, counted, _ = example(input_mode)
-    found = modelled(plan, counted)
-    assert found.dynamic_by_component is not None
+    clearing, found = modelled(plan, counted).clearing, figures_of(plan, counted)
     microjoules, milliseconds = outside_steps(plan, LOIHI_1)
-    written = [found.clearing["microjoules"], found.dynamic_by_component["reading of counts"]]
+    written = [clearing["microjoules"], found.dynamic_by_component["reading of counts"]]
     if input_mode == "bias":
         written.append(found.dynamic_by_component["settings of the inputs"])
     assert microjoules == total(written)
     assert milliseconds == found.embedded["query_milliseconds"]
-    assert milliseconds.low > found.clearing["milliseconds"].low
+    assert milliseconds.low > clearing["milliseconds"].low
 
 
 def test_loihi_2_has_counts_and_no_figures() -> None:
@@ -321,8 +312,8 @@ def test_loihi_2_has_counts_and_no_figures() -> None:
     # One core: what it has most of is all there is.
     assert found.busiest_core["synaptic_operations"] * 32 == pytest.approx(found.counts["synaptic_operations"])
     assert found.busiest_core["accesses"] == 13
-    assert every_estimate(found) == []
-    assert found.tiles is found.milliseconds is found.dynamic_microjoules is found.io_microjoules_by_way is None
+    assert estimates(*vars(found).values()) == []
+    assert found.tiles is found.figures is found.as_json()["dynamic_microjoules"] is None
     nothing = modelled(busy_plan(bias_input=False), example()[1].part(slice(0, 0)))
     assert nothing.unavailable == "there is no query"
 

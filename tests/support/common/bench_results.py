@@ -15,6 +15,7 @@ from lava_vpr.bench.energy import Way, on_board
 from lava_vpr.bench.results import (
     Bench,
     Candidate,
+    Figures,
     Measured,
     Modelled,
     OnMap,
@@ -57,6 +58,28 @@ def on_map() -> OnMap:
     return OnMap(errors, matches, matches == np.arange(10))
 
 
+FIGURES = Figures(
+    dynamic_by_component={
+        "synapses": Estimate(0.71, 1.07, 1.07),
+        "neurons": Estimate(1.5, 1.6, 2.4),
+        "spikes": Estimate(0.002, 0.002, 0.002),
+        "messages": Estimate(0.005, 0.34, 0.34),
+        "hops": Estimate(0.0045, 0.0054, 0.0054),
+        "clearing": Estimate(0.01, 0.02, 0.2),
+    },
+    milliseconds=Estimate(0.15, 0.23, 0.41),
+    step_microseconds=Estimate(1.8, 2.2, 5.8),
+    static_millijoules=Estimate(0.013, 0.078, 0.11),
+    wall_static_millijoules=Estimate(0.013, 1.078, 7.11),
+    io_milliseconds_by_way={"injected": Estimate(1.0, 13.9, 20.0), "bias": Estimate(0.1, 2.0, 4.0)},
+    io_microjoules_by_way={"injected": Estimate(0.1, 0.1, 0.2), "bias": Estimate(5.0, 6.1, 8.0)},
+    wall_milliseconds=Estimate(1.0, 13.9, 20.0),
+    busiest={"receive": 0.25, "neurons": 0.75},
+    embedded={},
+)
+"""Kapoho Bay's energies and times."""
+
+
 def modelled(**changes: Any) -> Modelled:
     """Kapoho Bay's costs of a query."""
     values: dict[str, Any] = {
@@ -68,20 +91,7 @@ def modelled(**changes: Any) -> Modelled:
         "input_mode": "injected",
         "counts": {"synaptic_operations": 30211.25, "neuron_updates": 20600.5, "input_spikes": 1000.0, "steps": 53.0}
         | {"exc_spikes": 14.2, "inh_spikes": 14.2, "messages": 3042.4, "hops": 1812.0, "accesses": 42400.0},
-        "dynamic_by_component": {
-            "synapses": Estimate(0.71, 1.07, 1.07),
-            "neurons": Estimate(1.5, 1.6, 2.4),
-            "spikes": Estimate(0.002, 0.002, 0.002),
-            "messages": Estimate(0.005, 0.34, 0.34),
-            "hops": Estimate(0.0045, 0.0054, 0.0054),
-            "clearing": Estimate(0.01, 0.02, 0.2),
-        },
-        "milliseconds": Estimate(0.15, 0.23, 0.41),
-        "step_microseconds": Estimate(1.8, 2.2, 5.8),
-        "static_millijoules": Estimate(0.013, 0.078, 0.11),
-        "wall_static_millijoules": Estimate(0.013, 1.078, 7.11),
-        "io_milliseconds_by_way": {"injected": Estimate(1.0, 13.9, 20.0), "bias": Estimate(0.1, 2.0, 4.0)},
-        "io_microjoules_by_way": {"injected": Estimate(0.1, 0.1, 0.2), "bias": Estimate(5.0, 6.1, 8.0)},
+        "figures": FIGURES,
         "clearing": {"mechanism": "embedded writes", "writes": 100, "microjoules": Estimate(0.01, 0.02, 0.2)},
         "assumptions": ("Every message pays for its own <packet>.",),
     }
