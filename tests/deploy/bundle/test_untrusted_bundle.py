@@ -163,6 +163,14 @@ KAPOHO: dict[str, tuple[Callable[[Told, Files], Any], str, str]] = {
         "chip 0 core 0: a bias does not fit its register",
     ),
     "an exponent beyond its register": (array(f"{CORE}/compartments.npy", at(0, 3, 8)), "cores", "a bias does not fit"),
+    "a bias below its register": (array(f"{CORE}/compartments.npy", at(0, 2, -4096)), "cores", "a bias does not fit"),
+    "an exponent below 0": (array(f"{CORE}/compartments.npy", at(0, 3, -1)), "cores", "a bias does not fit"),
+    "a long exponent": (array(f"{CORE}/compartments.npy", at(0, 3, 1 << 30)), "cores", "a bias does not fit"),
+    "axons that change places": (
+        array(f"{CORE}/axons_in.npy", lambda a: a[[*range(len(a) - 2), -1, -2]]),
+        "cores",
+        "axons_in of chip 0 core 0 contradict",
+    ),
     "a neuron that needs no input": (array(f"{CORE}/compartments.npy", at(0, 2, 4095)), "cores", "spike without input"),
     "a bias of the root": (
         array(f"{CORE}/compartments.npy", lambda a: a + (a[:, :1] == 1) * np.array([0, 0, 1, 0], np.int32)),
@@ -236,6 +244,8 @@ KAPOHO: dict[str, tuple[Callable[[Told, Files], Any], str, str]] = {
     ),
     "learning": (text(LEARNING, b"{}"), LEARNING, "is for a board that does not learn"),
 }
+GROUPS = ("cxProfileCfg", "vthProfileCfg", "synapseFmt", "dendriteSharedCfg", "numUpdates")
+KAPOHO |= {f"no {name}": (values(REGISTERS, name, None), "cores", "deploy the model again") for name in GROUPS}
 LOIHI_2: dict[str, tuple[Callable[[Told, Files], Any], str, str]] = {
     "true for 1": (
         values(PARAMETERS, "exc", "reset_offset", True),

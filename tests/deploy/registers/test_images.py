@@ -263,34 +263,3 @@ def test_scalars_that_the_images_do_not_bear_out(change: dict[str, int], text: s
         network_of(core_images(plan), host_tables(plan), told | change, KAPOHO_BAY)
     with pytest.raises(ModelFileError, match="hold no network of ours"):
         network_of(core_images(plan), host_tables(plan), {"inputs": 2}, KAPOHO_BAY)
-
-
-def test_registers_that_are_not_as_written() -> None:
-    plan = small_plan()
-    images, tables, told = core_images(plan), host_tables(plan), scalars_of(plan.network)
-    for name in images[0].registers:
-        fewer = {key: value for key, value in images[0].registers.items() if key != name}
-        with pytest.raises(ModelFileError, match="deploy the model again"):
-            network_of((replace(images[0], registers=fewer), images[1]), tables, told, KAPOHO_BAY)
-    with pytest.raises(ModelFileError, match="deploy the model again"):
-        network_of(images[:1], tables, told, KAPOHO_BAY)
-
-
-def test_input_axons_that_change_places_are_refused() -> None:
-    plan = small_plan()
-    one, two = core_images(plan)
-    order = [0, 1, 2, 3, 4, 6, 5, 7]  # of neurons 0 and 1 to the root
-    with pytest.raises(ModelFileError, match=r"^axons_in of chip 0 core 4 contradict the rest of the network; deploy"):
-        network_of(
-            (replace(one, axons_in=one.axons_in[order]), two), host_tables(plan), scalars_of(plan.network), KAPOHO_BAY
-        )
-
-
-def test_a_bias_that_no_register_holds() -> None:
-    plan = small_plan()
-    images, told = core_images(plan), scalars_of(plan.network)
-    for mantissa, exponent in ((4096, 0), (-4096, 0), (1, 8), (1, -1), (-(1 << 31), 1 << 30)):
-        compartments = images[0].compartments.copy()
-        compartments[0, 2:] = mantissa, exponent
-        with pytest.raises(ModelFileError, match=r"^chip 0 core 4: a bias does not fit its register; deploy"):
-            network_of((replace(images[0], compartments=compartments), images[1]), host_tables(plan), told, KAPOHO_BAY)
