@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from support.common.bench_results import bench, metrics, modelled, printed, ways
+from support.common.bench_results import FIGURES, bench, metrics, modelled, printed, ways
 
 from lava_vpr.bench.show.json_values import COUNTS, as_json
 from lava_vpr.bench.show.page import page
@@ -40,7 +40,7 @@ def test_all_the_energy_of_a_query() -> None:
     assert board is not None
     assert host is not None
     assert cosine is not None
-    assert (board.dynamic, board.static) == (modelled().dynamic_microjoules, Estimate(13.0, 78.0, 110.0))
+    assert (board.dynamic, board.static) == (FIGURES.dynamic_microjoules, Estimate(13.0, 78.0, 110.0))
     # Static energy while host I/O goes on after the chips' work: 0, 1 and 7 mJ.
     io = board.io_static
     assert io is not None

@@ -7,7 +7,7 @@ import re
 from typing import Any
 
 import pytest
-from support.common.bench_results import FIGURES, bench, metrics, modelled, printed
+from support.common.bench_results import FIGURES, bench, metrics, printed
 
 from lava_vpr.bench.results import (
     Candidate,
@@ -49,7 +49,7 @@ def test_every_modelled_figure_stands_below_the_word() -> None:
         assert "modelled" in grid.title or "modelled" in " ".join(grid.columns)
     assert all("modelled" in column for column in shown[0].columns)
     drawings = [plots.energy(FIGURES.dynamic_by_component, "e", ""), plots.pareto(run.sweep, "")]
-    drawings += [plots.step_times(run.step_times[0], "s", ""), plots.beside_anchors(modelled(), "")]
+    drawings += [plots.step_times(run.step_times[0], "s", ""), plots.beside_anchors(FIGURES, "")]
     assert all("modelled" in drawing for drawing in drawings)
     assert "modelled" not in plots.latencies(run.measured, "")
 

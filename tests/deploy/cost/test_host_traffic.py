@@ -31,7 +31,7 @@ def test_packets_are_those_of_the_host_program(relayed: bool, monkeypatch: pytes
     monkeypatch.setattr(fixed, "DIRECT", 8 if relayed else 1024)
     source = (Path(host_traffic.__file__).parents[1] / "programs" / "kapoho_bay" / "packets.py").read_text()
     words, payload = (int(value) for value in re.findall(r"WORDS, PAYLOAD, MAGIC = (\d+), (\d+),", source)[0])
-    assert (host_traffic.PACKET_WORDS, host_traffic.PACKET_HEADER_WORDS) == (words, payload)
+    assert (loihi.PACKET_WORDS, loihi.PACKET_HEADER_WORDS) == (words, payload)
     plan = busy_plan(bias_input=False)
     counted = count_events(plan, trains_of(plan.network, 5, 4))
     spikes, chips = counted.input_spikes.sum() / 5, 2
