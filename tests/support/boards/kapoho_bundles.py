@@ -1,6 +1,6 @@
 """Small bundles for Kapoho Bay, made of random networks, and what their programs are to answer.
 
-Used by deploy and support.
+Used by deploy.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Small networks and hand-made plans for the tests of registers and costs.
 
-Used by bench, deploy.
+Used by bench, deploy and support.
 """
 
 from __future__ import annotations
