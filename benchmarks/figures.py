@@ -12,6 +12,7 @@ import json
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from lava_vpr.errors import InputError
@@ -88,6 +89,8 @@ def section(name: str) -> str:
     figures = read(name)
     return markdown(figures.columns, figures.rows)
 
+
+PARTS = {name: partial(section, name) for name in names()}
 
 if __name__ == "__main__":
     columns, rows = parsed(sys.stdin.read())

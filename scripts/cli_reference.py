@@ -14,6 +14,7 @@ from lava_vpr.config import DecoderConfig
 from lava_vpr.matching.decoders import DECODERS
 
 WIDTH = 100_000  # click breaks lines at the width of a terminal; here nothing is to be broken
+CONTEXT = click.Context(main, info_name="lava-vpr", terminal_width=WIDTH, max_content_width=WIDTH)
 EVAL_KEYS = """```
 {{"places": n, "queries": n,
  "network": {{"neurons": n, "weight_bits": n or null, "steps": n}},
@@ -60,14 +61,20 @@ def described(name: str, command: click.Command, parent: click.Context) -> str:
     return f"## {name}\n\n```\n{usage}\n```\n\n{paragraphs(command.help or '')}{table}"
 
 
-def usage(ctx: click.Context, commands: dict[str, click.Command]) -> str:
+def commands() -> dict[str, click.Command]:
+    """All commands by name."""
+    return {name: command for name in main.list_commands(CONTEXT) if (command := main.get_command(CONTEXT, name))}
+
+
+def usage() -> str:
     """What each command is for, in a line."""
-    width = max(map(len, commands))
-    lines = (f"lava-vpr {name:<{width}}  {command.get_short_help_str(WIDTH)}" for name, command in commands.items())
+    every = commands()
+    width = max(map(len, every))
+    lines = (f"lava-vpr {name:<{width}}  {command.get_short_help_str(WIDTH)}" for name, command in every.items())
     return "\n".join(["```", *lines, "```"])
 
 
-def eval_keys(ctx: click.Context, commands: dict[str, click.Command]) -> str:
+def eval_keys() -> str:
     """The keys of `eval --json`."""
     decoders = sorted(DECODERS, key=lambda name: name == DecoderConfig().default)  # the paper's first, as in the file
     matchers = {"decoders": decoders, "baselines": (*BASELINES, "descriptors")}
@@ -76,19 +83,7 @@ def eval_keys(ctx: click.Context, commands: dict[str, click.Command]) -> str:
 
 PARTS = {
     "usage": usage,
-    "commands": lambda ctx, commands: "\n\n".join(described(*row, ctx) for row in commands.items()),
+    "commands": lambda: "\n\n".join(described(*row, CONTEXT) for row in commands().items()),
     "eval-keys": eval_keys,
-    "columns": lambda ctx, commands: f"```\n{','.join(column.name for column in ALWAYS)}\n```",
+    "columns": lambda: f"```\n{','.join(column.name for column in ALWAYS)}\n```",
 }
-
-
-def names() -> list[str]:
-    """All parts of pages that this module writes."""
-    return list(PARTS)
-
-
-def section(name: str) -> str:
-    """A part of the page."""
-    ctx = click.Context(main, info_name="lava-vpr", terminal_width=WIDTH, max_content_width=WIDTH)
-    commands = {name: command for name in main.list_commands(ctx) if (command := main.get_command(ctx, name))}
-    return PARTS[name](ctx, commands)

@@ -6,11 +6,6 @@ from lava_vpr.deploy.hardware.belief import Belief
 from lava_vpr.deploy.hardware.table import BELIEFS, SECTIONS
 
 
-def names() -> list[str]:
-    """All parts of pages that this module writes."""
-    return ["beliefs"]
-
-
 def cell(text: str) -> str:
     """A text as a cell of a table has it."""
     return text.replace("|", "\\|").replace("*", "\\*").replace("\\*\\*", "**").replace("<", "&lt;")
@@ -22,7 +17,7 @@ def line(row: Belief) -> str:
     return f"| {' | '.join(map(cell, cells))} |"
 
 
-def section(name: str) -> str:
+def beliefs() -> str:
     """How many rows there are, and the tables of all sections."""
     proven = sum(row.proven for row in BELIEFS.values())
     text = [f"{len(BELIEFS)} rows: {proven} with a public source, {len(BELIEFS) - proven} unproven."]
@@ -30,3 +25,6 @@ def section(name: str) -> str:
         head = "| register, limit or call | of | value | unit | source | what breaks if it is wrong |"
         text.append("\n".join([f"## {title}\n", head, "|---|---|---|---|---|---|", *map(line, rows)]))
     return "\n\n".join(text)
+
+
+PARTS = {"beliefs": beliefs}

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import re
 import sys
+from collections.abc import Callable
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 
@@ -24,7 +26,7 @@ KINDS = {
     "security": "scripts.security_reference",
     "settings": "scripts.settings_reference",
 }
-"""The module of each kind of part: its `names()` are those there are, its `section(name)` is the Markdown of one."""
+"""The module of each kind of part: its `PARTS` are functions, by name, that make Markdown."""
 PART = re.compile(r"(<!-- (\w+)/([\w-]+): written by make pages -->\n)(.*?)(<!-- end of (\w+/[\w-]+) -->)", re.DOTALL)
 
 
@@ -33,9 +35,11 @@ def pages() -> list[Path]:
     return [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
-def parts(page: str) -> set[tuple[str, str]]:
-    """Kinds and names of the parts of a page's text."""
-    return {(kind, name) for _, kind, name, *_ in PART.findall(page)}
+@cache
+def known() -> dict[str, Callable[[], str]]:
+    """All parts, by kind and name."""
+    modules = {kind: import_module(module) for kind, module in KINDS.items()}
+    return {f"{kind}/{name}": part for kind, module in modules.items() for name, part in module.PARTS.items()}
 
 
 def filled(page: str, path: Path) -> str:
@@ -49,18 +53,18 @@ def filled(page: str, path: Path) -> str:
         begin, kind, name, _, end, ended = found.groups()
         if ended != f"{kind}/{name}":
             raise InputError(f"{path}: {kind}/{name} ends with the mark of {ended}; put back its own")
-        if kind not in KINDS:
-            raise InputError(f"{path}: there is no kind of part {kind}; there are {', '.join(KINDS)}")
-        return f"{begin}\n{import_module(KINDS[kind]).section(name)}\n\n{end}"
+        made = known().get(f"{kind}/{name}")
+        if made is None:
+            raise InputError(f"{path}: there is no part {kind}/{name}; there are {', '.join(known())}")
+        return f"{begin}\n{made()}\n\n{end}"
 
     return PART.sub(part, page)
 
 
 def absent(texts: dict[Path, str]) -> list[str]:
     """Parts that stand on no page."""
-    there = set().union(*map(parts, texts.values()))
-    known = {(kind, name) for kind, module in KINDS.items() for name in import_module(module).names()}
-    return sorted(f"{kind}/{name}" for kind, name in known - there)
+    there = {f"{kind}/{name}" for text in texts.values() for _, kind, name, *_ in PART.findall(text)}
+    return sorted(known().keys() - there)
 
 
 def bring_up_to_date(check: bool = False) -> list[Path]:

@@ -57,13 +57,3 @@ def _written(rule: Rule) -> str:
 
 
 PARTS = {"limits": limits, "settings": settings, "arrays": arrays}
-
-
-def names() -> list[str]:
-    """All parts of pages that this module writes."""
-    return list(PARTS)
-
-
-def section(name: str) -> str:
-    """A part of a page."""
-    return PARTS[name]()

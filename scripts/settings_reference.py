@@ -75,13 +75,3 @@ def silent() -> str:
 
 
 PARTS = {"silent": silent, "presets": presets, "learning": learning, "integers": integers}
-
-
-def names() -> list[str]:
-    """All parts of pages that this module writes."""
-    return list(PARTS)
-
-
-def section(name: str) -> str:
-    """A part of the page."""
-    return PARTS[name]()

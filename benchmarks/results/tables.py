@@ -163,17 +163,8 @@ def _origin(record: Record) -> str:
     )
 
 
-PARTS: Mapping[str, Callable[[Record], str]] = {
+_PARTS: Mapping[str, Callable[[Record], str]] = {
     **{"sections": _sections, "long": _long, "adapted": _adapted, "views": _views},
     **{"six": _six, "origin": _origin},
 }
-
-
-def names() -> list[str]:
-    """All parts of pages that this module writes."""
-    return list(PARTS)
-
-
-def section(name: str) -> str:
-    """A part of a page."""
-    return PARTS[name](Record.read())
+PARTS = {name: lambda part=part: part(Record.read()) for name, part in _PARTS.items()}  # type: ignore[misc]

@@ -16,21 +16,21 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import click
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.nordland import FOLDERS, images_of, part
+from benchmarks.nordland import images_of
+from benchmarks.places import Section, learn, places
 from benchmarks.program import Figures, Printed, program, seeds_option
 from benchmarks.robot import drives
-from lava_vpr import Localizer
-from lava_vpr import train as learn
+from lava_vpr import Localizer, train
 from lava_vpr.backends.opening import calibration_of
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import preset
-from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse
 from lava_vpr.engine.threads import cores
 from lava_vpr.matching.answers import Answerer, Answers, Together, answers_of
 from lava_vpr.matching.forward_filter import MOTIONS, NONE
@@ -38,38 +38,29 @@ from lava_vpr.matching.probability import Calibration
 from lava_vpr.matching.trust import Trust, trust
 from lava_vpr.model import Model, prepare
 from lava_vpr.recognition import count_query_spikes
-from lava_vpr.training.loop import train
 from lava_vpr.traverse import open_traverse
 
-ENCODER = preset("loihi").encoder
 KIDNAPPED = 60
 TIMED = 200
 
 
-@dataclass(frozen=True)
-class Map:
-    """A map, and which images are driven on and off it: dataset, first, end."""
+class Map(NamedTuple):
+    """A map, and which images are driven on and off it."""
 
-    learned: tuple[str, int, int]
-    off: tuple[str, int, int]
+    learned: Section
+    off: Section
 
 
 UNSEEN = {
-    "1,000 places": Map(("nordland_long", 0, 1000), ("nordland", 0, 500)),
-    "500 places": Map(("nordland", 0, 500), ("nordland_long", 0, 500)),
+    "1,000 places": Map(Section("nordland_long", 0, 1000), Section("nordland", 0, 500)),
+    "500 places": Map(Section("nordland", 0, 500), Section("nordland_long", 0, 500)),
 }
 CHOSEN = {
-    "places 0:100": Map(("nordland", 0, 100), ("nordland", 100, 200)),
-    "places 100:200": Map(("nordland", 100, 200), ("nordland", 0, 100)),
-    "places 0:200": Map(("nordland", 0, 200), ("nordland", 200, 400)),
-    "Gardens Point 0:50": Map(("gardens", 0, 50), ("gardens", 50, 100)),
+    "places 0:100": Map(Section("nordland", 0, 100), Section("nordland", 100, 200)),
+    "places 100:200": Map(Section("nordland", 100, 200), Section("nordland", 0, 100)),
+    "places 0:200": Map(Section("nordland", 0, 200), Section("nordland", 200, 400)),
+    "Gardens Point 0:50": Map(Section("gardens", 0, 50), Section("gardens", 50, 100)),
 }
-
-
-def images(dataset: str, which: int, first: int, end: int) -> EncodedTraverse:
-    """References (0) or queries (1) of a dataset, encoded."""
-    traverse = open_traverse(images_of(dataset, FOLDERS[dataset][which]))
-    return part(encode_traverse(traverse, ENCODER, Keep.ALL), slice(first, end))
 
 
 @dataclass(frozen=True)
@@ -84,14 +75,11 @@ class Answered:
 
 def answered(where: Map, seed: int) -> Answered:
     """Learn a map and ask it everything."""
-    config = preset("loihi")
-    dataset, first, end = where.learned
-    settings = dataclasses.replace(config, seed=seed)
-    model = train([images(dataset, 0, first, end)], settings, pool=Pool(cores()))
+    model = learn(where.learned, dataclasses.replace(preset("loihi"), seed=seed))
     scores_of = prepare(model)
     on, off = (
-        scores_of(count_query_spikes(model, images(name, 1, a, b), threads=cores())[0])
-        for name, a, b in (where.learned, where.off)
+        scores_of(count_query_spikes(model, places(section, 1, model.config)[0], threads=cores())[0])
+        for section in where
     )
     calibration = calibration_of(model, Pool(cores()))
     if calibration is None:
@@ -218,7 +206,7 @@ def mirrored() -> Model:
     seen = [
         image for name in ("nordland", "nordland_long") for image in open_traverse(images_of(name, "summer")).images()
     ]
-    return learn(seen + [np.ascontiguousarray(image[:, ::-1]) for image in seen])
+    return train(seen + [np.ascontiguousarray(image[:, ::-1]) for image in seen])
 
 
 def memory(model: Model, updates: int) -> str:
@@ -250,7 +238,7 @@ def main(updates: int, seeds: Sequence[int], chosen: bool) -> Printed:
     yield trust_table(dict(reversed(found.items())), "" if chosen else "robot-trust")
     if not chosen:
         for name, where in maps.items():
-            yield from latency(name, found[name][0].model, where.learned[0])
+            yield from latency(name, found[name][0].model, where.learned.dataset)
         yield from latency("3,000 places", mirrored(), "nordland")
     if updates:
         yield memory(next(reversed(found.values()))[0].model, updates)

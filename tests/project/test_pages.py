@@ -37,8 +37,8 @@ def test_a_lost_mark_is_named() -> None:
     ("old", "new", "said"),
     [
         ("end of figures/lens", "end of figures/energy", r"page.md: .*ends with the mark of figures/energy; put back"),
-        ("figures/lens", "pictures/lens", "no kind of part pictures; there are cli, figures,"),
-        ("figures/lens", "figures/nothing", r"nothing.json: there is no such record; there are chip-learning, "),
+        ("figures/lens", "pictures/lens", "there is no part pictures/lens; there are cli/usage, "),
+        ("figures/lens", "figures/nothing", "there is no part figures/nothing; there are cli/usage, "),
     ],
 )
 def test_a_wrong_mark_is_refused(old: str, new: str, said: str) -> None:
