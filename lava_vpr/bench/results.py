@@ -13,8 +13,9 @@ from lava_vpr.deploy.boards.estimate import Estimate as Estimate
 from lava_vpr.deploy.cost.costs import Figures as Figures
 from lava_vpr.deploy.cost.costs import Modelled as Modelled
 from lava_vpr.matching.evaluation import Metrics
-from lava_vpr.matching.trust import Trust
-from lava_vpr.truth.alignment import PositionErrors
+from lava_vpr.matching.trust import Trust, is_right
+from lava_vpr.recognition import Recognition
+from lava_vpr.truth.alignment import Located, PositionErrors
 
 
 @dataclass(frozen=True)
@@ -206,6 +207,14 @@ class OnMap:
     errors: PositionErrors
     matches: NDArray[np.int64] = field(repr=False)
     correct: NDArray[np.bool_] = field(repr=False)
+
+    @classmethod
+    def of(cls, answers: Recognition, located: Located | None, near: float) -> OnMap | None:
+        """Where queries were matched, if it is known where they were taken; ``near`` metres count as right."""
+        if located is None:
+            return None
+        errors = PositionErrors(located, located.errors(answers.matches), near)
+        return cls(errors, answers.matches, is_right(answers.matches, answers.truth, 0))
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,8 @@ from lava_vpr.errors import NetworkLimitError
 from lava_vpr.experiments.early_stopping import MARGINS
 from lava_vpr.experiments.points import Case, Measurement, Settings, current, fast_settings, measured
 from lava_vpr.experiments.search import key_of, on_front, wander
+from lava_vpr.gate import not_integer
+from lava_vpr.model import Model, as_integer
 
 BUDGET = 240
 """Points that a search measures, early stopping aside."""
@@ -60,6 +62,15 @@ Advance = Callable[[int], None]
 
 Point = tuple[Settings, float, Measurement]
 """Settings, margin of early stopping (inf: none), figures."""
+
+
+def sweepable(model: Model) -> str | None:
+    """Why settings of ``model`` cannot be searched; None if they can."""
+    if as_integer(model) is None:
+        return str(not_integer("the search of settings"))
+    if not model.learned.size:
+        return "a bundle has no float weights to quantise anew; give the model that was deployed"
+    return None
 
 
 def front(points: Sequence[Point]) -> list[Point]:

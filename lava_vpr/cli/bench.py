@@ -2,34 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from lava_vpr.backends import registry as backends
-from lava_vpr.backends.asking import Asking
-from lava_vpr.backends.opening import calibration_of, open_model
-from lava_vpr.backends.rivals import chosen as rivals
-from lava_vpr.backends.rivals import kept_for
+from lava_vpr.backends import registry
+from lava_vpr.backends.opening import calibration_of
+from lava_vpr.backends.rivals import chosen, kept_for
+from lava_vpr.bench.request import Request
 from lava_vpr.cli.choose import TruthOptions, truth_options
-from lava_vpr.cli.common import (
-    PATH,
-    OneSource,
-    RegisteredName,
-    asking_options,
-    encode_queries,
-    every_option,
-    places_option,
-    progress_bar,
-    seed_type,
-)
-from lava_vpr.cli.evaluate import command_line
-from lava_vpr.cli.outputs import Outputs
+from lava_vpr.cli.common import OneSource, RegisteredName, encode_queries, noun, one_bar
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
+from lava_vpr.cli.show.command import command_line
+from lava_vpr.cli.show.nouns import Queries, Results, asking_options, queries_options, results_options, seed_option
 from lava_vpr.cli.show.results import show_results
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.deploy.boards.board import BOARDS
@@ -41,14 +28,11 @@ from lava_vpr.model import Model, integer_model
 if TYPE_CHECKING:
     from lava_vpr.bench.results import Bench
 
-DEFAULT = backends.timed_by_default()
+DEFAULT = registry.timed_by_default()
 
 
 @click.command("bench", cls=OneSource)
-@click.argument("model_path", metavar="MODEL", type=PATH)
-@click.argument("query", type=str)
-@places_option("Query images A..B-1 (default: the model's own range).")
-@every_option
+@queries_options
 @truth_options
 @click.option(
     "--target",
@@ -59,8 +43,8 @@ DEFAULT = backends.timed_by_default()
 )
 @click.option(
     "--backend",
-    "names",
-    type=RegisteredName(backends.BACKENDS),
+    "backends",
+    type=RegisteredName(registry.BACKENDS),
     multiple=True,
     help=f"Backend to time on this machine (default: {', '.join(DEFAULT[:-1])} and {DEFAULT[-1]}).",
 )
@@ -74,25 +58,18 @@ DEFAULT = backends.timed_by_default()
     help="Queries that each backend is timed on, from the first (default: all; fewer of slow ones).",
 )
 @asking_options
-@click.option("--seed", type=seed_type, default=None, help="Seed of the queries' spikes (default: the model's).")
+@seed_option
 @cluster_option
-@click.option("--json", "json_path", type=PATH, default=None, metavar="FILE", help="Write the figures as JSON.")
-@click.option("--report", "report_folder", type=PATH, default=None, metavar="DIR", help="Write DIR/bench.html.")
+@results_options("bench.html")
 @click.pass_context
+@noun("request", Request)
 def bench(
     ctx: click.Context,
-    model_path: Path,
-    query: str,
-    places: tuple[int, int] | None,
-    every: float,
+    asked: Queries,
     truth: TruthOptions,
-    targets: tuple[str, ...],
-    names: tuple[str, ...],
-    asking: Asking,
+    request: Request,
     address: str | None,
-    json_path: Path | None,
-    report_folder: Path | None,
-    **chosen: Any,
+    results: Results,
 ) -> None:
     """Say what it costs MODEL to recognise an image of QUERY: recall first, then time and memory measured here, then
     energy and time modelled for the boards.
@@ -100,55 +77,39 @@ def bench(
     Which places are correct is told as to eval: without --gt or positions, query i shows place i. What this machine
     lacks (a board, energy counters) is said, and the rest is told.
     """
-    if address is not None and not chosen["sweep"]:
+    if address is not None and not request.sweep:
         raise click.UsageError("--cluster shares the points of --sweep; all else measures this machine: add --sweep")
-    page = report_folder and report_folder / "bench.html"
-    outputs = Outputs((json_path,), made=(page,), read=truth.files, model=model_path, images=(query,))
-    from lava_vpr.bench.run import Request, run  # takes a second: --help does not wait for it
+    outputs, page = results.outputs("bench.html", read=truth.files, model=asked.model_path, images=(asked.query,))
+    # The cost model and what it needs take a second to import: --help does not wait for them.
+    from lava_vpr.bench.run import run
 
-    model = open_model(model_path)
-    _refuse(model, model_path, asking, targets, names, chosen["sweep"])
-    traverse = truth.open(model, query, places, every, outputs)
-    located = truth.located(model, traverse)
-    correct = truth.of(model, traverse, located)
-    kept = kept_for(rivals(model, None)) if chosen["peers"] else Keep.NOTHING
-    queries, *further = encode_queries(traverse, model, asking.of(model), kept)
-    boards, backs = (tuple(dict.fromkeys(each)) for each in (targets or BOARDS, names or DEFAULT))
-    request = Request(boards, backs, asking=asking, located=located, near=truth.near, **chosen)
-    with pool_at(address) as pool, _bars() as begin:
-        asked = replace(request, pool=pool, calibration=calibration_of(model, Pool(cores())))
-        found = run(model, traverse, queries, correct, asked, further=further, command=command_line(ctx), begin=begin)
-    _tell(found, json_path, page)
-
-
-@contextmanager
-def _bars() -> Iterator[Callable[[str, int], Callable[[int], None]]]:
-    """A function that shows a bar for a stage in the place of the one before, and returns what moves it."""
-    with ExitStack() as bars:
-
-        def begin(text: str, parts: int) -> Callable[[int], None]:
-            bars.close()
-            advance = bars.enter_context(progress_bar(text, parts))
-            return lambda done: advance(done, "")
-
-        yield begin
+    model = asked.model(request.asking)
+    _refuse(model, asked.model_path, request)
+    traverse = truth.open(model, asked.query, asked.places, asked.every, outputs)
+    located, correct = truth.known(model, traverse)
+    kept = kept_for(chosen(model, None)) if request.peers else Keep.NOTHING
+    queries, *further = encode_queries(traverse, model, request.asking.of(model), kept)
+    calibration = calibration_of(model, Pool(cores()))
+    request = replace(request, calibration=calibration, located=located, near=truth.near)
+    with pool_at(address) as pool, one_bar() as begin:
+        request = replace(request, pool=pool)
+        words = command_line(ctx)
+        found = run(model, traverse, queries, correct, request, further=further, command=words, begin=begin)
+    _tell(found, results.json_path, page)
 
 
-def _refuse(
-    model: Model, path: Path, asking: Asking, targets: tuple[str, ...], names: tuple[str, ...], sweep: bool
-) -> None:
+def _refuse(model: Model, path: Path, request: Request) -> None:
     """Refuse, before any work is done, what was asked for by name and cannot be."""
-    asking.check(model)
-    from lava_vpr.bench.run import sweepable
+    from lava_vpr.bench.sweep import sweepable
     from lava_vpr.deploy.bundle.deployment import plan_of
 
-    reason = sweepable(model) if sweep else None
+    reason = sweepable(model) if request.sweep else None
     if reason is not None:
         raise ConfigError(f"{path}: --sweep: {reason}")
-    for name in targets:
+    for name in request.targets:
         plan_of(integer_model(model, BOARDS[name].title, path), BOARDS[name])
-    for name in names:
-        backends.require(name, model)
+    for name in request.backends:
+        registry.require(name, model)
 
 
 def _tell(results: Bench, json_path: Path | None, page: Path | None) -> None:

@@ -164,6 +164,11 @@ class TruthOptions:
             return None
         return Located.of(places, queries.positions, str(self.where.positions or queries.source))
 
+    def known(self, model: Model, queries: Traverse) -> tuple[Located | None, NDArray[np.bool_]]:
+        """Where places and queries were taken (`located`), and which places are correct (`of`)."""
+        located = self.located(model, queries)
+        return located, self.of(model, queries, located)
+
     def of(self, model: Model, queries: Traverse, located: Located | None) -> NDArray[np.bool_]:
         """Which places are correct for which query, bool (queries, places); what is assumed is told on stderr.
 

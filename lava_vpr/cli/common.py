@@ -6,7 +6,7 @@ import inspect
 import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import partial, reduce, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
@@ -17,11 +17,7 @@ from rich.measure import Measurement
 from rich.segment import Segment
 from rich.text import Text
 
-from lava_vpr.backends.asking import Asking
-from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.config import Config, EncoderConfig
-from lava_vpr.deploy.boards.board import BOARDS, Board
-from lava_vpr.deploy.hardware.belief import Belief
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_views
 from lava_vpr.inputs.vectors import Standard
 from lava_vpr.inputs.views import STRAIGHT, View
@@ -152,30 +148,6 @@ def every_option(command: F) -> F:
     return click.option("--every", type=float, default=1.0, show_default=True, metavar="SECONDS", help=text)(command)
 
 
-def dense_rows_option(command: F) -> F:
-    """Give a command that places neurons the option ``--dense-rows``; see `check_dense_rows`."""
-    text = "Kapoho Bay: store rows without indices where that saves memory, which no public source shows (unproven)."
-    return click.option("--dense-rows", is_flag=True, help=text)(command)
-
-
-def check_dense_rows(board: Board, dense_rows: bool) -> None:
-    """Refuse ``--dense-rows`` for a board whose way of storing rows is not ours to choose."""
-    if dense_rows and not board.memory.public:
-        able = " or ".join(name for name, row in BOARDS.items() if row.memory.public)
-        raise click.UsageError(f"--dense-rows needs --target {able}: how {board.title} stores rows is not public")
-
-
-def print_unproven(rows: Sequence[Belief]) -> None:
-    """Print how many unproven beliefs a bundle rests on, with the names of those that not all for its board have."""
-    own = [row.name for row in rows if all(":" in each for each in row.rests)]
-    named = "".join(f"; {name}" for name in own)
-    console.print(
-        f"Rests on {len(rows)} beliefs that no public source shows (docs/hardware.md): {len(rows) - len(own)} of "
-        f"every bundle for this board{named}.",
-        soft_wrap=True,
-    )
-
-
 def several(*options: Callable[[Any], Any]) -> Callable[[Any], Any]:
     """Give a command ``options``, the first of them first in its help."""
     return lambda command: reduce(lambda optional, option: option(optional), reversed(options), command)
@@ -201,27 +173,6 @@ def noun(name: str, make: Callable[..., Any], *options: Callable[[Any], Any]) ->
     return given
 
 
-asking_options = noun(
-    "asking",
-    lambda query_views, adapt: Asking(query_views, adapt),
-    click.option(
-        "--adapt",
-        type=Number(min=1),
-        default=None,
-        metavar="N",
-        help="Let biases follow the queries before, with a time constant of N queries.",
-    ),
-    click.option(
-        "--query-views",
-        type=click.IntRange(1, 99),
-        default=1,
-        show_default=True,
-        help="Sideways views in which each query is presented, an odd number.",
-    ),
-)
-"""Give a command that asks a model queries the options ``--query-views`` and ``--adapt``, as ``asking``."""
-
-
 def motion_option(default: str) -> Callable[[F], F]:
     """Give a command that is asked about a drive the option ``--motion``."""
     text = (
@@ -239,15 +190,6 @@ def precision_option(command: F) -> F:
     return click.option("--target-precision", type=kind, default=0.95, show_default=True, metavar="P", help=text)(
         command
     )
-
-
-def answer_options(command: F) -> F:
-    """Give a command that runs a model the options ``--backend`` and ``--seed``."""
-    text = "Seed of the queries' spikes (default: the model's)."
-    seeded = click.option("--seed", type=seed_type, default=None, help=text)(command)
-    text = "Where the network runs."
-    backend = RegisteredName(BACKENDS)
-    return click.option("--backend", type=backend, default="host", show_default=True, help=text)(seeded)
 
 
 def setting_type(section: type, name: str, least: int | None = None) -> click.IntRange:
@@ -316,6 +258,25 @@ def progress_bar(text: str, total: int) -> Iterator[Callable[[int, str], None]]:
 
         with _telling(lambda note: bar.update(task, note=_one_line(note), refresh=True)):
             yield advance
+
+
+class Moved(Protocol):
+    """What moves a bar."""
+
+    def __call__(self, parts: int, note: str = "") -> None: ...
+
+
+@contextmanager
+def one_bar() -> Iterator[Callable[[str, int], Moved]]:
+    """One bar after another; yields a function of the next one's text and parts, which returns what moves it."""
+    with ExitStack() as bars:
+
+        def begin(text: str, parts: int) -> Moved:
+            bars.close()
+            advance = bars.enter_context(progress_bar(text, parts))
+            return lambda parts, note="": advance(parts, note)
+
+        yield begin
 
 
 class _Display(Protocol):

@@ -20,9 +20,9 @@ from lava_vpr.cli.common import (
     seed_type,
     stage,
 )
-from lava_vpr.cli.evaluate import print_table, print_trust
 from lava_vpr.cli.outputs import Outputs, write_json
 from lava_vpr.cli.show.learning import TERMINAL
+from lava_vpr.cli.show.recall import print_table, print_trust
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.encoding import Keep
 from lava_vpr.engine.threads import cores

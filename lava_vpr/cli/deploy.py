@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import ExitStack
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -14,29 +15,31 @@ from lava_vpr.cli.choose import open_queries
 from lava_vpr.cli.common import (
     PATH,
     Number,
-    RegisteredName,
-    check_dense_rows,
     console,
-    dense_rows_option,
     encode_queries,
     every_option,
+    noun,
+    one_bar,
     places_option,
-    print_unproven,
-    print_whole,
     progress_bar,
-    setting_type,
     stage,
-    stderr,
 )
 from lava_vpr.cli.outputs import Outputs, write_json
-from lava_vpr.config import INPUT_MODES, LifNetwork
+from lava_vpr.cli.show.boards import (
+    check_dense_rows,
+    dense_rows_option,
+    input_mode_option,
+    print_placed,
+    target_option,
+    weight_bits_option,
+)
+from lava_vpr.cli.show.nouns import json_option
 from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.deploy.bundle.deployment import Deployed, unproven
 from lava_vpr.deploy.bundle.deployment import deploy as write_bundle
 from lava_vpr.deploy.bundle.folder import check_replaceable
 from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.deploy.compression.compression import Changes, Compressed, Figures, for_board
-from lava_vpr.deploy.show.tables import core_table, summary
 from lava_vpr.engine.threads import cores
 from lava_vpr.experiments.calibration import Calibration, calibrated, figures, search
 from lava_vpr.model import Model, integer_model
@@ -46,16 +49,51 @@ from lava_vpr.storage.text import shown
 from lava_vpr.truth.alignment import aligned_truth
 
 
+@dataclass(frozen=True)
+class CalibrationImages:
+    """Images to compare recall on, as the user says.
+
+    Attributes:
+        calibrate: Folder, list, video or image; None: recall is not compared.
+        max_loss: What R@1 may lose, a fraction, in a search for the cheapest weights; None: no search.
+        places: Images A..B-1; None: the model's range.
+        every: Seconds between two frames of a video.
+    """
+
+    calibrate: str | None
+    max_loss: float | None
+    places: tuple[int, int] | None
+    every: float
+
+    def check(self) -> None:
+        """Refuse what says something of images that are not there."""
+        if self.max_loss is not None and self.calibrate is None:
+            raise click.UsageError("--max-loss needs --calibrate QUERY: images to measure the loss on")
+        if self.places is not None and self.calibrate is None:
+            raise click.UsageError("--places chooses among the images of --calibrate QUERY; give it, too")
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """The sources to be read."""
+        return () if self.calibrate is None else (self.calibrate,)
+
+    def of(self, model: Model, outputs: Outputs) -> Calibration | None:
+        """The images, and which place each shows; None: recall is not compared.
+
+        Raises:
+            InputError: they cannot be used.
+        """
+        if self.calibrate is None:
+            return None
+        traverse = open_queries(model, self.calibrate, self.places, self.every, outputs=outputs)
+        return encode_queries(traverse, model)[0], aligned_truth(model, traverse)
+
+
 @click.command()
 @click.argument("model_path", metavar="MODEL", type=PATH)
-@click.option("--target", type=RegisteredName(BOARDS), required=True, help="Board to run on.")
+@target_option
 @click.option("-o", "--output", required=True, type=PATH, metavar="BUNDLE", help="Folder to write.")
-@click.option(
-    "--weight-bits",
-    type=setting_type(LifNetwork, "weight_bits"),
-    default=None,
-    help="Bits of one weight (default: the model's, or the most that fit).",
-)
+@weight_bits_option
 @click.option(
     "--prune",
     type=Number(0, 1, max_open=True),
@@ -73,30 +111,22 @@ from lava_vpr.truth.alignment import aligned_truth
 )
 @places_option("Images A..B-1 of --calibrate (default: the model's own range).")
 @every_option
-@click.option(
-    "--input-mode",
-    type=click.Choice(INPUT_MODES),
-    default=None,
-    help="The host injects inputs' spikes, or inputs integrate a bias (default: the model's; on Loihi 2: bias).",
-)
+@input_mode_option
 @dense_rows_option
 @click.option(
     "--learning",
     is_flag=True,
     help="Loihi 2: add the network that learns; with --calibrate, also train it and print its recall.",
 )
-@click.option("--json", "json_path", type=PATH, default=None, metavar="FILE", help="Write the figures as JSON.")
+@json_option("the figures")
+@noun("changes", Changes)
+@noun("images", CalibrationImages)
 def deploy(
     model_path: Path,
     target: str,
     output: Path,
-    weight_bits: int | None,
-    prune: float | None,
-    calibrate: str | None,
-    max_loss: float | None,
-    places: tuple[int, int] | None,
-    every: float,
-    input_mode: str | None,
+    changes: Changes,
+    images: CalibrationImages,
     dense_rows: bool,
     learning: bool,
     json_path: Path | None,
@@ -107,58 +137,29 @@ def deploy(
     board demands it. With --max-loss, ways to do so are tried from cheap to dear, by synaptic operations of a query.
     """
     board = BOARDS[target]
-    _check_usage(board, calibrate, max_loss, places, learning)
+    images.check()
+    _check_learning(board, learning)
     check_dense_rows(board, dense_rows)
     check_replaceable(output)
-    images = () if calibrate is None else (calibrate,)
-    outputs = Outputs((json_path,), folders=(output,), model=model_path, images=images)
+    outputs = Outputs((json_path,), folders=(output,), model=model_path, images=images.sources)
     model = open_model(model_path)
     integer_model(model, board.title, model_path)
-    calibration = None
-    if calibrate is not None:
-        calibration = _calibration(model, calibrate, places, every, outputs)
-    compressed = _compressed(model, board, Changes(weight_bits, prune, input_mode), calibration, max_loss)
-    with stage(f"placing {compressed.model.neurons:,} neurons, and writing the bundle"):
-        deployed = write_bundle(
-            compressed.model,
-            board,
-            output,
-            learning=learning,
-            compression=compressed.as_json(),
-            measured=not compressed.unchanged,
-            dense_rows=dense_rows,
-        )
+    calibration = images.of(model, outputs)
+    compressed = _compressed(model, board, changes, calibration, images.max_loss)
+    placed, done = compressed.model, compressed.as_json()
+    with stage(f"placing {placed.neurons:,} neurons, and writing the bundle"):
+        writing = partial(write_bundle, compression=done, measured=not compressed.unchanged, dense_rows=dense_rows)
+        deployed = writing(placed, board, output, learning=learning)
     learned = _learned(deployed, model, calibration) if learning and calibration is not None else None
     if json_path is not None:  # files first: whoever reads the table may go away
-        values = {
-            "places": model.places,
-            "neurons": model.neurons,
-            "weight_bits": compressed.model.weight_bits,
-            "cores": len(deployed.plan.cores),
-            "compression": compressed.as_json(),
-            "learning": asdict(learned) if learned is not None else None,
-            "unproven": deployed.bundle.manifest["unproven"],
-            "modelled": deployed.bundle.manifest["modelled"],
-        }
-        write_json(json_path, {"target": board.name, **values})
-    for note in compressed.notes:
-        stderr.print(f"note: {note}")
-    if compressed.before is not None:
-        print_whole(_figures(compressed, learned))
-    print_whole(core_table(deployed.plan))
-    console.print("\n".join(summary(deployed.plan)))
-    print_unproven(unproven(deployed.plan, learning=learning))
+        write_json(json_path, _values(model, compressed, deployed, learned))
+    compared = None if compressed.before is None else _figures(compressed, learned)
+    print_placed(deployed.plan, compressed.notes, unproven(deployed.plan, learning=learning), compared)
     console.print(f"bundle: {shown(output)}")
 
 
-def _check_usage(
-    board: Board, calibrate: str | None, max_loss: float | None, places: tuple[int, int] | None, learning: bool
-) -> None:
-    """Refuse options that contradict each other."""
-    if max_loss is not None and calibrate is None:
-        raise click.UsageError("--max-loss needs --calibrate QUERY: images to measure the loss on")
-    if places is not None and calibrate is None:
-        raise click.UsageError("--places chooses among the images of --calibrate QUERY; give it, too")
+def _check_learning(board: Board, learning: bool) -> None:
+    """Refuse ``--learning`` for a board whose bundles have no network that learns."""
     if learning and not TARGETS[board.name].learns:
         able = " or ".join(name for name, row in TARGETS.items() if row.learns)
         raise click.UsageError(
@@ -167,12 +168,20 @@ def _check_usage(
         )
 
 
-def _calibration(
-    model: Model, source: str, places: tuple[int, int] | None, every: float, outputs: Outputs
-) -> Calibration:
-    """The calibration images and which place each shows."""
-    traverse = open_queries(model, source, places, every, outputs=outputs)
-    return encode_queries(traverse, model)[0], aligned_truth(model, traverse)
+def _values(model: Model, compressed: Compressed, deployed: Deployed, learned: Figures | None) -> dict[str, Any]:
+    """The figures as JSON values."""
+    manifest = deployed.bundle.manifest
+    return {
+        "target": deployed.plan.board.name,
+        "places": model.places,
+        "neurons": model.neurons,
+        "weight_bits": compressed.model.weight_bits,
+        "cores": len(deployed.plan.cores),
+        "compression": compressed.as_json(),
+        "learning": asdict(learned) if learned is not None else None,
+        "unproven": manifest["unproven"],
+        "modelled": manifest["modelled"],
+    }
 
 
 def _compressed(
@@ -183,16 +192,13 @@ def _compressed(
         with stage("measuring the network for the board"):
             compressed = for_board(model, board, changes, threads=cores())
             return compressed if calibration is None else calibrated(compressed, calibration, threads=cores())
-    with ExitStack() as bars:
-        return search(
-            model, board, calibration, max_loss, changes, threads=cores(), begin=lambda points: _told(bars, points)
-        )
+    with one_bar() as show:
 
+        def begin(points: int) -> Callable[[str], None]:
+            advance = show("compressing", points)
+            return lambda note: advance(1, note)
 
-def _told(bars: ExitStack, points: int) -> Callable[[str], None]:
-    """Show a bar for a search of at most ``points``; what is returned moves it by one."""
-    advance = bars.enter_context(progress_bar("compressing", points))
-    return lambda note: advance(1, note)
+        return search(model, board, calibration, max_loss, changes, threads=cores(), begin=begin)
 
 
 def _learned(deployed: Deployed, model: Model, calibration: Calibration) -> Figures:

@@ -9,22 +9,18 @@ from typing import TYPE_CHECKING
 import click
 
 from lava_vpr.backends.opening import open_model
-from lava_vpr.cli.common import (
-    PATH,
-    Number,
-    RegisteredName,
-    check_dense_rows,
-    console,
-    dense_rows_option,
-    print_unproven,
-    print_whole,
-    progress_bar,
-    setting_type,
-    stage,
-    stderr,
-)
+from lava_vpr.cli.common import PATH, Number, console, print_whole, progress_bar, setting_type, stage
 from lava_vpr.cli.outputs import Outputs, write_json, write_text
-from lava_vpr.config import INPUT_MODES, LifNetwork, preset
+from lava_vpr.cli.show.boards import (
+    check_dense_rows,
+    dense_rows_option,
+    input_mode_option,
+    print_placed,
+    target_option,
+    weight_bits_option,
+)
+from lava_vpr.cli.show.nouns import json_option
+from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.inputs.views import ViewsConfig
@@ -39,19 +35,9 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("model", type=PATH, required=False)
-@click.option("--target", type=RegisteredName(BOARDS), required=True, help="Board to run on.")
-@click.option(
-    "--weight-bits",
-    type=setting_type(LifNetwork, "weight_bits"),
-    default=None,
-    help="Bits of one weight (default: the model's, or the most that fit).",
-)
-@click.option(
-    "--input-mode",
-    type=click.Choice(INPUT_MODES),
-    default=None,
-    help="The host injects inputs' spikes, or inputs integrate a bias (default: the model's; on Loihi 2: bias).",
-)
+@target_option
+@weight_bits_option
+@input_mode_option
 @dense_rows_option
 @click.option(
     "--neurons-per-place",
@@ -69,7 +55,7 @@ if TYPE_CHECKING:
 @click.option(
     "--picture", type=PATH, default=None, metavar="FILE.svg", help="With MODEL: draw the chips and what cores hold."
 )
-@click.option("--json", "json_path", type=PATH, default=None, metavar="FILE", help="Write the figures as JSON.")
+@json_option("the figures")
 def fit(
     model: Path | None,
     target: str,
@@ -112,7 +98,6 @@ def _model(
     from lava_vpr.deploy.bundle.deployment import mapping, modelled, plan_of, unproven
     from lava_vpr.deploy.compression.compression import adapted
     from lava_vpr.deploy.cost.expected import timed
-    from lava_vpr.deploy.show.tables import core_table, summary
 
     model = integer_model(open_model(model_path), board.title, model_path)
     with stage(f"placing {model.neurons:,} neurons"):
@@ -128,11 +113,7 @@ def _model(
         from lava_vpr.deploy.show.drawing import draw  # matplotlib takes a second to import
 
         write_text(picture, draw(plan).decode())
-    for note in compressed.notes:
-        stderr.print(f"note: {note}")
-    print_whole(core_table(plan))
-    console.print("\n".join(summary(plan)))
-    print_unproven(rows)
+    print_placed(plan, compressed.notes, rows)
     if picture is not None:
         console.print(f"picture: {shown(picture)}")
 

@@ -22,8 +22,6 @@ from lava_vpr.backends.opening import calibration_of, open_model
 from lava_vpr.cli.common import (
     PATH,
     OneSource,
-    answer_options,
-    asking_options,
     console,
     every_option,
     motion_option,
@@ -36,6 +34,7 @@ from lava_vpr.cli.common import (
 )
 from lava_vpr.cli.outputs import Outputs, stdout_writer, text_writer
 from lava_vpr.cli.show.matches import Row, Table, sentences
+from lava_vpr.cli.show.nouns import answer_options, asking_options
 from lava_vpr.cli.whereabouts import WhereOptions, query_positions_options
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.engine.threads import cores

@@ -18,9 +18,9 @@ from lava_vpr.cli.common import (
     places_option,
     progress_bar,
 )
-from lava_vpr.cli.evaluate import command_line
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
+from lava_vpr.cli.show.command import command_line
 from lava_vpr.cli.show.learning import TERMINAL
 from lava_vpr.cli.show.results import show_results
 from lava_vpr.config import PRESETS, Config

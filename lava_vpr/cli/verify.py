@@ -2,32 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import ExitStack
 from pathlib import Path
 
 import click
 
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import Asking
-from lava_vpr.backends.opening import open_model
 from lava_vpr.backends.verification import Verdict
 from lava_vpr.backends.verification import verify as verify_spikes
 from lava_vpr.cli.choose import open_queries
-from lava_vpr.cli.common import (
-    PATH,
-    OneSource,
-    RegisteredName,
-    asking_options,
-    encode_queries,
-    every_option,
-    places_option,
-    print_reasons,
-    print_whole,
-    progress_bar,
-    seed_type,
-)
+from lava_vpr.cli.common import OneSource, RegisteredName, encode_queries, one_bar, print_reasons, print_whole
 from lava_vpr.cli.outputs import Outputs, write_json
+from lava_vpr.cli.show.nouns import Queries, asking_options, json_option, queries_options, seed_option
 from lava_vpr.engine.threads import cores
 from lava_vpr.errors import BackendUnavailableError, InputError
 from lava_vpr.show.numbers import percent
@@ -36,10 +22,7 @@ from lava_vpr.truth.alignment import aligned_truth
 
 
 @click.command("verify", cls=OneSource)
-@click.argument("model_path", metavar="MODEL", type=PATH)
-@click.argument("query", type=str)
-@places_option("Query images A..B-1 (default: the model's own range).")
-@every_option
+@queries_options
 @click.option(
     "--limit", type=click.IntRange(min=1), default=20, show_default=True, metavar="N", help="Queries, from the first."
 )
@@ -51,42 +34,27 @@ from lava_vpr.truth.alignment import aligned_truth
     help="Backend to compare with the host (default: all).",
 )
 @asking_options
-@click.option("--seed", type=seed_type, default=None, help="Seed of the queries' spikes (default: the model's).")
-@click.option("--json", "json_path", type=PATH, default=None, metavar="FILE", help="Write the verdicts as JSON.")
+@seed_option
+@json_option("the verdicts")
 def verify(
-    model_path: Path,
-    query: str,
-    places: tuple[int, int] | None,
-    every: float,
-    limit: int,
-    names: tuple[str, ...],
-    asking: Asking,
-    seed: int | None,
-    json_path: Path | None,
+    asked: Queries, limit: int, names: tuple[str, ...], asking: Asking, seed: int | None, json_path: Path | None
 ) -> None:
     """Run the first images of QUERY through MODEL on every backend and compare every spike with the host's.
 
     Exits with 1 if a single spike differs, or a backend that was named cannot run. A float backend has spikes of its
     own; its recall is printed. Spikes that the network decides (exc, inh) are counted apart from those of inputs.
     """
-    outputs = Outputs((json_path,), model=model_path, images=(query,))
-    model = open_model(model_path)
-    asking.check(model)
+    outputs = Outputs((json_path,), model=asked.model_path, images=(asked.query,))
+    model = asked.model(asking)
     for name in names:  # asked for by name: not to run it is an error
         backends.require(name, model)
-    traverse = open_queries(model, query, places, every, outputs=outputs)
+    traverse = open_queries(model, asked.query, asked.places, asked.every, outputs=outputs)
     # The truth of all queries, then the first of them: fewer queries than places would be refused as not aligned.
     truth = aligned_truth(model, traverse)[:limit]
     compared = traverse.take(range(min(limit, len(traverse))))
     queries, *further = encode_queries(compared, model, asking.of(model))
     chosen = ("host", *(name for name in names if name != "host")) if names else None
-    with ExitStack() as bars:
-
-        def begin(name: str) -> Callable[[int], None]:
-            bars.close()
-            advance = bars.enter_context(progress_bar(f"running {name}", len(queries) * asking.views))
-            return lambda done: advance(done, "")
-
+    with one_bar() as show:
         verdicts = verify_spikes(
             model,
             queries,
@@ -96,11 +64,21 @@ def verify(
             further=further,
             seed=seed,
             threads=cores(),
-            begin=begin,
+            begin=lambda name: show(f"running {name}", len(queries) * asking.views),
         )
     if json_path is not None:
         write_json(json_path, {"backends": {verdict.name: verdict.as_json() for verdict in verdicts}})
     print_whole(_table(verdicts))
+    _judge(verdicts, named=bool(names))
+
+
+def _judge(verdicts: list[Verdict], named: bool) -> None:
+    """Print why backends cannot run, and fail where spikes differ, or where backends were ``named`` and cannot run.
+
+    Raises:
+        InputError: spikes differ.
+        BackendUnavailableError: a backend that was named cannot run.
+    """
     unable = [verdict for verdict in verdicts if verdict.reason is not None]
     print_reasons({verdict.name: verdict.reason for verdict in unable})
     different = [verdict for verdict in verdicts if verdict.equal is False]
@@ -110,7 +88,7 @@ def verify(
             f"{first.name} differs from the host in {first.differing:,} places, first at {first.mismatch}; report it "
             "with the model and the query"
         )
-    if names and unable:  # asked for by name, it began, and could not
+    if named and unable:  # it began, and could not
         raise BackendUnavailableError(f"{unable[0].name}: was not compared; see above, or choose another --backend")
 
 

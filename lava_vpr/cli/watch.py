@@ -15,7 +15,6 @@ from lava_vpr.backends.asking import Asking
 from lava_vpr.cli.common import (
     PATH,
     OneSource,
-    asking_options,
     every_option,
     motion_option,
     precision_option,
@@ -23,6 +22,7 @@ from lava_vpr.cli.common import (
     stderr,
 )
 from lava_vpr.cli.outputs import stdout_writer
+from lava_vpr.cli.show.nouns import asking_options
 from lava_vpr.errors import InputError
 from lava_vpr.localizer import Localizer
 from lava_vpr.readers import open_source

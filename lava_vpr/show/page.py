@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import base64
 import hashlib
+from pathlib import Path
 
 from lava_vpr import __version__
+from lava_vpr.errors import InputError
 from lava_vpr.show.templates import render, text
 from lava_vpr.show.text import safe
+from lava_vpr.storage.text import shown
+from lava_vpr.storage.writing import write_atomically
 
 ALONE = "One file, no network needed."
 
@@ -52,3 +56,21 @@ def document(
         scripts=scripts,
     )
     return page + "\n"
+
+
+def write_page(text: str, target: Path) -> Path:
+    """Write a page, complete or not at all, and its folder if it is missing.
+
+    Raises:
+        InputError: the folder cannot be made or written.
+    """
+    content = text.encode("utf-8", "replace")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(target, lambda file: file.write(content))
+    except OSError as error:
+        raise InputError(
+            f"{shown(target)}: the report cannot be written ({error.strerror or error}); "
+            "give a folder that can be written and has space left"
+        ) from None
+    return target

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.boards.plans import busy_plan, trains_of
 
-from lava_vpr.bench.run import step_times
+from lava_vpr.bench.modelling import step_times
 from lava_vpr.deploy.boards.constants import LOIHI_1
 from lava_vpr.deploy.cost.costs import modelled
 from lava_vpr.deploy.cost.events import count_events

@@ -10,9 +10,9 @@ from typing import Any
 import click
 
 from lava_vpr.cli.common import PATH, Numbers, progress_bar, seed_type, setting_type
-from lava_vpr.cli.evaluate import command_line
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
+from lava_vpr.cli.show.command import command_line
 from lava_vpr.cli.show.results import Files, show_results
 from lava_vpr.config import StdpLearning
 from lava_vpr.datasets.layouts import DATASETS

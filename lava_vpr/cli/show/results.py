@@ -8,6 +8,7 @@ from typing import Any
 
 from lava_vpr.cli.common import console, print_whole, stage
 from lava_vpr.cli.outputs import write_json, write_text
+from lava_vpr.show.page import write_page
 from lava_vpr.show.table import Table
 from lava_vpr.storage.text import shown
 
@@ -35,9 +36,6 @@ def show_results(
         if path is not None:
             write_text(path, content) if isinstance(content, str) else write_json(path, content)
     if page is not None:
-        # matplotlib takes a second to import: only those who want a report wait for it.
-        from lava_vpr.report import write_page
-
         with stage("writing the report"):
             write_page(page_of(), page)
     for table in tables:

@@ -1,0 +1,77 @@
+"""What `fit` and `deploy` share: options of a board, and what they print of a plan."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from lava_vpr.cli.common import RegisteredName, console, print_whole, setting_type, stderr
+from lava_vpr.config import INPUT_MODES, LifNetwork
+from lava_vpr.deploy.boards.board import BOARDS, Board
+from lava_vpr.deploy.hardware.belief import Belief
+from lava_vpr.show.table import Table
+
+if TYPE_CHECKING:
+    from lava_vpr.deploy.boards.plan import Plan
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+target_option = click.option("--target", type=RegisteredName(BOARDS), required=True, help="Board to run on.")
+weight_bits_option = click.option(
+    "--weight-bits",
+    type=setting_type(LifNetwork, "weight_bits"),
+    default=None,
+    help="Bits of one weight (default: the model's, or the most that fit).",
+)
+input_mode_option = click.option(
+    "--input-mode",
+    type=click.Choice(INPUT_MODES),
+    default=None,
+    help="The host injects inputs' spikes, or inputs integrate a bias (default: the model's; on Loihi 2: bias).",
+)
+
+
+def dense_rows_option(command: F) -> F:
+    """Give a command that places neurons the option ``--dense-rows``; see `check_dense_rows`."""
+    text = "Kapoho Bay: store rows without indices where that saves memory, which no public source shows (unproven)."
+    return click.option("--dense-rows", is_flag=True, help=text)(command)
+
+
+def check_dense_rows(board: Board, dense_rows: bool) -> None:
+    """Refuse ``--dense-rows`` for a board whose way of storing rows is not ours to choose."""
+    if dense_rows and not board.memory.public:
+        able = " or ".join(name for name, row in BOARDS.items() if row.memory.public)
+        raise click.UsageError(f"--dense-rows needs --target {able}: how {board.title} stores rows is not public")
+
+
+def print_unproven(rows: Sequence[Belief]) -> None:
+    """Print how many unproven beliefs a bundle rests on, with the names of those that not all for its board have."""
+    own = [row.name for row in rows if all(":" in each for each in row.rests)]
+    named = "".join(f"; {name}" for name in own)
+    console.print(
+        f"Rests on {len(rows)} beliefs that no public source shows (docs/hardware.md): {len(rows) - len(own)} of "
+        f"every bundle for this board{named}.",
+        soft_wrap=True,
+    )
+
+
+def print_placed(plan: Plan, notes: Iterable[str], beliefs: Sequence[Belief], compared: Table | None = None) -> None:
+    """Print where neurons stand, and what that rests on.
+
+    Args:
+        plan: Where they stand.
+        notes: What was changed for the board; goes to stderr.
+        beliefs: Unproven beliefs that it rests on.
+        compared: A table to stand above.
+    """
+    from lava_vpr.deploy.show.tables import core_table, summary
+
+    for note in notes:
+        stderr.print(f"note: {note}")
+    if compared is not None:
+        print_whole(compared)
+    print_whole(core_table(plan))
+    console.print("\n".join(summary(plan)))
+    print_unproven(beliefs)

@@ -1,0 +1,49 @@
+"""Tables of a recognition on the terminal."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lava_vpr.backends.rivals import BASELINES
+from lava_vpr.cli.common import print_whole
+from lava_vpr.matching.figures import TITLES, values_of
+from lava_vpr.model import Model
+from lava_vpr.recognition import Recognition
+from lava_vpr.show.numbers import percent
+from lava_vpr.show.table import Table
+
+
+def print_table(model: Model, result: Recognition, sequence: int = 1) -> None:
+    """The figures of every matcher in percent, the default decoder first and marked."""
+    what = "queries" if sequence == 1 else f"sequences of {sequence} queries"
+    title = f"{len(result.matches)} {what}, {model.places} places, {model.neurons} neurons"
+    notes = ["percent; * the decoder that answers"]
+    notes += [f"{name} sees {BASELINES[name]}" for name in result.metrics if name in BASELINES]
+    if result.followed:
+        notes.append("filtered: queries in driving order, each with those before it; forward-backward: with all")
+    names = [result.default, *(name for name in result.metrics if name != result.default)]
+    groups = (
+        {name + (" *" if name == result.default else ""): result.metrics[name] for name in names},
+        {f"{name}, adapted": metrics for name, metrics in result.adapted.items()},
+        {name.replace("_", "-"): metrics for name, metrics in result.followed.items()},
+    )
+    rows = [(name, *map(percent, values_of(metrics))) for group in groups for name, metrics in group.items()]
+    rules = frozenset({len(groups[0]), len(groups[0]) + len(groups[1])})
+    print_whole(Table(("matcher", *TITLES.values()), rows, notes, title, rules=rules))
+
+
+def print_trust(result: Recognition) -> None:
+    """What each target precision keeps, and how far probabilities are from what they say."""
+    if not result.trust:
+        return
+    off_map = next(iter(result.trust.values())).off_map
+    note = f"{percent(off_map)} % of the queries are off the map; the calibration takes half for that"
+    rows = []
+    for name, found in result.trust.items():
+        for number, row in enumerate(found.thresholds):
+            least = f"{row.probability:.3f}" if np.isfinite(row.probability) else "none"
+            figures = map(percent, (row.accepted, row.precision, row.kept, row.false_accepts))
+            first = (name, percent(found.error)) if number == 0 else ("", "")
+            rows.append((first[0], percent(row.target), least, *figures, first[1]))
+    columns = ("", "target", "least probability", "accepted", "precision", "kept", "false accepts", "error")
+    print_whole(Table(columns, rows, (note,), "accepted by --target-precision"))
