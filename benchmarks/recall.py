@@ -113,6 +113,5 @@ def main(table: str, seeds: Sequence[int]) -> Printed:
     rows = [line for row in TABLES[table] for line in lines(row, seeds)]
     columns = ("", "R@1", "R@100P", "AUC", "µJ", "ms")[: max(map(len, rows))]
     filled = [[*row, *[""] * (len(columns) - len(row))] for row in rows]
-    yield Figures(
-        columns, filled, f"percent, seeds {', '.join(map(str, seeds))}", table if table == "chip-learning" else ""
-    )
+    title = f"percent, seeds {', '.join(map(str, seeds))}"
+    yield Figures(columns, filled, title=title, record=table if table == "chip-learning" else "")

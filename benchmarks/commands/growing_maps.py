@@ -96,7 +96,7 @@ def main(seeds: Sequence[int]) -> Printed:
             place = Path(name)
             runs = {what: lava_vpr(place, *words) for what, words in commands(place, seed).items()}
             rows = [[what, f"{run.seconds:.1f}", f"{run.used:.1f}"] for what, run in runs.items()]
-            yield Figures(["", "s", "processor s"], rows, f"Nordland, seed {seed}")
+            yield Figures(["", "s", "processor s"], rows, title=f"Nordland, seed {seed}")
             yield f"extending alone, without start and files: {extending(place):.2f} processor s"
             yield from stayed(place)
             winter = listed(place, "winter")

@@ -53,4 +53,4 @@ def main(rounds: int) -> Printed:
     medians = {what: np.median(np.array(runs), axis=0) for what, runs in taken.items()}
     rows = [[what, f"{used:.2f}", f"{seconds:.2f}"] for what, (seconds, used, _) in medians.items()]
     title = f"seconds, median of {rounds} turns; load of the machine {os.getloadavg()[0]:.1f}"
-    yield Figures(["command", "processor", "elapsed"], rows, title)
+    yield Figures(["command", "processor", "elapsed"], rows, title=title)

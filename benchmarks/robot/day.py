@@ -138,8 +138,8 @@ def drive_table(maps: Mapping[str, Sequence[Answered]], record: str) -> Figures:
     return Figures(
         ["drive", *columns],
         [[name, *(cell for cells in row for cell in cells)] for name, row in zip(names, rows, strict=True)],
-        "exact / within 3 places, percent",
-        record,
+        title="exact / within 3 places, percent",
+        record=record,
     )
 
 
@@ -173,7 +173,7 @@ def trust_table(maps: Mapping[str, Sequence[Answered]], record: str) -> Figures:
             rows.append(row)
     columns = ["map", "answers", "expected calibration error", "`--target-precision` 0.9", "0.95", "0.98", "0.99"]
     title = "as many images off the map as on it: precision / kept of those on it / accepted off it, percent"
-    return Figures(columns, rows, title, record)
+    return Figures(columns, rows, title=title, record=record)
 
 
 def mean_percent(figures: Sequence[float]) -> str:

@@ -131,4 +131,4 @@ def main(other: Path, rounds: int) -> Printed:
     columns = ["", "neurons", "steps", "input spikes", "exc, here", "exc, other", "us, here", "us, other", "ratio"]
     rows = [row(case, taken[number, 0], taken[number, 1], other) for number, case in enumerate(every)]
     title = f"processor time a query, one thread, least of {rounds} turns; vector instructions: {cpu_flags()}"
-    yield Figures(columns, rows, title)
+    yield Figures(columns, rows, title=title)
