@@ -26,7 +26,7 @@ ROOT = Path(__file__).resolve().parents[3]
 
 STAGES = [
     ("eval m.lvpr query", "lava_vpr.cli.evaluate:recognise", "recognising 8 images"),
-    ("eval m.lvpr query --report r", "lava_vpr.report:write_report", "writing the report"),
+    ("eval m.lvpr query --report r", "lava_vpr.report.build:report_data", "writing the report"),
     ("query m.lvpr query", "lava_vpr.cli.query:answer_stream", "reading query"),
     ("train reference -o n.lvpr --config quick.toml", "lava_vpr.learning.route:train_encoded", "learning"),
     (
@@ -49,7 +49,7 @@ STAGES = [
     ),
     (
         "study steps reference --query query --config quick.toml --values 64 --seeds 0 --report r",
-        "lava_vpr.report:write_page",
+        "lava_vpr.cli.show.results:write_page",
         "writing the report",
     ),
 ]
