@@ -50,6 +50,7 @@ class _Runtime:
         rates: NDArray[np.uint16],
         keys: NDArray[np.uint64],
         run: Loihi2SimCfg,
+        /,
         **options: Any,
     ) -> None:
         """Wire the network of ``phase`` that begins with ``state``; ``options`` are more arguments of it."""
