@@ -19,7 +19,7 @@ from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.matching.figures import Recall
 from lava_vpr.show.table import Table
 
-console = Console(highlight=False, emoji=False, markup=False, width=160)
+console = Console(highlight=False, emoji=False, markup=False, width=220)
 seeds_option = click.option(
     "--seeds",
     default="0,1,2",
