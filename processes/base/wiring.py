@@ -11,8 +11,6 @@ from lava_vpr.engine.general.lif import need
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.loihi import WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
-from lava_vpr.processes.base.checked import CheckedProcess
-from lava_vpr.processes.base.magma import InPort, OutPort, Var
 
 RELAY_WEIGHT = 2
 """Weight of the synapses to inhibitory neurons and relays: any positive one makes them spike, an even one with any sign
@@ -54,26 +52,6 @@ def exact_mantissa(inhibition: int) -> tuple[int, int]:
     fits = exponent <= WEIGHT_EXPONENT_LIMIT and inhibition >> exponent << exponent == inhibition
     need(fits, "inhibition", inhibition, f"m 2^e with m in 0..{WEIGHT_LIMIT} and e in 0..{WEIGHT_EXPONENT_LIMIT}")
     return inhibition >> exponent, exponent
-
-
-class NetworkProcess(CheckedProcess):
-    """A place network of parts, whose models wire them (`wire`).
-
-    Ports: ``s_in`` (inputs,), ``s_out`` (neurons,), ``s_out_inh`` (inhibitory,). Vars of its parts: ``weights``
-    (neurons, inputs), ``u``, ``v``, ``vth`` (neurons,), ``v_inh`` (inhibitory,), ``lateral_weights`` (neurons,
-    inhibitory). ``interval``: steps of a presentation, the silent ones included.
-    """
-
-    def __init__(self, weights: NDArray[Any], vth: Any, laterals: NDArray[Any], interval: int, **kwargs: Any) -> None:
-        """Make ports and Vars, with what their parts hold at first."""
-        super().__init__(**kwargs)
-        (neurons, inputs), inhibitory = weights.shape, laterals.shape[1]
-        self.interval = interval
-        self.s_in, self.s_out, self.s_out_inh = InPort((inputs,)), OutPort((neurons,)), OutPort((inhibitory,))
-        self.weights = Var(shape=weights.shape, init=weights)
-        self.vth = Var(shape=(neurons,), init=vth)
-        self.lateral_weights = Var(shape=laterals.shape, init=laterals)
-        self.u, self.v, self.v_inh = (Var(shape=(size,), init=0) for size in (neurons, neurons, inhibitory))
 
 
 def link(source: Any, synapses: Any, target: Any) -> None:

@@ -11,7 +11,8 @@ from lava_vpr.engine.general.lif import check_thresholds, need
 from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState
 from lava_vpr.loihi import THRESHOLD_LIMIT
 from lava_vpr.processes.base.magma import Var
-from lava_vpr.processes.base.wiring import NetworkProcess, exact_mantissa
+from lava_vpr.processes.base.network import NetworkProcess
+from lava_vpr.processes.base.wiring import exact_mantissa
 
 
 class LearningPlaceNetwork(NetworkProcess):

@@ -11,7 +11,8 @@ from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.neuron_bias import bias_registers
 from lava_vpr.loihi import INPUT_SHIFT
 from lava_vpr.processes.base.magma import Var
-from lava_vpr.processes.base.wiring import NetworkProcess, inhibiting
+from lava_vpr.processes.base.network import NetworkProcess
+from lava_vpr.processes.base.wiring import inhibiting
 
 
 class PlaceNetwork(NetworkProcess):

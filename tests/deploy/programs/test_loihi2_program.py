@@ -116,6 +116,7 @@ def test_a_bundle_for_another_board_is_not_run(made: dict[str, Path], tmp_path: 
     )
 
 
+@pytest.mark.lava  # which the program asks for before it reads queries
 def test_queries_that_are_not_there_are_refused(made: dict[str, Path], tmp_path: Path) -> None:
     words = ("--queries", tmp_path, "--out", tmp_path / "out", "--simulate")
     missing = f"{tmp_path}/rates.npy: cannot be read (No such file or directory); write the queries there"
