@@ -265,6 +265,7 @@ def test_a_temporary_folder_has_a_short_path(run: Any, monkeypatch: pytest.Monke
     assert caught.value.stage == "start"
 
 
+@pytest.mark.lava
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
 def test_nothing_outlives_the_program(made: dict[str, Path], number: int, tmp_path: Path, short: Path) -> None:
