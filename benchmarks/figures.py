@@ -23,7 +23,7 @@ FOLDER = Path(__file__).resolve().parents[1] / "docs" / "results"
 
 
 @dataclass(frozen=True)
-class Figures:
+class PageTable:
     """A table that a page shows.
 
     Attributes:
@@ -51,7 +51,7 @@ def names() -> list[str]:
     return sorted(path.stem for path in FOLDER.glob("*.json"))
 
 
-def read(name: str) -> Figures:
+def read(name: str) -> PageTable:
     """A record.
 
     Raises:
@@ -60,13 +60,13 @@ def read(name: str) -> Figures:
     path = FOLDER / f"{name}.json"
     if not path.exists():
         raise InputError(f"{path}: there is no such record; there are {', '.join(names())}")
-    figures = Figures(**json.loads(path.read_text(encoding="utf-8")))
+    figures = PageTable(**json.loads(path.read_text(encoding="utf-8")))
     if any(len(row) != len(figures.columns) for row in figures.rows):
         raise InputError(f"{path}: a row has not {len(figures.columns)} cells, as there are columns; give it as many")
     return figures
 
 
-def write(name: str, figures: Figures) -> None:
+def write(name: str, figures: PageTable) -> None:
     """Write a record."""
     text = figures.text().encode()
     write_atomically(FOLDER / f"{name}.json", lambda out: out.write(text))

@@ -21,7 +21,7 @@ from lava.magma.core.run_configs import Loihi2SimCfg
 from lava.proc.io.source import RingBuffer
 from numpy.typing import NDArray
 
-from benchmarks.program import Figures, Printed, program
+from benchmarks.program import BenchmarkTable, Printed, program
 from benchmarks.timing import elapsed, turns
 from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
@@ -152,4 +152,4 @@ def main() -> Printed:
         ratio = np.median(rates[0]) / np.median(rates[1])
         for name, speeds, last in zip(names, rates, (f"{ratio:.2f}", ""), strict=True):
             rows.append([name, f"{np.median(speeds):,.0f}", f"{speeds.min():,.0f} .. {speeds.max():,.0f}", last])
-    yield Figures(["", "per second, median", "least .. most", "ratio of medians"], rows)
+    yield BenchmarkTable(["", "per second, median", "least .. most", "ratio of medians"], rows)

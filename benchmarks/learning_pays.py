@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from benchmarks.nordland import FOLDERS, images_of
 from benchmarks.places import TEMPLATES
-from benchmarks.program import Figures, Printed, program, recall, seeds_option
+from benchmarks.program import BenchmarkTable, Printed, program, recall, seeds_option
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
@@ -235,4 +235,4 @@ def main(seeds: Sequence[int]) -> Printed:
     title = "synthetic drives in rain, at night, in winter: winter, as learned in summer"
     rows.append([title, *drifted(False, seeds)])
     rows.append(["the same, learning from the surest half of its answers after each drive", *drifted(True, seeds)])
-    yield Figures(["references", *LEARNERS, "`cosine`"], rows, record="learning-pays")
+    yield BenchmarkTable(["references", *LEARNERS, "`cosine`"], rows, record="learning-pays")

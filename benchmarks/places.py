@@ -27,7 +27,7 @@ TEMPLATES = {"rule": "template", "epochs": 1}
 Views = tuple[EncodedTraverse, ...]
 
 
-class Section(NamedTuple):
+class PlacesSection(NamedTuple):
     """Some places of a dataset; ``nordland_all`` is one list of both parts of the journey."""
 
     dataset: str
@@ -38,9 +38,9 @@ class Section(NamedTuple):
         return f"{self.dataset} {self.first}:{self.end}"
 
 
-def sections_of(dataset: str, end: int) -> tuple[Section, ...]:
+def sections_of(dataset: str, end: int) -> tuple[PlacesSection, ...]:
     """Sections of 100 places."""
-    return tuple(Section(dataset, first, first + 100) for first in range(0, end, 100))
+    return tuple(PlacesSection(dataset, first, first + 100) for first in range(0, end, 100))
 
 
 @lru_cache(maxsize=24)
@@ -61,7 +61,7 @@ def _of_pixels(encoder: EncoderConfig) -> EncoderConfig:
     )
 
 
-def places(section: Section, which: int, config: Config, views: ViewsConfig | None = None) -> Views:
+def places(section: PlacesSection, which: int, config: Config, views: ViewsConfig | None = None) -> Views:
     """References (0) or queries (1) of a section in each view.
 
     Raises:
@@ -104,6 +104,6 @@ def recognised(
     return [recognise(model, asked, truth, comparison, pool=Pool(cores())) for model in models]
 
 
-def learn(section: Section, config: Config) -> Model:
+def learn(section: PlacesSection, config: Config) -> Model:
     """A model of a section."""
     return train(places(section, 0, config), config, pool=Pool(cores()))

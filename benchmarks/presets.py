@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import click
 import numpy as np
 
-from benchmarks.places import TEMPLATES, Section, learn, places
+from benchmarks.places import TEMPLATES, PlacesSection, learn, places
 from benchmarks.program import Printed, program
 from benchmarks.searching import MARGIN, RECALL, Log, recalls
 from lava_vpr.config import Config, preset
@@ -43,10 +43,10 @@ FRESH = tuple(range(11, 19))
 ENERGY_OF = 2
 """So many sections decide about energy, those of 100 places: what presets promise is per query of 100 places."""
 PLACES = {
-    Section("nordland", 0, 100): 0,
-    Section("nordland", 100, 200): 0,
-    Section("nordland", 0, 200): 0,
-    Section("gardens", 0, 50): 2,
+    PlacesSection("nordland", 0, 100): 0,
+    PlacesSection("nordland", 100, 200): 0,
+    PlacesSection("nordland", 0, 200): 0,
+    PlacesSection("gardens", 0, 50): 2,
 }
 """How many places off an answer may be, by what is learned."""
 WEIGHTS = np.array(((0.25,), (0.25,), (0.35,), (0.15,))) * RECALL
@@ -111,7 +111,7 @@ GOALS = {
 }
 
 
-class Result(NamedTuple):
+class PresetMeans(NamedTuple):
     """Means over seeds of one setting.
 
     Attributes:
@@ -146,7 +146,7 @@ def cases_of(config: Config, seeds: Sequence[int] = SEEDS) -> list[Case]:
     return cases
 
 
-def measured(cases: Sequence[Case], settings: Mapping[str, float], ceiling: bool = True) -> Result:
+def measured(cases: Sequence[Case], settings: Mapping[str, float], ceiling: bool = True) -> PresetMeans:
     """What the models of ``cases`` recall with ``settings``."""
     runs = [run_of(case, dict(settings), KAPOHO_BAY, cores()) for case in cases]
     results = [figures(run, (np.inf,))[0] for run in runs]
@@ -154,10 +154,10 @@ def measured(cases: Sequence[Case], settings: Mapping[str, float], ceiling: bool
     energy = np.mean([one.microjoules for one in results[: ENERGY_OF * len(SEEDS)]])
     firsts = range(0, len(cases) if ceiling else 0, len(SEEDS))
     ceilings = [_ceiling(cases[k], runs[k].model) for k in firsts]
-    return Result(100 * of_places, 100 * float(np.mean(ceilings or 0.0)), float(energy))
+    return PresetMeans(100 * of_places, 100 * float(np.mean(ceilings or 0.0)), float(energy))
 
 
-def as_learned(cases: Sequence[Case]) -> Result:
+def as_learned(cases: Sequence[Case]) -> PresetMeans:
     """What models recall as they are."""
     return measured(cases, current(cases[0].model), ceiling=False)
 
@@ -170,14 +170,14 @@ def _ceiling(case: Case, model: Model) -> float:
 
 
 def better(
-    log: Log, most: float = np.inf, again: Callable[[Settings], Result] | None = None
-) -> Callable[[Trial[Result], Trial[Result]], bool]:
+    log: Log, most: float = np.inf, again: Callable[[Settings], PresetMeans] | None = None
+) -> Callable[[Trial[PresetMeans], Trial[PresetMeans]], bool]:
     """When a setting is better: its score is, by `MARGIN`, and it takes no more energy than ``most``.
 
     With ``again``, what a setting brings with fresh seeds, it must win with these, too.
     """
 
-    def wins(trial: Trial[Result], best: Trial[Result]) -> bool:
+    def wins(trial: Trial[PresetMeans], best: Trial[PresetMeans]) -> bool:
         result, top = trial.result, best.result
         if result is None or top is None or result.microjoules > most:
             return False
@@ -203,7 +203,7 @@ def held(part: Any, values: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
 def choose(base: Config, part: str, values: Mapping[str, Sequence[Any]], log: Log) -> Config:
     """``base`` with the settings of a part that serve best: the encoder's with templates, or those of learning."""
 
-    def measure(settings: Settings) -> Result:
+    def measure(settings: Settings) -> PresetMeans:
         config = update(base, {part: settings} | ({"learning": TEMPLATES} if part == "encoder" else {}))
         if config.encoder.inputs > MOST_INPUTS:
             raise InputError(f"{config.encoder.inputs:,} inputs; choose at most {MOST_INPUTS:,}")

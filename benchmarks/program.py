@@ -30,7 +30,7 @@ seeds_option = click.option(
 
 
 @dataclass(frozen=True)
-class Figures(Table):
+class BenchmarkTable(Table):
     """A table that a benchmark makes; its cells are Markdown.
 
     Attributes:
@@ -55,7 +55,7 @@ def program(*datasets: str) -> Callable[[Callable[..., Printed]], click.Command]
             try:
                 for one in function(**options):
                     show(one)
-                    if record and isinstance(one, Figures) and one.record:
+                    if record and isinstance(one, BenchmarkTable) and one.record:
                         figures.write(one.record, taken(one, figures.read(one.record)))
             except LavaVprError as error:
                 raise SystemExit(f"error: {error}") from None
@@ -81,7 +81,7 @@ def verdict(failed: Sequence[str], well: str) -> Printed:
     yield well
 
 
-def taken(made: Figures, before: figures.Figures) -> figures.Figures:
+def taken(made: BenchmarkTable, before: figures.PageTable) -> figures.PageTable:
     """A record with the cells of today; what has not changed keeps its emphasis."""
     old = {(k, c, plain(cell)): cell for k, row in enumerate(before.rows) for c, cell in enumerate(row)}
     rows = [[old.get((k, c, cell), cell) for c, cell in enumerate(row)] for k, row in enumerate(made.rows)]

@@ -17,29 +17,29 @@ from typing import Any
 
 import click
 
-from benchmarks.places import TEMPLATES, Section, learn
-from benchmarks.program import Figures, Printed, program, seeds_option
+from benchmarks.places import TEMPLATES, PlacesSection, learn
+from benchmarks.program import BenchmarkTable, Printed, program, seeds_option
 from benchmarks.results.record import Record, key
-from benchmarks.results.rows import PRINTED, Row, asked, measure
+from benchmarks.results.rows import PRINTED, ResultRow, asked, measure
 from benchmarks.results.tables import DEFAULT, FIVE, PAPERS, SIMPLEST
 from lava_vpr.config import INPUT_MODES, preset
 from lava_vpr.configfile import update
-from lava_vpr.deploy.bundle.folder import Bundle
+from lava_vpr.deploy.bundle.folder import ReadBundle
 from lava_vpr.deploy.bundle.learning import learned_on_chip, learning_files, read_learning
 from lava_vpr.engine.threads import cores
 
 ON_CHIP = "integers, as the chip can: no floor, no rest, thresholds folded"
 INTEGER = {"learning": {"arithmetic": "integer"}}
-ALL = (Section("nordland", 0, 500),)
+ALL = (PlacesSection("nordland", 0, 500),)
 PAPER = (FIVE[0], FIVE[3])
 
 
-def varied(name: str, changes: Mapping[str, Mapping[str, Any]], of: str = DEFAULT, **fields: Any) -> Row:
+def varied(name: str, changes: Mapping[str, Mapping[str, Any]], of: str = DEFAULT, **fields: Any) -> ResultRow:
     """The five sections under other settings than those of a preset."""
-    return Row(name, update(preset(of), {part: dict(values) for part, values in changes.items()}), FIVE, **fields)
+    return ResultRow(name, update(preset(of), {part: dict(values) for part, values in changes.items()}), FIVE, **fields)
 
 
-TABLES: dict[str, list[Row]] = {
+TABLES: dict[str, list[ResultRow]] = {
     "decoders": [varied("preset loihi", {}, matchers=(*SIMPLEST, *PAPERS, *(f"{name}{PRINTED}" for name in PAPERS)))],
     "arithmetic": [
         varied("float", {}),
@@ -60,7 +60,7 @@ TABLES: dict[str, list[Row]] = {
         varied(ON_CHIP, {}),
     ],
     "input-modes": [
-        Row(f"{mode}, {title}", update(preset(DEFAULT), {"network": {"input_mode": mode}}), chosen)
+        ResultRow(f"{mode}, {title}", update(preset(DEFAULT), {"network": {"input_mode": mode}}), chosen)
         for title, chosen in (
             ("five sections", FIVE),
             ("0:200, which chose the settings", FIVE[:2]),
@@ -75,27 +75,27 @@ TABLES: dict[str, list[Row]] = {
         varied("without signs", {"network": {"signed": False}}, "fast", costs=True),
         varied("prune 0.8", {"network": {"prune": 0.8}}, "fast", costs=True),
         varied("Poisson trains", {"network": {"trains": "poisson"}}, "fast", costs=True),
-        Row("0:500 in one model", preset("fast"), ALL, costs=True),
-        Row("0:500 in one model, sequences of 5", preset("fast"), ALL, sequence=5),
+        ResultRow("0:500 in one model", preset("fast"), ALL, costs=True),
+        ResultRow("0:500 in one model, sequences of 5", preset("fast"), ALL, sequence=5),
     ],
     "paper": [
-        Row("preset paper, 0:100 and 300:400", preset("paper"), PAPER, (*PAPERS, "contrast", "sad", "hog")),
-        Row("preset loihi, the same places", preset(DEFAULT), PAPER, SIMPLEST),
+        ResultRow("preset paper, 0:100 and 300:400", preset("paper"), PAPER, (*PAPERS, "contrast", "sad", "hog")),
+        ResultRow("preset loihi, the same places", preset(DEFAULT), PAPER, SIMPLEST),
     ],
 }
 """Rows by the name of their table. Preset paper takes two minutes for each section and seed."""
 
 
-def figures(row: Row, section: Section, seed: int) -> dict[str, list[float]]:
+def figures(row: ResultRow, section: PlacesSection, seed: int) -> dict[str, list[float]]:
     """The figures of a section; `ON_CHIP` is learned again from the files that a bundle of the float model holds."""
     if row.name != ON_CHIP:
         return measure(row, section, seed)
     model = learn(section, replace(row.config, seed=seed))
-    files = read_learning(Bundle(Path("memory"), {}, learning_files(model)))
+    files = read_learning(ReadBundle(Path("memory"), {}, learning_files(model)))
     return asked(row, learned_on_chip(model, files, cores()), section)
 
 
-def lines(row: Row, seeds: Sequence[int]) -> list[list[str]]:
+def lines(row: ResultRow, seeds: Sequence[int]) -> list[list[str]]:
     """The lines of a row: its network, then its other matchers."""
     record, cases = Record({}), [(section, seed) for section in row.sections for seed in seeds]
     record.put(row, "", {key(*case): figures(row, *case) for case in cases})
@@ -114,4 +114,4 @@ def main(table: str, seeds: Sequence[int]) -> Printed:
     columns = ("", "R@1", "R@100P", "AUC", "µJ", "ms")[: max(map(len, rows))]
     filled = [[*row, *[""] * (len(columns) - len(row))] for row in rows]
     title = f"percent, seeds {', '.join(map(str, seeds))}"
-    yield Figures(columns, filled, title=title, record=table if table == "chip-learning" else "")
+    yield BenchmarkTable(columns, filled, title=title, record=table if table == "chip-learning" else "")

@@ -33,7 +33,7 @@ class StoppedError(KeyboardInterrupt):
     """Raised in the main thread when a signal asks the program to end; whatever minds Ctrl-C minds it."""
 
 
-class _State:
+class _SignalState:
     """What a signal does just now."""
 
     def __init__(self) -> None:
@@ -44,7 +44,7 @@ class _State:
         self.stopped: list[int] = []  # signals that stopped the program
 
 
-_now = _State()
+_now = _SignalState()
 
 
 def _stop(number: int, frame: FrameType | None) -> None:

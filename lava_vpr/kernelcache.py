@@ -119,7 +119,7 @@ def _cache_class() -> Any:
     """numba's cache of a kernel, but one that forgets what it cannot read and goes on where it cannot write."""
     from numba.core.caching import FunctionCache
 
-    class Cache(FunctionCache):
+    class KernelCache(FunctionCache):
         """The cache of one kernel."""
 
         def load_overload(self, *what: Any) -> Any:
@@ -141,7 +141,7 @@ def _cache_class() -> Any:
             except Exception as error:  # an index that is damaged and cannot be replaced, too
                 _note(self.cache_path, getattr(error, "strerror", None) or str(error))
 
-    return Cache
+    return KernelCache
 
 
 def _tell(begun: bool) -> None:

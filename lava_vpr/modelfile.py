@@ -45,7 +45,7 @@ from lava_vpr.matching.probability import KINDS
 from lava_vpr.positions.frames import LAT_LON, MOST_METRES, XY, fits, is_frame
 from lava_vpr.settings.conductance import ConductanceLearning, ConductanceNetwork
 from lava_vpr.settings.ranges import real, whole
-from lava_vpr.storage.arrays import Rule, UnexpectedError, UnfitError, check_arrays
+from lava_vpr.storage.arrays import ArrayRule, UnexpectedError, UnfitError, check_arrays
 from lava_vpr.storage.limits import excess
 from lava_vpr.vectors.kept import check_standard, seen_rules
 
@@ -155,7 +155,7 @@ def check_model(config: Config, places: int, traverses: int, neurons: int) -> No
         raise ConfigError(f"a model of {places:,} places and {neurons:,} neurons takes {beyond}, or learn fewer places")
 
 
-def array_rules(config: Config, sizes: Sizes) -> dict[str, Rule]:
+def array_rules(config: Config, sizes: Sizes) -> dict[str, ArrayRule]:
     """What every array of a model file must be."""
     return {**_rules(config, sizes), **_network_rules(config, sizes)}
 
@@ -324,24 +324,24 @@ def _agree(network: FixedNetwork, config: Config) -> None:
             raise UnfitError(f"{name} {own} where the settings say {set_to}")
 
 
-def _network_rules(config: Config, sizes: Sizes) -> dict[str, Rule]:
+def _network_rules(config: Config, sizes: Sizes) -> dict[str, ArrayRule]:
     """What the arrays of the network must be."""
     shape, network, learning = (sizes.inputs, sizes.neurons), config.network, config.learning
     if not isinstance(network, ConductanceNetwork) or not isinstance(learning, ConductanceLearning):
         return {
-            "network.weights": Rule("int16", shape, least=-WEIGHT_LIMIT, most=WEIGHT_LIMIT),
-            "network.bias": Rule("int32", shape[1:], least=-MOST_COUNT, most=MOST_COUNT),
+            "network.weights": ArrayRule("int16", shape, least=-WEIGHT_LIMIT, most=WEIGHT_LIMIT),
+            "network.bias": ArrayRule("int32", shape[1:], least=-MOST_COUNT, most=MOST_COUNT),
         }
     largest = max(learning.w_max, learning.weight_sum) * (1 + 1e-9)  # one weight can be all that is normalised
     longest = math.floor(network.delay_max_ms / network.dt_ms + 0.5)
     return {
-        "network.weights": Rule("float64", shape, most=largest),
-        "network.theta_mv": Rule("float64", shape[1:], most=MOST_COUNT),
-        "network.delays": Rule("uint16", shape, most=longest),
+        "network.weights": ArrayRule("float64", shape, most=largest),
+        "network.theta_mv": ArrayRule("float64", shape[1:], most=MOST_COUNT),
+        "network.delays": ArrayRule("uint16", shape, most=longest),
     }
 
 
-def _rules(config: Config, sizes: Sizes) -> dict[str, Rule]:
+def _rules(config: Config, sizes: Sizes) -> dict[str, ArrayRule]:
     """What the arrays beside the network's must be; ``learned`` may also be empty."""
     places, images, inputs, neurons = sizes
     network, learning = config.network, config.learning
@@ -349,23 +349,25 @@ def _rules(config: Config, sizes: Sizes) -> dict[str, Rule]:
     repeats = min(learning.label_epochs, learning.epochs) if isinstance(learning, ConductanceLearning) else 1
     most = images // places * repeats * network.steps
     return {
-        "learned": Rule("float32", learned, least=-_MOST_FLOAT if learning.rule == "slayer" else 0, most=_MOST_FLOAT),
-        "responses": Rule("uint16" if most < 2**16 else "int32", (neurons, places), most=most),
-        "place_indices": Rule("int64", (places,), most=MOST_COUNT),
-        "labels": Rule("int64", (images,), most=places - 1),
-        "activity": Rule(
+        "learned": ArrayRule(
+            "float32", learned, least=-_MOST_FLOAT if learning.rule == "slayer" else 0, most=_MOST_FLOAT
+        ),
+        "responses": ArrayRule("uint16" if most < 2**16 else "int32", (neurons, places), most=most),
+        "place_indices": ArrayRule("int64", (places,), most=MOST_COUNT),
+        "labels": ArrayRule("int64", (images,), most=places - 1),
+        "activity": ArrayRule(
             "float32",
             (images, inputs),
             most=255 if INPUTS[config.encoder.kind].grey_levels else _MOST_FLOAT,
         ),
-        "thumbnails": Rule("uint8", (places, 48, 64, 3), most=255),
-        "positions": Rule("float64", (places, 2), least=-MOST_METRES, most=MOST_METRES),
-        "calibration": Rule("float32", (_MOST_SAMPLES, 2), least=-1.0, most=_MOST_FLOAT),
+        "thumbnails": ArrayRule("uint8", (places, 48, 64, 3), most=255),
+        "positions": ArrayRule("float64", (places, 2), least=-MOST_METRES, most=MOST_METRES),
+        "calibration": ArrayRule("float32", (_MOST_SAMPLES, 2), least=-1.0, most=_MOST_FLOAT),
         **seen_rules(config.encoder, images),
     }
 
 
-def _calibration_rule(samples: NDArray[Any], config: Config) -> Rule:
+def _calibration_rule(samples: NDArray[Any], config: Config) -> ArrayRule:
     """What the samples of a calibration must be: some, not too many, of an integer network, each of a known kind."""
     if isinstance(config.network, ConductanceNetwork):
         raise UnfitError("a calibration of the conductance model, which has none")
@@ -375,7 +377,7 @@ def _calibration_rule(samples: NDArray[Any], config: Config) -> Rule:
         raise UnfitError(
             "a calibration with a negative margin, or of a sample that is neither right, wrong nor off the map"
         )
-    return Rule("float32", samples.shape, least=-1.0, most=_MOST_FLOAT)
+    return ArrayRule("float32", samples.shape, least=-1.0, most=_MOST_FLOAT)
 
 
 def _check_places(arrays: Mapping[str, NDArray[Any]], sizes: Sizes, route_images: int) -> None:

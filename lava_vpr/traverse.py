@@ -28,7 +28,7 @@ from lava_vpr.positions.frames import Positions
 from lava_vpr.positions.names import positions_of_names, stamps_of_names
 from lava_vpr.positions.stamps import in_seconds, stamp_of
 from lava_vpr.positions.tables import read_stamps
-from lava_vpr.positions.track import MOST_GAP_S, Asked, images_on, read_track
+from lava_vpr.positions.track import MOST_GAP_S, PositionRequest, images_on, read_track
 from lava_vpr.readers import EVENTS, Found, found_vectors, open_source
 from lava_vpr.storage.text import printable, shown
 from lava_vpr.vectors.source import Vectors, VectorSource
@@ -218,7 +218,7 @@ def located(
     times = traverse.stamps if stamps is None else _stamps(traverse, stamps)
     if positions is None:
         return replace(traverse, stamps=times)
-    found, times = images_on(read_track(positions), Asked(traverse.indices, whole, times), gap)
+    found, times = images_on(read_track(positions), PositionRequest(traverse.indices, whole, times), gap)
     return replace(traverse, stamps=times, positions=found)
 
 

@@ -51,7 +51,7 @@ class Step(NamedTuple):
     seconds: float = 3600
 
 
-class Outcome(NamedTuple):
+class StepOutcome(NamedTuple):
     """How a step ended.
 
     Attributes:
@@ -111,19 +111,19 @@ def judged(step: Step, ended: Ended, images: bool) -> tuple[str, str]:
     return PASSED, ""
 
 
-def run(step: Step, images: bool) -> Outcome:
+def run(step: Step, images: bool) -> StepOutcome:
     """Run a step to its end, or leave it out where it needs images and there are none."""
     if step.images and not images:
-        return Outcome(step, LEFT_OUT, f"{IMAGES} names no real images")
+        return StepOutcome(step, LEFT_OUT, f"{IMAGES} names no real images")
     started = time.perf_counter()
     try:
         ended = run_child([sys.executable, *step.words], seconds=step.seconds, folder=ROOT)
     except subprocess.TimeoutExpired:
-        return Outcome(step, FAILED, f"took more than {step.seconds:.0f} s", "", time.perf_counter() - started)
+        return StepOutcome(step, FAILED, f"took more than {step.seconds:.0f} s", "", time.perf_counter() - started)
     result, why = judged(step, ended, images)
     text = ended.out.rstrip() + (f"\n{ended.err.rstrip()}" if ended.code else "")
     said = "\n".join(line.rstrip() for line in text.splitlines()[-step.lines :])
-    return Outcome(step, result, why, said, time.perf_counter() - started)
+    return StepOutcome(step, result, why, said, time.perf_counter() - started)
 
 
 def git(*words: str) -> str | None:
@@ -163,7 +163,7 @@ def without_paths(text: str) -> str:
     return text
 
 
-def written(outcomes: Sequence[Outcome], when: datetime.datetime, tree: str, images: bool) -> str:
+def written(outcomes: Sequence[StepOutcome], when: datetime.datetime, tree: str, images: bool) -> str:
     """The log.
 
     Args:
@@ -190,7 +190,7 @@ def written(outcomes: Sequence[Outcome], when: datetime.datetime, tree: str, ima
     return without_paths("\n\n".join(parts) + "\n")
 
 
-def _result(outcomes: Sequence[Outcome]) -> str:
+def _result(outcomes: Sequence[StepOutcome]) -> str:
     counts = {result: sum(outcome.result == result for outcome in outcomes) for result in (FAILED, LEFT_OUT)}
     if counts[FAILED]:
         return f"{counts[FAILED]} of {len(outcomes)} steps failed"

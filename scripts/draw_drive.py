@@ -29,7 +29,7 @@ SIZE = (8.0, 4.6)  # inches, at 100 pixels
 
 
 @dataclass(frozen=True)
-class Frame:
+class DriveFrame:
     """What one frame shows: the winter image, uint8 (h, w, 3) BGR, where it was taken, and the answer."""
 
     place: int
@@ -37,11 +37,11 @@ class Frame:
     match: Match
 
 
-def frames(robot: Localizer) -> Iterator[Frame]:
+def frames(robot: Localizer) -> Iterator[DriveFrame]:
     """The drive, image by image."""
     for stamp, place in enumerate(DRIVE):
         image = render(WORLD, place, "winter")
-        yield Frame(place, image, robot.update(image, float(stamp)))
+        yield DriveFrame(place, image, robot.update(image, float(stamp)))
 
 
 def verdict(match: Match) -> tuple[str, str]:
@@ -53,7 +53,7 @@ def verdict(match: Match) -> tuple[str, str]:
     return f"perhaps place {match.place}, probability {match.probability:.0%}: not accepted", GREY
 
 
-def draw(frame: Frame, references: NDArray[np.uint8], order: NDArray[np.int64]) -> Image.Image:
+def draw(frame: DriveFrame, references: NDArray[np.uint8], order: NDArray[np.int64]) -> Image.Image:
     """One frame of the picture.
 
     Args:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lava_vpr.deploy.hardware.belief import Belief
+from lava_vpr.deploy.hardware.belief import HardwareBelief
 from lava_vpr.deploy.hardware.table import BELIEFS, SECTIONS
 
 
@@ -11,7 +11,7 @@ def cell(text: str) -> str:
     return text.replace("|", "\\|").replace("*", "\\*").replace("\\*\\*", "**").replace("<", "&lt;")
 
 
-def line(row: Belief) -> str:
+def line(row: HardwareBelief) -> str:
     """The line of one row."""
     cells = (row.name, row.on, row.shown, row.unit or "", row.evidence, row.breaks)
     return f"| {' | '.join(map(cell, cells))} |"

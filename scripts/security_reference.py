@@ -6,7 +6,7 @@ from lava_vpr.config import preset
 from lava_vpr.configfile import sections
 from lava_vpr.modelfile import Sizes, array_rules
 from lava_vpr.settings.ranges import declared
-from lava_vpr.storage.arrays import Rule
+from lava_vpr.storage.arrays import ArrayRule
 from lava_vpr.storage.limits import LIMITS, variable
 
 
@@ -51,7 +51,7 @@ def arrays() -> str:
     return "\n".join(rows)
 
 
-def _written(rule: Rule) -> str:
+def _written(rule: ArrayRule) -> str:
     shape = ", ".join(getattr(length, "name", str(length)) for length in rule.shape)
     return f"{rule.dtype} ({shape}) | {rule.least:g} .. {rule.most:g}"
 

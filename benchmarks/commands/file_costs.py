@@ -26,7 +26,7 @@ import h5py
 import numpy as np
 
 from benchmarks.commands.running import PROGRAM, measured
-from benchmarks.program import Figures, Printed, program
+from benchmarks.program import BenchmarkTable, Printed, program
 from lava_vpr import model as model_file
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
@@ -41,7 +41,7 @@ from lava_vpr.training.loop import split
 IMAGE = "image.png"
 
 
-class Case(NamedTuple):
+class CostlyFile(NamedTuple):
     """A file at its limits: what it is, what reads it, what makes it, and the command that does."""
 
     what: str
@@ -138,7 +138,7 @@ def vectors(name: str) -> Callable[[Path], object]:
     return make
 
 
-def cases() -> dict[str, Case]:
+def cases() -> dict[str, CostlyFile]:
     """Every case by its name."""
     loihi = preset("loihi")
     fast = preset("fast")
@@ -157,44 +157,44 @@ def cases() -> dict[str, Case]:
 
     of_vectors = f"{limit('array_bytes') // (4 * 4096) - 1:,} vectors of 4,096 values"
     return {
-        "nothing": Case("a model of 2 places", "`query` of one small image", few, query),
-        "model": Case("a model of 20,000 places", "`query`", save_blank(fast, 20_000), query),
-        "steps": Case("a model of 1,900 places and 65,536 steps", "`query`", save_blank(long, 1_900), query),
-        "loihi2": Case(
+        "nothing": CostlyFile("a model of 2 places", "`query` of one small image", few, query),
+        "model": CostlyFile("a model of 20,000 places", "`query`", save_blank(fast, 20_000), query),
+        "steps": CostlyFile("a model of 1,900 places and 65,536 steps", "`query`", save_blank(long, 1_900), query),
+        "loihi2": CostlyFile(
             "a bundle of 16,000 places for Loihi 2", "`query`", deploy_blank(fast, 16_000, "loihi2"), bundle
         ),
-        "kapoho": Case(
+        "kapoho": CostlyFile(
             f"a bundle of {kapoho} places for Kapoho Bay",
             "`query --backend bundle`",
             deploy_blank(loihi, kapoho, "kapoho-bay"),
             [*bundle, "--backend", "bundle"],
         ),
-        "picture": Case(
+        "picture": CostlyFile(
             "a picture of 178,956,970 pixels (PNG)",
             "`query`",
             and_few(picture),
             [*PROGRAM, "query", "model.lvpr", "large.png", "-o", "answer.csv"],
         ),
-        "list": Case(
+        "list": CostlyFile(
             "a list of 2,000,000 images",
             "the reader of lists",
             listing,
             read("images.lists", "listed_images", "long.txt"),
         ),
-        "positions": Case(
+        "positions": CostlyFile(
             "2,000,000 positions",
             "the reader of positions",
             positions,
             read("positions.tables", "read_table", "positions.csv"),
         ),
-        "gpx": Case(
+        "gpx": CostlyFile(
             "a GPX track of 250,000 points",
             "the reader of positions",
             tracking,
             read("positions.gpx", "read_gpx", "track.gpx"),
         ),
         **{
-            end: Case(
+            end: CostlyFile(
                 f"{of_vectors} (.{end})",
                 "the reader of vectors",
                 vectors(f"v.{end}"),
@@ -223,4 +223,4 @@ def main(only: Sequence[str]) -> Printed:
         rows.append([case.what, case.reader, *figures])
         yield f"{name}: {', '.join(figures)}; {run.used:,.1f} s of processors"
     columns = ["file", "read by", "on the disk, MB", "memory at most, MB", "seconds"]
-    yield Figures(columns, rows, record="" if only else "file-costs")
+    yield BenchmarkTable(columns, rows, record="" if only else "file-costs")

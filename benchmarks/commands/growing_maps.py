@@ -20,7 +20,7 @@ import numpy as np
 
 from benchmarks.commands.running import lava_vpr
 from benchmarks.nordland import images_of
-from benchmarks.program import Figures, Printed, program, seeds_option
+from benchmarks.program import BenchmarkTable, Printed, program, seeds_option
 from lava_vpr import maps, model
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.encoding import Keep, encode_views
@@ -96,7 +96,7 @@ def main(seeds: Sequence[int]) -> Printed:
             place = Path(name)
             runs = {what: lava_vpr(place, *words) for what, words in commands(place, seed).items()}
             rows = [[what, f"{run.seconds:.1f}", f"{run.used:.1f}"] for what, run in runs.items()]
-            yield Figures(["", "s", "processor s"], rows, title=f"Nordland, seed {seed}")
+            yield BenchmarkTable(["", "s", "processor s"], rows, title=f"Nordland, seed {seed}")
             yield f"extending alone, without start and files: {extending(place):.2f} processor s"
             yield from stayed(place)
             winter = listed(place, "winter")

@@ -19,7 +19,7 @@ from pathlib import Path
 import click
 
 from benchmarks.commands.running import lava_vpr
-from benchmarks.program import Figures, Printed, program
+from benchmarks.program import BenchmarkTable, Printed, program
 from lava_vpr.synthetic import write_traverses
 
 QUERIES = 20
@@ -75,9 +75,9 @@ def main(sizes: Sequence[int], deployed: int, many: int) -> Printed:
             rows += [row(place, what, places, words, base) for what, words in asked_of(places, many)]
             size = (place / f"{places}.lvpr").stat().st_size
             rows.append([f"{places:,} places: file", "", "", "", f"{size / 1e6:.1f}", f"{size / 1e3 / places:.1f}"])
-        yield Figures(COLUMNS, rows, title="maps of the synthetic world")
+        yield BenchmarkTable(COLUMNS, rows, title="maps of the synthetic world")
         if deployed:
             rows = [row(place, what, deployed, words, base) for what, words in deployed_of(deployed).items()]
-            yield Figures(COLUMNS, rows, title="on Kapoho Bay")
+            yield BenchmarkTable(COLUMNS, rows, title="on Kapoho Bay")
             verdict = json.loads((place / "verified.json").read_text())["backends"]["bundle"]
             yield f"bundle against host: {verdict['spikes_compared']:,} spikes compared, equal: {verdict['equal']}"

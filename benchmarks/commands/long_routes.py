@@ -23,8 +23,8 @@ from pathlib import Path
 import click
 import psutil
 
-from benchmarks.commands.running import Run, lava_vpr
-from benchmarks.program import Figures, Printed, program
+from benchmarks.commands.running import CommandRun, lava_vpr
+from benchmarks.program import BenchmarkTable, Printed, program
 from lava_vpr.synthetic import write_traverses
 
 DASK = str(Path(sys.executable).with_name("dask"))
@@ -71,7 +71,7 @@ def commands(places: int, queries: int, name: str) -> dict[str, list[str]]:
     return {"train": learn, "eval": ask}
 
 
-def row(what: str, places: int, run: Run, sent: int = 0, scheduler: int = 0, worker: int = 0) -> list[str]:
+def row(what: str, places: int, run: CommandRun, sent: int = 0, scheduler: int = 0, worker: int = 0) -> list[str]:
     """What a command took: of its process seconds and those of all its threads; then bytes sent, and held at most."""
     memory = (f"{number / 1e6:,.0f}" if number else "" for number in (sent, run.held, scheduler, worker))
     return [what, f"{places:,}", f"{run.seconds:.1f}", f"{run.used:.1f}", *memory]
@@ -113,4 +113,4 @@ def main(sizes: Sequence[int], compared: Sequence[int], queries: int, workers: i
             rows += at_cluster(place, places, queries, workers)
             rows += alone(place, places, queries) if places in compared else []
     memory = ("MB sent", "client MB", "scheduler MB", "worker MB")
-    yield Figures(["", "places", "s", "client's processor s", *memory], rows, record="cluster")
+    yield BenchmarkTable(["", "places", "s", "client's processor s", *memory], rows, record="cluster")

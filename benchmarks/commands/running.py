@@ -18,7 +18,7 @@ print(code, time.perf_counter() - began, used.ru_utime + used.ru_stime, used.ru_
 """Starts a command from a process that holds little: Linux counts what the starter held as the command's own."""
 
 
-class Run(NamedTuple):
+class CommandRun(NamedTuple):
     """Seconds that a command took, seconds of processors that it used, and bytes that it held at most."""
 
     seconds: float
@@ -26,16 +26,16 @@ class Run(NamedTuple):
     held: float
 
 
-def measured(place: Path, *words: object) -> Run:
+def measured(place: Path, *words: object) -> CommandRun:
     """What a command takes that runs in ``place``, which must succeed."""
     command = [sys.executable, "-c", STARTER, *map(str, words)]
     run = subprocess.run(command, cwd=place, stdout=subprocess.PIPE, text=True, check=True)
     code, *figures = map(float, run.stdout.split())
     if code:
         raise SystemExit(f"{' '.join(map(str, words))}: failed, see above")
-    return Run(*figures)
+    return CommandRun(*figures)
 
 
-def lava_vpr(place: Path, *words: object) -> Run:
+def lava_vpr(place: Path, *words: object) -> CommandRun:
     """What a command of lava-vpr takes."""
     return measured(place, *PROGRAM, *words)

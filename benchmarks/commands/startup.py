@@ -20,7 +20,7 @@ import numpy as np
 
 from benchmarks.commands.running import PROGRAM, lava_vpr, measured
 from benchmarks.nordland import folder
-from benchmarks.program import Figures, Printed, program
+from benchmarks.program import BenchmarkTable, Printed, program
 from benchmarks.timing import turns
 
 PYTHON = (sys.executable, "-c")
@@ -53,4 +53,4 @@ def main(rounds: int) -> Printed:
     medians = {what: np.median(np.array(runs), axis=0) for what, runs in taken.items()}
     rows = [[what, f"{used:.2f}", f"{seconds:.2f}"] for what, (seconds, used, _) in medians.items()]
     title = f"seconds, median of {rounds} turns; load of the machine {os.getloadavg()[0]:.1f}"
-    yield Figures(["command", "processor", "elapsed"], rows, title=title)
+    yield BenchmarkTable(["command", "processor", "elapsed"], rows, title=title)

@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.nordland import FOLDERS, images_of
-from benchmarks.places import Section, recognised, sections_of
-from benchmarks.program import Figures, Printed, program, seeds_option
+from benchmarks.places import PlacesSection, recognised, sections_of
+from benchmarks.program import BenchmarkTable, Printed, program, seeds_option
 from lava_vpr.config import Config, StdpLearning, preset
 from lava_vpr.configfile import update
 from lava_vpr.inputs.hog import hog
@@ -32,7 +32,7 @@ from lava_vpr.traverse import open_traverse, vector_traverse
 from lava_vpr.vectors.source import Vectors
 
 FIVE = sections_of("nordland", 500)
-CHOSEN_ON = (*sections_of("nordland", 200), Section("nordland", 0, 200), Section("gardens", 0, 50))
+CHOSEN_ON = (*sections_of("nordland", 200), PlacesSection("nordland", 0, 200), PlacesSection("gardens", 0, 50))
 TOLERANCE = {"nordland": 0, "gardens": 2}
 MATCHERS = {
     "cosine of the vectors": "vectors",
@@ -86,7 +86,9 @@ def with_way(settings: Mapping[str, Any]) -> Config:
     return update(preset("loihi"), {"encoder": encoder, "learning": {"steps": steps}})
 
 
-def measured(section: Section, settings: Mapping[str, Any], seeds: Sequence[int]) -> tuple[NDArray[np.float64], int]:
+def measured(
+    section: PlacesSection, settings: Mapping[str, Any], seeds: Sequence[int]
+) -> tuple[NDArray[np.float64], int]:
     """R@1 in percent of each of `MATCHERS`, means over seeds, and the network's inputs."""
     pair = [hogs(section.dataset, which)[section.first : section.end] for which in (0, 1)]
     pair = components(*pair) if "pca" in settings else pair
@@ -111,11 +113,11 @@ def main(seeds: Sequence[int], chosen_on: bool) -> Printed:
         found = [measured(section, {}, seeds)[0] for section in FIVE]
         named = zip([*map(str, FIVE), "mean"], [*found, np.mean(found, axis=0)], strict=True)
         rows = [[name, *(f"{value:.1f}" for value in values)] for name, values in named]
-        yield Figures(["section", *MATCHERS], rows, record="descriptors")
+        yield BenchmarkTable(["section", *MATCHERS], rows, record="descriptors")
         return
     rows = []
     for name, settings in WAYS.items():
         every = [measured(section, settings, seeds) for section in CHOSEN_ON]
         inputs, values = every[0][1], np.mean([values for values, _ in every], axis=0)
         rows.append([name, f"{inputs:,}", *(f"{value:.1f}" for value in values[2:])])
-    yield Figures(["vectors as inputs", "inputs", *list(MATCHERS)[2:]], rows, record="descriptors-ways")
+    yield BenchmarkTable(["vectors as inputs", "inputs", *list(MATCHERS)[2:]], rows, record="descriptors-ways")

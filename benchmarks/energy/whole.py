@@ -19,7 +19,7 @@ from benchmarks.nordland import SECTIONS, answer, encoded, folder, learn, part
 from benchmarks.program import Printed, program
 from benchmarks.timing import turns
 from lava_vpr.backends.host import HostBackend
-from lava_vpr.bench.energy import Way, on_board
+from lava_vpr.bench.energy import AnsweringWay, on_board
 from lava_vpr.bench.measure import alone
 from lava_vpr.bench.measure.timing import each_image, measure_encoding
 from lava_vpr.bench.query_set import QuerySet
@@ -88,7 +88,7 @@ def main(rounds: int) -> Printed:
         if way is None:
             raise InputError(f"{name}: {costs.unavailable}")
         boards.append(way)
-    ways = [Way("host", found[name][name], ms[f"{name}, host"], ms["encoding"]) for name in every]
-    ways += [Way(name, found[INTEGER[0]][name], ms[name], ms[before]) for name, before in BEFORE.items()]
+    ways = [AnsweringWay("host", found[name][name], ms[f"{name}, host"], ms["encoding"]) for name in every]
+    ways += [AnsweringWay(name, found[INTEGER[0]][name], ms[name], ms[before]) for name, before in BEFORE.items()]
     yield table(boards, [f"{name}, Kapoho Bay" for name in every])
     yield table(ways, [*(f"{name}, no board" for name in every), "cosine", "HOG", "SAD"])

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from benchmarks.nordland import images_of
 from benchmarks.places import recognised
-from benchmarks.program import Figures, Printed, fraction, program
+from benchmarks.program import BenchmarkTable, Printed, fraction, program
 from lava_vpr.config import Config, for_events, preset
 from lava_vpr.recognition import Comparison
 from lava_vpr.traverse import Traverse, open_traverse, vector_traverse
@@ -32,7 +32,7 @@ PLAIN, EVENTS = preset("loihi"), for_events(preset("loihi"))
 CHOSEN_ON, UNSEEN, ALL = slice(0, 50), slice(50, 100), slice(0, 100)
 
 
-class Way(NamedTuple):
+class LearningWay(NamedTuple):
     """How frames are learned: settings, and cells and blur of counts as vectors (0 cells: the images themselves)."""
 
     config: Config
@@ -40,10 +40,10 @@ class Way(NamedTuple):
     blur: float = 0.0
 
 
-WAYS: Mapping[str, Way] = {
-    "events": Way(EVENTS),
-    "orientation": Way(PLAIN),
-    "counts": Way(replace(PLAIN, encoder=replace(PLAIN.encoder, vector_dead_zone=0.0)), 14, 2.0),
+WAYS: Mapping[str, LearningWay] = {
+    "events": LearningWay(EVENTS),
+    "orientation": LearningWay(PLAIN),
+    "counts": LearningWay(replace(PLAIN, encoder=replace(PLAIN.encoder, vector_dead_zone=0.0)), 14, 2.0),
 }
 ROWS = (
     ("**input `events`, decoder `standard`**", "events", "standard"),
@@ -64,7 +64,7 @@ ROWS = (
 """The table: what a row is called, how frames are learned, and the matcher."""
 
 
-def drive(which: str, places: slice, way: Way) -> Traverse:
+def drive(which: str, places: slice, way: LearningWay) -> Traverse:
     """Frames of the ``reference`` or the ``query`` drive, or how many events each part of them has, after a blur."""
     folder = images_of("lens_example", "reference").parent
     frames = open_traverse(folder / which, places=(places.start, places.stop))
@@ -85,7 +85,7 @@ def truth(places: slice) -> NDArray[np.bool_]:
     return np.asarray(near[places, places] > 0)
 
 
-def measured(way: Way, places: slice, rivals: Sequence[str] | None) -> dict[str, NDArray[np.float64]]:
+def measured(way: LearningWay, places: slice, rivals: Sequence[str] | None) -> dict[str, NDArray[np.float64]]:
     """R@1, R@5, R@10 and R@100P of every decoder, and of ``rivals`` (None: all), means over `SEEDS`."""
     pair = [drive(which, places, way) for which in ("reference", "query")]
     comparison = Comparison(rivals=rivals, keep_scores=False)
@@ -102,7 +102,7 @@ def measured(way: Way, places: slice, rivals: Sequence[str] | None) -> dict[str,
     }
 
 
-def candidates() -> Iterator[tuple[str, Way]]:
+def candidates() -> Iterator[tuple[str, LearningWay]]:
     """Everything that was tried, by name."""
     kinds = {kind: replace(PLAIN.encoder, kind=kind) for kind in ("orientation", "onoff")}
     for share in (0.8, 0.9, 0.95):
@@ -110,13 +110,13 @@ def candidates() -> Iterator[tuple[str, Way]]:
     for shifts in (1, 3):
         for name, encoder in kinds.items():
             config = replace(PLAIN, encoder=encoder, views=replace(PLAIN.views, shifts=shifts))
-            yield f"{name}, {shifts} view{'s' * (shifts > 1)}", Way(config)
+            yield f"{name}, {shifts} view{'s' * (shifts > 1)}", LearningWay(config)
     for cells in (10, 14, 20):
         for blur in (0.0, 2.0):
             for zone in (0.0, 0.5):
                 config = replace(PLAIN, encoder=replace(PLAIN.encoder, vector_dead_zone=zone))
                 name = f"{cells} x {cells} counts less their mean, blur {blur:g}, dead zone {zone:g}"
-                yield name, Way(config, cells, blur)
+                yield name, LearningWay(config, cells, blur)
 
 
 def chosen() -> Printed:
@@ -145,4 +145,4 @@ def main(choose: bool) -> Printed:
         [title, *(fraction(value) for places in (UNSEEN, ALL) for value in found[way, places.start][matcher])]
         for title, way, matcher in ROWS
     ]
-    yield Figures(columns, rows, record="lens")
+    yield BenchmarkTable(columns, rows, record="lens")

@@ -15,7 +15,7 @@ import click
 import numpy as np
 
 from benchmarks.places import recognised
-from benchmarks.program import Figures, Printed, fraction, program
+from benchmarks.program import BenchmarkTable, Printed, fraction, program
 from lava_vpr.config import Config, for_events, preset
 from lava_vpr.events.writing import write_events
 from lava_vpr.inputs.windows import EventsConfig
@@ -87,7 +87,7 @@ def chosen(folder: Path) -> Printed:
             yield f"{image:8} {what:20} {places:3} places {queries:3} queries  R@1 {found['ours']:.3f}"
 
 
-def figures(folder: Path) -> Figures:
+def figures(folder: Path) -> BenchmarkTable:
     """The table of drives."""
     world, rows = World(seed=0, places=PLACES), []
     reference = written(folder, world, "summer", 10.0)
@@ -96,7 +96,7 @@ def figures(folder: Path) -> Figures:
         _, count, found = measured(for_events(preset("loihi")), reference, query)
         cells = (fraction(found[name]) for name in MATCHERS.values())
         rows.append([f"{condition}, {speed:g} m/s", str(count), *cells])
-    return Figures(["query", "queries", *MATCHERS], rows, record="event-drives")
+    return BenchmarkTable(["query", "queries", *MATCHERS], rows, record="event-drives")
 
 
 @program()

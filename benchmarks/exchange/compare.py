@@ -46,7 +46,7 @@ NOTE = (
 
 
 @dataclass(frozen=True)
-class Case:
+class ExchangeCase:
     """A network and the queries that it is asked.
 
     Attributes:
@@ -61,7 +61,7 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Spikes:
+class CaseSpikes:
     """Spikes of one case, uint8 (queries, interval, population), of each simulator.
 
     Attributes:
@@ -78,19 +78,19 @@ class Spikes:
     whole: NDArray[np.uint8]
 
 
-def cases() -> Iterator[Case]:
+def cases() -> Iterator[ExchangeCase]:
     """The default network, what it becomes where nothing is truncated, and the fastest preset."""
     model = integer_model(learn((0, 100), preset("loihi")), "NIR")
-    yield Case("preset loihi", model)
+    yield ExchangeCase("preset loihi", model)
     # A step alone brings less than many do, so the threshold of the one without memory is a third.
     for name, decay, share in (("without leak", 0, 1), ("without memory", DECAY_UNITY, 3)):
         network = replace(model.network, decay=decay, threshold=model.network.threshold // share)
         network = replace(network, bias=np.minimum(network.bias, 0))  # no neuron spikes by its bias alone
-        yield Case(f"loihi {name}", replace(model, network=network), equal=True)
-    yield Case("preset fast", integer_model(learn((0, 100), preset("fast")), "NIR"))
+        yield ExchangeCase(f"loihi {name}", replace(model, network=network), equal=True)
+    yield ExchangeCase("preset fast", integer_model(learn((0, 100), preset("fast")), "NIR"))
 
 
-def run(chosen: list[Case], queries: int) -> list[Spikes]:
+def run(chosen: list[ExchangeCase], queries: int) -> list[CaseSpikes]:
     """The spikes of every case.
 
     Raises:
@@ -114,16 +114,16 @@ def run(chosen: list[Case], queries: int) -> list[Spikes]:
         return [_spikes(*parts) for parts in shown]
 
 
-def _spikes(path: Path, inputs: NDArray[np.uint8], host: NDArray[np.uint8]) -> Spikes:
+def _spikes(path: Path, inputs: NDArray[np.uint8], host: NDArray[np.uint8]) -> CaseSpikes:
     """What snnTorch wrote beside ``path``, and what the literal model makes of the graph."""
     graph, width = nir.read(path), host.shape[2]
     with np.load(path.with_suffix(".result.npz")) as file:
         there, few = (np.unpackbits(file[name], axis=2, count=width) for name in ("spikes", "few"))
     single, whole = (spikes_of(graph, inputs, single=not cut, truncates=cut) for cut in (False, True))
-    return Spikes(host, there, few, single, whole)
+    return CaseSpikes(host, there, few, single, whole)
 
 
-def failures(case: Case, spikes: Spikes) -> list[str]:
+def failures(case: ExchangeCase, spikes: CaseSpikes) -> list[str]:
     """What does not hold, in words; empty if every difference is attributed."""
     found = []
     if not np.array_equal(spikes.single, spikes.there):
@@ -144,7 +144,7 @@ def recall_at_1(model: Model, counts: NDArray[np.int64], queries: int) -> float:
     return float((scores.argmax(axis=1) == right).mean())
 
 
-def row(case: Case, spikes: Spikes) -> list[str]:
+def row(case: ExchangeCase, spikes: CaseSpikes) -> list[str]:
     """A row of the table."""
     neurons, queries = case.model.neurons, len(spikes.host)
     own, there = (of[:, :, :neurons].sum(axis=1, dtype=np.int64) for of in (spikes.host, spikes.there))

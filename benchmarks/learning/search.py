@@ -17,16 +17,20 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.places import Section
+from benchmarks.places import PlacesSection
 from benchmarks.program import Printed, program
-from benchmarks.results.rows import Row, measure
+from benchmarks.results.rows import ResultRow, measure
 from benchmarks.searching import MARGIN, RECALL, Log, recalls
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.experiments.search import Settings, descend
 
 SEEDS = (3, 4)
-PLACES = {Section("nordland", 0, 100): 0, Section("nordland", 100, 200): 0, Section("gardens", 0, 50): 2}
+PLACES = {
+    PlacesSection("nordland", 0, 100): 0,
+    PlacesSection("nordland", 100, 200): 0,
+    PlacesSection("gardens", 0, 50): 2,
+}
 """How many places off an answer may be, by what is learned."""
 WEIGHTS = np.array(((0.425,), (0.425,), (0.15,))) * RECALL
 FIRST: Mapping[str, Mapping[str, Any]] = {
@@ -57,7 +61,7 @@ def configured(base: Config, settings: Settings) -> Config:
 
 def recalled(config: Config) -> NDArray[np.float64]:
     """R@1, R@100P and AUC in percent of each of `PLACES`, means over the seeds."""
-    rows = (Row("", config, (section,), tolerance=off) for section, off in PLACES.items())
+    rows = (ResultRow("", config, (section,), tolerance=off) for section, off in PLACES.items())
     return np.array([np.mean([measure(row, *row.sections, seed)["network"] for seed in SEEDS], axis=0) for row in rows])
 
 

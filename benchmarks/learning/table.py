@@ -20,9 +20,9 @@ import click
 import numpy as np
 
 from benchmarks.nordland import FOLDERS, images_of
-from benchmarks.places import TEMPLATES, Section, places, sections_of
-from benchmarks.program import Figures, Printed, program
-from benchmarks.results.rows import Row, asked
+from benchmarks.places import TEMPLATES, PlacesSection, places, sections_of
+from benchmarks.program import BenchmarkTable, Printed, program
+from benchmarks.results.rows import ResultRow, asked
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
@@ -53,7 +53,7 @@ LEARNERS: Mapping[str, Mapping[str, Any]] = {
 UNLEARNED = "templates behind filters before learning"
 
 
-class Learned(NamedTuple):
+class LearnedFigures(NamedTuple):
     """What one model reached, in percent, seconds, microjoules and milliseconds."""
 
     learner: str
@@ -68,7 +68,7 @@ class Learned(NamedTuple):
     bits: int
 
 
-def measured(learner: str, config: Config, section: Section) -> Learned:
+def measured(learner: str, config: Config, section: PlacesSection) -> LearnedFigures:
     """Learn a section and ask for its places."""
     began = time.process_time()
     if config.encoder.kind == "filters":
@@ -83,17 +83,19 @@ def measured(learner: str, config: Config, section: Section) -> Learned:
     began = time.process_time()
     model = train(references, config, pool=Pool(cores()))
     seconds += time.process_time() - began
-    found = asked(Row("", config, (section,), costs=True), model, section, costs=True)
+    found = asked(ResultRow("", config, (section,), costs=True), model, section, costs=True)
     recall, costs = ([round(value, digits) for value in found[name]] for name, digits in (("network", 2), ("costs", 4)))
-    return Learned(learner, str(section), config.seed, *recall, round(seconds, 2), *costs, model.weight_bits or 0)
+    return LearnedFigures(
+        learner, str(section), config.seed, *recall, round(seconds, 2), *costs, model.weight_bits or 0
+    )
 
 
-def read(log: Path) -> list[Learned]:
+def read(log: Path) -> list[LearnedFigures]:
     """The rows that a log holds."""
-    return [Learned(**json.loads(line)) for line in log.read_text().splitlines()] if log.exists() else []
+    return [LearnedFigures(**json.loads(line)) for line in log.read_text().splitlines()] if log.exists() else []
 
 
-def table(rows: Sequence[Learned]) -> Figures:
+def table(rows: Sequence[LearnedFigures]) -> BenchmarkTable:
     """A line for each learner."""
     late, lines = {str(section) for section in SECTIONS[CHOSEN_ON:]}, []
     for learner in LEARNERS:
@@ -107,10 +109,10 @@ def table(rows: Sequence[Learned]) -> Figures:
         recalls = (recalled(own, seeds), recalled([row for row in own if row.section in late], seeds))
         lines.append([name, *recalls, *shown, f"{own[0].bits} and a sign"])
     columns = ["", "0:500", "200:500, which the search did not see", "training, s", "µJ", "ms", "bits"]
-    return Figures(columns, lines, record="learning-kinds")
+    return BenchmarkTable(columns, lines, record="learning-kinds")
 
 
-def recalled(rows: Sequence[Learned], seeds: Sequence[int]) -> str:
+def recalled(rows: Sequence[LearnedFigures], seeds: Sequence[int]) -> str:
     """Means of R@1, R@100P and AUC, and how far the seeds' mean R@1 spread, if there are several."""
     if not rows:
         return "-"

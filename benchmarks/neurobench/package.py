@@ -44,7 +44,7 @@ class Neurons(snntorch.SpikingNeuron):
         return spikes, self.mem
 
 
-class Network(nn.Module):
+class NeurobenchNetwork(nn.Module):
     """Inputs to exc, exc to the one inhibitory neuron, which takes from all of exc; every arrow takes one step."""
 
     def __init__(self, weights: np.ndarray, bias: np.ndarray, numbers: Numbers, batch: int) -> None:
@@ -78,10 +78,10 @@ class Network(nn.Module):
         return exc, mem
 
 
-class Stored(nn.Module):
+class StoredNetwork(nn.Module):
     """The network as it is stored: one byte a weight, four a bias, if there are any, and a membrane."""
 
-    def __init__(self, network: Network) -> None:
+    def __init__(self, network: NeurobenchNetwork) -> None:
         super().__init__()
         self.layers = nn.ModuleList([network.excite, network.listen, network.inhibit])
         for layer in self.layers:
@@ -95,14 +95,14 @@ class Stored(nn.Module):
 
 def measured(weights: np.ndarray, bias: np.ndarray, numbers: Numbers, spikes: np.ndarray) -> dict[str, Any]:
     """Every metric, and the spike counts (n, neurons)."""
-    network = Network(weights, bias, numbers, len(spikes))
+    network = NeurobenchNetwork(weights, bias, numbers, len(spikes))
     data = TensorDataset(torch.from_numpy(spikes.astype(np.float64)), torch.zeros(len(spikes)))
     loader = DataLoader(data, batch_size=len(spikes))
     workload = [ActivationSparsity, SynapticOperations, MembraneUpdates]
     with torch.no_grad():
         metrics = Benchmark(SNNTorchModel(network), loader, [], [], [[], workload]).run(quiet=True)
         counts = network.counts.numpy().astype(int).tolist()
-    stored = TorchModel(Stored(network))
+    stored = TorchModel(StoredNetwork(network))
     metrics |= {metric.__name__: metric()(stored) for metric in (Footprint, ParameterCount, ConnectionSparsity)}
     return {"metrics": metrics, "counts": counts}
 

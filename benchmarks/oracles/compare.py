@@ -37,7 +37,7 @@ LEGEND = (
 
 
 @dataclass(frozen=True)
-class Case:
+class OracleCase:
     """A network, what our engine makes of it, and whether the simulator has to agree."""
 
     group: str
@@ -47,11 +47,11 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class OracleVerdict:
     """How a simulator's answer compares: entries of the raster and of the membranes that differ, and the fewest rules
     that explain it exactly (None: unexplained)."""
 
-    case: Case
+    case: OracleCase
     spikes: int
     membranes: int
     rules: tuple[str, ...] | None
@@ -72,7 +72,7 @@ def ask(simulator: str, problems: Sequence[Problem], timeout_s: float = TIMEOUT_
         return [read_result(folder / f"{i:04d}.result.npz", problem) for i, problem in enumerate(problems)]
 
 
-def random_cases(simulator: str, count: int) -> list[Case]:
+def random_cases(simulator: str, count: int) -> list[OracleCase]:
     """``count`` networks that the simulator has to agree on, and as many beyond.
 
     Only where the simulator has registers of our width can a network that it agrees on reach their ends.
@@ -83,33 +83,33 @@ def random_cases(simulator: str, count: int) -> list[Case]:
     beyond = random_networks(simulator, count, common=False)
     edges = [(*made, is_common(*made, simulator)) for made in edge_networks()]
     return [
-        *(Case("random, common arithmetic", *made, True) for made in common),
-        *(Case("random, beyond it", *made, False) for made in beyond),
-        *(Case(f"edge of the register{'' if made[-1] else ', beyond it'}", *made) for made in edges),
+        *(OracleCase("random, common arithmetic", *made, True) for made in common),
+        *(OracleCase("random, beyond it", *made, False) for made in beyond),
+        *(OracleCase(f"edge of the register{'' if made[-1] else ', beyond it'}", *made) for made in edges),
     ]
 
 
-def inference_cases(simulator: str, queries: int) -> list[Case]:
+def inference_cases(simulator: str, queries: int) -> list[OracleCase]:
     """Printed-up inference networks, and the real ones on ``queries`` images; without biases where there are none."""
     bias = DIALECTS[simulator].bias
     made = small_inference(bias) + (real_inference(queries, bias) if queries else [])
     return [
-        Case(f"{problem.name}{'' if common else ', beyond it'}", problem, expected, common)
+        OracleCase(f"{problem.name}{'' if common else ', beyond it'}", problem, expected, common)
         for problem, expected in made
         for common in [is_common(problem, expected, simulator)]
     ]
 
 
-def judge(case: Case, theirs: Result, rules: tuple[str, ...]) -> Verdict:
+def judge(case: OracleCase, theirs: Result, rules: tuple[str, ...]) -> OracleVerdict:
     """Compare, and explain what differs; a difference in common arithmetic stays unexplained."""
     spikes = int((theirs.spikes != case.expected.spikes).sum())
     membranes = int((theirs.v != case.expected.v).sum())
     if not spikes and not membranes:
-        return Verdict(case, 0, 0, ())
-    return Verdict(case, spikes, membranes, None if case.common else explain(case.problem, theirs, rules))
+        return OracleVerdict(case, 0, 0, ())
+    return OracleVerdict(case, spikes, membranes, None if case.common else explain(case.problem, theirs, rules))
 
 
-def group_table(simulator: str, verdicts: Sequence[Verdict]) -> Table:
+def group_table(simulator: str, verdicts: Sequence[OracleVerdict]) -> Table:
     """One line a group: what was compared, what differs, how many networks stay unexplained."""
     columns = ("", "networks", "at limits", "spikes", "differ", "membranes", "differ", "unexplained")
     rows = []
@@ -128,7 +128,7 @@ def group_table(simulator: str, verdicts: Sequence[Verdict]) -> Table:
     return Table(columns, rows, title=f"{simulator}: spikes and membranes")
 
 
-def rule_table(simulator: str, verdicts: Sequence[Verdict]) -> Table:
+def rule_table(simulator: str, verdicts: Sequence[OracleVerdict]) -> Table:
     """What explains the networks that differ, each counted once: by one rule, by several together, or not at all."""
     differing, rows = [v for v in verdicts if v.spikes or v.membranes], []
     single = {rule: [v for v in differing if v.rules == (rule,)] for rule in RULES[simulator]}
@@ -144,7 +144,7 @@ def rule_table(simulator: str, verdicts: Sequence[Verdict]) -> Table:
     return Table(("", *RULE_COLUMNS), rows, LEGEND, title)
 
 
-def failures(verdicts: Iterable[Verdict]) -> list[str]:
+def failures(verdicts: Iterable[OracleVerdict]) -> list[str]:
     """What must not be: silent networks, our plain arithmetic apart from the engine, differences without a reason."""
     lines = []
     for v in verdicts:
@@ -158,7 +158,7 @@ def failures(verdicts: Iterable[Verdict]) -> list[str]:
     return lines
 
 
-def compare(simulator: str, networks: int, queries: int) -> list[Verdict]:
+def compare(simulator: str, networks: int, queries: int) -> list[OracleVerdict]:
     """The verdicts on every network that one simulator is asked about."""
     cases = random_cases(simulator, networks) + inference_cases(simulator, queries)
     answers = ask(simulator, [case.problem for case in cases])

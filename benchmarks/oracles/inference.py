@@ -15,8 +15,8 @@ from benchmarks.oracles.problems import (
     INHIBITORY,
     INPUTS,
     MIXED,
-    Connection,
-    Population,
+    DenseConnection,
+    OraclePopulation,
     Problem,
     Result,
     engine_result,
@@ -66,26 +66,26 @@ SMALL = (
 the last has two leaves as well. The exponent is that of inhibition."""
 
 
-def _passing_on(size: int) -> Population:
+def _passing_on(size: int) -> OraclePopulation:
     """Neurons that fire whenever a spike reaches them, and remember nothing: inhibitory ones and relays."""
     thresholds = np.full(size, RELAY_THRESHOLD, np.int64)
-    return Population(NO_MEMORY_DECAY, NO_MEMORY_DECAY, thresholds, np.zeros(size, np.int64))
+    return OraclePopulation(NO_MEMORY_DECAY, NO_MEMORY_DECAY, thresholds, np.zeros(size, np.int64))
 
 
-def _inhibitory(network: FixedNetwork) -> tuple[list[Population], list[Connection]]:
+def _inhibitory(network: FixedNetwork) -> tuple[list[OraclePopulation], list[DenseConnection]]:
     """Leaves, if any, and the root, as the populations from 1 on, and the synapses to them and from the root."""
     n, leaves = network.neurons, network.leaves
-    populations, connections = [_passing_on(1)], [Connection(0, 1, np.full((n, 1), RELAY_WEIGHT, np.int64))]
+    populations, connections = [_passing_on(1)], [DenseConnection(0, 1, np.full((n, 1), RELAY_WEIGHT, np.int64))]
     if leaves:
         listens = np.arange(n)[:, None] // FAN_IN == np.arange(leaves)
         populations.insert(0, _passing_on(leaves))
         connections = [
-            Connection(0, 1, RELAY_WEIGHT * listens.astype(np.int64)),
-            Connection(1, 2, np.full((leaves, 1), RELAY_WEIGHT, np.int64)),
+            DenseConnection(0, 1, RELAY_WEIGHT * listens.astype(np.int64)),
+            DenseConnection(1, 2, np.full((leaves, 1), RELAY_WEIGHT, np.int64)),
         ]
     taken = np.full((1, n), -network.inhibition, np.int64)
     connections.append(
-        Connection(len(populations), 0, taken, WEIGHT_BITS, network.inhibition_exponent, sign=INHIBITORY)
+        DenseConnection(len(populations), 0, taken, WEIGHT_BITS, network.inhibition_exponent, sign=INHIBITORY)
     )
     return populations, connections
 
@@ -107,16 +107,16 @@ def inference_problem(name: str, network: FixedNetwork, rates: NDArray[np.uint16
         raise InputError(f"{name}: its inputs integrate a bias, and problems inject spikes; set network.input_mode")
     spikes = draw_trains(rates, keys, network.steps, network.interval, regular=network.regular).astype(bool)
     thresholds = np.full(network.neurons, network.threshold, np.int64)
-    exc = Population(NO_MEMORY_DECAY, network.decay, thresholds, network.bias.astype(np.int64))
+    exc = OraclePopulation(NO_MEMORY_DECAY, network.decay, thresholds, network.bias.astype(np.int64))
     inhibitory, connections = _inhibitory(network)
     populations, source = [exc, *inhibitory], INPUTS
     if network.relayed:
-        relays = Connection(INPUTS, len(populations), RELAY_WEIGHT * np.eye(network.inputs, dtype=np.int64))
+        relays = DenseConnection(INPUTS, len(populations), RELAY_WEIGHT * np.eye(network.inputs, dtype=np.int64))
         source = len(populations)
         populations, connections = [*populations, _passing_on(network.inputs)], [*connections, relays]
     stored, bits, exponent = network.stored
     sign = MIXED if network.signed else EXCITATORY
-    weights = Connection(source, 0, stored.T.astype(np.int64), WEIGHT_BITS if bits == 7 else bits, exponent, sign)
+    weights = DenseConnection(source, 0, stored.T.astype(np.int64), WEIGHT_BITS if bits == 7 else bits, exponent, sign)
     return Problem(name, spikes, tuple(populations), (weights, *connections))
 
 

@@ -16,8 +16,8 @@ from benchmarks.oracles.problems import (
     INHIBITORY,
     INPUTS,
     MIXED,
-    Connection,
-    Population,
+    DenseConnection,
+    OraclePopulation,
     Problem,
     Result,
     edge_problem,
@@ -61,14 +61,14 @@ WIRINGS: tuple[tuple[tuple[int, int], ...], ...] = (
 
 
 @dataclass(frozen=True)
-class Style:
+class NetworkStyle:
     """``rough`` weights have bits that get lost; ``strong`` ones reach the ends of the registers."""
 
     rough: bool
     strong: bool
 
 
-def _weights(rng: np.random.Generator, shape: tuple[int, int], c: Connection, style: Style) -> Whole:
+def _weights(rng: np.random.Generator, shape: tuple[int, int], c: DenseConnection, style: NetworkStyle) -> Whole:
     """Whole weights that suit the connection's sign; whole in its units, too, unless ``rough``."""
     size = rng.integers(0, 256, shape) * (rng.random(shape) < rng.uniform(0.3, 1.0))
     if style.strong:
@@ -87,11 +87,13 @@ def _weights(rng: np.random.Generator, shape: tuple[int, int], c: Connection, st
     return signed
 
 
-def _connection(rng: np.random.Generator, source: int, target: int, dialect: Dialect, style: Style) -> Connection:
+def _connection(
+    rng: np.random.Generator, source: int, target: int, dialect: Dialect, style: NetworkStyle
+) -> DenseConnection:
     """A connection without weights yet."""
     sign = rng.choice([EXCITATORY, MIXED] if source < target else [INHIBITORY, MIXED])
     low, high = (3, 8) if style.strong else (dialect.lowest, 3)
-    return Connection(
+    return DenseConnection(
         source,
         target,
         np.zeros((0, 0), np.int64),
@@ -101,7 +103,7 @@ def _connection(rng: np.random.Generator, source: int, target: int, dialect: Dia
     )
 
 
-def _population(rng: np.random.Generator, dialect: Dialect, style: Style) -> Population:
+def _population(rng: np.random.Generator, dialect: Dialect, style: NetworkStyle) -> OraclePopulation:
     """Neurons whose threshold is still to be found."""
     size = int(rng.integers(3, 13))
     du = rng.choice([4095, rng.integers(0, 4095), rng.integers(0, 300)])
@@ -112,7 +114,7 @@ def _population(rng: np.random.Generator, dialect: Dialect, style: Style) -> Pop
         bias = bias_of(rng.integers(-4096, 4096, size) * (rng.random(size) < 0.5), exponent)
         floor = NO_FLOOR if rng.random() < 0.7 else -int(rng.integers(0, 1 << 15)) << INPUT_SHIFT
     hold = int(rng.integers(1, 6)) if rng.random() < 0.4 else 0
-    return Population(int(du), int(dv), np.ones(size, np.int64), bias, floor, hold)
+    return OraclePopulation(int(du), int(dv), np.ones(size, np.int64), bias, floor, hold)
 
 
 def _lively(problem: Problem, result: Result) -> bool:
@@ -122,7 +124,9 @@ def _lively(problem: Problem, result: Result) -> bool:
     return all(film.sum() >= 5 and film.mean() <= 0.4 for film in films)
 
 
-def _candidate(rng: np.random.Generator, name: str, dialect: Dialect, style: Style) -> tuple[Problem, Result] | None:
+def _candidate(
+    rng: np.random.Generator, name: str, dialect: Dialect, style: NetworkStyle
+) -> tuple[Problem, Result] | None:
     """A network with thresholds at which it is lively, or None if a few tries find none."""
     wiring = WIRINGS[int(rng.integers(len(WIRINGS)))]
     inputs, steps = int(rng.integers(6, 41)), int(rng.integers(60, 151))
@@ -176,7 +180,7 @@ def random_networks(
     for trial in range(200 * (count + 1)):
         if len(networks) == count:
             return networks
-        style = Style(not common and trial % 3 != 0, limits or (not common and trial % 3 != 1))
+        style = NetworkStyle(not common and trial % 3 != 0, limits or (not common and trial % 3 != 1))
         name = f"random {'common' if common else 'beyond'}{' limits' if limits else ''} {len(networks)}"
         made = _candidate(rng, name, DIALECTS[simulator], style)
         if made is None or is_common(*made, simulator) != common or (limits and not reaches_limits(*made)):

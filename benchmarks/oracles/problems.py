@@ -33,7 +33,7 @@ INPUTS = -1
 
 
 @dataclass(frozen=True)
-class Population:
+class OraclePopulation:
     """LIF neurons: ``threshold`` and ``bias`` int64 (size,); ``floor`` in units of v (`NO_FLOOR`: none)."""
 
     du: int
@@ -50,7 +50,7 @@ class Population:
 
 
 @dataclass(frozen=True)
-class Connection:
+class DenseConnection:
     """Dense synapses, ``weights`` int64 (pre, post) before their low bits are dropped."""
 
     source: int
@@ -67,8 +67,8 @@ class Problem:
 
     name: str
     spikes: NDArray[np.bool_]
-    populations: tuple[Population, ...]
-    connections: tuple[Connection, ...]
+    populations: tuple[OraclePopulation, ...]
+    connections: tuple[DenseConnection, ...]
 
     @property
     def neurons(self) -> int:
@@ -165,8 +165,8 @@ def edge_problem(name: str, sign: int) -> Problem:
     fine = np.array([[0], [0], [7], [14], [21], [28]], np.int64)
     mode = EXCITATORY if sign > 0 else INHIBITORY
     connections = (
-        Connection(INPUTS, 0, sign * coarse, 8, 7, mode),
-        Connection(INPUTS, 0, sign * fine, 8, 0, mode),
+        DenseConnection(INPUTS, 0, sign * coarse, 8, 7, mode),
+        DenseConnection(INPUTS, 0, sign * fine, 8, 0, mode),
     )
-    neuron = Population(0, 4096, np.array([THRESHOLD_LIMIT - 2], np.int64), np.zeros(1, np.int64))
+    neuron = OraclePopulation(0, 4096, np.array([THRESHOLD_LIMIT - 2], np.int64), np.zeros(1, np.int64))
     return Problem(name, spikes, (neuron,), connections)

@@ -57,7 +57,7 @@ MADE_UP = (
 
 
 @dataclass(frozen=True)
-class Case:
+class RegisterCase:
     """What is compared: a folder with a bundle's files, the network that it holds, and presentations."""
 
     name: str
@@ -68,7 +68,7 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Compared:
+class ComparedRegisters:
     """What was read and compared: cores, synapses and axons, spikes of the host, spikes and counters that differ."""
 
     cores: int
@@ -94,17 +94,17 @@ def written(folder: Path, network: FixedNetwork, board: Board, dense_rows: bool)
     return folder
 
 
-def made_up_cases(folder: Path, presentations: int) -> Iterator[Case]:
+def made_up_cases(folder: Path, presentations: int) -> Iterator[RegisterCase]:
     """The networks of `MADE_UP`."""
     for number, (name, made, board, dense_rows) in enumerate(MADE_UP):
         network, few = made_up(made, bias=made.signed), presentations if made.neurons < 1000 else 1
         network = replace(network, inhibition=min(127, network.inhibition))
         rates = np.random.default_rng(number).integers(0, 12_000, (few, made.inputs)).astype(np.uint16)
         keys = presentation_keys(0, "query", np.arange(few))
-        yield Case(name, written(folder / f"{number}", network, board, dense_rows), network, rates, keys)
+        yield RegisterCase(name, written(folder / f"{number}", network, board, dense_rows), network, rates, keys)
 
 
-def real_cases(folder: Path, presentations: int) -> Iterator[Case]:
+def real_cases(folder: Path, presentations: int) -> Iterator[RegisterCase]:
     """Models of summer images as `deploy` writes them, and winter queries.
 
     Raises:
@@ -118,10 +118,10 @@ def real_cases(folder: Path, presentations: int) -> Iterator[Case]:
         chosen = np.linspace(0, places - 1, presentations).astype(np.int64)
         rates = query_rates16(part(encoded("winter", model.config.encoder), chosen).activity, model.config.encoder)
         keys = presentation_keys(model.config.seed, "query", image_keys(rates))
-        yield Case(f"{places} places, real queries", folder / f"{places}", model.network, rates, keys)
+        yield RegisterCase(f"{places} places, real queries", folder / f"{places}", model.network, rates, keys)
 
 
-def bundle_case(path: Path, presentations: int) -> Case:
+def bundle_case(path: Path, presentations: int) -> RegisterCase:
     """A bundle and its first references.
 
     Raises:
@@ -136,7 +136,7 @@ def bundle_case(path: Path, presentations: int) -> Case:
             f"{KAPOHO_BAY.name} --input-mode injected"
         )
     rates, keys = (bundle.array(f"host/{name}.npy")[:presentations] for name in ("rates", "keys"))
-    return Case(path.name, path, network, rates, keys)
+    return RegisterCase(path.name, path, network, rates, keys)
 
 
 def emulated(bundle: Path, spikes: NDArray[np.bool_]) -> dict[str, NDArray[np.int64]]:
@@ -154,7 +154,7 @@ def emulated(bundle: Path, spikes: NDArray[np.bool_]) -> dict[str, NDArray[np.in
             return {name: found[name].astype(np.int64) for name in found.files}
 
 
-def compared(case: Case) -> Compared:
+def compared(case: RegisterCase) -> ComparedRegisters:
     """Every spike and counter of a bundle in nengo-loihi's emulator beside the host's."""
     network = case.network
     _, _, exc = count_spikes(network, case.rates, case.keys, raster=True)
@@ -163,7 +163,7 @@ def compared(case: Case) -> Compared:
     found = emulated(case.bundle, spikes.astype(bool))
     differ = sum(int((found[name] != own).sum()) for name, own in (("exc", exc), ("inh", inh)))
     counters = int((found["counted"] != exc.sum(axis=1, dtype=np.int64) << 7).sum())
-    return Compared(*found["read"].tolist(), int(exc.sum()) + int(inh.sum()), differ, counters)
+    return ComparedRegisters(*found["read"].tolist(), int(exc.sum()) + int(inh.sum()), differ, counters)
 
 
 @program()

@@ -52,7 +52,7 @@ WORD, HEADER = 64, (4, 6)
 """Bits of a word of synapse memory, and of a block's format number and number of synapses less 1."""
 
 
-class Core:
+class BundleCore:
     """One core of the bundle: its block, and the synapses and axons in it that its input axons lead to."""
 
     def __init__(self, folder: Path) -> None:
@@ -133,7 +133,7 @@ def row(bits: np.ndarray, count: int, formats: list[Any]) -> tuple[int, np.ndarr
     return number, np.array(indices, np.int32), np.array(weights, np.int32)
 
 
-def connect(source: Any, size: int, ways: np.ndarray, cores: dict[Any, Core]) -> int:
+def connect(source: Any, size: int, ways: np.ndarray, cores: dict[Any, BundleCore]) -> int:
     """Axons from ``source``, with so many compartments or inputs, along ``ways``; returns their number.
 
     A way is a compartment, chip, core and input axon. An axon of nengo-loihi leads each compartment to one input axon
@@ -160,7 +160,7 @@ def connect(source: Any, size: int, ways: np.ndarray, cores: dict[Any, Core]) ->
 
 def run(folder: Path, spikes: np.ndarray) -> dict[str, np.ndarray]:
     """Every spike of exc and inh, what the counters hold, and what was read."""
-    found = [Core(path) for path in sorted((folder / "cores").iterdir())]
+    found = [BundleCore(path) for path in sorted((folder / "cores").iterdir())]
     cores = {core.place: core for core in found}
     host = {name: np.load(folder / "host" / f"{name}.npy", allow_pickle=False) for name in ("exc", "inh", "counters")}
     source = SpikeInput(spikes.shape[2])

@@ -14,7 +14,7 @@ from itertools import chain, combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.oracles.problems import INHIBITORY, INPUTS, MIXED, Connection, Population, Problem, Result
+from benchmarks.oracles.problems import INHIBITORY, INPUTS, MIXED, DenseConnection, OraclePopulation, Problem, Result
 
 Whole = NDArray[np.int64]
 TOP = 1 << 23
@@ -56,7 +56,7 @@ def complement(x: Whole, bits: int) -> Whole:
     return (x + (1 << bits)) % (2 << bits) - (1 << bits)
 
 
-def synapse_weights(c: Connection, rules: frozenset[str]) -> tuple[Whole, int]:
+def synapse_weights(c: DenseConnection, rules: frozenset[str]) -> tuple[Whole, int]:
     """What is added up for a spike (pre, post), and the exponent by which the sum is shifted then."""
     drop = 8 - c.bits + (1 if c.sign == MIXED else 0)
     unit, highest = 1 << drop, (1 << (8 - drop)) - 1
@@ -81,7 +81,7 @@ def synapse_weights(c: Connection, rules: frozenset[str]) -> tuple[Whole, int]:
     return weights, exponent
 
 
-def _current(u: Whole, drive: Whole, p: Population, rules: frozenset[str]) -> Whole:
+def _current(u: Whole, drive: Whole, p: OraclePopulation, rules: frozenset[str]) -> Whole:
     """The currents of the next step."""
     charge = complement(drive << 6, 21) if ACCUMULATOR in rules else drive << 6
     u = truncated(u, 4096 - (p.du + 1)) + charge
@@ -93,7 +93,7 @@ def _current(u: Whole, drive: Whole, p: Population, rules: frozenset[str]) -> Wh
     return np.where(wrapped <= -TOP, u + 2 * TOP, wrapped)
 
 
-def _membrane(v: Whole, u: Whole, held: Whole, p: Population, rules: frozenset[str]) -> Whole:
+def _membrane(v: Whole, u: Whole, held: Whole, p: OraclePopulation, rules: frozenset[str]) -> Whole:
     """The membranes of the next step, before any spike."""
     into = complement(u + p.bias, 23) if BIAS_WRAPS in rules else u + p.bias
     v = truncated(v, 4096 - p.dv) + into

@@ -15,13 +15,13 @@ from pathlib import Path
 import click
 
 from benchmarks.results.record import FILE, Record, key, sources
-from benchmarks.results.rows import SEEDS, Row, measure
+from benchmarks.results.rows import SEEDS, ResultRow, measure
 from benchmarks.results.tables import ROWS
 from lava_vpr.errors import LavaVprError
 from scripts.pages import bring_up_to_date as write_pages
 
 
-def bring_up_to_date(record: Record, rows: Sequence[Row], file: Path, every: bool) -> None:
+def bring_up_to_date(record: Record, rows: Sequence[ResultRow], file: Path, every: bool) -> None:
     """Compute what is out of date of ``rows``, or all, and write each down; what is no row any more goes."""
     today, names = sources(), {row.name for row in rows}
     record.rows = {name: row for name, row in record.rows.items() if name in names}

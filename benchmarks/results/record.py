@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.places import Section
-from benchmarks.results.rows import SEEDS, Figures, Row, measure
+from benchmarks.places import PlacesSection
+from benchmarks.results.rows import SEEDS, Figures, ResultRow, measure
 from lava_vpr.experiments.cache import sources_hash
 from lava_vpr.storage.writing import write_atomically
 
@@ -26,7 +26,7 @@ def short_hash(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def settings_hash(row: Row) -> str:
+def settings_hash(row: ResultRow) -> str:
     """A hash of everything that a row says, the preset's settings among it."""
     return short_hash(json.dumps([asdict(row), SEEDS], sort_keys=True))
 
@@ -61,13 +61,13 @@ class Record:
         text = '{"rows": {\n' + ",\n".join(rows) + "\n}}\n"
         write_atomically(file, lambda out: out.write(text.encode()))
 
-    def lacks(self, rows: Sequence[Row]) -> list[str]:
+    def lacks(self, rows: Sequence[ResultRow]) -> list[str]:
         """Names of rows that the file lacks, has under other settings, or has though there is no such row any more."""
         today = {row.name: settings_hash(row) for row in rows}
         kept = {name: row["settings"] for name, row in self.rows.items()}
         return sorted({name for name in today.keys() | kept.keys() if today.get(name) != kept.get(name)})
 
-    def current(self, row: Row, sources: str) -> bool:
+    def current(self, row: ResultRow, sources: str) -> bool:
         """Whether a row was computed under today's settings and from ``sources``."""
         kept = self.rows.get(row.name)
         return kept is not None and kept["settings"] == settings_hash(row) and kept["sources"] == sources
@@ -78,20 +78,20 @@ class Record:
         settings, sources = (sorted({row[part] for row in self.rows.values()}) for part in ("settings", "sources"))
         return short_hash(" ".join(settings)), sources[0] if len(sources) == 1 else short_hash(" ".join(sources))
 
-    def put(self, row: Row, sources: str, figures: dict[str, Figures]) -> None:
+    def put(self, row: ResultRow, sources: str, figures: dict[str, Figures]) -> None:
         """Take up a row that was computed; ``figures`` by section and seed, as `key` writes them."""
         self.rows[row.name] = {"settings": settings_hash(row), "sources": sources, "figures": figures}
 
-    def figures(self, row: Row, section: Section, seed: int) -> Figures:
+    def figures(self, row: ResultRow, section: PlacesSection, seed: int) -> Figures:
         """The figures of one section with one seed."""
         found: Figures = self.rows[row.name]["figures"][key(section, seed)]
         return found
 
     def mean(
         self,
-        row: Row,
+        row: ResultRow,
         matcher: str = "network",
-        sections: Sequence[Section] | None = None,
+        sections: Sequence[PlacesSection] | None = None,
         seeds: Sequence[int] = SEEDS,
     ) -> list[float]:
         """The means of a matcher's figures over sections and seeds; costs are those of the first seed."""
@@ -100,11 +100,11 @@ class Record:
         values = [self.figures(row, section, seed)[matcher] for section in chosen for seed in seeds]
         return [float(value) for value in np.mean(values, axis=0)]
 
-    def cell(self, row: Row, matcher: str = "network", sections: Sequence[Section] | None = None) -> str:
+    def cell(self, row: ResultRow, matcher: str = "network", sections: Sequence[PlacesSection] | None = None) -> str:
         """R@1, R@100P and AUC as a table has them."""
         return " / ".join(f"{value:.1f}" for value in self.mean(row, matcher, sections))
 
 
-def key(section: Section, seed: int) -> str:
+def key(section: PlacesSection, seed: int) -> str:
     """What the figures of a section and a seed are kept under."""
     return f"{section}, seed {seed}"

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.nordland import part
-from benchmarks.places import Section, learn, places
+from benchmarks.places import PlacesSection, learn, places
 from lava_vpr.backends.asking import Asking
 from lava_vpr.backends.rivals import BASELINES
 from lava_vpr.cluster.tasks import Pool
@@ -42,7 +42,7 @@ Figures = dict[str, list[float]]
 
 
 @dataclass(frozen=True)
-class Row:
+class ResultRow:
     """What a row of results is computed from; a change of any of it makes it another row.
 
     Attributes:
@@ -59,7 +59,7 @@ class Row:
 
     name: str
     config: Config
-    sections: tuple[Section, ...]
+    sections: tuple[PlacesSection, ...]
     matchers: tuple[str, ...] = ()
     tolerance: int = 0
     sequence: int = 1
@@ -68,7 +68,7 @@ class Row:
     costs: bool = False
 
 
-def measure(row: Row, section: Section, seed: int) -> Figures:
+def measure(row: ResultRow, section: PlacesSection, seed: int) -> Figures:
     """The figures of one section with one seed.
 
     Raises:
@@ -78,7 +78,7 @@ def measure(row: Row, section: Section, seed: int) -> Figures:
     return asked(row, model, section, costs=seed == SEEDS[0])
 
 
-def asked(row: Row, model: Model, section: Section, costs: bool = False) -> Figures:
+def asked(row: ResultRow, model: Model, section: PlacesSection, costs: bool = False) -> Figures:
     """The figures of a model of a section."""
     result = _asked(model, row, section)
     found = {"network": _percent(result.metrics[result.default])}
@@ -104,7 +104,7 @@ def _percent(metrics: Metrics) -> list[float]:
     return [round(100 * value, 4) for value in Recall.of(metrics)]
 
 
-def _asked(model: Model, row: Row, section: Section) -> Recognition:
+def _asked(model: Model, row: ResultRow, section: PlacesSection) -> Recognition:
     """What a model makes of the queries of its places."""
     (queries,) = places(section, 1, model.config, ViewsConfig())
     shown = np.repeat(np.arange(len(queries)), STANDING if row.standing else 1)
@@ -131,7 +131,7 @@ def _standing(queries: EncodedTraverse, seed: int) -> EncodedTraverse:
     )
 
 
-def _costs(model: Model, section: Section) -> list[float]:
+def _costs(model: Model, section: PlacesSection) -> list[float]:
     """Modelled dynamic energy (uJ) and time (ms) of a query on Kapoho Bay: nominal, clearing counted, host I/O not."""
     (queries,) = places(section, 1, model.config, ViewsConfig())
     some = slice(0, min(COSTED, len(queries)))

@@ -6,15 +6,15 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from benchmarks.figures import markdown
-from benchmarks.places import Section, sections_of
+from benchmarks.places import PlacesSection, sections_of
 from benchmarks.results.record import Record
-from benchmarks.results.rows import SEEDS, STANDING, TAU, Row
+from benchmarks.results.rows import SEEDS, STANDING, TAU, ResultRow
 from lava_vpr.config import PRESETS, preset
 from lava_vpr.configfile import update
 
 FIVE, TEN = sections_of("nordland", 500), sections_of("nordland_long", 1000)
-SHORT, LONG = (Section("nordland_all", 0, 500),), (Section("nordland_all", 0, 1500),)
-GARDENS = (Section("gardens", 50, 100),)
+SHORT, LONG = (PlacesSection("nordland_all", 0, 500),), (PlacesSection("nordland_all", 0, 1500),)
+GARDENS = (PlacesSection("gardens", 50, 100),)
 LATE = FIVE[2:]
 """Sections that the search for the settings did not see; the first two chose them."""
 INTEGER = tuple(name for name in PRESETS if name != "paper")
@@ -31,28 +31,28 @@ VIEWS: Mapping[str, dict[str, Any]] = {
 }
 
 
-def _learned(name: str) -> Row:
+def _learned(name: str) -> ResultRow:
     """A preset on the five sections, with all that stands beside the default one."""
     default = name == DEFAULT
     matchers = SIMPLEST + (PAPERS if default else ())
-    return Row(f"{name}, five sections", preset(name), FIVE, matchers, adapt=default, costs=True)
+    return ResultRow(f"{name}, five sections", preset(name), FIVE, matchers, adapt=default, costs=True)
 
 
 LEARNED = {name: _learned(name) for name in INTEGER}
 DRAWN = {
-    name: Row(f"{name}, five sections, Poisson trains in queries", update(preset(name), POISSON), FIVE)
+    name: ResultRow(f"{name}, five sections, Poisson trains in queries", update(preset(name), POISSON), FIVE)
     for name in INTEGER
 }
 LENGTHS = {
-    "500": Row("500 places", preset(DEFAULT), SHORT, SIMPLEST, costs=True),
-    "500, in sequences of 5": Row("500 places, sequences of 5", preset(DEFAULT), SHORT, SIMPLEST, sequence=5),
-    "1,500": Row("1,500 places", preset(DEFAULT), LONG, SIMPLEST, costs=True),
-    "1,500, all inputs spike in queries": Row(
+    "500": ResultRow("500 places", preset(DEFAULT), SHORT, SIMPLEST, costs=True),
+    "500, in sequences of 5": ResultRow("500 places, sequences of 5", preset(DEFAULT), SHORT, SIMPLEST, sequence=5),
+    "1,500": ResultRow("1,500 places", preset(DEFAULT), LONG, SIMPLEST, costs=True),
+    "1,500, all inputs spike in queries": ResultRow(
         "1,500 places, all inputs", update(preset(DEFAULT), ALL_INPUTS), LONG, SIMPLEST, costs=True
     ),
 }
-FURTHER = Row("ten further sections", preset(DEFAULT), TEN, SIMPLEST, adapt=True)
-STILL = Row(
+FURTHER = ResultRow("ten further sections", preset(DEFAULT), TEN, SIMPLEST, adapt=True)
+STILL = ResultRow(
     f"five sections, each image {STANDING} times with noise",
     preset(DEFAULT),
     FIVE,
@@ -66,15 +66,15 @@ ADAPTED = {
     f"the five sections, standing still for {STANDING} frames at every place": STILL,
 }
 WALKED = {
-    title: Row(f"Gardens Point, views: {title}", update(preset(DEFAULT), {"views": views}), GARDENS, SIMPLEST, 2)
+    title: ResultRow(f"Gardens Point, views: {title}", update(preset(DEFAULT), {"views": views}), GARDENS, SIMPLEST, 2)
     for title, views in VIEWS.items()
 }
 RIDDEN = {
-    title: Row(f"five sections, views: {title}", update(preset(DEFAULT), {"views": views}), FIVE)
+    title: ResultRow(f"five sections, views: {title}", update(preset(DEFAULT), {"views": views}), FIVE)
     for title, views in VIEWS.items()
     if views
 }
-KINDS: Mapping[str, Sequence[Row]] = {
+KINDS: Mapping[str, Sequence[ResultRow]] = {
     "sections": (*LEARNED.values(), *DRAWN.values()),
     "long": tuple(LENGTHS.values()),
     "adapted": (FURTHER, STILL),
@@ -84,7 +84,7 @@ KINDS: Mapping[str, Sequence[Row]] = {
 ROWS = tuple(row for rows in KINDS.values() for row in rows)
 
 
-def simpler(record: Record, row: Row, suffix: str = "") -> list[str]:
+def simpler(record: Record, row: ResultRow, suffix: str = "") -> list[str]:
     """The cells of a row: its network, then what is simpler; empty where that was not computed."""
     others = (record.cell(row, name + suffix) if name in row.matchers else "" for name in SIMPLER)
     return [f"**{record.cell(row, f'network{suffix}')}**", *others]

@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.nordland import images_of
-from benchmarks.places import Section, learn, places
-from benchmarks.program import Figures, Printed, program, seeds_option
+from benchmarks.places import PlacesSection, learn, places
+from benchmarks.program import BenchmarkTable, Printed, program, seeds_option
 from benchmarks.robot import drives
 from lava_vpr import Localizer, train
 from lava_vpr.backends.opening import calibration_of
@@ -47,24 +47,24 @@ TIMED = 200
 class Map(NamedTuple):
     """A map, and which images are driven on and off it."""
 
-    learned: Section
-    off: Section
+    learned: PlacesSection
+    off: PlacesSection
 
 
 UNSEEN = {
-    "1,000 places": Map(Section("nordland_long", 0, 1000), Section("nordland", 0, 500)),
-    "500 places": Map(Section("nordland", 0, 500), Section("nordland_long", 0, 500)),
+    "1,000 places": Map(PlacesSection("nordland_long", 0, 1000), PlacesSection("nordland", 0, 500)),
+    "500 places": Map(PlacesSection("nordland", 0, 500), PlacesSection("nordland_long", 0, 500)),
 }
 CHOSEN = {
-    "places 0:100": Map(Section("nordland", 0, 100), Section("nordland", 100, 200)),
-    "places 100:200": Map(Section("nordland", 100, 200), Section("nordland", 0, 100)),
-    "places 0:200": Map(Section("nordland", 0, 200), Section("nordland", 200, 400)),
-    "Gardens Point 0:50": Map(Section("gardens", 0, 50), Section("gardens", 50, 100)),
+    "places 0:100": Map(PlacesSection("nordland", 0, 100), PlacesSection("nordland", 100, 200)),
+    "places 100:200": Map(PlacesSection("nordland", 100, 200), PlacesSection("nordland", 0, 100)),
+    "places 0:200": Map(PlacesSection("nordland", 0, 200), PlacesSection("nordland", 200, 400)),
+    "Gardens Point 0:50": Map(PlacesSection("gardens", 0, 50), PlacesSection("gardens", 50, 100)),
 }
 
 
 @dataclass(frozen=True)
-class Answered:
+class ScoredImages:
     """A model and what its network made of images on the map and off it: scores (n, places)."""
 
     model: Model
@@ -73,7 +73,7 @@ class Answered:
     calibration: Calibration
 
 
-def answered(where: Map, seed: int) -> Answered:
+def answered(where: Map, seed: int) -> ScoredImages:
     """Learn a map and ask it everything."""
     model = learn(where.learned, dataclasses.replace(preset("loihi"), seed=seed))
     scores_of = prepare(model)
@@ -84,7 +84,7 @@ def answered(where: Map, seed: int) -> Answered:
     calibration = calibration_of(model, Pool(cores()))
     if calibration is None:
         raise TypeError("an integer model has a calibration")
-    return Answered(model, on, off, calibration)
+    return ScoredImages(model, on, off, calibration)
 
 
 def follow(scores: NDArray[np.float64], motion: str, frames: NDArray[np.int64]) -> Answers:
@@ -100,7 +100,7 @@ def exact_and_near(matches: NDArray[np.int64], truth: NDArray[np.int64]) -> tupl
     return 100 * float((apart == 0).mean()), 100 * float((apart <= 3).mean())
 
 
-def found_again(some: Answered, motion: str) -> float:
+def found_again(some: ScoredImages, motion: str) -> float:
     """Percent of kidnappings after which a place is exact within ten frames, and the last is within one."""
     cases = drives.kidnappings(some.model.places, KIDNAPPED, seed=1)
     again = 0
@@ -110,13 +110,13 @@ def found_again(some: Answered, motion: str) -> float:
     return 100 * again / len(cases)
 
 
-def driven(some: Answered, motion: str, frames: NDArray[np.int64]) -> tuple[float, float]:
+def driven(some: ScoredImages, motion: str, frames: NDArray[np.int64]) -> tuple[float, float]:
     """Percent of the frames of a drive that are answered exactly, and within 3 places."""
     alone = motion == NONE
     return exact_and_near(some.on[frames].argmax(axis=1) if alone else follow(some.on, motion, frames).matches, frames)
 
 
-def drive_cells(all_seeds: Sequence[Answered]) -> list[list[str]]:
+def drive_cells(all_seeds: Sequence[ScoredImages]) -> list[list[str]]:
     """The cells of a map, a row for each drive: exact / within three places, in percent, means over seeds."""
     rows = []
     for drive, frames in drives.every_drive(all_seeds[0].model.places).items():
@@ -130,12 +130,12 @@ def drive_cells(all_seeds: Sequence[Answered]) -> list[list[str]]:
     return [*rows, ["", *(f"{of:.0f}" for of in again)]]
 
 
-def drive_table(maps: Mapping[str, Sequence[Answered]], record: str) -> Figures:
+def drive_table(maps: Mapping[str, Sequence[ScoredImages]], record: str) -> BenchmarkTable:
     """All drives on all maps."""
     names = [*drives.every_drive(KIDNAPPED), f"carried off: found again within {drives.AFTER} images"]
     columns = [name for title in maps for name in (f"{title}: alone", "`--motion any`", "`forward`")]
     rows = zip(*(drive_cells(seeds) for seeds in maps.values()), strict=True)
-    return Figures(
+    return BenchmarkTable(
         ["drive", *columns],
         [[name, *(cell for cells in row for cell in cells)] for name, row in zip(names, rows, strict=True)],
         title="exact / within 3 places, percent",
@@ -143,7 +143,7 @@ def drive_table(maps: Mapping[str, Sequence[Answered]], record: str) -> Figures:
     )
 
 
-def trusts(some: Answered) -> dict[str, Trust | None]:
+def trusts(some: ScoredImages) -> dict[str, Trust | None]:
     """How far the probabilities can be trusted with as many images off the map as on it."""
     off = some.off[: some.model.places]
     on = some.on[: len(off)]
@@ -158,7 +158,7 @@ def trusts(some: Answered) -> dict[str, Trust | None]:
     return made
 
 
-def trust_table(maps: Mapping[str, Sequence[Answered]], record: str) -> Figures:
+def trust_table(maps: Mapping[str, Sequence[ScoredImages]], record: str) -> BenchmarkTable:
     """What each target precision gives, half of the images being off the map."""
     rows = []
     for title, all_seeds in maps.items():
@@ -173,7 +173,7 @@ def trust_table(maps: Mapping[str, Sequence[Answered]], record: str) -> Figures:
             rows.append(row)
     columns = ["map", "answers", "expected calibration error", "`--target-precision` 0.9", "0.95", "0.98", "0.99"]
     title = "as many images off the map as on it: precision / kept of those on it / accepted off it, percent"
-    return Figures(columns, rows, title=title, record=record)
+    return BenchmarkTable(columns, rows, title=title, record=record)
 
 
 def mean_percent(figures: Sequence[float]) -> str:

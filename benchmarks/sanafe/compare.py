@@ -53,7 +53,7 @@ MANY = {8: 4_200, 22: 1_100}
 
 
 @dataclass(frozen=True)
-class Case:
+class SanafeCase:
     """A plan and spikes that are compared; `benchmarks.sanafe.cross_check.cross_check` has ``input_core``."""
 
     name: str
@@ -62,15 +62,15 @@ class Case:
     input_core: bool = True
 
 
-def real(name: str, model: Model, queries: int) -> Case:
+def real(name: str, model: Model, queries: int) -> SanafeCase:
     """A model on Kapoho Bay, and winter images spread over its places."""
     chosen = np.linspace(0, model.places - 1, queries).astype(np.int64)
     images = part(encoded("winter", model.config.encoder), chosen)
     trains = HostBackend().trains(model, query_presentations(model, images))
-    return Case(name, plan_of(model, KAPOHO_BAY), trains)
+    return SanafeCase(name, plan_of(model, KAPOHO_BAY), trains)
 
 
-def real_cases(queries: int) -> Iterator[Case]:
+def real_cases(queries: int) -> Iterator[SanafeCase]:
     """Models of real images, with queries of another season."""
     small, large = (learn((0, places), preset("loihi")) for places in (100, 500))
     default = real("100 places, preset loihi", small, queries)
@@ -117,7 +117,7 @@ def random_network(seed: int, rng: np.random.Generator, rates: NDArray[np.uint16
     return replace(made, bias=biases_of(usual, made.highest_bias))
 
 
-def random_case(seed: int, queries: int = 2) -> Case:
+def random_case(seed: int, queries: int = 2) -> SanafeCase:
     """A random network on a board shrunk around it; every third one scattered over both chips."""
     rng = np.random.default_rng([seed, 6])
     neurons, inputs = MANY.get(seed, int(rng.integers(12, 60))), int(rng.integers(20, 80))
@@ -140,7 +140,7 @@ def random_case(seed: int, queries: int = 2) -> Case:
     if seed % 3 == 0:
         kind += ", scattered"
     name = f"random {seed}: {neurons:,} neurons on {len(plan.cores)} cores, {kind}"
-    return Case(name, plan, Trains(exc, spikes, inhibitory_spikes(made, exc)), input_core=seed % 4 < 2)
+    return SanafeCase(name, plan, Trains(exc, spikes, inhibitory_spikes(made, exc)), input_core=seed % 4 < 2)
 
 
 def scattered(plan: Plan, rng: np.random.Generator) -> Plan:
@@ -155,7 +155,7 @@ def scattered(plan: Plan, rng: np.random.Generator) -> Plan:
     return replace(plan, board=KAPOHO_BAY, cores=tuple(cores))
 
 
-def failures(case: Case, checked: CrossCheck) -> list[str]:
+def failures(case: SanafeCase, checked: CrossCheck) -> list[str]:
     """Whatever of the comparison must not be, a line each; none if all is well."""
     lines = []
     if checked.absent:
@@ -171,7 +171,7 @@ def failures(case: Case, checked: CrossCheck) -> list[str]:
     return lines
 
 
-def rows(case: Case, checked: CrossCheck) -> Iterator[list[str]]:
+def rows(case: SanafeCase, checked: CrossCheck) -> Iterator[list[str]]:
     """A part of the table: figures of a query, mean over the queries."""
 
     def row(name: str, pair: tuple[float, float], digits: str) -> list[str]:

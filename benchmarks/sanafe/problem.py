@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.board import Mesh
-from lava_vpr.deploy.boards.plan import RELAY_THRESHOLD, RELAY_WEIGHT, CorePlan, Part, Plan, PopulationName
+from lava_vpr.deploy.boards.plan import RELAY_THRESHOLD, RELAY_WEIGHT, CorePlan, Plan, PopulationName, PopulationPart
 from lava_vpr.engine.inference import bias_input, fixed
 from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import BackendUnavailableError
@@ -67,7 +67,7 @@ def without_counters(plan: Plan) -> Plan:
     return replace(plan, board=replace(plan.board, counters=False), cores=cores)
 
 
-def _attributes(plan: Plan, part: Part) -> dict[str, float]:
+def _attributes(plan: Plan, part: PopulationPart) -> dict[str, float]:
     """Threshold and decay of a part's somata."""
     unity = 1 << DECAY_BITS
     threshold, decay = RELAY_THRESHOLD, unity - 1
@@ -78,7 +78,7 @@ def _attributes(plan: Plan, part: Part) -> dict[str, float]:
     return {"threshold": threshold, "leak_decay": (unity - decay) / unity}
 
 
-def _own_biases(plan: Plan, part: Part) -> list[list[float]]:
+def _own_biases(plan: Plan, part: PopulationPart) -> list[list[float]]:
     """What the neurons of a part gain in every step: index and bias, of those that have one."""
     bias = plan.network.bias[part.first : part.first + part.size] if part.population == "exc" else np.zeros(0)
     return [[int(i), float(bias[i]) / (1 << INPUT_SHIFT)] for i in np.flatnonzero(bias)]
@@ -119,7 +119,7 @@ def _rows(source: str, target: str, stored: Synapses, weights: NDArray[np.int64]
     return rows
 
 
-def _to_exc(plan: Plan, core: CorePlan, part: Part, target: str) -> list[Any]:
+def _to_exc(plan: Plan, core: CorePlan, part: PopulationPart, target: str) -> list[Any]:
     """Synapses of the inputs and the root to the excitatory neurons of ``part``."""
     network, neurons = plan.network, slice(part.first, part.first + part.size)
     weights = network.weights[:, neurons].astype(np.int64)
@@ -137,7 +137,7 @@ def _to_exc(plan: Plan, core: CorePlan, part: Part, target: str) -> list[Any]:
     return rows
 
 
-def _parts(plan: Plan, population: PopulationName) -> Iterator[tuple[str, Part]]:
+def _parts(plan: Plan, population: PopulationName) -> Iterator[tuple[str, PopulationPart]]:
     """The parts of a population, with the names of their groups."""
     for k, core in enumerate(plan.cores):
         for i, part in enumerate(core.parts):
@@ -146,7 +146,7 @@ def _parts(plan: Plan, population: PopulationName) -> Iterator[tuple[str, Part]]
 
 
 def _listening(
-    plan: Plan, source: str, sender: Part, heard_by: NDArray[np.int64], listener: PopulationName
+    plan: Plan, source: str, sender: PopulationPart, heard_by: NDArray[np.int64], listener: PopulationName
 ) -> list[Any]:
     """Single synapses that make a neuron of ``listener`` spike; ``heard_by`` has its number for each of ``sender``."""
     rows = []
@@ -171,7 +171,7 @@ def _synapses(plan: Plan) -> list[Any]:
         numbers = np.arange(part.first, part.first + part.size)
         rows += _listening(plan, name, part, np.where(numbers < root, root, -1), "inh")
     if network.relayed:
-        port = Part("inputs", 0, network.inputs, 0)
+        port = PopulationPart("inputs", 0, network.inputs, 0)
         rows += _listening(plan, PORT, port, np.arange(network.inputs), "inputs")
     return rows
 

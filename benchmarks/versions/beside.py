@@ -19,9 +19,9 @@ from pathlib import Path
 
 import click
 
-from benchmarks.program import Figures, Printed, program
+from benchmarks.program import BenchmarkTable, Printed, program
 from benchmarks.timing import turns
-from benchmarks.versions.worker import Case
+from benchmarks.versions.worker import VersionCase
 from lava_vpr.config import preset
 from lava_vpr.configfile import to_dict
 from lava_vpr.engine.inference.fixed import silent_steps
@@ -32,14 +32,14 @@ ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = Path(__file__).with_name("worker.py")
 
 
-def cases() -> list[Case]:
+def cases() -> list[VersionCase]:
     """Both presets on 100 places and on 500, with regular and with Poisson trains."""
     made = []
     for name, places in (("loihi", 100), ("loihi", 500), ("fast", 100), ("fast", 500)):
         config = integer_config(preset(name), "timing")
         steps = config.network.steps - silent_steps(places, False)
         encoder = json.dumps(to_dict(config)["encoder"])
-        made += [Case(name, encoder, places, steps, regular) for regular in (True, False)]
+        made += [VersionCase(name, encoder, places, steps, regular) for regular in (True, False)]
     return made
 
 
@@ -53,7 +53,7 @@ class Worker:
         InputError: it has no Python of its own.
     """
 
-    def __init__(self, checkout: Path, cases: list[Case]) -> None:
+    def __init__(self, checkout: Path, cases: list[VersionCase]) -> None:
         python = checkout / ".venv" / "bin" / "python"
         if not python.exists():
             raise InputError(f"{checkout}: has no .venv; run make lint there, or name another checkout")
@@ -100,7 +100,7 @@ def cpu_flags() -> str:
     return next((name for name in ("avx512f", "avx2", "avx") if name in flags), "none")
 
 
-def row(case: Case, here: list[dict[str, float]], there: list[dict[str, float]], other: Path) -> list[str]:
+def row(case: VersionCase, here: list[dict[str, float]], there: list[dict[str, float]], other: Path) -> list[str]:
     """Microseconds of processor time a query of a case, here and in the checkout ``other``.
 
     Raises:
@@ -131,4 +131,4 @@ def main(other: Path, rounds: int) -> Printed:
     columns = ["", "neurons", "steps", "input spikes", "exc, here", "exc, other", "us, here", "us, other", "ratio"]
     rows = [row(case, taken[number, 0], taken[number, 1], other) for number, case in enumerate(every)]
     title = f"processor time a query, one thread, least of {rounds} turns; vector instructions: {cpu_flags()}"
-    yield Figures(columns, rows, title=title)
+    yield BenchmarkTable(columns, rows, title=title)

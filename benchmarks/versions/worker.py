@@ -26,7 +26,7 @@ NEEDED = ("input_spikes", "exc_spikes")
 
 
 @dataclass(frozen=True)
-class Case:
+class VersionCase:
     """What is learned and presented: a preset's places, by ``encoder`` (JSON), in so many steps with input."""
 
     preset: str
@@ -42,7 +42,7 @@ def learned(name: str, encoder: str, places: int) -> Model:
     return learn((0, places), update(preset(name), {"encoder": json.loads(encoder)}))
 
 
-def runner(case: Case) -> Callable[[], dict[str, float]]:
+def runner(case: VersionCase) -> Callable[[], dict[str, float]]:
     """A function that presents all queries once and says what that took, and which spikes there were a query."""
     model = learned(case.preset, case.encoder, case.places)
     network = integer_model(model, "timing").network
@@ -66,7 +66,7 @@ def runner(case: Case) -> Callable[[], dict[str, float]]:
 
 def main(text: str) -> None:
     """Run a case for each number that is read, and print what it took."""
-    runs = [runner(Case(**case)) for case in json.loads(text)]
+    runs = [runner(VersionCase(**case)) for case in json.loads(text)]
     for line in sys.stdin:
         print(json.dumps(runs[int(line)]()), flush=True)
 

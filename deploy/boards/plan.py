@@ -25,7 +25,7 @@ the longest presentation adds less than a hundredth of that."""
 
 
 @dataclass(frozen=True)
-class Part:
+class PopulationPart:
     """Neurons ``first`` .. ``first + size - 1`` of a population, on a core's compartments from ``compartment``."""
 
     population: PopulationName
@@ -85,15 +85,15 @@ class CorePlan:
 
     chip: int
     core: int
-    parts: tuple[Part, ...]
+    parts: tuple[PopulationPart, ...]
     dense_inputs: NDArray[np.bool_] = field(repr=False)
     needs: Needs
     load: Load
     microseconds: float | None = None
 
-    def part(self, population: PopulationName) -> Part:
+    def part(self, population: PopulationName) -> PopulationPart:
         """The core's part of ``population``; of size 0 if it has none."""
-        return next((part for part in self.parts if part.population == population), Part(population, 0, 0, 0))
+        return next((part for part in self.parts if part.population == population), PopulationPart(population, 0, 0, 0))
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.boards.plan import Plan
-from lava_vpr.deploy.bundle.folder import AGAIN, MANIFEST, Bundle, array_bytes, json_bytes
+from lava_vpr.deploy.bundle.folder import AGAIN, MANIFEST, ReadBundle, array_bytes, json_bytes
 from lava_vpr.deploy.registers import core_images as registers
 from lava_vpr.deploy.registers import rebuilding
 from lava_vpr.deploy.registers.core_images import CoreImage, HostTables
@@ -44,7 +44,7 @@ _RANGES |= dict.fromkeys(("signed", "regular", "bias_input"), (0, 1))
 """Least and most of the numbers of a network; of others 0 and `_MOST`. Steps are as the settings allow them."""
 
 
-class Spikes(NamedTuple):
+class BundleSpikes(NamedTuple):
     """Every spike of some presentations, uint8 (n, steps, width), of exc, of inh (leaves, root) and of the inputs."""
 
     exc: NDArray[np.uint8]
@@ -52,12 +52,12 @@ class Spikes(NamedTuple):
     inputs: NDArray[np.uint8]
 
 
-class Player(Protocol):
+class BundlePlayer(Protocol):
     """Simulates a bundle."""
 
     def __call__(
         self, rates: NDArray[np.uint16], keys: NDArray[np.uint64], bias: NDArray[np.int32] | None = None
-    ) -> Spikes:
+    ) -> BundleSpikes:
         """The spikes of presentations.
 
         Args:
@@ -80,7 +80,7 @@ def network_files(plan: Plan) -> dict[str, bytes]:
     return files | {HOST_TABLE.format(name): array_bytes(getattr(tables, name)) for name in HOST_TABLES}
 
 
-def core_images(bundle: Bundle) -> tuple[CoreImage, ...]:
+def core_images(bundle: ReadBundle) -> tuple[CoreImage, ...]:
     """Every core of a bundle, by chip and core.
 
     Raises:
@@ -101,7 +101,7 @@ def core_images(bundle: Bundle) -> tuple[CoreImage, ...]:
     return tuple(images)
 
 
-def _core_folders(bundle: Bundle) -> dict[str, set[str]]:
+def _core_folders(bundle: ReadBundle) -> dict[str, set[str]]:
     """The folders of cores, and the names of the files in each."""
     found: dict[str, set[str]] = {}
     for name in bundle.files:
@@ -111,7 +111,7 @@ def _core_folders(bundle: Bundle) -> dict[str, set[str]]:
     return found
 
 
-def _from_0(bundle: Bundle, file: str, numbers: NDArray[np.int32]) -> NDArray[np.int32]:
+def _from_0(bundle: ReadBundle, file: str, numbers: NDArray[np.int32]) -> NDArray[np.int32]:
     """``numbers`` of chips, cores, compartments and axons, none of them below 0, which would count from the end.
 
     Raises:
@@ -122,7 +122,7 @@ def _from_0(bundle: Bundle, file: str, numbers: NDArray[np.int32]) -> NDArray[np
     return numbers
 
 
-def within(bundle: Bundle, file: str, name: str, values: NDArray[Any], end: int, first: int = 0) -> None:
+def within(bundle: ReadBundle, file: str, name: str, values: NDArray[Any], end: int, first: int = 0) -> None:
     """Refuse ``values`` of a bundle's file that are not all in ``first`` .. ``end`` - 1.
 
     Raises:
@@ -133,7 +133,7 @@ def within(bundle: Bundle, file: str, name: str, values: NDArray[Any], end: int,
         raise BundleError(f"{bundle.at(file)}: names {name} {values[wrong][0]}, of {first}..{end - 1}; {AGAIN}")
 
 
-def host_tables(bundle: Bundle) -> HostTables:
+def host_tables(bundle: ReadBundle) -> HostTables:
     """Where spikes go in and out of a bundle's cores.
 
     Raises:
@@ -156,7 +156,7 @@ def host_tables(bundle: Bundle) -> HostTables:
     )
 
 
-def scalars(bundle: Bundle) -> Mapping[str, int]:
+def scalars(bundle: ReadBundle) -> Mapping[str, int]:
     """The numbers of the network that the manifest tells, and how large it is.
 
     Raises:
@@ -182,7 +182,7 @@ def scalars(bundle: Bundle) -> Mapping[str, int]:
     return numbers
 
 
-def network(bundle: Bundle) -> FixedNetwork:
+def network(bundle: ReadBundle) -> FixedNetwork:
     """The network of a bundle, rebuilt from the registers and memory of its cores, which are those of this network.
 
     Raises:
@@ -197,7 +197,7 @@ def network(bundle: Bundle) -> FixedNetwork:
         raise BundleError(f"{bundle.at(CORES)}: {error}") from None
 
 
-def player(bundle: Bundle) -> Player:
+def player(bundle: ReadBundle) -> BundlePlayer:
     """A simulation of the registers and memory of a bundle's cores, which `network` has seen; they are read once.
 
     Raises:
@@ -212,4 +212,4 @@ def player(bundle: Bundle) -> Player:
         regular=bool(numbers["regular"]),
         bias_input=bool(numbers["bias_input"]),
     )
-    return lambda rates, keys, bias=None: Spikes(*chips.run(rates, keys, bias))
+    return lambda rates, keys, bias=None: BundleSpikes(*chips.run(rates, keys, bias))

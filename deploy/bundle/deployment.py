@@ -13,13 +13,13 @@ from lava_vpr.cluster.tasks import Pool
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.boards.plan import CorePlan, Plan
 from lava_vpr.deploy.bundle import folder as bundle_folder
-from lava_vpr.deploy.bundle.folder import Bundle, json_bytes
+from lava_vpr.deploy.bundle.folder import ReadBundle, json_bytes
 from lava_vpr.deploy.bundle.programs import program_files
 from lava_vpr.deploy.bundle.readme import readme
 from lava_vpr.deploy.bundle.references import reference_files
 from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.deploy.cost.expected import timed
-from lava_vpr.deploy.hardware.belief import BIAS_INPUT, DENSE, LEARNING, LONG, NARROW, Belief
+from lava_vpr.deploy.hardware.belief import BIAS_INPUT, DENSE, LEARNING, LONG, NARROW, HardwareBelief
 from lava_vpr.deploy.hardware.loihi_2 import RESET_SHOWN
 from lava_vpr.deploy.hardware.table import relied_on
 from lava_vpr.deploy.mapping.partition import partition
@@ -33,7 +33,7 @@ from lava_vpr.training.references import expected_rates, measured_responses
 class Deployed:
     """A bundle that was written, and where its neurons stand."""
 
-    bundle: Bundle
+    bundle: ReadBundle
     plan: Plan
 
 
@@ -86,7 +86,7 @@ def contents(
     return _manifest(model, plan, compression) | {"unproven": [row.name for row in rows]}, files, plan
 
 
-def unproven(plan: Plan, *, learning: bool = False) -> tuple[Belief, ...]:
+def unproven(plan: Plan, *, learning: bool = False) -> tuple[HardwareBelief, ...]:
     """Every row of docs/hardware.md without a public source that the bundle of ``plan`` rests on. What options of its
     host program need besides, ``--power`` and biases that queries bring, is left out.
 

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from lava_vpr.deploy.boards.board import BOARDS
-from lava_vpr.deploy.bundle.listing import BeyondError, Facts, listed_files, strict_json
+from lava_vpr.deploy.bundle.listing import BundleLimitError, Facts, listed_files, strict_json
 from lava_vpr.errors import BundleError, brief
 from lava_vpr.interrupts import held
 from lava_vpr.settings.ranges import whole
@@ -39,7 +39,7 @@ AGAIN = "deploy the model again or fetch an intact copy"
 
 
 @dataclass(frozen=True)
-class Bundle:
+class ReadBundle:
     """A bundle that was read and found intact.
 
     Attributes:
@@ -180,7 +180,7 @@ def check_replaceable(path: Path) -> None:
         )
 
 
-def write(path: Path, manifest: Mapping[str, Any], files: Mapping[str, bytes]) -> Bundle:
+def write(path: Path, manifest: Mapping[str, Any], files: Mapping[str, bytes]) -> ReadBundle:
     """Write a bundle; it appears complete or not at all, and replaces an older one in one step.
 
     Of what it replaces it keeps the permissions: those of the folder, and those of each file that was there.
@@ -222,7 +222,7 @@ def write(path: Path, manifest: Mapping[str, Any], files: Mapping[str, bytes]) -
         raise BundleError(
             f"{shown(path)}: the bundle cannot be written ({error.strerror}); free space or choose another place"
         ) from None
-    return Bundle(path, whole, dict(files))
+    return ReadBundle(path, whole, dict(files))
 
 
 def _put(new: Path, path: Path) -> None:
@@ -285,13 +285,13 @@ def _manifest(path: Path) -> tuple[dict[str, Any], dict[str, Facts]]:
         raise BundleError(f"{file}: is for the unknown board {brief(target)}; {AGAIN}")
     try:
         return manifest, listed_files(manifest.get("files"), MANIFEST)
-    except BeyondError as error:
+    except BundleLimitError as error:
         raise BundleError(f"{file}: {error}") from None
     except ValueError as error:
         raise BundleError(f"{file}: {error}; {AGAIN}") from None
 
 
-def load(path: Path) -> Bundle:
+def load(path: Path) -> ReadBundle:
     """The bundle in the folder ``path``, of which every listed file is whole; what they hold is for others to check.
 
     Files that are not listed are not read.
@@ -318,4 +318,4 @@ def load(path: Path) -> Bundle:
         if hashlib.sha256(data).hexdigest() != facts.digest:
             raise BundleError(f"{at}: was altered (checksum differs); {AGAIN}")
         files[name] = data
-    return Bundle(path, manifest, files)
+    return ReadBundle(path, manifest, files)

@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.clearing import check_reset
 from lava_vpr.deploy.bundle.core_files import within
-from lava_vpr.deploy.bundle.folder import AGAIN, Bundle, array_bytes, json_bytes, same_json
+from lava_vpr.deploy.bundle.folder import AGAIN, ReadBundle, array_bytes, json_bytes, same_json
 from lava_vpr.deploy.compression.compression import requantised
 from lava_vpr.encoding import rates16
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.inference.quantise import mantissa_of
 from lava_vpr.engine.learning import stdp
-from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, Rule
+from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, WeightRule
 from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS
 from lava_vpr.engine.learning.lava_order import (
     FACTOR_BITS,
@@ -212,7 +212,9 @@ def _phase(described: Any, inputs: int) -> FoldedPhase:
     inhibition = _whole(inhibit, "mantissa", WEIGHT_LIMIT) << exponent
     phase = FoldedPhase(
         IntegerLearning(
-            rule=Rule(tuple(_product(pair) for pair in pairs), _whole(rule, "target"), _whole(rule, "mu"), float(tau)),
+            rule=WeightRule(
+                tuple(_product(pair) for pair in pairs), _whole(rule, "target"), _whole(rule, "mu"), float(tau)
+            ),
             inhibition=inhibition,
             neurons=LifParameters(du=_whole(described["exc"], "du"), dv=_whole(described["exc"], "dv")),
             weight_sum=0,
@@ -282,7 +284,7 @@ def learning_files(model: Model) -> dict[str, bytes]:
     return files
 
 
-def read_learning(bundle: Bundle) -> tuple[ChipLearning, ...]:
+def read_learning(bundle: ReadBundle) -> tuple[ChipLearning, ...]:
     """The learning networks in a bundle, from its files alone.
 
     Raises:
@@ -308,7 +310,7 @@ def read_learning(bundle: Bundle) -> tuple[ChipLearning, ...]:
     return parts
 
 
-def _part(bundle: Bundle, number: int, described: Any, rates: NDArray[np.uint16]) -> ChipLearning:
+def _part(bundle: ReadBundle, number: int, described: Any, rates: NDArray[np.uint16]) -> ChipLearning:
     """The learning network of one stretch.
 
     Raises:
@@ -355,7 +357,7 @@ def _part(bundle: Bundle, number: int, described: Any, rates: NDArray[np.uint16]
     )
 
 
-def check_learning(bundle: Bundle, model: Model) -> None:
+def check_learning(bundle: ReadBundle, model: Model) -> None:
     """Refuse learning networks that cannot be read, or are not those of the stretches and images of ``model``.
 
     Raises:

@@ -22,7 +22,7 @@ class Facts(NamedTuple):
     digest: str
 
 
-class BeyondError(ValueError):
+class BundleLimitError(ValueError):
     """A bundle is beyond a limit; the message says how that is raised."""
 
 
@@ -60,7 +60,7 @@ def listed_files(value: object, reserved: str) -> dict[str, Facts]:
         raise ValueError(f"lists {brief(value)} instead of its files")
     beyond = excess("bundle_files", len(value))
     if beyond is not None:
-        raise BeyondError(f"lists {beyond}")
+        raise BundleLimitError(f"lists {beyond}")
     known, seen = {}, {reserved.lower()}
     for name, facts in value.items():
         if not _NAME.fullmatch(name) or len(name) > _LONGEST or name.lower() in seen:
@@ -69,7 +69,7 @@ def listed_files(value: object, reserved: str) -> dict[str, Facts]:
         known[name] = _facts(name, facts)
     beyond = excess("bundle_bytes", sum(facts.length for facts in known.values()))
     if beyond is not None:
-        raise BeyondError(f"lists {beyond}")
+        raise BundleLimitError(f"lists {beyond}")
     return known
 
 

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from lava_vpr.deploy.boards.clearing import check_reset
 from lava_vpr.deploy.boards.plan import RELAY_THRESHOLD, RELAY_WEIGHT
 from lava_vpr.deploy.bundle import effort
-from lava_vpr.deploy.bundle.core_files import Player, Spikes, within
-from lava_vpr.deploy.bundle.folder import AGAIN, Bundle, array_bytes, json_bytes, same_json
+from lava_vpr.deploy.bundle.core_files import BundlePlayer, BundleSpikes, within
+from lava_vpr.deploy.bundle.folder import AGAIN, ReadBundle, array_bytes, json_bytes, same_json
 from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.general.simulation import INPUTS, GeneralNetwork, Population, Synapses
@@ -121,7 +121,7 @@ def network_of(files: Mapping[str, bytes], path: Path = Path()) -> FixedNetwork:
     Raises:
         BundleError: they are missing, of another kind, or contradict each other.
     """
-    bundle = Bundle(path, {}, dict(files))
+    bundle = ReadBundle(path, {}, dict(files))
     weights, parameters = bundle.array(WEIGHTS, np.int16, ("neurons", "inputs")), bundle.json(PARAMETERS)
     if 0 in weights.shape:
         raise BundleError(f"{bundle.at(WEIGHTS)}: is empty, {weights.shape}; {AGAIN}")
@@ -207,7 +207,7 @@ def simulate(
     rates: NDArray[np.uint16],
     keys: NDArray[np.uint64],
     bias: NDArray[np.int32] | None = None,
-) -> Spikes:
+) -> BundleSpikes:
     """Present every image to the network as a bundle holds it, by the general engine.
 
     Presentations follow each other in one run that LIFReset divides, as on the board.
@@ -242,10 +242,10 @@ def simulate(
         recording = run_general(general, inputs[part].reshape(-1, network.inputs).astype(bool))
         exc[part] = recording.spikes[EXC].reshape(-1, interval, network.neurons)
         inh[part] = recording.spikes[INH].reshape(-1, interval, network.inhibitory)
-    return Spikes(exc, inh, inputs)
+    return BundleSpikes(exc, inh, inputs)
 
 
-def player(bundle: Bundle) -> Player:
+def player(bundle: ReadBundle) -> BundlePlayer:
     """A simulation of the Processes of a bundle; its files are read once."""
     network = network_of(bundle.files, bundle.path)
     return lambda rates, keys, bias=None: simulate(network, rates, keys, bias)

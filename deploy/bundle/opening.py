@@ -15,7 +15,7 @@ from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.boards.memory import UNLIMITED
 from lava_vpr.deploy.bundle import folder as bundle_folder
 from lava_vpr.deploy.bundle.core_files import scalars
-from lava_vpr.deploy.bundle.folder import AGAIN, MANIFEST, Bundle
+from lava_vpr.deploy.bundle.folder import AGAIN, MANIFEST, ReadBundle
 from lava_vpr.deploy.bundle.learning import SETTINGS, check_learning
 from lava_vpr.deploy.bundle.references import References
 from lava_vpr.deploy.bundle.targets import TARGETS
@@ -24,14 +24,14 @@ from lava_vpr.model import Model
 from lava_vpr.settings.ranges import whole
 
 
-class Opened(NamedTuple):
+class OpenedBundle(NamedTuple):
     """A bundle whose contents were checked, and the model in it."""
 
-    bundle: Bundle
+    bundle: ReadBundle
     model: Model
 
 
-def open_whole(path: Path) -> Opened:
+def open_whole(path: Path) -> OpenedBundle:
     """The bundle at ``path`` and the model in it, its network rebuilt from what the board would get.
 
     Raises:
@@ -51,7 +51,7 @@ def open_whole(path: Path) -> Opened:
         if not target.learns:
             raise BundleError(f"{whole_bundle.at(SETTINGS)}: is for a board that does not learn; {AGAIN}")
         check_learning(whole_bundle, model)
-    return Opened(whole_bundle, replace(model, bundle=path))
+    return OpenedBundle(whole_bundle, replace(model, bundle=path))
 
 
 def open_bundle(path: Path) -> Model:
@@ -59,7 +59,7 @@ def open_bundle(path: Path) -> Model:
     return open_whole(path).model
 
 
-def _check_host_spikes(bundle: Bundle) -> None:
+def _check_host_spikes(bundle: ReadBundle) -> None:
     """Refuse a bundle that lets the host send more spikes than its board takes.
 
     Raises:

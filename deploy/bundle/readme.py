@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Iterable
 
 from lava_vpr.deploy.boards.plan import Plan
-from lava_vpr.deploy.hardware.belief import Belief
+from lava_vpr.deploy.hardware.belief import HardwareBelief
 from lava_vpr.deploy.show.tables import modelled_time
 from lava_vpr.model import Model
 
@@ -92,7 +92,9 @@ _INJECTED = "{} trains, injected spike by spike"
 _BIAS = "integrated by input compartments from a bias written once a query"
 
 
-def readme(model: Model, plan: Plan, guide: str, parts: str, learning: bool, unproven: Iterable[Belief]) -> bytes:
+def readme(
+    model: Model, plan: Plan, guide: str, parts: str, learning: bool, unproven: Iterable[HardwareBelief]
+) -> bytes:
     """What the folder is and how to run it.
 
     Args:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.configfile import from_dict
-from lava_vpr.deploy.bundle.folder import AGAIN, MANIFEST, Bundle, array_bytes
+from lava_vpr.deploy.bundle.folder import AGAIN, MANIFEST, ReadBundle, array_bytes
 from lava_vpr.encoding import query_rates16
 from lava_vpr.engine.effort import check_query
 from lava_vpr.engine.inference.fixed import FixedNetwork
@@ -45,12 +45,12 @@ class References:
         header, arrays: What `lava_vpr.model.content` kept.
     """
 
-    bundle: Bundle
+    bundle: ReadBundle
     header: dict[str, Any]
     arrays: dict[str, NDArray[Any]]
 
     @classmethod
-    def of(cls, bundle: Bundle, stated: Mapping[str, int]) -> References:
+    def of(cls, bundle: ReadBundle, stated: Mapping[str, int]) -> References:
         """The references in ``bundle``, seen to be for a network of the size that it states.
 
         Raises:

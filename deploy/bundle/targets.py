@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from lava_vpr.deploy.boards.board import BOARDS, KAPOHO_BAY, LOIHI_2
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.bundle import core_files, loihi2, readme
-from lava_vpr.deploy.bundle.core_files import Player
-from lava_vpr.deploy.bundle.folder import Bundle
+from lava_vpr.deploy.bundle.core_files import BundlePlayer
+from lava_vpr.deploy.bundle.folder import ReadBundle
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.rows.registry import Registry
@@ -36,8 +36,8 @@ class Target:
 
     name: str
     network_files: Callable[[Plan], Mapping[str, bytes]]
-    network: Callable[[Bundle], FixedNetwork]
-    player: Callable[[Bundle], Player]
+    network: Callable[[ReadBundle], FixedNetwork]
+    player: Callable[[ReadBundle], BundlePlayer]
     program: str
     interpreter: str | None
     guide: str

@@ -24,7 +24,7 @@ PURPOSE = "a board"
 
 
 @dataclass(frozen=True)
-class Figures:
+class CompressionFigures:
     """What a model reaches on calibration images: fractions in 0..1, and the synaptic operations of a query."""
 
     recall_at_1: float
@@ -34,7 +34,7 @@ class Figures:
 
 
 @dataclass(frozen=True)
-class Point:
+class CompressionPoint:
     """A way to compress: bits of a weight, share of pruned weights, and the expected operations of a query's inputs."""
 
     weight_bits: int
@@ -61,10 +61,10 @@ class Compressed:
     original: Model = field(repr=False)
     prune: float
     notes: tuple[str, ...] = ()
-    before: Figures | None = None
-    after: Figures | None = None
+    before: CompressionFigures | None = None
+    after: CompressionFigures | None = None
     max_loss: float | None = None
-    tried: tuple[tuple[Point, Figures], ...] = field(default=(), repr=False)
+    tried: tuple[tuple[CompressionPoint, CompressionFigures], ...] = field(default=(), repr=False)
 
     @property
     def unchanged(self) -> bool:

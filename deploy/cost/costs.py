@@ -46,7 +46,7 @@ ALL_DENSE = (
 
 
 @dataclass(frozen=True)
-class Figures:
+class BoardFigures:
     """Energies and times of a query on a board whose constants are public.
 
     Attributes:
@@ -125,7 +125,7 @@ class Modelled:
     tiles: int | None
     steps: int
     input_mode: str
-    figures: Figures | None = None
+    figures: BoardFigures | None = None
     busiest_core: dict[str, float] | None = None
     clearing: dict[str, Any] = field(default_factory=dict)
     counts: dict[str, float | None] = field(default_factory=dict)
@@ -159,7 +159,7 @@ def modelled(plan: Plan, events: EventCounts) -> Modelled:
     return replace(counted, figures=figures, clearing=cleared, assumptions=assumptions(events))
 
 
-def _figures(plan: Plan, events: EventCounts, constants: CostConstants) -> Figures:
+def _figures(plan: Plan, events: EventCounts, constants: CostConstants) -> BoardFigures:
     """The estimates of energies and times."""
     steps = Estimate.of(lambda level: float(all_microseconds(plan, events, constants, level).mean()))
     milliseconds = query_milliseconds(plan, steps, constants)
@@ -168,7 +168,7 @@ def _figures(plan: Plan, events: EventCounts, constants: CostConstants) -> Figur
     wall = Estimate.of(lambda level: max(milliseconds.at(level), in_use.at(level)))
     receive, neurons = step_nanoseconds(events, constants, "nominal")
     share = float((receive > neurons).mean())
-    return Figures(
+    return BoardFigures(
         dynamic_by_component=_dynamic(plan, events, constants),
         milliseconds=milliseconds,
         step_microseconds=steps,

@@ -9,7 +9,7 @@ from lava_vpr import loihi
 
 BIAS_INPUT, DENSE, LEARNING = "inputs integrate a bias", "rows without indices", "the network that learns"
 NARROW, LONG = "weights of fewer than 8 bits", "long presentations"
-"""What some bundles have and others not, for `Belief.rests`."""
+"""What some bundles have and others not, for `HardwareBelief.rests`."""
 
 Kind = Literal["limit", "arithmetic", "register", "call", "figure"]
 """What a belief is about. A ``limit`` is the most there is of something; a ``figure`` an energy, a time or a power."""
@@ -40,7 +40,7 @@ Value = int | float | str | Span | Given | tuple[int, ...] | dict[int, float]
 
 
 @dataclass(frozen=True)
-class Belief:
+class HardwareBelief:
     """A row of the table of hardware.
 
     Attributes:
@@ -130,7 +130,7 @@ def of_constants(
     source: str | None = None,
     why: str | None = None,
     rests: tuple[str, ...] = (),
-) -> Belief:
+) -> HardwareBelief:
     """A belief whose value is that of the constants ``at``, names in `lava_vpr.loihi` with blanks between them.
 
     One number, or several widths, are the value itself; the numbers of several constants are a list for people.
@@ -140,4 +140,4 @@ def of_constants(
     value: Value = values[0] if len(values) == 1 else Given(", ".join(map(_text, values)))
     if isinstance(value, range):
         value = Span(value.start, value.stop - 1)
-    return Belief(name, on, kind, value, unit, breaks, source, why, names, rests)
+    return HardwareBelief(name, on, kind, value, unit, breaks, source, why, names, rests)

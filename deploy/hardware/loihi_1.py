@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from lava_vpr.deploy.hardware.belief import Belief, Given, of_constants
+from lava_vpr.deploy.hardware.belief import Given, HardwareBelief, of_constants
 
 NENGO = "nengo-loihi 1.1.0 (tag v1.1.0), nengo_loihi/"
 """Where paths of nengo-loihi begin."""
@@ -17,7 +17,7 @@ _NO_FIT = "networks are placed that the board cannot hold, or refused that it co
 _core = partial(of_constants, on="Loihi 1 core", kind="limit")
 _sums = partial(of_constants, on="Loihi 1", kind="arithmetic")
 
-CORE: tuple[Belief, ...] = (
+CORE: tuple[HardwareBelief, ...] = (
     _core(
         "compartments of a core",
         at="CORE_COMPARTMENTS",
@@ -64,7 +64,7 @@ CORE: tuple[Belief, ...] = (
         breaks=_NO_FIT,
         source=f"{NENGO}block.py:526-527",
     ),
-    Belief(
+    HardwareBelief(
         "order of the fields in a synapse word",
         "Loihi 1 core",
         "arithmetic",
@@ -123,7 +123,7 @@ CORE: tuple[Belief, ...] = (
 )
 """What a core, a chip and the board hold."""
 
-ARITHMETIC: tuple[Belief, ...] = (
+ARITHMETIC: tuple[HardwareBelief, ...] = (
     _sums(
         "bits of current u and membrane v, sign included",
         at="STATE_BITS",
@@ -208,7 +208,7 @@ ARITHMETIC: tuple[Belief, ...] = (
         breaks="membranes are clipped, and spikes differ",
         source=f"{NENGO}builder/discretize.py:364-365",
     ),
-    Belief(
+    HardwareBelief(
         "a neuron spikes when v is above its threshold, and v is 0 after",
         "Loihi 1",
         "arithmetic",
@@ -217,7 +217,7 @@ ARITHMETIC: tuple[Belief, ...] = (
         "neurons spike a step early",
         source=f"{LAVA}proc/lif/models.py:278; {NENGO}emulator/interface.py:330-331",
     ),
-    Belief(
+    HardwareBelief(
         "a membrane with decayV 0 keeps what it sums up",
         "Loihi 1",
         "arithmetic",
@@ -226,7 +226,7 @@ ARITHMETIC: tuple[Belief, ...] = (
         "counts are too small: counters forget, which the self-test finds",
         source=f"{NENGO}emulator/interface.py:326 (decay_int with a decay of 0), builder/discretize.py:364 (vmax)",
     ),
-    Belief(
+    HardwareBelief(
         "rounding of decays",
         "Loihi 1, Loihi 2",
         "arithmetic",

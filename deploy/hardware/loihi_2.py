@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from lava_vpr.deploy.hardware.belief import BIAS_INPUT, LEARNING, LONG, Belief, Given, Span, of_constants
+from lava_vpr.deploy.hardware.belief import BIAS_INPUT, LEARNING, LONG, Given, HardwareBelief, Span, of_constants
 from lava_vpr.deploy.hardware.loihi_1 import LAVA
 from lava_vpr.loihi import (
     BIAS_BITS,
@@ -27,9 +27,9 @@ RESET_SHOWN = 32
 _LIMITS = "fit says that maps are possible which the chip cannot hold"
 _TESTS = f"{LAVA_DL}tests/lava/lib/dl/netx/test_hdf5_nx.py"
 _chip = partial(of_constants, on="Loihi 2", kind="limit")
-_var = partial(Belief, on="Lava's LIF on Loihi 2", kind="register")
+_var = partial(HardwareBelief, on="Lava's LIF on Loihi 2", kind="register")
 
-CHIP: tuple[Belief, ...] = (
+CHIP: tuple[HardwareBelief, ...] = (
     _chip(
         "neuron cores of a Loihi 2",
         at="LOIHI_2_CORES",
@@ -54,7 +54,7 @@ CHIP: tuple[Belief, ...] = (
         breaks=_LIMITS,
         source=f"{BRIEF}: 192 KB, flexible allocation",
     ),
-    Belief(
+    HardwareBelief(
         "how a Loihi 2 core's memory divides into synapses, axons and states",
         "Loihi 2",
         "limit",
@@ -64,7 +64,7 @@ CHIP: tuple[Belief, ...] = (
         why="no public text gives it; bounds count a weight's bits and nothing else",
         rests=("Loihi 2",),
     ),
-    Belief(
+    HardwareBelief(
         "steps between two resets of LIFReset",
         "Lava's LIFReset on Loihi 2",
         "register",
@@ -84,7 +84,7 @@ CHIP: tuple[Belief, ...] = (
         why="public programs reset every 16 or 32 steps; no text has a limit",
         rests=(f"Loihi 2: {LONG}",),
     ),
-    Belief(
+    HardwareBelief(
         "step of the first reset (reset_offset)",
         "Lava's LIFReset on Loihi 2",
         "register",
@@ -96,7 +96,7 @@ CHIP: tuple[Belief, ...] = (
 )
 """The chip's limits, and how it clears states."""
 
-LIF: tuple[Belief, ...] = (
+LIF: tuple[HardwareBelief, ...] = (
     _var(
         "u",
         value=Span(1 - STATE_LIMIT, STATE_LIMIT - 1),
@@ -149,8 +149,8 @@ LIF: tuple[Belief, ...] = (
 )
 """Vars of Lava's neurons by their names, and what they hold."""
 
-SYNAPSES: tuple[Belief, ...] = (
-    Belief(
+SYNAPSES: tuple[HardwareBelief, ...] = (
+    HardwareBelief(
         "num_weight_bits",
         "Lava's Dense and Sparse on Loihi 2",
         "register",
@@ -159,7 +159,7 @@ SYNAPSES: tuple[Belief, ...] = (
         "weights are cut off",
         source=f"{LAVA}proc/dense/models.py:83, utils/weightutils.py:206-241",
     ),
-    Belief(
+    HardwareBelief(
         "weight_exp",
         "Lava's Dense and Sparse on Loihi 2",
         "register",
@@ -169,7 +169,7 @@ SYNAPSES: tuple[Belief, ...] = (
         why="nengo-loihi 1.1.0 has this range for Loihi 1; Lava checks none",
         rests=("Loihi 2",),
     ),
-    Belief(
+    HardwareBelief(
         "weights of sign mode EXCITATORY",
         "Lava's Dense and Sparse on Loihi 2",
         "register",
@@ -178,7 +178,7 @@ SYNAPSES: tuple[Belief, ...] = (
         "weights are cut off",
         source=f"{LAVA}utils/weightutils.py:278-284",
     ),
-    Belief(
+    HardwareBelief(
         "weights of sign mode INHIBITORY",
         "Lava's Dense and Sparse on Loihi 2",
         "register",
@@ -187,7 +187,7 @@ SYNAPSES: tuple[Belief, ...] = (
         "weights are cut off",
         source=f"{LAVA}utils/weightutils.py:108-111",
     ),
-    Belief(
+    HardwareBelief(
         "weights of sign mode MIXED",
         "Lava's Dense and Sparse on Loihi 2",
         "register",
@@ -196,7 +196,7 @@ SYNAPSES: tuple[Belief, ...] = (
         "weights are cut off",
         source=f"{LAVA}utils/weightutils.py:278-284",
     ),
-    Belief(
+    HardwareBelief(
         "num_message_bits",
         "Lava's Dense and Sparse on Loihi 2",
         "register",
@@ -205,7 +205,7 @@ SYNAPSES: tuple[Belief, ...] = (
         "spikes carry a value",
         source=f"{LAVA}proc/dense/process.py (0 is its default: binary spikes)",
     ),
-    Belief(
+    HardwareBelief(
         "Dense and LIFReset have models for the chip",
         "lava-loihi",
         "call",
@@ -214,7 +214,7 @@ SYNAPSES: tuple[Belief, ...] = (
         "the network does not start: the host program sees it before the first query and says so",
         source=f"{_TESTS}:40-133 (run with Loihi2HwCfg on a board)",
     ),
-    Belief(
+    HardwareBelief(
         "LIF has a model for the chip",
         "lava-loihi",
         "call",
@@ -223,7 +223,7 @@ SYNAPSES: tuple[Belief, ...] = (
         "inputs that integrate a bias do not start: the host program sees it before the first query and says so",
         source='lava-nc issue #829 ("The Loihi 2 process model for LIF", which scales its parameters)',
     ),
-    Belief(
+    HardwareBelief(
         "Sparse has a model for the chip",
         "lava-loihi",
         "call",
@@ -234,7 +234,7 @@ SYNAPSES: tuple[Belief, ...] = (
         "lava-optimization at 609342b, src/lava/lib/optimization/solvers/generic/solver.py imports NcModelSparse from "
         "lava.proc.sparse.ncmodel",
     ),
-    Belief(
+    HardwareBelief(
         "LearningDense has a model for the chip",
         "lava-loihi",
         "call",
@@ -244,7 +244,7 @@ SYNAPSES: tuple[Belief, ...] = (
         source='lava-nc pull request #528 ("to enable 2F on-chip learning for Lava-Loihi") and issue #658, by which '
         "LearningDense is to work in hardware, too",
     ),
-    Belief(
+    HardwareBelief(
         "LearningDense with LIFReset runs on the chip",
         "lava-loihi",
         "call",
@@ -276,8 +276,8 @@ SYNAPSES: tuple[Belief, ...] = (
 )
 """Lava's synapses, and learning."""
 
-INPUT: tuple[Belief, ...] = (
-    Belief(
+INPUT: tuple[HardwareBelief, ...] = (
+    HardwareBelief(
         "inputs are LIF that integrate bias_mant",
         "Lava's LIF on Loihi 2",
         "call",
@@ -286,7 +286,7 @@ INPUT: tuple[Belief, ...] = (
         "nothing spikes, or at other rates",
         source=f"{_TESTS}:49-51, 103-104",
     ),
-    Belief(
+    HardwareBelief(
         "bias_mant, bias_exp and v are written while the run is paused",
         "Lava's LIF on Loihi 2",
         "call",
@@ -297,7 +297,7 @@ INPUT: tuple[Belief, ...] = (
         "Vars of the chip; no public program writes them there",
         rests=(f"Loihi 2: {BIAS_INPUT}",),
     ),
-    Belief(
+    HardwareBelief(
         "spikes are injected from Python, one step after the other, by PyToNxAdapter",
         "lava.proc.embedded_io.spike of lava-loihi",
         "call",
@@ -306,7 +306,7 @@ INPUT: tuple[Belief, ...] = (
         "nothing spikes; or, as each step waits for Python, a query takes milliseconds",
         source=f"{LAVA_DL}tutorials/lava/lib/dl/netx/oxford/utils.py:94, mnist/utils.py:60",
     ),
-    Belief(
+    HardwareBelief(
         "spikes are read out in Python by NxToPyAdapter",
         "lava.proc.embedded_io.spike of lava-loihi",
         "call",
@@ -315,7 +315,7 @@ INPUT: tuple[Belief, ...] = (
         "no counts",
         source=f"{_TESTS}:46; {LAVA}networks/gradedvecnetwork.py:99",
     ),
-    Belief(
+    HardwareBelief(
         "where lava-loihi is installed",
         "lava-loihi",
         "call",
@@ -324,7 +324,7 @@ INPUT: tuple[Belief, ...] = (
         "the host program says that lava-loihi is missing, though it is there",
         source=f"{LAVA}utils/loihi.py:108-121",
     ),
-    Belief(
+    HardwareBelief(
         "which host has the board",
         "lava-loihi",
         "call",
@@ -333,7 +333,7 @@ INPUT: tuple[Belief, ...] = (
         "the host program says that no host is configured",
         source=f"{LAVA}utils/slurm.py:25, utils/loihi.py:100",
     ),
-    Belief(
+    HardwareBelief(
         "power and time of a run",
         "lava.utils.loihi2_profiler of lava-loihi",
         "call",
@@ -342,7 +342,7 @@ INPUT: tuple[Belief, ...] = (
         "no figures of the board",
         source=f"{LAVA_DL}tutorials/lava/lib/dl/netx/pilotnet_sdnn/benchmark.ipynb:177-385",
     ),
-    Belief(
+    HardwareBelief(
         "Loihi2ExecutionTime takes t_start, t_end, buffer_size, bin_size",
         "lava.utils.loihi2_profiler of lava-loihi",
         "call",

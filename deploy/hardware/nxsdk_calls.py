@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from lava_vpr.deploy.hardware.belief import BIAS_INPUT, Belief, Given, of_constants
+from lava_vpr.deploy.hardware.belief import BIAS_INPUT, Given, HardwareBelief, of_constants
 from lava_vpr.deploy.hardware.loihi_1 import NENGO
 
 MODELS = "intel-nrc-ecosystem/models at 3dc53bf, "
@@ -23,15 +23,15 @@ def _call(
     why: str | None = None,
     on: str = "NxSDK",
     rests: tuple[str, ...] = (),
-) -> Belief:
+) -> HardwareBelief:
     """A call in the form in which it is made."""
-    return Belief(name, on, "call", Given(form), None, breaks, source, why, rests=rests)
+    return HardwareBelief(name, on, "call", Given(form), None, breaks, source, why, rests=rests)
 
 
 _embedded = partial(_call, on="NxSDK, embedded processor")
 
 
-HOST: tuple[Belief, ...] = (
+HOST: tuple[HardwareBelief, ...] = (
     _call("versions of NxSDK", "0.9 to 1.0", _START, f"{NENGO}hardware/interface.py:62-63"),
     _call(
         "where N2Board is",
@@ -69,7 +69,7 @@ HOST: tuple[Belief, ...] = (
         "nothing: the host program makes no probes, whose number is limited",
         f"{NENGO}hardware/builder.py:511",
     ),
-    Belief(
+    HardwareBelief(
         "spike counters of a chip",
         "NxSDK",
         "limit",
@@ -157,7 +157,7 @@ HOST: tuple[Belief, ...] = (
 )
 """Calls from the host."""
 
-POWER: tuple[Belief, ...] = (
+POWER: tuple[HardwareBelief, ...] = (
     _call(
         "power probe",
         "board.probe(ProbeParameter.ENERGY, PerformanceProbeCondition(tStart, tEnd, bufferSize, binSize))",
@@ -197,7 +197,7 @@ POWER: tuple[Belief, ...] = (
 )
 """Measuring power and time."""
 
-EMBEDDED: tuple[Belief, ...] = (
+EMBEDDED: tuple[HardwareBelief, ...] = (
     _embedded(
         "NEURON_PTR", "NEURON_PTR((CoreId){.id = id}) -> NeuronCore *", "the program does not compile", f"{_IO}:39"
     ),
@@ -263,4 +263,4 @@ EMBEDDED: tuple[Belief, ...] = (
 )
 """What the embedded program does."""
 
-CALLS: tuple[Belief, ...] = HOST + POWER + EMBEDDED
+CALLS: tuple[HardwareBelief, ...] = HOST + POWER + EMBEDDED

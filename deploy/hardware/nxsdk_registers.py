@@ -7,7 +7,7 @@ writes, behind the same name in brackets.
 from __future__ import annotations
 
 from lava_vpr import loihi
-from lava_vpr.deploy.hardware.belief import DENSE, NARROW, Belief, Given, Span, Value
+from lava_vpr.deploy.hardware.belief import DENSE, NARROW, Given, HardwareBelief, Span, Value
 from lava_vpr.deploy.hardware.loihi_1 import DAVIES, NENGO
 
 UNUSED_FIELDS = (
@@ -48,18 +48,18 @@ _NARROW = (
 _DENSE_BREAKS = "NxSDK refuses the network, or weights go to other neurons; plans with such rows need more cores"
 
 
-def _register(name: str, value: Value, line: str, breaks: str = _ALL, unit: str | None = None) -> Belief:
+def _register(name: str, value: Value, line: str, breaks: str = _ALL, unit: str | None = None) -> HardwareBelief:
     """A register that a public program writes at ``line`` of nengo-loihi's builder, and more."""
-    return Belief(name, "NxSDK, Loihi 1 core", "register", value, unit, breaks, f"{_BUILDER}:{line}")
+    return HardwareBelief(name, "NxSDK, Loihi 1 core", "register", value, unit, breaks, f"{_BUILDER}:{line}")
 
 
-def _unproven(name: str, value: Value, why: str, breaks: str, of: str = "") -> Belief:
+def _unproven(name: str, value: Value, why: str, breaks: str, of: str = "") -> HardwareBelief:
     """A value that no public program writes, but bundles do: all of them, or those that have what ``of`` says."""
     rests = (f"Loihi 1: {of}" if of else "Loihi 1",)
-    return Belief(name, "NxSDK, Loihi 1 core", "register", value, None, breaks, None, why, rests=rests)
+    return HardwareBelief(name, "NxSDK, Loihi 1 core", "register", value, None, breaks, None, why, rests=rests)
 
 
-NEURONS: tuple[Belief, ...] = (
+NEURONS: tuple[HardwareBelief, ...] = (
     _register("cxProfileCfg.decayU", Span(0, loihi.NO_MEMORY_DECAY), "113, hardware/validate.py:43-44", unit="1/4096"),
     _register("cxProfileCfg.decayV", Span(0, loihi.NO_MEMORY_DECAY), "112, hardware/validate.py:45-46", unit="1/4096"),
     _register(
@@ -108,14 +108,14 @@ NEURONS: tuple[Belief, ...] = (
 )
 """Compartments, and what a core shares."""
 
-SYNAPSES: tuple[Belief, ...] = (
+SYNAPSES: tuple[HardwareBelief, ...] = (
     _register(
         "synapseFmt.wgtExp",
         Span(-loihi.WEIGHT_EXPONENT_LIMIT, loihi.WEIGHT_EXPONENT_LIMIT),
         "131, builder/validate.py:103",
         unit="powers of two",
     ),
-    Belief(
+    HardwareBelief(
         "synapseFmt.wgtBits",
         "NxSDK, Loihi 1 core",
         "register",
@@ -131,7 +131,7 @@ SYNAPSES: tuple[Belief, ...] = (
         "weights are read with other bits; with --weight-bits 7 all have 8",
         NARROW,
     ),
-    Belief(
+    HardwareBelief(
         "widths of a weight, by wgtBits from 1 on",
         "NxSDK, Loihi 1 core",
         "arithmetic",
@@ -144,7 +144,7 @@ SYNAPSES: tuple[Belief, ...] = (
     _register(
         "synapseFmt.idxBits", Span(1, len(loihi.LOIHI_1_INDEX_BITS)), "142, block.py:727-731", unit="code of a width"
     ),
-    Belief(
+    HardwareBelief(
         "widths of an index, by idxBits from 1 on",
         "NxSDK, Loihi 1 core",
         "arithmetic",
@@ -177,7 +177,7 @@ SYNAPSES: tuple[Belief, ...] = (
     _register("synapses.Wgt", Span(-loihi.WEIGHT_LIMIT - 1, loihi.WEIGHT_LIMIT), "353, 364", unit="weight units"),
     _register("synapses.synFmtId", Span(1, loihi.CORE_FORMATS - 1), "365, 124-126 (0 stays unused)"),
     _register("synapses.LrnEn", 0, "366", "weights learn"),
-    Belief(
+    HardwareBelief(
         "Wgt with fewer bits: the upper ones",
         "NxSDK, Loihi 1 core",
         "arithmetic",
@@ -195,4 +195,4 @@ SYNAPSES: tuple[Belief, ...] = (
 )
 """Synapse formats, synapses and rows."""
 
-REGISTERS: tuple[Belief, ...] = NEURONS + SYNAPSES
+REGISTERS: tuple[HardwareBelief, ...] = NEURONS + SYNAPSES

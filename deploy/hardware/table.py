@@ -6,13 +6,13 @@ from collections.abc import Collection
 
 from lava_vpr.deploy.boards.constants import HOST_POWER, LOIHI_1, Constant
 from lava_vpr.deploy.hardware import loihi_1, loihi_2, nxsdk_calls, nxsdk_registers
-from lava_vpr.deploy.hardware.belief import Belief, Given
+from lava_vpr.deploy.hardware.belief import Given, HardwareBelief
 from lava_vpr.rows.registry import Registry
 
 ASSUMED = frozenset({"host_message", "host_power", "register_time", "word_time"})
 """Constants of the cost model that no public text shows."""
 
-SECTIONS: dict[str, tuple[Belief, ...]] = {
+SECTIONS: dict[str, tuple[HardwareBelief, ...]] = {
     "Loihi 1: what a core and the board hold": loihi_1.CORE,
     "Loihi 1: arithmetic": loihi_1.ARITHMETIC,
     "Kapoho Bay: registers of neurons": nxsdk_registers.NEURONS,
@@ -28,10 +28,10 @@ SECTIONS: dict[str, tuple[Belief, ...]] = {
 """All rows but those of the cost model, as docs/hardware.md has them."""
 
 
-def _figure(constant: Constant) -> Belief:
+def _figure(constant: Constant) -> HardwareBelief:
     """The row of a constant of the cost model."""
     assumed = constant.name in ASSUMED
-    return Belief(
+    return HardwareBelief(
         f"{constant.name}: {constant.what}",
         "host" if constant is HOST_POWER else "Loihi 1",
         "figure",
@@ -45,7 +45,7 @@ def _figure(constant: Constant) -> Belief:
 
 SECTIONS["Cost model of Loihi 1: low / nominal / high"] = tuple(map(_figure, (*LOIHI_1.listed(), HOST_POWER)))
 
-BELIEFS: Registry[Belief] = Registry("belief about hardware")
+BELIEFS: Registry[HardwareBelief] = Registry("belief about hardware")
 """Every row by its name."""
 
 for _rows in SECTIONS.values():
@@ -53,18 +53,18 @@ for _rows in SECTIONS.values():
         BELIEFS.register(_row)
 
 
-def unproven_values(name: str) -> tuple[Belief, ...]:
+def unproven_values(name: str) -> tuple[HardwareBelief, ...]:
     """The rows of values of the register ``name`` that no public source shows: ``name`` and a kind in brackets."""
     return tuple(row for key, row in BELIEFS.items() if key.startswith(f"{name} (") and not row.proven)
 
 
-def kind_of(row: Belief) -> str:
+def kind_of(row: HardwareBelief) -> str:
     """What is in brackets behind the name of an unproven row: the word by which it is asked for."""
     return row.name.partition(" (")[2].removesuffix(")")
 
 
-def relied_on(has: Collection[str]) -> tuple[Belief, ...]:
-    """The unproven rows that a bundle rests on of which all in ``has`` is true (`Belief.rests`)."""
+def relied_on(has: Collection[str]) -> tuple[HardwareBelief, ...]:
+    """The unproven rows that a bundle rests on of which all in ``has`` is true (`HardwareBelief.rests`)."""
     return tuple(row for row in BELIEFS.values() if not set(row.rests).isdisjoint(has))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.board import public
-from lava_vpr.deploy.boards.plan import CorePlan, Load, Needs, Part, PopulationName
+from lava_vpr.deploy.boards.plan import CorePlan, Load, Needs, PopulationName, PopulationPart
 from lava_vpr.deploy.mapping.placing import Placed
 from lava_vpr.deploy.mapping.row_formats import StoredRows, choose_formats
 from lava_vpr.deploy.mapping.sizing import Floats, Integers, Sizing
@@ -18,7 +18,7 @@ from lava_vpr.engine.inference import fixed
 
 
 @dataclass(frozen=True)
-class Layout:
+class CoreLayout:
     """What stands on each core, and how the first k of them, with excitatory neurons, store their rows.
 
     Attributes:
@@ -159,7 +159,7 @@ class Layout:
         parts, compartment = [], 0
         for population, (first, size) in members:
             if size:
-                parts.append(Part(population, first, size, compartment))
+                parts.append(PopulationPart(population, first, size, compartment))
                 compartment += size
         return CorePlan(chip, core, tuple(parts), dense_inputs, self.needs(number), self.loads[number])
 
@@ -181,7 +181,7 @@ class Layout:
         return flow
 
 
-def layout_of(sizing: Sizing, placed: Placed) -> Layout | None:
+def layout_of(sizing: Sizing, placed: Placed) -> CoreLayout | None:
     """How the cores of ``placed`` store their rows; None if one cannot."""
     words = np.full(placed.cores, sizing.words)
     for number, (first, inh) in enumerate(placed.inh):
@@ -193,4 +193,4 @@ def layout_of(sizing: Sizing, placed: Placed) -> Layout | None:
         for (first, end), free in zip(pairwise(placed.bounds.tolist()), words, strict=False)
     ]
     rows = tuple(core_rows for core_rows in stored if core_rows is not None)
-    return Layout(sizing, placed, rows) if len(rows) == len(stored) else None
+    return CoreLayout(sizing, placed, rows) if len(rows) == len(stored) else None

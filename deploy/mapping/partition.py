@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.boards.plan import Plan
-from lava_vpr.deploy.mapping.layout import Layout, layout_of
+from lava_vpr.deploy.mapping.layout import CoreLayout, layout_of
 from lava_vpr.deploy.mapping.limits import check, host_spikes
 from lava_vpr.deploy.mapping.mesh import assign_cores
 from lava_vpr.deploy.mapping.placing import Placed, balanced, place
@@ -72,7 +72,7 @@ def partition(
     return Plan(network, board, cores, sizing.weight_bits, sizing.inhibition_bits, hops, spikes)
 
 
-def _cost(layout: Layout) -> tuple[float, float]:
+def _cost(layout: CoreLayout) -> tuple[float, float]:
     """What is small of the best of layouts on equally few cores."""
     return layout.added, layout.busiest
 

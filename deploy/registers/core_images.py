@@ -19,7 +19,7 @@ from lava_vpr.deploy.boards.plan import (
     PopulationName,
 )
 from lava_vpr.deploy.registers.synapse_memory import pack
-from lava_vpr.deploy.registers.synapses import Format, Formats, Rows, index_bits, joined, lateral_synapse
+from lava_vpr.deploy.registers.synapses import Formats, SynapseFormat, SynapseRows, index_bits, joined, lateral_synapse
 from lava_vpr.engine.inference import bias_input, fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import NetworkLimitError
@@ -141,17 +141,17 @@ def _axons(network: FixedNetwork, core: CorePlan) -> _Axons:
     return _Axons(of_input, of_root, of_counted, of_neuron, of_leaf, of_relay)
 
 
-def _rows(plan: Plan, core: CorePlan, axons: _Axons) -> tuple[Rows, list[Format | None]]:
+def _rows(plan: Plan, core: CorePlan, axons: _Axons) -> tuple[SynapseRows, list[SynapseFormat | None]]:
     """The rows of the memory of ``core``, one for each of its ``axons``, and their synapse formats by number."""
     network, formats = plan.network, Formats()
     neurons, compartments = members_of(core, "exc")
     active = axons.of_input >= 0
     index = index_bits(compartments)
-    form = Format.of_whole_numbers(plan.weight_bits, index)
+    form = SynapseFormat.of_whole_numbers(plan.weight_bits, index)
     parts = [formats.rows(network.weights[active][:, neurons], compartments, core.dense_inputs[active], form)]
     if axons.of_root >= 0:
         taken, exponent = lateral_synapse(network, plan.inhibition_bits)
-        form = Format(plan.inhibition_bits, index, exponent)
+        form = SynapseFormat(plan.inhibition_bits, index, exponent)
         parts.append(formats.rows(np.full((1, neurons.size), taken), compartments, np.zeros(1, np.bool_), form))
     counted, of_counters = members_of(core, "counters")
     bits = plan.single_bits
@@ -166,9 +166,9 @@ def _rows(plan: Plan, core: CorePlan, axons: _Axons) -> tuple[Rows, list[Format 
 
 def _single(
     formats: Formats, compartments: NDArray[np.int64], targets: NDArray[np.int64], bits: int, weight: int = RELAY_WEIGHT
-) -> Rows:
+) -> SynapseRows:
     """Rows of one synapse of ``bits`` bits, by which a spike brings ``weight`` to ``compartments[target]``."""
-    form = Format.of_whole_numbers(bits, index_bits(compartments))
+    form = SynapseFormat.of_whole_numbers(bits, index_bits(compartments))
     ones = np.full((targets.size, 1), weight)
     rows = formats.rows(ones, np.zeros(1, np.int64), np.zeros(targets.size, np.bool_), form)
     return replace(rows, compartments=compartments[targets].astype(np.int32))

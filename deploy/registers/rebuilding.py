@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.board import Board
-from lava_vpr.deploy.boards.plan import CorePlan, Load, Needs, Part, Plan
+from lava_vpr.deploy.boards.plan import CorePlan, Load, Needs, Plan, PopulationPart
 from lava_vpr.deploy.registers.core_images import (
     POPULATIONS,
     CoreImage,
@@ -21,7 +21,7 @@ from lava_vpr.deploy.registers.core_images import (
     members_of,
 )
 from lava_vpr.deploy.registers.synapse_memory import stored_rows, unpack
-from lava_vpr.deploy.registers.synapses import Format
+from lava_vpr.deploy.registers.synapses import SynapseFormat
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import LavaVprError, ModelFileError
 from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT, INPUT_SHIFT, WEIGHT_BITS
@@ -30,7 +30,7 @@ _UNKNOWN_NEEDS, _UNKNOWN_LOAD = Needs(0, 0, 0, 0, 0, 0, 0), Load(0, 0, 0, 0, 0, 
 """What stands in the plan of a core that was read back from registers, which say nothing of it."""
 
 
-def _parts(tables: HostTables, chip: int, core: int) -> tuple[Part, ...]:
+def _parts(tables: HostTables, chip: int, core: int) -> tuple[PopulationPart, ...]:
     """What stands on a core: runs of neurons on consecutive compartments."""
     parts = []
     for name in POPULATIONS:
@@ -39,7 +39,7 @@ def _parts(tables: HostTables, chip: int, core: int) -> tuple[Part, ...]:
         compartments = table[numbers, 2]
         ends = np.flatnonzero((np.diff(numbers) != 1) | (np.diff(compartments) != 1)) + 1
         for run in np.split(np.arange(numbers.size), ends) if numbers.size else ():
-            parts.append(Part(name, int(numbers[run[0]]), run.size, int(compartments[run[0]])))
+            parts.append(PopulationPart(name, int(numbers[run[0]]), run.size, int(compartments[run[0]])))
     return tuple(parts)
 
 
@@ -81,10 +81,10 @@ class _Found(NamedTuple):
     inhibition_bits: set[int]
 
 
-def _read_core(image: CoreImage, parts: tuple[Part, ...], ways: _Ways, found: _Found) -> CorePlan:
+def _read_core(image: CoreImage, parts: tuple[PopulationPart, ...], ways: _Ways, found: _Found) -> CorePlan:
     """Add what a core's compartments and memory hold to ``found``; returns its plan."""
     registers = image.registers["synapseFmt"]
-    formats = [None if form is None else Format.of(form, image.name) for form in registers]
+    formats = [None if form is None else SynapseFormat.of(form, image.name) for form in registers]
     dense = np.zeros(len(found.weights), np.bool_)
     core = CorePlan(image.chip, image.core, parts, dense, _UNKNOWN_NEEDS, _UNKNOWN_LOAD)
     named = np.concatenate([np.arange(part.compartment, part.compartment + part.size) for part in parts])

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from lava_vpr.deploy.registers.core_images import COUNTER_UNIT, CoreImage, HostTables
 from lava_vpr.deploy.registers.simulator_kernels import EVENTS, State, Wiring, present
 from lava_vpr.deploy.registers.synapse_memory import stored_rows, unpack
-from lava_vpr.deploy.registers.synapses import Format, Rows, joined
+from lava_vpr.deploy.registers.synapses import SynapseFormat, SynapseRows, joined
 from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.inference.bias_input import bias_input_spikes, biases, start_membranes
 from lava_vpr.engine.threads import share
@@ -64,7 +64,7 @@ class _Core(NamedTuple):
     bias: NDArray[np.int64]
     limits: tuple[int, int]
     row_of: NDArray[np.int64]
-    rows: Rows
+    rows: SynapseRows
     value: NDArray[np.int32]
     sparse: NDArray[np.int64]
 
@@ -85,7 +85,7 @@ def _read(image: CoreImage) -> _Core:
     vth = np.array([v["vth"] for v in registers["vthProfileCfg"]], np.int64)
     shared = registers["dendriteSharedCfg"]
     floor, ceiling = int(shared["negVmLimit"]), int(shared["posVmLimit"])
-    forms = [None if form is None else Format.of(form, where) for form in registers["synapseFmt"]]
+    forms = [None if form is None else SynapseFormat.of(form, where) for form in registers["synapseFmt"]]
     profile, register, mantissa, exponent = image.compartments.T.astype(np.int64)
     decay_u, decay_v, refract = np.array(profiles, np.int64).reshape(-1, 3)[profile].T
     entries, row_of = stored_rows(image.synapses, image.axons_in, where)

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.memory import row_words
-from lava_vpr.deploy.registers.synapses import COUNT_BITS, ID_BITS, Format, Rows
+from lava_vpr.deploy.registers.synapses import COUNT_BITS, ID_BITS, SynapseFormat, SynapseRows
 from lava_vpr.errors import ModelFileError
 from lava_vpr.kernelcache import compiled
 from lava_vpr.loihi import BLOCK_HEADER_BITS, BLOCK_SYNAPSES, CORE_FORMATS, WORD_BITS
 
 
-def _widths(formats: Sequence[Format | None]) -> NDArray[np.int64]:
+def _widths(formats: Sequence[SynapseFormat | None]) -> NDArray[np.int64]:
     """Index bits and weight bits of every format number, int64 (16, 2).
 
     Weight bits 0: there is no such format.
@@ -74,7 +74,7 @@ def _pack(
                 at = _put(words, at, weights[s] & ((1 << weight_bits) - 1), weight_bits)
 
 
-def pack(rows: Rows, formats: Sequence[Format | None]) -> tuple[NDArray[np.uint64], NDArray[np.int32]]:
+def pack(rows: SynapseRows, formats: Sequence[SynapseFormat | None]) -> tuple[NDArray[np.uint64], NDArray[np.int32]]:
     """Synapse memory that holds ``rows``, in their order and without gaps.
 
     Args:
@@ -178,10 +178,10 @@ def _unpack(
 def unpack(
     words: NDArray[np.uint64],
     axons_in: NDArray[np.int32],
-    formats: Sequence[Format | None],
+    formats: Sequence[SynapseFormat | None],
     compartments: int,
     where: str = "synapse memory",
-) -> Rows:
+) -> SynapseRows:
     """The rows of all input axons.
 
     Args:
@@ -209,7 +209,7 @@ def unpack(
         words_, synapses = entries[axon, 1:]
         text = _PROBLEMS[problem].format(value=value, words=words_, synapses=synapses, compartments=compartments)
         raise ModelFileError(f"{where}: the row of input axon {axon} {text}; deploy the model again")
-    return Rows(starts, reached, weights, numbers)
+    return SynapseRows(starts, reached, weights, numbers)
 
 
 def stored_rows(

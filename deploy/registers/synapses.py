@@ -49,7 +49,7 @@ WEIGHT_CODES, INDEX_CODES = (0, *LOIHI_1_WEIGHT_BITS), (0, *LOIHI_1_INDEX_BITS)
 
 
 @dataclass(frozen=True)
-class Format:
+class SynapseFormat:
     """A synapse format: what rows of it hold, and what a weight is worth.
 
     Attributes:
@@ -63,9 +63,9 @@ class Format:
     exponent: int
 
     @staticmethod
-    def of_whole_numbers(weight_bits: int, index_bits: int) -> Format:
+    def of_whole_numbers(weight_bits: int, index_bits: int) -> SynapseFormat:
         """The format in which ``weight_bits`` bits hold weights that are worth themselves."""
-        return Format(weight_bits, index_bits, weight_bits - REGISTER_BITS)
+        return SynapseFormat(weight_bits, index_bits, weight_bits - REGISTER_BITS)
 
     @property
     def bits(self) -> int:
@@ -85,14 +85,14 @@ class Format:
         }
 
     @staticmethod
-    def of(registers: Mapping[str, Any], where: str) -> Format:
+    def of(registers: Mapping[str, Any], where: str) -> SynapseFormat:
         """The format that ``registers`` describe.
 
         Raises:
             ModelFileError: they are not those of a format that this project writes.
         """
         try:
-            form = Format(
+            form = SynapseFormat(
                 WEIGHT_CODES[registers["wgtBits"]],
                 INDEX_CODES[registers["idxBits"]],
                 int(registers["wgtExp"]),
@@ -111,7 +111,7 @@ class Format:
 
 
 @dataclass(frozen=True)
-class Rows:
+class SynapseRows:
     """Synapses as they are stored, row after row.
 
     Attributes:
@@ -126,7 +126,7 @@ class Rows:
     weights: NDArray[np.int32]
     formats: NDArray[np.uint8]
 
-    def currents(self, formats: Sequence[Format | None]) -> NDArray[np.int32]:
+    def currents(self, formats: Sequence[SynapseFormat | None]) -> NDArray[np.int32]:
         """What each synapse brings its compartment, in units of u, int32 (synapses,)."""
         values = np.zeros(len(self.weights), np.int32)
         of_synapse = np.repeat(self.formats, np.diff(self.starts))
@@ -137,11 +137,11 @@ class Rows:
         return values
 
 
-def joined(parts: Sequence[Rows]) -> Rows:
+def joined(parts: Sequence[SynapseRows]) -> SynapseRows:
     """The rows of ``parts``, one after another."""
     sizes = np.concatenate([np.zeros(1, np.int64), *(np.diff(part.starts) for part in parts)])
     empty = np.zeros(0, np.int32)
-    return Rows(
+    return SynapseRows(
         np.cumsum(sizes),
         np.concatenate([empty, *(part.compartments for part in parts)]),
         np.concatenate([empty, *(part.weights for part in parts)]),
@@ -174,15 +174,15 @@ def lateral_synapse(network: FixedNetwork, bits: int) -> tuple[int, int]:
     return -magnitude, exponent
 
 
-class Formats(list[Format | None]):
+class Formats(list[SynapseFormat | None]):
     """The formats of a core, as they come into use; number 0 stays unused, as nengo-loihi has it."""
 
     def __init__(self) -> None:
         super().__init__([None])
 
     def rows(
-        self, weights: NDArray[Any], compartments: NDArray[np.int64], dense: NDArray[np.bool_], form: Format
-    ) -> Rows:
+        self, weights: NDArray[Any], compartments: NDArray[np.int64], dense: NDArray[np.bool_], form: SynapseFormat
+    ) -> SynapseRows:
         """The rows of ``weights`` (rows, compartments): all weights where ``dense``, else those that are not 0.
 
         Args:
@@ -199,4 +199,4 @@ class Formats(list[Format | None]):
         mask = dense[:, None] | (weights != 0)
         starts = np.concatenate([np.zeros(1, np.int64), np.cumsum(mask.sum(axis=1))])
         reached = np.broadcast_to(compartments, mask.shape)[mask]
-        return Rows(starts, reached.astype(np.int32), weights[mask].astype(np.int32), numbers)
+        return SynapseRows(starts, reached.astype(np.int32), weights[mask].astype(np.int32), numbers)

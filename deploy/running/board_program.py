@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.deploy.bundle.folder import MANIFEST, Bundle, json_bytes, sealed
+from lava_vpr.deploy.bundle.folder import MANIFEST, ReadBundle, json_bytes, sealed
 from lava_vpr.deploy.bundle.programs import FOLDER, program_files
 from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.engine.inference.neuron_bias import bias_registers
@@ -34,7 +34,7 @@ KEPT = 1 << 16  # bytes of each of its texts that are kept, the last ones
 
 
 @dataclass(frozen=True)
-class Ended:
+class EndedProgram:
     """How a run of the program ended.
 
     Attributes:
@@ -53,7 +53,7 @@ class Ended:
     error: str
 
 
-def interpreter(bundle: Bundle, python: str | None = None) -> str:
+def interpreter(bundle: ReadBundle, python: str | None = None) -> str:
     """The Python that runs the bundle's board: ``python``, else what the vendor's variable names, else the running one.
 
     A path with a folder in it is made absolute, as the program has a working directory of its own.
@@ -63,7 +63,7 @@ def interpreter(bundle: Bundle, python: str | None = None) -> str:
     return os.path.abspath(chosen) if os.sep in chosen else chosen
 
 
-def lay_out(bundle: Bundle, folder: Path) -> Path:
+def lay_out(bundle: ReadBundle, folder: Path) -> Path:
     """Write what was read of ``bundle`` into the new folder ``folder``, with the shipped program; its ``run.py``.
 
     Raises:
@@ -79,7 +79,7 @@ def lay_out(bundle: Bundle, folder: Path) -> Path:
 
 
 def run_program(
-    bundle: Bundle,
+    bundle: ReadBundle,
     folder: Path,
     rates: NDArray[np.uint16],
     keys: NDArray[np.uint64],
@@ -89,7 +89,7 @@ def run_program(
     python: str | None = None,
     patience: float,
     advance: Callable[[int], None] | None = None,
-) -> Ended:
+) -> EndedProgram:
     """Run the shipped program of the bundle's board on the bundle's data; its results are then in ``folder``/out.
 
     Args:
@@ -129,7 +129,7 @@ def run_program(
     return ended(folder, bundle, child.returncode, hung=hung)
 
 
-def ended(folder: Path, bundle: Bundle, code: int, *, hung: bool) -> Ended:
+def ended(folder: Path, bundle: ReadBundle, code: int, *, hung: bool) -> EndedProgram:
     """What the program that ran in ``folder`` said; the bundle is named where it said the copy."""
 
     def named(text: object) -> str:
@@ -140,7 +140,7 @@ def ended(folder: Path, bundle: Bundle, code: int, *, hung: bool) -> Ended:
     said = _status(folder / "out")
     stage, error = (" ".join(harmless(named(said.get(name))).split())[:400] for name in ("stage", "error"))
     whole = "\n".join(text for text in (log, errors, details) if text)
-    return Ended(code, hung, whole, lines[-1][:400] if lines else "", stage, error)
+    return EndedProgram(code, hung, whole, lines[-1][:400] if lines else "", stage, error)
 
 
 def _status(out: Path) -> dict[str, object]:

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.deploy.bundle.core_files import scalars
-from lava_vpr.deploy.bundle.folder import Bundle
-from lava_vpr.deploy.running.board_program import Ended, run_program
+from lava_vpr.deploy.bundle.folder import ReadBundle
+from lava_vpr.deploy.running.board_program import EndedProgram, run_program
 from lava_vpr.errors import BackendUnavailableError, BundleError, LavaRunError, LavaVprError, NetworkLimitError
 from lava_vpr.isolated.child import run_child
 from lava_vpr.storage.npy import array_of
@@ -69,7 +69,7 @@ def kapoho_bay_available() -> str | None:
 
 
 def run_bundle(
-    bundle: Bundle,
+    bundle: ReadBundle,
     rates: NDArray[np.uint16],
     keys: NDArray[np.uint64],
     *,
@@ -130,7 +130,7 @@ def run_bundle(
 
 
 def _answers(
-    out: Path, size: tuple[int, int], ended: Ended
+    out: Path, size: tuple[int, int], ended: EndedProgram
 ) -> tuple[tuple[NDArray[np.int32], NDArray[np.bool_]] | None, str]:
     """What the program left for ``size`` (n, neurons), and why it went no further.
 

@@ -21,7 +21,7 @@ from matplotlib.patches import FancyBboxPatch, PathPatch, Rectangle
 from matplotlib.path import Path as Outline
 from matplotlib.textpath import TextPath
 
-from lava_vpr.deploy.boards.plan import CorePlan, Part, Plan
+from lava_vpr.deploy.boards.plan import CorePlan, Plan, PopulationPart
 from lava_vpr.deploy.show.tables import microseconds, summary
 
 COLOURS = {"exc": "#0067a8", "counters": "#7a5ea8", "inh": "#c24a00", "inputs": "#00805c"}
@@ -322,7 +322,7 @@ def _card(axes: Axes, plan: Plan, core: CorePlan, box: Box) -> None:
         _bar(axes, what, used, limit, (left + 12, bottom - 19 * line, width - 24, 9))
 
 
-def _part(axes: Axes, part: Part, x: float, y: float) -> None:
+def _part(axes: Axes, part: PopulationPart, x: float, y: float) -> None:
     """A population's neurons on a core."""
     last = part.first + part.size - 1
     _rectangle(axes, (x, y - 5, 10, 10), COLOURS[part.population])

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lava_vpr.deploy.boards.board import Board, public
-from lava_vpr.deploy.boards.plan import CorePlan, Part, Plan
+from lava_vpr.deploy.boards.plan import CorePlan, Plan, PopulationPart
 from lava_vpr.show.numbers import UNKNOWN, figure, ranged
 from lava_vpr.show.table import Table
 
@@ -15,7 +15,7 @@ MOST_ROWS = 24
 """Rows of a table; what lies between the first and the last of more cores is left out."""
 
 
-def span(part: Part) -> str:
+def span(part: PopulationPart) -> str:
     """A part's neurons, ``exc 0..99`` or ``inh 0``."""
     last = "" if part.size == 1 else f"..{part.first + part.size - 1}"
     return f"{part.population} {part.first}{last}"

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.inputs.encoder import EncoderConfig, Input, Layout
+from lava_vpr.inputs.encoder import ChannelLayout, EncoderConfig, Input
 from lava_vpr.matching import certainty
 from lava_vpr.matching.decoders import Decoder, Reading, in_every_variant
 from lava_vpr.matching.equations import Counts, Scores, ScoresOf
@@ -55,7 +55,7 @@ def count_cosine(responses: Counts, reading: Reading) -> ScoresOf:
 
 CENTRE_SURROUND = Input(
     "centre-surround",
-    layout=lambda encoder: Layout(2, GRID),
+    layout=lambda encoder: ChannelLayout(2, GRID),
     sees="image",
     activity=centre_surround,
     grey_levels=False,

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from lava_vpr.backends.interface import Advance, Events, Presentations, events_of
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
 from lava_vpr.deploy.bundle import effort
-from lava_vpr.deploy.bundle.core_files import Spikes
+from lava_vpr.deploy.bundle.core_files import BundleSpikes
 from lava_vpr.deploy.bundle.deployment import deploy
-from lava_vpr.deploy.bundle.folder import Bundle
+from lava_vpr.deploy.bundle.folder import ReadBundle
 from lava_vpr.deploy.bundle.opening import open_whole
 from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.deploy.running import host_program
@@ -34,7 +34,7 @@ BATCH = 16
 
 
 @contextmanager
-def bundle_of(model: Model, board: Board = KAPOHO_BAY) -> Iterator[Bundle]:
+def bundle_of(model: Model, board: Board = KAPOHO_BAY) -> Iterator[ReadBundle]:
     """The bundle that ``model`` was read from, or else a temporary one for ``board``.
 
     Raises:
@@ -88,7 +88,7 @@ class BundleBackend:
         exc, inh, inputs = (np.concatenate(arrays) for arrays in zip(*pieces, strict=True))
         return Trains(exc, inputs, inh)
 
-    def _play(self, model: Model, shown: Presentations) -> Iterator[tuple[slice, Spikes]]:
+    def _play(self, model: Model, shown: Presentations) -> Iterator[tuple[slice, BundleSpikes]]:
         """Simulate the presentations some at a time; yields which they are, and their spikes."""
         network, keys, bias = checked_network(model, "bundle"), shown.keys, shown.bias
         if bias is not None:

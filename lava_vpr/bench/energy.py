@@ -16,7 +16,7 @@ from lava_vpr.deploy.cost.costs import Modelled
 
 
 @dataclass(frozen=True)
-class Way:
+class AnsweringWay:
     """A way to answer a query, with all the energy that it takes, in uJ.
 
     Attributes:
@@ -75,7 +75,7 @@ class Way:
         }
 
 
-def on_board(costs: Modelled, recall: float, work: float, encoding: float) -> Way | None:
+def on_board(costs: Modelled, recall: float, work: float, encoding: float) -> AnsweringWay | None:
     """The way through a board; None: there are no energies of it.
 
     Args:
@@ -89,4 +89,4 @@ def on_board(costs: Modelled, recall: float, work: float, encoding: float) -> Wa
         return None
     static, whole = figures.static_millijoules, figures.wall_static_millijoules
     later = Estimate.of(lambda level: 1e3 * (whole.at(level) - static.at(level)))
-    return Way(costs.target, recall, work, encoding, figures.dynamic_microjoules, static * 1e3, later)
+    return AnsweringWay(costs.target, recall, work, encoding, figures.dynamic_microjoules, static * 1e3, later)

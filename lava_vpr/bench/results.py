@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.bench.energy import Way
+from lava_vpr.bench.energy import AnsweringWay
 from lava_vpr.deploy.boards.estimate import Estimate as Estimate
-from lava_vpr.deploy.cost.costs import Figures as Figures
+from lava_vpr.deploy.cost.costs import BoardFigures as BoardFigures
 from lava_vpr.deploy.cost.costs import Modelled as Modelled
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.matching.trust import Trust, is_right
@@ -98,7 +98,7 @@ class AskedOn:
 
 
 @dataclass(frozen=True)
-class Asked:
+class QueryVariants:
     """Queries asked in several views, or adapted to those before.
 
     Attributes:
@@ -149,7 +149,7 @@ class Peer:
 
 
 @dataclass(frozen=True)
-class Candidate:
+class SweepPoint:
     """A point of the sweep, measured on the calibration images; costs are modelled (Kapoho Bay, nominal).
 
     Attributes:
@@ -249,13 +249,13 @@ class Bench:
     targets: dict[str, Modelled]
     workload: Workload | None
     peers: tuple[Peer, ...] = ()
-    sweep: tuple[Candidate, ...] = ()
+    sweep: tuple[SweepPoint, ...] = ()
     events: dict[str, float] = field(default_factory=dict)
     constants: tuple[Any, ...] = ()
     step_times: tuple[StepTimes, ...] = ()
     command: str = ""
-    asked: Asked | None = None
-    energy: tuple[Way, ...] = ()
+    asked: QueryVariants | None = None
+    energy: tuple[AnsweringWay, ...] = ()
     failed: dict[str, str] = field(default_factory=dict)
     trust: dict[str, Trust] = field(default_factory=dict)
     on_map: OnMap | None = None

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.bench import modelling
-from lava_vpr.bench.energy import Way, on_board
+from lava_vpr.bench.energy import AnsweringWay, on_board
 from lava_vpr.bench.facts import machine, model_facts
 from lava_vpr.bench.measure import alone
 from lava_vpr.bench.measure.asked import asked
@@ -20,7 +20,7 @@ from lava_vpr.bench.measure.workload import workload
 from lava_vpr.bench.peers import run_peers
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.request import Begin, Request
-from lava_vpr.bench.results import Asked, Bench, Candidate, Measured, OnMap, Peer, Workload
+from lava_vpr.bench.results import Bench, Measured, OnMap, Peer, QueryVariants, SweepPoint, Workload
 from lava_vpr.bench.sweep import BUDGET, Case, sweep
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.encoding import EncodedTraverse
@@ -103,7 +103,7 @@ def _peers(work: Work) -> tuple[Peer, ...]:
     return run_peers(work.queries, work.truth, recognition=work.answers, advance=advance)
 
 
-def _sweep(work: Work) -> tuple[Candidate, ...]:
+def _sweep(work: Work) -> tuple[SweepPoint, ...]:
     """The search around the model's settings, if it was asked for."""
     if not work.request.sweep:
         return ()
@@ -112,7 +112,7 @@ def _sweep(work: Work) -> tuple[Candidate, ...]:
     return sweep(case, pool=work.request.pool, advance=advance)
 
 
-def _asked(work: Work) -> Asked | None:
+def _asked(work: Work) -> QueryVariants | None:
     """Recall and costs with views or adaptation, if they were asked for."""
     if work.request.plain:
         return None
@@ -120,7 +120,7 @@ def _asked(work: Work) -> Asked | None:
     return asked(work.queries, work.further, work.truth, work.request.asking, work.boards.plans, COUNTED)
 
 
-def _energy(work: Work) -> tuple[Way, ...]:
+def _energy(work: Work) -> tuple[AnsweringWay, ...]:
     """All the energy of a query on every board, by the host engine if it was timed, and by cosine."""
     work.begin("timing the host's part, and cosine", 1)
     medians = {row.name: float(np.median(row.milliseconds)) for row in work.measured if row.milliseconds}
@@ -130,8 +130,10 @@ def _energy(work: Work) -> tuple[Way, ...]:
     part = alone.beside_board(work.queries) if as_integer(work.queries.model) is not None else 0.0
     ways = [on_board(costs, own, part, encoding) for costs in work.boards.costs.values()]
     if "host" in medians:
-        ways.append(Way("host", own, medians["host"], encoding))
-    ways.append(Way("cosine", work.answers.metrics["cosine"].recall_at_1, alone.cosine(work.queries), encoding))
+        ways.append(AnsweringWay("host", own, medians["host"], encoding))
+    ways.append(
+        AnsweringWay("cosine", work.answers.metrics["cosine"].recall_at_1, alone.cosine(work.queries), encoding)
+    )
     return tuple(way for way in ways if way is not None)
 
 

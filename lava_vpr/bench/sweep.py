@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from lava_vpr.bench.results import Candidate
+from lava_vpr.bench.results import SweepPoint
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool, Standing
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
 from lava_vpr.deploy.compression.compression import UNCHANGED, with_settings
@@ -52,7 +52,7 @@ AHEAD = 8
 they are drawn anew, so that the search is the one that measures them one by one."""
 
 MODEL, FAST = "this model", "preset fast"
-"""The two texts that `Candidate.chosen` can hold."""
+"""The two texts that `SweepPoint.chosen` can hold."""
 
 USEFUL = 0.75
 """Settings are moved on from if they recall this share of the best: far below, points are cheap and useless."""
@@ -104,7 +104,7 @@ def sweep(
     board: Board = KAPOHO_BAY,
     pool: Pool = ONE_THREAD,
     advance: Advance | None = None,
-) -> tuple[Candidate, ...]:
+) -> tuple[SweepPoint, ...]:
     """Points around a model and preset ``fast``, and which of them form the front.
 
     Args:
@@ -161,7 +161,7 @@ def _nobody(standing: Standing) -> None:
     """Who is told of tasks whose points are told themselves."""
 
 
-def _candidate(as_learned: Settings, point: Point, best: bool, chosen: str) -> Candidate:
+def _candidate(as_learned: Settings, point: Point, best: bool, chosen: str) -> SweepPoint:
     """A point as the report has it: what differs from the model, whole numbers as such."""
     settings, margin, measurement = point
     changed: dict[str, Any] = {
@@ -171,7 +171,7 @@ def _candidate(as_learned: Settings, point: Point, best: bool, chosen: str) -> C
     }
     if margin < np.inf:
         changed["stop_margin"] = margin
-    return Candidate(
+    return SweepPoint(
         changed,
         measurement.metrics,
         measurement.microjoules,

@@ -16,7 +16,7 @@ from lava_vpr.cli.choose import TruthOptions, truth_options
 from lava_vpr.cli.common import OneSource, RegisteredName, encode_queries, noun, one_bar
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
 from lava_vpr.cli.show.command import command_line
-from lava_vpr.cli.show.nouns import Queries, Results, asking_options, queries_options, results_options, seed_option
+from lava_vpr.cli.show.nouns import Queries, WrittenFiles, asking_options, queries_options, results_options, seed_option
 from lava_vpr.cli.show.results import show_results
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.deploy.boards.board import BOARDS
@@ -69,7 +69,7 @@ def bench(
     truth: TruthOptions,
     request: Request,
     address: str | None,
-    results: Results,
+    results: WrittenFiles,
 ) -> None:
     """Say what it costs MODEL to recognise an image of QUERY: recall first, then time and memory measured here, then
     energy and time modelled for the boards.

@@ -39,7 +39,7 @@ from lava_vpr.deploy.bundle.deployment import Deployed, unproven
 from lava_vpr.deploy.bundle.deployment import deploy as write_bundle
 from lava_vpr.deploy.bundle.folder import check_replaceable
 from lava_vpr.deploy.bundle.targets import TARGETS
-from lava_vpr.deploy.compression.compression import Changes, Compressed, Figures, for_board
+from lava_vpr.deploy.compression.compression import Changes, Compressed, CompressionFigures, for_board
 from lava_vpr.engine.threads import cores
 from lava_vpr.experiments.calibration import Calibration, calibrated, figures, search
 from lava_vpr.model import Model, integer_model
@@ -168,7 +168,9 @@ def _check_learning(board: Board, learning: bool) -> None:
         )
 
 
-def _values(model: Model, compressed: Compressed, deployed: Deployed, learned: Figures | None) -> dict[str, Any]:
+def _values(
+    model: Model, compressed: Compressed, deployed: Deployed, learned: CompressionFigures | None
+) -> dict[str, Any]:
     """The figures as JSON values."""
     manifest = deployed.bundle.manifest
     return {
@@ -201,7 +203,7 @@ def _compressed(
         return search(model, board, calibration, max_loss, changes, threads=cores(), begin=begin)
 
 
-def _learned(deployed: Deployed, model: Model, calibration: Calibration) -> Figures:
+def _learned(deployed: Deployed, model: Model, calibration: Calibration) -> CompressionFigures:
     """What the bundle's network that learns reaches, trained from the bundle's own files."""
     from lava_vpr.deploy.bundle.learning import learned_on_chip, read_learning
 
@@ -209,7 +211,7 @@ def _learned(deployed: Deployed, model: Model, calibration: Calibration) -> Figu
         return figures(learned_on_chip(model, read_learning(deployed.bundle), cores()), calibration, threads=cores())
 
 
-def _figures(compressed: Compressed, learned: Figures | None) -> Table:
+def _figures(compressed: Compressed, learned: CompressionFigures | None) -> Table:
     """The model before, all that was tried, what was chosen, and what the chip learns."""
     model, original = compressed.model, compressed.original
     chosen = (model.weight_bits, compressed.prune)
@@ -228,6 +230,6 @@ def _figures(compressed: Compressed, learned: Figures | None) -> Table:
     return Table(columns, rows, title="on the calibration images", strong=strong)
 
 
-def _row(name: str, bits: int | None, prune: float, figures: Figures) -> tuple[str, ...]:
+def _row(name: str, bits: int | None, prune: float, figures: CompressionFigures) -> tuple[str, ...]:
     shares = (prune, figures.recall_at_1, figures.recall_at_100_precision, figures.auc)
     return (name, f"{bits}", *map(percent, shares), f"{figures.operations:,.0f}")

@@ -31,7 +31,7 @@ from lava_vpr.cli.show.clusters import cluster_option, pool_at
 from lava_vpr.cli.show.command import command_line
 from lava_vpr.cli.show.nouns import (
     Queries,
-    Results,
+    WrittenFiles,
     answer_options,
     asking_options,
     queries_options,
@@ -102,7 +102,7 @@ def evaluate(
     backend: str,
     seed: int | None,
     address: str | None,
-    results: Results,
+    results: WrittenFiles,
 ) -> None:
     """Recognise the images of QUERY and print recall, precision and baselines.
 

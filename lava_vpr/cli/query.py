@@ -33,7 +33,7 @@ from lava_vpr.cli.common import (
     stderr,
 )
 from lava_vpr.cli.outputs import Outputs, stdout_writer, text_writer
-from lava_vpr.cli.show.matches import Row, Table, sentences
+from lava_vpr.cli.show.matches import MatchTable, Row, sentences
 from lava_vpr.cli.show.nouns import answer_options, asking_options
 from lava_vpr.cli.whereabouts import WhereOptions, query_positions_options
 from lava_vpr.cluster.tasks import Pool
@@ -50,7 +50,7 @@ from lava_vpr.traverse import Traverse, open_traverse
 
 STDOUT = Path("-")
 """The name of standard output; a file of this name is ``./-``."""
-SHOWN: dict[str, Callable[[Table, Row, float], str]] = {
+SHOWN: dict[str, Callable[[MatchTable, Row, float], str]] = {
     "csv": lambda table, row, least: table.csv(row),
     "jsonl": lambda table, row, least: table.json(row),
     "sentence": sentences,
@@ -200,7 +200,7 @@ def query(
         raise InputError(
             f"{shown(images)}: has {len(traverse)} images, fewer than --sequence {sequence}; use a shorter sequence"
         )
-    table = Table.of(model, traverse, writing.top, chances=motion != NONE)
+    table = MatchTable.of(model, traverse, writing.top, chances=motion != NONE)
     together = Together(sequence, motion, None if asking.views > 1 else calibration_of(model, Pool(cores())))
     pace = Pace() if sequence > 1 else None
     answer = partial(answer_stream, model, traverse, backend=backend, together=together, asking=asking, seed=seed)
@@ -229,7 +229,7 @@ def _write(
     model: Model,
     traverse: Traverse,
     stream: Iterator[Answered],
-    table: Table,
+    table: MatchTable,
     together: Together,
     writing: Writing,
     accepting: Accepting,

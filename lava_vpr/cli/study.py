@@ -35,7 +35,7 @@ from lava_vpr.storage.text import shown
 from lava_vpr.studies.registry import STUDIES
 from lava_vpr.studies.run import Studied, planned, run
 from lava_vpr.studies.show.values import as_json, table
-from lava_vpr.studies.study import Asked
+from lava_vpr.studies.study import StudyRequest
 from lava_vpr.training.door import check_references
 from lava_vpr.traverse import open_traverse, open_traverses
 
@@ -100,7 +100,7 @@ def study(
     page = report_folder and report_folder / "study.html"
     outputs = Outputs((json_path,), made=(page,), read=(config_file,), images=(*references, query))
     config = settings_of(images.pop("preset_name"), config_file, {})
-    row, said = STUDIES[name], Asked(*_route(references, query, config, outputs, **images), seeds, values)
+    row, said = STUDIES[name], StudyRequest(*_route(references, query, config, outputs, **images), seeds, values)
     with pool_at(address, jobs) as pool, progress_bar(f"study {name}", len(planned(row, said))) as advance:
         found = run(row, said, pool=pool, command=command_line(ctx), advance=advance)
     show_results([table(found)], {json_path: as_json(found)}, page, lambda: _page(found))

@@ -97,7 +97,7 @@ def watch(
     events = localizer.model.config.events
     found = open_source(source, every=every, topic=topic, events=events, live=True, existing=existing)
     recent = None if port is None else Recent(localizer.model)
-    refused = Refused(recent)
+    refused = RefusedImages(recent)
     answered = recognised = 0
     with stdout_writer() as write, _served(localizer, source, recent, port):
         for watched in islice(watch_images(localizer, found.frames(), refused), stop_after):
@@ -130,7 +130,7 @@ def _served(localizer: Localizer, source: str, recent: Recent | None, port: int 
         yield
 
 
-class Refused:
+class RefusedImages:
     """Tells of images that cannot be read, and counts them.
 
     Args:

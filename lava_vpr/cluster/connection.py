@@ -167,7 +167,7 @@ class _Tasks:
         future.add_done_callback(self._done.put)
 
     def wait(self, seconds: float) -> tuple[int, Any] | None:
-        """See `lava_vpr.cluster.tasks.Running`."""
+        """See `lava_vpr.cluster.tasks.TaskRunner`."""
         from distributed import CancelledError, KilledWorker
 
         self._connection.threads()  # an error if scheduler or workers are gone
@@ -211,7 +211,7 @@ class _Tasks:
         self._submit(task)
 
     def end(self) -> None:
-        """See `lava_vpr.cluster.tasks.Running`; a worker ends the task that it is at, whose result is dropped."""
+        """See `lava_vpr.cluster.tasks.TaskRunner`; a worker ends the task that it is at, whose result is dropped."""
         left = list(self._open)
         self._open.clear()
         with suppress(Exception):  # the scheduler may be gone

@@ -68,7 +68,7 @@ Told = Callable[[Standing], None]
 """A function that is told where tasks stand, whenever that has changed."""
 
 
-class Running(Protocol):
+class TaskRunner(Protocol):
     """Whoever runs the tasks of one call: threads here, or a cluster's workers.
 
     Attributes:
@@ -106,7 +106,7 @@ class Cluster(Protocol):
 
     progress: Told | None
 
-    def running(self, function: Callable[[Any, Any], Any], shared: Any) -> Running: ...
+    def running(self, function: Callable[[Any, Any], Any], shared: Any) -> TaskRunner: ...
 
 
 class _Threads:
@@ -223,7 +223,7 @@ def _results(
     ready: dict[int, R],
 ) -> Generator[tuple[int, R], None, None]:
     """Results as they come; those in ``ready`` wait for one before them, and take the room of tasks that could run."""
-    running: Running
+    running: TaskRunner
     if pool.cluster is None:
         running = _Threads(function, shared, pool.threads, stop or threading.Event())
     else:

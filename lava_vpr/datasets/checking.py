@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from lava_vpr.datasets.layouts import Dataset, Layout, Opened, check_lengths, find_layout
+from lava_vpr.datasets.layouts import Dataset, DatasetLayout, OpenedDataset, check_lengths, find_layout
 from lava_vpr.errors import InputError
 from lava_vpr.storage.text import shown
 from lava_vpr.traverse import Traverse, open_traverse
@@ -107,7 +107,7 @@ def _ends(traverse: Traverse) -> tuple[int, int]:
     return int(first.shape[1]), int(first.shape[0])
 
 
-def _unequal(opened: Opened, whole: list[Traverse]) -> list[str]:
+def _unequal(opened: OpenedDataset, whole: list[Traverse]) -> list[str]:
     try:
         check_lengths(opened, whole)
     except InputError as error:
@@ -124,7 +124,7 @@ def _shapes(seen: list[Seen]) -> list[str]:
     return [f"images are of different sizes (pixels): {each}; all are resized alike"]
 
 
-def _more(layout: Layout, seen: list[Seen]) -> list[str]:
+def _more(layout: DatasetLayout, seen: list[Seen]) -> list[str]:
     """What to say of folders that hold images which the authors leave out."""
     most = max(one.images for one in seen)
     if layout.kept is None or most <= layout.kept:

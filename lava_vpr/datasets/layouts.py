@@ -21,7 +21,7 @@ from lava_vpr.traverse import Traverse
 
 
 @dataclass(frozen=True)
-class Layout:
+class DatasetLayout:
     """One way in which a dataset lies on disk.
 
     Attributes:
@@ -76,7 +76,7 @@ class Dataset:
 
     name: str
     title: str
-    layouts: tuple[Layout, ...]
+    layouts: tuple[DatasetLayout, ...]
     what: str
     page: str
     download: str
@@ -115,25 +115,25 @@ _SUN, _RAIN, _DUSK = "2015-08-12-15-04-18", "2015-10-29-12-18-17", "2014-11-21-1
 _MORNING, _AFTERNOON = ("190809{}0845", "180809{}1545")
 
 
-def _listed(dataset: str, *traverses: str) -> Layout:
+def _listed(dataset: str, *traverses: str) -> DatasetLayout:
     """The authors' lists of a dataset's traverses, the query last: line k of each shows the same place."""
     *references, query = (f"{dataset}_imageNames_{traverse}.txt" for traverse in traverses)
-    return Layout(tuple(references), query, step=8)
+    return DatasetLayout(tuple(references), query, step=8)
 
 
-def _oxford(inner: str) -> Layout:
+def _oxford(inner: str) -> DatasetLayout:
     # As distributed these are Bayer mosaics, which load as grey images; the dataset's own kit turns them into colour.
-    return Layout((_SUN + inner, _RAIN + inner), _DUSK + inner, ground_truth="positions", spacing=10.0)
+    return DatasetLayout((_SUN + inner, _RAIN + inner), _DUSK + inner, ground_truth="positions", spacing=10.0)
 
 
-def _synthia(prefix: str) -> Layout:
+def _synthia(prefix: str) -> DatasetLayout:
     fog, night = f"{prefix}SEQS-04-FOG/{_STEREO}", f"{prefix}SEQS-04-NIGHT/{_STEREO}"
-    return Layout((fog,), night, step=5, ground_truth="positions")
+    return DatasetLayout((fog,), night, step=5, ground_truth="positions")
 
 
-def _st_lucia(dash: str, inner: str) -> Layout:
+def _st_lucia(dash: str, inner: str) -> DatasetLayout:
     morning, afternoon = _MORNING.format(dash) + inner, _AFTERNOON.format(dash) + inner
-    return Layout((morning,), afternoon, ground_truth="positions", spacing=20.0)
+    return DatasetLayout((morning,), afternoon, ground_truth="positions", spacing=20.0)
 
 
 DATASETS.register(
@@ -142,7 +142,7 @@ DATASETS.register(
         "Nordland",
         (
             _listed("nordland", "spring", "fall", "summer"),
-            Layout(("spring", "fall"), "summer", step=8, kept=27_592),
+            DatasetLayout(("spring", "fall"), "summer", step=8, kept=27_592),
         ),
         what="A railway of 728 km in Norway, filmed from the train in four seasons "
         "(https://nrkbeta.no/2013/01/15/nordlandsbanen-minute-by-minute-season-by-season/).",
@@ -169,7 +169,7 @@ DATASETS.register(
         (
             _listed("ORC", "Sun", "Rain", "Dusk"),
             *map(_oxford, ("/stereo/left", "/stereo/centre", "")),
-            Layout(("sun", "rain"), "dusk", ground_truth="positions"),
+            DatasetLayout(("sun", "rain"), "dusk", ground_truth="positions"),
         ),
         what="A car's route through Oxford, driven twice a week for more than a year.",
         page="https://robotcar-dataset.robots.ox.ac.uk/",
@@ -192,7 +192,7 @@ DATASETS.register(
     Dataset(
         "spedtest",
         "SPEDTest",
-        (Layout(("ref",), "query"),),
+        (DatasetLayout(("ref",), "query"),),
         what="Surveillance cameras around the world, each seen at two times; no route.",
         page="https://github.com/MubarizZaffar/VPR-Bench",
         download="The folder SPEDTEST of VPR-Bench's datasets, with ref and query in it.",
@@ -209,7 +209,7 @@ DATASETS.register(
     Dataset(
         "synthia",
         "Synthia",
-        (_synthia("SYNTHIA-"), _synthia(""), Layout(("ref",), "query")),
+        (_synthia("SYNTHIA-"), _synthia(""), DatasetLayout(("ref",), "query")),
         what="A drawn town, driven through in several seasons and lights.",
         page="https://synthia-dataset.net/downloads/",
         download="The video sequences SYNTHIA-SEQS-04-FOG and SYNTHIA-SEQS-04-NIGHT; leave out where the car stands.",
@@ -229,7 +229,7 @@ DATASETS.register(
         "St Lucia",
         (
             *(_st_lucia(dash, inner) for inner in ("/webcam_video.avi", "/frames", "") for dash in "_-"),
-            Layout(("ref",), "query"),
+            DatasetLayout(("ref",), "query"),
         ),
         what="A car's route through a suburb of Brisbane, filmed by a webcam at several times of day.",
         page="https://open.qcr.ai/dataset/st-lucia-multiple/",
@@ -264,7 +264,7 @@ def _below(root: Path, relative: str) -> Path | None:
     return path
 
 
-class Opened(NamedTuple):
+class OpenedDataset(NamedTuple):
     """A dataset as it lies on disk.
 
     Attributes:
@@ -275,7 +275,7 @@ class Opened(NamedTuple):
     """
 
     dataset: Dataset
-    layout: Layout
+    layout: DatasetLayout
     references: tuple[Path, ...]
     query: Path
 
@@ -302,7 +302,7 @@ class Opened(NamedTuple):
         return traverse.take(range(first, end))
 
 
-def find_layout(name: str, root: str | Path) -> Opened:
+def find_layout(name: str, root: str | Path) -> OpenedDataset:
     """How dataset ``name`` (in `DATASETS`) lies below ``root``.
 
     Raises:
@@ -317,13 +317,13 @@ def find_layout(name: str, root: str | Path) -> Opened:
         paths = [_below(root, folder) for folder in layout.folders]
         present = tuple(path for path in paths if path is not None)
         if len(present) == len(layout.folders):
-            return Opened(dataset, layout, present[:-1], present[-1])
+            return OpenedDataset(dataset, layout, present[:-1], present[-1])
         parts = (f if path is not None else f"{f} (missing)" for f, path in zip(layout.folders, paths, strict=True))
         missing.append(" + ".join(parts))
     raise InputError(f"{shown(root)}: does not hold the {name} dataset; it needs the folders {', or '.join(missing)}")
 
 
-def check_lengths(opened: Opened, traverses: Sequence[Traverse]) -> None:
+def check_lengths(opened: OpenedDataset, traverses: Sequence[Traverse]) -> None:
     """Refuse traverses of unequal length where image k shows the same place in each.
 
     Args:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from lava_vpr.datasets.layouts import Opened, check_lengths, find_layout
+from lava_vpr.datasets.layouts import OpenedDataset, check_lengths, find_layout
 from lava_vpr.errors import InputError, UsageError
 from lava_vpr.storage.text import shown
 from lava_vpr.traverse import Traverse
@@ -25,7 +25,7 @@ class Selection:
 
     sources: tuple[str, ...]
     every: float
-    opened: Opened | None = None
+    opened: OpenedDataset | None = None
     section: int | None = None
 
     @property
@@ -117,7 +117,7 @@ class Benchmark:
             raise UsageError("the queries are the images nearest to the model's places; leave out --section")
         return Selection((str(opened.query),), opened.layout.every, opened, self.section)
 
-    def _opened(self, root: str, excluded: dict[str, Any]) -> Opened:
+    def _opened(self, root: str, excluded: dict[str, Any]) -> OpenedDataset:
         given = [f"--{name}" for name, value in excluded.items() if value]
         if given:
             raise UsageError(f"--dataset says itself which images are taken; leave out {', '.join(given)}")

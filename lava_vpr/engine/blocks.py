@@ -65,7 +65,7 @@ def of_conductances(network: tuple[ConductanceState, Config], block: Block, thre
     return conductance.count_spikes(state, block.rates, block.keys, config, threads=threads)
 
 
-class _Task(NamedTuple):
+class _BlockTask(NamedTuple):
     """A block as a task: how it is counted, and its presentations."""
 
     counting: Callable[[Any, Block, int], Counted]
@@ -85,12 +85,12 @@ def counted(count: Count[N], network: N, blocks: Iterable[Block], *, pool: Pool,
     if pool.here:
         yield from (count(network, block, pool.threads) for block in blocks)
         return
-    tasks = (_Task(count, block) for block in blocks)
+    tasks = (_BlockTask(count, block) for block in blocks)
     for sparse, events in pool.map(sparsely, tasks, shared=network, called="blocks", total=total):
         yield sparse.toarray(), events
 
 
-def sparsely(network: Any, task: _Task) -> tuple[Any, dict[str, int]]:
+def sparsely(network: Any, task: _BlockTask) -> tuple[Any, dict[str, int]]:
     """A task: counts of one block, of which nearly all are 0 where places are many, as those that are not."""
     counts, events = task.counting(network, task.block, 1)
     return csr_matrix(counts), events

@@ -21,7 +21,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from lava_vpr.errors import InputError, brief
-from lava_vpr.events.stream import BLOCK, Raw, Recording, check_size
+from lava_vpr.events.stream import BLOCK, EventRecording, Raw, check_size
 from lava_vpr.storage.limits import excess, limit
 from lava_vpr.storage.reading import open_regular
 from lava_vpr.storage.text import shown
@@ -39,14 +39,14 @@ class _BrokenError(ValueError):
     """A file that is no AEDAT4; the text says what is wrong, without the file's name."""
 
 
-def open_aedat4(path: Path) -> Recording:
+def open_aedat4(path: Path) -> EventRecording:
     """The events of the only stream of events in an AEDAT4 file.
 
     Raises:
         InputError: it is damaged, of another version, or has no or several streams of events.
     """
     with _Reader(path) as reader:
-        return Recording(path, lambda: _blocks(path), check_size(reader.size, shown(path)))
+        return EventRecording(path, lambda: _blocks(path), check_size(reader.size, shown(path)))
 
 
 def _blocks(path: Path) -> Iterator[Raw]:

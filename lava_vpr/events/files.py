@@ -15,7 +15,7 @@ from lava_vpr.errors import InputError
 from lava_vpr.events.aedat4 import AEDAT4_SUFFIXES, open_aedat4
 from lava_vpr.events.hdf5 import HDF5_SUFFIXES, is_hdf5, open_hdf5
 from lava_vpr.events.npz import NPZ_SUFFIXES, is_npz, open_npz
-from lava_vpr.events.stream import Recording, check_size
+from lava_vpr.events.stream import EventRecording, check_size
 from lava_vpr.events.windows import Windows, hot_pixels
 from lava_vpr.images.sampling import Sample
 from lava_vpr.inputs.windows import EventsConfig
@@ -24,7 +24,7 @@ from lava_vpr.storage.text import shown
 _NOTES = logging.getLogger("lava_vpr")
 
 
-class Format(NamedTuple):
+class EventFormat(NamedTuple):
     """A format of files of events.
 
     Attributes:
@@ -35,13 +35,13 @@ class Format(NamedTuple):
 
     suffixes: tuple[str, ...]
     holds: Callable[[Path], bool]
-    open: Callable[[Path], Recording]
+    open: Callable[[Path], EventRecording]
 
 
 FORMATS = (
-    Format(AEDAT4_SUFFIXES, lambda path: True, open_aedat4),
-    Format(HDF5_SUFFIXES, is_hdf5, open_hdf5),
-    Format(NPZ_SUFFIXES, is_npz, open_npz),
+    EventFormat(AEDAT4_SUFFIXES, lambda path: True, open_aedat4),
+    EventFormat(HDF5_SUFFIXES, is_hdf5, open_hdf5),
+    EventFormat(NPZ_SUFFIXES, is_npz, open_npz),
 )
 EVENT_SUFFIXES = tuple(suffix for one in FORMATS for suffix in one.suffixes)
 
@@ -57,7 +57,7 @@ def is_recording(source: str | Path) -> bool:
     return path.suffix.lower() in EVENT_SUFFIXES and "\0" not in str(path) and path.is_file() and is_events(path)
 
 
-def open_events(path: Path) -> Recording:
+def open_events(path: Path) -> EventRecording:
     """The events of a file.
 
     Raises:
@@ -88,7 +88,7 @@ def windows_of(path: Path, config: EventsConfig, every: float) -> Callable[[], I
     return partial(_walk, recording, config, every, seen)
 
 
-def _walk(recording: Recording, config: EventsConfig, every: float, seen: NDArray[np.int64]) -> Iterator[Sample]:
+def _walk(recording: EventRecording, config: EventsConfig, every: float, seen: NDArray[np.int64]) -> Iterator[Sample]:
     """The windows of a recording of so many events a pixel; see `windows_of`."""
     hot = hot_pixels(seen, config.hot_pixels)
     windows, number = Windows((seen.shape[1], seen.shape[0]), config, every, hot), 0
@@ -108,7 +108,7 @@ def _walk(recording: Recording, config: EventsConfig, every: float, seen: NDArra
     )
 
 
-def _size(recording: Recording) -> tuple[int, int]:
+def _size(recording: EventRecording) -> tuple[int, int]:
     """The least sensor that has all pixels of a recording whose file does not tell it."""
     width = height = 1
     for events in recording.events():

@@ -15,7 +15,7 @@ import numpy as np
 
 from lava_vpr.errors import InputError, brief
 from lava_vpr.events.parts import Parts, apart, check_lengths, in_blocks, in_tables
-from lava_vpr.events.stream import BLOCK, Raw, Recording, check_size
+from lava_vpr.events.stream import BLOCK, EventRecording, Raw, check_size
 from lava_vpr.storage.limits import excess
 from lava_vpr.storage.text import shown
 
@@ -32,7 +32,7 @@ def is_hdf5(path: Path) -> bool:
     return False
 
 
-def open_hdf5(path: Path) -> Recording:
+def open_hdf5(path: Path) -> EventRecording:
     """The events of an HDF5 file.
 
     Raises:
@@ -45,7 +45,7 @@ def open_hdf5(path: Path) -> Recording:
             raise InputError(f"{shown(path)}: holds no events (at its top: {held}); {_KEEP_IT}")
         size = _size(file, parts[0][0], shown(path))
         start_s = _offset(file, shown(path))
-    return Recording(path, lambda: _blocks(path), size, start_s)
+    return EventRecording(path, lambda: _blocks(path), size, start_s)
 
 
 @contextlib.contextmanager

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError, brief
 from lava_vpr.events.parts import Parts, apart, check_lengths, in_blocks, in_tables
-from lava_vpr.events.stream import BLOCK, Raw, Recording, check_size
+from lava_vpr.events.stream import BLOCK, EventRecording, Raw, check_size
 from lava_vpr.storage.archives import ARCHIVE_ERRORS, entries_of
 from lava_vpr.storage.limits import excess
 from lava_vpr.storage.reading import open_regular
@@ -43,7 +43,7 @@ def is_npz(path: Path) -> bool:
     return False
 
 
-def open_npz(path: Path) -> Recording:
+def open_npz(path: Path) -> EventRecording:
     """The events of an ``.npz`` file.
 
     Raises:
@@ -61,7 +61,7 @@ def open_npz(path: Path) -> Recording:
             if beyond is not None:
                 raise InputError(f"{shown(path)}: has {beyond}")
         size = _size(archive, members, shown(path))
-    return Recording(path, lambda: _blocks(path), size)
+    return EventRecording(path, lambda: _blocks(path), size)
 
 
 @contextlib.contextmanager

@@ -46,7 +46,7 @@ class Raw(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Recording:
+class EventRecording:
     """A file of events.
 
     Attributes:

@@ -33,7 +33,7 @@ _MOST_BIAS = ((1 << BIAS_BITS) - 1) << BIAS_EXPONENT_LIMIT
 """The largest bias of a register, in units of the membrane."""
 
 
-class Unfit(Exception):
+class UnfitNetwork(Exception):
     """A file's content that is no such network, or would be too large a file; the message says why, as in "has two
     inputs"."""
 
@@ -73,7 +73,7 @@ def packed_references(kept: Mapping[str, Any]) -> bytes | None:
     """
     packed = kept.get("references")
     if packed is not None and not (isinstance(packed, np.ndarray) and packed.dtype == np.uint8):
-        raise Unfit(f"has references that are no bytes: {brief(packed)}")
+        raise UnfitNetwork(f"has references that are no bytes: {brief(packed)}")
     return None if packed is None else packed.tobytes()
 
 

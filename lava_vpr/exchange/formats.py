@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from lava_vpr.errors import InputError
-from lava_vpr.exchange.drawn import Drawn, Unfit
+from lava_vpr.exchange.drawn import Drawn, UnfitNetwork
 from lava_vpr.model import IntegerModel
 from lava_vpr.rows.registry import Registry
 from lava_vpr.storage.text import shown
@@ -19,7 +19,7 @@ TIME_STEP = 1e-4
 
 
 @dataclass(frozen=True)
-class Asked:
+class FileOptions:
     """What is asked of a file besides its path.
 
     Attributes:
@@ -52,10 +52,10 @@ class FormatRow:
     endings: tuple[str, ...]
     holds: str
     remedy: str
-    content: Callable[[IntegerModel, Asked], tuple[bytes, tuple[str, ...]]]
+    content: Callable[[IntegerModel, FileOptions], tuple[bytes, tuple[str, ...]]]
     network: Callable[[Mapping[str, Any], float], Drawn]
 
-    def write(self, model: IntegerModel, path: Path, asked: Asked) -> tuple[str, ...]:
+    def write(self, model: IntegerModel, path: Path, asked: FileOptions) -> tuple[str, ...]:
         """Write the network of ``model`` to ``path``, complete or not at all.
 
         Returns:
@@ -67,7 +67,7 @@ class FormatRow:
         try:
             content, notes = self.content(model, asked)
             write_atomically(path, lambda file: file.write(content))
-        except Unfit as error:
+        except UnfitNetwork as error:
             raise InputError(f"{shown(path)}: the {self.holds} {error}") from None
         except OSError as error:
             raise InputError(
@@ -90,7 +90,7 @@ class FormatRow:
         file = hdf5.read(path, self.holds)
         try:
             return self.network(file, time_step)
-        except Unfit as error:
+        except UnfitNetwork as error:
             raise InputError(f"{shown(path)}: the {self.holds} {error}; {self.remedy}") from None
 
 
@@ -98,7 +98,7 @@ FORMATS: Registry[FormatRow] = Registry("format", InputError)
 """Every format by name."""
 
 
-def _nir_content(model: IntegerModel, asked: Asked) -> tuple[bytes, tuple[str, ...]]:
+def _nir_content(model: IntegerModel, asked: FileOptions) -> tuple[bytes, tuple[str, ...]]:
     """See `lava_vpr.exchange.nir_writing.content`."""
     from lava_vpr.exchange import nir_writing
 
@@ -125,7 +125,7 @@ FORMATS.register(
 )
 
 
-def _netx_content(model: IntegerModel, asked: Asked) -> tuple[bytes, tuple[str, ...]]:
+def _netx_content(model: IntegerModel, asked: FileOptions) -> tuple[bytes, tuple[str, ...]]:
     """See `lava_vpr.exchange.netx.content`."""
     from lava_vpr.exchange import netx
 

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.engine.inference.fixed import DIRECT, FixedNetwork
 from lava_vpr.errors import NetworkLimitError, brief
-from lava_vpr.exchange.drawn import STEP_UNIT, Drawn, Unfit, packed_references
+from lava_vpr.exchange.drawn import STEP_UNIT, Drawn, UnfitNetwork, packed_references
 from lava_vpr.exchange.nir_writing import FORMAT, container_of
 from lava_vpr.loihi import DECAY_UNITY, INPUT_SHIFT, SIGNED_WEIGHT_LIMIT, WEIGHT_BITS
 from lava_vpr.model import IntegerModel
@@ -146,18 +146,18 @@ def _layer(file: Mapping[str, Any]) -> Mapping[str, Any]:
     """The one layer with synapses."""
     layers = file.get("layer")
     if not isinstance(layers, dict) or not all(isinstance(layer, dict) for layer in layers.values()):
-        raise Unfit("has no layers")
+        raise UnfitNetwork("has no layers")
     kinds = {name: _word(layer) for name, layer in layers.items()}
     if not kinds:
-        raise Unfit("has no layers")
+        raise UnfitNetwork("has no layers")
     (*others, name) = sorted(kinds)
     if kinds[name] not in ("dense", "dense_rec") or len(others) > 1 or any(kinds[one] != "input" for one in others):
-        raise Unfit(f"has layers {brief([kinds[one] for one in sorted(kinds)])}")
+        raise UnfitNetwork(f"has layers {brief([kinds[one] for one in sorted(kinds)])}")
     layer = layers[name]
     if any("neuron" in layers[one] for one in others):
-        raise Unfit("has neurons in its input layer")
+        raise UnfitNetwork("has neurons in its input layer")
     if "delay" in layer:
-        raise Unfit("has synaptic delays")
+        raise UnfitNetwork("has synaptic delays")
     return dict(layer)
 
 
@@ -171,10 +171,10 @@ def _numbers(part: Mapping[str, Any], name: str, axes: int) -> NDArray[np.float6
     """The array ``name`` of so many axes, of whole numbers."""
     array = np.asarray(part.get(name, []))
     if array.dtype.kind not in "fiu" or array.ndim != axes or array.size == 0:
-        raise Unfit(f"has no {name} of {axes} axes" if axes else f"has no number {name}")
+        raise UnfitNetwork(f"has no {name} of {axes} axes" if axes else f"has no number {name}")
     values = array.astype(np.float64)
     if not (np.isfinite(values) & (values == np.trunc(values)) & (np.abs(values) < 1 << 24)).all():
-        raise Unfit(f"has a {name} that is no whole number of 24 bits")
+        raise UnfitNetwork(f"has a {name} that is no whole number of 24 bits")
     return values
 
 
@@ -182,14 +182,14 @@ def _network(layer: Mapping[str, Any], own: object) -> Drawn:
     """The network of a layer, with what our own export keeps beside it."""
     neuron = layer.get("neuron")
     if not isinstance(neuron, dict) or _word(neuron) not in ("CUBA", "LOIHI"):
-        raise Unfit("has no CUBA neurons")
+        raise UnfitNetwork("has no CUBA neurons")
     current, decay = _numbers(neuron, "iDecay", 0), _numbers(neuron, "vDecay", 0)
     if current != DECAY_UNITY or not 0 <= decay <= DECAY_UNITY:
-        raise Unfit(f"has decays {int(current)} and {int(decay)}; currents must last a step ({DECAY_UNITY})")
+        raise UnfitNetwork(f"has decays {int(current)} and {int(decay)}; currents must last a step ({DECAY_UNITY})")
     weight, threshold = _numbers(layer, "weight", 2), float(_numbers(neuron, "vThMant", 0))
     bias = _numbers(layer, "bias", 1) if "bias" in layer else np.zeros(len(weight))
     if bias.shape != (len(weight),):
-        raise Unfit(f"has {len(bias)} biases for {len(weight)} neurons")
+        raise UnfitNetwork(f"has {len(bias)} biases for {len(weight)} neurons")
     taken = 0.0
     if _word(layer) == "dense_rec":
         taken = _inhibition(_numbers(layer, "weight_rec", 2), weight, bias, threshold)
@@ -212,10 +212,12 @@ def _inhibition(
     """What the last neuron of a population takes from all others, seen to be the only recurrence."""
     size = len(weight)
     if recurrent.shape != (size, size) or size < 2:
-        raise Unfit(f"has recurrent weights of shape {recurrent.shape} for {size} neurons")
+        raise UnfitNetwork(f"has recurrent weights of shape {recurrent.shape} for {size} neurons")
     taken = -recurrent[:-1, -1]
     if recurrent[:-1, :-1].any() or recurrent[-1, -1] or taken.min() != taken.max() or taken[0] < 0:
-        raise Unfit("has a recurrence other than one inhibitory neuron, the last, that takes the same from all")
+        raise UnfitNetwork("has a recurrence other than one inhibitory neuron, the last, that takes the same from all")
     if weight[-1].any() or bias[-1] or (recurrent[-1, :-1] <= threshold).any():
-        raise Unfit("has a last neuron that does not fire by any spike of the others alone, or by more than that")
+        raise UnfitNetwork(
+            "has a last neuron that does not fire by any spike of the others alone, or by more than that"
+        )
     return float(taken[0])

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.engine.inference.fixed import FAN_IN, SCALARS, inhibitory_depth
 from lava_vpr.errors import brief
-from lava_vpr.exchange.drawn import Drawn, Unfit, packed_references
+from lava_vpr.exchange.drawn import Drawn, UnfitNetwork, packed_references
 from lava_vpr.exchange.nir_writing import FORMAT
 from lava_vpr.loihi import WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
 from lava_vpr.settings.ranges import real, whole
@@ -62,14 +62,14 @@ def _graph(file: Mapping[str, Any]) -> nir.NIRGraph:
     """
     node = file.get("node")
     if not isinstance(node, dict) or node.get("type") != "NIRGraph":
-        raise Unfit("is none: the file has no node of type NIRGraph")
+        raise UnfitNetwork("is none: the file has no node of type NIRGraph")
     nodes, edges = node.get("nodes"), node.get("edges")
     if not isinstance(nodes, dict) or not isinstance(edges, np.ndarray) or edges.ndim != 2 or edges.shape[1] != 2:
-        raise Unfit("has no nodes or no edges")
+        raise UnfitNetwork("has no nodes or no edges")
     for name, part in nodes.items():
         kind = part.get("type") if isinstance(part, dict) else None
         if kind not in ("Input", "Output", *_NEURONS, *_LINEAR):
-            raise Unfit(f"has {brief(kind)}, node {brief(name)}")
+            raise UnfitNetwork(f"has {brief(kind)}, node {brief(name)}")
         part.pop("metadata", None)
         _check_numbers(name, part)
     try:
@@ -78,7 +78,7 @@ def _graph(file: Mapping[str, Any]) -> nir.NIRGraph:
         )
     except (ValueError, TypeError, KeyError, AssertionError, AttributeError, IndexError, NotImplementedError) as error:
         cause = " ".join(str(error).split())[:160] or type(error).__name__
-        raise Unfit(f"is not accepted by NIR's own package ({cause})") from None
+        raise UnfitNetwork(f"is not accepted by NIR's own package ({cause})") from None
 
 
 def _check_numbers(name: str, part: dict[str, Any]) -> None:
@@ -92,9 +92,9 @@ def _check_numbers(name: str, part: dict[str, Any]) -> None:
             continue
         array = np.asarray(value)
         if array.dtype.kind not in "fiu":
-            raise Unfit(f"has no numbers as {brief(key)} of node {brief(name)}")
+            raise UnfitNetwork(f"has no numbers as {brief(key)} of node {brief(name)}")
         if not np.isfinite(array).all():
-            raise Unfit(f"has NaN or infinity in {brief(key)} of node {brief(name)}")
+            raise UnfitNetwork(f"has NaN or infinity in {brief(key)} of node {brief(name)}")
         part[key] = array.astype(np.int64) if key == "shape" else array.astype(np.float64)
 
 
@@ -108,20 +108,20 @@ def network_of(graph: nir.NIRGraph, time_step: float) -> Drawn:
     kept = graph.metadata if graph.metadata.get("format") == FORMAT else {}
     step = kept.get("time_step", time_step)
     if not real(step) or not step > 0:
-        raise Unfit(f"has a time_step of {brief(step)}")
+        raise UnfitNetwork(f"has a time_step of {brief(step)}")
     constants = _constants(neurons, float(step))
     weights = synapses.weight * constants.gain
     bias = getattr(synapses, "bias", np.zeros(len(weights))) * constants.gain + constants.leak
     if weights.ndim != 2 or bias.shape != (len(weights),):
-        raise Unfit(f"has synapses of shape {weights.shape} with biases of shape {bias.shape}")
+        raise UnfitNetwork(f"has synapses of shape {weights.shape} with biases of shape {bias.shape}")
     inhibition, excitatory = 0.0, len(weights)
     if recurrent is not None:
         if getattr(recurrent, "bias", np.zeros(1)).any():
-            raise Unfit("has biases in its recurrent edge")
+            raise UnfitNetwork("has biases in its recurrent edge")
         excitatory = excitatory_of(len(weights))
         inhibition = _inhibition(recurrent.weight * constants.gain, excitatory, constants.threshold)
         if weights[excitatory:].any() or bias[excitatory:].any():
-            raise Unfit("has inputs or biases of its inhibitory neurons, the last of the population")
+            raise UnfitNetwork("has inputs or biases of its inhibitory neurons, the last of the population")
     return Drawn(
         weights=weights[:excitatory].T,
         bias=bias[:excitatory],
@@ -142,7 +142,7 @@ def _kept(kept: Mapping[str, Any]) -> dict[str, Any]:
         return {}
     unit, checksum = kept.get("weight_unit"), kept.get("digest")
     if not isinstance(unit, float) or not real(unit) or not unit > 0 or not isinstance(checksum, str):
-        raise Unfit(f"has metadata 'weight_unit' {brief(unit)} and 'digest' {brief(checksum)}")
+        raise UnfitNetwork(f"has metadata 'weight_unit' {brief(unit)} and 'digest' {brief(checksum)}")
     own = {"unit": unit, "scalars": _scalars(kept.get("network")), "digest": checksum}
     return own | {"references": packed_references(kept)}
 
@@ -161,7 +161,7 @@ def _scalars(text: object) -> dict[str, int]:
         ranges = {"bits": (1, 8), "inhibition": (0, WEIGHT_LIMIT), "inhibition_exponent": (0, WEIGHT_EXPONENT_LIMIT)}
         if all(least <= scalars[name] <= most for name, (least, most) in ranges.items()):
             return scalars
-    raise Unfit(f"has metadata 'network' {brief(text)}")
+    raise UnfitNetwork(f"has metadata 'network' {brief(text)}")
 
 
 def _parts(graph: nir.NIRGraph) -> tuple[Any, Any, Any]:
@@ -174,14 +174,14 @@ def _parts(graph: nir.NIRGraph) -> tuple[Any, Any, Any]:
     inputs, outputs = (_of(kinds, (kind,)) for kind in ("Input", "Output"))
     neurons, linear = _of(kinds, _NEURONS), _of(kinds, _LINEAR)
     if not (len(inputs) == len(neurons) == 1 and len(outputs) <= 1 and 1 <= len(linear) <= 2):
-        raise Unfit(f"has the nodes {brief(sorted(kinds.values()))}")
+        raise UnfitNetwork(f"has the nodes {brief(sorted(kinds.values()))}")
     neuron, edges = neurons[0], set(graph.edges)
     first = [name for name in linear if (inputs[0], name) in edges]
     recurrent = [name for name in linear if name not in first]
     wanted = {(inputs[0], name) for name in first} | {(name, neuron) for name in linear}
     wanted |= {(neuron, name) for name in (*recurrent, *outputs)}
     if len(first) != 1 or edges != wanted:
-        raise Unfit(f"has the edges {brief(sorted(edges))}")
+        raise UnfitNetwork(f"has the edges {brief(sorted(edges))}")
     return graph.nodes[first[0]], graph.nodes[neuron], graph.nodes[recurrent[0]] if recurrent else None
 
 
@@ -197,17 +197,17 @@ def _constants(node: Any, step: float) -> _Neurons:
         Unfit: neurons differ, reset to other than 0, keep a current, or the step is longer than a time constant.
     """
     if _one(node.v_reset, "v_reset") != 0:
-        raise Unfit("resets membranes to other than 0")
+        raise UnfitNetwork("resets membranes to other than 0")
     r, threshold = _one(node.r, "r"), _one(node.v_threshold, "v_threshold")
     if isinstance(node, nir.IF):
         return _Neurons(0.0, r * step, threshold, 0.0)
     tau, gain = _one(node.tau_mem if isinstance(node, nir.CubaLIF) else node.tau, "tau"), r
     if isinstance(node, nir.CubaLIF):
         if not math.isclose(_one(node.tau_syn, "tau_syn"), step, rel_tol=1e-6):
-            raise Unfit("keeps currents from step to step (tau_syn is not one step), which these neurons cannot")
+            raise UnfitNetwork("keeps currents from step to step (tau_syn is not one step), which these neurons cannot")
         gain *= _one(node.w_in, "w_in")
     if not tau >= step * (1 - 1e-9):
-        raise Unfit(f"has a time constant of {tau:g} s, less than a step of {step:g} s; say --time-step")
+        raise UnfitNetwork(f"has a time constant of {tau:g} s, less than a step of {step:g} s; say --time-step")
     decay = min(1.0, step / tau)
     return _Neurons(decay if decay > 1e-8 else 0.0, _near(gain * decay), threshold, _one(node.v_leak, "v_leak") * decay)
 
@@ -224,7 +224,7 @@ def _one(values: NDArray[np.float64], name: str) -> float:
         Unfit: they differ, or there is none.
     """
     if np.size(values) == 0 or not (values == np.ravel(values)[0]).all():
-        raise Unfit(f"has neurons that differ in {name}")
+        raise UnfitNetwork(f"has neurons that differ in {name}")
     return float(np.ravel(values)[0])
 
 
@@ -237,7 +237,7 @@ def excitatory_of(size: int) -> int:
     leaves = 0 if inhibitory_depth(size - 1) == 1 else -(-(size - 1) // (FAN_IN + 1))
     neurons = size - 1 - leaves
     if neurons < 1 or leaves != (0 if inhibitory_depth(neurons) == 1 else -(-neurons // FAN_IN)):
-        raise Unfit(f"has a population of {size}, which no number of neurons and their inhibitory ones make")
+        raise UnfitNetwork(f"has a population of {size}, which no number of neurons and their inhibitory ones make")
     return neurons
 
 
@@ -249,7 +249,7 @@ def _inhibition(matrix: NDArray[np.float64], neurons: int, threshold: float) -> 
     """
     taken = matrix[:neurons, -1]
     if not (taken == taken[0]).all() or taken[0] > 0:
-        raise Unfit("has a last neuron that does not take the same from every excitatory one")
+        raise UnfitNetwork("has a last neuron that does not take the same from every excitatory one")
     inhibitory = len(matrix) - neurons
     listens = np.zeros((inhibitory, len(matrix)), bool)
     if inhibitory == 1:
@@ -260,5 +260,5 @@ def _inhibition(matrix: NDArray[np.float64], neurons: int, threshold: float) -> 
         listens[-1, neurons:-1] = True
     own = matrix[neurons:]
     if matrix[:neurons, :-1].any() or (own[~listens] != 0).any() or not (own[listens] > threshold).all():
-        raise Unfit("has a recurrent edge other than one inhibitory neuron that any spike fires")
+        raise UnfitNetwork("has a recurrent edge other than one inhibitory neuron that any spike fires")
     return float(-taken[0])

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from lava_vpr import __version__
 from lava_vpr.engine.inference.fixed import FAN_IN, FixedNetwork
-from lava_vpr.exchange.drawn import STEP_UNIT, Unfit, digest
+from lava_vpr.exchange.drawn import STEP_UNIT, UnfitNetwork, digest
 from lava_vpr.loihi import DECAY_UNITY, INPUT_SHIFT
 from lava_vpr.model import IntegerModel, checked_content
 from lava_vpr.storage import container
@@ -67,7 +67,7 @@ def content(model: IntegerModel, time_step: float, *, references: bool) -> tuple
     size = network.neurons + network.inhibitory
     beyond = excess("model_bytes", 4 * size * (size + network.inputs))
     if beyond is not None:
-        raise Unfit(f"would unpack to {beyond}")
+        raise UnfitNetwork(f"would unpack to {beyond}")
     buffer = io.BytesIO()
     nir.write(buffer, graph_of(network, time_step, container_of(model) if references else None))
     return buffer.getvalue(), (

@@ -121,7 +121,7 @@ def content_key(function: Callable[..., Any], decides: Any, *inputs: bytes) -> s
 
 
 @dataclass(frozen=True)
-class Cache(Generic[T, R]):
+class FigureCache(Generic[T, R]):
     """A folder with a file for each task whose figures are known.
 
     Attributes:

@@ -17,8 +17,8 @@ from lava_vpr.deploy.compression.compression import (
     UNCHANGED,
     Changes,
     Compressed,
-    Figures,
-    Point,
+    CompressionFigures,
+    CompressionPoint,
     adapted,
     distinctive,
     fitting,
@@ -47,11 +47,11 @@ Begin = Callable[[int], Callable[[str], None]]
 """A function that is told the most points to be tried, and returns what is called after each with a note."""
 
 
-def figures(model: Model, calibration: Calibration, *, threads: int = 1) -> Figures:
+def figures(model: Model, calibration: Calibration, *, threads: int = 1) -> CompressionFigures:
     """How ``model`` does on calibration images and their truth, bool (images, places)."""
     queries, truth = calibration
     counts, events = HostBackend(Pool(threads)).count_spikes(model, query_presentations(model, queries))
-    return Figures(*judged(model, counts, truth), events["synaptic_operations"] / max(1, len(queries)))
+    return CompressionFigures(*judged(model, counts, truth), events["synaptic_operations"] / max(1, len(queries)))
 
 
 def calibrated(compressed: Compressed, calibration: Calibration, *, threads: int = 1) -> Compressed:
@@ -61,7 +61,7 @@ def calibrated(compressed: Compressed, calibration: Calibration, *, threads: int
     return replace(compressed, before=before, after=after)
 
 
-def candidates(model: Model, board: Board, changes: Changes = UNCHANGED) -> list[Point]:
+def candidates(model: Model, board: Board, changes: Changes = UNCHANGED) -> list[CompressionPoint]:
     """Ways to compress that ``board`` can run, from cheap to dear; empty if there is none.
 
     Bits go up to the model's own, unless ``changes`` fixes them. Points that save nothing against less pruning are left
@@ -83,7 +83,7 @@ def candidates(model: Model, board: Board, changes: Changes = UNCHANGED) -> list
             operations = float(rates @ network.prepared.row_sizes) * network.steps
             if operations <= WORTH * cheapest.get(bits, np.inf):
                 cheapest[bits] = operations
-                points.append(Point(bits, share, operations, _memory_bits(network)))
+                points.append(CompressionPoint(bits, share, operations, _memory_bits(network)))
     return sorted(points, key=lambda point: (point.input_operations, point.memory_bits, point.prune))
 
 
@@ -121,15 +121,15 @@ def search(
     before = figures(model, calibration, threads=threads)
     least = before.recall_at_1 - max_loss - 1e-9  # 0.91 - 0.02 is above 0.89
 
-    def measure(point: Point) -> tuple[Compressed, Figures]:
+    def measure(point: CompressionPoint) -> tuple[Compressed, CompressionFigures]:
         chosen = Changes(point.weight_bits, point.prune, changes.input_mode)
         compressed = for_board(model, board, chosen, threads=threads)
         return compressed, figures(compressed.model, calibration, threads=threads)
 
-    def cost(point: Point, result: tuple[Compressed, Figures]) -> tuple[float, int] | None:
+    def cost(point: CompressionPoint, result: tuple[Compressed, CompressionFigures]) -> tuple[float, int] | None:
         return (result[1].operations, point.memory_bits) if result[1].recall_at_1 >= least else None
 
-    tried: list[tuple[Point, Figures]] = []
+    tried: list[tuple[CompressionPoint, CompressionFigures]] = []
     best: Compressed | None = None
     for point, (compressed, after), kept in cheapest(points, measure, cost, lambda point: point.input_operations):
         tried.append((point, after))
@@ -141,7 +141,9 @@ def search(
     return replace(best, before=before, max_loss=max_loss, tried=tuple(tried))
 
 
-def _none_good(board: Board, before: Figures, max_loss: float, tried: list[tuple[Point, Figures]]) -> str:
+def _none_good(
+    board: Board, before: CompressionFigures, max_loss: float, tried: list[tuple[CompressionPoint, CompressionFigures]]
+) -> str:
     """Why a search found nothing."""
     point, best = max(tried, key=lambda pair: pair[1].recall_at_1)
     enough = before.recall_at_1 - best.recall_at_1 + 5e-4

@@ -14,7 +14,7 @@ from contextlib import closing
 from typing import Any, TypeVar
 
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool, Standing
-from lava_vpr.experiments.cache import Cache
+from lava_vpr.experiments.cache import FigureCache
 
 T = TypeVar("T", bound=Hashable)
 R = TypeVar("R")
@@ -32,7 +32,7 @@ def compute(
     points: Sequence[T],
     *,
     shared: Any = None,
-    cache: Cache[T, R] | None = None,
+    cache: FigureCache[T, R] | None = None,
     kept_only: bool = False,
     read: Callable[[T], Any] | None = None,
     called: str = "points",

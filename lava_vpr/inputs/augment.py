@@ -13,7 +13,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.inputs.encoder import Layout
+from lava_vpr.inputs.encoder import ChannelLayout
 from lava_vpr.settings.ranges import Range, check
 
 
@@ -40,7 +40,7 @@ class AugmentConfig:
 
 
 def augmented(
-    activity: NDArray[np.float32], layout: Layout, config: AugmentConfig, rng: np.random.Generator
+    activity: NDArray[np.float32], layout: ChannelLayout, config: AugmentConfig, rng: np.random.Generator
 ) -> NDArray[np.float32]:
     """Every reference once, changed at random.
 
@@ -67,7 +67,7 @@ def augmented(
     return np.where(replaced, activity[others, np.arange(inputs)], seen).astype(np.float32)
 
 
-def shifted(activity: NDArray[np.float32], layout: Layout, cells: NDArray[np.float64]) -> NDArray[np.float32]:
+def shifted(activity: NDArray[np.float32], layout: ChannelLayout, cells: NDArray[np.float64]) -> NDArray[np.float32]:
     """Responses ``cells`` columns of the grid to the right of where they are looked for, in between interpolated.
 
     Args:

@@ -81,7 +81,7 @@ class EncoderConfig:
             parsed(self.filters, self.orientations)
 
     @property
-    def layout(self) -> Layout:
+    def layout(self) -> ChannelLayout:
         """The arrangement of the inputs."""
         return INPUTS[self.kind].layout(self)
 
@@ -91,7 +91,7 @@ class EncoderConfig:
         return self.layout.inputs
 
 
-class Layout(NamedTuple):
+class ChannelLayout(NamedTuple):
     """Inputs as channels over a square grid, ordered channel, row, column.
 
     Attributes:
@@ -119,7 +119,7 @@ class Input:
         layout: The channels under given settings.
         sees: What `activity` is given: the ``image`` as it was read, uint8 (h, w) or (h, w, 3) BGR, or its
             patch-normalised form, the ``patch``, uint8 (28, 28); or a ``vector``, float32 (values,).
-        activity: Responses of the channels, float32 (inputs,), at least 0, ordered as in `Layout`.
+        activity: Responses of the channels, float32 (inputs,), at least 0, ordered as in `ChannelLayout`.
         grey_levels: Whether responses are grey levels 0..255, which the conductance network takes as rates.
         drawing: How a report draws what a neuron has learned: ``strokes``, one for each channel along the edge that
             excites it, where channel k of K belongs to a gradient at 180 k / K degrees, the y axis pointing down; or
@@ -130,7 +130,7 @@ class Input:
     """
 
     name: str
-    layout: Callable[[EncoderConfig], Layout]
+    layout: Callable[[EncoderConfig], ChannelLayout]
     sees: Literal["image", "patch", "vector"]
     activity: Callable[[NDArray[Any], EncoderConfig], NDArray[np.float32]]
     grey_levels: bool
@@ -143,8 +143,8 @@ INPUTS: Registry[Input] = Registry("kind of input", ConfigError, group="lava_vpr
 """All kinds of input by name, the default one first."""
 
 
-def _orientation_layout(encoder: EncoderConfig) -> Layout:
-    return Layout(encoder.orientations, encoder.image_size // encoder.cell)
+def _orientation_layout(encoder: EncoderConfig) -> ChannelLayout:
+    return ChannelLayout(encoder.orientations, encoder.image_size // encoder.cell)
 
 
 def _orientation_activity(image: NDArray[np.uint8], encoder: EncoderConfig) -> NDArray[np.float32]:
@@ -159,9 +159,9 @@ def _orientation_activity(image: NDArray[np.uint8], encoder: EncoderConfig) -> N
     )
 
 
-def _line(channels: int, values: int) -> Layout:
+def _line(channels: int, values: int) -> ChannelLayout:
     """So many channels of so many values, row by row in the smallest square that holds them."""
-    return Layout(channels, math.isqrt(max(0, values - 1)) + 1 if values else 0, values)
+    return ChannelLayout(channels, math.isqrt(max(0, values - 1)) + 1 if values else 0, values)
 
 
 for _row in (
@@ -195,7 +195,7 @@ for _row in (
     ),
     Input(
         "onoff",
-        layout=lambda encoder: Layout(2, PATCH_SIDE),
+        layout=lambda encoder: ChannelLayout(2, PATCH_SIDE),
         sees="patch",
         activity=lambda patch, encoder: on_off(patch[None])[0],
         grey_levels=False,
@@ -205,7 +205,7 @@ for _row in (
     ),
     Input(
         "pixels",
-        layout=lambda encoder: Layout(1, PATCH_SIDE),
+        layout=lambda encoder: ChannelLayout(1, PATCH_SIDE),
         sees="patch",
         activity=lambda patch, encoder: patch.reshape(-1).astype(np.float32),
         grey_levels=True,

@@ -16,12 +16,12 @@ from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_arrays
 from lava_vpr.errors import InputError
 from lava_vpr.maps.checks import check_extension, check_mergeable, check_positions
-from lava_vpr.maps.parts import Part, join, part_of, taken
+from lava_vpr.maps.parts import MapPart, join, part_of, taken
 from lava_vpr.matching.equations import assign
 from lava_vpr.model import IntegerModel, Model, Stretch, integer_model
 from lava_vpr.positions.frames import XY, Positions, placed
 from lava_vpr.training.door import check_encoded_references
-from lava_vpr.training.joining import Route, joined
+from lava_vpr.training.joining import LearnedRoute, joined
 from lava_vpr.training.loop import learned_weights
 from lava_vpr.training.stretches import Progress, learn, trainers_of
 from lava_vpr.traverse import ranges_of
@@ -61,12 +61,12 @@ def extend(
     part, references = part_of(model, "extending"), _encoded(images, model, names)
     own = check_encoded_references(references, config, route_images, least=1)
     stretches = check_extension(model, len(references[0]), len(references) // len(config.views.views))
-    route = Route(references, own, placed(positions, model.frame or XY), model.standard)
+    route = LearnedRoute(references, own, placed(positions, model.frame or XY), model.standard)
     route.check(config.encoder)
     check_positions((part.route, route))
     trainers = trainers_of(stretches, references, config)
     learn(trainers, stretches, references, config, pool=pool, progress=progress)
-    new = Part(learned_weights(trainers, config), stretches, route)
+    new = MapPart(learned_weights(trainers, config), stretches, route)
     return join((part, new), config, pool, same_traverse=route_images is not None)
 
 
@@ -96,7 +96,7 @@ def remove(model: Model, places: Iterable[int], *, pool: Pool = ONE_THREAD) -> I
     route = part.route
     positions = None if route.positions is None else route.positions.take(~gone)
     kept_references = [taken(reference, ~gone) for reference in route.references]
-    route = Route(kept_references, route.images, positions, model.standard)
+    route = LearnedRoute(kept_references, route.images, positions, model.standard)
     learned = np.ascontiguousarray(part.learned[:, kept])
     return integer_model(joined(learned, model.config, stretches, route, pool), "removing places")
 

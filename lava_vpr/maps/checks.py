@@ -11,7 +11,7 @@ from lava_vpr.errors import ConfigError, InputError, ModelFileError, brief
 from lava_vpr.model import IntegerModel, Model, Stretch, as_integer, integer_model
 from lava_vpr.positions import frames
 from lava_vpr.storage.text import shown
-from lava_vpr.training.joining import Route
+from lava_vpr.training.joining import LearnedRoute
 from lava_vpr.training.loop import check_size, check_whole
 
 
@@ -109,7 +109,7 @@ def _measure_alike(one: Model, other: Model) -> bool:
     return one.standard.same(other.standard)
 
 
-def check_positions(routes: Sequence[Route]) -> None:
+def check_positions(routes: Sequence[LearnedRoute]) -> None:
     """Refuse parts of which some know where their places are and some do not, or in frames that do not compare.
 
     Raises:

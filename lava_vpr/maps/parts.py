@@ -15,11 +15,11 @@ from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.maps.checks import check_learned
 from lava_vpr.model import IntegerModel, Model, Stretch, integer_model
 from lava_vpr.positions import frames
-from lava_vpr.training.joining import Route, in_one, joined
+from lava_vpr.training.joining import LearnedRoute, in_one, joined
 from lava_vpr.training.references import references_of
 
 
-class Part(NamedTuple):
+class MapPart(NamedTuple):
     """A part of a map: what was learned of it, by which stretches, and where it was.
 
     Attributes:
@@ -30,19 +30,19 @@ class Part(NamedTuple):
 
     learned: NDArray[np.float32]
     stretches: tuple[Stretch, ...]
-    route: Route
+    route: LearnedRoute
 
 
-def part_of(model: Model, purpose: str) -> Part:
+def part_of(model: Model, purpose: str) -> MapPart:
     """A whole model as part of another, checked by `check_learned`."""
-    return Part(
+    return MapPart(
         check_learned(model, purpose).learned,
         model.stretches,
-        Route(references_of(model), model.route_images, model.whereabouts, model.standard),
+        LearnedRoute(references_of(model), model.route_images, model.whereabouts, model.standard),
     )
 
 
-def join(parts: Sequence[Part], config: Config, pool: Pool, same_traverse: bool) -> IntegerModel:
+def join(parts: Sequence[MapPart], config: Config, pool: Pool, same_traverse: bool) -> IntegerModel:
     """The model of ``parts``, one after another in every view."""
     stretches: list[Stretch] = []
     learned: list[NDArray[np.float32]] = []
@@ -62,7 +62,7 @@ def join(parts: Sequence[Part], config: Config, pool: Pool, same_traverse: bool)
     return integer_model(joined(weights, config, tuple(stretches), route, pool), "joining")
 
 
-def _one_route(routes: Sequence[Route], same_traverse: bool) -> Route:
+def _one_route(routes: Sequence[LearnedRoute], same_traverse: bool) -> LearnedRoute:
     """All places of ``routes``, with absolute indices that no two share (see the module)."""
     indices, images = routes[0].references[0].indices, routes[0].images
     for route in routes[1:]:
@@ -72,7 +72,7 @@ def _one_route(routes: Sequence[Route], same_traverse: bool) -> Route:
         indices = np.concatenate([indices, own])
     known = [route.positions for route in routes if route.positions is not None]
     references = [_one_traverse(same, indices) for same in zip(*(route.references for route in routes), strict=True)]
-    return Route(references, images, frames.joined(known) if known else None, routes[0].standard)
+    return LearnedRoute(references, images, frames.joined(known) if known else None, routes[0].standard)
 
 
 def _one_traverse(parts: Sequence[EncodedTraverse], indices: NDArray[np.int64]) -> EncodedTraverse:

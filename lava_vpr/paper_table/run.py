@@ -14,12 +14,12 @@ from lava_vpr.experiments.grid import Advance, ignored
 from lava_vpr.experiments.rows import Spread
 from lava_vpr.paper_table.methods import DESCRIPTORS, METHODS, NETWORKS, Method
 from lava_vpr.paper_table.printed import printed
-from lava_vpr.paper_table.sections import Figures, Section, Task, kept_in, measure, read
+from lava_vpr.paper_table.sections import MethodFigures, Section, SectionTask, kept_in, measure, read
 from lava_vpr.paper_table.sources import Source, tasks
 
 
 @dataclass(frozen=True)
-class Wanted:
+class PaperRequest:
     """What the table is computed from.
 
     Attributes:
@@ -43,7 +43,7 @@ class Wanted:
         there = range(1, source.sections + 1)
         return tuple(number for number in there if not self.sections or number in self.sections)
 
-    def tasks(self) -> list[Task]:
+    def tasks(self) -> list[SectionTask]:
         """All tasks, the quick networks first.
 
         Raises:
@@ -68,7 +68,7 @@ class Wanted:
 
 
 @dataclass(frozen=True)
-class Row:
+class MethodRow:
     """A method on a dataset.
 
     Attributes:
@@ -81,20 +81,20 @@ class Row:
 
     method: Method
     printed: float | None
-    sections: Mapping[int, Figures]
+    sections: Mapping[int, MethodFigures]
     left: tuple[int, ...]
     absent: str | None
 
     @property
     def spreads(self) -> dict[str, Spread]:
-        """Each field of `Figures` over the sections; none if absent."""
+        """Each field of `MethodFigures` over the sections; none if absent."""
         columns = zip(*self.sections.values(), strict=True)
-        by_name = dict(zip(Figures._fields, columns, strict=False))
+        by_name = dict(zip(MethodFigures._fields, columns, strict=False))
         return {name: Spread.of(dict(zip(self.sections, column, strict=True))) for name, column in by_name.items()}
 
 
 @dataclass(frozen=True)
-class Part:
+class DatasetRows:
     """The rows of a dataset.
 
     Attributes:
@@ -105,7 +105,7 @@ class Part:
 
     dataset: Dataset
     source: Source | None
-    rows: tuple[Row, ...]
+    rows: tuple[MethodRow, ...]
 
 
 @dataclass(frozen=True)
@@ -118,13 +118,13 @@ class PaperTable:
         command: How to repeat it.
     """
 
-    parts: tuple[Part, ...]
-    wanted: Wanted
+    parts: tuple[DatasetRows, ...]
+    wanted: PaperRequest
     command: str
 
 
 def compute(
-    wanted: Wanted,
+    wanted: PaperRequest,
     keep: Path | None = None,
     *,
     pool: Pool = ONE_THREAD,
@@ -158,12 +158,12 @@ def compute(
     return PaperTable(tuple(_part(row, wanted, found) for row in DATASETS.values()), wanted, command)
 
 
-def _measure(shared: None, section: Section) -> dict[str, Figures]:
+def _measure(shared: None, section: Section) -> dict[str, MethodFigures]:
     """`measure` as tasks are run."""
     return measure(section)
 
 
-def _part(dataset: Dataset, wanted: Wanted, found: Mapping[Task, dict[str, Figures]]) -> Part:
+def _part(dataset: Dataset, wanted: PaperRequest, found: Mapping[SectionTask, dict[str, MethodFigures]]) -> DatasetRows:
     """The rows of a dataset."""
     source = wanted.sources.get(dataset.name)
     rows = []
@@ -176,11 +176,13 @@ def _part(dataset: Dataset, wanted: Wanted, found: Mapping[Task, dict[str, Figur
         }
         absent = None if sections else _absent(dataset.name, source, method, wanted)
         left = () if source is None else tuple(k for k in wanted.sections_of(source) if k not in sections)
-        rows.append(Row(method, None if said is None else said / 100, dict(sorted(sections.items())), left, absent))
-    return Part(dataset, source, tuple(rows))
+        rows.append(
+            MethodRow(method, None if said is None else said / 100, dict(sorted(sections.items())), left, absent)
+        )
+    return DatasetRows(dataset, source, tuple(rows))
 
 
-def _absent(name: str, source: Source | None, method: Method, wanted: Wanted) -> str:
+def _absent(name: str, source: Source | None, method: Method, wanted: PaperRequest) -> str:
     """Why a method has no figures on a dataset."""
     if source is None:
         return f"no images are given (--dataset {name}=DIR); lava-vpr datasets {name} says what to download"

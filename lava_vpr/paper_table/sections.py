@@ -16,7 +16,7 @@ from lava_vpr.config import Config, preset
 from lava_vpr.configfile import to_dict
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse
 from lava_vpr.errors import InputError
-from lava_vpr.experiments.cache import Cache, content_key
+from lava_vpr.experiments.cache import FigureCache, content_key
 from lava_vpr.matching.baselines import cosine_similarities, load_descriptors
 from lava_vpr.matching.equations import Scores
 from lava_vpr.matching.evaluation import evaluate
@@ -79,7 +79,7 @@ class Taken:
 
 
 @dataclass(frozen=True)
-class Rows:
+class DescriptorRows:
     """Rows of a file of descriptors.
 
     Attributes:
@@ -104,7 +104,7 @@ class Rows:
 
 
 @dataclass(frozen=True)
-class Task:
+class SectionTask:
     """A section that is learned and recognised by one network: which images, and how.
 
     Attributes:
@@ -120,7 +120,7 @@ class Task:
     section: int
     network: str
     seed: int
-    inputs: tuple[Taken, ...] | tuple[Rows, ...]
+    inputs: tuple[Taken, ...] | tuple[DescriptorRows, ...]
     epochs: int | None = None
 
     @property
@@ -144,11 +144,11 @@ class Section(NamedTuple):
         inputs: Its inputs: encoded traverses, or descriptors, float64 (n, dimensions).
     """
 
-    task: Task
+    task: SectionTask
     inputs: tuple[Any, ...]
 
 
-class Figures(NamedTuple):
+class MethodFigures(NamedTuple):
     """A method on a section, fractions in 0..1.
 
     Attributes:
@@ -164,34 +164,34 @@ class Figures(NamedTuple):
     auc: float
 
 
-def kept_in(folder: Path | None) -> Cache[Task, dict[str, Figures]]:
+def kept_in(folder: Path | None) -> FigureCache[SectionTask, dict[str, MethodFigures]]:
     """Figures of finished sections, in a folder; None: they are not kept."""
-    digests: dict[Taken | Rows, bytes] = {}
+    digests: dict[Taken | DescriptorRows, bytes] = {}
 
-    def name(task: Task) -> str:
+    def name(task: SectionTask) -> str:
         return f"{task.dataset}-{task.network}-{task.section:02d}-seed-{task.seed}"
 
-    def key(task: Task) -> str:
+    def key(task: SectionTask) -> str:
         digests.update({part: part.digest() for part in task.inputs if part not in digests})
         matchers = [method.matcher for method in of_network(task.network)]
         return content_key(measure, [matchers, to_dict(task.config)], *(digests[part] for part in task.inputs))
 
-    return Cache(folder, name, key, _figures)
+    return FigureCache(folder, name, key, _figures)
 
 
-def _figures(values: Any) -> dict[str, Figures]:
+def _figures(values: Any) -> dict[str, MethodFigures]:
     """Figures as they were kept.
 
     Raises:
         ValueError, TypeError, AttributeError: they are none.
     """
-    found = {str(name): Figures(*map(float, row)) for name, row in values.items()}
+    found = {str(name): MethodFigures(*map(float, row)) for name, row in values.items()}
     if not all(0.0 <= value <= 1.0 for row in found.values() for value in row):
         raise ValueError("no figures")
     return found
 
 
-def read(task: Task) -> Section:
+def read(task: SectionTask) -> Section:
     """A task with its images, encoded as its network sees them, or its descriptors.
 
     Raises:
@@ -200,7 +200,7 @@ def read(task: Task) -> Section:
     return Section(task, tuple(part.read(task.config) for part in task.inputs))
 
 
-def measure(section: Section) -> dict[str, Figures]:
+def measure(section: Section) -> dict[str, MethodFigures]:
     """The figures of every method of a task's network on its section, by the method's name.
 
     Query i shows place i and no other is right.
@@ -213,11 +213,11 @@ def measure(section: Section) -> dict[str, Figures]:
     return {method.name: judged(method.matcher, scores[method.matcher]) for method in of_network(network)}
 
 
-def judged(matcher: str, scores: Scores) -> Figures:
+def judged(matcher: str, scores: Scores) -> MethodFigures:
     """The figures of a matcher's scores (places, places), by both rules."""
     truth, sure = np.eye(len(scores), dtype=np.bool_), confidence(matcher, scores)
     exact, released = (evaluate(scores, sure, truth, pr=rule) for rule in ("exact", "vprsnn"))
-    return Figures(released.recall_at_100_precision, exact.recall_at_100_precision, exact.recall_at_1, exact.auc)
+    return MethodFigures(released.recall_at_100_precision, exact.recall_at_100_precision, exact.recall_at_1, exact.auc)
 
 
 def _of_descriptors(section: Section) -> dict[str, Scores]:

@@ -14,7 +14,7 @@ from lava_vpr.datasets.layouts import DATASETS, Dataset, check_lengths, find_lay
 from lava_vpr.errors import InputError
 from lava_vpr.matching.baselines import load_descriptors
 from lava_vpr.paper_table.methods import DESCRIPTORS
-from lava_vpr.paper_table.sections import Rows, Taken, Task
+from lava_vpr.paper_table.sections import DescriptorRows, SectionTask, Taken
 from lava_vpr.storage.text import shown
 from lava_vpr.training.keyframes import choose_places
 from lava_vpr.traverse import Traverse, located, open_traverse
@@ -154,29 +154,29 @@ def tasks(
     seed: int,
     epochs: int | None = None,
     descriptors: tuple[Path, Path] | None = None,
-) -> list[Task]:
+) -> list[SectionTask]:
     """The tasks of a network on a dataset, a section each.
 
     Args:
         source: The dataset.
         network: Name in `NETWORKS`.
         sections: Their numbers, from 1.
-        seed, epochs: As in `Task`.
+        seed, epochs: As in `SectionTask`.
         descriptors: Files of the references' and the queries' descriptors; None: there are none.
     Raises:
         InputError: descriptors that cannot be used, or that are not one for each image.
     """
-    inputs: Callable[[int], tuple[Taken, ...] | tuple[Rows, ...]]
+    inputs: Callable[[int], tuple[Taken, ...] | tuple[DescriptorRows, ...]]
     if network != DESCRIPTORS:
         inputs = source.taken
     elif descriptors is None:
         return []
     else:
         inputs, seed, epochs = partial(_rows, source, descriptors), 0, None
-    return [Task(source.dataset.name, number, network, seed, inputs(number), epochs) for number in sections]
+    return [SectionTask(source.dataset.name, number, network, seed, inputs(number), epochs) for number in sections]
 
 
-def _rows(source: Source, files: tuple[Path, Path], section: int) -> tuple[Rows, Rows]:
+def _rows(source: Source, files: tuple[Path, Path], section: int) -> tuple[DescriptorRows, DescriptorRows]:
     """Rows of descriptors of a section: references, traverse after traverse, and queries.
 
     A file has a row for each place, or one for each image of the whole traverses; of references the traverses follow
@@ -203,5 +203,5 @@ def _rows(source: Source, files: tuple[Path, Path], section: int) -> tuple[Rows,
             one = places if rows == by_place else source.traverses[k].indices[places]
             chosen += (start + one).tolist()
             start += source.places if rows == by_place else source.images[k]
-        found.append(Rows(path, tuple(chosen)))
+        found.append(DescriptorRows(path, tuple(chosen)))
     return found[0], found[1]

@@ -20,7 +20,7 @@ MOST_GAP_S = 10.0
 
 
 @dataclass(frozen=True)
-class Asked:
+class PositionRequest:
     """Images whose positions are asked for.
 
     Attributes:
@@ -43,7 +43,9 @@ def read_track(path: Path) -> Track:
     return read_gpx(path) if path.suffix.lower() == SUFFIX else read_table(path)
 
 
-def images_on(track: Track, asked: Asked, gap: float = MOST_GAP_S) -> tuple[Positions, NDArray[np.float64] | None]:
+def images_on(
+    track: Track, asked: PositionRequest, gap: float = MOST_GAP_S
+) -> tuple[Positions, NDArray[np.float64] | None]:
     """Where images were taken, and when, as far as that is known.
 
     If both track and images have times, both since 1970 or both since a start of their own, each image is placed on the
@@ -93,7 +95,7 @@ def _untimed(stamps: NDArray[np.float64] | None) -> str:
 
 
 def _between(
-    track: Track, times: NDArray[np.float64], asked: Asked, stamps: NDArray[np.float64], gap: float
+    track: Track, times: NDArray[np.float64], asked: PositionRequest, stamps: NDArray[np.float64], gap: float
 ) -> NDArray[np.float64]:
     """Coordinates of images between the points of a track, float64 (n, 2)."""
     where = shown(track.path)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lava_vpr.report.data import Figures, MapData, Raster, ReportData
+from lava_vpr.report.data import MapData, MatcherFigures, Raster, ReportData
 from lava_vpr.report.html import page
 from lava_vpr.show.page import write_page
 
@@ -27,4 +27,4 @@ def write_report(data: ReportData, folder: Path) -> Path:
     return write_page(page(data), folder / "report.html")
 
 
-__all__ = ["Figures", "MapData", "Raster", "ReportData", "write_page", "write_report"]
+__all__ = ["MapData", "MatcherFigures", "Raster", "ReportData", "write_page", "write_report"]

@@ -9,11 +9,11 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.inputs.encoder import Layout
+from lava_vpr.inputs.encoder import ChannelLayout
 from lava_vpr.matching.trust import Trust
 
 
-class Figures(Protocol):
+class MatcherFigures(Protocol):
     """One matcher's figures, fractions in 0..1; `matching.evaluation.Metrics` is one. None or NaN: not computable."""
 
     @property
@@ -107,7 +107,7 @@ class ReportData:
     command: str
     summary: dict[str, str]
     default_decoder: str
-    metrics: Mapping[str, Figures]
+    metrics: Mapping[str, MatcherFigures]
     matrices: Mapping[str, NDArray[Any]]
     truth: NDArray[np.bool_]
     matches: NDArray[np.integer[Any]]
@@ -116,7 +116,7 @@ class ReportData:
     query_names: tuple[str, ...]
     place_thumbnails: NDArray[np.uint8]
     query_thumbnails: NDArray[np.uint8]
-    input_layout: Layout
+    input_layout: ChannelLayout
     drawing: Literal["strokes", "grey"]
     legend: str
     weights: NDArray[Any] | None
@@ -129,7 +129,7 @@ class ReportData:
     query_numbers: tuple[int, ...] = ()
     map: MapData | None = None
     trust: Mapping[str, Trust] = field(default_factory=dict)
-    followed: Mapping[str, Figures] = field(default_factory=dict)
+    followed: Mapping[str, MatcherFigures] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         queries, places = len(self.query_names), len(self.place_names)

@@ -13,7 +13,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 from numpy.typing import NDArray
 
-from lava_vpr.report.data import Figures, Raster
+from lava_vpr.report.data import MatcherFigures, Raster
 from lava_vpr.show.svg import THEME, Style, canvas, to_svg
 
 LARGEST_MATRIX = 360
@@ -30,7 +30,7 @@ def series_style(index: int, default: bool, baseline: bool) -> tuple[str, str]:
     return ("c0" if default else f"c{1 + index % 7}"), ("5 3" if baseline else "")
 
 
-def precision_recall(metrics: Mapping[str, Figures], default: str, baselines: Sequence[str], label: str) -> str:
+def precision_recall(metrics: Mapping[str, MatcherFigures], default: str, baselines: Sequence[str], label: str) -> str:
     """All precision-recall curves; curve ``k`` of ``metrics`` has the id ``pr-k``.
 
     Every exact point is marked (queries of equal confidence form one), unless there are too many to tell apart.

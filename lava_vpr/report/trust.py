@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from lava_vpr.matching.trust import Threshold, Trust
-from lava_vpr.report.data import Figures
+from lava_vpr.report.data import MatcherFigures
 from lava_vpr.show.numbers import fraction, is_number
 from lava_vpr.show.svg import THEME, Style, canvas, to_svg
 from lava_vpr.show.templates import render
@@ -43,7 +43,7 @@ def _row(title: str, row: Threshold) -> str:
     return f'<tr><th scope="row">{title}</th>{"".join(f"<td>{cell}</td>" for cell in cells)}</tr>'
 
 
-def _followed(followed: Mapping[str, Figures]) -> str:
+def _followed(followed: Mapping[str, MatcherFigures]) -> str:
     """Recall of the filter, in a sentence."""
     if not followed:
         return ""
@@ -51,7 +51,7 @@ def _followed(followed: Mapping[str, Figures]) -> str:
     return f"R@1 of queries in driving order: {'; '.join(parts)}; filtered looks back, forward-backward also ahead."
 
 
-def section(trust: Mapping[str, Trust], followed: Mapping[str, Figures]) -> str:
+def section(trust: Mapping[str, Trust], followed: Mapping[str, MatcherFigures]) -> str:
     """The section, if there are probabilities.
 
     Args:

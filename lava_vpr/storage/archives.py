@@ -35,7 +35,7 @@ _MOST_ENTRIES = 1000
 _PIECE = 1 << 18
 
 
-class BeyondError(Exception):
+class ArchiveLimitError(Exception):
     """An archive costs more than a limit allows; the message says what, and how the limit is raised."""
 
 
@@ -66,7 +66,7 @@ def check_budget(entries: list[zipfile.ZipInfo], packed: int, limit_name: str) -
     """
     beyond = unpacking(limit_name, sum(entry.file_size for entry in entries), packed)
     if beyond is not None:
-        raise BeyondError(f"unpacks to {beyond}")
+        raise ArchiveLimitError(f"unpacks to {beyond}")
 
 
 def unpacked(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> memoryview:

@@ -24,7 +24,7 @@ class UnexpectedError(UnfitError):
     how = "has"
 
 
-class Rule(NamedTuple):
+class ArrayRule(NamedTuple):
     """What an array must be: its type, its shape, and the range of its values."""
 
     dtype: str
@@ -39,7 +39,7 @@ def narrow(counts: NDArray[Any]) -> NDArray[Any]:
     return counts.astype(np.uint16 if fits else np.int32, copy=False)
 
 
-def check_arrays(arrays: Mapping[str, NDArray[Any]], rules: Mapping[str, Rule]) -> None:
+def check_arrays(arrays: Mapping[str, NDArray[Any]], rules: Mapping[str, ArrayRule]) -> None:
     """Refuse ``arrays`` that are not what ``rules`` say, or not all of them, or more.
 
     Raises:
@@ -54,7 +54,7 @@ def check_arrays(arrays: Mapping[str, NDArray[Any]], rules: Mapping[str, Rule]) 
         _check_array(arrays[name], name, rule)
 
 
-def _check_array(array: NDArray[Any], name: str, rule: Rule) -> None:
+def _check_array(array: NDArray[Any], name: str, rule: ArrayRule) -> None:
     """Refuse an ``array`` that is not what ``rule`` says."""
     if array.dtype != rule.dtype:
         raise UnfitError(f"{name} of type {array.dtype} instead of {rule.dtype}")

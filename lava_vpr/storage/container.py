@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import ModelFileError
-from lava_vpr.storage.archives import ARCHIVE_ERRORS, BeyondError, check_budget, entries_of, unpacked
+from lava_vpr.storage.archives import ARCHIVE_ERRORS, ArchiveLimitError, check_budget, entries_of, unpacked
 from lava_vpr.storage.limits import excess
 from lava_vpr.storage.npy import array_of
 from lava_vpr.storage.reading import parse_json, read_bytes
@@ -52,7 +52,7 @@ def pack(kind: str, header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]
     data = _magic(kind) + hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload
     try:
         _check_entries(archive.infolist(), len(data))
-    except BeyondError as error:
+    except ArchiveLimitError as error:
         raise ModelFileError(f"the {kind} {error}") from None
     return data
 
@@ -109,7 +109,7 @@ def unpack(data: bytes, path: Path, kind: str) -> tuple[dict[str, Any], dict[str
         raise ModelFileError(f"{shown(path)}: the {kind} is damaged (checksum differs); {REMEDIES[kind]}")
     try:
         return _unpacked(data, end + 1)
-    except BeyondError as error:
+    except ArchiveLimitError as error:
         raise ModelFileError(f"{shown(path)}: the {kind} {error}") from None
     except MemoryError:
         raise ModelFileError(
@@ -139,7 +139,7 @@ _ENTRY = re.compile(r"(header|a\.[a-z0-9_.]{1,60})\.npy")
 
 
 def _unpacked(data: bytes, start: int) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Header and arrays of the archive in ``data``, from ``start`` on; errors: `BeyondError`, and `_UNFIT`."""
+    """Header and arrays of the archive in ``data``, from ``start`` on; errors: `ArchiveLimitError`, and `_UNFIT`."""
     if data.count(b"PK\x01\x02") > _MOST_ENTRIES:  # before the directory is read, whose entries cost memory
         raise ValueError(f"it has more than {_MOST_ENTRIES:,} entries")
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -172,7 +172,7 @@ def _check_entries(entries: list[zipfile.ZipInfo], packed: int) -> None:
         seen.add(name)
         beyond = excess("header_bytes", entry.file_size) if name == "header.npy" else None
         if beyond is not None:
-            raise BeyondError(f"has a header of {beyond}")
+            raise ArchiveLimitError(f"has a header of {beyond}")
     check_budget(entries, packed, "model_bytes")
 
 

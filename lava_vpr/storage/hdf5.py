@@ -32,7 +32,7 @@ _BROKEN = (OSError, RuntimeError, ValueError, KeyError, TypeError, OverflowError
 """What h5py raises about a file that is damaged."""
 
 
-class Unfit(Exception):
+class UnfitHdf5(Exception):
     """The file is no HDF5 that is read here; the message says why, as in "has a soft link"."""
 
 
@@ -55,7 +55,7 @@ def read(path: Path, what: str, limit_name: str = "model_file_bytes", unpacked: 
         raise InputError(f"{shown(path)}: is no HDF5 file, which a {what} is; give the right file")
     try:
         return stoppable(lambda: _content(data, unpacked))
-    except Unfit as error:
+    except UnfitHdf5 as error:
         raise InputError(f"{shown(path)}: the {what} {error}; write it again without") from None
     except MemoryError:
         raise InputError(f"{shown(path)}: the {what} unpacks to more than this machine has memory for") from None
@@ -75,7 +75,7 @@ def _content(data: bytes, unpacked: str) -> dict[str, Any]:
         names = _found(file, len(data), unpacked)
         if any(file[name].dtype.kind == "O" for name in names):
             if file.id.get_create_plist().get_sizes() != (8, 8):
-                raise Unfit("has lengths of other than 8 bytes")
+                raise UnfitHdf5("has lengths of other than 8 bytes")
             _check_heaps(data)
         return _values(file, names)
 
@@ -109,7 +109,7 @@ def _check_heaps(data: bytes) -> None:
                 if step < _PART.size or at > end or collections > len(data):
                     raise ValueError("texts of variable length do not add up")
                 if texts > most:
-                    raise Unfit(f"has texts of variable length, {excess('rows', texts)}")
+                    raise UnfitHdf5(f"has texts of variable length, {excess('rows', texts)}")
         begin = data.find(_HEAP, begin + 1)
 
 
@@ -127,9 +127,9 @@ def _found(file: h5py.File, packed: int, unpacked: str) -> list[str]:
             path = f"{prefix}/{name}"
             seen += 1
             if seen > _OBJECTS or path.count("/") > _DEPTH:
-                raise Unfit(f"has more than {_OBJECTS:,} parts, or parts nested more than {_DEPTH} deep")
+                raise UnfitHdf5(f"has more than {_OBJECTS:,} parts, or parts nested more than {_DEPTH} deep")
             if type(group.get(name, getlink=True)) is not h5py.HardLink:
-                raise Unfit(f"has {brief(path)}, a link to somewhere else")
+                raise UnfitHdf5(f"has {brief(path)}, a link to somewhere else")
             part = group[name]
             if isinstance(part, h5py.Group):
                 waiting.append((path, part))
@@ -138,7 +138,7 @@ def _found(file: h5py.File, packed: int, unpacked: str) -> list[str]:
             datasets.append(path)
     beyond = unpacking(unpacked, total, packed)
     if beyond is not None:
-        raise Unfit(f"unpacks to {beyond}")
+        raise UnfitHdf5(f"unpacks to {beyond}")
     return datasets
 
 
@@ -149,18 +149,18 @@ def _size(part: Any, path: str) -> int:
         Unfit: it is none, lies elsewhere, has an unknown filter, or is of a type that is not read.
     """
     if not isinstance(part, h5py.Dataset):
-        raise Unfit(f"has {brief(path)}, which is no data")
+        raise UnfitHdf5(f"has {brief(path)}, which is no data")
     if part.is_virtual or part.external:
-        raise Unfit(f"has {brief(path)}, whose data lie in other files")
+        raise UnfitHdf5(f"has {brief(path)}, whose data lie in other files")
     properties = part.id.get_create_plist()
     for number in range(properties.get_nfilters()):
         if properties.get_filter(number)[0] not in _FILTERS:
-            raise Unfit(f"has {brief(path)}, which is packed by a filter other than gzip and lzf")
+            raise UnfitHdf5(f"has {brief(path)}, which is packed by a filter other than gzip and lzf")
     plain = (
         part.id.get_type().get_class() in _CLASSES
     )  # of a type nested deeply, h5py would take minutes to make a dtype
     if part.shape is None or not plain or part.dtype.kind not in "fiubSO":
-        raise Unfit(f"has {brief(path)}, which holds neither numbers nor text")
+        raise UnfitHdf5(f"has {brief(path)}, which holds neither numbers nor text")
     return int(part.size) * int(part.dtype.itemsize)
 
 

@@ -10,7 +10,7 @@ from lava_vpr.experiments.rows import Outcome
 from lava_vpr.experiments.task import NETWORK, Route, baselines, counted, judged, judged_scores, learned
 from lava_vpr.matching import equations
 from lava_vpr.model import decode
-from lava_vpr.studies.study import Asked, Point, Study, Task
+from lava_vpr.studies.study import Point, Study, StudyRequest, StudyTask
 
 STEPS = ("a", "b", "c")
 """Involvement, strength and penalty, as `equations.weighted` takes them."""
@@ -28,12 +28,12 @@ COMBINATIONS = {_combination(steps): steps for steps in sorted(product((True, Fa
 """Which of the three steps each combination takes, by its name: fewest first."""
 
 
-def weighting_points(asked: Asked, config: Config) -> list[list[Point]]:
+def weighting_points(asked: StudyRequest, config: Config) -> list[list[Point]]:
     """One model."""
     return [[Point("", config)]]
 
 
-def measure_weighting(route: Route, task: Task) -> list[Outcome]:
+def measure_weighting(route: Route, task: StudyTask) -> list[Outcome]:
     """Decode the same spikes by every combination of steps, and by the decoders beside."""
     (point,) = task.points
     model = learned(route, point.config)
@@ -53,7 +53,7 @@ def measure_weighting(route: Route, task: Task) -> list[Outcome]:
 QUERIES, TRAINING, BOTH = "the same model, other query noise", "other training, the same query noise", "both"
 
 
-def seed_points(asked: Asked, config: Config) -> list[list[Point]]:
+def seed_points(asked: StudyRequest, config: Config) -> list[list[Point]]:
     """A model, asked with noise of its seed and of the first; the first model, asked with all noise."""
     others = asked.seeds if config.seed == asked.seeds[0] else ()
     noise = [Point(QUERIES, update(config, {"seed": other})) for other in others]
@@ -61,7 +61,7 @@ def seed_points(asked: Asked, config: Config) -> list[list[Point]]:
     return [[Point("", config), *noise, again, Point(BOTH, config)]]
 
 
-def measure_seeds(route: Route, task: Task) -> list[Outcome]:
+def measure_seeds(route: Route, task: StudyTask) -> list[Outcome]:
     """Learn the first point; ask it with the query noise of each of the others."""
     model = learned(route, task.points[0].config)
     beside = baselines(model, route) if task.first else {}

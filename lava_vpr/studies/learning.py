@@ -12,7 +12,7 @@ from lava_vpr.errors import ConfigError
 from lava_vpr.experiments.rows import Outcome
 from lava_vpr.experiments.task import FACTS, Route, learned, measure
 from lava_vpr.gate import integer_config
-from lava_vpr.studies.study import Asked, Point, Study, Task
+from lava_vpr.studies.study import Point, Study, StudyRequest, StudyTask
 
 SECTIONS = 8
 """A number of places is measured on so many sections of the route at most."""
@@ -20,7 +20,7 @@ PLACES = (25, 50, 100, 200, 400)
 """Numbers of places; twice the last, and so on, as far as images go."""
 
 
-def _place_numbers(asked: Asked) -> list[int]:
+def _place_numbers(asked: StudyRequest) -> list[int]:
     """The numbers of places: those asked for, or `PLACES` and their doubles, and all that there are."""
     whole_route = asked.route.places
     if asked.values:
@@ -47,7 +47,7 @@ def sections(places: int, number: int) -> list[tuple[int, int]]:
     return [(start, start + number) for start in starts]
 
 
-def place_points(asked: Asked, config: Config) -> list[list[Point]]:
+def place_points(asked: StudyRequest, config: Config) -> list[list[Point]]:
     """A model of each section, for each number of places."""
     return [
         [Point(f"{number:,}", config, number, part)]
@@ -56,7 +56,7 @@ def place_points(asked: Asked, config: Config) -> list[list[Point]]:
     ]
 
 
-def neuron_points(asked: Asked, config: Config) -> list[list[Point]]:
+def neuron_points(asked: StudyRequest, config: Config) -> list[list[Point]]:
     """A model for each number of neurons a place."""
     return [
         [Point(f"{value:g}", update(config, {"network": {"neurons": 0, "neurons_per_place": float(value)}}), value)]
@@ -64,7 +64,7 @@ def neuron_points(asked: Asked, config: Config) -> list[list[Point]]:
     ]
 
 
-def measure_learned(route: Route, task: Task) -> list[Outcome]:
+def measure_learned(route: Route, task: StudyTask) -> list[Outcome]:
     """Learn the point, and ask it the queries."""
     (point,) = task.points
     model = learned(route, point.config)
@@ -72,14 +72,14 @@ def measure_learned(route: Route, task: Task) -> list[Outcome]:
     return [point.outcome(task.seed, {**measure(model, route, whole=task.first), FACTS: facts})]
 
 
-def requantised_points(key: str, study: str, asked: Asked, config: Config) -> list[list[Point]]:
+def requantised_points(key: str, study: str, asked: StudyRequest, config: Config) -> list[list[Point]]:
     """One learned model, quantised anew with every value of the setting ``network.key``."""
     config = integer_config(config, f"the study {study}")
     values = asked.values or BY_SETTING[key].values
     return [[Point("", config), *(Point(f"{v:g}", update(config, {"network": {key: int(v)}}), v) for v in values)]]
 
 
-def measure_requantised(route: Route, task: Task) -> list[Outcome]:
+def measure_requantised(route: Route, task: StudyTask) -> list[Outcome]:
     """Learn the first point once; quantise what it learned anew for the others, and ask each the queries."""
     source, *points = task.points
     model = learned(route, source.config)

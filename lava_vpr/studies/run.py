@@ -11,7 +11,7 @@ from lava_vpr.errors import ConfigError
 from lava_vpr.experiments.grid import Advance, compute, ignored
 from lava_vpr.experiments.rows import Outcome, Row, rows
 from lava_vpr.experiments.task import Route
-from lava_vpr.studies.study import Asked, Study, Task
+from lava_vpr.studies.study import Study, StudyRequest, StudyTask
 from lava_vpr.training.loop import check_size
 
 CALLED = "models"
@@ -30,12 +30,12 @@ class Studied:
     """
 
     study: Study
-    asked: Asked
+    asked: StudyRequest
     rows: tuple[Row, ...]
     command: str = ""
 
 
-def measured(shared: tuple[Route, Callable[[Route, Task], list[Outcome]]], task: Task) -> list[Outcome]:
+def measured(shared: tuple[Route, Callable[[Route, StudyTask], list[Outcome]]], task: StudyTask) -> list[Outcome]:
     """The outcomes of a task, wherever it is run; ``shared`` are the whole route and the study's own function."""
     route, measure = shared
     section = task.points[0].section
@@ -44,7 +44,7 @@ def measured(shared: tuple[Route, Callable[[Route, Task], list[Outcome]]], task:
 
 def run(
     study: Study,
-    asked: Asked,
+    asked: StudyRequest,
     *,
     pool: Pool = ONE_THREAD,
     command: str = "",
@@ -67,7 +67,7 @@ def run(
     return Studied(study, asked, rows(outcome for some in found.values() for outcome in some), command)
 
 
-def planned(study: Study, asked: Asked) -> list[Task]:
+def planned(study: Study, asked: StudyRequest) -> list[StudyTask]:
     """The tasks of ``study``, each seen to be one that can be learned.
 
     Raises:
@@ -80,7 +80,7 @@ def planned(study: Study, asked: Asked) -> list[Task]:
     if wrong is not None:
         raise ConfigError(f"--values: {wrong:g} is no whole number, as the study {study.name} takes; correct it")
     tasks = [
-        Task(tuple(points), seed, seed == asked.seeds[0])
+        StudyTask(tuple(points), seed, seed == asked.seeds[0])
         for seed in asked.seeds
         for points in study.points(asked, update(asked.config, {"seed": seed}))
     ]

@@ -35,7 +35,7 @@ from lava_vpr.matching import decoders, ensembles
 from lava_vpr.matching.certainty import best
 from lava_vpr.matching.hyperactive import calibrated_theta, foreign_images, hyperactive, without
 from lava_vpr.model import Model, decode
-from lava_vpr.studies.study import Asked, Point, Study, Task
+from lava_vpr.studies.study import Point, Study, StudyRequest, StudyTask
 from lava_vpr.training.calibration import ALTERED, altered
 
 SEEDED, SHUFFLED = "other seeds", "other seeds and orders"
@@ -133,7 +133,7 @@ def _scored(
     return decoders.decode(decoder, kept, without(counts, removed), gamma=gamma)
 
 
-def hyperactive_points(asked: Asked, config: Config) -> list[list[Point]]:
+def hyperactive_points(asked: StudyRequest, config: Config) -> list[list[Point]]:
     """For each number of places of a module, networks apart and one network."""
     points = []
     for value in asked.values or HYPERACTIVE.values:
@@ -150,7 +150,7 @@ def hyperactive_points(asked: Asked, config: Config) -> list[list[Point]]:
     return points
 
 
-def measure_hyperactive(route: Route, task: Task) -> list[Outcome]:
+def measure_hyperactive(route: Route, task: StudyTask) -> list[Outcome]:
     """Recall of modules side by side and of one network, as they are and without their hyperactive neurons."""
     (point,) = task.points
     decoder, size = point.config.decoder, int(point.value or 0)
@@ -169,7 +169,7 @@ def measure_hyperactive(route: Route, task: Task) -> list[Outcome]:
     return outcomes
 
 
-def ensemble_points(asked: Asked, config: Config) -> list[list[Point]]:
+def ensemble_points(asked: StudyRequest, config: Config) -> list[list[Point]]:
     """One task, in which each member is learned once for all sizes."""
     sizes = [int(value) for value in asked.values or ENSEMBLE.values]
     if min(sizes) < 1:
@@ -188,7 +188,7 @@ def shuffled_order(places: int, seed: int) -> NDArray[np.int64]:
     return np.argsort(uniform(presentation_key(seed, "start", -1), places), kind="stable")
 
 
-def measure_ensemble(route: Route, task: Task) -> list[Outcome]:
+def measure_ensemble(route: Route, task: StudyTask) -> list[Outcome]:
     """Recall of ensembles whose members differ in their seeds, and in the order of the places, too."""
     config = task.points[0].config
     most, decoder = max(int(point.value or 1) for point in task.points), config.decoder.default

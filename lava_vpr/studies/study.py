@@ -31,7 +31,7 @@ class Point(NamedTuple):
         return Outcome(self.label if label is None else label, self.value, seed, figures)
 
 
-class Task(NamedTuple):
+class StudyTask(NamedTuple):
     """Points that are measured together, since they share what was learned: plain values, for any process.
 
     Attributes:
@@ -46,7 +46,7 @@ class Task(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Asked:
+class StudyRequest:
     """What a study is asked.
 
     Attributes:
@@ -83,8 +83,8 @@ class Study:
     title: str
     varied: str
     values: tuple[float, ...]
-    points: Callable[[Asked, Config], Sequence[Sequence[Point]]]
-    measure: Callable[[Route, Task], list[Outcome]]
+    points: Callable[[StudyRequest, Config], Sequence[Sequence[Point]]]
+    measure: Callable[[Route, StudyTask], list[Outcome]]
     note: str
     drawn: Literal["curve", "rows"] = "curve"
     whole: bool = True

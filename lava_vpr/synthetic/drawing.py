@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.synthetic.looks import Colour, Look
-from lava_vpr.synthetic.scene import GROUND, SEGMENT_M, SHOULDER_M, SIGHT_M, SLOPE_M, Route, Thing
+from lava_vpr.synthetic.scene import GROUND, SEGMENT_M, SHOULDER_M, SIGHT_M, SLOPE_M, RouteShape, Thing
 
 Point = tuple[float, float]
 
@@ -54,7 +54,7 @@ class Painter:
         centre, horizon: Pixel column of straight ahead and pixel row of the horizon.
     """
 
-    def __init__(self, canvas: NDArray[np.uint8], camera: Camera, look: Look, way: Route) -> None:
+    def __init__(self, canvas: NDArray[np.uint8], camera: Camera, look: Look, way: RouteShape) -> None:
         self.canvas, self.camera, self.look, self.way = canvas, camera, look, way
         self.rows, self.columns = canvas.shape[:2]
         self.focal = 0.8 * self.columns

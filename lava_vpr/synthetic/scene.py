@@ -76,7 +76,7 @@ class Side:
 
 
 @dataclass(frozen=True)
-class Route:
+class RouteShape:
     """The way itself. ``railway``: rails and masts, else a road; ``heading`` in radians, ``grade`` as a ratio."""
 
     seed: int
@@ -104,7 +104,7 @@ class Route:
 
 
 @lru_cache(maxsize=16)
-def route(seed: int) -> Route:
+def route(seed: int) -> RouteShape:
     """The route of a world."""
     rng = generator(seed, ROUTE)
 
@@ -117,7 +117,7 @@ def route(seed: int) -> Route:
             water=_waves(rng, 1.0, 210, 520),
         )
 
-    return Route(
+    return RouteShape(
         seed=seed,
         railway=bool(rng.random() < 0.5),
         mast_side=1 if rng.random() < 0.5 else -1,
@@ -155,7 +155,7 @@ class Thing:
     shape: tuple[float, ...] = ()
 
 
-def _buildings(rng: np.random.Generator, way: Route, s: float, sign: int) -> Iterator[Thing]:
+def _buildings(rng: np.random.Generator, way: RouteShape, s: float, sign: int) -> Iterator[Thing]:
     """Buildings of one segment on one side; none stands in a lake."""
     side = way.side(sign)
     if rng.random() >= 0.10 + 0.30 * max(0.0, side.village(s)) or side.water(s) > WATER:
@@ -174,7 +174,7 @@ def _buildings(rng: np.random.Generator, way: Route, s: float, sign: int) -> Ite
     yield Thing(kind, at, x, side.level(at), width, height, rng.random(), tuple(rng.random(6).tolist()))
 
 
-def _plants(rng: np.random.Generator, way: Route, s: float, sign: int) -> Iterator[Thing]:
+def _plants(rng: np.random.Generator, way: RouteShape, s: float, sign: int) -> Iterator[Thing]:
     """Trees, bushes and rocks of one segment on one side."""
     side = way.side(sign)
     wet = side.water(s) > WATER
@@ -197,7 +197,7 @@ def _plants(rng: np.random.Generator, way: Route, s: float, sign: int) -> Iterat
         yield Thing(kind, at, x, way.foot(at, x), width, height, rng.random(), tuple(rng.random(12).tolist()))
 
 
-def _land(rng: np.random.Generator, way: Route, index: int, sign: int) -> Thing:
+def _land(rng: np.random.Generator, way: RouteShape, index: int, sign: int) -> Thing:
     """The ground of one segment on one side; fields are parcels of six segments."""
     s, side = index * SEGMENT_M, way.side(sign)
     crop = generator(way.seed, THINGS, (index // 6) & _WORD, 2 + sign).random()

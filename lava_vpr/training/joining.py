@@ -35,7 +35,7 @@ T = TypeVar("T", bound=np.generic)
 
 
 @dataclass(frozen=True)
-class Route:
+class LearnedRoute:
     """The places of a model, and what is kept of their images.
 
     Attributes:
@@ -101,7 +101,7 @@ def joined(
     learned: NDArray[np.float32],
     config: Config,
     stretches: tuple[Stretch, ...],
-    route: Route,
+    route: LearnedRoute,
     pool: Pool,
 ) -> Model:
     """The model of what its stretches learned: quantised as a whole, its responses measured.
@@ -127,7 +127,7 @@ def model_of(
     responses: NDArray[Any],
     config: Config,
     stretches: tuple[Stretch, ...],
-    route: Route,
+    route: LearnedRoute,
 ) -> Model:
     """A model with its figures and all that it keeps of ``route``; the other arguments are its fields."""
     references, positions = route.references, route.positions

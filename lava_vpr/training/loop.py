@@ -23,7 +23,7 @@ from lava_vpr.modelfile import check_model
 from lava_vpr.positions.frames import Positions
 from lava_vpr.training.checkpoint import Checkpoint, fingerprint
 from lava_vpr.training.door import check_encoded_references
-from lava_vpr.training.joining import Route, joined, model_of
+from lava_vpr.training.joining import LearnedRoute, joined, model_of
 from lava_vpr.training.stretches import Shown, learn, trainers_of, traverses_shown
 from lava_vpr.training.trainers import ConductanceTrainer, StretchTrainer, rule_of
 
@@ -156,7 +156,7 @@ def train(
         ModelFileError: the checkpoint cannot be used or written.
         NetworkLimitError: the trained network could overflow.
     """
-    route = Route(references, check_encoded_references(references, config, route_images), positions, standard)
+    route = LearnedRoute(references, check_encoded_references(references, config, route_images), positions, standard)
     route.check(config.encoder)
     traverses = len(references) // len(config.views.views)
     stretches = check_size(len(references[0]), config, traverses, parts)

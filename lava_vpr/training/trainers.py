@@ -25,7 +25,7 @@ from lava_vpr.rows.registry import Registry
 from lava_vpr.settings.conductance import ConductanceLearning
 from lava_vpr.slayer import needs
 from lava_vpr.slayer.trainer import SlayerTrainer
-from lava_vpr.storage.arrays import Rule, UnfitError, check_arrays
+from lava_vpr.storage.arrays import ArrayRule, UnfitError, check_arrays
 
 
 class StretchTrainer(Protocol):
@@ -59,7 +59,7 @@ def restore(trainer: StretchTrainer, arrays: dict[str, NDArray[Any]], epochs: in
         UnfitError: they are not what this trainer can have saved; nothing is changed.
     """
     state, reach = trainer.state(), trainer.reach(epochs, traverses)
-    rules = {name: Rule(str(own.dtype), own.shape, *reach.get(name, (0, math.inf))) for name, own in state.items()}
+    rules = {name: ArrayRule(str(own.dtype), own.shape, *reach.get(name, (0, math.inf))) for name, own in state.items()}
     check_arrays(arrays, rules)
     for name, own in state.items():
         if name not in reach and not np.array_equal(own, arrays[name]):

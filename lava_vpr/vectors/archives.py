@@ -11,7 +11,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError, brief
-from lava_vpr.storage.archives import ARCHIVE_ERRORS, BeyondError, check_budget, entries_of, unpacked
+from lava_vpr.storage.archives import ARCHIVE_ERRORS, ArchiveLimitError, check_budget, entries_of, unpacked
 from lava_vpr.storage.npy import array_of
 from lava_vpr.storage.reading import open_regular
 from lava_vpr.storage.text import shown
@@ -53,7 +53,7 @@ def read_npz(path: Path) -> tuple[NDArray[Any], dict[str, NDArray[Any]]]:
             arrays = _arrays(archive, os.fstat(file.fileno()).st_size, path)
     except OSError as error:
         raise InputError(f"{shown(path)}: cannot be read ({error.strerror or error}); {_REMEDY}") from None
-    except BeyondError as error:
+    except ArchiveLimitError as error:
         raise InputError(f"{shown(path)}: {error}") from None
     except ARCHIVE_ERRORS as error:
         raise InputError(f"{shown(path)}: is no sound .npz archive ({_cause(error)}); {_REMEDY}") from None

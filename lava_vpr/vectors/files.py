@@ -19,7 +19,7 @@ from lava_vpr.vectors.source import REMEDY, Vectors, checked_vectors
 _LONGEST_NAME = 1024
 
 
-class Stored(NamedTuple):
+class StoredVectors(NamedTuple):
     """What a file holds of vectors, as far as it was understood.
 
     Attributes:
@@ -31,11 +31,11 @@ class Stored(NamedTuple):
     beside: dict[str, NDArray[Any]]
 
 
-def _npy(path: Path) -> Stored:
-    return Stored(read_array(path, REMEDY), {})
+def _npy(path: Path) -> StoredVectors:
+    return StoredVectors(read_array(path, REMEDY), {})
 
 
-def _hdf5(path: Path) -> Stored:
+def _hdf5(path: Path) -> StoredVectors:
     """What stands at the top of an HDF5 file; groups are left alone."""
     from lava_vpr.storage import hdf5  # h5py takes a tenth of a second: who has no such file does not wait for it
 
@@ -43,7 +43,7 @@ def _hdf5(path: Path) -> Stored:
     arrays = {name: _array(value) for name, value in held.items() if not isinstance(value, dict)}
     shapes = {name: array.shape for name, array in arrays.items()}
     name = chosen(shapes, path, "write one matrix at the top of the file")
-    return Stored(arrays[name], {key: arrays[key] for key in BESIDE if key in arrays})
+    return StoredVectors(arrays[name], {key: arrays[key] for key in BESIDE if key in arrays})
 
 
 def _array(value: Any) -> NDArray[Any]:
@@ -52,9 +52,9 @@ def _array(value: Any) -> NDArray[Any]:
     return array.astype(str) if array.dtype == object else array
 
 
-READERS: dict[str, Callable[[Path], Stored]] = {
+READERS: dict[str, Callable[[Path], StoredVectors]] = {
     ".npy": _npy,
-    ".npz": lambda path: Stored(*read_npz(path)),
+    ".npz": lambda path: StoredVectors(*read_npz(path)),
     ".h5": _hdf5,
     ".hdf5": _hdf5,
 }

@@ -11,30 +11,30 @@ from numpy.typing import NDArray
 from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
 from lava_vpr.inputs.hog import HOG_VALUES
 from lava_vpr.inputs.vectors import LARGEST_VALUE, Standard, width_for
-from lava_vpr.storage.arrays import Rule, UnfitError
+from lava_vpr.storage.arrays import ArrayRule, UnfitError
 
 STANDARD = "standard."
 """What the names of the arrays begin with that vectors are measured by (`lava_vpr.inputs.vectors.Standard`)."""
 _LEAST_SCALE = float(np.finfo(np.float32).tiny)
 
 
-def seen_rules(encoder: EncoderConfig, images: int) -> dict[str, Rule]:
+def seen_rules(encoder: EncoderConfig, images: int) -> dict[str, ArrayRule]:
     """What the arrays must be that are of images alone, or of vectors alone."""
     row, values = INPUTS[encoder.kind], encoder.vector_values
     if row.sees != "vector":
         return {
-            "patches": Rule("uint8", (images, 28, 28), most=255),
-            "hog": Rule("uint8", (images, HOG_VALUES), most=255),
+            "patches": ArrayRule("uint8", (images, 28, 28), most=255),
+            "hog": ArrayRule("uint8", (images, HOG_VALUES), most=255),
         }
-    rules = {"vectors": Rule("float32", (images, values), least=-LARGEST_VALUE, most=LARGEST_VALUE)}
+    rules = {"vectors": ArrayRule("float32", (images, values), least=-LARGEST_VALUE, most=LARGEST_VALUE)}
     if row.standardised:
         projects = values > encoder.vector_kept
         width, kept = (width_for(values), encoder.vector_kept) if projects else (0, 0)
         rules |= {
-            f"{STANDARD}mean": Rule("float32", (values,), least=-LARGEST_VALUE, most=LARGEST_VALUE),
-            f"{STANDARD}scale": Rule("float32", (values,), least=_LEAST_SCALE, most=LARGEST_VALUE),
-            f"{STANDARD}signs": Rule("int8", (width,), least=-1, most=1),
-            f"{STANDARD}kept": Rule("int32", (kept,), most=max(0, width - 1)),
+            f"{STANDARD}mean": ArrayRule("float32", (values,), least=-LARGEST_VALUE, most=LARGEST_VALUE),
+            f"{STANDARD}scale": ArrayRule("float32", (values,), least=_LEAST_SCALE, most=LARGEST_VALUE),
+            f"{STANDARD}signs": ArrayRule("int8", (width,), least=-1, most=1),
+            f"{STANDARD}kept": ArrayRule("int32", (kept,), most=max(0, width - 1)),
         }
     return rules
 

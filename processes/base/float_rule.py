@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lava_vpr.engine.general.lif import need
-from lava_vpr.engine.learning.integer import Rule
+from lava_vpr.engine.learning.integer import WeightRule
 from lava_vpr.loihi import TRACE_LIMIT, WEIGHT_LIMIT
 
 
@@ -29,7 +29,7 @@ class FloatRule:
     w_max: float
 
     @classmethod
-    def of(cls, rule: Rule) -> FloatRule:
+    def of(cls, rule: WeightRule) -> FloatRule:
         """The rule that the integer ``rule`` approximates, for weights in 0..255."""
         eta = sum(mantissa * 2.0**exponent for mantissa, exponent in rule.products) / (1 << max(0, 9 * rule.mu - 4))
         return cls(eta * TRACE_LIMIT, rule.target / TRACE_LIMIT, float(rule.mu), rule.tau, float(WEIGHT_LIMIT))

@@ -6,7 +6,7 @@ and ``options``: the numbers of `FixedNetwork.scalars`, ``tag`` (``fixed_pt`` or
 and ``record`` (bool). Each returns ``counts`` int32 (n, neurons), and how many spikes each input and each inhibitory
 neuron sent, ``input_spikes`` int64 (inputs,) and ``inh_spikes`` int64 (inhibitory,); with ``record`` also the rasters
 ``exc``, ``inh`` and ``inputs``, uint8 (n, interval, neurons or inhibitory or inputs). With option ``timed``, ``runs``
-(many presentations a run of Lava where that is faster) or ``single`` (one), also what `Clock` has.
+(many presentations a run of Lava where that is faster) or ``single`` (one), also what `RunTimes` has.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ Arrays = dict[str, NDArray[Any]]
 Emitted = NDArray[np.int64]
 
 
-class Clock:
+class RunTimes:
     """When each run of Lava began and ended, and what its processes held.
 
     `arrays` are ``runs`` float64 (runs, 3): presentations, begin and end in seconds of `time.monotonic`; the first
@@ -134,7 +134,7 @@ def play(
     way: Way,
     presentations: int,
     batch: int = 1,
-    clock: Clock | None = None,
+    clock: RunTimes | None = None,
 ) -> None:
     """Run Lava and report the presentations that are done.
 
@@ -149,7 +149,7 @@ def play(
     Raises:
         BackendUnavailableError: a part of the network would run on the CPU instead of the board.
     """
-    clock = clock or Clock({})
+    clock = clock or RunTimes({})
     config = begin(process, way)
     done, chunk = 0, 1
     while done < units:
@@ -176,7 +176,7 @@ def play_written(
     *,
     inputs: BiasInputs | None = None,
     biases: NDArray[np.int32] | None = None,
-    clock: Clock | None = None,
+    clock: RunTimes | None = None,
 ) -> None:
     """Run Lava's library with pauses to write: ``inputs`` before the silent steps, ``biases`` between presentations.
 
@@ -191,7 +191,7 @@ def play_written(
     Raises:
         BackendUnavailableError: a part of the network would run on the CPU instead of the board.
     """
-    spec, clock, waiting = network.network, clock or Clock({}), 0
+    spec, clock, waiting = network.network, clock or RunTimes({}), 0
     config = begin(process, way)
 
     def run(steps: int) -> int:
@@ -251,7 +251,7 @@ def _source(
 
 def _wired(arrays: Arrays, options: dict[str, Any], library: bool) -> Arrays:
     """Inputs, network and counters; on a board, with the vendor's adapters between them."""
-    spec, biases, clock = network_of(arrays, options), _presented_biases(arrays), Clock(options)
+    spec, biases, clock = network_of(arrays, options), _presented_biases(arrays), RunTimes(options)
     network = PlaceNetwork(network=spec, bias=biases[:1] if library and biases is not None else biases)
     way = Way(str(options.get("tag", FIXED_TAG)), library, bool(options.get("board")))
     if way.board:
@@ -312,7 +312,7 @@ def fused(arrays: Arrays, options: dict[str, Any]) -> Arrays:
     }
     if options.get("record"):
         result["exc"] = shared_array((n, interval, spec.neurons), np.uint8)
-    clock = Clock(options)
+    clock = RunTimes(options)
     if n:
         batch = 1 if clock.single else int(options.get("batch", 64))
         network = FusedPlaceNetwork(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import LifParameters
-from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, Rule
+from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, WeightRule
 from lava_vpr.engine.learning.lava_order import FoldedPhase, FoldedTrainer
 from lava_vpr.isolated.worker import report
 from lava_vpr.processes.base.magma import Loihi2SimCfg, RunSteps
@@ -32,7 +32,7 @@ def options_of(learning: IntegerLearning) -> dict[str, Any]:
 def learning_of(options: Mapping[str, Any]) -> IntegerLearning:
     """The phase of learning that `options_of` wrote."""
     rule = dict(options["rule"], products=tuple((int(m), int(e)) for m, e in options["rule"]["products"]))
-    return IntegerLearning(**{**options, "rule": Rule(**rule), "neurons": LifParameters(**options["neurons"])})
+    return IntegerLearning(**{**options, "rule": WeightRule(**rule), "neurons": LifParameters(**options["neurons"])})
 
 
 class _Runtime:

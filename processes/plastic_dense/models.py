@@ -11,7 +11,7 @@ from lava.utils.weightutils import SignMode
 from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import need
-from lava_vpr.engine.learning.integer import Rule, normalise, step_draws
+from lava_vpr.engine.learning.integer import WeightRule, normalise, step_draws
 from lava_vpr.engine.learning.integer_kernels import StepDraws, decay_traces, learn_column
 from lava_vpr.engine.learning.lava_order import LibraryDraws
 from lava_vpr.errors import NetworkLimitError
@@ -39,7 +39,7 @@ class SubPlasticDenseFixed(LibrarySynapses):
             NetworkLimitError: what LearningDense lacks: weights that are normalised, presentations, records.
         """
         given, name = proc.proc_params, "PlasticDense"
-        rule: Rule = given["rule"]  # no FloatRule: `PlasticDense.check_fixed` has seen it
+        rule: WeightRule = given["rule"]  # no FloatRule: `PlasticDense.check_fixed` has seen it
         need(given["rng_seed"] is not None, f"{name}: rng_seed", None, "given with Lava's library")
         need(given["weight_sum"] == 0, f"{name}: weight_sum", given["weight_sum"], MISSING)
         shown = 0 if given["keys"] is None else len(given["keys"])
@@ -123,7 +123,7 @@ class PyPlasticDenseFixed(PlasticModel):
 
     def __init__(self, proc_params: Any) -> None:
         super().__init__(proc_params)
-        self.rule: Rule = proc_params["rule"]
+        self.rule: WeightRule = proc_params["rule"]
         self.whole, self.fraction = self.rule.decay()
         self.products = self.rule.table()
         self.exponent: int = proc_params["weight_exp"]
@@ -168,7 +168,7 @@ class PyPlasticDenseFloat(PlasticModel):
     def __init__(self, proc_params: Any) -> None:
         super().__init__(proc_params)
         rule = proc_params["rule"]
-        self.rule: FloatRule = FloatRule.of(rule) if isinstance(rule, Rule) else rule
+        self.rule: FloatRule = FloatRule.of(rule) if isinstance(rule, WeightRule) else rule
         self.factor, self.keep = 2.0 ** proc_params["weight_exp"], float(np.exp(-1.0 / self.rule.tau))
         self.weight_sum: float = proc_params["weight_sum"]
 

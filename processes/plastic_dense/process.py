@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import need, stored_weights
-from lava_vpr.engine.learning.integer import Rule, normalise
+from lava_vpr.engine.learning.integer import WeightRule, normalise
 from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS, decay_traces, learn_column
 from lava_vpr.loihi import WEIGHT_EXPONENT_LIMIT
 from lava_vpr.processes.base.checked import CheckedProcess, RegisterVar, check_outputs, whole
@@ -43,7 +43,7 @@ class PlasticDense(CheckedProcess):
         self,
         *,
         weights: NDArray[Any],
-        rule: Rule | FloatRule,
+        rule: WeightRule | FloatRule,
         weight_exp: int = 0,
         steps: int = 0,
         silent_steps: int = SILENT_STEPS,
@@ -58,7 +58,8 @@ class PlasticDense(CheckedProcess):
 
         Args:
             weights: Start weights (neurons, inputs): 0..255, or 0..w_max with a `FloatRule`.
-            rule: Weight change and trace. The floating-point model takes either; it runs a `Rule` without rounding.
+            rule: Weight change and trace. The floating-point model takes either; it runs a `WeightRule` without
+                rounding.
             weight_exp: Sums of weights are multiplied by 2^weight_exp (fixed point: shifted).
             steps: Steps with input of one presentation; 0: one that never ends.
             silent_steps: Steps without input at the end of a presentation.
@@ -102,7 +103,7 @@ class PlasticDense(CheckedProcess):
         Raises:
             NetworkLimitError: the rule is a `FloatRule`.
         """
-        fixed = isinstance(self.rule, Rule)
+        fixed = isinstance(self.rule, WeightRule)
         need(
             fixed,
             "PlasticDense: rule",
@@ -112,13 +113,13 @@ class PlasticDense(CheckedProcess):
 
     def compile_kernels(self) -> None:
         """Compile the host engine's kernels, for weights as they lie in Lava's Vars, before the models are forked."""
-        weights, x, rule = np.ones((2, 2), np.uint8).T, np.zeros(2, np.uint8), Rule(((1, 0),), 0, 0, 1.0)
+        weights, x, rule = np.ones((2, 2), np.uint8).T, np.zeros(2, np.uint8), WeightRule(((1, 0),), 0, 0, 1.0)
         decay_traces(x, *rule.decay(), np.uint64(0))
         learn_column(weights, 0, x, rule.table(), rule.target, rule.mu, np.uint64(0))
         normalise(weights, 2, 0)
 
 
-def _checked_weights(weights: NDArray[Any], rule: Rule | FloatRule) -> NDArray[Any]:
+def _checked_weights(weights: NDArray[Any], rule: WeightRule | FloatRule) -> NDArray[Any]:
     """The start weights as the model of ``rule`` holds them.
 
     Raises:

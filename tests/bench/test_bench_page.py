@@ -12,8 +12,8 @@ from support.common.browser import PHONE, on_phone, visit
 
 from lava_vpr.bench.anchors import ANCHORS
 from lava_vpr.bench.results import (
-    Candidate,
     Measured,
+    SweepPoint,
 )
 from lava_vpr.bench.show import plots
 from lava_vpr.bench.show import tables as described
@@ -64,7 +64,7 @@ def test_ids_are_unique_and_links_lead_somewhere(text: str) -> None:
 def test_few_times_and_odd_ones_can_be_drawn() -> None:
     few = [Measured("one", "", milliseconds=(0.5,)), Measured("same", "", milliseconds=(2.0, 2.0))]
     assert "p99" in plots.latencies(few, "")
-    point = Candidate({"steps": 1}, metrics(), 1.0, 1.0, 1.0, front=True, chosen="fast")
+    point = SweepPoint({"steps": 1}, metrics(), 1.0, 1.0, 1.0, front=True, chosen="fast")
     drawing = plots.pareto([point], "")
     assert all(text in drawing for text in ("modelled energy, µJ", "modelled time, ms", ">fast<"))
     assert "all components" in plots.energy({"nothing": Estimate(0, 0, 0)}, "z", "")

@@ -10,8 +10,8 @@ import pytest
 from support.common.bench_results import FIGURES, bench, metrics, printed
 
 from lava_vpr.bench.results import (
-    Candidate,
     Measured,
+    SweepPoint,
 )
 from lava_vpr.bench.show import energy, plots
 from lava_vpr.bench.show import tables as described
@@ -55,9 +55,9 @@ def test_every_modelled_figure_stands_below_the_word() -> None:
 
 
 def test_the_front_is_told_once_and_what_was_chosen_stands_out() -> None:
-    def point(energy: float, **changes: Any) -> Candidate:
+    def point(energy: float, **changes: Any) -> SweepPoint:
         values: dict[str, Any] = {"settings": {"steps": 30, "prune": 0.5}, "metrics": metrics(), "milliseconds": 0.1}
-        return Candidate(**{**values, "microjoules": energy, "mean_steps": 33.0, "front": True, **changes})
+        return SweepPoint(**{**values, "microjoules": energy, "mean_steps": 33.0, "front": True, **changes})
 
     rows = [point(1.0), point(1.0, settings={"steps": 31}), point(2.0, front=False), point(3.0, chosen="fast")]
     rows.append(point(0.5, settings={"stop_margin": 4.0}))

@@ -17,7 +17,7 @@ from support.common.small_models import encoded, small_model, tiny_paper
 
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Presentations
-from lava_vpr.bench.results import Candidate
+from lava_vpr.bench.results import SweepPoint
 from lava_vpr.bench.sweep import FAST, MODEL, on_front, sweep
 from lava_vpr.cluster.connection import connected
 from lava_vpr.cluster.tasks import Pool
@@ -45,7 +45,7 @@ def case() -> Case:
 
 
 @lru_cache(maxsize=1)
-def found() -> tuple[tuple[Candidate, ...], int]:
+def found() -> tuple[tuple[SweepPoint, ...], int]:
     """A short search, and how many points it said were done."""
     done: list[int] = []
     one = case()
@@ -125,7 +125,7 @@ def test_a_point_is_the_model_quantised_anew_and_modelled() -> None:
     assert result.milliseconds == pytest.approx(told.milliseconds.nominal)
 
 
-def _front(points: Sequence[Candidate]) -> list[Candidate]:
+def _front(points: Sequence[SweepPoint]) -> list[SweepPoint]:
     costs = np.array([(-point.metrics.recall_at_1, point.microjoules, point.milliseconds) for point in points])
     return [point for point, kept in zip(points, on_front(costs), strict=True) if kept]
 

@@ -12,7 +12,7 @@ import pytest
 from support.common.small_models import encoded, small_model
 
 from benchmarks.exchange import compare
-from benchmarks.exchange.compare import Case, Spikes, failures, row, run
+from benchmarks.exchange.compare import CaseSpikes, ExchangeCase, failures, row, run
 from benchmarks.exchange.literal import spikes_of
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Presentations
@@ -30,13 +30,13 @@ for path in Path(sys.argv[-1]).glob("*.trains.npz"):
 """
 
 
-def case(*, equal: bool = False) -> Case:
-    return Case("small", integer_model(small_model(), "a test"), equal)
+def case(*, equal: bool = False) -> ExchangeCase:
+    return ExchangeCase("small", integer_model(small_model(), "a test"), equal)
 
 
-def same() -> Spikes:
+def same() -> CaseSpikes:
     spikes = np.random.default_rng(0).integers(0, 2, (8, 128, 9)).astype(np.uint8)
-    return Spikes(spikes, spikes, spikes[:2], spikes, spikes)
+    return CaseSpikes(spikes, spikes, spikes[:2], spikes, spikes)
 
 
 def test_a_graph_computes_what_the_network_computes(tmp_path: Path) -> None:
@@ -65,7 +65,7 @@ def test_every_unattributed_difference_fails() -> None:
     ):
         assert f"small: {said}" in failures(case(equal=True), replace(spikes, **changed))
     silent = np.zeros_like(spikes.host)
-    assert "no neuron spikes" in failures(case(), Spikes(silent, silent, silent, silent, silent))[0]
+    assert "no neuron spikes" in failures(case(), CaseSpikes(silent, silent, silent, silent, silent))[0]
 
 
 def test_a_row_counts_what_differs() -> None:

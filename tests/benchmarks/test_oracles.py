@@ -18,10 +18,18 @@ from hypothesis import strategies as st
 from benchmarks import elsewhere
 from benchmarks.elsewhere import python_of
 from benchmarks.oracles import compare as oracles
-from benchmarks.oracles.compare import Case, ask, failures, judge
+from benchmarks.oracles.compare import OracleCase, ask, failures, judge
 from benchmarks.oracles.inference import SMALL, inference_problem, made_up, small_inference
 from benchmarks.oracles.networks import DIALECTS, edge_networks, is_common, random_networks, reaches_limits
-from benchmarks.oracles.problems import SIGNS, Connection, Problem, Result, engine_result, read_result, write_problem
+from benchmarks.oracles.problems import (
+    SIGNS,
+    DenseConnection,
+    Problem,
+    Result,
+    engine_result,
+    read_result,
+    write_problem,
+)
 from benchmarks.oracles.rules import RULES, complement, explain, literal, synapse_weights, truncated
 from lava_vpr.engine.general.lif import stored_weights
 from lava_vpr.errors import InputError
@@ -42,18 +50,18 @@ def tampered(result: Result, spike: bool) -> Result:
 
 
 @pytest.fixture(scope="module", params=SIMULATORS)
-def cases(request: pytest.FixtureRequest) -> tuple[str, list[Case]]:
+def cases(request: pytest.FixtureRequest) -> tuple[str, list[OracleCase]]:
     """A simulator and a few networks for it."""
     return request.param, oracles.random_cases(request.param, 4) + oracles.inference_cases(request.param, 0)
 
 
-def test_the_plain_arithmetic_equals_the_engine(cases: tuple[str, list[Case]]) -> None:
+def test_the_plain_arithmetic_equals_the_engine(cases: tuple[str, list[OracleCase]]) -> None:
     for case in cases[1]:
         assert case.expected.spikes.any()
         assert not literal(case.problem).differs(case.expected)
 
 
-def test_no_rule_touches_a_common_network(cases: tuple[str, list[Case]]) -> None:
+def test_no_rule_touches_a_common_network(cases: tuple[str, list[OracleCase]]) -> None:
     simulator, made = cases
     assert sum(case.common for case in made) >= 4
     for case in made:
@@ -74,7 +82,7 @@ def test_random_networks_repeat_with_their_seed() -> None:
 
 
 @pytest.mark.parametrize("spike", [True, False])
-def test_one_tampered_entry_is_one_difference(cases: tuple[str, list[Case]], spike: bool) -> None:
+def test_one_tampered_entry_is_one_difference(cases: tuple[str, list[OracleCase]], spike: bool) -> None:
     simulator, made = cases
     for case in [made[0], made[4], made[-3]]:  # common, beyond, inference
         verdict = judge(case, tampered(case.expected, spike), RULES[simulator])
@@ -86,8 +94,8 @@ def test_one_tampered_entry_is_one_difference(cases: tuple[str, list[Case]], spi
 def test_a_difference_in_common_arithmetic_is_never_explained() -> None:
     problem, expected = edge_networks()[0]
     theirs = literal(problem, RULES["nengo-loihi"])
-    assert judge(Case("", problem, expected, False), theirs, RULES["nengo-loihi"]).rules
-    verdict = judge(Case("", problem, expected, True), theirs, RULES["nengo-loihi"])
+    assert judge(OracleCase("", problem, expected, False), theirs, RULES["nengo-loihi"]).rules
+    verdict = judge(OracleCase("", problem, expected, True), theirs, RULES["nengo-loihi"])
     assert verdict.rules is None
     assert failures([verdict]) == ["current of 2^23: 1 spikes and 9 membranes differ in common arithmetic"]
 
@@ -151,7 +159,7 @@ def test_truncated_is_towards_zero(x: int, factor: int) -> None:
 def test_weights_without_rules_are_the_engines(bits: int, sign: int) -> None:
     low, high = {1: (-256, 255), 2: (0, 255), 3: (-255, 0)}[sign]
     every = np.arange(low, high + 1)[None, :]
-    weights, exponent = synapse_weights(Connection(-1, 0, every, bits, -3, sign), frozenset())
+    weights, exponent = synapse_weights(DenseConnection(-1, 0, every, bits, -3, sign), frozenset())
     assert exponent == -3
     assert np.array_equal(weights, stored_weights(every, bits, SIGNS[sign]))
 
@@ -210,7 +218,7 @@ def test_a_simulator_that_stays_silent_misses_every_spike(tmp_path: Path, monkey
     stand_in(tmp_path, SILENT, monkeypatch)
     made = small_inference()[:2]
     for (problem, expected), answer in zip(made, ask("nengo-loihi", [p for p, _ in made]), strict=True):
-        verdict = judge(Case("", problem, expected, True), answer, RULES["nengo-loihi"])
+        verdict = judge(OracleCase("", problem, expected, True), answer, RULES["nengo-loihi"])
         assert verdict.spikes == expected.spikes.sum() > 20
         assert verdict.rules is None
 
@@ -263,9 +271,9 @@ def test_the_program_fails_when_one_entry_differs(spike: bool | None, monkeypatc
 def test_a_silent_network_or_a_wrong_engine_is_a_failure() -> None:
     problem, expected = edge_networks()[0]
     mute = replace(problem, spikes=np.zeros_like(problem.spikes))
-    silent = Case("", mute, engine_result(mute), True)
+    silent = OracleCase("", mute, engine_result(mute), True)
     assert failures([judge(silent, silent.expected, ())]) == ["current of 2^23: no spike, so nothing was compared"]
-    wrong = Case("", problem, tampered(expected, False), True)
+    wrong = OracleCase("", problem, tampered(expected, False), True)
     assert failures([judge(wrong, wrong.expected, ())]) == [
         "current of 2^23: the plain arithmetic differs from the engine"
     ]

@@ -12,7 +12,16 @@ from click.testing import CliRunner
 from support.common.small_models import small_model
 
 from benchmarks.oracles import registers
-from benchmarks.oracles.registers import MADE_UP, PYTHON, SCRIPT, Case, bundle_case, compared, made_up_cases, main
+from benchmarks.oracles.registers import (
+    MADE_UP,
+    PYTHON,
+    SCRIPT,
+    RegisterCase,
+    bundle_case,
+    compared,
+    made_up_cases,
+    main,
+)
 from lava_vpr.deploy.boards.board import BOARDS, KAPOHO_BAY
 from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.errors import InputError
@@ -20,7 +29,7 @@ from lava_vpr.errors import InputError
 needs_nengo = pytest.mark.skipif(not PYTHON.exists(), reason="nengo-loihi is not installed: make oracles")
 
 
-def small_case(folder: Path, number: int = 2) -> Case:
+def small_case(folder: Path, number: int = 2) -> RegisterCase:
     """One of the made-up networks."""
     return next(case for i, case in enumerate(made_up_cases(folder, 2)) if i == number)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.places import Section
+from benchmarks.places import PlacesSection
 from benchmarks.results import __main__ as command
 from benchmarks.results import record, rows, tables
 from benchmarks.results.record import REMEDY, Record
@@ -74,7 +74,7 @@ def test_what_is_up_to_date_is_not_computed_again(tmp_path: Path, monkeypatch: p
     file, asked = tmp_path / "results.json", []
     one, two = LEARNED[DEFAULT], dataclasses.replace(LEARNED[DEFAULT], name="two")
 
-    def measured(row: rows.Row, section: Section, seed: int) -> rows.Figures:
+    def measured(row: rows.ResultRow, section: PlacesSection, seed: int) -> rows.Figures:
         if row == two and (section, seed) == (FIVE[1], 2) and not asked.count("interrupted"):
             asked.append("interrupted")
             raise KeyboardInterrupt

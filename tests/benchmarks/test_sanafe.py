@@ -19,7 +19,7 @@ import pytest
 from benchmarks.nordland import learn
 from benchmarks.sanafe import cross_check as checking
 from benchmarks.sanafe import worker
-from benchmarks.sanafe.compare import LIMIT, SEEDS, Case, failures, random_case, real
+from benchmarks.sanafe.compare import LIMIT, SEEDS, SanafeCase, failures, random_case, real
 from benchmarks.sanafe.cross_check import CrossCheck, ask, compare, cross_check, find_sanafe
 from benchmarks.sanafe.problem import PORT, bias_and_membrane, problem_of, without_counters
 from lava_vpr.config import preset
@@ -53,7 +53,7 @@ architecture:
 
 
 @functools.cache
-def case(seed: int) -> Case:
+def case(seed: int) -> SanafeCase:
     return random_case(seed)
 
 

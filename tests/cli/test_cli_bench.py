@@ -16,7 +16,7 @@ from lava_vpr import model as model_file
 from lava_vpr.backends.registry import timed_by_default
 from lava_vpr.bench import run as stages
 from lava_vpr.bench.measure import timing
-from lava_vpr.bench.results import Candidate, Measured, Peer
+from lava_vpr.bench.results import Measured, Peer, SweepPoint
 from lava_vpr.cli import main
 from lava_vpr.encoding import encode_traverse
 from lava_vpr.engine.inference.fixed import FixedNetwork
@@ -215,7 +215,7 @@ def test_some_queries_stand_for_many(quick: Path, monkeypatch: pytest.MonkeyPatc
 
 
 def test_what_was_asked_for_and_fails_is_said(quick: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(*_: object, **__: object) -> tuple[Candidate, ...]:
+    def broken(*_: object, **__: object) -> tuple[SweepPoint, ...]:
         raise ConfigError("nothing that was tried fits")
 
     called = []

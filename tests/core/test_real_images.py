@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from benchmarks.nordland import SECTIONS, answer, encoded, folder, learn, part
-from benchmarks.places import Section
+from benchmarks.places import PlacesSection
 from benchmarks.recall import TABLES
 from benchmarks.results.rows import Figures, measure
 from lava_vpr.cluster.tasks import Pool
@@ -39,7 +39,7 @@ def only_with_images(request: pytest.FixtureRequest) -> None:
 
 
 @lru_cache(maxsize=1)
-def all_sections() -> dict[tuple[Section, int], Figures]:
+def all_sections() -> dict[tuple[PlacesSection, int], Figures]:
     """The figures of every matcher, in percent, by section and seed."""
     (row,) = TABLES["decoders"]
     return {(section, seed): measure(row, section, seed) for section in row.sections for seed in SEEDS}

@@ -20,7 +20,7 @@ from lava_vpr.cli import main
 from lava_vpr.config import Config, DecoderConfig
 from lava_vpr.encoding import encode_traverse
 from lava_vpr.errors import ConfigError, ModelFileError
-from lava_vpr.inputs.encoder import INPUTS, EncoderConfig, Input, Layout
+from lava_vpr.inputs.encoder import INPUTS, ChannelLayout, EncoderConfig, Input
 from lava_vpr.matching import certainty
 from lava_vpr.matching.decoders import DECODERS, Decoder, Reading, in_every_variant
 from lava_vpr.matching.equations import ScoresOf
@@ -42,7 +42,7 @@ DUMMY_DECODER = Decoder(
 )
 DUMMY_INPUT = Input(
     "dummy",
-    layout=lambda encoder: Layout(1, 14),
+    layout=lambda encoder: ChannelLayout(1, 14),
     sees="patch",
     activity=lambda patch, encoder: cv2.resize(patch, (14, 14)).reshape(-1).astype(np.float32),
     grey_levels=True,

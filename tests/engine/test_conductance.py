@@ -13,7 +13,7 @@ from support.literal.floats import Slow, slow_presentation
 
 from lava_vpr.config import Config, preset
 from lava_vpr.engine.conductance import run as conductance_run
-from lava_vpr.engine.conductance.kernels import Network, draw_spikes, input_drive
+from lava_vpr.engine.conductance.kernels import ConductanceDrive, draw_spikes, input_drive
 from lava_vpr.engine.conductance.model import (
     ConductanceState,
     constants,
@@ -169,7 +169,7 @@ def test_input_sums_carry_over_from_chunk_to_chunk(longest: int, span: int) -> N
     chunks = [np.empty((span, n)) for _ in range(6)]
     carry = np.zeros((n, longest))
     for k, chunk in enumerate(chunks):
-        input_drive(Network(weights, delays, when, sources), k * span, carry, chunk)
+        input_drive(ConductanceDrive(weights, delays, when, sources), k * span, carry, chunk)
     expected = np.zeros((6 * span, n))
     for t, j in zip(when, sources, strict=True):
         for i in range(n):

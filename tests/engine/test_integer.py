@@ -15,14 +15,14 @@ from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.inference.bias_input import bias_input_spikes
 from lava_vpr.engine.learning import integer, integer_kernels
-from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, Rule
+from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, WeightRule
 from lava_vpr.engine.random import presentation_key
 from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.loihi import PRODUCT_EXPONENTS, PRODUCT_MANTISSAS
 
 INPUTS, NEURONS = 24, 5
 USUAL = IntegerLearning(
-    rule=Rule(((6, -6), (1, -7)), 15, 0, 20.0),
+    rule=WeightRule(((6, -6), (1, -7)), 15, 0, 20.0),
     inhibition=240,
     neurons=LifParameters(dv=205, floor=-480, hold_steps=1, theta_plus=32),
     weight_sum=13 * INPUTS,
@@ -34,7 +34,7 @@ def changed(**changes: object) -> IntegerLearning:
     """`USUAL` with other settings, those of its neurons and of its rule included."""
     rule, neurons = (
         {k: v for k, v in changes.items() if k in {f.name for f in dataclasses.fields(kind)}}
-        for kind in (Rule, LifParameters)
+        for kind in (WeightRule, LifParameters)
     )
     rest = {k: v for k, v in changes.items() if k not in rule and k not in neurons}
     return dataclasses.replace(
@@ -112,7 +112,7 @@ def test_a_weight_change_equals_the_literal_one(mantissas: list[int], data: st.D
     mu, target = data.draw(st.integers(0, 2)), data.draw(st.integers(0, 127))
     draw = data.draw(st.integers(0, 2**53 - 1))
     products = tuple(zip(mantissas, exponents, strict=False))
-    rule = Rule(products, target, mu, 20.0)
+    rule = WeightRule(products, target, mu, 20.0)
     literal = dataclasses.replace(rule, products=tuple((int(m), int(s) - 7) for m, s in rule.table()))
     w = np.repeat(np.array([0, 1, 100, 254, 255], np.uint8), 4)
     x = np.tile(np.array([0, 1, 60, 127], np.uint8), 5)
@@ -123,7 +123,7 @@ def test_a_weight_change_equals_the_literal_one(mantissas: list[int], data: st.D
 
 
 def test_rounding_of_traces_is_unbiased() -> None:
-    rule, rng = Rule(((1, 0),), 0, 0, 20.0), np.random.default_rng(0)
+    rule, rng = WeightRule(((1, 0),), 0, 0, 20.0), np.random.default_rng(0)
     whole, fraction = rule.decay()
     draws = rng.integers(0, 1 << 53, 4000).astype(np.uint64)
     total = np.zeros(128)
@@ -136,7 +136,7 @@ def test_rounding_of_traces_is_unbiased() -> None:
 
 
 def test_rounding_of_weights_is_unbiased() -> None:
-    rule, rng = Rule(((3, -5),), 25, 0, 20.0), np.random.default_rng(0)
+    rule, rng = WeightRule(((3, -5),), 25, 0, 20.0), np.random.default_rng(0)
     x = np.arange(128).astype(np.uint8)
     draws = rng.integers(0, 1 << 53, 4000).astype(np.uint64)
     total = np.zeros(128)
@@ -188,7 +188,7 @@ def test_traces_given_go_on_and_the_default_starts_at_zero() -> None:
 
 
 def test_a_drawn_number_below_the_fraction_rounds_up() -> None:
-    whole, fraction = Rule(((1, 0),), 0, 0, 20.0).decay()
+    whole, fraction = WeightRule(((1, 0),), 0, 0, 20.0).decay()
     for draw, up in ((int(fraction[100]) - 1, 1), (int(fraction[100]), 0)):
         x = np.array([100], np.uint8)
         integer_kernels.decay_traces(x, whole, fraction, np.uint64(draw))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lava_vpr.engine.learning.integer import Rule
+from lava_vpr.engine.learning.integer import WeightRule
 from lava_vpr.engine.learning.lava_order import LibraryDraws
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.isolated.runner import run_isolated
@@ -24,7 +24,7 @@ def random_rule(rng: np.random.Generator) -> dict:
         products.append((mantissa, exponent))
     tau = float(rng.choice([1.0, 2.5, 10.0, 20.0, 33.3, 100.0]))
     rule = {"products": products, "target": int(rng.integers(0, 128)), "mu": mu, "tau": tau}
-    Rule(**{**rule, "products": tuple(products)}).check()
+    WeightRule(**{**rule, "products": tuple(products)}).check()
     return rule
 
 
@@ -103,7 +103,7 @@ def test_lavas_streams_are_those_of_its_generators() -> None:
 def test_microcode_of_a_negative_product_is_one_that_lava_reads() -> None:
     from lava.magma.core.learning.learning_rule import Loihi2FLearningRule
 
-    rule = Rule(((5, -6), (-3, -2), (-8, -7)), 13, 1, 20.0)
+    rule = WeightRule(((5, -6), (-3, -2), (-8, -7)), 13, 1, 20.0)
     read = Loihi2FLearningRule(dw=rule.microcode(), x1_impulse=127, x1_tau=20, t_epoch=1, rng_seed=0).dw.products
     sign = (-1) ** rule.mu  # Lava turns (255 - w) into -(w - 255)
     assert [(sign * p.s_mantissa, p.s_exp) for p in read] == [tuple(row) for row in rule.table().tolist()]
@@ -112,13 +112,13 @@ def test_microcode_of_a_negative_product_is_one_that_lava_reads() -> None:
 @pytest.mark.parametrize(
     ("rule", "text"),
     [
-        (Rule(((8, 0),), 10, 0, 20.0), "mantissas -8..7"),
-        (Rule(((1, 9),), 10, 0, 20.0), "exponents -7..8"),
-        (Rule(((1, 0),), 128, 0, 20.0), "7-bit trace"),
-        (Rule(((1, 0),), 10, 3, 20.0), "mu 3"),
-        (Rule(((1, 0),), 10, 0, 0.5), "decays within"),
+        (WeightRule(((8, 0),), 10, 0, 20.0), "mantissas -8..7"),
+        (WeightRule(((1, 9),), 10, 0, 20.0), "exponents -7..8"),
+        (WeightRule(((1, 0),), 128, 0, 20.0), "7-bit trace"),
+        (WeightRule(((1, 0),), 10, 3, 20.0), "mu 3"),
+        (WeightRule(((1, 0),), 10, 0, 0.5), "decays within"),
     ],
 )
-def test_what_the_learning_engine_cannot_express_is_refused(rule: Rule, text: str) -> None:
+def test_what_the_learning_engine_cannot_express_is_refused(rule: WeightRule, text: str) -> None:
     with pytest.raises(NetworkLimitError, match=text):
         rule.check()

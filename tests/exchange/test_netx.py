@@ -25,7 +25,7 @@ from lava_vpr.encoding import EncodedTraverse, draw_trains
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import InputError, NetworkLimitError
 from lava_vpr.exchange import netx
-from lava_vpr.exchange.formats import FORMATS, TIME_STEP, Asked
+from lava_vpr.exchange.formats import FORMATS, TIME_STEP, FileOptions
 from lava_vpr.model import IntegerModel, decode, integer_model
 from lava_vpr.slayer import needs
 from lava_vpr.training.loop import train
@@ -43,7 +43,7 @@ def small() -> IntegerModel:
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     path = tmp_path / "m.net"
-    NETX.write(small(), path, Asked())
+    NETX.write(small(), path, FileOptions())
     return path
 
 
@@ -73,7 +73,7 @@ def loaded_spikes(path: Path, network: FixedNetwork, trains: NDArray[np.uint8]) 
 
 def compared(model: IntegerModel, queries: EncodedTraverse, path: Path) -> tuple[NDArray[Any], ...]:
     """Counts of the loaded file, of the network that it holds, and of the model's own; each spike is compared."""
-    NETX.write(model, path, Asked(references=False))
+    NETX.write(model, path, FileOptions(references=False))
     network = netx.held(model.network)
     shown = query_presentations(model, queries)
     trains = draw_trains(shown.rates, shown.keys, network.steps, network.interval, regular=network.regular)

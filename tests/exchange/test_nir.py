@@ -20,7 +20,7 @@ from lava_vpr.engine.inference.neuron_bias import held_biases
 from lava_vpr.errors import ConfigError, InputError, LavaVprError, ModelFileError
 from lava_vpr.exchange import nir_reading, nir_writing
 from lava_vpr.exchange.drawn import digest, whole
-from lava_vpr.exchange.formats import FORMATS, Asked, format_of
+from lava_vpr.exchange.formats import FORMATS, FileOptions, format_of
 from lava_vpr.exchange.opening import imported
 from lava_vpr.gate import integer_config
 from lava_vpr.model import IntegerModel, Model, integer_model
@@ -32,7 +32,7 @@ NIR = FORMATS["nir"]
 def exported(folder: Path, *, references: bool = True, model: Model | None = None) -> Path:
     """The small model, or another, as a NIR file."""
     path = folder / "net.nir"
-    NIR.write(integer_model(model or small_model(), "a test"), path, Asked(references=references))
+    NIR.write(integer_model(model or small_model(), "a test"), path, FileOptions(references=references))
     return path
 
 
@@ -297,4 +297,4 @@ def test_formats_are_chosen_by_ending_or_by_name(tmp_path: Path) -> None:
 def test_what_is_written_needs_a_place(tmp_path: Path) -> None:
     model: IntegerModel = integer_model(small_model(), "a test")
     with pytest.raises(InputError, match=r"net.nir: the NIR graph cannot be written \(No such file"):
-        NIR.write(model, tmp_path / "missing" / "net.nir", Asked())
+        NIR.write(model, tmp_path / "missing" / "net.nir", FileOptions())

@@ -10,7 +10,7 @@ import pytest
 from support.common import children
 
 from lava_vpr.experiments import cache
-from lava_vpr.experiments.cache import Cache, content_key, modules_of, sources_hash
+from lava_vpr.experiments.cache import FigureCache, content_key, modules_of, sources_hash
 from lava_vpr.matching.evaluation import evaluate
 from lava_vpr.paper_table.sections import measure
 
@@ -82,12 +82,14 @@ def test_a_key_is_of_settings_and_inputs() -> None:
 
 
 def test_what_is_kept_is_found_under_its_key_alone(tmp_path: Path) -> None:
-    kept: Cache[int, list[float]] = Cache(tmp_path / "k", "row-{}".format, str, lambda values: list(map(float, values)))
+    kept: FigureCache[int, list[float]] = FigureCache(
+        tmp_path / "k", "row-{}".format, str, lambda values: list(map(float, values))
+    )
     kept.keep(3, "key", [0.5])
     assert (kept.find(3, "key"), kept.find(3, "other"), kept.find(4, "key")) == ([0.5], None, None)
     assert (tmp_path / "k" / "row-3.json").read_text() == '{"fingerprint": "key", "figures": [0.5]}\n'
     (tmp_path / "k" / "row-3.json").write_text('{"fingerprint": "key", "figures": ["x"]}')
     assert kept.find(3, "key") is None
-    nowhere: Cache[int, list[float]] = Cache(None, str, str, list)
+    nowhere: FigureCache[int, list[float]] = FigureCache(None, str, str, list)
     nowhere.keep(3, "key", [0.5])
     assert nowhere.find(3, "key") is None

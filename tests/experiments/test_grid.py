@@ -8,7 +8,7 @@ import pytest
 
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.errors import InputError
-from lava_vpr.experiments.cache import Cache
+from lava_vpr.experiments.cache import FigureCache
 from lava_vpr.experiments.grid import compute
 
 POINTS = (3, 1, 2)
@@ -27,7 +27,7 @@ def test_figures_stand_in_the_order_of_the_points(jobs: int) -> None:
 
 
 def test_what_is_kept_is_not_computed_again(tmp_path: Path) -> None:
-    kept: Cache[int, int] = Cache(tmp_path, str, "key of {}".format, int)
+    kept: FigureCache[int, int] = FigureCache(tmp_path, str, "key of {}".format, int)
     told: list[tuple[int, str]] = []
 
     def advance(done: int, note: str) -> None:

@@ -11,7 +11,7 @@ import pytest
 from support.common.benchmarkfolders import folder_of, layout_of
 
 from lava_vpr.datasets.checking import check
-from lava_vpr.datasets.layouts import DATASETS, Layout, check_lengths, find_layout
+from lava_vpr.datasets.layouts import DATASETS, DatasetLayout, check_lengths, find_layout
 from lava_vpr.errors import InputError
 from lava_vpr.traverse import Traverse, open_traverse
 
@@ -23,7 +23,7 @@ def fill(folder: Path, images: int = 3, level: int = 0) -> None:
         cv2.imwrite(str(folder / f"{k}.png"), np.full((4, 4), (20 * level + k) % 256, dtype=np.uint8))
 
 
-def build(root: Path, layout: Layout, images: int = 3) -> None:
+def build(root: Path, layout: DatasetLayout, images: int = 3) -> None:
     root.mkdir(exist_ok=True)
     for level, relative in enumerate((*layout.references, layout.query)):
         if relative.endswith(".avi"):
@@ -54,7 +54,7 @@ EVERY_LAYOUT = [
 
 
 @pytest.mark.parametrize(("name", "layout"), EVERY_LAYOUT)
-def test_every_layout_is_found(tmp_path: Path, name: str, layout: Layout) -> None:
+def test_every_layout_is_found(tmp_path: Path, name: str, layout: DatasetLayout) -> None:
     build(tmp_path, layout, 11)
     found = find_layout(name, tmp_path)
     assert found.layout == layout
@@ -187,7 +187,7 @@ def test_what_a_check_finds(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("name", "layout"), EVERY_LAYOUT)
-def test_a_check_of_every_layout(tmp_path: Path, name: str, layout: Layout) -> None:
+def test_a_check_of_every_layout(tmp_path: Path, name: str, layout: DatasetLayout) -> None:
     """Eleven images are too few for a section, unless positions say how many places they are."""
     build(tmp_path, layout, 11)
     seen = check(name, tmp_path)

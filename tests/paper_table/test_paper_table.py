@@ -25,7 +25,7 @@ from lava_vpr.paper_table import run as computing
 from lava_vpr.paper_table.methods import METHODS, NETWORKS
 from lava_vpr.paper_table.printed import COLUMNS, PRINTED, printed
 from lava_vpr.paper_table.run import counted
-from lava_vpr.paper_table.sections import Figures, kept_in, measure, read
+from lava_vpr.paper_table.sections import MethodFigures, kept_in, measure, read
 from lava_vpr.paper_table.sources import official, stand_in, tasks
 
 QUICK = ("--only", "fast", "--epochs", "4", "--jobs", "1")
@@ -189,7 +189,7 @@ def test_descriptors_by_place_and_by_image(folder: Path) -> None:
         assert row["mean"]["recall_at_1"] == 0.25
     np.save("ref.npy", np.concatenate([ways, ways]))
     run("paper-table", *words, "--descriptors", "nordland=ref.npy,query.npy", "--json", "t.json")
-    assert rows("t.json")["nordland", "netvlad"]["mean"] == dict.fromkeys(Figures._fields, 1.0)
+    assert rows("t.json")["nordland", "netvlad"]["mean"] == dict.fromkeys(MethodFigures._fields, 1.0)
     np.save("ref.npy", ways)
     said = error(*words, "--descriptors", "nordland=ref.npy,query.npy")
     assert "ref.npy: has 9 rows for 18 places, or 144 images; give one row for each, the reference traverses" in said
@@ -230,7 +230,7 @@ def test_what_is_kept_is_taken_for_the_same_images_settings_and_program_alone(
     speds(folder / "s")
     source = official("spedtest", folder / "s")
     kept = kept_in(folder / "kept")
-    wanted = computing.Wanted({"spedtest": source}, networks=("fast",), epochs=4)
+    wanted = computing.PaperRequest({"spedtest": source}, networks=("fast",), epochs=4)
     computing.compute(wanted, folder / "kept")
     first, second = tasks(source, "fast", (1, 2), 0, 4)
     keys = [kept.key(task) for task in (first, second)]

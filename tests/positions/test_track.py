@@ -12,7 +12,7 @@ from support.common.imagefiles import QUICK, refused
 
 from lava_vpr.positions.frames import LAT_LON, XY, Positions
 from lava_vpr.positions.tables import Track
-from lava_vpr.positions.track import Asked, images_on
+from lava_vpr.positions.track import PositionRequest, images_on
 
 T0 = 1.7e9
 
@@ -25,9 +25,11 @@ def track(values: list[tuple[float, float]], times: list[float] | None, frame: s
     )
 
 
-def asked(stamps: list[float] | None, count: int | None = None, whole: int | None = None) -> Asked:
+def asked(stamps: list[float] | None, count: int | None = None, whole: int | None = None) -> PositionRequest:
     n = len(stamps) if stamps is not None else count or 0
-    return Asked(np.arange(n), n if whole is None else whole, None if stamps is None else np.array(stamps, np.float64))
+    return PositionRequest(
+        np.arange(n), n if whole is None else whole, None if stamps is None else np.array(stamps, np.float64)
+    )
 
 
 @QUICK
@@ -100,7 +102,7 @@ def test_a_gap_is_longer_than_ten_seconds() -> None:
 @pytest.mark.parametrize("times", [None, [0.0, 2.0, 4.0]])
 def test_a_row_an_image_needs_no_times(times: list[float] | None) -> None:
     gps = track([(0, 0), (1, 1), (2, 2)], times)
-    some = Asked(np.array([2, 0]), 3)
+    some = PositionRequest(np.array([2, 0]), 3)
     found, when = images_on(gps, some)
     assert found.values.tolist() == [[2, 2], [0, 0]]
     assert (None if when is None else when.tolist()) == (None if times is None else [4, 0])

@@ -14,7 +14,7 @@ from benchmarks.nordland import encoded, part
 from lava_vpr.config import preset
 from lava_vpr.encoding import draw_spikes, rates16
 from lava_vpr.engine.general.lif import LifParameters
-from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, IntegerTrainer, Rule, present
+from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, IntegerTrainer, WeightRule, present
 from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS
 from lava_vpr.engine.learning.lava_order import LibraryDraws
 from lava_vpr.engine.random import presentation_keys
@@ -29,7 +29,7 @@ pytestmark = pytest.mark.lava
 
 INPUTS, NEURONS, IMAGES = 30, 6, 5
 COMPETITION = IntegerLearning(
-    rule=Rule(((6, -6), (1, -7)), 15, 0, 20.0),
+    rule=WeightRule(((6, -6), (1, -7)), 15, 0, 20.0),
     inhibition=240,
     neurons=LifParameters(dv=205, floor=-480, hold_steps=1, theta_plus=32),
     weight_sum=13 * INPUTS,
@@ -37,7 +37,7 @@ COMPETITION = IntegerLearning(
 )
 CONSOLIDATION = dataclasses.replace(
     COMPETITION,
-    rule=Rule(((5, -7), (-2, -7)), 20, 1, 10.0),
+    rule=WeightRule(((5, -7), (-2, -7)), 20, 1, 10.0),
     neurons=dataclasses.replace(COMPETITION.neurons, theta_plus=0),
 )
 LATE = dataclasses.replace(COMPETITION, late_theta=True, regular=True)
@@ -243,7 +243,7 @@ KEYS = np.zeros(2, np.uint64)
         ({"weights": np.full((2, 3), 256)}, "weight is 256"),
         ({"weights": np.full((2, 3), 0.5)}, "weight is 0.5"),
         ({"weights": np.zeros(3, int)}, r"weights' shape is \(3,\)"),
-        ({"rule": Rule(((9, 0),), 10, 0, 20.0)}, "product 9 x"),
+        ({"rule": WeightRule(((9, 0),), 10, 0, 20.0)}, "product 9 x"),
         ({"rule": FloatRule(0.1, 0.2, 0.0, 20.0, 2.0), "weights": np.full((2, 3), 2.5)}, "weight is 2.5"),
         ({"rule": FloatRule(0.1, 0.2, 0.0, 0.0, 2.0)}, "tau is 0.0"),
         ({"rule": FloatRule(-0.1, 0.2, 0.0, 1.0, 2.0)}, "eta is -0.1"),
@@ -259,7 +259,7 @@ KEYS = np.zeros(2, np.uint64)
     ],
 )
 def test_a_connection_that_cannot_be_is_refused(changes: dict[str, Any], text: str) -> None:
-    usual = {"weights": np.ones((2, 3), np.uint8), "rule": Rule(((1, 0),), 10, 0, 20.0), "steps": 5, "keys": KEYS}
+    usual = {"weights": np.ones((2, 3), np.uint8), "rule": WeightRule(((1, 0),), 10, 0, 20.0), "steps": 5, "keys": KEYS}
     PlasticDense(**usual)
     with pytest.raises(NetworkLimitError, match=text):
         PlasticDense(**{**usual, **changes})

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks import figures
-from benchmarks.figures import Figures
+from benchmarks.figures import PageTable
 from lava_vpr.config import LifNetwork, preset
 from lava_vpr.errors import InputError
 from scripts import pages, settings_reference
@@ -56,13 +56,13 @@ def test_no_page_has_a_table_of_figures_that_no_record_holds() -> None:
 
 def test_a_record_is_read_as_it_was_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(figures, "FOLDER", tmp_path)
-    made = Figures("make it", "on a µ", ["", "R@1"], [["one", "95.7"], ["two", ""]])
+    made = PageTable("make it", "on a µ", ["", "R@1"], [["one", "95.7"], ["two", ""]])
     figures.write("some", made)
     assert figures.names() == ["some"]
     assert figures.read("some") == made
     assert figures.section("some") == "|  | R@1 |\n|---|---|\n| one | 95.7 |\n| two |  |"
     assert figures.parsed(figures.section("some")) == (made.columns, made.rows)
-    figures.write("short", Figures("", "", ["", "R@1"], [["one"]]))
+    figures.write("short", PageTable("", "", ["", "R@1"], [["one"]]))
     with pytest.raises(InputError, match=r"short.json: a row has not 2 cells"):
         figures.section("short")
 

@@ -22,7 +22,7 @@ from support.common.browser import PHONE, on_phone, visit
 from lava_vpr.config import Config
 from lava_vpr.configfile import to_toml
 from lava_vpr.errors import InputError
-from lava_vpr.inputs.encoder import INPUTS, Layout
+from lava_vpr.inputs.encoder import INPUTS, ChannelLayout
 from lava_vpr.inputs.orientation import orientation_channels
 from lava_vpr.matching.evaluation import Metrics, evaluate
 from lava_vpr.report import MapData, Raster, ReportData, write_report
@@ -84,7 +84,7 @@ def example(n: int = 12, kind: str = "orientation", **changes: Any) -> ReportDat
         query_names=tuple(f"q{i:03}.png" for i in range(n)),
         place_thumbnails=images,
         query_thumbnails=255 - images,
-        input_layout=Layout(channels, grid),
+        input_layout=ChannelLayout(channels, grid),
         drawing=INPUTS[kind].drawing,
         legend=INPUTS[kind].legend,
         weights=weights,

@@ -37,7 +37,7 @@ from lava_vpr.studies.run import Studied, measured, planned, run
 from lava_vpr.studies.several import as_one, member_seed, shuffled_order, side_by_side, theta_of
 from lava_vpr.studies.show.page import page
 from lava_vpr.studies.show.values import as_json, baselines_of, table
-from lava_vpr.studies.study import Asked, Task
+from lava_vpr.studies.study import StudyRequest, StudyTask
 
 PLACES = 8
 VALUES: dict[str, tuple[float, ...]] = {
@@ -55,8 +55,8 @@ def route(noise: float = 0.9) -> Route:
     return Route((encoded(PLACES),), encoded(PLACES, noise=noise), np.eye(PLACES, dtype=bool))
 
 
-def asked(name: str) -> Asked:
-    return Asked(route(), small_config(), (0, 3), VALUES.get(name, ()))
+def asked(name: str) -> StudyRequest:
+    return StudyRequest(route(), small_config(), (0, 3), VALUES.get(name, ()))
 
 
 @lru_cache(maxsize=16)
@@ -79,7 +79,7 @@ def test_a_study_is_the_same_every_time_and_with_other_threads(name: str) -> Non
 @pytest.mark.parametrize("name", STUDIES)
 def test_its_tasks_go_to_any_process(name: str) -> None:
     """Outcomes of a task that was packed and unpacked are those of the task itself."""
-    task: Task = planned(STUDIES[name], asked(name))[-1]
+    task: StudyTask = planned(STUDIES[name], asked(name))[-1]
     shared = (asked(name).route, STUDIES[name].measure)
     function, there, again = pickle.loads(pickle.dumps((measured, shared, task)))
     assert function(there, again) == measured(shared, task)
@@ -294,12 +294,12 @@ def test_what_needs_integers_refuses_the_float_model(name: str) -> None:
     inputs = tiny_paper().encoder.inputs
     place = Route((encoded(PLACES, inputs),), encoded(PLACES, inputs), np.eye(PLACES, dtype=bool))
     with pytest.raises(ConfigError, match=f"the study {name} needs an integer network"):
-        run(STUDIES[name], Asked(place, tiny_paper(), (0,), VALUES[name]))
+        run(STUDIES[name], StudyRequest(place, tiny_paper(), (0,), VALUES[name]))
 
 
 def test_a_board_that_cannot_run_a_network_leaves_a_gap(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(measuring, "BOARD", dataclasses.replace(KAPOHO_BAY, memory=PackedRows(4), cores=1, chips=1))
-    made = run(STUDIES["bits"], Asked(route(), small_config(), (0,), (2, 3)))
+    made = run(STUDIES["bits"], StudyRequest(route(), small_config(), (0,), (2, 3)))
     assert [costs(one) for one in made.rows] == [None, None]
     assert as_json(made)["points"][1]["modelled"] is None
     assert "modelled uJ" not in table(made).columns

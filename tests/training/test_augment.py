@@ -14,7 +14,7 @@ from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.errors import ConfigError
 from lava_vpr.inputs.augment import AugmentConfig, augmented, shifted
-from lava_vpr.inputs.encoder import Layout
+from lava_vpr.inputs.encoder import ChannelLayout
 from lava_vpr.slayer import needs
 from lava_vpr.synthetic import write_traverses
 from lava_vpr.training.loop import check_size, train
@@ -89,30 +89,30 @@ def activity() -> np.ndarray:
 
 def test_nothing_changes_where_nothing_is_asked_for() -> None:
     shown = activity()
-    assert np.allclose(augmented(shown, Layout(2, 5), NOTHING, np.random.default_rng(0)), shown, atol=1e-6)
+    assert np.allclose(augmented(shown, ChannelLayout(2, 5), NOTHING, np.random.default_rng(0)), shown, atol=1e-6)
 
 
 def test_every_change_changes() -> None:
     shown = activity()
     for name in ("shift", "contrast", "illumination", "noise", "altered"):
         config = AugmentConfig(**{**vars(NOTHING), name: 0.5})
-        seen = augmented(shown, Layout(2, 5), config, np.random.default_rng(0))
+        seen = augmented(shown, ChannelLayout(2, 5), config, np.random.default_rng(0))
         assert seen.min() >= 0, name
         assert np.isfinite(seen).all(), name
         assert np.mean(seen != shown) > 0.3, name
-        again = augmented(shown, Layout(2, 5), config, np.random.default_rng(0))
+        again = augmented(shown, ChannelLayout(2, 5), config, np.random.default_rng(0))
         assert np.array_equal(seen, again), name
 
 
 def test_altered_inputs_are_those_of_other_references() -> None:
     shown = activity()
     config = AugmentConfig(shift=0, contrast=0, illumination=0, noise=0, altered=1.0)
-    seen = augmented(shown, Layout(2, 5), config, np.random.default_rng(0))
+    seen = augmented(shown, ChannelLayout(2, 5), config, np.random.default_rng(0))
     assert all(np.isin(seen[:, j], shown[:, j]).all() for j in range(shown.shape[1]))
 
 
 def test_a_shift_moves_columns_and_repeats_the_edge() -> None:
-    layout = Layout(1, 4)
+    layout = ChannelLayout(1, 4)
     image = np.tile(np.array([0.0, 10.0, 20.0, 30.0], np.float32), 4)[None]
     row = [shifted(image, layout, np.array([cells]))[0, :4] for cells in (1.0, -1.0, 0.25, 9.0)]
     assert np.array_equal(row[0], [10, 20, 30, 30])
@@ -124,4 +124,4 @@ def test_a_shift_moves_columns_and_repeats_the_edge() -> None:
 def test_inputs_of_vectors_are_neither_shifted_nor_lit() -> None:
     activity = np.random.default_rng(1).random((4, 10)).astype(np.float32)
     config = AugmentConfig(shift=3, contrast=0, illumination=5, noise=0, altered=0)
-    assert np.array_equal(augmented(activity, Layout(2, 3, 5), config, np.random.default_rng(0)), activity)
+    assert np.array_equal(augmented(activity, ChannelLayout(2, 3, 5), config, np.random.default_rng(0)), activity)

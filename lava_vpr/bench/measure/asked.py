@@ -17,7 +17,7 @@ from lava_vpr.backends.asking import Asker, Asking
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Presentations
 from lava_vpr.bench.query_set import QuerySet
-from lava_vpr.bench.results import Asked, AskedOn
+from lava_vpr.bench.results import AskedOn, QueryVariants
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.deploy.boards.estimate import Estimate
 from lava_vpr.deploy.boards.plan import Plan
@@ -42,7 +42,7 @@ def asked(
     asking: Asking,
     plans: Mapping[str, Plan | str],
     most: int,
-) -> Asked:
+) -> QueryVariants:
     """Recall and costs of ``queries`` that are asked as ``asking`` says.
 
     Args:
@@ -69,7 +69,7 @@ def asked(
             milliseconds, products = _bias_milliseconds(network, asking.adapt, shown.rates[:n]), network.weights.size
         boards = _boards(plans, network, asking, queries, _some(shown, n, asking.views, most))
     _, events = HostBackend(Pool(cores())).count_spikes(model, shown)
-    return Asked(
+    return QueryVariants(
         views=asking.views,
         adapt=asking.adapt,
         recall=result.metrics[result.default],

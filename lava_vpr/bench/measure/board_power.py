@@ -12,7 +12,7 @@ from lava_vpr.backends.deployed import bundle_of
 from lava_vpr.backends.interface import Presentations
 from lava_vpr.bench.results import Measured
 from lava_vpr.deploy.boards.board import BOARDS
-from lava_vpr.deploy.bundle.folder import Bundle
+from lava_vpr.deploy.bundle.folder import ReadBundle
 from lava_vpr.deploy.running.board_program import run_program
 from lava_vpr.errors import LavaRunError
 from lava_vpr.model import Model, checked_network
@@ -60,7 +60,7 @@ def measure(model: Model, shown: Presentations, backend: str) -> Measured:
     )
 
 
-def _run(bundle: Bundle, shown: Presentations, backend: str) -> dict[str, float]:
+def _run(bundle: ReadBundle, shown: Presentations, backend: str) -> dict[str, float]:
     """The figures that the board's program measures, by name (`FIGURES`)."""
     with temporary_folder() as folder:
         power = folder / "power.json"

@@ -31,7 +31,7 @@ class NoRaplError(Exception):
 
 
 @dataclass(frozen=True)
-class Counter:
+class EnergyCounter:
     """One counter: its folder, name, and the microjoules after which it is 0 again."""
 
     folder: Path
@@ -63,7 +63,7 @@ def _number(path: Path) -> int:
     return int(text)
 
 
-def counters(root: Path = ROOT) -> tuple[Counter, ...]:
+def counters(root: Path = ROOT) -> tuple[EnergyCounter, ...]:
     """The packages, and the memory chips where they are counted apart.
 
     Raises:
@@ -82,13 +82,13 @@ def counters(root: Path = ROOT) -> tuple[Counter, ...]:
             packages += [(part, f"{name} dram") for part in inside if _text(part / "name") == "dram"]
     if not packages:
         raise NoRaplError(f"{root} lists no RAPL package: the processor has none, or its driver (intel_rapl) is absent")
-    made = tuple(Counter(folder, name, _number(folder / "max_energy_range_uj")) for folder, name in packages)
+    made = tuple(EnergyCounter(folder, name, _number(folder / "max_energy_range_uj")) for folder, name in packages)
     for counter in made:
         counter.read()
     return made
 
 
-def joules(counters: Sequence[Counter], before: Sequence[int], after: Sequence[int]) -> float:
+def joules(counters: Sequence[EnergyCounter], before: Sequence[int], after: Sequence[int]) -> float:
     """Energy between two readings, of which the later may have started again from 0 once."""
     total = 0
     for counter, first, last in zip(counters, before, after, strict=True):
@@ -108,7 +108,7 @@ class Meter:
         self._period, self._end = period, threading.Event()
         self._at: list[float] = []
         self._total: list[float] = []
-        self._counters: tuple[Counter, ...] = ()
+        self._counters: tuple[EnergyCounter, ...] = ()
         try:
             self._counters = counters(root)
         except NoRaplError as error:

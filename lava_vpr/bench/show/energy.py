@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from lava_vpr.bench.energy import Way
+from lava_vpr.bench.energy import AnsweringWay
 from lava_vpr.bench.show.tables import title_of
 from lava_vpr.deploy.boards.constants import HOST_POWER
 from lava_vpr.deploy.boards.estimate import LEVELS, Estimate
@@ -19,7 +19,7 @@ TITLES = {
 }
 WATTS = ", ".join(f"{HOST_POWER.at(level) / 1e3:g}" for level in LEVELS)
 
-ROWS: tuple[tuple[str, Callable[[Way], Estimate | None]], ...] = (
+ROWS: tuple[tuple[str, Callable[[AnsweringWay], Estimate | None]], ...] = (
     ("board, dynamic, modelled", lambda way: way.dynamic),
     ("board, static while its chips work, modelled", lambda way: way.static),
     ("board, static in host I/O after that, modelled", lambda way: way.io_static),
@@ -37,7 +37,7 @@ NOTE = (
 )
 
 
-def table(ways: Sequence[Way], titles: Sequence[str] | None = None) -> Table:
+def table(ways: Sequence[AnsweringWay], titles: Sequence[str] | None = None) -> Table:
     """The table, a column for each way; without ways it has no rows, without a board none of boards.
 
     Args:

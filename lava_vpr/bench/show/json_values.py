@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lava_vpr.bench.anchors import ANCHORS
-from lava_vpr.bench.results import Asked, Bench, Candidate, Measured, Peer
+from lava_vpr.bench.results import Bench, Measured, Peer, QueryVariants, SweepPoint
 from lava_vpr.deploy.boards.estimate import Estimate
 from lava_vpr.matching.evaluation import Metrics
 
@@ -91,7 +91,7 @@ def as_json(bench: Bench) -> dict[str, Any]:
     return dict(_plain(values))
 
 
-def _asked(row: Asked | None) -> dict[str, Any] | None:
+def _asked(row: QueryVariants | None) -> dict[str, Any] | None:
     """Queries in views or adapted; None: not asked for."""
     if row is None:
         return None
@@ -121,7 +121,7 @@ def _measured(backend: Measured) -> dict[str, Any]:
     return _row(backend, milliseconds="milliseconds_per_query") | {"milliseconds_per_query": percentiles(backend)}
 
 
-def _row(row: Measured | Peer | Candidate, **keys: str) -> dict[str, Any]:
+def _row(row: Measured | Peer | SweepPoint, **keys: str) -> dict[str, Any]:
     """The fields of a row, those in ``keys`` under another key; ``name`` is not among them, no text is null."""
     values = {keys.get(item.name, item.name): getattr(row, item.name) for item in fields(row) if item.name != "name"}
     return {key: None if value == "" else value for key, value in values.items()}

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from lava_vpr.bench.anchors import ANCHORS
-from lava_vpr.bench.results import Candidate, Figures, Measured, StepTimes
+from lava_vpr.bench.results import BoardFigures, Measured, StepTimes, SweepPoint
 from lava_vpr.bench.show.json_values import PERCENTILES
 from lava_vpr.deploy.boards.estimate import Estimate, total
 from lava_vpr.show.numbers import figure as written
@@ -147,7 +147,7 @@ def latencies(rows: Sequence[Measured], label: str) -> str:
         return to_svg(canvas_, "latency", label)
 
 
-def pareto(rows: Sequence[Candidate], label: str) -> str:
+def pareto(rows: Sequence[SweepPoint], label: str) -> str:
     """Recall of every setting against its energy and its time; the best are joined, what was chosen is named."""
     with Style():
         canvas_ = canvas(WIDTH + 200, 404)
@@ -220,7 +220,7 @@ def _exact(value: float | None) -> Estimate | None:
     return None if value is None else Estimate(value, value, value)
 
 
-def beside_anchors(ours: Figures, label: str) -> str:
+def beside_anchors(ours: BoardFigures, label: str) -> str:
     """Energy and time of this network, modelled, above those that others have published; two logarithmic axes."""
     rows: list[tuple[str, str, tuple[Estimate | None, Estimate | None]]] = [
         ("this network, modelled", "c0", (ours.dynamic_microjoules, ours.milliseconds))

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from lava_vpr.bench.anchors import ANCHORS
-from lava_vpr.bench.results import Asked, Bench, Candidate, Figures, Measured, Modelled, Peer, Workload
+from lava_vpr.bench.results import Bench, BoardFigures, Measured, Modelled, Peer, QueryVariants, SweepPoint, Workload
 from lava_vpr.bench.show.json_values import PERCENTILES, counts, percentiles
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.boards.estimate import Estimate
@@ -59,7 +59,7 @@ def thresholds(bench: Bench) -> Table:
     return Table(heads, rows, (note,), "accepted by --target-precision")
 
 
-def asked(row: Asked | None) -> Table:
+def asked(row: QueryVariants | None) -> Table:
     """What a query takes that is asked in several views, or adapted."""
     cells: list[tuple[str, ...]] = []
     for board in () if row is None else row.boards:
@@ -152,7 +152,7 @@ def title_of(target: str) -> str:
     return BOARDS[target].title if target in BOARDS else target
 
 
-def modelled(costs: Modelled, figures: Figures) -> Table:
+def modelled(costs: Modelled, figures: BoardFigures) -> Table:
     """The costs of a query on a board."""
     rows: list[tuple[str, ...]] = [_levels("dynamic energy, uJ", figures.dynamic_microjoules)]
     parts = sorted(figures.dynamic_by_component.items(), key=lambda item: -item[1].nominal)
@@ -226,7 +226,7 @@ def peers(rows: Sequence[Peer]) -> Table:
     return Table(heads, cells, (note,), "peers on the same images", long=frozenset({7}))
 
 
-def sweep(rows: Sequence[Candidate]) -> Table:
+def sweep(rows: Sequence[SweepPoint]) -> Table:
     """The front of the sweep, dearest first, and what was chosen."""
     shown = sorted(
         (candidate for candidate in rows if candidate.front or candidate.chosen),

@@ -12,7 +12,7 @@ from lava_vpr.cli.common import PATH, Number, RegisteredName, console, stage, st
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.train import describe, tell
 from lava_vpr.engine.threads import cores
-from lava_vpr.exchange.formats import FORMATS, TIME_STEP, Asked, format_of
+from lava_vpr.exchange.formats import FORMATS, TIME_STEP, FileOptions, format_of
 from lava_vpr.exchange.opening import imported
 from lava_vpr.model import integer_model
 from lava_vpr.storage.locking import only_one
@@ -50,7 +50,7 @@ def export(model_path: Path, output: Path, name: str | None, time_step: float, r
     Outputs((output,), model=model_path)
     model = integer_model(open_model(model_path), f"format {row.name}", model_path)
     with stage(f"writing {shown(output)}"):
-        notes = row.write(model, output, Asked(time_step, references))
+        notes = row.write(model, output, FileOptions(time_step, references))
     for note in notes:
         stderr.print(f"note: {note}")
     network = model.network

@@ -11,7 +11,7 @@ import click
 from lava_vpr.cli.common import PATH, RegisteredName, console, print_whole
 from lava_vpr.cli.outputs import Outputs, write_json
 from lava_vpr.datasets.checking import Check, check
-from lava_vpr.datasets.layouts import DATASETS, Dataset, Layout
+from lava_vpr.datasets.layouts import DATASETS, Dataset, DatasetLayout
 from lava_vpr.show.numbers import NONE
 from lava_vpr.show.table import Table
 
@@ -83,7 +83,7 @@ def _tell(row: Dataset) -> None:
         console.print(f"    {_folders(layout)}")
 
 
-def _folders(layout: Layout) -> str:
+def _folders(layout: DatasetLayout) -> str:
     taken = [f"every {layout.step}th image"] if layout.step > 1 else []
     taken += [f"a place every {layout.spacing:g} m"] if layout.spacing is not None else []
     taken += ["positions needed"] if layout.ground_truth == "positions" else []

@@ -18,7 +18,7 @@ from lava_vpr.config import StdpLearning
 from lava_vpr.datasets.layouts import DATASETS
 from lava_vpr.errors import InputError
 from lava_vpr.paper_table.methods import NETWORKS
-from lava_vpr.paper_table.run import PaperTable, Wanted, compute
+from lava_vpr.paper_table.run import PaperRequest, PaperTable, compute
 from lava_vpr.paper_table.show.markdown import markdown
 from lava_vpr.paper_table.show.tables import RULES, tables
 from lava_vpr.paper_table.show.values import as_csv, as_json
@@ -173,7 +173,7 @@ def _wanted(
     sections: tuple[int, ...],
     epochs: int | None,
     seed: int,
-) -> Wanted:
+) -> PaperRequest:
     """What the table is computed from; no output is one of its files.
 
     Raises:
@@ -189,7 +189,7 @@ def _wanted(
     vectors = {name: (paths[0], paths[1]) for name, paths in _once(descriptors, "--descriptors").items()}
     for name in vectors.keys() - sources.keys():
         raise InputError(f"--descriptors {name}: no images of it are given; add --dataset or --traverses")
-    return Wanted(sources, vectors, only or NETWORKS, sections, seed, epochs)
+    return PaperRequest(sources, vectors, only or NETWORKS, sections, seed, epochs)
 
 
 def _once(given: Sequence[NamedPaths], option: str) -> dict[str, tuple[Path, ...]]:

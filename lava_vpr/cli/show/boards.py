@@ -10,7 +10,7 @@ import click
 from lava_vpr.cli.common import RegisteredName, console, print_whole, setting_type, stderr
 from lava_vpr.config import INPUT_MODES, LifNetwork
 from lava_vpr.deploy.boards.board import BOARDS, Board
-from lava_vpr.deploy.hardware.belief import Belief
+from lava_vpr.deploy.hardware.belief import HardwareBelief
 from lava_vpr.show.table import Table
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def check_dense_rows(board: Board, dense_rows: bool) -> None:
         raise click.UsageError(f"--dense-rows needs --target {able}: how {board.title} stores rows is not public")
 
 
-def print_unproven(rows: Sequence[Belief]) -> None:
+def print_unproven(rows: Sequence[HardwareBelief]) -> None:
     """Print how many unproven beliefs a bundle rests on, with the names of those that not all for its board have."""
     own = [row.name for row in rows if all(":" in each for each in row.rests)]
     named = "".join(f"; {name}" for name in own)
@@ -57,7 +57,9 @@ def print_unproven(rows: Sequence[Belief]) -> None:
     )
 
 
-def print_placed(plan: Plan, notes: Iterable[str], beliefs: Sequence[Belief], compared: Table | None = None) -> None:
+def print_placed(
+    plan: Plan, notes: Iterable[str], beliefs: Sequence[HardwareBelief], compared: Table | None = None
+) -> None:
     """Print where neurons stand, and what that rests on.
 
     Args:

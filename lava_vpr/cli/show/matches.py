@@ -40,7 +40,7 @@ ALWAYS = (
 
 
 @dataclass(frozen=True)
-class Table:
+class MatchTable:
     """A table with a row for every query.
 
     Attributes:
@@ -56,7 +56,7 @@ class Table:
     places: Positions | None = None
 
     @classmethod
-    def of(cls, model: Model, queries: Traverse, top: int, *, chances: bool) -> Table:
+    def of(cls, model: Model, queries: Traverse, top: int, *, chances: bool) -> MatchTable:
         """The table of a model's matches: where they are known, further columns follow those that are always there.
 
         Of the matched place its position, in the model's frame; of the query its time, in seconds; and the metres
@@ -132,7 +132,7 @@ def candidate_columns(top: int, chances: bool) -> list[str]:
     return ["score", *(f"{key}_{rank}" for rank in range(2, top + 1) for key in keys)]
 
 
-def sentences(table: Table, row: Row, least: float) -> str:
+def sentences(table: MatchTable, row: Row, least: float) -> str:
     """One row for a person: where the query was taken, how likely that is, and the candidates.
 
     Args:

@@ -93,7 +93,7 @@ def json_option(what: str) -> Callable[[Any], Any]:
 
 
 @dataclass(frozen=True)
-class Results:
+class WrittenFiles:
     """Files that a command writes of what it found.
 
     Attributes:
@@ -115,4 +115,4 @@ def results_options(page: str) -> Callable[[Any], Any]:
     report = click.option(
         "--report", "report_folder", type=PATH, default=None, metavar="DIR", help=f"Write DIR/{page}."
     )
-    return noun("results", Results, json_option("the figures"), report)
+    return noun("results", WrittenFiles, json_option("the figures"), report)

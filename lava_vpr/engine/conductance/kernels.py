@@ -50,7 +50,7 @@ class Constants(NamedTuple):
     w_max: float
 
 
-class Network(NamedTuple):
+class ConductanceDrive(NamedTuple):
     """Weights and delays (neurons, inputs), and one presentation's input spikes as `draw_spikes` returns them."""
 
     weights: NDArray[np.float64]
@@ -141,7 +141,7 @@ def first_spike(when: NDArray[np.int32], step: int) -> int:
 
 
 @compiled(nogil=True)
-def input_drive(net: Network, begin: int, carry: NDArray[np.float64], drive: NDArray[np.float64]) -> None:
+def input_drive(net: ConductanceDrive, begin: int, carry: NDArray[np.float64], drive: NDArray[np.float64]) -> None:
     """Sum the weights that arrive at every neuron in the steps from ``begin``, as many as ``drive`` has rows.
 
     ``carry`` (neurons, longest delay) holds what earlier spikes send into these steps, and afterwards what all send

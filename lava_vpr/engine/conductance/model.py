@@ -28,7 +28,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.config import Config
-from lava_vpr.engine.conductance.kernels import FROZEN, PAPER, TRIPLET, Constants, Network, draw_spikes, normalise
+from lava_vpr.engine.conductance.kernels import (
+    FROZEN,
+    PAPER,
+    TRIPLET,
+    ConductanceDrive,
+    Constants,
+    draw_spikes,
+    normalise,
+)
 from lava_vpr.engine.conductance.run import present
 from lava_vpr.engine.entry import check_presentations, check_rates
 from lava_vpr.engine.random import presentation_key, uniform
@@ -208,7 +216,7 @@ def train_presentation(
     when, sources = draw_spikes(_own(rates, np.uint32), np.uint64(key), c.steps)
     counts = np.zeros(state.weights.shape[1], np.int32)
     raw = np.zeros(4, np.int64)
-    net = Network(state.weights.T, state.delays.T, when, sources)
+    net = ConductanceDrive(state.weights.T, state.delays.T, when, sources)
     longest, traces = int(state.delays.max(initial=0)), trace_table(c.total, network.dt_ms)
     present(net, state.theta_mv, traces, RULES[learning.rule], longest, c, counts, raw)
     return counts, named_events(raw, len(counts), 1, c)
@@ -249,7 +257,7 @@ def count_spikes(
     def run(part: slice) -> NDArray[np.int64]:
         raw = np.zeros(4, np.int64)
         for q in range(part.start, part.stop):
-            net = Network(weights, delays, *draw_spikes(rates[q], keys[q], c.steps))
+            net = ConductanceDrive(weights, delays, *draw_spikes(rates[q], keys[q], c.steps))
             present(net, np.array(state.theta_mv, np.float64), traces, FROZEN, longest, c, counts[q], raw)
         return raw
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.engine.conductance.kernels import NEVER, TRIPLET, Constants, Network
+from lava_vpr.engine.conductance.kernels import NEVER, TRIPLET, ConductanceDrive, Constants
 from lava_vpr.kernelcache import compiled
 
 
@@ -57,7 +57,7 @@ def with_room(old: Plastic, n: int) -> Plastic:
 
 
 @compiled(nogil=True)
-def recruit(plastic: Plastic, slot: int, i: int, step: int, net: Network, total: int) -> None:
+def recruit(plastic: Plastic, slot: int, i: int, step: int, net: ConductanceDrive, total: int) -> None:
     """Neuron ``i`` becomes plastic at ``step``: when each input last arrived, and what arrives later, in order.
 
     Arrivals of one step stay in the order of their departure, as `input_drive` adds them.

@@ -20,8 +20,8 @@ from lava_vpr.engine.conductance.kernels import (
     INH_TO_EXC,
     NEVER,
     TRIPLET,
+    ConductanceDrive,
     Constants,
-    Network,
     calm,
     first_spike,
     input_drive,
@@ -123,7 +123,7 @@ def _fire(exc: Exc, inh: Inh, i: int, step: int, tally: NDArray[np.int64], theta
 
 @compiled(nogil=True)
 def _recruit(
-    plastic: Plastic, exc: Exc, i: int, step: int, net: Network, tally: NDArray[np.int64], total: int
+    plastic: Plastic, exc: Exc, i: int, step: int, net: ConductanceDrive, tally: NDArray[np.int64], total: int
 ) -> Plastic:
     """Give neuron ``i`` a slot among the plastic ones, unless it has one."""
     if exc.slot[i] < 0:
@@ -135,7 +135,9 @@ def _recruit(
 
 
 @compiled(nogil=True)
-def _recruit_clipped(plastic: Plastic, exc: Exc, net: Network, tally: NDArray[np.int64], c: Constants) -> Plastic:
+def _recruit_clipped(
+    plastic: Plastic, exc: Exc, net: ConductanceDrive, tally: NDArray[np.int64], c: Constants
+) -> Plastic:
     """Neurons with a weight outside [0, w_max] are plastic from the start: under the triplet rule arrivals clip it."""
     before = NEVER
     for i in range(exc.v.size):
@@ -148,7 +150,7 @@ def _recruit_clipped(plastic: Plastic, exc: Exc, net: Network, tally: NDArray[np
 
 
 @compiled(nogil=True)
-def _undelivered(net: Network, longest: int, total: int) -> int:
+def _undelivered(net: ConductanceDrive, longest: int, total: int) -> int:
     """Input spikes times synapses that the presentation ends before."""
     lost = 0
     for p in range(first_spike(net.when, total - longest), net.when.size):
@@ -207,7 +209,7 @@ def _at_rest(n: int, theta: NDArray[np.float64]) -> tuple[Exc, Inh]:
 
 @compiled(nogil=True)
 def present(
-    net: Network,
+    net: ConductanceDrive,
     theta: NDArray[np.float64],
     traces: NDArray[np.float64],
     rule: int,

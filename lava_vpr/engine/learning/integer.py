@@ -28,7 +28,7 @@ from lava_vpr.engine.entry import check_array, check_rates
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.inference.bias_input import slopes
 from lava_vpr.engine.inference.quantise import mantissa_of
-from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS, KernelPhase, StepDraws, normalise_columns, train
+from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS, IntegerPhase, StepDraws, normalise_columns, train
 from lava_vpr.engine.learning.stdp import mean_trace
 from lava_vpr.engine.random import derived_key, presentation_key, uniform
 from lava_vpr.errors import ConfigError, InputError, NetworkLimitError
@@ -46,7 +46,7 @@ AGAIN = "use the arrays of one network"
 
 
 @dataclass(frozen=True)
-class Rule:
+class WeightRule:
     """Weight change on a postsynaptic spike, ``sum of mantissa 2^exponent y0 (x1 - target) (255 - w)^mu``.
 
     Attributes:
@@ -128,7 +128,7 @@ class IntegerLearning:
         regular: Inputs spike regularly (`engine.inference.bias_input`), not by Poisson draws.
     """
 
-    rule: Rule
+    rule: WeightRule
     inhibition: int
     neurons: LifParameters
     weight_sum: int
@@ -195,7 +195,7 @@ def phases(learning: StdpLearning, inputs: int, spikes_per_step: float) -> tuple
         rate = eta * scale / TRACE_LIMIT / scale**mu * (1 << max(0, 9 * mu - 4))
         x_target = target * mean_trace(inputs, spikes_per_step, tau)
         return IntegerLearning(
-            rule=Rule(products(rate), round(x_target * TRACE_LIMIT), mu, tau),
+            rule=WeightRule(products(rate), round(x_target * TRACE_LIMIT), mu, tau),
             inhibition=_lateral(learning, per_unit),
             neurons=LifParameters(
                 dv=min(DECAY_UNITY - 1, round(DECAY_UNITY / learning.tau_membrane)),
@@ -238,11 +238,11 @@ def normalise(weights: NDArray[np.uint8], total: int, key: int) -> None:
     normalise_columns(weights, total, np.uint64(derived_key(key, "normalise")))
 
 
-def _kernel_phase(learning: IntegerLearning) -> KernelPhase:
+def _kernel_phase(learning: IntegerLearning) -> IntegerPhase:
     """The phase as the kernel reads it; what the host does after a presentation is left out."""
     rule, (whole, fraction) = learning.rule, learning.rule.decay()
     lif = replace(learning.neurons, theta_plus=0) if learning.late_theta else learning.neurons
-    return KernelPhase(
+    return IntegerPhase(
         steps=learning.steps,
         silent_steps=learning.silent_steps,
         regular=learning.regular,

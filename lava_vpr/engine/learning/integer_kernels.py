@@ -29,7 +29,7 @@ class StepDraws(NamedTuple):
     weights: NDArray[np.uint64]
 
 
-class KernelPhase(NamedTuple):
+class IntegerPhase(NamedTuple):
     """One phase of learning as the kernel reads it.
 
     ``steps``, ``silent_steps`` and ``regular`` are those of `lava_vpr.engine.learning.integer.IntegerLearning`, ``lif``
@@ -142,7 +142,7 @@ def _decay_epochs(
 
 @compiled(nogil=True)
 def _learn_at(
-    weights: NDArray[np.uint8], x: NDArray[np.uint8], fired: NDArray[np.bool_], phase: KernelPhase, draw: np.uint64
+    weights: NDArray[np.uint8], x: NDArray[np.uint8], fired: NDArray[np.bool_], phase: IntegerPhase, draw: np.uint64
 ) -> None:
     """Change the synapses of all neurons that ``fired``, by the traces ``x`` of this step."""
     for i in range(fired.size):
@@ -157,7 +157,7 @@ def train(
     rates: NDArray[np.uint16],
     slopes: NDArray[np.int32],
     key: np.uint64,
-    phase: KernelPhase,
+    phase: IntegerPhase,
     inhibition: NDArray[np.int64],
     draws: StepDraws,
     x: NDArray[np.uint8],

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from lava_vpr.paper_table.run import Part
+from lava_vpr.paper_table.run import DatasetRows
 from lava_vpr.show.svg import THEME, Style, canvas, to_svg
 
 WIDTH = 560
 """Width of a drawing, in CSS pixels at its natural size."""
 
 
-def sections(part: Part, label: str) -> str:
+def sections(part: DatasetRows, label: str) -> str:
     """R@100P as released: a dot for each section, a bar at their mean, a diamond at what the paper prints."""
     rows = [row for row in part.rows if row.sections or row.printed is not None]
     with Style():

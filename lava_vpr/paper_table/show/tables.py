@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lava_vpr.paper_table.run import PaperTable, Part, Row, counted
+from lava_vpr.paper_table.run import DatasetRows, MethodRow, PaperTable, counted
 from lava_vpr.show.numbers import NONE, percent
 from lava_vpr.show.table import Table
 
@@ -13,7 +13,7 @@ RULES = (
 COLUMNS = ("method", "printed", "R@100P released", "lowest to highest", "R@100P exact", "R@1", "AUC", "sections")
 
 
-def conditions(part: Part) -> str:
+def conditions(part: DatasetRows) -> str:
     """What is learned and recognised here, and by the paper, in sentences."""
     source, row = part.source, part.dataset
     if source is None:
@@ -29,7 +29,7 @@ def conditions(part: Part) -> str:
     return f"{here}. {source.places:,} places{short}, {row.places} in a section, one model each; exact matches."
 
 
-def summary(part: Part) -> Table:
+def summary(part: DatasetRows) -> Table:
     """The methods of a dataset: printed, recomputed, and their spread over sections."""
     return Table(
         COLUMNS,
@@ -40,7 +40,7 @@ def summary(part: Part) -> Table:
     )
 
 
-def _summary(row: Row) -> tuple[str, ...]:
+def _summary(row: MethodRow) -> tuple[str, ...]:
     printed = percent(row.printed)
     spreads = row.spreads
     released = spreads.get("released")
@@ -59,7 +59,7 @@ def _summary(row: Row) -> tuple[str, ...]:
     )
 
 
-def by_section(part: Part, figure: str, heading: str) -> Table:
+def by_section(part: DatasetRows, figure: str, heading: str) -> Table:
     """A figure of every method, section by section."""
     rows = [row for row in part.rows if row.sections]
     numbers = sorted({number for row in rows for number in row.sections})

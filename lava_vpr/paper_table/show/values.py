@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from lava_vpr.paper_table.printed import DOI
-from lava_vpr.paper_table.run import PaperTable, Part, Row
-from lava_vpr.paper_table.sections import Figures
+from lava_vpr.paper_table.run import DatasetRows, MethodRow, PaperTable
+from lava_vpr.paper_table.sections import MethodFigures
 from lava_vpr.show.table import Table
 
-HEADER = ("dataset", "method", "section", *Figures._fields, "printed", "absent")
+HEADER = ("dataset", "method", "section", *MethodFigures._fields, "printed", "absent")
 
 
 def as_json(table: PaperTable) -> dict[str, Any]:
@@ -22,7 +22,7 @@ def as_json(table: PaperTable) -> dict[str, Any]:
     }
 
 
-def _part(part: Part) -> dict[str, Any]:
+def _part(part: DatasetRows) -> dict[str, Any]:
     source = part.source
     return {
         "dataset": part.dataset.name,
@@ -41,8 +41,8 @@ def _part(part: Part) -> dict[str, Any]:
     }
 
 
-def _row(row: Row) -> dict[str, Any]:
-    spreads = {name: row.spreads.get(name) for name in Figures._fields}
+def _row(row: MethodRow) -> dict[str, Any]:
+    spreads = {name: row.spreads.get(name) for name in MethodFigures._fields}
     return {
         "method": row.method.name,
         "printed": row.printed,
@@ -60,11 +60,11 @@ def as_csv(table: PaperTable) -> str:
     return Table(HEADER, lines).csv()
 
 
-def _lines(dataset: str, row: Row) -> list[tuple[str, ...]]:
+def _lines(dataset: str, row: MethodRow) -> list[tuple[str, ...]]:
     """The lines of a row."""
     start, printed = (dataset, row.method.name), "" if row.printed is None else f"{row.printed:g}"
     if row.absent is not None:
-        return [(*start, "", *[""] * len(Figures._fields), printed, row.absent)]
+        return [(*start, "", *[""] * len(MethodFigures._fields), printed, row.absent)]
     lines = [(*start, str(number), *map(_number, figures), "", "") for number, figures in row.sections.items()]
     means, deviations = ([_number(getattr(one, of)) for one in row.spreads.values()] for of in ("mean", "deviation"))
     return [*lines, (*start, "mean", *means, printed, ""), (*start, "deviation", *deviations, "", "")]

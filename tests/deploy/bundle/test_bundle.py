@@ -16,7 +16,7 @@ import pytest
 from lava_vpr.deploy.bundle import folder as bundle
 from lava_vpr.deploy.bundle.folder import (
     MANIFEST,
-    Bundle,
+    ReadBundle,
     array_bytes,
     check_replaceable,
     json_bytes,
@@ -247,13 +247,13 @@ def test_the_header_of_an_array_is_not_believed(kind: str) -> None:
     text = f"{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}}}\n".encode()
     data = b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text + b"\0" * 64
     with pytest.raises(BundleError) as caught:
-        Bundle(Path("b"), {}, {"a.npy": data}).array("a.npy")
+        ReadBundle(Path("b"), {}, {"a.npy": data}).array("a.npy")
     assert str(caught.value).startswith("b/a.npy: is no array of numbers (")
     assert said in str(caught.value)
 
 
 def test_an_array_is_of_its_type_and_shape() -> None:
-    held = Bundle(Path("b"), {}, {"a.npy": array_bytes(np.arange(6, dtype=np.int32).reshape(2, 3))})
+    held = ReadBundle(Path("b"), {}, {"a.npy": array_bytes(np.arange(6, dtype=np.int32).reshape(2, 3))})
     assert held.array("a.npy", np.int32, ("rows", 3)).tolist() == [[0, 1, 2], [3, 4, 5]]
     with pytest.raises(BundleError, match=r"^b/a.npy: is int32 \(2, 3\), but must be int64 \(rows, 3\); deploy the"):
         held.array("a.npy", np.int64, ("rows", 3))
@@ -263,7 +263,7 @@ def test_an_array_is_of_its_type_and_shape() -> None:
 
 
 def test_json_is_not_read_beyond_its_limit(monkeypatch: pytest.MonkeyPatch) -> None:
-    held = Bundle(Path("b"), {}, {"a.json": b"[" + b"1, " * 200 + b"1]"})
+    held = ReadBundle(Path("b"), {}, {"a.json": b"[" + b"1, " * 200 + b"1]"})
     monkeypatch.setenv("LAVA_VPR_MAX_BUNDLE_JSON_BYTES", "100")
     with pytest.raises(BundleError, match=r"^b/a.json: has 603 bytes, more than the 100 allowed; if the file is sound"):
         held.json("a.json")

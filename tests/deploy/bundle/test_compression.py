@@ -296,9 +296,9 @@ def test_the_search_goes_by_what_was_measured_and_stops_where_nothing_cheaper_ca
     # In order: the model as it is, then points whose relays make them dearer or cheaper than their inputs say.
     measured = iter([(0.9, 9 * last), (0.9, 8 * last), (0.9, last + 10), (0.9, last + 20), (0.9, 0.0)])
 
-    def figures(*_: object, **__: object) -> compression.Figures:
+    def figures(*_: object, **__: object) -> compression.CompressionFigures:
         recall, operations = next(measured)
-        return compression.Figures(recall, recall, recall, operations)
+        return compression.CompressionFigures(recall, recall, recall, operations)
 
     monkeypatch.setattr(calibration, "figures", figures)
     result = calibration.search(trained(), LOIHI_2, queries(), 0.0)

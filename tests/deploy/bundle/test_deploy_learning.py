@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
-from lava_vpr.deploy.bundle.folder import Bundle, json_bytes
+from lava_vpr.deploy.bundle.folder import ReadBundle, json_bytes
 from lava_vpr.deploy.bundle.learning import ChipLearning, chip_learning, learned_on_chip, learning_files, read_learning
 from lava_vpr.encoding import EncodedTraverse, draw_spikes
 from lava_vpr.engine.inference.bias_input import bias_input_spikes
@@ -58,9 +58,9 @@ def model(request: pytest.FixtureRequest) -> Model:
     return train([traverse(config, 1), traverse(config, 2)], config)
 
 
-def bundle_of(model: Model) -> Bundle:
+def bundle_of(model: Model) -> ReadBundle:
     """Its learning files, as a bundle would hold them."""
-    return Bundle(Path("memory"), {}, learning_files(model))
+    return ReadBundle(Path("memory"), {}, learning_files(model))
 
 
 def test_what_is_read_is_what_was_written(model: Model) -> None:
@@ -277,18 +277,18 @@ def test_what_cannot_be_learned_on_the_chip_is_told(model: Model) -> None:
 
 def test_a_bundle_without_or_with_garbled_learning(model: Model) -> None:
     with pytest.raises(BundleError, match="holds no network that learns; deploy the model with --learning"):
-        read_learning(Bundle(Path("memory"), {}, {}))
+        read_learning(ReadBundle(Path("memory"), {}, {}))
     files = learning_files(model)
     told = bundle_of(model).json("learning/learning.json")
     told["stretches"][0]["phases"][0]["learning_rule"]["dw"] = "2^-1*y0*(x1-1)"
     with pytest.raises(BundleError, match=r"learning.json: lacks or garbles dw .* not the sum of its products"):
-        read_learning(Bundle(Path("memory"), {}, {**files, "learning/learning.json": json_bytes(told)}))
+        read_learning(ReadBundle(Path("memory"), {}, {**files, "learning/learning.json": json_bytes(told)}))
     told = bundle_of(model).json("learning/learning.json")
     told["stretches"][0]["phases"][0]["silent_steps"] = 3
     with pytest.raises(
         BundleError, match=r"lacks or garbles a presentation takes 63 steps, but Loihi 2 resets .* 32 or 64"
     ):
-        read_learning(Bundle(Path("memory"), {}, {**files, "learning/learning.json": json_bytes(told)}))
+        read_learning(ReadBundle(Path("memory"), {}, {**files, "learning/learning.json": json_bytes(told)}))
     del told["stretches"][0]["phases"]
     with pytest.raises(BundleError, match=r"learning.json: lacks or garbles 'phases'; deploy"):
-        read_learning(Bundle(Path("memory"), {}, {**files, "learning/learning.json": json_bytes(told)}))
+        read_learning(ReadBundle(Path("memory"), {}, {**files, "learning/learning.json": json_bytes(told)}))

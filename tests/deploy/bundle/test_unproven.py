@@ -11,7 +11,7 @@ from support.common.small_models import small_model
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.bundle.deployment import contents
 from lava_vpr.deploy.compression.compression import Changes, adapted
-from lava_vpr.deploy.hardware.belief import Belief, Given
+from lava_vpr.deploy.hardware.belief import Given, HardwareBelief
 from lava_vpr.deploy.hardware.table import BELIEFS
 
 KAPOHO_BAY = [
@@ -79,4 +79,4 @@ def test_every_unproven_row_is_one_of_bundles_or_of_none() -> None:
 
 def test_a_proven_row_is_not_rested_on() -> None:
     with pytest.raises(TypeError, match="a call: has a source, so no bundle is said to rest on it"):
-        Belief("a call", "a chip", "call", Given("f"), None, "all", "a paper", rests=("Loihi 1",))
+        HardwareBelief("a call", "a chip", "call", Given("f"), None, "all", "a paper", rests=("Loihi 1",))

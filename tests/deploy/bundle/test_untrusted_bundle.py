@@ -19,7 +19,7 @@ from lava_vpr.cli import main
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.bundle import loihi2
 from lava_vpr.deploy.bundle.deployment import contents, deploy
-from lava_vpr.deploy.bundle.folder import MANIFEST, Bundle, array_bytes, json_bytes, sealed
+from lava_vpr.deploy.bundle.folder import MANIFEST, ReadBundle, array_bytes, json_bytes, sealed
 from lava_vpr.deploy.bundle.opening import open_bundle
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import BundleError, ModelFileError
@@ -61,7 +61,7 @@ def array(name: str, change: Callable[[NDArray[Any]], Any]) -> Callable[[Told, F
     """Another array: ``change`` returns it, or alters the one that it is given."""
 
     def changed(told: Told, files: Files) -> None:
-        before = Bundle(Path(), {}, files).array(name)
+        before = ReadBundle(Path(), {}, files).array(name)
         after = change(before)
         files[name] = array_bytes(before if after is None else after)
 

@@ -20,7 +20,7 @@ from lava_vpr.deploy.boards.estimate import LEVELS, Estimate, total
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.cost import costs, embedded, host_traffic
 from lava_vpr.deploy.cost.closed_form import closed_form, step_microseconds, step_nanoseconds, step_picojoules
-from lava_vpr.deploy.cost.costs import Figures, Modelled, all_microseconds, modelled, outside_steps
+from lava_vpr.deploy.cost.costs import BoardFigures, Modelled, all_microseconds, modelled, outside_steps
 from lava_vpr.deploy.cost.events import KINDS, EventCounts, count_events
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.engine.inference import fixed
@@ -151,7 +151,7 @@ def test_sanafes_input_core_and_tiles() -> None:
     ).all()
 
 
-def figures_of(plan: Plan, counted: EventCounts) -> Figures:
+def figures_of(plan: Plan, counted: EventCounts) -> BoardFigures:
     found = modelled(plan, counted).figures
     assert found is not None
     return found

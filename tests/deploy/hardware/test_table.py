@@ -9,7 +9,7 @@ import pytest
 
 from lava_vpr import loihi
 from lava_vpr.deploy.boards.constants import HOST_POWER, LOIHI_1
-from lava_vpr.deploy.hardware.belief import Belief, Given, Span
+from lava_vpr.deploy.hardware.belief import Given, HardwareBelief, Span
 from lava_vpr.deploy.hardware.table import ASSUMED, BELIEFS, kind_of, refusal, unproven_values
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -52,7 +52,7 @@ def test_every_row_has_a_source_or_says_why_not() -> None:
 def test_a_row_with_both_or_neither_is_refused() -> None:
     for given in ({}, {"source": "a paper", "why": "a guess"}):
         with pytest.raises(TypeError, match="a limit: give a source, or why it is believed without one"):
-            Belief("a limit", "a chip", "limit", 1, None, "nothing", **given)
+            HardwareBelief("a limit", "a chip", "limit", 1, None, "nothing", **given)
 
 
 @pytest.mark.parametrize(
@@ -65,7 +65,7 @@ def test_a_row_with_both_or_neither_is_refused() -> None:
     ],
 )
 def test_what_a_row_allows(value: object, kind: str, allowed: tuple[int, ...], refused: tuple[int, ...]) -> None:
-    row = Belief("thing", "a chip", kind, value, None, "all", "a paper")  # type: ignore[arg-type]
+    row = HardwareBelief("thing", "a chip", kind, value, None, "all", "a paper")  # type: ignore[arg-type]
     assert [row.refusal(number) for number in allowed] == [""] * len(allowed)
     for number in refused:
         assert f"thing {number} is " in row.refusal(number)
@@ -74,7 +74,7 @@ def test_what_a_row_allows(value: object, kind: str, allowed: tuple[int, ...], r
 
 def test_a_text_cannot_be_compared() -> None:
     with pytest.raises(TypeError, match="no number can be compared with"):
-        Belief("call", "a library", "call", Given("f(x)"), None, "all", "a paper").allows(1)
+        HardwareBelief("call", "a library", "call", Given("f(x)"), None, "all", "a paper").allows(1)
 
 
 def test_values_that_no_source_shows_are_refused_unless_asked_for() -> None:

@@ -16,7 +16,7 @@ from rich.console import Console
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2, Board
 from lava_vpr.deploy.boards.estimate import Estimate
 from lava_vpr.deploy.boards.memory import row_words
-from lava_vpr.deploy.boards.plan import CorePlan, Load, Needs, Part, Plan, PopulationName, Times
+from lava_vpr.deploy.boards.plan import CorePlan, Load, Needs, Plan, PopulationName, PopulationPart, Times
 from lava_vpr.deploy.show.drawing import COLOURS, MOST_CARDS, WIDTH, draw, figure_of
 from lava_vpr.deploy.show.tables import busiest, core_table, rows_of, share, summary
 from lava_vpr.engine.inference.fixed import FixedNetwork
@@ -59,7 +59,9 @@ def plan(neurons: int, board: Board = KAPOHO_BAY, bias_input: bool = False, each
         exc = sum(size for name, _, size in held if name == "exc")
         starts = itertools.accumulate([0, *(size for _, _, size in held)])
         words = int(row_words(np.full(net.inputs, exc), 3).sum())
-        placed = tuple(Part(name, first, size, start) for (name, first, size), start in zip(held, starts, strict=False))
+        placed = tuple(
+            PopulationPart(name, first, size, start) for (name, first, size), start in zip(held, starts, strict=False)
+        )
         total = sum(part.size for part in placed)
         taken = needs(board, total, net.inputs + neurons, 3 * total, words)
         load = Load(20.0, 300.0, 4.0, exc, 3.0, 2.0, 9000.0)

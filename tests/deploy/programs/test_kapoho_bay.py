@@ -25,7 +25,7 @@ from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.deploy.bundle.programs import PROGRAMS
 from lava_vpr.deploy.registers.core_images import core_images
 from lava_vpr.deploy.registers.synapse_memory import unpack
-from lava_vpr.deploy.registers.synapses import Format
+from lava_vpr.deploy.registers.synapses import SynapseFormat
 from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.inference import bias_input, fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
@@ -97,7 +97,7 @@ def test_words_are_unpacked_as_they_were_packed(program: Any, tmp_path: Path, de
     for image in core_images(plan):
         core = network.of[image.chip, image.core]
         known = image.registers["synapseFmt"]
-        formats = [None if form is None else Format.of(form, "") for form in known]
+        formats = [None if form is None else SynapseFormat.of(form, "") for form in known]
         rows = unpack(image.synapses, image.axons_in, formats, len(image.compartments))
         for axon, row in enumerate(core.row_of_axon.reshape(-1)):
             number, compartments, weights = core.rows[row]

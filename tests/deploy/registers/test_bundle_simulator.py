@@ -14,7 +14,7 @@ from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.registers.core_images import CoreImage, core_images, host_tables
 from lava_vpr.deploy.registers.simulator import Chips
 from lava_vpr.deploy.registers.simulator_kernels import EVENTS, State, Wiring, update
-from lava_vpr.deploy.registers.synapses import Format
+from lava_vpr.deploy.registers.synapses import SynapseFormat
 from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes, inhibitory_spikes
@@ -201,10 +201,10 @@ def test_a_flipped_bit_of_a_weight_is_seen(bias_input: bool) -> None:
     good = chips_of(plan).run(rates, keys)[0]
     seen, flips = 0, 0
     for k, image in enumerate(images):
-        forms = [None if form is None else Format.of(form, "") for form in image.registers["synapseFmt"]]
+        forms = [None if form is None else SynapseFormat.of(form, "") for form in image.registers["synapseFmt"]]
         for first in image.axons_in[:, 0]:
             form = forms[int(image.synapses[first]) & 15]
-            if form is None or form != Format.of_whole_numbers(plan.weight_bits, form.index_bits):
+            if form is None or form != SynapseFormat.of_whole_numbers(plan.weight_bits, form.index_bits):
                 continue  # the root's, or one of the single synapses
             words = image.synapses.copy()
             words[first] ^= np.uint64(1 << BLOCK_HEADER_BITS + form.bits - 1)  # highest of an input's first weight

@@ -12,7 +12,7 @@ from support.boards.plans import random_network, simple_plan, small_plan
 from support.boards.small_boards import even, network
 
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
-from lava_vpr.deploy.boards.plan import Part
+from lava_vpr.deploy.boards.plan import PopulationPart
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.deploy.registers.core_images import (
     CoreImage,
@@ -118,8 +118,11 @@ def test_leaves_and_relays_word_by_word(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setattr(fixed, "DIRECT", 2)
     nothing = small_plan()
     assert (nothing.network.leaves, nothing.network.input_compartments) == (2, 2)
-    one = replace(nothing.cores[0], parts=(Part("exc", 0, 3, 0), Part("counters", 0, 3, 3), Part("inh", 2, 1, 6)))
-    two = replace(nothing.cores[1], parts=(Part("inh", 0, 2, 0), Part("inputs", 0, 2, 2)))
+    one = replace(
+        nothing.cores[0],
+        parts=(PopulationPart("exc", 0, 3, 0), PopulationPart("counters", 0, 3, 3), PopulationPart("inh", 2, 1, 6)),
+    )
+    two = replace(nothing.cores[1], parts=(PopulationPart("inh", 0, 2, 0), PopulationPart("inputs", 0, 2, 2)))
     plan = replace(nothing, cores=(one, two))
     first, second = core_images(plan)
     # To exc: input 0 dense, input 1 sparse, the root; to the counters; then leaf 0 and leaf 1 to the root.

@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.memory import row_words
 from lava_vpr.deploy.registers.synapse_memory import pack, stored_rows, unpack
-from lava_vpr.deploy.registers.synapses import Format, Formats, Rows, index_bits, joined
+from lava_vpr.deploy.registers.synapses import Formats, SynapseFormat, SynapseRows, index_bits, joined
 from lava_vpr.errors import ModelFileError
 
-DENSE = Format(5, 0, -4)
-SPARSE = Format(8, 6, -1)
+DENSE = SynapseFormat(5, 0, -4)
+SPARSE = SynapseFormat(8, 6, -1)
 
 
-def rows_of(*rows: tuple[int, list[int], list[int]]) -> Rows:
+def rows_of(*rows: tuple[int, list[int], list[int]]) -> SynapseRows:
     """Rows of (format, compartments, weights)."""
     sizes = [0, *(len(weights) for _, _, weights in rows)]
-    return Rows(
+    return SynapseRows(
         np.cumsum(sizes),
         np.array([c for _, compartments, _ in rows for c in compartments], np.int32),
         np.array([w for _, _, weights in rows for w in weights], np.int32),
@@ -31,7 +31,7 @@ def rows_of(*rows: tuple[int, list[int], list[int]]) -> Rows:
     )
 
 
-def literal(rows: Rows, formats: list[Format | None]) -> tuple[list[int], list[list[int]]]:
+def literal(rows: SynapseRows, formats: list[SynapseFormat | None]) -> tuple[list[int], list[list[int]]]:
     """The same memory with Python's numbers as bit strings."""
     words: list[int] = []
     entries = []
@@ -53,15 +53,15 @@ def literal(rows: Rows, formats: list[Format | None]) -> tuple[list[int], list[l
     return words, entries
 
 
-def random_rows(seed: int) -> tuple[Rows, list[Format | None], int]:
+def random_rows(seed: int) -> tuple[SynapseRows, list[SynapseFormat | None], int]:
     """Rows in random formats for a core with so many compartments."""
     rng = np.random.default_rng(seed)
     compartments = int(rng.choice([1, 3, 64, 65, 200]))
     need = index_bits(np.array([compartments - 1]))
-    formats: list[Format | None] = [None]
+    formats: list[SynapseFormat | None] = [None]
     for _ in range(int(rng.integers(1, 6))):
         width = 0 if rng.random() < 0.5 else int(rng.integers(need, 13))
-        formats.append(Format(int(rng.choice([1, 2, 3, 4, 5, 6, 8])), width, int(rng.integers(-7, 8))))
+        formats.append(SynapseFormat(int(rng.choice([1, 2, 3, 4, 5, 6, 8])), width, int(rng.integers(-7, 8))))
     rows = []
     for _ in range(int(rng.integers(0, 9))):
         number = int(rng.integers(1, len(formats)))
@@ -74,7 +74,7 @@ def random_rows(seed: int) -> tuple[Rows, list[Format | None], int]:
     return rows_of(*rows), formats, compartments
 
 
-def same(a: Rows, b: Rows) -> bool:
+def same(a: SynapseRows, b: SynapseRows) -> bool:
     return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in vars(a))
 
 
@@ -119,8 +119,8 @@ def test_weights_in_units_of_the_current() -> None:
     # A weight k of b bits, one of which is the sign, is k 2^(9 - b) in its register, which is worth 2^(6 + exponent).
     assert DENSE.currents(np.array([1, -16], np.int32)).tolist() == [64, -16 * 64]
     assert SPARSE.currents(np.array([-63, 127], np.int32)).tolist() == [-63 * 64, 127 * 64]
-    assert Format(3, 6, 1).currents(np.array([3], np.int32)).tolist() == [3 * 64 * 64 * 2]
-    assert Format(8, 6, -7).currents(np.array([3], np.int32)).tolist() == [3]
+    assert SynapseFormat(3, 6, 1).currents(np.array([3], np.int32)).tolist() == [3 * 64 * 64 * 2]
+    assert SynapseFormat(8, 6, -7).currents(np.array([3], np.int32)).tolist() == [3]
     rows = rows_of((2, [5], [-10]), (1, [0, 1], [1, 2]))
     assert rows.currents([None, DENSE, SPARSE]).tolist() == [-640, 64, 128]
 
@@ -131,7 +131,7 @@ def test_formats_as_registers() -> None:
     assert [registers[name] for name in shown] == [-1, 7, 1, 63, 1, 0, 0, 0]
     assert [DENSE.registers[name] for name in shown] == [-4, 5, 0, 63, 1, 3, 0, 0]
     for form in (SPARSE, DENSE):
-        assert Format.of(form.registers, "here") == form
+        assert SynapseFormat.of(form.registers, "here") == form
     changes: tuple[dict[str, Any], ...] = (
         {"dlyBits": 1},
         {"fanoutType": 0},
@@ -146,9 +146,9 @@ def test_formats_as_registers() -> None:
     )
     for change in changes:
         with pytest.raises(ModelFileError, match=r"^chip 0 core 1: its registers describe no synapse format of ours;"):
-            Format.of(registers | change, "chip 0 core 1")
+            SynapseFormat.of(registers | change, "chip 0 core 1")
     with pytest.raises(ModelFileError, match="describe no synapse format"):
-        Format.of({}, "chip 0 core 1")
+        SynapseFormat.of({}, "chip 0 core 1")
 
 
 def test_formats_come_into_use() -> None:
@@ -164,7 +164,7 @@ def test_formats_come_into_use() -> None:
     assert joined([]).starts.tolist() == [0]
 
 
-def bad_rows() -> dict[str, tuple[Rows, list[Format | None]]]:
+def bad_rows() -> dict[str, tuple[SynapseRows, list[SynapseFormat | None]]]:
     return {
         "above": (rows_of((1, [0], [16])), [None, DENSE]),
         "below": (rows_of((1, [0], [-17])), [None, DENSE]),
@@ -176,7 +176,7 @@ def bad_rows() -> dict[str, tuple[Rows, list[Format | None]]]:
 
 def test_the_formats_that_hold_weights() -> None:
     for bits, stored in ((5, 6), (6, 8), (7, 8), (1, 2)):
-        form, top = Format.of_whole_numbers(stored, 6), (1 << bits) - 1
+        form, top = SynapseFormat.of_whole_numbers(stored, 6), (1 << bits) - 1
         extremes = np.array([-top, top], np.int32)
         assert form.currents(extremes).tolist() == (64 * extremes).tolist()
         assert abs(form.exponent) <= 7
@@ -197,7 +197,7 @@ def with_entry(entries: NDArray[np.int32], *values: int) -> NDArray[np.int32]:
 
 
 def test_what_cannot_be_read() -> None:
-    formats: list[Format | None] = [None, DENSE, SPARSE]
+    formats: list[SynapseFormat | None] = [None, DENSE, SPARSE]
     long = list(range(63))
     words, entries = pack(rows_of((1, [0], [1]), (2, long, long)), formats)
     last = len(words) - 1  # 63 (8 + 6) + 10 bits: 892 of 896

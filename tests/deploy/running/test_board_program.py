@@ -136,7 +136,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Made:
 def test_what_a_program_leaves_is_not_trusted(small: Made, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     leave, said = LEAVE[kind]
 
-    def ran(bundle: Any, folder: Path, rates: Any, keys: Any, *words: Any, **more: Any) -> board_program.Ended:
+    def ran(bundle: Any, folder: Path, rates: Any, keys: Any, *words: Any, **more: Any) -> board_program.EndedProgram:
         (folder / "out").mkdir()
         np.save(folder / "out" / "counts.npy", np.zeros((6, 10), np.int32))
         np.save(folder / "out" / "done.npy", np.zeros(6, bool))

@@ -13,7 +13,7 @@ from support.boards.host_programs import Made, write_bundle
 from support.boards.plans import LOAD
 
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
-from lava_vpr.deploy.boards.plan import CorePlan, Needs, Part, Plan, PopulationName
+from lava_vpr.deploy.boards.plan import CorePlan, Needs, Plan, PopulationName, PopulationPart
 from lava_vpr.deploy.bundle import core_files
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.random import presentation_keys
@@ -35,12 +35,12 @@ Place = tuple[PopulationName, int, int]
 """A population, its first neuron on a core, and how many."""
 
 
-def with_counters(members: list[Place]) -> list[Part]:
+def with_counters(members: list[Place]) -> list[PopulationPart]:
     """The parts of a core whose excitatory neurons have their counters behind them."""
     parts, compartment = [], 0
     for population, first, size in members:
         for name in ("exc", "counters") if population == "exc" else (population,):
-            parts.append(Part(name, first, size, compartment))  # type: ignore[arg-type]
+            parts.append(PopulationPart(name, first, size, compartment))  # type: ignore[arg-type]
             compartment += size
     return parts
 

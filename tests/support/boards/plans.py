@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
-from lava_vpr.deploy.boards.plan import CorePlan, Load, Needs, Part, Plan
+from lava_vpr.deploy.boards.plan import CorePlan, Load, Needs, Plan, PopulationPart
 from lava_vpr.deploy.registers.core_images import HostTables, core_images, host_tables
 from lava_vpr.deploy.registers.simulator import Chips
 from lava_vpr.encoding import draw_trains
@@ -41,9 +41,9 @@ def simple_plan(network: FixedNetwork, cores: int, seed: int = 0, chips: int = 2
     found = []
     for k, (first, last) in enumerate(pairwise(edges)):
         own = int(last - first)
-        parts = [Part("exc", int(first), own, 0), Part("counters", int(first), own, own)]
+        parts = [PopulationPart("exc", int(first), own, 0), PopulationPart("counters", int(first), own, own)]
         begin, end = inh_edges[(k + 1) % cores :][:2]
-        parts.append(Part("inh", int(begin), int(end - begin), 2 * own))
+        parts.append(PopulationPart("inh", int(begin), int(end - begin), 2 * own))
         dense = rng.random(network.inputs) < rng.choice([0.0, 0.5, 1.0])
         chip, core = positions[k]
         found.append(CorePlan(chip, core, tuple(p for p in parts if p.size), dense, NEEDS, LOAD))
@@ -51,11 +51,13 @@ def simple_plan(network: FixedNetwork, cores: int, seed: int = 0, chips: int = 2
         half = network.inputs // 2
         last_core = found.pop()
         at = sum(part.size for part in last_core.parts)
-        found.append(replace(last_core, parts=(*last_core.parts, Part("inputs", 0, network.inputs - half, at))))
+        found.append(
+            replace(last_core, parts=(*last_core.parts, PopulationPart("inputs", 0, network.inputs - half, at)))
+        )
         if half:
             chip, core = positions[cores]
             empty = np.zeros(network.inputs, bool)
-            parts_ = (Part("inputs", network.inputs - half, half, 0),)
+            parts_ = (PopulationPart("inputs", network.inputs - half, half, 0),)
             found.append(CorePlan(chip, core, parts_, empty, NEEDS, LOAD))
     found = sorted((core for core in found if core.parts), key=lambda core: (core.chip, core.core))
     weight_bits, inhibition_bits = fewest(KAPOHO_BAY.stored_bits(network)), fewest(network.inhibition.bit_length() + 1)
@@ -103,15 +105,15 @@ def small_plan(**changes: Any) -> Plan:
     weights = np.array([[5, 6, 0], [0, 7, 0]], np.int16)
     network = replace(FixedNetwork(weights, np.zeros(3, np.int32), 3, False, 9, 10, 1, 130, 20), **changes)
     dense = np.array([True, False])
-    parts = [Part("exc", 0, 2, 0), Part("counters", 0, 2, 2), Part("inh", 0, 1, 4)]
+    parts = [PopulationPart("exc", 0, 2, 0), PopulationPart("counters", 0, 2, 2), PopulationPart("inh", 0, 1, 4)]
     if network.bias_input:
-        parts.append(Part("inputs", 0, 2, 5))
+        parts.append(PopulationPart("inputs", 0, 2, 5))
     return Plan(
         network,
         KAPOHO_BAY,
         (
             CorePlan(0, 4, tuple(parts), dense, NEEDS, LOAD),
-            CorePlan(1, 0, (Part("exc", 2, 1, 0), Part("counters", 2, 1, 1)), dense, NEEDS, LOAD),
+            CorePlan(1, 0, (PopulationPart("exc", 2, 1, 0), PopulationPart("counters", 2, 1, 1)), dense, NEEDS, LOAD),
         ),
         4,
         5,

@@ -11,16 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from lava_vpr.bench.energy import Way, on_board
+from lava_vpr.bench.energy import AnsweringWay, on_board
 from lava_vpr.bench.results import (
     Bench,
-    Candidate,
-    Figures,
+    BoardFigures,
     Measured,
     Modelled,
     OnMap,
     Peer,
     StepTimes,
+    SweepPoint,
     Workload,
 )
 from lava_vpr.bench.show.terminal import absences, tables
@@ -58,7 +58,7 @@ def on_map() -> OnMap:
     return OnMap(errors, matches, matches == np.arange(10))
 
 
-FIGURES = Figures(
+FIGURES = BoardFigures(
     dynamic_by_component={
         "synapses": Estimate(0.71, 1.07, 1.07),
         "neurons": Estimate(1.5, 1.6, 2.4),
@@ -98,11 +98,11 @@ def modelled(**changes: Any) -> Modelled:
     return Modelled(**values | changes)
 
 
-def ways() -> tuple[Way | None, ...]:
+def ways() -> tuple[AnsweringWay | None, ...]:
     """Kapoho Bay, a board without energies, the host engine, and cosine."""
     second = Modelled("loihi2", 1, 1, None, 53, "injected", unavailable="no energy is public")
     boards = (on_board(modelled(), 0.8, 0.03, 0.7), on_board(second, 0.8, 0.03, 0.7))
-    return (*boards, Way("host", 0.8, 0.1, 0.7), Way("cosine", 0.9, 0.015, 0.7))
+    return (*boards, AnsweringWay("host", 0.8, 0.1, 0.7), AnsweringWay("cosine", 0.9, 0.015, 0.7))
 
 
 def bench(**changes: Any) -> Bench:
@@ -128,7 +128,7 @@ def bench(**changes: Any) -> Bench:
         energy = 0.02 * steps + 0.03 * spikes + 0.3 * rng.random()
         wrong = int(np.clip(7 - 1.5 * np.log(energy) - rng.random() * 3, 0, 9))
         settings = {"steps": steps, "weight_bits": 2, "query_spikes": spikes, **({"stop_margin": 1.0} if k % 5 else {})}
-        candidates.append(Candidate(settings, metrics(wrong), energy, steps / 400, steps + 3.0, front=k % 9 == 0))
+        candidates.append(SweepPoint(settings, metrics(wrong), energy, steps / 400, steps + 3.0, front=k % 9 == 0))
     candidates[9] = replace(candidates[9], chosen="fast")
     candidates[18] = replace(candidates[18], chosen="this model")
     second = Modelled("loihi2", 1, 1, None, 53, "injected", counts=modelled().counts)

@@ -16,7 +16,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from lava_vpr.datasets.layouts import DATASETS, Layout
+from lava_vpr.datasets.layouts import DATASETS, DatasetLayout
 from lava_vpr.synthetic.world import World, render
 
 LOOKS = ("summer", "rain", "winter")
@@ -46,7 +46,7 @@ def place(number: int, look: str) -> Any:
     return render(World(seed=3, places=64, width=64, height=48), number, look)
 
 
-def layout_of(name: str, first: str) -> Layout:
+def layout_of(name: str, first: str) -> DatasetLayout:
     """The layout of a dataset whose first traverse is so called."""
     return next(layout for layout in DATASETS[name].layouts if layout.folders[0] == first)
 
@@ -60,7 +60,7 @@ def folder_of(root: Path, traverse: str, images: int) -> Path:
     return root / folder
 
 
-def draw(root: Path, layout: Layout, places: int) -> list[Path]:
+def draw(root: Path, layout: DatasetLayout, places: int) -> list[Path]:
     """A dataset of ``places`` places; the tables of positions, one a traverse, if its order tells nothing.
 
     Images that sampling leaves out are blank; those of a list stand in a folder of their own. Positions are metres

@@ -19,7 +19,7 @@ from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
 from lava_vpr.deploy.boards.memory import PackedRows
-from lava_vpr.deploy.bundle.folder import Bundle
+from lava_vpr.deploy.bundle.folder import ReadBundle
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.model import Model, Stretch
@@ -154,7 +154,7 @@ class Core:
         return targets, amounts
 
 
-def cores_of(bundle: Bundle) -> list[Core]:
+def cores_of(bundle: ReadBundle) -> list[Core]:
     """Every core of a bundle."""
     made = []
     for folder in bundle.folders("cores"):
@@ -265,11 +265,11 @@ def wanted(network: FixedNetwork) -> Ways:
     return found | {("inputs" if network.input_compartments else "injected", "exc"): to_exc}
 
 
-def tables_of(bundle: Bundle) -> dict[str, NDArray[Any]]:
+def tables_of(bundle: ReadBundle) -> dict[str, NDArray[Any]]:
     """The host's tables."""
     return {name: bundle.array(f"host/{name}.npy") for name in ("injection", "inputs", "exc", "counters", "inh")}
 
 
-def memory_bundle(manifest: dict[str, Any], files: dict[str, bytes]) -> Bundle:
+def memory_bundle(manifest: dict[str, Any], files: dict[str, bytes]) -> ReadBundle:
     """A bundle that never was on a disk."""
-    return Bundle(Path("memory"), manifest, files)
+    return ReadBundle(Path("memory"), manifest, files)

@@ -16,7 +16,7 @@ from lava.proc.io.source import RingBuffer
 from lava.utils.weightutils import SignMode
 from numpy.typing import NDArray
 
-from lava_vpr.engine.learning.integer import Rule
+from lava_vpr.engine.learning.integer import WeightRule
 from lava_vpr.loihi import TRACE_LIMIT
 from lava_vpr.processes.base.float_rule import FloatRule
 from lava_vpr.processes.base.magma import Loihi2SimCfg, RunSteps
@@ -57,8 +57,8 @@ def compare(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> d
     Args:
         arrays: ``pre`` (starts, steps, inputs) and ``post`` (starts, steps, neurons) spikes; ``weights`` (starts,
             rules, neurons, inputs).
-        options: ``starts``: of each start the ``rules`` (arguments of `Rule`), ``seeds`` (rng_seed of each rule) and
-            ``weight_exp``.
+        options: ``starts``: of each start the ``rules`` (arguments of `WeightRule`), ``seeds`` (rng_seed of each rule)
+            and ``weight_exp``.
     Returns:
         For kind ``library`` and ``ours``: kind_weights (starts, rules, steps, neurons, inputs), kind_x1 (.., inputs),
         kind_a_buff (.., neurons), all after each step.
@@ -83,7 +83,7 @@ def _start(
     }
     source, feedback = RingBuffer(data=pre.T.astype(int)), RingBuffer(data=post.T.astype(int))
     for k, (given, seed) in enumerate(zip(options["rules"], options["seeds"], strict=True)):
-        rule = Rule(tuple(tuple(p) for p in given["products"]), given["target"], given["mu"], given["tau"])
+        rule = WeightRule(tuple(tuple(p) for p in given["products"]), given["target"], given["mu"], given["tau"])
         library_rule = Loihi2FLearningRule(
             dw=rule.microcode(), x1_impulse=TRACE_LIMIT, x1_tau=rule.tau, t_epoch=1, rng_seed=seed
         )

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from support.lava.small_networks import SMALL_LIMITS, limits, random_network
 
 from lava_vpr.engine.general.lif import LifParameters
-from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, Rule
+from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, WeightRule
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.processes.base.magma import AbstractProcess, Loihi2HwCfg, Loihi2SimCfg, RunSteps
 from lava_vpr.processes.base.shared_memory import shared_array
@@ -34,7 +34,7 @@ from lava_vpr.processes.regular_encoder.process import RegularEncoder
 from lava_vpr.processes.spike_counter.process import SpikeCounter
 
 Arrays = dict[str, NDArray[Any]]
-RULE = Rule(((6, -6), (1, -7)), 15, 0, 20.0)
+RULE = WeightRule(((6, -6), (1, -7)), 15, 0, 20.0)
 SHOWN: dict[str, Any] = {"rates": np.full((2, 5), 9000, np.uint16), "keys": np.arange(2, dtype=np.uint64)}
 PRESENTED: dict[str, Any] = {**SHOWN, "steps": 13, "silent_steps": 3}
 

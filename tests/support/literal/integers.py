@@ -16,7 +16,7 @@ from lava_vpr.engine.general.lif import LifParameters, SignMode
 from lava_vpr.engine.general.simulation import INPUTS, GeneralNetwork, Population, Synapses
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.engine.learning.integer import IntegerLearning, Rule
+from lava_vpr.engine.learning.integer import IntegerLearning, WeightRule
 from lava_vpr.engine.random import GOLDEN, derived_key, uniform
 
 M = 1 << 23
@@ -174,7 +174,7 @@ def normalised(weights: list[list[int]], total: int, key: int) -> list[list[int]
     return result
 
 
-def learned(w: int, x: int, rule: Rule, chance: float) -> int:
+def learned(w: int, x: int, rule: WeightRule, chance: float) -> int:
     """A weight after a postsynaptic spike."""
     low, high = -(2**15) - 1, 2**15 - 1
     bits = 7 + 9 * rule.mu + 4  # of trace, weights and mantissa
