@@ -11,9 +11,8 @@ import pytest
 from lava.proc.lif.models import PyLifModelBitAcc
 from numpy.typing import NDArray
 from support.common.small_models import encoded, small_model
-from support.lava.bias_targets import Arrays
 from support.lava.model_harness import build, drive
-from support.lava.small_networks import random_network
+from support.lava.small_networks import FIXED, FLOAT, Arrays, Runs, hold_in_lava, random_network
 
 from benchmarks.nordland import SECTIONS, learn, part
 from benchmarks.nordland import encoded as real
@@ -24,10 +23,9 @@ from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import draw_trains, query_rates
 from lava_vpr.engine.inference.bias_input import LEVEL, bias_input_spikes, biases, start_membranes
-from lava_vpr.engine.inference.fixed import EVENTS, FixedNetwork, count_spikes, inhibitory_spikes
+from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import NetworkLimitError
-from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.loihi import STATE_LIMIT
 from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.bias_inputs.models import PyBiasInputsFixed, PyBiasInputsFloat, SubBiasInputsFixed
@@ -126,66 +124,24 @@ def test_what_is_written_reaches_the_phase_without_a_spike(silent_steps: int) ->
     assert np.array_equal(spikes, bias_input_spikes(rates[1], int(keys[1]), 30))
 
 
-FIXED = [(job, "fixed_pt") for job in ("fused", "composed", "library")]
-FLOAT = [(job, "floating_pt") for job in ("composed", "library")]
-
-
 @pytest.mark.slow
 def test_every_network_on_every_backend_equals_the_host() -> None:
-    networks = {
-        "b3": random_network(3, seed=7, signed=True, regular=True, bias_input=True),
-        "b8": random_network(8, seed=7, regular=True, bias_input=True, steps=2),
-    }
-    runs = {"b3": FIXED + FLOAT, "b8": FIXED}  # the latter: presentations with more silence than input
-    arrays: Arrays = {}
-    for name, network in networks.items():
-        arrays |= {f"{name}_weights": network.weights, f"{name}_rates": some_rates(4, network.inputs)}
-        arrays[f"{name}_bias"] = network.bias
-        arrays[f"{name}_keys"] = presentation_keys(2, "query", np.arange(4))
-    done: list[int] = []
-    got = run_isolated(
-        "support.lava.bias_targets:networks",
-        arrays,
-        {"networks": {name: network.scalars for name, network in networks.items()}, "runs": runs},
-        timeout=200,
-        progress=done.append,
-    )
-    assert sum(done) == 4 * (5 + 3 + 1)
-    for name, network in networks.items():
-        check_runs(network, runs[name], arrays, got, name)
-    check_board(networks["b3"], arrays, got)
+    cases: dict[str, tuple[FixedNetwork, Arrays, Runs]] = {}
+    for name, runs, network in (
+        ("b3", FIXED + FLOAT, random_network(3, seed=7, signed=True, regular=True, bias_input=True)),
+        # presentations with more silence than input
+        ("b8", FIXED, random_network(8, seed=7, regular=True, bias_input=True, steps=2)),
+    ):
+        keys = presentation_keys(2, "query", np.arange(4))
+        cases[name] = network, {"rates": some_rates(4, network.inputs), "keys": keys}, runs
+    got = hold_in_lava(cases, board="b3")
+    assert got["b3_fused_fixed_pt_counts"].sum() > 60
+    check_board(*cases["b3"][:2], got)
 
 
-def check_runs(network: FixedNetwork, runs: list[tuple[str, str]], arrays: Arrays, got: Arrays, name: str) -> None:
-    """Every run of one network against the host."""
-    rates, keys = arrays[f"{name}_rates"], arrays[f"{name}_keys"]
-    counts, events, film = count_spikes(network, rates, keys, raster=True)
-    inputs = draw_trains(rates, keys, network.steps, network.interval, regular=True)
-    assert counts.sum() > (60 if network.steps > 2 else 0)
-    for job, tag in runs:
-        one = {key: got[f"{name}_{job}_{tag}_{key}"] for key in ("counts", "exc")}
-        if tag == "fixed_pt":
-            assert np.array_equal(one["counts"], counts), (name, job)
-            assert np.array_equal(one["exc"], film), (name, job)
-        if job == "fused":
-            assert dict(zip(EVENTS, got[f"{name}_fused_{tag}_events"].tolist(), strict=True)) == events
-            continue
-        assert np.array_equal(got[f"{name}_{job}_{tag}_inputs"], inputs), (name, job, tag)
-        assert np.array_equal(got[f"{name}_{job}_{tag}_input_spikes"], inputs.sum(axis=(0, 1)))
-        inh = inhibitory_spikes(network, one["exc"])
-        assert np.array_equal(got[f"{name}_{job}_{tag}_inh"], inh)
-        assert np.array_equal(got[f"{name}_{job}_{tag}_inh_spikes"], inh.sum(axis=(0, 1)))
-    if not set(FLOAT) <= set(runs):
-        return
-    # Without truncation ours is the library's float network; inputs are exact in both.
-    ours, theirs = (got[f"{name}_{job}_floating_pt_exc"] for job in ("composed", "library"))
-    assert np.array_equal(ours, theirs)
-    assert np.abs(ours.sum(axis=1, dtype=int) - counts).sum() <= 0.1 * counts.sum()
-
-
-def check_board(network: FixedNetwork, arrays: Arrays, got: Arrays) -> None:
+def check_board(network: FixedNetwork, shown: Arrays, got: Arrays) -> None:
     """As wired for a board: inputs are on the chip with all the rest; spikes of exc and inh alone leave it."""
-    rates, keys = arrays["b3_rates"].copy(), arrays["b3_keys"]
+    rates, keys = shown["rates"].copy(), shown["keys"]
     rates[1] = rates[0]
     counts, _, _ = count_spikes(network, rates, keys)
     assert np.array_equal(got["board_counts"], counts)

@@ -32,7 +32,7 @@ def through_lava(cases: dict[str, tuple[FixedNetwork, NDArray[np.uint8]]]) -> di
         mantissas, exponent = network.bias_registers
         options[case] = network.scalars | {"bias_exponent": exponent}
         arrays |= {f"{case}_weights": network.weights, f"{case}_spikes": spikes, f"{case}_mantissas": mantissas}
-    return run_isolated("support.lava.lava_network:present_each", arrays, options, timeout=240)
+    return run_isolated("support.lava.process_targets:present_each", arrays, options, timeout=240)
 
 
 @pytest.mark.lava

@@ -9,7 +9,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from support.lava.model_harness import build, drive
-from support.lava.small_networks import SMALL_LIMITS, limits, random_bias, random_network
+from support.lava.small_networks import (
+    FIXED,
+    FLOAT,
+    SMALL_LIMITS,
+    Arrays,
+    hold_in_lava,
+    limits,
+    random_bias,
+    random_network,
+)
 
 from lava_vpr.backends.interface import events_of
 from lava_vpr.encoding import draw_spikes, draw_trains
@@ -26,116 +35,40 @@ from lava_vpr.processes.networks.fused_place_network.process import EVENTS, Fuse
 pytestmark = pytest.mark.lava
 
 TIMEOUT = 200.0
-SPIKES = ("input_spikes", "inh_spikes")
 
 
-def some_input(network: FixedNetwork, n: int) -> tuple[NDArray[np.uint16], NDArray[np.uint64]]:
+def some_input(network: FixedNetwork, n: int) -> Arrays:
+    """Rates and keys of ``n`` presentations."""
     rates = np.random.default_rng(n).integers(0, 13_000, (n, network.inputs)).astype(np.uint16)
-    return rates, presentation_keys(2, "query", np.arange(n))
+    return {"rates": rates, "keys": presentation_keys(2, "query", np.arange(n))}
 
 
-CASES = {
-    "b1": random_network(1),
-    "b3_signed": random_network(3, signed=True),
-    "b3_regular": random_network(3, regular=True),
-    "b7_signed_regular": random_network(7, signed=True, regular=True),
-    "b8": random_network(8),
+NETWORKS: dict[str, dict[str, Any]] = {
+    "b1": {"bits": 1},
+    "b3_signed": {"bits": 3, "signed": True},
+    "b3_regular": {"bits": 3, "regular": True},
+    "b7_signed_regular": {"bits": 7, "signed": True, "regular": True},
+    "b8": {"bits": 8},
 }
+EVERY = ("b3_signed", "b3_regular")
+"""Networks that are run by every job."""
 
 
 @pytest.mark.parametrize(
     "small", [pytest.param({}, id="direct"), pytest.param(SMALL_LIMITS, id="leaves and relays", marks=pytest.mark.slow)]
 )
-def test_composed_and_library_networks_equal_the_host(small: dict[str, int]) -> None:
+def test_networks_in_lava_equal_the_host(small: dict[str, int]) -> None:
     # All widths: test_many_random_place_networks_equal_lavas_library.
-    arrays: dict[str, NDArray[Any]] = {}
-    for name, network in CASES.items():
-        rates, keys = some_input(network, 3)
-        given = {"weights": network.weights, "bias": network.bias, "rates": rates, "keys": keys}
-        arrays |= {f"{name}_{key}": value for key, value in given.items()}
-    options = {"networks": {name: network.scalars for name, network in CASES.items()}, "limits": small}
-    got = run_isolated("support.lava.process_targets:side_by_side", arrays, options, timeout=TIMEOUT)
     with limits(**small):
-        for name, kept in CASES.items():
-            network = replace(kept)  # without what was made with other limits
-            assert (network.depth, network.input_delay) == ((2, 2) if small else (1, 1))
-            counts, _, film = count_spikes(network, arrays[f"{name}_rates"], arrays[f"{name}_keys"], raster=True)
-            assert (counts.sum(axis=1) > 3).all(), name
-            for side in ("place", "library"):
-                assert np.array_equal(got[f"{name}_{side}_exc"], film), (name, side)
-                assert np.array_equal(got[f"{name}_{side}_inh"], inhibitory_spikes(network, film)), (name, side)
-
-
-def run_every_job(
-    network: FixedNetwork,
-    rates: NDArray[np.uint16],
-    keys: NDArray[np.uint64],
-    biases: NDArray[np.int32] | None = None,
-    **options: Any,
-) -> Any:
-    """The results of all jobs in fixed point, and of those that have it in floating point."""
-    presented = {} if biases is None else {"biases": biases}
-    runs = [
-        ("fused", "fixed_pt"),
-        *((job, tag) for job in ("composed", "library") for tag in ("fixed_pt", "floating_pt")),
-    ]
-    done: list[int] = []
-    got = run_isolated(
-        "support.lava.process_targets:every_job",
-        {"weights": network.weights, "bias": network.bias, "rates": rates, "keys": keys, **presented},
-        {"runs": runs, "network": network.scalars | {"batch": 3}, **options},
-        timeout=TIMEOUT,
-        progress=done.append,
-    )
-    assert sum(done) == len(keys) * len(runs)
-    return got
-
-
-def check_every_job(
-    network: FixedNetwork,
-    rates: NDArray[np.uint16],
-    keys: NDArray[np.uint64],
-    got: dict[str, NDArray[Any]],
-    biases: NDArray[np.int32] | None = None,
-) -> None:
-    """What the jobs recorded, against the host."""
-    counts, events, film = count_spikes(network, rates, keys, bias=biases, raster=True)
-    inputs = draw_trains(rates, keys, network.steps, network.interval, regular=network.regular)
-    inh = inhibitory_spikes(network, film)
-    assert counts.sum() > 30
-    for job in ("composed", "library"):
-        one = {key: got[f"{job}_fixed_pt_{key}"] for key in ("counts", "exc", "inh", "inputs", *SPIKES)}
-        assert one["counts"].dtype == np.int32
-        assert np.array_equal(one["counts"], counts)
-        for key, train in (("exc", film), ("inh", inh), ("inputs", inputs)):
-            assert np.array_equal(one[key], train), (job, key)
-        for key, train in zip(SPIKES, (inputs, inh), strict=True):
-            assert one[key].dtype == np.int64
-            assert np.array_equal(one[key], train.sum(axis=(0, 1)))
-    assert np.array_equal(got["fused_fixed_pt_counts"], counts)
-    assert np.array_equal(got["fused_fixed_pt_exc"], film)
-    assert "fused_fixed_pt_inh" not in got
-    assert dict(zip(EVENTS, got["fused_fixed_pt_events"].tolist(), strict=True)) == events
-    # Without truncation ours is the library's float network; it differs from the integers where a decay was truncated.
-    for key in ("exc", "inh", "inputs"):
-        assert np.array_equal(got[f"composed_floating_pt_{key}"], got[f"library_floating_pt_{key}"])
-    apart = np.abs(got["composed_floating_pt_counts"] - counts).sum()
-    assert apart <= 0.1 * counts.sum()
-    assert np.array_equal(got["composed_floating_pt_inputs"], inputs)
-
-
-def test_every_job_records_the_same() -> None:
-    network = random_network(3, seed=1, signed=True)
-    rates, keys = some_input(network, 4)
-    check_every_job(network, rates, keys, run_every_job(network, rates, keys))
-
-
-@pytest.mark.slow
-def test_every_job_records_the_same_with_leaves_and_relays() -> None:
-    with limits(**SMALL_LIMITS):
-        network = random_network(3, seed=1, regular=True)
-        rates, keys = some_input(network, 4)
-        check_every_job(network, rates, keys, run_every_job(network, rates, keys, limits=SMALL_LIMITS))
+        networks = {name: random_network(**own) for name, own in NETWORKS.items()}
+        assert {(own.depth, own.input_delay) for own in networks.values()} == {(2, 2) if small else (1, 1)}
+        cases = {
+            name: (network, some_input(network, 4), FIXED + FLOAT if name in EVERY else FIXED[1:])
+            for name, network in networks.items()
+        }
+        got = hold_in_lava(cases, limits=small)
+        for name in networks:
+            assert (got[f"{name}_composed_fixed_pt_counts"].sum(axis=1) > 3).all(), name
 
 
 @pytest.mark.parametrize(
@@ -147,22 +80,22 @@ def test_every_job_takes_the_biases_of_each_presentation(case: str) -> None:
     with limits(**small):
         network = random_network(3, seed=1, signed=True, regular=case != "injected")
         network = replace(network, bias_input=case == "input compartments")
-        rates, keys = some_input(network, 4)
+        shown = some_input(network, 4)
         rng = np.random.default_rng(3)
         biases = np.stack([random_bias(rng, network) >> shift << shift for shift in (0, 1, 0, 2)])
         biases[1] = np.minimum(biases[1], 0) << 5  # an exponent of its own
         assert len(set(bias_registers(biases)[1].tolist())) > 1
-        got = run_every_job(network, rates, keys, biases, limits=small)
-        check_every_job(network, rates, keys, got, biases)
-        plain, _, _ = count_spikes(network, rates, keys)
-        assert (got["composed_fixed_pt_counts"] != plain).any(axis=1).all()
+        got = hold_in_lava({"one": (network, shown | {"biases": biases}, FIXED + FLOAT)}, limits=small)
+        plain, _, _ = count_spikes(network, **shown)
+        assert got["one_composed_fixed_pt_counts"].sum() > 30
+        assert (got["one_composed_fixed_pt_counts"] != plain).any(axis=1).all()
 
 
 def test_the_backend_counts_the_hosts_events() -> None:
     for small in ({}, SMALL_LIMITS):
         with limits(**small):
             network = random_network(4, signed=True)
-            rates, keys = some_input(network, 3)
+            rates, keys = some_input(network, 3).values()
             counts, events, film = count_spikes(network, rates, keys, raster=True)
             inputs = draw_trains(rates, keys, network.steps, network.interval).sum(axis=(0, 1))
             inh = inhibitory_spikes(network, film).sum(axis=(0, 1))
@@ -171,7 +104,7 @@ def test_the_backend_counts_the_hosts_events() -> None:
 
 def test_the_fused_process_without_shared_arrays() -> None:
     network = random_network(4)
-    rates, keys = some_input(network, 7)
+    rates, keys = some_input(network, 7).values()
     counts, events, film = count_spikes(network, rates, keys, raster=True)
     process = FusedPlaceNetwork(network=network, rates=rates, keys=keys, batch=3)
     model = build(process, PyFusedPlaceNetworkFixed)
@@ -200,8 +133,7 @@ def test_vars_between_runs_and_refusals_before_them() -> None:
     rates, keys = rng.integers(0, 30_000, (1, 20)).astype(np.uint16), presentation_keys(0, "query", np.arange(1))
     given = {"weights": rng.integers(0, 256, (6, 20)), "vth": rng.integers(500, 4000, 6), "rates": rates, "keys": keys}
     network = random_network(5, signed=True)
-    own = dict(zip(("rates", "keys"), some_input(network, 1), strict=True)) | {"weights": network.weights}
-    own["bias"] = network.bias
+    own = some_input(network, 1) | {"weights": network.weights, "bias": network.bias}
     got = run_isolated(
         "support.lava.process_targets:small_runs",
         {f"vars_{name}": value for name, value in given.items()} | {f"whole_{name}": own[name] for name in own},

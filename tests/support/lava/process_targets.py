@@ -1,4 +1,4 @@
-"""What tests/processes/test_processes.py lets a worker call: runs of Lava.
+"""What test_processes.py, test_bias_inputs.py and test_lava.py of tests/processes let a worker call: runs of Lava.
 
 Used by processes.
 """
@@ -8,18 +8,23 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from lava.magma.core.process.ports.ports import InPort, OutPort
+from lava.proc.dense.process import Dense
+from lava.proc.io.sink import RingBuffer as Sink
+from lava.proc.io.source import RingBuffer as Source
+from lava.proc.lif.process import LIFReset
+from lava.utils.weightutils import SignMode
 from numpy.typing import NDArray
-from support.lava.small_networks import limits
+from support.lava.small_networks import limits, part
 
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.processes.base.magma import Loihi2SimCfg, RunSteps
-from lava_vpr.processes.base.shared_memory import shared_array
+from lava_vpr.processes.bias_inputs.process import BiasInputs
 from lava_vpr.processes.dense_synapses.process import DenseSynapses
 from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF
 from lava_vpr.processes.jobs import inference as jobs
 from lava_vpr.processes.networks.place_network.process import PlaceNetwork
 from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
-from lava_vpr.processes.regular_encoder.process import RegularEncoder
 from lava_vpr.processes.spike_counter.process import SpikeCounter
 
 Arrays = dict[str, NDArray[Any]]
@@ -28,46 +33,49 @@ SIDES = {"place": FIXED, "library": {**FIXED, "select_sub_proc_model": True}}
 """How Lava is run: this project's models, or those of its library in their place."""
 
 
-def side_by_side(arrays: Arrays, options: dict[str, Any]) -> Arrays:
-    """Our models and the library's, network after network; the rasters of both.
+def networks(arrays: Arrays, options: dict[str, Any]) -> Arrays:
+    """Every network of ``options["networks"]`` in its ``options["runs"]``, pairs of job and tag; with rasters.
 
-    Option ``limits``: what `small_networks.limits` takes.
+    Options ``limits``: what `small_networks.limits` takes; ``board``: a network that is also run `_as_on_a_board`.
     """
     results: Arrays = {}
-    for name, own in options["networks"].items():
-        given = {key: arrays[f"{name}_{key}"] for key in ("weights", "bias", "rates", "keys")}
-        with limits(**options.get("limits", {})):
-            results |= {f"{name}_{key}": raster for key, raster in _both(given, own).items()}
-    return results
+    with limits(**options["limits"]):
+        for name, own in options["networks"].items():
+            for job, tag in options["runs"][name]:
+                got = getattr(jobs, job)(part(arrays, name), {**own, "tag": tag, "record": True})
+                results |= _named(f"{name}_{job}_{tag}", got)
+    board = options.get("board")
+    return results | (_as_on_a_board(part(arrays, board), options["networks"][board]) if board else {})
 
 
-def _both(given: Arrays, own: dict[str, Any]) -> Arrays:
-    """The rasters of exc and inh of one network, ours and the library's."""
-    results: Arrays = {}
-    spec = jobs.network_of(given, own)
-    kind = RegularEncoder if spec.regular else PoissonEncoder
-    n = len(given["keys"])
-    for side, config in SIDES.items():
-        encoder = kind(rates=given["rates"], keys=given["keys"], steps=spec.steps, silent_steps=spec.silent_steps)
-        network = PlaceNetwork(network=spec)
-        encoder.s_out.connect(network.s_in)
-        for part, port in (("exc", network.s_out), ("inh", network.s_out_inh)):
-            raster = results[f"{side}_{part}"] = shared_array((n, network.interval, *port.shape), np.uint8)
-            counter = SpikeCounter(shape=port.shape, presentations=n, interval=network.interval, raster=raster)
-            port.connect(counter.s_in)
-        encoder.run(condition=RunSteps(num_steps=n * spec.interval), run_cfg=Loihi2SimCfg(**config))
-        encoder.stop()
-    return results
+def _named(name: str, results: Arrays) -> Arrays:
+    """``results``, their names begun with ``name``."""
+    return {f"{name}_{key}": value for key, value in results.items()}
 
 
-def every_job(arrays: Arrays, options: dict[str, Any]) -> Arrays:
-    """The jobs and tags of ``options["runs"]``, one after the other; ``limits`` as in `side_by_side`."""
-    results: Arrays = {}
-    with limits(**options.get("limits", {})):
-        for job, tag in options["runs"]:
-            got = getattr(jobs, job)(arrays, {**options["network"], "tag": tag, "record": True})
-            results |= {f"{job}_{tag}_{key}": value for key, value in got.items()}
-    return results
+def _as_on_a_board(given: Arrays, own: dict[str, Any]) -> Arrays:
+    """A network of the library's, wired as for a board but simulated; which ports would have crossed adapters."""
+    crossed: list[str] = []
+    across, begin, written = jobs.across, jobs.begin, BiasInputs.write
+    calls: list[int] = []
+
+    def direct(source: OutPort, target: InPort, adapter: str | None) -> None:
+        crossed.append(f"{type(source.process).__name__}.{source.name} {adapter}")
+        across(source, target, None)
+
+    def write(self: BiasInputs, presentation: int) -> None:
+        written(self, presentation)
+        calls.append(self.sent)
+
+    given["rates"][1] = given["rates"][0]  # nothing but v differs, so nothing else is written
+    jobs.across, jobs.begin = direct, lambda process, way: begin(process, way._replace(board=False))
+    BiasInputs.write = write  # type: ignore[method-assign]
+    try:
+        results = _named("board", jobs.library(given, {**own, "tag": "fixed_pt", "board": True}))
+    finally:
+        jobs.across, jobs.begin = across, begin
+        BiasInputs.write = written  # type: ignore[method-assign]
+    return results | {"crossed": np.array(crossed), "writes": np.diff(calls, prepend=0)}
 
 
 def _refusal(call: Any) -> str:
@@ -142,11 +150,50 @@ def out_of_range(vth: float, weight: float, tag: str) -> str:
 
 def small_runs(arrays: Arrays, options: dict[str, Any]) -> Arrays:
     """All of the above in turn."""
-
-    def part(prefix: str) -> Arrays:
-        return {name.removeprefix(prefix): value for name, value in arrays.items() if name.startswith(prefix)}
-
-    results = {f"vars_{name}": value for name, value in read_and_set(part("vars_"), options).items()}
-    results |= aliases(part("whole_"), options["network"])
+    results = _named("vars", read_and_set(part(arrays, "vars"), options))
+    results |= aliases(part(arrays, "whole"), options["network"])
     cases = ((10.5, 0.5, "floating_pt"), (10.5, 1.0, "fixed_pt"), (10.0, 0.5, "fixed_pt"))
     return results | {"refusals": np.array([out_of_range(*case) for case in cases])}
+
+
+def present_each(arrays: Arrays, options: dict[str, dict[str, int]]) -> Arrays:
+    """`present` of several networks, one after the other: arrays and results by name_what."""
+    return {name: present(part(arrays, name), own) for name, own in options.items()}
+
+
+def present(arrays: Arrays, options: dict[str, int]) -> NDArray[Any]:
+    """The inference network wired from Lava's own library and nothing else.
+
+    Present each train of ``spikes`` (n, interval, inputs) in turn; the raster (n, interval, neurons).
+    """
+    weights, spikes = arrays["weights"].astype(np.int64), arrays["spikes"].astype(np.int32)
+    bits, signed, vth, lateral, decay = (options[k] for k in ("bits", "signed", "threshold", "inhibition", "decay"))
+    n, steps, inputs = spikes.shape
+    neurons = weights.shape[1]
+    stored = weights.T << (8 - bits)  # num_weight_bits = b zeroes the low 8 - b bits, mixed sign one bit more
+    sign = SignMode.MIXED if signed else SignMode.EXCITATORY
+    reset = {"reset_interval": steps, "reset_offset": 1}
+    bias = {"bias_mant": arrays["mantissas"], "bias_exp": options["bias_exponent"]}
+    source = Source(data=spikes.reshape(n * steps, inputs).T)
+    excite = Dense(weights=stored, num_weight_bits=bits + signed, weight_exp=bits - 8, sign_mode=sign)
+    exc = LIFReset(shape=(neurons,), du=4095, dv=decay, vth=vth, **bias, **reset)
+    relay = Dense(weights=np.full((1, neurons), 2), sign_mode=SignMode.EXCITATORY)
+    inh = LIFReset(shape=(1,), du=4095, dv=4095, vth=0, **reset)
+    inhibit = Dense(
+        weights=np.full((neurons, 1), -lateral),
+        weight_exp=options["inhibition_exponent"],
+        sign_mode=SignMode.INHIBITORY,
+    )
+    sink = Sink(shape=(neurons,), buffer=n * steps)
+    source.s_out.connect(excite.s_in)
+    excite.a_out.connect(exc.a_in)
+    exc.s_out.connect(relay.s_in)
+    relay.a_out.connect(inh.a_in)
+    inh.s_out.connect(inhibit.s_in)
+    inhibit.a_out.connect(exc.a_in)
+    exc.s_out.connect(sink.a_in)
+    try:
+        exc.run(condition=RunSteps(num_steps=n * steps), run_cfg=Loihi2SimCfg(select_tag="fixed_pt"))
+        return np.asarray(sink.data.get().T.reshape(n, steps, neurons))
+    finally:
+        exc.stop()

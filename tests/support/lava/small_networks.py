@@ -1,4 +1,4 @@
-"""Random place networks with numbers of the size that trained ones have, for the tests of Processes.
+"""Random place networks with numbers of the size that trained ones have, and their runs in Lava beside the host's.
 
 Used by deploy, processes and support.
 """
@@ -14,10 +14,18 @@ from unittest import mock
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference import fixed
-from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.inference.fixed import EVENTS, FixedNetwork, count_spikes, inhibitory_spikes
 from lava_vpr.engine.inference.neuron_bias import bias_registers
+from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT
+
+Arrays = dict[str, NDArray[Any]]
+Runs = list[tuple[str, str]]
+"""Jobs of `lava_vpr.processes.jobs.inference`, and the tags of the models that they run."""
+FIXED: Runs = [(job, "fixed_pt") for job in ("fused", "composed", "library")]
+FLOAT: Runs = [(job, "floating_pt") for job in ("composed", "library")]
 
 SMALL_LIMITS = {"FAN_IN": 4, "DIRECT": 3}
 """`limits` with which five neurons need leaves and relays."""
@@ -64,3 +72,62 @@ def random_network(bits: int, seed: int = 0, **changes: Any) -> FixedNetwork:
     )
     network = replace(network, **changes)
     return network if "bias" in changes else replace(network, bias=random_bias(rng, network))
+
+
+def hold_in_lava(cases: dict[str, tuple[FixedNetwork, Arrays, Runs]], **options: Any) -> Arrays:
+    """Run networks in Lava, each in its runs, and hold every run against the host.
+
+    Args:
+        cases: By name a network, its ``rates``, ``keys`` and maybe ``biases``, and its runs.
+        options: Those of `process_targets.networks`.
+    Returns:
+        What that returns.
+    """
+    arrays = {
+        f"{name}_{key}": value
+        for name, (network, shown, _) in cases.items()
+        for key, value in ({"weights": network.weights, "bias": network.bias} | shown).items()
+    }
+    given = {"networks": {name: network.scalars | {"batch": 3} for name, (network, _, _) in cases.items()}}
+    given |= {"runs": {name: runs for name, (_, _, runs) in cases.items()}, "limits": {}} | options
+    done: list[int] = []
+    got = run_isolated("support.lava.process_targets:networks", arrays, given, timeout=240, progress=done.append)
+    boards = [options["board"]] if "board" in options else []
+    expected = sum(len(shown["keys"]) * len(runs) for _, shown, runs in cases.values())
+    assert sum(done) == expected + sum(len(cases[name][1]["keys"]) for name in boards)
+    for name, case in cases.items():
+        _hold_runs(*case, part(got, name))
+    return got
+
+
+def part(arrays: Arrays, name: str) -> Arrays:
+    """The arrays whose names begin with ``name``."""
+    return {key.removeprefix(f"{name}_"): value for key, value in arrays.items() if key.startswith(f"{name}_")}
+
+
+def _hold_runs(network: FixedNetwork, shown: Arrays, runs: Runs, got: Arrays) -> None:
+    """Every run of one network against the host: spikes of exc, inh and inputs, and their numbers."""
+    network = replace(network)  # without what was made with other limits
+    rates, keys = shown["rates"], shown["keys"]
+    counts, events, film = count_spikes(network, rates, keys, bias=shown.get("biases"), raster=True)
+    inputs = draw_trains(rates, keys, network.steps, network.interval, regular=network.regular)
+    for job, tag in runs:
+        one = part(got, f"{job}_{tag}")
+        assert one["counts"].dtype == np.int32
+        if tag == "fixed_pt":
+            assert np.array_equal(one["counts"], counts), job
+            assert np.array_equal(one["exc"], film), job
+        if job == "fused":
+            assert dict(zip(EVENTS, one["events"].tolist(), strict=True)) == events
+            assert "inh" not in one
+            continue
+        trains = {"inputs": inputs, "inh": inhibitory_spikes(network, one["exc"])}
+        for key, numbers in (("inputs", "input_spikes"), ("inh", "inh_spikes")):
+            assert np.array_equal(one[key], trains[key]), (job, tag, key)
+            assert one[numbers].dtype == np.int64
+            assert np.array_equal(one[numbers], trains[key].sum(axis=(0, 1)))
+    if set(FLOAT) <= set(runs):
+        # Without truncation ours is the library's float network; it differs from the integers where a decay was cut.
+        ours, theirs = (got[f"{job}_{tag}_exc"] for job, tag in FLOAT)
+        assert np.array_equal(ours, theirs)
+        assert np.abs(ours.sum(axis=1, dtype=int) - counts).sum() <= 0.1 * counts.sum()
