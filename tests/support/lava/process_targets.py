@@ -1,6 +1,6 @@
 """What test_processes.py, test_bias_inputs.py and test_lava.py of tests/processes let a worker call: runs of Lava.
 
-Used by processes.
+Used by processes and support.
 """
 
 from __future__ import annotations
