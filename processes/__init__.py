@@ -1,7 +1,8 @@
-"""Custom Lava Processes, one folder each with ``process.py`` and ``models.py`` (import as `lava_vpr.processes`).
+"""Custom Lava Processes, in folders with a ``process.py`` each (import as `lava_vpr.processes`).
 
 ``from lava_vpr.processes import PoissonEncoder, PlaceNetwork``: every Process can be imported from here; Lava itself is
-imported only when one is. docs/lava.md lists them. A folder's ``__init__.py`` names its Process as ``PROCESS``.
+imported only when one is. docs/lava.md lists them. A ``process.py`` has a Process and its models, or some of a kind;
+the folder's ``__init__.py`` names them as ``PROCESSES``.
 """
 
 from __future__ import annotations
@@ -21,9 +22,8 @@ def _process_modules(package: ModuleType | None = None) -> dict[str, str]:
     for entry in pkgutil.iter_modules(path, f"{name}."):
         if entry.ispkg:
             folder = importlib.import_module(entry.name)
-            modules |= (
-                {folder.PROCESS: f"{entry.name}.process"} if hasattr(folder, "PROCESS") else _process_modules(folder)
-            )
+            named = getattr(folder, "PROCESSES", None)
+            modules |= dict.fromkeys(named, f"{entry.name}.process") if named else _process_modules(folder)
     return modules
 
 

@@ -18,7 +18,7 @@ for name in names:
         if (error.name or "").partition(".")[0] != "lava" or not name.startswith("lava_vpr.processes."):
             raise
         left_out.append(name)
-for wanted in ("lava_vpr.processes.plastic_dense.models", "lava_vpr.deploy", "lava_vpr.cli.train"):
+for wanted in ("lava_vpr.processes.plastic_dense.process", "lava_vpr.deploy", "lava_vpr.cli.train"):
     if wanted not in names:
         raise SystemExit(f"the wheel lacks {wanted}")
 without = f" ({len(left_out)} that need Lava are left out)" if left_out else ""

@@ -2,7 +2,7 @@
 
 A run that prefers SubProcessModels (``select_sub_proc_model=True``) puts LIF, LIFReset, Dense, Sparse and LearningDense
 in the place of this project's Processes: simulated under ``Loihi2SimCfg``, on the chip under ``Loihi2HwCfg``. What the
-library lacks is refused. In a ``models.py`` these models come before those for the CPU: Lava 0.10 counts positions
+library lacks is refused. In a ``process.py`` these models come before those for the CPU: Lava 0.10 counts positions
 among SubProcessModels as if they were positions among all (``magma/core/run_configs.py:285``).
 """
 

@@ -16,7 +16,7 @@ from lava_vpr.isolated.worker import report
 from lava_vpr.processes.base.magma import Loihi2SimCfg, RunSteps
 from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.conductance.conductance_place_network.process import ConductancePlaceNetwork
-from lava_vpr.processes.conductance.fine_poisson_encoder.process import FinePoissonEncoder
+from lava_vpr.processes.encoders.process import FinePoissonEncoder
 from lava_vpr.processes.spike_counter.process import SpikeCounter
 
 

@@ -1,3 +1,3 @@
 """All-to-all synapses that learn by STDP."""
 
-PROCESS = "PlasticDense"
+PROCESSES = ("PlasticDense",)

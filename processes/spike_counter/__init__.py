@@ -1,3 +1,3 @@
 """Counts spikes per presentation."""
 
-PROCESS = "SpikeCounter"
+PROCESSES = ("SpikeCounter",)

@@ -28,8 +28,7 @@ from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import STATE_LIMIT
 from lava_vpr.processes.base.shared_memory import shared_array
-from lava_vpr.processes.bias_inputs.models import PyBiasInputsFixed, PyBiasInputsFloat, SubBiasInputsFixed
-from lava_vpr.processes.bias_inputs.process import BiasInputs
+from lava_vpr.processes.encoders.process import BiasInputs, PyBiasInputsFixed, PyBiasInputsFloat, SubBiasInputsFixed
 from lava_vpr.processes.jobs.inference import input_spikes
 
 pytestmark = pytest.mark.lava

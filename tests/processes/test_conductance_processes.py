@@ -24,18 +24,19 @@ from lava_vpr.engine.conductance.model import (
 from lava_vpr.engine.random import presentation_key, presentation_keys
 from lava_vpr.errors import ConfigError, LavaVprError, NetworkLimitError
 from lava_vpr.isolated.runner import run_isolated
-from lava_vpr.processes.conductance.conductance_lif.models import PyConductanceLIFFloat
-from lava_vpr.processes.conductance.conductance_lif.process import ConductanceLIF
+from lava_vpr.processes.conductance.conductance_lif.process import ConductanceLIF, PyConductanceLIFFloat
 from lava_vpr.processes.conductance.conductance_place_network.process import (
     ConductancePlaceNetwork,
     excitatory_neuron,
     inhibitory_neuron,
 )
-from lava_vpr.processes.conductance.conductance_plastic.process import ConductancePlastic
-from lava_vpr.processes.conductance.delayed_dense.models import PyDelayedDenseFloat
-from lava_vpr.processes.conductance.delayed_dense.process import DelayedDense
-from lava_vpr.processes.conductance.fine_poisson_encoder.process import FinePoissonEncoder
+from lava_vpr.processes.conductance.delayed_synapses.process import (
+    ConductancePlastic,
+    DelayedDense,
+    PyDelayedDenseFloat,
+)
 from lava_vpr.processes.conductance.neurons import ConductanceNeuron
+from lava_vpr.processes.encoders.process import FinePoissonEncoder
 
 pytestmark = pytest.mark.lava
 

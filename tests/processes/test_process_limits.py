@@ -12,19 +12,20 @@ from numpy.typing import NDArray
 
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import NetworkLimitError
-from lava_vpr.processes.dense_synapses.models import PyDenseSynapsesFixed, PyDenseSynapsesFloat
-from lava_vpr.processes.dense_synapses.process import DenseSynapses
-from lava_vpr.processes.excitatory_lif.models import PyExcitatoryLIFFixed, PyExcitatoryLIFFloat
-from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF
-from lava_vpr.processes.inhibitory_lif.process import InhibitoryLIF
-from lava_vpr.processes.lateral_inhibition.process import LateralInhibition
+from lava_vpr.processes.encoders.process import PoissonEncoder, RegularEncoder
+from lava_vpr.processes.lif.process import ExcitatoryLIF, InhibitoryLIF, PyExcitatoryLIFFixed, PyExcitatoryLIFFloat
 from lava_vpr.processes.networks.fused_place_network.process import FusedPlaceNetwork
 from lava_vpr.processes.networks.place_network.process import PlaceNetwork
-from lava_vpr.processes.one_to_one.models import PyOneToOneFixed, PyOneToOneFloat
-from lava_vpr.processes.one_to_one.process import OneToOne
-from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
-from lava_vpr.processes.regular_encoder.process import RegularEncoder
 from lava_vpr.processes.spike_counter.process import SpikeCounter
+from lava_vpr.processes.synapses.process import (
+    DenseSynapses,
+    LateralInhibition,
+    OneToOne,
+    PyDenseSynapsesFixed,
+    PyDenseSynapsesFloat,
+    PyOneToOneFixed,
+    PyOneToOneFloat,
+)
 
 pytestmark = pytest.mark.lava
 

@@ -20,24 +20,33 @@ from support.lava.model_harness import build, drive, some_spikes
 from lava_vpr.encoding import draw_trains, rates16
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.processes.base.shared_memory import shared_array
-from lava_vpr.processes.conductance.fine_poisson_encoder.models import PyFinePoissonEncoder
-from lava_vpr.processes.conductance.fine_poisson_encoder.process import FinePoissonEncoder
-from lava_vpr.processes.dense_synapses.models import PyDenseSynapsesFixed, PyDenseSynapsesFloat
-from lava_vpr.processes.dense_synapses.process import DenseSynapses
-from lava_vpr.processes.excitatory_lif.models import PyExcitatoryLIFFixed, PyExcitatoryLIFFloat
-from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF
-from lava_vpr.processes.inhibitory_lif.models import PyInhibitoryLIFFixed, PyInhibitoryLIFFloat
-from lava_vpr.processes.inhibitory_lif.process import InhibitoryLIF
-from lava_vpr.processes.lateral_inhibition.models import PyLateralInhibitionFloat
-from lava_vpr.processes.lateral_inhibition.process import LateralInhibition
-from lava_vpr.processes.one_to_one.models import PyOneToOneFixed, PyOneToOneFloat
-from lava_vpr.processes.one_to_one.process import OneToOne
-from lava_vpr.processes.poisson_encoder.models import PyPoissonEncoder
-from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
-from lava_vpr.processes.regular_encoder.models import PyRegularEncoder
-from lava_vpr.processes.regular_encoder.process import RegularEncoder
-from lava_vpr.processes.spike_counter.models import PySpikeCounter
-from lava_vpr.processes.spike_counter.process import SpikeCounter
+from lava_vpr.processes.encoders.process import (
+    FinePoissonEncoder,
+    PoissonEncoder,
+    PyFinePoissonEncoder,
+    PyPoissonEncoder,
+    PyRegularEncoder,
+    RegularEncoder,
+)
+from lava_vpr.processes.lif.process import (
+    ExcitatoryLIF,
+    InhibitoryLIF,
+    PyExcitatoryLIFFixed,
+    PyExcitatoryLIFFloat,
+    PyInhibitoryLIFFixed,
+    PyInhibitoryLIFFloat,
+)
+from lava_vpr.processes.spike_counter.process import PySpikeCounter, SpikeCounter
+from lava_vpr.processes.synapses.process import (
+    DenseSynapses,
+    LateralInhibition,
+    OneToOne,
+    PyDenseSynapsesFixed,
+    PyDenseSynapsesFloat,
+    PyLateralInhibitionFloat,
+    PyOneToOneFixed,
+    PyOneToOneFloat,
+)
 
 pytestmark = pytest.mark.lava
 

@@ -8,6 +8,7 @@ has a model without content for these alone. So a Process counts as resolved whe
 from __future__ import annotations
 
 import shutil
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -213,13 +214,11 @@ def test_five_real_queries_spike_alike(
 
 def test_sub_process_models_come_first() -> None:
     """Lava 0.10 confuses positions among them with positions among all models."""
-    import importlib
-
-    for name in ("bias_inputs", "dense_synapses", "excitatory_lif", "inhibitory_lif", "one_to_one", "plastic_dense"):
-        module = importlib.import_module(f"lava_vpr.processes.{name}.models")
+    for name in ("BiasInputs", "DenseSynapses", "ExcitatoryLIF", "InhibitoryLIF", "OneToOne", "PlasticDense"):
+        process = getattr(processes, name)
         kinds = [
             issubclass(model, AbstractSubProcessModel)
-            for model in vars(module).values()
-            if isinstance(model, type) and model.__module__ == module.__name__ and model.implements_process is not None
+            for model in vars(sys.modules[process.__module__]).values()
+            if getattr(model, "implements_process", None) is process
         ]
         assert kinds == [True, True, False, False], name

@@ -28,7 +28,10 @@ def processes() -> dict[str, tuple[str, str]]:
             bases = [ast.unparse(b) for b in node.bases] if isinstance(node, ast.ClassDef) else []
             if isinstance(node, ast.ClassDef) and any(name.endswith("Process") for name in bases):
                 folder = str(path.parent.relative_to(ROOT / "processes"))
-                found[node.name] = folder, text + "".join(made.get(name, "") for name in bases)
+                found[node.name] = (
+                    folder,
+                    f"{ast.get_source_segment(text, node)}\n" + "".join(made.get(name, "") for name in bases),
+                )
     return found
 
 

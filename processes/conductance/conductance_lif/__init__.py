@@ -1,3 +1,3 @@
 """A population of conductance-based neurons."""
 
-PROCESS = "ConductanceLIF"
+PROCESSES = ("ConductanceLIF",)

@@ -1,3 +1,3 @@
 """VPRSNN's conductance-based network, composed of Processes."""
 
-PROCESS = "ConductancePlaceNetwork"
+PROCESSES = ("ConductancePlaceNetwork",)

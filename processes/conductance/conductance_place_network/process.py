@@ -14,6 +14,7 @@ from lava_vpr.engine.conductance.kernels import (
     E_RESET,
     E_REST,
     E_THRESHOLD,
+    EXC_TO_INH,
     I_RESET,
     I_REST,
     I_THRESHOLD,
@@ -22,9 +23,19 @@ from lava_vpr.engine.conductance.kernels import (
 )
 from lava_vpr.engine.conductance.model import ConductanceState, constants
 from lava_vpr.errors import NetworkLimitError
-from lava_vpr.processes.base.magma import AbstractProcess, InPort, OutPort, Var
-from lava_vpr.processes.conductance.delayed_dense.process import check_synapses
+from lava_vpr.processes.base.magma import (
+    AbstractProcess,
+    AbstractSubProcessModel,
+    InPort,
+    OutPort,
+    Var,
+    implements,
+    tag,
+)
+from lava_vpr.processes.conductance.conductance_lif.process import ConductanceLIF
+from lava_vpr.processes.conductance.delayed_synapses.process import ConductancePlastic, DelayedDense, check_synapses
 from lava_vpr.processes.conductance.neurons import ConductanceNeuron
+from lava_vpr.processes.synapses.process import LateralInhibition, OneToOne
 
 
 def excitatory_neuron(c: Constants) -> ConductanceNeuron:
@@ -105,3 +116,44 @@ class ConductancePlaceNetwork(AbstractProcess):
         self.theta = Var(shape=(neurons,), init=state.theta_mv)
         self.v_inh = Var(shape=(neurons,), init=I_REST)
         self.weights = Var(shape=(neurons, inputs), init=np.array(state.weights.T, np.float64, order="C"))
+
+
+@implements(proc=ConductancePlaceNetwork)
+@tag("floating_pt")
+class SubConductancePlaceNetwork(AbstractSubProcessModel):
+    """Two populations, the input's synapses, and the loop through the inhibitory population."""
+
+    def __init__(self, proc: ConductancePlaceNetwork) -> None:
+        state, learn = proc.proc_params["state"], proc.proc_params["learn"]
+        c = constants(proc.proc_params["config"], learn=learn)
+        neurons, total = len(state.theta_mv), c.total
+        self.excite = self._synapses(proc, c)
+        self.exc = ConductanceLIF(shape=(neurons,), neuron=excitatory_neuron(c), theta=state.theta_mv, interval=total)
+        self.relay = OneToOne(shape=(neurons,), weight=EXC_TO_INH)
+        self.inh = ConductanceLIF(shape=(neurons,), neuron=inhibitory_neuron(c), interval=total)
+        self.others = LateralInhibition(shape=(neurons,), inhibition=1.0)  # minus the number that spiked
+        proc.in_ports.s_in.connect(self.excite.in_ports.s_in)
+        self.excite.out_ports.a_out.connect(self.exc.in_ports.g_e_in)
+        self.exc.out_ports.s_out.connect(self.relay.in_ports.s_in)
+        self.relay.out_ports.a_out.connect(self.inh.in_ports.g_e_in)
+        self.inh.out_ports.s_out.connect(self.others.in_ports.s_in)
+        self.others.out_ports.a_out.connect(self.exc.in_ports.g_i_in)
+        self.exc.out_ports.s_out.connect(proc.out_ports.s_out)
+        self.inh.out_ports.s_out.connect(proc.out_ports.s_out_inh)
+        if learn:
+            self.exc.out_ports.s_out.connect(self.excite.in_ports.post_in)
+        for name in ("v", "ge", "gi", "theta"):
+            getattr(proc.vars, name).alias(getattr(self.exc.vars, name))
+        proc.vars.weights.alias(self.excite.vars.weights)
+        proc.vars.v_inh.alias(self.inh.vars.v)
+
+    @staticmethod
+    def _synapses(proc: ConductancePlaceNetwork, c: Constants) -> DelayedDense | ConductancePlastic:
+        """The input's synapses, frozen or learning."""
+        state, config = proc.proc_params["state"], proc.proc_params["config"]
+        weights, delays = np.array(state.weights.T, np.float64, order="C"), state.delays.T
+        if not proc.proc_params["learn"]:
+            return DelayedDense(weights=weights, delays=delays, interval=c.total)
+        return ConductancePlastic(
+            weights=weights, delays=delays, learning=config.learning, constants=c, dt_ms=config.network.dt_ms
+        )

@@ -1,3 +1,3 @@
 """The whole network as one fast Process."""
 
-PROCESS = "FusedPlaceNetwork"
+PROCESSES = ("FusedPlaceNetwork",)

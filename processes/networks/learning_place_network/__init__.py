@@ -1,3 +1,3 @@
 """The network that learns places, of our own Processes."""
 
-PROCESS = "LearningPlaceNetwork"
+PROCESSES = ("LearningPlaceNetwork",)

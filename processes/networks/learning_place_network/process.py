@@ -10,9 +10,12 @@ from numpy.typing import NDArray
 from lava_vpr.engine.general.lif import check_thresholds, need
 from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState
 from lava_vpr.loihi import THRESHOLD_LIMIT
-from lava_vpr.processes.base.magma import Var
+from lava_vpr.processes.base.magma import AbstractSubProcessModel, LoihiProtocol, Var, implements
 from lava_vpr.processes.base.network import NetworkProcess
-from lava_vpr.processes.base.wiring import exact_mantissa
+from lava_vpr.processes.base.wiring import RELAY_WEIGHT, exact_mantissa, wire
+from lava_vpr.processes.lif.process import ExcitatoryLIF, InhibitoryLIF
+from lava_vpr.processes.plastic_dense.process import PlasticDense
+from lava_vpr.processes.synapses.process import DenseSynapses, OneToOne
 
 
 class LearningPlaceNetwork(NetworkProcess):
@@ -97,3 +100,41 @@ class LearningPlaceNetwork(NetworkProcess):
         """
         raised = self.vth.get() + counts * self.learning.neurons.theta_plus
         self.vth.set(np.minimum(raised, THRESHOLD_LIMIT - 1))
+
+
+@implements(proc=LearningPlaceNetwork, protocol=LoihiProtocol)
+class SubLearningPlaceNetwork(AbstractSubProcessModel):
+    """Input spikes go to exc by synapses that its spikes change, exc to inh, and inh takes from every exc.
+
+    Each exc has a relay, too, which gives it back in the same step what inh takes: winners are spared.
+    """
+
+    def __init__(self, proc: LearningPlaceNetwork) -> None:
+        learning, shape, interval = proc.learning, proc.s_out.shape, proc.interval
+        lif = learning.neurons
+        self.excite = PlasticDense(**proc.plasticity)
+        self.exc = ExcitatoryLIF(
+            shape=shape,
+            du=lif.du,
+            dv=lif.dv,
+            vth=proc.vars.vth.init,
+            floor=lif.floor,
+            hold_steps=lif.hold_steps,
+            theta_plus=0 if learning.late_theta else lif.theta_plus,
+            reset_interval=interval,
+        )
+        self.listen = DenseSynapses(weights=np.full((1, *shape), RELAY_WEIGHT))
+        self.inh = InhibitoryLIF(shape=(1,), reset_interval=interval)
+        self.inhibit = DenseSynapses(
+            weights=proc.vars.lateral_weights.init, weight_exp=proc.exponent, sign_mode="inhibitory"
+        )
+        self.echo = OneToOne(shape=shape, weight=RELAY_WEIGHT)
+        self.own = InhibitoryLIF(shape=shape, reset_interval=interval)
+        # Not OneToOne: Lava's fixed-point Sparse fails once its weights were set.
+        self.give_back = DenseSynapses(
+            weights=proc.vars.own_weights.init, weight_exp=proc.exponent, sign_mode="excitatory"
+        )
+        wire(proc, self)
+        self.exc.s_out.connect(self.excite.s_in_post)
+        proc.vars.x1.alias(self.excite.x1)
+        proc.vars.own_weights.alias(self.give_back.weights)

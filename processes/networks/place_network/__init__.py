@@ -1,3 +1,3 @@
 """The whole network of our own Processes."""
 
-PROCESS = "PlaceNetwork"
+PROCESSES = ("PlaceNetwork",)

@@ -10,9 +10,12 @@ from numpy.typing import NDArray
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.neuron_bias import bias_registers
 from lava_vpr.loihi import INPUT_SHIFT
-from lava_vpr.processes.base.magma import Var
+from lava_vpr.processes.base.magma import AbstractSubProcessModel, LoihiProtocol, Var, implements
 from lava_vpr.processes.base.network import NetworkProcess
-from lava_vpr.processes.base.wiring import inhibiting
+from lava_vpr.processes.base.neurons import BiasTable
+from lava_vpr.processes.base.wiring import RELAY_WEIGHT, gathering, inhibiting, listening, wire
+from lava_vpr.processes.lif.process import ExcitatoryLIF, InhibitoryLIF
+from lava_vpr.processes.synapses.process import DenseSynapses, OneToOne
 
 
 class PlaceNetwork(NetworkProcess):
@@ -59,3 +62,45 @@ class PlaceNetwork(NetworkProcess):
             values = {"bias_mant": bias * 2.0**-INPUT_SHIFT}
         for name, value in values.items():
             getattr(self, name).set(value)
+
+
+@implements(proc=PlaceNetwork, protocol=LoihiProtocol)
+class SubPlaceNetwork(AbstractSubProcessModel):
+    """Input spikes go to exc, exc to inh, and inh takes from every exc. Every arrow takes one step."""
+
+    def __init__(self, proc: PlaceNetwork) -> None:
+        network, interval = proc.network, proc.interval
+        weights, bits, exponent = network.stored
+        bias, bias_exponent = network.bias_registers
+        self.excite = DenseSynapses(
+            weights=weights,
+            num_weight_bits=bits,
+            weight_exp=exponent,
+            sign_mode="mixed" if network.signed else "excitatory",
+        )
+        self.exc = ExcitatoryLIF(
+            shape=(network.neurons,),
+            dv=network.decay,
+            vth=network.threshold,
+            bias_mant=bias,
+            bias_exp=bias_exponent,
+            reset_interval=interval,
+            bias_table=None if proc.bias is None else BiasTable(*bias_registers(proc.bias)),
+        )
+        sparse = network.leaves > 0
+        self.listen = DenseSynapses(weights=listening(network), sparse=sparse)
+        self.inh = InhibitoryLIF(shape=(network.inhibitory,), reset_interval=interval)
+        self.inhibit = DenseSynapses(
+            weights=inhibiting(network),
+            weight_exp=network.inhibition_exponent,
+            sign_mode="inhibitory",
+            sparse=sparse,
+        )
+        if network.leaves:
+            self.gather = DenseSynapses(weights=gathering(network), sparse=True)
+        if network.relayed:
+            self.forward = OneToOne(shape=(network.inputs,), weight=RELAY_WEIGHT)
+            self.relays = InhibitoryLIF(shape=(network.inputs,), reset_interval=interval)
+        wire(proc, self)
+        proc.vars.bias_mant.alias(self.exc.bias_mant)
+        proc.vars.bias_exp.alias(self.exc.bias_exp)

@@ -21,13 +21,12 @@ from support.fuzz.fuzz_networks import Block, Format, block_of, settings_of, ste
 from support.fuzz.fuzz_places import SILENT, fused_of, input_of, place_of
 
 from lava_vpr.processes.base.shared_memory import shared_array
-from lava_vpr.processes.dense_synapses.process import DenseSynapses
-from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF
+from lava_vpr.processes.encoders.process import PoissonEncoder, RegularEncoder
+from lava_vpr.processes.lif.process import ExcitatoryLIF
 from lava_vpr.processes.networks.fused_place_network.process import FusedPlaceNetwork
 from lava_vpr.processes.networks.place_network.process import PlaceNetwork
-from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
-from lava_vpr.processes.regular_encoder.process import RegularEncoder
 from lava_vpr.processes.spike_counter.process import SpikeCounter
+from lava_vpr.processes.synapses.process import DenseSynapses
 
 Arrays = dict[str, NDArray[Any]]
 KINDS = ("ours", "library")

@@ -21,8 +21,7 @@ from lava_vpr.loihi import TRACE_LIMIT
 from lava_vpr.processes.base.float_rule import FloatRule
 from lava_vpr.processes.base.magma import Loihi2SimCfg, RunSteps
 from lava_vpr.processes.base.shared_memory import shared_array
-from lava_vpr.processes.plastic_dense.models import PyPlasticDenseFixed
-from lava_vpr.processes.plastic_dense.process import PlasticDense
+from lava_vpr.processes.plastic_dense.process import PlasticDense, PyPlasticDenseFixed
 
 
 class RecordingLearningDense(PyLearningDenseModelBitApproximate):

@@ -19,13 +19,12 @@ from support.lava.small_networks import limits, part
 
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.processes.base.magma import Loihi2SimCfg, RunSteps
-from lava_vpr.processes.bias_inputs.process import BiasInputs
-from lava_vpr.processes.dense_synapses.process import DenseSynapses
-from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF
+from lava_vpr.processes.encoders.process import BiasInputs, PoissonEncoder
 from lava_vpr.processes.jobs import inference as jobs
+from lava_vpr.processes.lif.process import ExcitatoryLIF
 from lava_vpr.processes.networks.place_network.process import PlaceNetwork
-from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
 from lava_vpr.processes.spike_counter.process import SpikeCounter
+from lava_vpr.processes.synapses.process import DenseSynapses
 
 Arrays = dict[str, NDArray[Any]]
 FIXED = {"select_tag": "fixed_pt"}

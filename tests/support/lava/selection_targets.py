@@ -19,19 +19,15 @@ from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, Weig
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.processes.base.magma import AbstractProcess, Loihi2HwCfg, Loihi2SimCfg, RunSteps
 from lava_vpr.processes.base.shared_memory import shared_array
-from lava_vpr.processes.bias_inputs.process import BiasInputs
-from lava_vpr.processes.dense_synapses.process import DenseSynapses
-from lava_vpr.processes.excitatory_lif.process import ExcitatoryLIF
-from lava_vpr.processes.inhibitory_lif.process import InhibitoryLIF
+from lava_vpr.processes.encoders.process import BiasInputs, PoissonEncoder, RegularEncoder
 from lava_vpr.processes.jobs import inference as jobs
+from lava_vpr.processes.lif.process import ExcitatoryLIF, InhibitoryLIF
 from lava_vpr.processes.networks.fused_place_network.process import FusedPlaceNetwork
 from lava_vpr.processes.networks.learning_place_network.process import LearningPlaceNetwork
 from lava_vpr.processes.networks.place_network.process import PlaceNetwork
-from lava_vpr.processes.one_to_one.process import OneToOne
 from lava_vpr.processes.plastic_dense.process import PlasticDense
-from lava_vpr.processes.poisson_encoder.process import PoissonEncoder
-from lava_vpr.processes.regular_encoder.process import RegularEncoder
 from lava_vpr.processes.spike_counter.process import SpikeCounter
+from lava_vpr.processes.synapses.process import DenseSynapses, OneToOne
 
 Arrays = dict[str, NDArray[Any]]
 RULE = WeightRule(((6, -6), (1, -7)), 15, 0, 20.0)

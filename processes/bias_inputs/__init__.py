@@ -1,3 +1,0 @@
-"""Input compartments that integrate a bias."""
-
-PROCESS = "BiasInputs"

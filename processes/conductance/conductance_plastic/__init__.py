@@ -1,3 +1,0 @@
-"""Delayed synapses that learn by the rules of the conductance-based network."""
-
-PROCESS = "ConductancePlastic"

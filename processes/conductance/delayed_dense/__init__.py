@@ -1,3 +1,0 @@
-"""All-to-all synapses, each with a delay of its own."""
-
-PROCESS = "DelayedDense"

@@ -1,0 +1,6 @@
+"""All-to-all synapses with delays, whose weights stay or follow the spikes of both sides."""
+
+PROCESSES = (
+    "DelayedDense",
+    "ConductancePlastic",
+)

@@ -1,3 +1,0 @@
-"""Synapses from every input to every neuron."""
-
-PROCESS = "DenseSynapses"

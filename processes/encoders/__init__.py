@@ -1,0 +1,8 @@
+"""What sends input spikes: drawn, regular, or of compartments that integrate a bias."""
+
+PROCESSES = (
+    "PoissonEncoder",
+    "RegularEncoder",
+    "FinePoissonEncoder",
+    "BiasInputs",
+)

@@ -1,0 +1,295 @@
+"""What sends input spikes: drawn, regular, or of compartments that integrate a bias."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+from lava.proc.lif.process import LIF
+from numpy.typing import NDArray
+
+from lava_vpr.encoding import draw_spikes, rates16
+from lava_vpr.engine.draw import LANES, draw_block, prepare_draws, scratch
+from lava_vpr.engine.inference.bias_input import LEVEL, THRESHOLD, biases, schedule, start_membranes
+from lava_vpr.engine.random import image_keys, presentation_keys
+from lava_vpr.errors import NetworkLimitError
+from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT, INPUT_SHIFT, NO_MEMORY_DECAY
+from lava_vpr.processes.base.checked import RegisterVar, require
+from lava_vpr.processes.base.cpu_model import cpu_model
+from lava_vpr.processes.base.encoders import EncoderModel, EncoderProcess
+from lava_vpr.processes.base.library_parts import library_model, stand_for
+from lava_vpr.processes.base.magma import AbstractSubProcessModel, LavaPyType
+from lava_vpr.processes.base.neurons import check_state
+
+
+class PoissonEncoder(EncoderProcess):
+    """Sends Poisson spikes, one presentation after another; after the last it is silent.
+
+    In step t of the presentation with key k, input j spikes if a random number of 16 bits is below its rate::
+
+        s_j(t) = h(k, t, j) < r_j          so that P(s_j(t) = 1) = r_j 2^-16, independently in every step
+
+    h is a hash (`lava_vpr.engine.random.draws`) and not a stream: the spikes are those of
+    `lava_vpr.encoding.draw_spikes`, the same on every backend and with any number of threads. For two images of three
+    inputs, 350 steps each::
+
+        rates = np.array([[655, 0, 32768], [6554, 6554, 0]], np.uint16)        # 1 %, never, 50 %; 10 %, 10 %, never
+        keys = presentation_keys(0, "query", image_keys(rates))
+        encoder = PoissonEncoder(rates=rates, keys=keys, steps=350, silent_steps=network.silent_steps)
+
+    Arguments, port and Var as `lava_vpr.processes.base.encoders.EncoderProcess`.
+    """
+
+    @classmethod
+    def of_activity(
+        cls,
+        activity: NDArray[np.float32],
+        *,
+        spikes_per_step: float,
+        seed: int,
+        role: str,
+        steps: int,
+        **kwargs: Any,
+    ) -> PoissonEncoder:
+        """An encoder of images from the responses of their input channels.
+
+        Args:
+            activity: float32 (n, inputs), as `lava_vpr.encoding.EncodedTraverse.activity`.
+            spikes_per_step: Expected spikes of all inputs together in one step.
+            seed, role: What random numbers depend on beside the rates (`lava_vpr.engine.random.presentation_key`).
+            steps: Steps with input.
+            **kwargs: As the constructor's.
+        """
+        rates = rates16(activity, spikes_per_step)
+        return cls(rates=rates, keys=presentation_keys(seed, role, image_keys(rates)), steps=steps, **kwargs)
+
+    def compile_kernels(self) -> None:
+        """Compile the drawing kernels before the models are forked."""
+        arrays = scratch(1)
+        n = prepare_draws(np.ones(1, np.uint16), np.uint64(0), *arrays[:3])
+        draw_block(0, n, *arrays)
+
+
+@cpu_model(PoissonEncoder, "fixed", "float")
+class PyPoissonEncoder(EncoderModel):
+    """The model draws the spikes of four steps at a time."""
+
+    def __init__(self, proc_params: Any) -> None:
+        super().__init__(proc_params)
+        self.arrays = scratch(self.rates.shape[1])
+        self.drawn, self.sizes = self.arrays[-2:]
+        self.active = 0
+
+    def begin(self, image: int) -> None:
+        """Prepare the draws of a presentation."""
+        self.active = prepare_draws(self.rates[image], self.keys[image], *self.arrays[:3])
+
+    def members(self, step: int) -> NDArray[np.int32]:
+        """The inputs whose draw is below their rate."""
+        lane = step % LANES
+        if lane == 0:
+            draw_block(step // LANES, self.active, *self.arrays)
+        chosen: NDArray[np.int32] = self.drawn[lane, : self.sizes[lane]]
+        return chosen
+
+
+class RegularEncoder(EncoderProcess):
+    """Sends the spikes of `engine.inference.bias_input.bias_input_spikes`, presentation after presentation, then none.
+
+    Input j spikes every ``LEVEL // bias + 1`` steps, for the first time when its start membrane says. They are the
+    spikes of a `lava_vpr.processes.BiasInputs`, whose compartments integrate them on the chip; these come from outside.
+
+    Arguments, port and Var as `lava_vpr.processes.base.encoders.EncoderProcess`.
+    """
+
+    def compile_kernels(self) -> None:
+        """Compile the kernel before the models are forked."""
+        schedule(np.ones(1, np.int32), np.uint64(0), 1)
+
+
+@cpu_model(RegularEncoder, "fixed", "float")
+class PyRegularEncoder(EncoderModel):
+    """The model works out a presentation's spikes at its start."""
+
+    starts: NDArray[np.int64]
+    listed: NDArray[np.int32]
+
+    def begin(self, image: int) -> None:
+        """List the spikes of a presentation, step by step."""
+        slopes = np.left_shift(*biases(self.rates[image]))
+        self.starts, self.listed = schedule(slopes, self.keys[image], self.steps)
+
+    def members(self, step: int) -> NDArray[np.int32]:
+        """The inputs whose turn it is."""
+        return self.listed[self.starts[step] : self.starts[step + 1]]
+
+
+class FinePoissonEncoder(EncoderProcess):
+    """Sends the draws of `lava_vpr.encoding.draw_spikes`, one presentation after another; then it is silent.
+
+    Rates are in units of 2^-32. Arguments, port and Var as `lava_vpr.processes.base.encoders.EncoderProcess`.
+    """
+
+    rate_bits = 32
+
+
+@cpu_model(FinePoissonEncoder, "float")
+class PyFinePoissonEncoder(EncoderModel):
+    """The model draws a presentation's spikes when it begins."""
+
+    drawn: NDArray[np.bool_]
+
+    def begin(self, image: int) -> None:
+        """Draw the spikes of a presentation."""
+        self.drawn = draw_spikes(self.rates[image], int(self.keys[image]), self.steps)
+
+    def members(self, step: int) -> NDArray[np.integer]:
+        """The inputs that were drawn for this step."""
+        return np.flatnonzero(self.drawn[step])
+
+
+def _check_bias(name: str, largest: int, value: NDArray[Any]) -> None:
+    """Refuse biases that the registers of an input compartment cannot hold.
+
+    Raises:
+        NetworkLimitError: naming the range.
+    """
+    fits = (value >= 0) & (value <= largest) & (value == np.floor(value))
+    require(name, value, fits, f"a whole number in 0..{largest}")
+
+
+class BiasInputs(EncoderProcess):
+    """Sends the spikes of `engine.inference.bias_input.bias_input_spikes`, presentation after presentation, then none.
+
+    In the first step of a presentation each compartment's bias and start membrane are written; in each step with
+    input ``v' = v + bias_mant 2^bias_exp; spike = v' > THRESHOLD << 6; v'[spike] = 0``. In the silent steps and after
+    the last presentation the compartments rest.
+
+    Lava's library has a LIF in their place, and who runs it writes to it: in one pause a presentation, between the last
+    step with input and the silent ones, `write` sets the next bias, and a membrane from which that bias reaches the
+    next start membrane by the end of the silent steps. Start membranes are below the threshold, so nothing spikes on
+    the way, and the threshold itself need not be written: Lava's simulated LIF ignores a new one after its first step.
+
+    Port: ``s_out`` spikes (inputs,). Vars (inputs,): ``v``, ``bias_mant``, ``bias_exp``, and ``emitted`` int64, how
+    many spikes each input has sent (with Lava's library it stays 0). ``interval``: steps of a presentation.
+    ``sent``: Vars that `write` has set so far; each is one message an element.
+    """
+
+    def __init__(self, *, silent_steps: int, **kwargs: Any) -> None:
+        """Make the compartments, which send the spikes of all presentations one after another.
+
+        Args:
+            silent_steps: Steps without input at the end of a presentation (`FixedNetwork.silent_steps`).
+            **kwargs: The other arguments of `EncoderProcess`; start membranes depend on the keys.
+        Raises:
+            NetworkLimitError: as `EncoderProcess`.
+        """
+        super().__init__(silent_steps=silent_steps, **kwargs)
+        self.rates, self.keys, self.silent_steps = kwargs["rates"], kwargs["keys"], int(silent_steps)
+        shape = self.s_out.shape
+        self.v = RegisterVar(shape, 0, partial(check_state, "v"))
+        self.bias_mant = RegisterVar(shape, 0, partial(_check_bias, "bias_mant", (1 << BIAS_BITS) - 1))
+        self.bias_exp = RegisterVar(shape, 0, partial(_check_bias, "bias_exp", BIAS_EXPONENT_LIMIT))
+        self.written: dict[str, NDArray[Any]] = {}
+        self.sent = 0
+
+    def values(self, presentation: int, steps_before: int = 0, floating: bool = False) -> dict[str, NDArray[Any]]:
+        """What the Vars of Lava's LIF hold ``steps_before`` steps before a presentation begins.
+
+        Args:
+            presentation: Its number.
+            steps_before: Steps in which the membrane still rises by the bias.
+            floating: For the library's floating-point model, which ignores exponents of biases and has the membrane in
+                the unit of the threshold.
+        """
+        mantissa, exponent = biases(self.rates[presentation])
+        v = start_membranes(int(self.keys[presentation]), self.rates.shape[1])
+        v -= steps_before * (mantissa << exponent)
+        if not floating:
+            return {"v": v, "bias_mant": mantissa, "bias_exp": exponent}
+        unit = 2.0**-INPUT_SHIFT
+        return {"v": v * unit, "bias_mant": (mantissa << exponent) * unit, "bias_exp": np.zeros_like(exponent)}
+
+    def write(self, presentation: int) -> None:
+        """Prepare the next presentation of Lava's LIF, in the pause before the silent steps of the one that runs.
+
+        After the last one, name it again: the silent steps need a membrane that stays below the threshold, too.
+
+        Raises:
+            NetworkLimitError: the compartments are this project's own, which write for themselves.
+        """
+        if not self.written:
+            raise NetworkLimitError("BiasInputs: write is for Lava's library; the CPU models write for themselves")
+        for name, values in self.values(presentation, self.silent_steps, not self.fixed).items():
+            if name == "v" or not np.array_equal(values, self.written[name]):
+                getattr(self, name).set(values)
+                self.written[name] = values
+                self.sent += 1
+
+
+class _LibraryInputs(AbstractSubProcessModel):
+    floating = False
+
+    def __init__(self, proc: BiasInputs) -> None:
+        if proc.proc_params["shared"] is not None:
+            raise NetworkLimitError("BiasInputs: emitted is not counted by Lava's library; count the spikes of s_out")
+        proc.written = proc.values(0, floating=self.floating)
+        no_memory: float = 1.0 if self.floating else NO_MEMORY_DECAY
+        self.neurons = LIF(shape=proc.s_out.shape, du=no_memory, dv=0, vth=THRESHOLD, **proc.written)
+        self.neurons.s_out.connect(proc.s_out)
+        stand_for(proc, self.neurons, "v", "bias_mant", "bias_exp", constant=("emitted",))
+
+
+@library_model(BiasInputs, "fixed")
+class SubBiasInputsFixed(_LibraryInputs):
+    """Lava's LIF, with the first presentation's bias and start membrane; `BiasInputs.write` brings the others."""
+
+
+@library_model(BiasInputs, "float")
+class SubBiasInputsFloat(_LibraryInputs):
+    """The same with the numbers that Lava's floating-point models take."""
+
+    floating = True
+
+
+class _InputsModel(EncoderModel):
+    """The model integrates in the unit of its arithmetic: ``threshold`` is `LEVEL` in units of 1 / ``scale``."""
+
+    v: NDArray[Any]
+    bias_mant: NDArray[Any]
+    bias_exp: NDArray[Any]
+    threshold: float
+    scale: float
+
+    def begin(self, image: int) -> None:
+        """Write the biases and start membranes of a presentation."""
+        self.bias_mant[:], self.bias_exp[:] = biases(self.rates[image])
+        self.v[:] = start_membranes(self.keys[image], len(self.v)) * self.scale
+
+    def members(self, step: int) -> NDArray[np.integer]:
+        """The compartments whose membrane passes the threshold; it is 0 then."""
+        self.v += self.bias_mant * 2**self.bias_exp * self.scale
+        spikes = np.flatnonzero(self.v > self.threshold)
+        self.v[spikes] = 0
+        return spikes
+
+
+@cpu_model(BiasInputs, "float")
+class PyBiasInputsFloat(_InputsModel):
+    """The compartments in float64, whose v is in the unit of the threshold."""
+
+    v: NDArray[np.float64] = LavaPyType(np.ndarray, float)
+    bias_mant: NDArray[np.float64] = LavaPyType(np.ndarray, float)
+    bias_exp: NDArray[np.float64] = LavaPyType(np.ndarray, float)
+    threshold, scale = float(THRESHOLD), 2.0**-INPUT_SHIFT
+
+
+@cpu_model(BiasInputs, "fixed")
+class PyBiasInputsFixed(_InputsModel):
+    """The compartments in Loihi's integers."""
+
+    v: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=24)
+    bias_mant: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=13)
+    bias_exp: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=3)
+    threshold, scale = LEVEL, 1

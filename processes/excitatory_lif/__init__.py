@@ -1,3 +1,0 @@
-"""The excitatory population."""
-
-PROCESS = "ExcitatoryLIF"

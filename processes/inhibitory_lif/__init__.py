@@ -1,3 +1,0 @@
-"""The inhibitory population."""
-
-PROCESS = "InhibitoryLIF"

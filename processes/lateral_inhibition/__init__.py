@@ -1,3 +1,0 @@
-"""Inhibition of all others."""
-
-PROCESS = "LateralInhibition"

@@ -1,3 +1,0 @@
-"""One synapse from each neuron to its partner."""
-
-PROCESS = "OneToOne"

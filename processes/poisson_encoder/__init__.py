@@ -1,3 +1,0 @@
-"""Poisson input spikes."""
-
-PROCESS = "PoissonEncoder"

@@ -1,3 +1,0 @@
-"""Regular input spikes, made by the host."""
-
-PROCESS = "RegularEncoder"

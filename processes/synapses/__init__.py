@@ -1,0 +1,7 @@
+"""Synapses that do not learn: from every input to every neuron, to the partner, or to all others."""
+
+PROCESSES = (
+    "DenseSynapses",
+    "OneToOne",
+    "LateralInhibition",
+)
