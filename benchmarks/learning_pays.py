@@ -25,7 +25,7 @@ from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_arrays
-from lava_vpr.engine.threads import cores
+from lava_vpr.engine.presentations import cores
 from lava_vpr.inputs.views import View, seen_as
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.recognition import Comparison, Recognition, recognise

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, EncoderConfig
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse
-from lava_vpr.engine.threads import cores
+from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import InputError
 from lava_vpr.model import Model
 from lava_vpr.recognition import Comparison, Recognition, recognise

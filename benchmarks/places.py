@@ -14,7 +14,7 @@ from benchmarks.nordland import FOLDERS, images_of, part
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, EncoderConfig
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse, encode_views
-from lava_vpr.engine.threads import cores
+from lava_vpr.engine.presentations import cores
 from lava_vpr.inputs.views import ViewsConfig
 from lava_vpr.learning.references import encode_route
 from lava_vpr.model import Model

@@ -15,8 +15,7 @@ from rich.console import Console
 from benchmarks import figures
 from benchmarks.nordland import required
 from lava_vpr.errors import LavaVprError
-from lava_vpr.matching.evaluation import Metrics
-from lava_vpr.matching.figures import Recall
+from lava_vpr.matching.evaluation import Metrics, Recall
 from lava_vpr.show.table import Table
 
 console = Console(highlight=False, emoji=False, markup=False, width=220)

@@ -26,7 +26,7 @@ from lava_vpr.config import INPUT_MODES, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.bundle.folder import ReadBundle
 from lava_vpr.deploy.bundle.learning import learned_on_chip, learning_files, read_learning
-from lava_vpr.engine.threads import cores
+from lava_vpr.engine.presentations import cores
 
 ON_CHIP = "integers, as the chip can: no floor, no rest, thresholds folded"
 INTEGER = {"learning": {"arithmetic": "integer"}}

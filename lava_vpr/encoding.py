@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from lava_vpr.config import Config
 from lava_vpr.engine.inference import fixed
-from lava_vpr.engine.inference.bias_input import bias_input_spikes
+from lava_vpr.engine.inference.biases import bias_input_spikes
 from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.presentations import Trains
 from lava_vpr.engine.random import draws
-from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import InputError
 from lava_vpr.images.sampling import Sample
 from lava_vpr.inputs.encoded import THUMBNAIL, EncodedTraverse, Keep
@@ -367,7 +367,7 @@ def draw_trains(
         keys: uint64 (n,).
         steps: Steps with input.
         total: Steps of a presentation.
-        regular: `lava_vpr.engine.inference.bias_input.bias_input_spikes` instead of `draw_spikes`.
+        regular: `lava_vpr.engine.inference.biases.bias_input_spikes` instead of `draw_spikes`.
     """
     spikes_of = bias_input_spikes if regular else draw_spikes
     trains = np.zeros((len(rates), total, rates.shape[1]), np.uint8)

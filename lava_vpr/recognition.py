@@ -22,11 +22,10 @@ from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.encoding import EncodedTraverse, encoded_batches
 from lava_vpr.engine.adaptation import Adaptation, Motion
 from lava_vpr.matching import baselines, sequences
-from lava_vpr.matching.answers import ALONE, Answerer, Answers, Together
+from lava_vpr.matching.answers import ALONE, Answerer, Answers, Followed, Held, InBlocks, Together, follow, hold
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.matching.forward_filter import NONE
-from lava_vpr.matching.held import Followed, Held, InBlocks, follow, hold
 from lava_vpr.matching.probability import Calibration
 from lava_vpr.matching.trust import Trust, trust
 from lava_vpr.model import Model, decode, integer_model, prepare

@@ -24,7 +24,7 @@ from benchmarks.program import BenchmarkTable, Printed, program, seeds_option
 from lava_vpr import maps, model
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.encoding import Keep, encode_views
-from lava_vpr.engine.threads import cores
+from lava_vpr.engine.presentations import cores
 from lava_vpr.traverse import open_traverse
 
 FIRST, NEW = 500, 10

@@ -27,7 +27,7 @@ from lava_vpr.config import Config, StdpLearning, preset
 from lava_vpr.configfile import update
 from lava_vpr.inputs.hog import hog
 from lava_vpr.recognition import Comparison
-from lava_vpr.training.standard import settings_for
+from lava_vpr.training.preparing import settings_for
 from lava_vpr.traverse import open_traverse, vector_traverse
 from lava_vpr.vectors.source import Vectors
 

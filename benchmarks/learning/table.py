@@ -26,7 +26,7 @@ from benchmarks.results.rows import ResultRow, asked
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
-from lava_vpr.engine.threads import cores
+from lava_vpr.engine.presentations import cores
 from lava_vpr.slayer.front_end import EPOCHS, learned_filters
 from lava_vpr.training.loop import train
 from lava_vpr.traverse import open_traverse

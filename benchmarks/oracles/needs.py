@@ -36,7 +36,7 @@ from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import WEIGHT_BITS, WORD_BITS
 from lava_vpr.model import integer_model
 from lava_vpr.show.table import Table
-from lava_vpr.training.references import expected_rates
+from lava_vpr.training.measuring import expected_rates
 
 PYTHON = python_of("nengo-loihi")
 SCRIPT = Path(__file__).with_name("needs_in_nengo_loihi.py")

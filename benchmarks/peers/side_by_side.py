@@ -46,11 +46,11 @@ from lava_vpr.engine.conductance.model import ConductanceState, count_spikes, in
 from lava_vpr.engine.inference import fixed, quantise
 from lava_vpr.engine.inference.quantise import Shown
 from lava_vpr.engine.learning import stdp
+from lava_vpr.engine.presentations import cores
 from lava_vpr.engine.random import image_keys, presentation_key, presentation_keys
-from lava_vpr.engine.threads import cores
 from lava_vpr.gate import integer_config
 from lava_vpr.inputs.patches import patch_normalised
-from lava_vpr.matching.figures import values_of
+from lava_vpr.matching.evaluation import values_of
 from lava_vpr.model import Model
 from lava_vpr.show.numbers import percent
 from lava_vpr.show.table import Table

@@ -30,8 +30,7 @@ from benchmarks.peers.vprtempo import (
 )
 from benchmarks.program import Printed, program, seeds_option
 from lava_vpr.inputs.patches import patch_normalised
-from lava_vpr.matching.evaluation import Metrics, evaluate
-from lava_vpr.matching.figures import Recall, titles
+from lava_vpr.matching.evaluation import Metrics, Recall, evaluate, titles
 from lava_vpr.show.table import Table
 from lava_vpr.traverse import open_traverse
 

@@ -16,13 +16,11 @@ from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.encoding import EncodedTraverse
-from lava_vpr.engine.threads import cores
+from lava_vpr.engine.presentations import cores
 from lava_vpr.experiments.points import Case, current, figures, run_of
 from lava_vpr.inputs.views import ViewsConfig
-from lava_vpr.matching.decoders import decode
-from lava_vpr.matching.evaluation import Metrics, evaluate
-from lava_vpr.matching.figures import Recall
-from lava_vpr.matching.matchers import confidence
+from lava_vpr.matching.decoders import confidence, decode
+from lava_vpr.matching.evaluation import Metrics, Recall, evaluate
 from lava_vpr.model import Model
 from lava_vpr.recognition import Comparison, Recognition, recognise
 

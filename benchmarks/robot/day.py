@@ -31,7 +31,7 @@ from lava_vpr import Localizer, train
 from lava_vpr.backends.opening import calibration_of
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import preset
-from lava_vpr.engine.threads import cores
+from lava_vpr.engine.presentations import cores
 from lava_vpr.matching.answers import Answerer, Answers, Together, answers_of
 from lava_vpr.matching.forward_filter import MOTIONS, NONE
 from lava_vpr.matching.probability import Calibration

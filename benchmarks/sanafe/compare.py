@@ -36,8 +36,8 @@ from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference.fixed import DIRECT, FixedNetwork, count_spikes, inhibitory_spikes
 from lava_vpr.engine.inference.quantise import biases_of
+from lava_vpr.engine.presentations import Trains
 from lava_vpr.engine.random import image_keys, presentation_keys
-from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import InputError
 from lava_vpr.loihi import NO_MEMORY_DECAY, TILE_CORES
 from lava_vpr.model import Model

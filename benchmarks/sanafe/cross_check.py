@@ -44,7 +44,7 @@ from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.cost.closed_form import closed_form, step_microseconds, step_picojoules
 from lava_vpr.deploy.cost.events import EventCounts, count_events
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.engine.trains import Trains
+from lava_vpr.engine.presentations import Trains
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.isolated.child import Ended, environment_without_python, run_child
 

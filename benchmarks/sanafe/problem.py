@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.board import Mesh
 from lava_vpr.deploy.boards.plan import RELAY_THRESHOLD, RELAY_WEIGHT, CorePlan, Plan, PopulationName, PopulationPart
-from lava_vpr.engine.inference import bias_input, fixed
-from lava_vpr.engine.trains import Trains
+from lava_vpr.engine.inference import biases, fixed
+from lava_vpr.engine.presentations import Trains
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.loihi import DECAY_BITS, INPUT_SHIFT
 
@@ -74,7 +74,7 @@ def _attributes(plan: Plan, part: PopulationPart) -> dict[str, float]:
     if part.population == "exc":
         threshold, decay = plan.network.threshold, plan.network.decay
     elif part.population == "inputs" and plan.network.bias_input:
-        threshold, decay = bias_input.THRESHOLD, 0
+        threshold, decay = biases.THRESHOLD, 0
     return {"threshold": threshold, "leak_decay": (unity - decay) / unity}
 
 
@@ -191,10 +191,10 @@ def bias_and_membrane(train: NDArray[Any]) -> tuple[int, int]:
     first = int(times[0])
     gaps = set(np.diff(times).tolist()) or {max(first + 1, train.size - first)}
     gap = gaps.pop()
-    bias = bias_input.LEVEL + 1 if gap == 1 else bias_input.LEVEL // (gap - 1)
-    if gaps or first >= gap or (times.size > 1 and bias_input.LEVEL // bias + 1 != gap):
+    bias = biases.LEVEL + 1 if gap == 1 else biases.LEVEL // (gap - 1)
+    if gaps or first >= gap or (times.size > 1 and biases.LEVEL // bias + 1 != gap):
         raise BackendUnavailableError("spikes of an input compartment that no bias gives; the trains are not regular")
-    return bias, bias_input.LEVEL - first * bias
+    return bias, biases.LEVEL - first * bias
 
 
 def _query(plan: Plan, inputs: NDArray[np.uint8]) -> dict[str, Any]:

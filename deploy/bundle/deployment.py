@@ -23,10 +23,10 @@ from lava_vpr.deploy.hardware.belief import BIAS_INPUT, DENSE, LEARNING, LONG, N
 from lava_vpr.deploy.hardware.loihi_2 import RESET_SHOWN
 from lava_vpr.deploy.hardware.table import relied_on
 from lava_vpr.deploy.mapping.partition import partition
-from lava_vpr.engine.threads import cores
+from lava_vpr.engine.presentations import cores
 from lava_vpr.loihi import WEIGHT_BITS
 from lava_vpr.model import Model, checked_content, integer_model
-from lava_vpr.training.references import expected_rates, measured_responses
+from lava_vpr.training.measuring import expected_rates, measured_responses
 
 
 @dataclass(frozen=True)

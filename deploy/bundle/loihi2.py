@@ -24,9 +24,8 @@ from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.general.simulation import INPUTS, GeneralNetwork, Population, Synapses
 from lava_vpr.engine.general.simulation import simulate as run_general
 from lava_vpr.engine.inference import fixed
-from lava_vpr.engine.inference.bias_input import LEVEL, THRESHOLD
+from lava_vpr.engine.inference.biases import LEVEL, THRESHOLD, bias_registers
 from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork
-from lava_vpr.engine.inference.neuron_bias import bias_registers
 from lava_vpr.errors import BundleError, NetworkLimitError, brief
 from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT, NO_MEMORY_DECAY, WEIGHT_BITS
 from lava_vpr.settings.ranges import whole

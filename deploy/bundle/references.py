@@ -18,7 +18,7 @@ from lava_vpr.errors import BundleError, LavaVprError, brief
 from lava_vpr.model import Model, assemble, content
 from lava_vpr.settings.ranges import whole
 from lava_vpr.storage import container
-from lava_vpr.training.references import response_keys
+from lava_vpr.training.measuring import response_keys
 
 REFERENCES = "host/references.lvpr"
 RATES, KEYS, RESPONSES, LABELS = (f"host/{name}.npy" for name in ("rates", "keys", "responses", "labels"))

@@ -18,7 +18,7 @@ from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.loihi import SIGNED_WEIGHT_LIMIT
 from lava_vpr.model import IntegerModel, Model, integer_model
 from lava_vpr.storage.text import shown
-from lava_vpr.training.references import remeasured, shown_references
+from lava_vpr.training.measuring import remeasured, shown_references
 
 PURPOSE = "a board"
 

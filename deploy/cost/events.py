@@ -29,7 +29,7 @@ from lava_vpr.deploy.cost.event_kernels import KINDS, Counts, Routes, count_pres
 from lava_vpr.deploy.mapping.mesh import tiles
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.membranes import membranes
-from lava_vpr.engine.trains import Trains
+from lava_vpr.engine.presentations import Trains
 
 _DERIVED = ("accesses", "input_accesses", "input_spikes", "exc_spikes", "inh_spikes")
 

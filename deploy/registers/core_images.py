@@ -20,7 +20,7 @@ from lava_vpr.deploy.boards.plan import (
 )
 from lava_vpr.deploy.registers.synapse_memory import pack
 from lava_vpr.deploy.registers.synapses import Formats, SynapseFormat, SynapseRows, index_bits, joined, lateral_synapse
-from lava_vpr.engine.inference import bias_input, fixed
+from lava_vpr.engine.inference import biases, fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import (
@@ -180,7 +180,7 @@ def _settings(network: FixedNetwork) -> dict[PopulationName, tuple[int, int]]:
         "exc": (network.decay, network.threshold),
         "counters": (0, COUNTER_THRESHOLD),
         "inh": (NO_MEMORY_DECAY, RELAY_THRESHOLD),
-        "inputs": (NO_MEMORY_DECAY, RELAY_THRESHOLD) if network.relayed else (0, bias_input.THRESHOLD),
+        "inputs": (NO_MEMORY_DECAY, RELAY_THRESHOLD) if network.relayed else (0, biases.THRESHOLD),
     }
 
 

@@ -22,8 +22,8 @@ from lava_vpr.deploy.registers.simulator_kernels import EVENTS, State, Wiring, p
 from lava_vpr.deploy.registers.synapse_memory import stored_rows, unpack
 from lava_vpr.deploy.registers.synapses import SynapseFormat, SynapseRows, joined
 from lava_vpr.encoding import draw_spikes
-from lava_vpr.engine.inference.bias_input import bias_input_spikes, biases, start_membranes
-from lava_vpr.engine.threads import share
+from lava_vpr.engine.inference.biases import bias_input_spikes, biases, start_membranes
+from lava_vpr.engine.presentations import share
 from lava_vpr.errors import ModelFileError, NetworkLimitError
 from lava_vpr.loihi import (
     CEILING_EXPONENT_OFFSET,

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from lava_vpr.deploy.bundle.folder import MANIFEST, ReadBundle, json_bytes, sealed
 from lava_vpr.deploy.bundle.programs import FOLDER, program_files
 from lava_vpr.deploy.bundle.targets import TARGETS
-from lava_vpr.engine.inference.neuron_bias import bias_registers
+from lava_vpr.engine.inference.biases import bias_registers
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.isolated.child import started, waited
 from lava_vpr.storage.reading import parse_json, read_bytes

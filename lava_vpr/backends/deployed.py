@@ -23,7 +23,7 @@ from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.deploy.running import host_program
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.engine.trains import Trains
+from lava_vpr.engine.presentations import Trains
 from lava_vpr.errors import BackendUnavailableError, BundleError
 from lava_vpr.model import Model, checked_network
 from lava_vpr.storage.temporary import temporary_folder

@@ -12,7 +12,7 @@ from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.encoding import spike_trains
 from lava_vpr.engine.blocks import Block, in_blocks, of_conductances, of_integers
 from lava_vpr.engine.conductance.model import ConductanceState
-from lava_vpr.engine.trains import Trains
+from lava_vpr.engine.presentations import Trains
 from lava_vpr.model import Model, checked_network
 
 

@@ -15,7 +15,7 @@ from lava_vpr.configfile import to_dict
 from lava_vpr.engine.conductance import model as conductance
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference import fixed
-from lava_vpr.engine.trains import Trains
+from lava_vpr.engine.presentations import Trains
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.model import Model, checked_network

@@ -35,6 +35,6 @@ def calibration_of(model: Model, pool: Pool = ONE_THREAD) -> Calibration | None:
     integer = as_integer(model)
     if model.calibration is not None or integer is None:
         return None if model.calibration is None else Calibration(model.calibration)
-    from lava_vpr.training.calibration import measured  # a model that holds it, as its file does, need not wait for it
+    from lava_vpr.training.measuring import measured  # a model that holds it, as its file does, need not wait for it
 
     return measured(integer, pool)

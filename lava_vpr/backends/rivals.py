@@ -28,7 +28,7 @@ from lava_vpr.engine.adaptation import Adaptation
 from lava_vpr.errors import ConfigError
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.matching import baselines, decoders
-from lava_vpr.matching.held import InBlocks
+from lava_vpr.matching.answers import InBlocks
 from lava_vpr.model import IntegerModel, Model, as_integer, decode
 
 BASELINES = {

@@ -16,10 +16,10 @@ from lava_vpr.backends.interface import Presentations
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.encoding import EncodedTraverse
-from lava_vpr.engine.trains import Trains
+from lava_vpr.engine.presentations import Trains
 from lava_vpr.errors import BackendUnavailableError, ConfigError, InputError, NetworkLimitError
+from lava_vpr.matching.decoders import confidence
 from lava_vpr.matching.evaluation import evaluate
-from lava_vpr.matching.matchers import confidence
 from lava_vpr.model import Model, as_integer, decode
 
 

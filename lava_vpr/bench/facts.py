@@ -7,7 +7,7 @@ import platform
 from pathlib import Path
 
 from lava_vpr import __version__
-from lava_vpr.engine.threads import cores
+from lava_vpr.engine.presentations import cores
 from lava_vpr.model import Model
 
 

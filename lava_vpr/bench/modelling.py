@@ -17,7 +17,7 @@ from lava_vpr.deploy.cost import embedded
 from lava_vpr.deploy.cost.closed_form import step_nanoseconds
 from lava_vpr.deploy.cost.costs import modelled
 from lava_vpr.deploy.cost.events import EventCounts, count_events
-from lava_vpr.engine.trains import Trains
+from lava_vpr.engine.presentations import Trains
 from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.model import Model, as_integer
 

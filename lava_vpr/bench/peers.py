@@ -24,7 +24,7 @@ from lava_vpr.bench.results import Peer
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.encoding import query_rates
 from lava_vpr.engine.conductance.model import ConductanceState
-from lava_vpr.engine.threads import cores, share
+from lava_vpr.engine.presentations import cores, share
 from lava_vpr.errors import InputError
 from lava_vpr.inputs.encoded import Keep
 from lava_vpr.kernelcache import compiled

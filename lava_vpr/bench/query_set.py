@@ -11,8 +11,7 @@ from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Presentations, query_presentations
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.encoding import EncodedTraverse
-from lava_vpr.engine.threads import cores
-from lava_vpr.engine.trains import Trains
+from lava_vpr.engine.presentations import Trains, cores
 from lava_vpr.model import Model
 
 

@@ -24,7 +24,7 @@ from lava_vpr.bench.results import Bench, Measured, OnMap, Peer, QueryVariants, 
 from lava_vpr.bench.sweep import BUDGET, Case, sweep
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.encoding import EncodedTraverse
-from lava_vpr.engine.threads import cores
+from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import LavaVprError
 from lava_vpr.model import Model, as_integer
 from lava_vpr.recognition import Comparison, Recognition, recognise

@@ -21,7 +21,7 @@ from lava_vpr.cli.show.results import show_results
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.encoding import Keep
-from lava_vpr.engine.threads import cores
+from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import ConfigError
 from lava_vpr.model import Model, integer_model
 

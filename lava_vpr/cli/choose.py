@@ -56,7 +56,7 @@ def open_queries(
     where.check(model)
     known = model.positions is not None and where.known(whole)
     if not in_step and known:
-        from lava_vpr.training.keyframes import nearest  # a query needs no scipy
+        from lava_vpr.training.preparing import nearest  # a query needs no scipy
 
         found = where.of(whole, len(whole))
         if model.whereabouts is not None and found.positions is not None:

@@ -25,7 +25,7 @@ from lava_vpr.cli.show.learning import TERMINAL
 from lava_vpr.cli.show.recall import print_table, print_trust
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.encoding import Keep
-from lava_vpr.engine.threads import cores
+from lava_vpr.engine.presentations import cores
 from lava_vpr.events.writing import WRITTEN
 from lava_vpr.learning.route import Training
 from lava_vpr.recognition import Comparison, as_json, recognise

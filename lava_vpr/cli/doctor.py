@@ -14,7 +14,7 @@ import click
 from lava_vpr import __version__
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.cli.common import console, print_reasons
-from lava_vpr.engine.threads import cores
+from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.matching.decoders import DECODERS

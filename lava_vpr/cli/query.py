@@ -37,7 +37,7 @@ from lava_vpr.cli.show.matches import MatchTable, Row, sentences
 from lava_vpr.cli.show.nouns import answer_options, asking_options
 from lava_vpr.cli.whereabouts import WhereOptions, query_positions_options
 from lava_vpr.cluster.tasks import Pool
-from lava_vpr.engine.threads import cores
+from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import InputError
 from lava_vpr.matches import matches_of
 from lava_vpr.matching.answers import Answers, Together, accepted, least_probability, sure

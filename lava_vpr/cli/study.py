@@ -36,7 +36,7 @@ from lava_vpr.studies.registry import STUDIES
 from lava_vpr.studies.run import Studied, planned, run
 from lava_vpr.studies.show.values import as_json, table
 from lava_vpr.studies.study import StudyRequest
-from lava_vpr.training.door import check_references
+from lava_vpr.training.preparing import check_references
 from lava_vpr.traverse import open_traverse, open_traverses
 
 

@@ -14,7 +14,7 @@ from lava_vpr.cli.choose import open_queries
 from lava_vpr.cli.common import OneSource, RegisteredName, encode_queries, one_bar, print_reasons, print_whole
 from lava_vpr.cli.outputs import Outputs, write_json
 from lava_vpr.cli.show.nouns import Queries, asking_options, json_option, queries_options, seed_option
-from lava_vpr.engine.threads import cores
+from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import BackendUnavailableError, InputError
 from lava_vpr.show.numbers import percent
 from lava_vpr.show.table import Table

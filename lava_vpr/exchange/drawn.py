@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.config import LifNetwork
+from lava_vpr.engine.inference.biases import held_biases
 from lava_vpr.engine.inference.fixed import FixedNetwork, silent_steps
-from lava_vpr.engine.inference.neuron_bias import held_biases
 from lava_vpr.engine.inference.quantise import TOP_PERCENTILE, mantissa_of
 from lava_vpr.errors import NetworkLimitError, brief
 from lava_vpr.loihi import (

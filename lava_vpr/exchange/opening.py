@@ -18,8 +18,7 @@ from lava_vpr.gate import integer_config
 from lava_vpr.model import IntegerModel, Model, assemble, integer_model
 from lava_vpr.storage import container
 from lava_vpr.storage.text import shown
-from lava_vpr.training.calibration import calibrated
-from lava_vpr.training.references import remeasured
+from lava_vpr.training.measuring import calibrated, remeasured
 
 
 class Imported(NamedTuple):

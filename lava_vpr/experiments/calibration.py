@@ -32,7 +32,7 @@ from lava_vpr.errors import NetworkLimitError
 from lava_vpr.experiments.search import cheapest
 from lava_vpr.experiments.task import judged
 from lava_vpr.model import Model, integer_model
-from lava_vpr.training.references import expected_rates
+from lava_vpr.training.measuring import expected_rates
 
 PRUNES = (0.0, 0.3, 0.4, 0.5, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.925, 0.95, 0.97)
 """Shares of pruned weights that `search` tries."""

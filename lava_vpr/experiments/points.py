@@ -22,15 +22,15 @@ from lava_vpr.deploy.cost.closed_form import step_picojoules
 from lava_vpr.deploy.cost.costs import all_microseconds, outside_steps
 from lava_vpr.deploy.cost.events import count_events
 from lava_vpr.encoding import EncodedTraverse
-from lava_vpr.engine.trains import Trains
+from lava_vpr.engine.presentations import Trains
 from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.experiments.early_stopping import leads, stops
 from lava_vpr.gate import integer_config
+from lava_vpr.matching.decoders import confidence
 from lava_vpr.matching.evaluation import Metrics, evaluate
-from lava_vpr.matching.matchers import confidence
 from lava_vpr.model import Model, decode, integer_model
 from lava_vpr.training.loop import train
-from lava_vpr.training.references import parts_of, references_of
+from lava_vpr.training.measuring import parts_of, references_of
 
 Settings = dict[str, float]
 

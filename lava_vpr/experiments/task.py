@@ -19,9 +19,9 @@ from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.experiments.points import Run, figures
 from lava_vpr.inputs.encoded import EncodedTraverse
 from lava_vpr.inputs.vectors import Standard
+from lava_vpr.matching.answers import InBlocks, hold
 from lava_vpr.matching.equations import Scores
-from lava_vpr.matching.figures import Recall
-from lava_vpr.matching.held import InBlocks, hold
+from lava_vpr.matching.evaluation import Recall
 from lava_vpr.model import Model
 from lava_vpr.training.loop import train
 

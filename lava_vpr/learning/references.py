@@ -20,8 +20,8 @@ from lava_vpr.model import Model
 from lava_vpr.positions.frames import XY, Positions, placed
 from lava_vpr.slayer.front_end import learned_filters
 from lava_vpr.storage.text import shown
-from lava_vpr.training.progress import UNSEEN, Monitor
-from lava_vpr.training.standard import fitted, in_words, settings_for, standard_like
+from lava_vpr.training.preparing import fitted, in_words, settings_for, standard_like
+from lava_vpr.training.stretches import UNSEEN, Monitor
 from lava_vpr.traverse import Traverse, located, vector_traverse
 from lava_vpr.vectors.source import Vectors, checked_vectors
 

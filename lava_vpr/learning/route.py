@@ -22,7 +22,7 @@ from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.config import Config, for_events
 from lava_vpr.configfile import read_toml, update
 from lava_vpr.datasets.selecting import Benchmark, Selection
-from lava_vpr.engine.threads import cores
+from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import InputError, UsageError
 from lava_vpr.events.files import is_recording
 from lava_vpr.inputs.windows import EventsConfig
@@ -30,14 +30,12 @@ from lava_vpr.learning.references import Images, Places, each, encode_route, in_
 from lava_vpr.model import Model
 from lava_vpr.positions.track import MOST_GAP_S
 from lava_vpr.storage.text import shown
-from lava_vpr.training.calibration import calibrated
 from lava_vpr.training.checkpoint import check_resume, remove_checkpoint
-from lava_vpr.training.door import check_references
-from lava_vpr.training.keyframes import choose_places
 from lava_vpr.training.loop import check_size
 from lava_vpr.training.loop import train as train_encoded
-from lava_vpr.training.progress import UNSEEN, Monitor, learning_bar
-from lava_vpr.training.standard import check_asked, fitted, settings_for
+from lava_vpr.training.measuring import calibrated
+from lava_vpr.training.preparing import check_asked, check_references, choose_places, fitted, settings_for
+from lava_vpr.training.stretches import UNSEEN, Monitor, learning_bar
 from lava_vpr.training.trainers import rule_settings
 from lava_vpr.traverse import Traverse, open_traverses
 

@@ -20,9 +20,8 @@ from lava_vpr.maps.parts import MapPart, join, part_of, taken
 from lava_vpr.matching.equations import assign
 from lava_vpr.model import IntegerModel, Model, Stretch, integer_model
 from lava_vpr.positions.frames import XY, Positions, placed
-from lava_vpr.training.door import check_encoded_references
-from lava_vpr.training.joining import LearnedRoute, joined
-from lava_vpr.training.loop import learned_weights
+from lava_vpr.training.loop import LearnedRoute, joined, learned_weights
+from lava_vpr.training.preparing import check_encoded_references
 from lava_vpr.training.stretches import Progress, learn, trainers_of
 from lava_vpr.traverse import ranges_of
 

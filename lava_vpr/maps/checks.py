@@ -11,8 +11,7 @@ from lava_vpr.errors import ConfigError, InputError, ModelFileError, brief
 from lava_vpr.model import IntegerModel, Model, Stretch, as_integer, integer_model
 from lava_vpr.positions import frames
 from lava_vpr.storage.text import shown
-from lava_vpr.training.joining import LearnedRoute
-from lava_vpr.training.loop import check_size, check_whole
+from lava_vpr.training.loop import LearnedRoute, check_size, check_whole
 
 
 def check_extension(model: Model, places: int, traverses: int, path: Path | None = None) -> tuple[Stretch, ...]:

@@ -15,8 +15,8 @@ from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.maps.checks import check_learned
 from lava_vpr.model import IntegerModel, Model, Stretch, integer_model
 from lava_vpr.positions import frames
-from lava_vpr.training.joining import LearnedRoute, in_one, joined
-from lava_vpr.training.references import references_of
+from lava_vpr.training.loop import LearnedRoute, in_one, joined
+from lava_vpr.training.measuring import references_of
 
 
 class MapPart(NamedTuple):

@@ -8,6 +8,8 @@ and what reports call the decoder. A new decoder is a function and a row: settin
 
 The paper's four mean what its release computes (variant ``vprsnn2022``) in every command, table and preset; the other
 variants are for who asks for them by name. `matching.equations` says what they are.
+
+Matchers that are no decoders have rows in `MATCHERS`; `confidence` asks those of either sort by name.
 """
 
 from __future__ import annotations
@@ -172,3 +174,30 @@ def prepare(
     """
     check_variant(variant)
     return DECODERS[name].scores[variant](responses, Reading(variant, gamma, assignments))
+
+
+MATCHERS: Registry[Matcher] = Registry("matcher", ConfigError)
+"""The baselines of `matching.baselines`, and ``sequence``: the scores of any matcher, added up over a sequence."""
+MATCHERS.register(Matcher("sad", title="SAD", confidence=certainty.highest))  # distances, negated
+MATCHERS.register(Matcher("cosine", title="cosine of the inputs", confidence=certainty.margin))
+MATCHERS.register(Matcher("hog", title="HOG", confidence=certainty.margin))
+MATCHERS.register(Matcher("template", title="no learning", confidence=certainty.contrast))
+MATCHERS.register(Matcher("descriptors", title="descriptors", confidence=certainty.margin))
+MATCHERS.register(Matcher("vectors", title="cosine of the vectors", confidence=certainty.margin))
+MATCHERS.register(Matcher("standardised", title="standardised vectors", confidence=certainty.margin))
+MATCHERS.register(Matcher("sequence", title="sequence", confidence=certainty.margin))
+
+
+def confidence(name: str, scores: Scores) -> Scores:
+    """How sure the matcher called ``name`` is of each query's best match; see `Matcher.confidences`.
+
+    Args:
+        name: A decoder in `DECODERS`, or a matcher in `MATCHERS`.
+        scores: Scores (n_queries, n_places).
+    Raises:
+        ConfigError: unknown name.
+    """
+    if name not in DECODERS and name not in MATCHERS:
+        raise ConfigError(f"there is no matcher {name!r}; choose from {', '.join((*DECODERS, *MATCHERS))}")
+    matcher: Matcher = DECODERS[name] if name in DECODERS else MATCHERS[name]
+    return matcher.confidences(scores)

@@ -1,7 +1,7 @@
 """Probability: how likely it is that a single query shows the place that matches it best, from its margin alone.
 
 The margin is the best score less the second. How it is distributed is measured on the references, without any query
-(`lava_vpr.training.calibration`): of references that were altered, right and wrong; and of references whose places were
+(`lava_vpr.training.measuring`): of references that were altered, right and wrong; and of references whose places were
 left out of the map, which is what an image off the map looks like. A logistic curve through both, each with half of the
 weight, is the probability: **half of the queries are taken to be off the map**.
 """

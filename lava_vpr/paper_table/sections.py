@@ -18,9 +18,9 @@ from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse
 from lava_vpr.errors import InputError
 from lava_vpr.experiments.cache import FigureCache, content_key
 from lava_vpr.matching.baselines import cosine_similarities, load_descriptors
+from lava_vpr.matching.decoders import confidence
 from lava_vpr.matching.equations import Scores
 from lava_vpr.matching.evaluation import evaluate
-from lava_vpr.matching.matchers import confidence
 from lava_vpr.model import decode
 from lava_vpr.paper_table.methods import DESCRIPTORS, of_network
 from lava_vpr.recognition import Comparison, recognise

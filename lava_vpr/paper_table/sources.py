@@ -16,7 +16,7 @@ from lava_vpr.matching.baselines import load_descriptors
 from lava_vpr.paper_table.methods import DESCRIPTORS
 from lava_vpr.paper_table.sections import DescriptorRows, SectionTask, Taken
 from lava_vpr.storage.text import shown
-from lava_vpr.training.keyframes import choose_places
+from lava_vpr.training.preparing import choose_places
 from lava_vpr.traverse import Traverse, located, open_traverse
 
 

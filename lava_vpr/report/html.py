@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lava_vpr.matching.decoders import DECODERS
-from lava_vpr.matching.figures import TITLES, values_of
+from lava_vpr.matching.evaluation import TITLES, values_of
 from lava_vpr.report import sections, trust
 from lava_vpr.report.data import ReportData
 from lava_vpr.report.plots import precision_recall, series_style

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from lava_vpr.matching.decoders import DECODERS
-from lava_vpr.matching.matchers import MATCHERS
+from lava_vpr.matching.decoders import DECODERS, MATCHERS
 from lava_vpr.show.numbers import is_number, named
 
 _EVENTS = {

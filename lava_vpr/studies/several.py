@@ -33,10 +33,10 @@ from lava_vpr.gate import integer_config
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.matching import decoders, ensembles
 from lava_vpr.matching.certainty import best
-from lava_vpr.matching.hyperactive import calibrated_theta, foreign_images, hyperactive, without
+from lava_vpr.matching.ensembles import calibrated_theta, foreign_images, hyperactive, without
 from lava_vpr.model import Model, decode
 from lava_vpr.studies.study import Point, Study, StudyRequest, StudyTask
-from lava_vpr.training.calibration import ALTERED, altered
+from lava_vpr.training.measuring import ALTERED, altered
 
 SEEDED, SHUFFLED = "other seeds", "other seeds and orders"
 """How the members of an ensemble differ."""

@@ -13,8 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.synthetic.looks import Colour, Look
-from lava_vpr.synthetic.scene import GROUND, SEGMENT_M, SHOULDER_M, SIGHT_M, SLOPE_M, RouteShape, Thing
+from lava_vpr.synthetic.scene import GROUND, SEGMENT_M, SHOULDER_M, SIGHT_M, SLOPE_M, Colour, Look, RouteShape, Thing
 
 Point = tuple[float, float]
 

@@ -9,8 +9,18 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from lava_vpr.synthetic.drawing import NEAR_M, Painter, blend, scaled
-from lava_vpr.synthetic.looks import ROOFS, SNOW, WALLS, Colour
-from lava_vpr.synthetic.scene import GROUND, MAST_SPACING_M, SEGMENT_M, SHOULDER_M, SIGHT_M, Thing
+from lava_vpr.synthetic.scene import (
+    GROUND,
+    MAST_SPACING_M,
+    ROOFS,
+    SEGMENT_M,
+    SHOULDER_M,
+    SIGHT_M,
+    SNOW,
+    WALLS,
+    Colour,
+    Thing,
+)
 
 _DARK: Colour = (60, 58, 56)
 _FROSTED: tuple[Colour, Colour] = ((214, 208, 202), (240, 236, 232))

@@ -29,8 +29,7 @@ from lava_vpr.positions.stamps import shown_stamp
 from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import read_only, temporary_prefix
 from lava_vpr.synthetic.drawing import Camera, Painter, draw_backdrop, draw_land
-from lava_vpr.synthetic.looks import LOOKS
-from lava_vpr.synthetic.scene import OCCLUDER, SKY, SURVEY, VIEW, WEATHER, ahead, generator, route
+from lava_vpr.synthetic.scene import LOOKS, OCCLUDER, SKY, SURVEY, VIEW, WEATHER, ahead, generator, route
 from lava_vpr.synthetic.things import draw_occluder, draw_things
 
 CONDITIONS: tuple[str, ...] = tuple(LOOKS)

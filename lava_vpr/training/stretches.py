@@ -3,14 +3,18 @@
 A stretch sees its own images and nothing of the others, so what it learns is a function of those, of the settings and
 of the seed, wherever it learns. Here all trainers stand in this process, and what each has after an epoch is kept. A
 worker gets a stretch with its images, learns it whole, and sends back what its trainer holds.
+
+`Monitor` follows a training; `learning_bar` shows how far it has come, over all its presentations.
 """
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Sequence
-from contextlib import closing
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,8 +27,9 @@ from lava_vpr.engine.learning.recruiting import key_again, recruit, rounds
 from lava_vpr.engine.random import image_keys, presentation_key, stretch_key
 from lava_vpr.gate import as_integer_config
 from lava_vpr.model import Stretch
+from lava_vpr.storage.text import shown
 from lava_vpr.training.checkpoint import Checkpoint
-from lava_vpr.training.references import coverage
+from lava_vpr.training.measuring import coverage
 from lava_vpr.training.trainers import StretchTrainer, restore, trainer_of
 
 
@@ -171,6 +176,11 @@ def traverses_shown(config: Config, epoch: int, traverses: int) -> int:
     return 1 if competing else traverses
 
 
+def presentations(config: Config, places: int, traverses: int, epochs: int) -> int:
+    """Training presentations of ``places`` places in all views in the first ``epochs`` epochs."""
+    return places * len(config.views.views) * sum(traverses_shown(config, epoch, traverses) for epoch in range(epochs))
+
+
 def _epoch(
     trainer: StretchTrainer,
     stretch: Stretch,
@@ -222,3 +232,93 @@ def _progress(number: int, epoch: int, shown: int, counts: NDArray[np.int64], wh
         return Progress(number, epoch, shown, -1.0, -1, -1)
     used, covered = coverage(counts.T)
     return Progress(number, epoch, shown, float(counts.sum() / shown), used, covered)
+
+
+Advance = Callable[[int, str], None]
+"""Moves a bar: by so many, with a note beside it."""
+
+
+def _unseen(by: int, note: str) -> None:
+    """Move no bar."""
+
+
+@dataclass(frozen=True)
+class Monitor:
+    """What follows a training; each part shows nothing unless it is given.
+
+    Attributes:
+        line: Takes a line of text: a note on what is learned.
+        bar: Makes a bar of a text and a total, for as long as a ``with`` block takes; it is moved by an `Advance`.
+        stage: Shows a text for as long as a ``with`` block takes.
+    """
+
+    line: Callable[[str], object] = lambda text: None
+    bar: Callable[[str, int], AbstractContextManager[Advance]] = lambda text, total: nullcontext(_unseen)
+    stage: Callable[[str], AbstractContextManager[object]] = lambda text: nullcontext()
+
+
+UNSEEN = Monitor()
+"""Shows nothing."""
+
+
+class LearningBar(NamedTuple):
+    """A bar over all training presentations.
+
+    Attributes:
+        show: Takes `Progress`, from any thread.
+        resumed: Takes the epochs done of each stretch before this run.
+    """
+
+    show: Callable[[Progress], None]
+    resumed: Callable[[dict[int, int]], None]
+
+
+@contextmanager
+def learning_bar(
+    monitor: Monitor,
+    stretches: Sequence[Stretch],
+    config: Config,
+    traverses: int,
+    *,
+    here: bool = True,
+    checkpoint: Path | None = None,
+) -> Iterator[LearningBar]:
+    """A bar that shows spikes per image, neurons used and places covered of the ``stretches`` that learn.
+
+    Args:
+        monitor: Makes the bar.
+        stretches, config, traverses: What learns, with which settings, from how many traverses.
+        here: Whether it learns in this process; a cluster has a bar of its own.
+        checkpoint: Where a resumed training goes on from.
+    """
+    epochs, views = config.learning.epochs, len(config.views.views)
+    places = sum(stretch.places for stretch in stretches) // views
+    lock = threading.Lock()
+    pending = [0, time.monotonic()]
+    total = presentations(config, places, traverses, epochs)
+    with monitor.bar("learning", total) if here else nullcontext(_unseen) as advance:
+
+        def show(state: Progress) -> None:
+            with lock:
+                pending[0] += 1
+                now = time.monotonic()
+                if state.neurons_used < 0 and now - pending[1] < 0.1:
+                    return
+                note = ""
+                if state.neurons_used >= 0:
+                    part = stretches[state.stretch]
+                    where = f"stretch {state.stretch + 1}/{len(stretches)}, " if len(stretches) > 1 else ""
+                    note = (
+                        f"{where}epoch {state.epoch + 1}/{epochs}: {state.spikes_per_image:.1f} spikes/image, "
+                        f"{state.neurons_used}/{part.neurons} neurons, {state.places_covered}/{part.places} places"
+                    )
+                advance(int(pending[0]), note)
+                pending[0], pending[1] = 0, now
+
+        def resumed(done: dict[int, int]) -> None:
+            before = sum(presentations(config, stretches[k].places, traverses, epoch) for k, epoch in done.items())
+            advance(before // views, "")
+            finished = ", ".join(f"stretch {k + 1}: {epoch} of {epochs}" for k, epoch in sorted(done.items()))
+            monitor.line(f"resuming from {shown(checkpoint or '')}; epochs done: {finished}")
+
+        yield LearningBar(show, resumed)

@@ -6,7 +6,7 @@ from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.configfile import update
 from lava_vpr.model import IntegerModel, Model, integer_model
 from lava_vpr.training.loop import train
-from lava_vpr.training.references import parts_of, references_of
+from lava_vpr.training.measuring import parts_of, references_of
 from lava_vpr.training.trainers import rule_settings
 
 

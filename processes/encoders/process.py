@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.encoding import draw_spikes, rates16
 from lava_vpr.engine.draw import LANES, draw_block, prepare_draws, scratch
-from lava_vpr.engine.inference.bias_input import LEVEL, THRESHOLD, biases, schedule, start_membranes
+from lava_vpr.engine.inference.biases import LEVEL, THRESHOLD, biases, schedule, start_membranes
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT, INPUT_SHIFT, NO_MEMORY_DECAY
@@ -95,7 +95,7 @@ class PyPoissonEncoder(EncoderModel):
 
 
 class RegularEncoder(EncoderProcess):
-    """Sends the spikes of `engine.inference.bias_input.bias_input_spikes`, presentation after presentation, then none.
+    """Sends the spikes of `engine.inference.biases.bias_input_spikes`, presentation after presentation, then none.
 
     Input j spikes every ``LEVEL // bias + 1`` steps, for the first time when its start membrane says. They are the
     spikes of a `lava_vpr.processes.BiasInputs`, whose compartments integrate them on the chip; these come from outside.
@@ -160,7 +160,7 @@ def _check_bias(name: str, largest: int, value: NDArray[Any]) -> None:
 
 
 class BiasInputs(EncoderProcess):
-    """Sends the spikes of `engine.inference.bias_input.bias_input_spikes`, presentation after presentation, then none.
+    """Sends the spikes of `engine.inference.biases.bias_input_spikes`, presentation after presentation, then none.
 
     In the first step of a presentation each compartment's bias and start membrane are written; in each step with
     input ``v' = v + bias_mant 2^bias_exp; spike = v' > THRESHOLD << 6; v'[spike] = 0``. In the silent steps and after

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import need
-from lava_vpr.engine.inference.bias_input import biases, schedule
+from lava_vpr.engine.inference.biases import biases, schedule
 from lava_vpr.engine.inference.fixed import EVENTS, FixedNetwork
 from lava_vpr.isolated import memory
 from lava_vpr.isolated.worker import report

@@ -30,9 +30,9 @@ from lava_vpr.deploy.bundle.folder import load
 from lava_vpr.deploy.bundle.opening import open_bundle
 from lava_vpr.deploy.running import host_program
 from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference.biases import held_biases
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.engine.inference.neuron_bias import held_biases
-from lava_vpr.engine.trains import Trains
+from lava_vpr.engine.presentations import Trains
 from lava_vpr.errors import BackendUnavailableError, ConfigError, NetworkLimitError
 from lava_vpr.model import Model
 from lava_vpr.training.loop import train

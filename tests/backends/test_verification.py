@@ -25,7 +25,7 @@ from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import encode_traverse
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.engine.trains import Trains
+from lava_vpr.engine.presentations import Trains
 from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.model import Model, integer_model
 from lava_vpr.processes.base import lava_checks

@@ -13,7 +13,7 @@ from support.common.small_models import encoded, small_model, tiny_paper
 from lava_vpr.bench.measure import alone
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.encoding import draw_spikes
-from lava_vpr.engine.inference.bias_input import bias_input_spikes
+from lava_vpr.engine.inference.biases import bias_input_spikes
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import ConfigError
 from lava_vpr.model import as_integer

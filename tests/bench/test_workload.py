@@ -16,7 +16,7 @@ from lava_vpr.bench.measure.workload import input_updates, membrane_updates, of_
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.encoding import query_rates
 from lava_vpr.engine.inference import fixed
-from lava_vpr.engine.inference.bias_input import LEVEL, biases, start_membranes
+from lava_vpr.engine.inference.biases import LEVEL, biases, start_membranes
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 from lava_vpr.engine.inference.membranes import membranes
 from lava_vpr.engine.random import presentation_keys

@@ -27,9 +27,9 @@ from lava_vpr.deploy.boards.board import LOIHI_2
 from lava_vpr.deploy.boards.constants import LOIHI_1
 from lava_vpr.deploy.cost.events import count_events, routes
 from lava_vpr.deploy.mapping.partition import partition
-from lava_vpr.engine.inference.bias_input import LEVEL, bias_input_spikes
+from lava_vpr.engine.inference.biases import LEVEL, bias_input_spikes
+from lava_vpr.engine.presentations import Trains
 from lava_vpr.engine.random import presentation_keys
-from lava_vpr.engine.trains import Trains
 from lava_vpr.errors import BackendUnavailableError
 
 STANDIN = Path(__file__).parents[1] / "support" / "standins" / "sanafe_python.py"

@@ -14,7 +14,7 @@ from support.common.commands import PLACES, run
 from lava_vpr import model
 from lava_vpr.cli import main
 from lava_vpr.deploy.bundle.folder import load as read
-from lava_vpr.engine.inference import bias_input
+from lava_vpr.engine.inference import biases
 
 ONE_CORE = r"│ 0:0 +│ exc 0\.\.7, counters 0\.\.7, inh 0 +│ +17 of 1,024 │"
 
@@ -147,7 +147,7 @@ def test_on_loihi_2_inputs_integrate_a_bias_unless_asked(here: Path) -> None:
     said = "Rests on 5 beliefs that no public source shows (docs/hardware.md): 3 of every bundle for this board; "
     assert f"{said}the longest interval between two resets; {paused}.\nbundle: b\n" in done.stdout
     assert bundle.manifest["input"] == {"mode": "bias", "trains": "regular", "host_spikes_per_step": 0.0}
-    assert bundle.json("network/parameters.json")["inputs"] == {"du": 4095, "dv": 0, "vth": bias_input.THRESHOLD}
+    assert bundle.json("network/parameters.json")["inputs"] == {"du": 4095, "dv": 0, "vth": biases.THRESHOLD}
     assert "The host sends no spikes: inputs integrate a bias" in run("fit", *words).stdout
     assert "The host sends up to" in run("fit", *words, "--input-mode", "injected").stdout
     assert read(Path("b")).manifest["clearing"]["reset_interval"] == model.load("m.lvpr").config.network.steps

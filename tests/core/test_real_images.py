@@ -17,11 +17,11 @@ from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import preset
 from lava_vpr.encoding import Keep, encode_traverse, encoded_batches
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.engine.threads import cores
+from lava_vpr.engine.presentations import cores
 from lava_vpr.inputs.views import STRAIGHT
 from lava_vpr.matching.baselines import sad_distances
+from lava_vpr.matching.decoders import confidence
 from lava_vpr.matching.evaluation import evaluate
-from lava_vpr.matching.matchers import confidence
 from lava_vpr.model import Model
 from lava_vpr.recognition import DECODERS_ONLY, Recognition, count_query_spikes, recognise
 from lava_vpr.synthetic.world import write_traverses

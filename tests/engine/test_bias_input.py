@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lava_vpr.engine.inference.bias_input import LEVEL, bias_input_spikes, biases, schedule, start_membranes
+from lava_vpr.engine.inference.biases import LEVEL, bias_input_spikes, biases, schedule, start_membranes
 from lava_vpr.engine.random import presentation_key, presentation_keys
 
 EVERY_RATE = np.arange(1 << 16).astype(np.uint16)

@@ -16,7 +16,7 @@ from support.literal.integers import as_populations, present_fixed
 from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.general.simulation import simulate
 from lava_vpr.engine.inference import fixed
-from lava_vpr.engine.inference.bias_input import bias_input_spikes
+from lava_vpr.engine.inference.biases import bias_input_spikes
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes, inhibitory_spikes
 from lava_vpr.engine.inference.membranes import membranes
 from lava_vpr.engine.random import presentation_keys

@@ -13,7 +13,7 @@ from support.literal import integers
 from lava_vpr.config import StdpLearning
 from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.general.lif import LifParameters
-from lava_vpr.engine.inference.bias_input import bias_input_spikes
+from lava_vpr.engine.inference.biases import bias_input_spikes
 from lava_vpr.engine.learning import integer, integer_kernels
 from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, WeightRule
 from lava_vpr.engine.random import presentation_key

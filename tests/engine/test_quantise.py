@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from lava_vpr.config import LifNetwork
+from lava_vpr.engine.inference.biases import bias_registers
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.engine.inference.neuron_bias import bias_registers
 from lava_vpr.engine.inference.quantise import (
     Shown,
     biases_of,

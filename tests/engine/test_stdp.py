@@ -10,7 +10,7 @@ from support.literal.floats import train_presentation
 
 from lava_vpr.config import StdpLearning
 from lava_vpr.encoding import draw_spikes
-from lava_vpr.engine.inference.bias_input import bias_input_spikes
+from lava_vpr.engine.inference.biases import bias_input_spikes
 from lava_vpr.engine.learning import stdp
 
 

@@ -24,8 +24,7 @@ from lava_vpr.inputs.orientation import orientation_channels
 from lava_vpr.inputs.patches import patch_normalised
 from lava_vpr.positions.gpx import read_gpx
 from lava_vpr.synthetic import world as synthetic
-from lava_vpr.synthetic.looks import LOOKS
-from lava_vpr.synthetic.scene import ahead, route, segment
+from lava_vpr.synthetic.scene import LOOKS, ahead, route, segment
 from lava_vpr.synthetic.world import CONDITIONS, World, positions, render, track, write_traverses
 
 ENTRIES = ["query", "query.gpx", "query_positions.csv", "reference", "reference.gpx", "reference_positions.csv"]

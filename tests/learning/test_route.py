@@ -20,7 +20,7 @@ from lava_vpr.errors import ConfigError, InputError, ModelFileError, UsageError
 from lava_vpr.learning.route import SETTINGS, Training
 from lava_vpr.model import save
 from lava_vpr.synthetic.world import World, render
-from lava_vpr.training.progress import Monitor
+from lava_vpr.training.stretches import Monitor
 
 PLACES = 6
 TEMPLATE = {"learning": "template"}

@@ -30,7 +30,7 @@ from lava_vpr.model import Model
 from lava_vpr.positions.frames import Positions
 from lava_vpr.recognition import DECODERS_ONLY, recognise
 from lava_vpr.training.loop import train
-from lava_vpr.training.references import response_keys
+from lava_vpr.training.measuring import response_keys
 
 CUTS = (8, 5)
 """Places of the first map, and of what it is extended by: two stretches of 4, and stretches of 2 and 3."""

@@ -18,8 +18,8 @@ from lava_vpr.inputs.hog import hog
 from lava_vpr.inputs.patches import patch_normalised
 from lava_vpr.matching import baselines
 from lava_vpr.matching.baselines import cosine_similarities, descriptor_similarities, load_descriptors, sad_distances
+from lava_vpr.matching.decoders import confidence
 from lava_vpr.matching.evaluation import Metrics, evaluate
-from lava_vpr.matching.matchers import confidence
 from lava_vpr.matching.sequences import sequence_scores, sequence_truth
 
 

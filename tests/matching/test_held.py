@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lava_vpr.matching import held, sequences
-from lava_vpr.matching.answers import Together, answers_of
+from lava_vpr.matching import answers, sequences
+from lava_vpr.matching.answers import InBlocks, Together, answers_of, follow, hold
 from lava_vpr.matching.evaluation import evaluate
 from lava_vpr.matching.forward_filter import Belief, ForwardFilter, filtered, smooth
-from lava_vpr.matching.held import InBlocks, follow, hold
 from lava_vpr.matching.probability import RIGHT, WRONG, Calibration
 
 QUERIES, PLACES = 40, 30
@@ -31,7 +30,7 @@ def drawn(seed: int, queries: int = QUERIES) -> tuple[NDArray[np.float64], NDArr
 @pytest.fixture(params=[1, 7, 40, 256])
 def block(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> int:
     """Queries in a block."""
-    monkeypatch.setattr(held, "BLOCK", request.param)
+    monkeypatch.setattr(answers, "BLOCK", request.param)
     return int(request.param)
 
 
@@ -87,7 +86,7 @@ def test_no_queries() -> None:
 
 
 def test_scores_are_made_a_block_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(held, "BLOCK", 8)
+    monkeypatch.setattr(answers, "BLOCK", 8)
     scores, truth = drawn(5)
     asked: list[int] = []
 

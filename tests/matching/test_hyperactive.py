@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from lava_vpr.errors import InputError
-from lava_vpr.matching.hyperactive import (
+from lava_vpr.matching.ensembles import (
     MOST_THRESHOLDS,
     calibrated_theta,
     foreign_images,

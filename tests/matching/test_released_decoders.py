@@ -14,8 +14,8 @@ from support.common.small_models import small_model
 
 from lava_vpr.config import preset
 from lava_vpr.matching import decoders, equations
+from lava_vpr.matching.decoders import confidence
 from lava_vpr.matching.evaluation import evaluate, truth_from_indices
-from lava_vpr.matching.matchers import confidence
 from lava_vpr.model import decode as model_decode
 
 

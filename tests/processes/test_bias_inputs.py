@@ -22,7 +22,7 @@ from lava_vpr.backends.verification import verify
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import draw_trains, query_rates
-from lava_vpr.engine.inference.bias_input import LEVEL, bias_input_spikes, biases, start_membranes
+from lava_vpr.engine.inference.biases import LEVEL, bias_input_spikes, biases, start_membranes
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import NetworkLimitError

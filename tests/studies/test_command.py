@@ -15,7 +15,7 @@ from support.common.daskcluster import DaskCluster
 from lava_vpr.cli import main
 from lava_vpr.experiments.rows import Outcome, rows
 from lava_vpr.experiments.task import MODELLED, NETWORK, Costs
-from lava_vpr.matching.figures import Recall
+from lava_vpr.matching.evaluation import Recall
 from lava_vpr.studies.show import plots
 
 QUICK = ("--config", "quick.toml", "--seeds", "0,1")

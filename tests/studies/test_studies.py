@@ -24,10 +24,9 @@ from lava_vpr.errors import ConfigError
 from lava_vpr.experiments import task as measuring
 from lava_vpr.experiments.rows import Outcome, Row, Spread, rows
 from lava_vpr.experiments.task import MODELLED, NETWORK, Costs, Route, counted, learned, modelled
-from lava_vpr.matching.evaluation import evaluate
-from lava_vpr.matching.figures import Recall
-from lava_vpr.matching.hyperactive import hyperactive
-from lava_vpr.matching.matchers import confidence
+from lava_vpr.matching.decoders import confidence
+from lava_vpr.matching.ensembles import hyperactive
+from lava_vpr.matching.evaluation import Recall, evaluate
 from lava_vpr.model import decode
 from lava_vpr.recognition import Comparison, recognise
 from lava_vpr.studies.decoding import BOTH, QUERIES, TRAINING

@@ -24,10 +24,9 @@ from lava_vpr.errors import ClusterError
 from lava_vpr.model import Model
 from lava_vpr.recognition import EVERYTHING, as_json, recognise
 from lava_vpr.storage import container
-from lava_vpr.training import calibration
-from lava_vpr.training import references as training_references
-from lava_vpr.training.calibration import calibrated
+from lava_vpr.training import measuring
 from lava_vpr.training.loop import train
+from lava_vpr.training.measuring import calibrated
 
 SEVERAL = {"stretch": 3}  # 8 places in 3 stretches
 
@@ -42,7 +41,7 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaskCluster]:
 @pytest.fixture
 def at(cluster: DaskCluster, monkeypatch: pytest.MonkeyPatch) -> Iterator[Connection]:
     """The two workers, and blocks of few presentations."""
-    for module in (blocks, calibration, training_references):
+    for module in (blocks, measuring):
         monkeypatch.setattr(module, "BLOCK", 3)
     with connected(cluster.address) as found:
         assert found is not None

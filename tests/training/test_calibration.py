@@ -25,8 +25,8 @@ from lava_vpr.matching.decoders import decode
 from lava_vpr.matching.probability import KINDS, OFF_MAP, RIGHT
 from lava_vpr.model import IntegerModel, Model, integer_model
 from lava_vpr.storage import container
-from lava_vpr.training.calibration import altered, calibrated, measured
 from lava_vpr.training.loop import train
+from lava_vpr.training.measuring import altered, calibrated, measured
 
 PARTS = (
     ([0, 1, 2, 3, 4], [1, 2, 3]),

@@ -16,7 +16,7 @@ from lava_vpr.config import preset
 from lava_vpr.encoding import encode_traverse
 from lava_vpr.images.sampling import changed, spaced
 from lava_vpr.positions.frames import LAT_LON, XY, Positions
-from lava_vpr.training.keyframes import choose_places, nearest
+from lava_vpr.training.preparing import choose_places, nearest
 from lava_vpr.traverse import Traverse, open_traverse
 
 ENCODER = small_config().encoder

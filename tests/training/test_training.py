@@ -20,7 +20,7 @@ from lava_vpr.errors import ConfigError, InputError, ModelFileError, NetworkLimi
 from lava_vpr.model import Model, integer_model
 from lava_vpr.storage import container
 from lava_vpr.training.loop import check_size, presentations, split, train
-from lava_vpr.training.references import coverage, measured_responses, reference_responses
+from lava_vpr.training.measuring import coverage, measured_responses, reference_responses
 from lava_vpr.training.stretches import Progress
 
 
@@ -175,7 +175,7 @@ def test_a_network_that_turns_out_to_be_none_leaves_no_checkpoint(
     def refuse(*_: object, **__: object) -> None:
         raise error("too large")
 
-    monkeypatch.setattr("lava_vpr.training.joining.integer_network", refuse)
+    monkeypatch.setattr("lava_vpr.training.loop.integer_network", refuse)
     with pytest.raises(error, match="too large"):
         train([encoded()], small_config(), checkpoint=tmp_path / "a.checkpoint", interval=0.0)
     assert not list(tmp_path.iterdir())

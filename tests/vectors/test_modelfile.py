@@ -18,7 +18,7 @@ from lava_vpr.configfile import update
 from lava_vpr.errors import ModelFileError
 from lava_vpr.learning.route import train
 from lava_vpr.matching.probability import RIGHT
-from lava_vpr.training.calibration import altered
+from lava_vpr.training.measuring import altered
 
 Arrays = dict[str, NDArray[Any]]
 KEPT, VALUES, PLACES = 6, 11, 5

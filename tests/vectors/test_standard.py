@@ -17,7 +17,7 @@ from lava_vpr.engine.random import presentation_key, uniform
 from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.inputs.encoder import EncoderConfig
 from lava_vpr.inputs.vectors import Standard, hadamard, picture_of, signed_channels, width_for, without_weak
-from lava_vpr.training.standard import fitted, settings_for, standard_like
+from lava_vpr.training.preparing import fitted, settings_for, standard_like
 from lava_vpr.traverse import Traverse, vector_traverse
 from lava_vpr.vectors.source import Vectors
 

@@ -1,4 +1,4 @@
-"""Input spikes of a presentation: as lava_vpr.encoding and lava_vpr.engine.inference.bias_input define them."""
+"""Input spikes of a presentation: as lava_vpr.encoding and lava_vpr.engine.inference.biases define them."""
 
 import zlib
 

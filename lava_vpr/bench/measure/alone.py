@@ -16,7 +16,7 @@ from lava_vpr.bench.measure.child import decoder_of, host_answer, singles
 from lava_vpr.bench.peers import Places, cosine_answer, hog_answer, one_blas_thread, sad_answer
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.engine.draw import LANES, draw_block, prepare_draws, scratch
-from lava_vpr.engine.inference.bias_input import biases, schedule, slopes, start_membranes
+from lava_vpr.engine.inference.biases import biases, schedule, slopes, start_membranes
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.inputs.encoded import Keep
 from lava_vpr.model import checked_network

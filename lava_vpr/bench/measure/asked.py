@@ -27,7 +27,7 @@ from lava_vpr.deploy.cost.host_traffic import bias_milliseconds
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.adaptation import Adaptation
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.engine.threads import cores
+from lava_vpr.engine.presentations import cores
 from lava_vpr.model import as_integer
 from lava_vpr.recognition import Comparison, recognise
 

@@ -18,7 +18,7 @@ from lava_vpr.deploy.bundle import effort
 from lava_vpr.deploy.bundle.opening import open_whole
 from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.engine.inference import fixed
-from lava_vpr.engine.threads import share
+from lava_vpr.engine.presentations import share
 from lava_vpr.isolated import memory
 from lava_vpr.matching.certainty import best
 from lava_vpr.model import Model, as_integer, checked_network, prepare

@@ -24,10 +24,10 @@ from numpy.typing import NDArray
 
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Workload
-from lava_vpr.engine.inference.bias_input import LEVEL, biases, start_membranes
+from lava_vpr.engine.inference.biases import LEVEL, biases, start_membranes
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.membranes import membranes
-from lava_vpr.engine.trains import Trains
+from lava_vpr.engine.presentations import Trains
 from lava_vpr.model import checked_network
 
 QUERIES = 100

@@ -13,8 +13,7 @@ from lava_vpr.bench.results import Bench, BoardFigures, Measured, Modelled, Peer
 from lava_vpr.bench.show.json_values import PERCENTILES, counts, percentiles
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.boards.estimate import Estimate
-from lava_vpr.matching.evaluation import Metrics
-from lava_vpr.matching.figures import TITLES, values_of
+from lava_vpr.matching.evaluation import TITLES, Metrics, values_of
 from lava_vpr.show.numbers import NONE, count, figure, levels, named, percent, size
 from lava_vpr.show.table import Table
 

@@ -11,7 +11,7 @@ from lava_vpr.backends.opening import open_model
 from lava_vpr.cli.common import PATH, Number, RegisteredName, console, stage, stderr
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.train import describe, tell
-from lava_vpr.engine.threads import cores
+from lava_vpr.engine.presentations import cores
 from lava_vpr.exchange.formats import FORMATS, TIME_STEP, FileOptions, format_of
 from lava_vpr.exchange.opening import imported
 from lava_vpr.model import integer_model

@@ -19,7 +19,7 @@ from lava_vpr.cli.show.learning import TERMINAL
 from lava_vpr.cli.train import describe, tell
 from lava_vpr.cli.whereabouts import reference_positions_options
 from lava_vpr.cluster.tasks import Pool
-from lava_vpr.engine.threads import cores
+from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import InputError, ModelFileError
 from lava_vpr.learning.references import encode_references, located_each
 from lava_vpr.maps import checks
@@ -27,9 +27,9 @@ from lava_vpr.model import Model
 from lava_vpr.positions.frames import Positions
 from lava_vpr.storage.locking import only_one
 from lava_vpr.storage.text import shown
-from lava_vpr.training.calibration import calibrated
-from lava_vpr.training.door import check_references
-from lava_vpr.training.progress import learning_bar
+from lava_vpr.training.measuring import calibrated
+from lava_vpr.training.preparing import check_references
+from lava_vpr.training.stretches import learning_bar
 from lava_vpr.traverse import Traverse, open_traverses, ranges_of
 
 _OUTPUT = "File to write (default: MODEL, replaced in one step when the new one is complete)."

@@ -10,7 +10,7 @@ import click
 from lava_vpr.cli.common import F, progress_bar, stderr
 from lava_vpr.cluster.connection import connected
 from lava_vpr.cluster.tasks import Pool, Standing
-from lava_vpr.engine.threads import cores
+from lava_vpr.engine.presentations import cores
 
 
 def cluster_option(command: F) -> F:

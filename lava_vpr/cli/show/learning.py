@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lava_vpr.cli.common import progress_bar, stage, stderr
-from lava_vpr.training.progress import Monitor
+from lava_vpr.training.stretches import Monitor
 
 TERMINAL = Monitor(stderr.print, progress_bar, stage)
 """Notes on stderr; bars and stages on a terminal."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from lava_vpr.backends.rivals import BASELINES
 from lava_vpr.cli.common import print_whole
-from lava_vpr.matching.figures import TITLES, values_of
+from lava_vpr.matching.evaluation import TITLES, values_of
 from lava_vpr.model import Model
 from lava_vpr.recognition import Recognition
 from lava_vpr.show.numbers import percent

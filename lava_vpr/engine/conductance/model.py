@@ -38,9 +38,8 @@ from lava_vpr.engine.conductance.kernels import (
     normalise,
 )
 from lava_vpr.engine.conductance.run import present
-from lava_vpr.engine.entry import check_presentations, check_rates
+from lava_vpr.engine.presentations import check_presentations, check_rates, share
 from lava_vpr.engine.random import presentation_key, uniform
-from lava_vpr.engine.threads import share
 from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.settings.conductance import ConductanceLearning, ConductanceNetwork
 

@@ -22,12 +22,17 @@ from lava_vpr.engine.conductance.kernels import (
     TRIPLET,
     ConductanceDrive,
     Constants,
+    Plastic,
+    arrive,
     calm,
     first_spike,
     input_drive,
+    learn,
+    new_plastic,
+    recruit,
     update_exc,
+    with_room,
 )
-from lava_vpr.engine.conductance.plastic import Plastic, arrive, learn, new_plastic, recruit, with_room
 from lava_vpr.kernelcache import compiled
 
 _CHUNK_STEPS = 256  # input is summed up so many steps ahead: its sums for 400 neurons then fit the second-level cache

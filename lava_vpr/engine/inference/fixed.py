@@ -26,11 +26,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.engine.entry import check_array, check_presentations
-from lava_vpr.engine.inference.bias_input import slopes
+from lava_vpr.engine.inference.biases import bias_registers, check_bias, highest_bias, slopes
 from lava_vpr.engine.inference.fixed_kernels import KernelNumbers, laid_out, present
-from lava_vpr.engine.inference.neuron_bias import bias_registers, check_bias, highest_bias
-from lava_vpr.engine.threads import share
+from lava_vpr.engine.presentations import check_array, check_presentations, share
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import (
     CORE_AXONS,

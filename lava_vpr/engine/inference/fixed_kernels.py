@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
-from lava_vpr.engine.inference.bias_input import schedule
+from lava_vpr.engine.inference.biases import schedule
 from lava_vpr.kernelcache import compiled
 from lava_vpr.loihi import DECAY_BITS, DECAY_UNITY, INPUT_SHIFT, STATE_LIMIT
 

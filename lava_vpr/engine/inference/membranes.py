@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.engine.entry import check_array
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.fixed_kernels import integrate
+from lava_vpr.engine.presentations import check_array
 from lava_vpr.kernelcache import compiled
 from lava_vpr.loihi import DECAY_BITS, INPUT_SHIFT
 

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.config import LifNetwork
+from lava_vpr.engine.inference.biases import held_biases
 from lava_vpr.engine.inference.fixed import FixedNetwork, silent_steps
-from lava_vpr.engine.inference.neuron_bias import held_biases
 from lava_vpr.errors import ConfigError
 from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT, DECAY_BITS, INPUT_SHIFT, SIGNED_WEIGHT_LIMIT
 

@@ -24,12 +24,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.config import StdpLearning
-from lava_vpr.engine.entry import check_array, check_rates
 from lava_vpr.engine.general.lif import LifParameters
-from lava_vpr.engine.inference.bias_input import slopes
+from lava_vpr.engine.inference.biases import slopes
 from lava_vpr.engine.inference.quantise import mantissa_of
 from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS, IntegerPhase, StepDraws, normalise_columns, train
 from lava_vpr.engine.learning.stdp import mean_trace
+from lava_vpr.engine.presentations import check_array, check_rates
 from lava_vpr.engine.random import derived_key, presentation_key, uniform
 from lava_vpr.errors import ConfigError, InputError, NetworkLimitError
 from lava_vpr.loihi import (
@@ -125,7 +125,7 @@ class IntegerLearning:
         steps: Steps with input in one presentation.
         silent_steps: Steps without input that follow, at least `SILENT_STEPS`.
         late_theta: Thresholds rise after a presentation, by the host, instead of at each spike.
-        regular: Inputs spike regularly (`engine.inference.bias_input`), not by Poisson draws.
+        regular: Inputs spike regularly (`engine.inference.biases`), not by Poisson draws.
     """
 
     rule: WeightRule

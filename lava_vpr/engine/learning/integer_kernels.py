@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
 from lava_vpr.engine.general.lif import LifConstants, lif_step
-from lava_vpr.engine.inference.bias_input import schedule
+from lava_vpr.engine.inference.biases import schedule
 from lava_vpr.engine.random import GOLDEN, mix
 from lava_vpr.kernelcache import compiled
 from lava_vpr.loihi import TRACE_LIMIT, WEIGHT_LIMIT
@@ -167,7 +167,7 @@ def train(
 ) -> None:
     """Run one presentation; changes ``weights``, ``theta`` and traces ``x``, fills ``counts``, adds to ``events``.
 
-    ``slopes`` (inputs,) stand for ``rates`` where inputs spike regularly (`engine.inference.bias_input.biases`).
+    ``slopes`` (inputs,) stand for ``rates`` where inputs spike regularly (`engine.inference.biases.biases`).
 
     Every spike sets its trace to the same value, and all traces of a step share one random number: traces last set in
     the same step stay equal, and only one value a step is followed.

@@ -28,7 +28,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.config import StdpLearning
-from lava_vpr.engine.entry import check_array
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.inference.quantise import mantissa_of
 from lava_vpr.engine.learning.integer import (
@@ -43,6 +42,7 @@ from lava_vpr.engine.learning.integer import (
 )
 from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS, StepDraws
 from lava_vpr.engine.learning.recruiting import Thresholds
+from lava_vpr.engine.presentations import check_array
 from lava_vpr.engine.random import GOLDEN, derived_key, mix, presentation_key
 from lava_vpr.errors import ConfigError, InputError, NetworkLimitError
 from lava_vpr.kernelcache import compiled

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from lava_vpr.config import StdpLearning
 from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
-from lava_vpr.engine.entry import check_rates
-from lava_vpr.engine.inference.bias_input import schedule, slopes
+from lava_vpr.engine.inference.biases import schedule, slopes
+from lava_vpr.engine.presentations import check_rates
 from lava_vpr.engine.random import presentation_key, uniform
 from lava_vpr.kernelcache import compiled
 
@@ -150,7 +150,7 @@ def _train(
 ) -> None:
     """Run one presentation; changes ``weights`` and ``theta``, fills ``counts`` (neurons,), adds to ``events``.
 
-    ``slopes`` (inputs,) stand for ``rates`` where inputs spike regularly (`engine.inference.bias_input.biases`).
+    ``slopes`` (inputs,) stand for ``rates`` where inputs spike regularly (`engine.inference.biases.biases`).
     """
     inhibition, gain = phase.inhibition, phase.gain
     inputs, neurons = weights.shape

@@ -10,7 +10,7 @@ from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator
 
 from lava_vpr.experiments.rows import Row, Spread
 from lava_vpr.experiments.task import MODELLED, NETWORK, Costs
-from lava_vpr.matching.figures import Recall, titles
+from lava_vpr.matching.evaluation import Recall, titles
 from lava_vpr.show.svg import THEME, Style, canvas, to_svg
 
 WIDTH = 560

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.engine.conductance.kernels import NEVER, TRIPLET, Constants, normalise
+from lava_vpr.engine.conductance.kernels import NEVER, TRIPLET, Constants, learn, normalise
 from lava_vpr.engine.conductance.model import RULES, trace_table
-from lava_vpr.engine.conductance.plastic import learn
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.processes.base.checked import CheckedProcess
 from lava_vpr.processes.base.cpu_model import cpu_model

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.engine.inference.biases import bias_registers
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.engine.inference.neuron_bias import bias_registers
 from lava_vpr.loihi import INPUT_SHIFT
 from lava_vpr.processes.base.magma import AbstractSubProcessModel, LoihiProtocol, Var, implements
 from lava_vpr.processes.base.network import NetworkProcess

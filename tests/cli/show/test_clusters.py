@@ -18,7 +18,7 @@ from lava_vpr.cluster import connection
 from lava_vpr.cluster.tasks import Standing
 from lava_vpr.engine import blocks
 from lava_vpr.synthetic.world import write_traverses
-from lava_vpr.training import references
+from lava_vpr.training import measuring
 
 QUICK = "stretch = 4\n[network]\nsteps = 64\n[learning]\nsteps = 200\nepochs = 4\n"
 
@@ -37,7 +37,7 @@ def route(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     write_traverses(tmp_path, 24, 0)
     (tmp_path / "quick.toml").write_text(QUICK)
     monkeypatch.chdir(tmp_path)
-    for module in (blocks, references):
+    for module in (blocks, measuring):
         monkeypatch.setattr(module, "BLOCK", 12)
     return tmp_path
 

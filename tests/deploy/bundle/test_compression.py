@@ -29,7 +29,7 @@ from lava_vpr.experiments import calibration
 from lava_vpr.loihi import LOIHI_1_INPUT_LIMIT
 from lava_vpr.model import Model
 from lava_vpr.training.loop import train
-from lava_vpr.training.references import expected_rates
+from lava_vpr.training.measuring import expected_rates
 from lava_vpr.traverse import open_traverse
 from lava_vpr.truth.alignment import aligned_truth
 

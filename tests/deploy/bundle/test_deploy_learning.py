@@ -15,7 +15,7 @@ from lava_vpr.configfile import update
 from lava_vpr.deploy.bundle.folder import ReadBundle, json_bytes
 from lava_vpr.deploy.bundle.learning import ChipLearning, chip_learning, learned_on_chip, learning_files, read_learning
 from lava_vpr.encoding import EncodedTraverse, draw_spikes
-from lava_vpr.engine.inference.bias_input import bias_input_spikes
+from lava_vpr.engine.inference.biases import bias_input_spikes
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.learning.integer import IntegerState, present
 from lava_vpr.engine.learning.integer_kernels import StepDraws

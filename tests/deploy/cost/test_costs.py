@@ -25,7 +25,7 @@ from lava_vpr.deploy.cost.events import KINDS, EventCounts, count_events
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.engine.trains import Trains
+from lava_vpr.engine.presentations import Trains
 
 WAYS = ("east_west", "north_south")
 

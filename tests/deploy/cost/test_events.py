@@ -19,7 +19,7 @@ from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.deploy.registers.simulator_kernels import EVENTS
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.engine.trains import Trains
+from lava_vpr.engine.presentations import Trains
 
 Neuron = tuple[str, int]
 """Population and number; ``root`` and ``leaf`` apart, an injected input without a compartment is a ``source``."""

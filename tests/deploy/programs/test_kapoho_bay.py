@@ -27,9 +27,9 @@ from lava_vpr.deploy.registers.core_images import core_images
 from lava_vpr.deploy.registers.synapse_memory import unpack
 from lava_vpr.deploy.registers.synapses import SynapseFormat
 from lava_vpr.encoding import draw_spikes
-from lava_vpr.engine.inference import bias_input, fixed
+from lava_vpr.engine.inference import biases, fixed
+from lava_vpr.engine.inference.biases import bias_registers, held_biases
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
-from lava_vpr.engine.inference.neuron_bias import bias_registers, held_biases
 
 board = kapoho_board.board
 SLOW = settings(deadline=None, max_examples=8, derandomize=True)
@@ -81,11 +81,11 @@ def test_input_is_the_encoders(program: Any, key: int, inputs: int, steps: int) 
     assert np.array_equal(own.draw_spikes(rates, key, steps), draw_spikes(rates, key, steps))
     regular = own.regular_spikes(rates, key, steps, own.LEVEL)
     assert regular.dtype == np.bool_
-    assert np.array_equal(regular, bias_input.bias_input_spikes(rates, key, steps))
-    for found, other in zip(own.biases(rates, own.LEVEL), bias_input.biases(rates), strict=True):
+    assert np.array_equal(regular, biases.bias_input_spikes(rates, key, steps))
+    for found, other in zip(own.biases(rates, own.LEVEL), biases.biases(rates), strict=True):
         assert np.array_equal(found, other)
-    assert np.array_equal(own.phases(key, inputs, own.LEVEL), bias_input.start_membranes(key, inputs))
-    assert own.LEVEL == bias_input.LEVEL
+    assert np.array_equal(own.phases(key, inputs, own.LEVEL), biases.start_membranes(key, inputs))
+    assert own.LEVEL == biases.LEVEL
 
 
 @pytest.mark.parametrize("signed", [False, True])

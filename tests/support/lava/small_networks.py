@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference.biases import bias_registers
 from lava_vpr.engine.inference.fixed import EVENTS, FixedNetwork, count_spikes, inhibitory_spikes
-from lava_vpr.engine.inference.neuron_bias import bias_registers
 from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT
 
