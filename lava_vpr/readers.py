@@ -1,8 +1,8 @@
 """Sources of images, stored and live, one row each: what is taken for one, and its images one by one.
 
 `open_source` asks the rows of `READERS` in their order; the first that takes a source opens it. A package can bring
-further ones (`lava_vpr.rows.plugins`), which are asked after those that are built in. `lava_vpr.traverse` puts an index
-on a stored source; `lava_vpr.watch` takes the frames of any as they come.
+further ones (`lava_vpr.rows.registry`), which are asked after those that are built in. `lava_vpr.traverse` puts an
+index on a stored source; `lava_vpr.watch` takes the frames of any as they come.
 """
 
 from __future__ import annotations

@@ -1,23 +1,30 @@
 """Registries: one table for each kind of thing that can be added, a row with everything that belongs to one of them.
 
 A row is a frozen dataclass with a ``name``. What the code needs to know about a decoder, an input, a backend, a board
-or a dataset is a field of its row, so nothing elsewhere asks for a name. A row that lacks a part is refused when it is
-registered, which for the rows of this package is when their module is imported.
+or a dataset is a field of its row, so nothing elsewhere asks for a name. That a row has every part, and of the right
+type, is seen by its class and by type checkers.
+
+An installed package brings rows by entry points, in a group such as ``lava_vpr.decoders``. The entry points of all
+packages are read once in a process, and only when a name is asked for that is not built in, or all names are.
 """
 
 from __future__ import annotations
 
-import collections.abc
-import dataclasses
+import contextlib
 import logging
-import types
 import typing
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from lava_vpr.errors import LavaVprError, brief
-from lava_vpr.rows.plugins import Plugin, PluginError, plugins
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
+PREFIX = "lava_vpr."
+"""How the names of our entry-point groups begin."""
 
 
 class Named(Protocol):
@@ -32,6 +39,43 @@ class Named(Protocol):
 Row = TypeVar("Row", bound=Named)
 
 
+@dataclass(frozen=True)
+class Plugin:
+    """A row that a package brings, not yet loaded.
+
+    Attributes:
+        name: The row's name.
+        package, version: Of the distribution that brings it.
+        entry: Its entry point.
+    """
+
+    name: str
+    package: str
+    version: str
+    entry: EntryPoint
+
+    @property
+    def origin(self) -> str:
+        """Where it is from, for messages."""
+        return f"the package {self.package} {self.version}"
+
+
+@lru_cache(maxsize=1)
+def scanned() -> list[Plugin]:
+    """The plug-ins of all groups in the order of package and name, none of them loaded; kept until `cache_clear`."""
+    from importlib.metadata import distributions  # most commands need no more than what is built in
+
+    found: dict[tuple[str, str, str], Plugin] = {}
+    for distribution in distributions():
+        with contextlib.suppress(OSError, ValueError, KeyError, TypeError):  # metadata that cannot be read
+            if PREFIX in (distribution.read_text("entry_points.txt") or ""):
+                package, version = distribution.metadata["Name"] or "?", distribution.version or "?"
+                for entry in distribution.entry_points:
+                    plugin = Plugin(entry.name, package, version, entry)
+                    found.setdefault((package, entry.name, entry.group), plugin)
+    return [plugin for _, plugin in sorted(found.items(), key=lambda item: item[0])]
+
+
 class Registry(Mapping[str, Row], Generic[Row]):
     """The rows of one kind by name: those of this package in the order in which they were registered, then plug-ins.
 
@@ -42,7 +86,7 @@ class Registry(Mapping[str, Row], Generic[Row]):
     >>> BOARDS: Registry[Board] = Registry("board")
     >>> BOARDS.register(Board("kapoho-bay", cores=256))
 
-    With a ``group``, installed packages bring rows, too (`lava_vpr.rows.plugins`). A name that is built in is looked up
+    With a ``group``, installed packages bring rows, too. A name that is built in is looked up
     without them, and nothing of a package is imported before its row is asked for by name, or all rows are. One that
     cannot be used is left out with a warning, and is an error where it is asked for by name.
 
@@ -59,7 +103,7 @@ class Registry(Mapping[str, Row], Generic[Row]):
         error: type[LavaVprError] = LavaVprError,
         *,
         group: str | None = None,
-        row_class: type[Row] | None = None,
+        row_class: type[Any] = object,
     ) -> None:
         self.kind = kind
         self.group = group
@@ -72,10 +116,8 @@ class Registry(Mapping[str, Row], Generic[Row]):
         """Add ``row`` as the last one, and return it.
 
         Raises:
-            TypeError: the row is no frozen dataclass, or lacks a part.
             ValueError: a row of that name is registered already.
         """
-        _check_row(row, self.kind)
         if row.name in self._rows:
             raise ValueError(f"{self.kind} {row.name!r} is registered twice; give each row a name of its own")
         self._rows[row.name] = row
@@ -141,7 +183,9 @@ class Registry(Mapping[str, Row], Generic[Row]):
     def _found(self) -> Iterator[tuple[Plugin, str | None]]:
         """Every plug-in, and what a message says if its name is taken, by a row of this program or an earlier one."""
         owners = dict.fromkeys(self._rows, "this program itself")
-        for plugin in plugins(self.group) if self.group is not None else ():
+        for plugin in scanned() if self.group is not None else ():
+            if plugin.entry.group != self.group:
+                continue
             owner = owners.setdefault(plugin.name, "")
             owners[plugin.name] = owner or plugin.origin
             end = f"has a {self.kind} of that name; uninstall one, or rename it"
@@ -164,65 +208,23 @@ class Registry(Mapping[str, Row], Generic[Row]):
     def _load(self, plugin: Plugin) -> Row | str:
         """The row of ``plugin``, loaded once, or why it cannot be used, for people."""
         if plugin not in self._loaded:
+            row = reason = None
             try:
-                self._loaded[plugin] = self._sound(plugin)
-            except PluginError as error:
-                self._loaded[plugin] = f"{self._called(plugin)} {error}; update or uninstall that package"
+                row = plugin.entry.load()
+            except (Exception, SystemExit) as error:  # whatever a package of somebody does when it is imported
+                cause = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+                reason = f"cannot be loaded ({cause})"
+            else:
+                if not isinstance(row, self._row_class):
+                    reason = f"is {type(row).__name__} instead of a row of type {self._row_class.__name__}"
+                elif row.name != plugin.name:
+                    reason = f"calls itself {brief(row.name)}"
+            refusal = f"{self._called(plugin)} {reason}; update or uninstall that package"
+            self._loaded[plugin] = typing.cast(Row, row) if reason is None else refusal
         return self._loaded[plugin]
-
-    def _sound(self, plugin: Plugin) -> Row:
-        """The row of ``plugin``.
-
-        Raises:
-            PluginError: it cannot be loaded, or is no such row.
-        """
-        row = plugin.load()
-        if self._row_class is not None and not isinstance(row, self._row_class):
-            raise PluginError(f"is {type(row).__name__} instead of a row of type {self._row_class.__name__}")
-        if getattr(row, "name", None) != plugin.name:
-            raise PluginError(f"calls itself {brief(getattr(row, 'name', None))}")
-        try:
-            _check_row(row, self.kind)
-        except TypeError as error:
-            raise PluginError(f"is not whole ({error})") from None
-        return typing.cast(Row, row)
 
 
 @lru_cache(maxsize=256)
 def _warn(line: str) -> None:
     """Say ``line`` as a warning, once."""
     logging.getLogger("lava_vpr").warning("%s", line)
-
-
-def _check_row(row: object, kind: str) -> None:
-    """Refuse a row that is no frozen dataclass or lacks a part; finer types are for type checkers.
-
-    Raises:
-        TypeError: with the row's name and the field.
-    """
-    if not dataclasses.is_dataclass(row) or isinstance(row, type) or not type(row).__dataclass_params__.frozen:  # type: ignore[attr-defined]
-        raise TypeError(f"{kind} {row!r} is no frozen dataclass; make its row one")
-    hints = typing.get_type_hints(type(row))
-    for field in dataclasses.fields(row):
-        value, wanted = getattr(row, field.name), _lacking(getattr(row, field.name), hints[field.name])
-        if wanted is not None:
-            wanted = wanted or f"a value of {field.type}"
-            name = getattr(row, "name", None)
-            raise TypeError(f"{kind} {name!r}: {field.name} is {value!r}, but must be {wanted}")
-
-
-def _lacking(value: object, annotation: Any) -> str | None:
-    """What belongs in a field, for a message; None if ``value`` does, empty if that is a value of its annotation."""
-    united = typing.get_origin(annotation) in (typing.Union, types.UnionType)
-    kinds = typing.get_args(annotation) if united else (annotation,)
-    if value is None and type(None) in kinds:
-        return None
-    if any(collections.abc.Callable in (kind, typing.get_origin(kind)) for kind in kinds):
-        return None if callable(value) else "a function"
-    if annotation is str:
-        return None if isinstance(value, str) and value else "a text that is not empty"
-    if typing.get_origin(annotation) is typing.Literal:
-        return None if value in typing.get_args(annotation) else ""
-    if annotation in (int, float, bool):
-        return None if isinstance(value, (int, annotation)) else ""
-    return None if value is not None else ""

@@ -19,7 +19,7 @@ from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.readers import READERS
-from lava_vpr.rows import plugins, registry
+from lava_vpr.rows import registry
 from lava_vpr.rows.registry import Registry
 from lava_vpr.traverse import open_traverse
 
@@ -28,7 +28,6 @@ Install = Callable[..., None]
 SHAPES = """
 from {test} import Shape
 SQUARE, RING, OTHER = Shape("square", 4), Shape("ring", 0), "no shape"
-HALF = Shape("half", "a text")
 """
 READER = """
 import numpy as np
@@ -80,12 +79,12 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install
         lines = "\n".join(f"{name} = {package}:{attribute}" for name, attribute in entries.items())
         (info / "entry_points.txt").write_text(f"[{group}]\n{lines}\n")
         (folder / f"{package}.py").write_text(code)
-        plugins.rescan()
+        registry.scanned.cache_clear()
 
-    plugins.rescan()
+    registry.scanned.cache_clear()
     registry._warn.cache_clear()
     yield put
-    plugins.rescan()
+    registry.scanned.cache_clear()
     for path in folder.glob("*.py"):
         sys.modules.pop(path.stem, None)
 
@@ -127,7 +126,7 @@ def test_what_is_built_in_needs_no_look_at_packages(install: Install, monkeypatc
         raise AssertionError("packages were looked at")
 
     with monkeypatch.context() as patch:
-        patch.setattr(plugins, "_scanned", never)
+        patch.setattr(registry, "scanned", never)
         assert DECODERS["contrast"].name == "contrast"
         assert INPUTS.get("orientation") is INPUTS["orientation"]
         assert "image" in READERS
@@ -145,7 +144,6 @@ BROKEN = [
     ({"ring": "RING"}, "raise SystemExit(3)", r"cannot be loaded \(SystemExit: 3\)"),
     ({"ring": "OTHER"}, CODE, "is str instead of a row of type Shape"),
     ({"ring": "SQUARE"}, CODE, "calls itself 'square'"),
-    ({"half": "HALF"}, CODE, r"is not whole \(shape 'half': corners is 'a text', but must be a value of int\)"),
 ]
 
 
@@ -194,8 +192,8 @@ def test_unreadable_metadata_brings_nothing(install: Install, tmp_path: Path) ->
     install("odd", "lava_vpr.shapes", {})
     for text in (b"\xff\xfe lava_vpr.shapes", b"lava_vpr.shapes\n= = =\n[", b"[lava_vpr.shapes\nx"):
         (tmp_path / "site" / "odd-1.2.dist-info" / "entry_points.txt").write_bytes(text)
-        plugins.rescan()
-        assert all(plugin.package != "odd" or plugin.name for plugin in plugins.plugins("lava_vpr.shapes"))
+        registry.scanned.cache_clear()
+        assert all(plugin.package != "odd" or plugin.name for plugin in registry.scanned())
 
 
 def test_a_reader_of_a_package_is_a_source_of_every_command(install: Install, tmp_path: Path) -> None:

@@ -105,31 +105,11 @@ def test_removed_rows_are_unknown_again() -> None:
 @pytest.mark.parametrize(
     ("part", "message"),
     [
-        ({"confidence": None}, "confidence is None, but must be a function"),
-        ({"title": ""}, "title is '', but must be a text that is not empty"),
-        ({"confidence": "contrast"}, "confidence is 'contrast', but must be a function"),
         ({"scores": {}}, "no score function for the variant vprsnn2022, vprsnn, printed"),
         ({"scores": {"vprsnn2022": overlap}}, "no score function for the variant vprsnn, printed"),
     ],
 )
-def test_a_decoder_without_a_part_is_refused(part: dict[str, Any], message: str) -> None:
+def test_a_decoder_without_a_variant_is_refused(part: dict[str, Any], message: str) -> None:
     with pytest.raises(TypeError, match=message):
         DECODERS.register(replace(DUMMY_DECODER, **part))
     assert "dummy" not in DECODERS
-
-
-@pytest.mark.parametrize(
-    ("part", "message"),
-    [
-        ({"activity": None}, "activity is None, but must be a function"),
-        ({"layout": (1, 14)}, r"layout is \(1, 14\), but must be a function"),
-        ({"sees": "video"}, "sees is 'video'"),
-        ({"drawing": None}, "drawing is None"),
-        ({"legend": ""}, "legend is ''"),
-        ({"grey_levels": None}, "grey_levels is None, but must be a value of bool"),
-    ],
-)
-def test_an_input_without_a_part_is_refused(part: dict[str, Any], message: str) -> None:
-    with pytest.raises(TypeError, match=message):
-        INPUTS.register(replace(DUMMY_INPUT, **part))
-    assert "dummy" not in INPUTS
