@@ -127,11 +127,18 @@ def finish() -> None:
             _die_of(fatal)
 
 
-def stoppable(call: Callable[[], T]) -> T:
+def stoppable(call: Callable[[], T], seconds: float | None = None) -> T:
     """What ``call`` returns or raises; a signal is minded at once also where a library keeps the processor for itself.
 
     Python minds signals between its own steps, and so never within a library that does not return. The call is made
     in another thread, which a signal leaves behind; it ends with the program.
+
+    Args:
+        call: What is called.
+        seconds: Time that it may take; None: any.
+    Raises:
+        TimeoutError: it takes longer; it is left behind.
+        Exception: what it raises.
     """
     results: list[T] = []
     errors: list[BaseException] = []
@@ -148,7 +155,9 @@ def stoppable(call: Callable[[], T]) -> T:
         thread.start()
     finally:
         threading.stack_size(before)
-    thread.join()
+    thread.join(seconds)
+    if thread.is_alive():
+        raise TimeoutError(f"no answer in {seconds} s")
     if errors:
         raise errors[0]
     return results[0]

@@ -8,18 +8,18 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import queue
 import re
-import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from lava_vpr.cluster import versions
-from lava_vpr.cluster.tasks import PATIENCE, Told
+from lava_vpr.cluster.tasks import PATIENCE, LostTaskError, Told
 from lava_vpr.errors import ClusterError, LavaVprError
+from lava_vpr.interrupts import stoppable
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -30,8 +30,6 @@ ABSENT_S = 60.0
 """Seconds that a run waits while its cluster has no worker at all: who restarts one needs less."""
 COUNT_S = 1.0
 """Seconds between two counts of the workers."""
-DEATHS = 16
-"""Workers that may die with a task, four times as many as a scheduler allows; then the task is taken for the cause."""
 _SEND_S = 1
 _GONE = (OSError, RuntimeError, TimeoutError, asyncio.TimeoutError)
 """What distributed raises of a machine that is gone; the last two are one since Python 3.11."""
@@ -55,9 +53,15 @@ class Connection:
         self._present: float | None = None
         self._sent: tuple[Any, Future] | None = None
 
-    def running(self, function: Callable[[Any, Any], Any], shared: Any) -> _Tasks:
-        """See `lava_vpr.cluster.tasks.Cluster`."""
-        return _Tasks(self, self._client, function, shared)
+    @property
+    def workers(self) -> int:
+        """Workers that are present."""
+        return len(self.threads())
+
+    @property
+    def room(self) -> int:
+        """Two tasks for each thread, so that none waits for the next, and one in spare."""
+        return 2 * sum(self.threads().values()) + 1
 
     def threads(self) -> dict[str, int]:
         """The threads of each worker by its address, counted at most a second ago.
@@ -82,7 +86,20 @@ class Connection:
             )
         return self._threads
 
-    def send(self, shared: Any) -> Future:
+    def submit(self, function: Callable[[Any, Any], Any], shared: Any, task: Any) -> Future:
+        """Hand a task to the scheduler.
+
+        Raises:
+            ClusterError: the cluster was lost.
+        """
+        self.require()
+        try:
+            sent = None if shared is None else self._send(shared)
+            return self._client.submit(at_worker, function, dict(versions.here()), sent, task, pure=False, retries=0)
+        except _GONE as error:
+            raise self.lost() from error
+
+    def _send(self, shared: Any) -> Future:
         """A shared value at one worker; each other takes it, once, from one that has it.
 
         The last is kept there for the next run of tasks.
@@ -96,15 +113,35 @@ class Connection:
                 time.sleep(PATIENCE)
                 continue
             try:
-                future = self._client.scatter([shared], hash=False, timeout=_SEND_S)[0]
-                self._sent = shared, future
+                self._sent = shared, self._client.scatter([shared], hash=False, timeout=_SEND_S)[0]
             except _GONE:  # a worker, or the scheduler
                 self.require()
         return self._sent[1]
 
-    def forget(self) -> None:
-        """Send the shared value anew when it is next asked for: it was lost with the workers that had it."""
-        self._sent = None
+    def result(self, future: Future, number: int) -> Any:
+        """See `lava_vpr.cluster.tasks.Runner`."""
+        from distributed import CancelledError, KilledWorker
+
+        try:
+            return future.result()
+        except KilledWorker as error:
+            raise LostTaskError(error.allowed_failures + 1) from error
+        except CancelledError as error:  # the shared value was with workers that are all gone: it is sent anew
+            self.require()
+            self._sent = None
+            raise LostTaskError(1) from error
+        except LavaVprError:
+            raise
+        except Exception as error:
+            if future.status != "error":  # it is done, but its result does not come
+                raise self.lost() from error
+            raise ClusterError(f"task {number + 1} failed at a worker: {_named(error)}; its log says more") from error
+
+    def end(self, futures: Collection[Future]) -> None:
+        """See `lava_vpr.cluster.tasks.Runner`; a worker ends the task that it is at, whose result is dropped."""
+        with suppress(Exception):  # the scheduler may be gone
+            if futures and self._client.status == "running":
+                self._client.cancel(list(futures), force=True)
 
     def require(self) -> None:
         """Refuse to go on without the scheduler.
@@ -121,102 +158,6 @@ class Connection:
             f"{self.address}: the scheduler was lost; start it again (dask scheduler) and repeat the command, with "
             "--resume where a checkpoint was kept"
         )
-
-
-class _Task:
-    """A task that is not done: its number, its value, and how many workers have died with it."""
-
-    def __init__(self, number: int, task: Any) -> None:
-        self.number, self.task, self.deaths = number, task, 0
-
-
-class _Tasks:
-    """The tasks of one call, at the workers of a cluster."""
-
-    def __init__(
-        self, connection: Connection, client: Client, function: Callable[[Any, Any], Any], shared: Any
-    ) -> None:
-        self._connection, self._client, self._function, self._shared = connection, client, function, shared
-        self._open: dict[Future, _Task] = {}
-        self._done: queue.SimpleQueue[Future] = queue.SimpleQueue()
-
-    @property
-    def workers(self) -> int:
-        """Workers that are present."""
-        return len(self._connection.threads())
-
-    @property
-    def room(self) -> int:
-        """Two tasks for each thread, so that none waits for the next, and one in spare."""
-        return 2 * sum(self._connection.threads().values()) + 1
-
-    def submit(self, number: int, task: Any) -> None:
-        """Hand a task to the scheduler."""
-        self._submit(_Task(number, task))
-
-    def _submit(self, task: _Task) -> None:
-        self._connection.require()
-        try:
-            shared = self._connection.send(self._shared) if self._shared is not None else None
-            future = self._client.submit(
-                at_worker, self._function, dict(versions.here()), shared, task.task, pure=False, retries=0
-            )
-        except _GONE as error:
-            raise self._connection.lost() from error
-        self._open[future] = task
-        future.add_done_callback(self._done.put)
-
-    def wait(self, seconds: float) -> tuple[int, Any] | None:
-        """See `lava_vpr.cluster.tasks.TaskRunner`."""
-        from distributed import CancelledError, KilledWorker
-
-        self._connection.threads()  # an error if scheduler or workers are gone
-        try:
-            future = self._done.get(timeout=seconds)
-        except queue.Empty:
-            return None
-        task = self._open.pop(future, None)
-        if task is None:
-            return None
-        try:
-            return task.number, future.result()
-        except KilledWorker as error:
-            self._submit_again(task, error.allowed_failures + 1)
-        except CancelledError:  # what it needs was with workers that are all gone
-            self._connection.require()
-            self._connection.forget()
-            self._submit_again(task, 1)
-        except LavaVprError:
-            raise
-        except Exception as error:
-            if future.status != "error":  # it is done, but its result does not come
-                raise self._connection.lost() from error
-            raise ClusterError(
-                f"task {task.number + 1} failed at a worker: {_named(error)}; its log says more"
-            ) from error
-        return None
-
-    def _submit_again(self, task: _Task, deaths: int) -> None:
-        """Submit a task again with which so many more workers have died, unless these were too many.
-
-        Raises:
-            ClusterError: they were.
-        """
-        task.deaths += deaths
-        if task.deaths >= DEATHS:
-            raise ClusterError(
-                f"task {task.number + 1}: {task.deaths} workers have died with it, one after another; it may need more "
-                "memory than they have (dask worker --memory-limit), and their logs say more"
-            )
-        self._submit(task)
-
-    def end(self) -> None:
-        """See `lava_vpr.cluster.tasks.TaskRunner`; a worker ends the task that it is at, whose result is dropped."""
-        left = list(self._open)
-        self._open.clear()
-        with suppress(Exception):  # the scheduler may be gone
-            if left and self._client.status == "running":
-                self._client.cancel(left, force=True)
 
 
 def _named(error: BaseException) -> str:
@@ -291,7 +232,8 @@ def _client(address: str) -> Client:
     _check_address(address, Security().get_connection_args("client").get("ssl_context"))
     remedy = f"start one there (dask scheduler), and name what it prints as its address: {address!r} was given"
     try:
-        return _in_time(lambda: Client(address, timeout=CONNECT_S, set_as_default=False, name="lava-vpr"))
+        connect = partial(Client, address, timeout=CONNECT_S, set_as_default=False, name="lava-vpr")
+        return stoppable(connect, CONNECT_S + 1)  # it waits for ever for somebody who listens but is no scheduler
     except (OSError, TimeoutError, asyncio.TimeoutError) as error:
         raise ClusterError(
             f"no scheduler of a cluster answers ({_named(error.__cause__ or error)}); {remedy}"
@@ -317,31 +259,6 @@ def _check_address(address: str, keys: object) -> None:
             f"{address}: Dask's configuration names no keys for TLS; set DASK_DISTRIBUTED__COMM__TLS__CA_FILE, and "
             "..._TLS__CLIENT__CERT and ..._TLS__CLIENT__KEY"
         )
-
-
-def _in_time(connect: Callable[[], Client]) -> Client:
-    """What ``connect`` returns; it waits for ever for somebody who listens there but is no scheduler.
-
-    Raises:
-        TimeoutError: it takes too long.
-        Exception: what it raises.
-    """
-    found: queue.SimpleQueue[Client | BaseException] = queue.SimpleQueue()
-
-    def run() -> None:
-        try:
-            found.put(connect())
-        except BaseException as error:
-            found.put(error)
-
-    threading.Thread(target=run, daemon=True).start()
-    try:
-        client = found.get(timeout=CONNECT_S + 1)
-    except queue.Empty:
-        raise TimeoutError(f"no answer in {CONNECT_S:g} s") from None
-    if isinstance(client, BaseException):
-        raise client
-    return client
 
 
 def _check_workers(connection: Connection, client: Client) -> None:

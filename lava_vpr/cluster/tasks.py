@@ -27,10 +27,13 @@ from __future__ import annotations
 
 import queue
 import threading
-from collections.abc import Callable, Generator, Iterable
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections import Counter
+from collections.abc import Callable, Collection, Generator, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
+
+from lava_vpr.errors import ClusterError
 
 S = TypeVar("S")
 T = TypeVar("T")
@@ -38,6 +41,8 @@ R = TypeVar("R")
 
 PATIENCE = 0.2
 """Seconds after which a wait for a result is broken off, so that Ctrl-C is minded and workers are counted."""
+DEATHS = 16
+"""Workers that may die with a task, four times as many as a scheduler allows; then the task is taken for the cause."""
 
 _thread = threading.local()
 """What a thread that is at a task knows: ``stop``, set when the run that the task belongs to is given up."""
@@ -45,6 +50,14 @@ _thread = threading.local()
 
 class GivenUpError(Exception):
     """Raised out of a task that runs tasks of its own, when the run that it belongs to is given up; nobody is told."""
+
+
+class LostTaskError(Exception):
+    """A task that was lost with workers, so many of which have died with it now; it is to be submitted again."""
+
+    def __init__(self, deaths: int) -> None:
+        super().__init__(deaths)
+        self.deaths = deaths
 
 
 @dataclass(frozen=True)
@@ -68,13 +81,16 @@ Told = Callable[[Standing], None]
 """A function that is told where tasks stand, whenever that has changed."""
 
 
-class TaskRunner(Protocol):
-    """Whoever runs the tasks of one call: threads here, or a cluster's workers.
+class Runner(Protocol):
+    """Whoever runs tasks: threads here, or a cluster's workers (`lava_vpr.cluster.connection.Connection`).
 
     Attributes:
         room: Tasks that are worth having at once; the rest is not made before one of these is done.
         workers: Workers of the cluster that are present; 0: threads of this process.
+        progress: Told where tasks stand, unless their own call names somebody.
     """
+
+    progress: Told | None
 
     @property
     def room(self) -> int: ...
@@ -82,63 +98,48 @@ class TaskRunner(Protocol):
     @property
     def workers(self) -> int: ...
 
-    def submit(self, number: int, task: Any) -> None: ...
+    def submit(self, function: Callable[[Any, Any], Any], shared: Any, task: Any) -> Any:
+        """The future, of `concurrent.futures` or alike, of ``function(shared, task)``."""
+        ...
 
-    def wait(self, seconds: float) -> tuple[int, Any] | None:
-        """The number and the result of a task that is done; None after so many seconds without one.
+    def result(self, future: Any, number: int) -> Any:
+        """What a future that is done, of task ``number``, came to.
 
         Raises:
+            LostTaskError: nothing; the task is to be submitted again.
             Exception: what the task raised.
         """
         ...
 
-    def end(self) -> None:
+    def end(self, futures: Collection[Any]) -> None:
         """Drop the tasks that are not done."""
         ...
-
-
-class Cluster(Protocol):
-    """Workers that take tasks (`lava_vpr.cluster.connection.Connection`).
-
-    Attributes:
-        progress: Told where tasks stand, unless their own call names somebody.
-    """
-
-    progress: Told | None
-
-    def running(self, function: Callable[[Any, Any], Any], shared: Any) -> TaskRunner: ...
 
 
 class _Threads:
     """Threads of this process."""
 
-    workers = 0
+    workers, progress = 0, None
 
-    def __init__(self, function: Callable[[Any, Any], Any], shared: Any, jobs: int, stop: threading.Event) -> None:
-        self._function, self._shared, self._stop = function, shared, stop
-        self._pool = ThreadPoolExecutor(max(1, jobs))
-        self._done: queue.SimpleQueue[tuple[int, Future[Any]]] = queue.SimpleQueue()
+    def __init__(self, jobs: int, stop: threading.Event) -> None:
+        self._stop, self._pool = stop, ThreadPoolExecutor(max(1, jobs))
         self.room = max(1, jobs) + 1
 
-    def submit(self, number: int, task: Any) -> None:
-        self._pool.submit(self._guarded, task).add_done_callback(lambda future: self._done.put((number, future)))
+    def submit(self, function: Callable[[Any, Any], Any], shared: Any, task: Any) -> Any:
+        return self._pool.submit(self._guarded, function, shared, task)
 
-    def _guarded(self, task: Any) -> Any:
+    def _guarded(self, function: Callable[[Any, Any], Any], shared: Any, task: Any) -> Any:
         _thread.stop = self._stop
         try:
-            return self._function(self._shared, task)
+            return function(shared, task)
         except BaseException:
             self._stop.set()  # at once, before a thread takes up the next task
             raise
 
-    def wait(self, seconds: float) -> tuple[int, Any] | None:
-        try:
-            number, future = self._done.get(timeout=seconds)
-        except queue.Empty:
-            return None
-        return number, future.result()
+    def result(self, future: Any, number: int) -> Any:
+        return future.result()
 
-    def end(self) -> None:
+    def end(self, futures: Collection[Any]) -> None:
         self._stop.set()
         self._pool.shutdown(wait=True, cancel_futures=True)
 
@@ -153,7 +154,7 @@ class Pool:
     """
 
     threads: int = 1
-    cluster: Cluster | None = None
+    cluster: Runner | None = None
 
     @property
     def here(self) -> bool:
@@ -223,35 +224,55 @@ def _results(
     ready: dict[int, R],
 ) -> Generator[tuple[int, R], None, None]:
     """Results as they come; those in ``ready`` wait for one before them, and take the room of tasks that could run."""
-    running: TaskRunner
-    if pool.cluster is None:
-        running = _Threads(function, shared, pool.threads, stop or threading.Event())
-    else:
-        running = pool.cluster.running(function, shared)
-        progress = progress or pool.cluster.progress
-    numbered, pending, done, more = enumerate(tasks), 0, 0, True
+    runner: Runner = pool.cluster or _Threads(pool.threads, stop or threading.Event())
+    progress = progress or runner.progress
+    numbered, done, more = enumerate(tasks), 0, True
+    running: dict[Any, tuple[int, T]] = {}
+    ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    deaths: Counter[int] = Counter()
     told: Standing | None = None
     above: threading.Event | None = getattr(_thread, "stop", None)
+
+    def submit(number: int, task: T) -> None:
+        future = runner.submit(function, shared, task)
+        running[future] = number, task
+        future.add_done_callback(ended.put)
+
     try:
         while True:
-            while more and (pending == 0 or pending + len(ready) < running.room):
+            while more and (not running or len(running) + len(ready) < runner.room):
                 following = next(numbered, None)
                 if following is None:
                     more = False
                 else:
-                    running.submit(*following)
-                    pending += 1
-            standing = Standing(told_as[0], done, running.workers, told_as[1])
+                    submit(*following)
+            standing = Standing(told_as[0], done, runner.workers, told_as[1])
             if progress is not None and standing != told:
                 told = standing
                 progress(standing)
-            if not pending:
+            if not running:
                 return
-            found = running.wait(PATIENCE)
+            try:
+                future = ended.get(timeout=PATIENCE)
+            except queue.Empty:
+                future = None
             if above is not None and above.is_set():
                 raise GivenUpError
-            if found is not None:
-                pending, done = pending - 1, done + 1
-                yield found
+            if future is None:
+                continue
+            number, task = running.pop(future)
+            try:
+                result = runner.result(future, number)
+            except LostTaskError as error:
+                deaths[number] += error.deaths
+                if deaths[number] >= DEATHS:
+                    raise ClusterError(
+                        f"task {number + 1}: {deaths[number]} workers have died with it, one after another; it may "
+                        "need more memory than they have (dask worker --memory-limit), and their logs say more"
+                    ) from error
+                submit(number, task)
+            else:
+                done += 1
+                yield number, result
     finally:
-        running.end()
+        runner.end(running)

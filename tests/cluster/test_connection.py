@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from support.common.daskcluster import DaskCluster, die, die_once, refuse, rest, times
 
-from lava_vpr.cluster import connection, versions
+from lava_vpr.cluster import connection, tasks, versions
 from lava_vpr.cluster.connection import Connection, connected
 from lava_vpr.cluster.tasks import Pool, Standing
 from lava_vpr.errors import ClusterError, ConfigError
@@ -48,8 +48,8 @@ def test_no_address_is_no_cluster() -> None:
 def test_results_come_in_order_and_arrays_as_they_are(at: Connection) -> None:
     shared, told = np.arange(6, dtype=np.int16).reshape(2, 3), []
     at.progress = told.append
-    tasks = [np.full((2, 3), number, np.int16) for number in range(9)]
-    found = list(Pool(1, at).map(times, iter(tasks), shared=shared, called="blocks"))
+    numbers = [np.full((2, 3), number, np.int16) for number in range(9)]
+    found = list(Pool(1, at).map(times, iter(numbers), shared=shared, called="blocks"))
     assert all(np.array_equal(one, shared * number) for number, one in enumerate(found))
     assert {(one.dtype, one.flags.writeable) for one in found} == {(np.dtype(np.int16), True)}
     assert told[-1] == Standing("blocks", 9, 2)
@@ -99,7 +99,7 @@ def test_more_deaths_than_the_scheduler_allows_do_not_end_a_run(strict: DaskClus
 def test_a_task_that_kills_its_workers_is_not_run_for_ever(
     strict: DaskCluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(connection, "DEATHS", 2)
+    monkeypatch.setattr(tasks, "DEATHS", 2)
     with connected(strict.address) as found, pytest.raises(ClusterError) as refused:
         list(Pool(1, found).map(die, [0], shared=None))
     assert str(refused.value) == (
