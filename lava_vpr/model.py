@@ -270,19 +270,18 @@ def assemble(
     """
     remedy = container.REMEDIES["model" if network is None else "references"]
     try:
-        found = checked(header, arrays, network)
+        config, known = checked(header, arrays, network)
     except LavaVprError as error:
         raise ModelFileError(f"{shown(path)}: the model cannot be used ({error}); {remedy}") from None
     except UnfitError as error:
         raise ModelFileError(f"{shown(path)}: the model {error.how} {error}; {remedy}") from None
-    arrays = found.arrays
     return Model(
-        config=found.config,
-        network=found.network,
-        stretches=tuple(Stretch(*row) for row in found.stretches),
-        place_names=found.place_names,
-        route_images=found.route_images,
-        training=found.training,
+        config=config,
+        network=known,
+        stretches=tuple(Stretch(*row) for row in header["stretches"]),
+        place_names=tuple(header["place_names"]),
+        route_images=header["route_images"],
+        training=header["training"],
         learned=arrays["learned"],
         responses=narrow(arrays["responses"]),
         place_indices=arrays["place_indices"],
@@ -292,7 +291,7 @@ def assemble(
         thumbnails=arrays["thumbnails"],
         hog=arrays.get("hog"),
         positions=arrays.get("positions"),
-        frame=found.frame,
+        frame=header.get("frame"),
         calibration=arrays.get("calibration"),
         vectors=arrays.get("vectors"),
         standard=standard_of(arrays),

@@ -27,6 +27,7 @@ over. What a query to it costs is within the limits ``presentation_operations`` 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -45,7 +46,7 @@ from lava_vpr.matching.probability import KINDS
 from lava_vpr.positions.frames import LAT_LON, MOST_METRES, XY, fits, is_frame
 from lava_vpr.settings.conductance import ConductanceLearning, ConductanceNetwork
 from lava_vpr.settings.ranges import real, whole
-from lava_vpr.storage.arrays import ArrayRule, UnexpectedError, UnfitError, check_arrays
+from lava_vpr.storage.arrays import ArrayRule, UnfitError, check_arrays, check_keys
 from lava_vpr.storage.limits import excess
 from lava_vpr.vectors.kept import check_standard, seen_rules
 
@@ -60,24 +61,13 @@ _OPTIONAL = ("hog", "positions", "calibration")
 calibration if it was not measured."""
 _MOST_SAMPLES = 1 << 16
 
-_MOST_NAME, _MOST_VERSION, MOST_COUNT = 1024, 40, 2**53
+_NAME = re.compile(r"[^\0\ud800-\udfff]{0,1024}")
+"""The name of a place; JSON can hold halves of characters, which UTF-8 cannot write."""
+_MOST_VERSION, MOST_COUNT = 40, 2**53
 _HEADERS = 1 << 16
 """Bytes that are set aside for the settings, and for what each array says of itself."""
 _MOST_FLOAT = float(np.finfo(np.float32).max)
 _HEADER = ("version", "config", "stretches", "place_names", "route_images", "training")
-
-
-class Contents(NamedTuple):
-    """What a model file holds, checked; the fields are those of `lava_vpr.model.Model`."""
-
-    config: Config
-    network: FixedNetwork | ConductanceState
-    stretches: tuple[tuple[int, ...], ...]
-    place_names: tuple[str, ...]
-    route_images: int
-    training: dict[str, float]
-    frame: str | None
-    arrays: dict[str, NDArray[Any]]
 
 
 class Sizes(NamedTuple):
@@ -91,8 +81,8 @@ class Sizes(NamedTuple):
 
 def checked(
     header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]], network: FixedNetwork | None = None
-) -> Contents:
-    """What ``header`` and ``arrays`` of a file say, if they are a model.
+) -> tuple[Config, FixedNetwork | ConductanceState]:
+    """Settings and network of a file's ``header`` and ``arrays``, all of which are seen to be those of a model.
 
     Args:
         header, arrays: From the file.
@@ -108,33 +98,28 @@ def checked(
         len(names), _images(arrays, len(names), len(config.views.views)), config.encoder.inputs, sum(stretches[-1][2:4])
     )
     effort.check_query(config, sizes.neurons)
-    kept = dict(arrays)
-    if network is None:
-        kept, whole_network = _network(header, kept, config, sizes)
-    else:
-        network.check()
-        _agree(network, config)
-        if network.weights.shape != (sizes.inputs, sizes.neurons):
-            raise UnfitError(f"references of {sizes.neurons} neurons for a network of shape {network.weights.shape}")
-        whole_network = network
+    own = {} if network is not None else _network_rules(config, sizes)
+    check_arrays({name: arrays[name] for name in own if name in arrays}, own)
+    found = _network(header, arrays, config) if network is None else network
+    if isinstance(found, FixedNetwork):
+        found.check()
+        _agree(found, config)
+        if found.weights.shape != (sizes.inputs, sizes.neurons):
+            raise UnfitError(f"references of {sizes.neurons} neurons for a network of shape {found.weights.shape}")
     rules = _rules(config, sizes)
-    if "responses" in kept and kept["responses"].dtype == np.int32:  # whose counts need it, or as older files have them
+    if "responses" in arrays and arrays["responses"].dtype == np.int32:  # whose counts need it, or of an older file
         rules["responses"] = rules["responses"]._replace(dtype="int32")
-    bare = kept.get("learned", kept["labels"]).shape == (0, 0)  # a bundle's model, saved
+    bare = arrays.get("learned", arrays["labels"]).shape == (0, 0)  # a bundle's model, saved
     if network is not None or bare:
         rules["learned"] = rules["learned"]._replace(shape=(0, 0))
-    for name in _OPTIONAL:
-        if name not in kept:
-            rules.pop(name, None)
-    if "calibration" in kept:
-        rules["calibration"] = _calibration_rule(kept["calibration"], config)
-    check_arrays(kept, rules)
-    check_standard(kept)
-    frame = _frame(header, kept)
-    route_images = count(header["route_images"], "route_images", sizes.places)
-    _check_places(kept, sizes, route_images)
-    figures = _figures(header["training"])
-    return Contents(config, whole_network, stretches, names, route_images, figures, frame, kept)
+    if "calibration" in arrays:
+        rules["calibration"] = _calibration_rule(arrays["calibration"], config)
+    check_arrays({name: array for name, array in arrays.items() if name not in own}, rules, _OPTIONAL)
+    check_standard(arrays)
+    _check_frame(header, arrays)
+    _check_places(arrays, sizes, count(header["route_images"], "route_images", sizes.places))
+    _check_figures(header["training"])
+    return config, found
 
 
 def check_model(config: Config, places: int, traverses: int, neurons: int) -> None:
@@ -162,37 +147,26 @@ def array_rules(config: Config, sizes: Sizes) -> dict[str, ArrayRule]:
 
 def _config(header: Mapping[str, Any], network: FixedNetwork | None) -> Config:
     """The settings, once the keys of the header are those of a model."""
-    for name in _HEADER:
-        if name not in header:
-            raise UnfitError(brief(name))
+    check_keys(header, _HEADER, ("fixed", "frame"), "key {} in its header")
     config = from_dict(header["config"])
     if config.encoder.inputs == 0:
         raise UnfitError(f"inputs {config.encoder.kind!r} of vectors without values")
     fixed = ("fixed",) if network is None and not isinstance(config.network, ConductanceNetwork) else ()
-    for name in fixed:
-        if name not in header:
-            raise UnfitError(brief(name))
-    for name in header:
-        if name not in (*_HEADER, *fixed, "frame"):
-            raise UnexpectedError(f"an unexpected key {brief(name)} in its header")
+    check_keys(header, (*_HEADER, *fixed), ("frame",), "key {} in its header")
     version = header["version"]
     if not isinstance(version, str) or not 0 < len(version) <= _MOST_VERSION or not version.isprintable():
         raise UnfitError(f"version {brief(version)}")
     return config
 
 
-def _frame(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str | None:
-    """The frame of the positions, if there are any, which are within its range."""
+def _check_frame(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Refuse a frame without positions, or they without it, and positions that are not within its range."""
     if ("frame" in header) != ("positions" in arrays):
         raise UnfitError("positions without a frame, or a frame without positions")
-    if "frame" not in header:
-        return None
-    frame = header["frame"]
-    if not is_frame(frame):
-        raise UnfitError(f"frame {brief(frame)}, which must be {XY}, {LAT_LON}, or a zone as in UTM 32N")
-    if not fits(arrays["positions"], frame).all():
-        raise UnfitError(f"positions out of the range of their frame, {frame}")
-    return str(frame)
+    if "frame" in header and not is_frame(header["frame"]):
+        raise UnfitError(f"frame {brief(header['frame'])}, which must be {XY}, {LAT_LON}, or a zone as in UTM 32N")
+    if "frame" in header and not fits(arrays["positions"], header["frame"]).all():
+        raise UnfitError(f"positions out of the range of their frame, {header['frame']}")
 
 
 def count(value: object, name: str, least: int, most: int = MOST_COUNT) -> int:
@@ -217,18 +191,9 @@ def check_names(value: object, least: int = 2) -> tuple[str, ...]:
     if not isinstance(value, list) or len(value) < least:
         raise UnfitError(f"place_names {brief(value)}, which must be the names of two places or more")
     for number, name in enumerate(value):
-        if not isinstance(name, str) or len(name) > _MOST_NAME or "\0" in name or not _writeable(name):
+        if not isinstance(name, str) or not _NAME.fullmatch(name):
             raise UnfitError(f"the name {brief(name)} of place {number}")
     return tuple(value)
-
-
-def _writeable(text: str) -> bool:
-    """Whether UTF-8 can write ``text``: JSON can hold halves of characters."""
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        return False
-    return True
 
 
 def check_stretches(value: object, places: int, config: Config) -> tuple[tuple[int, ...], ...]:
@@ -277,35 +242,28 @@ def _images(arrays: Mapping[str, NDArray[Any]], places: int, views: int) -> int:
     return int(shape[0])
 
 
-def _figures(value: object) -> dict[str, float]:
-    """The figures of the training run."""
+def _check_figures(value: object) -> None:
+    """Refuse what are no figures of a training run."""
     if not isinstance(value, dict) or set(value) != set(FIGURES):
         raise UnfitError(f"training {brief(value)}, which must be {', '.join(FIGURES)}")
     for name, figure in value.items():
         if not isinstance(figure, (int, float)) or not real(figure) or not 0 <= figure <= MOST_COUNT:
             raise UnfitError(f"training {name} {brief(figure)}")
-    return dict(value)
 
 
 def _network(
-    header: Mapping[str, Any], arrays: dict[str, NDArray[Any]], config: Config, sizes: Sizes
-) -> tuple[dict[str, NDArray[Any]], FixedNetwork | ConductanceState]:
-    """The arrays that are not the network's, and the network that the file holds."""
-    rules = _network_rules(config, sizes)
-    own = {name: array for name, array in arrays.items() if name in rules}
-    rest = {name: array for name, array in arrays.items() if name not in rules}
-    check_arrays(own, rules)
+    header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]], config: Config
+) -> FixedNetwork | ConductanceState:
+    """The network that the file holds, whose arrays are of its type and shape."""
+    own = {name.removeprefix("network."): array for name, array in arrays.items() if name.startswith("network.")}
     if isinstance(config.network, ConductanceNetwork):
-        return rest, ConductanceState(**{name.removeprefix("network."): array for name, array in own.items()})
+        return ConductanceState(**own)
     fixed = header["fixed"]
     if not isinstance(fixed, dict) or set(fixed) != set(SCALARS):
         raise UnfitError(f"fixed {brief(fixed)}, which must be {', '.join(SCALARS)}")
     for name, value in fixed.items():
         count(value, name, -MOST_COUNT)
-    network = FixedNetwork.of_scalars(own["network.weights"], own["network.bias"], fixed)
-    network.check()
-    _agree(network, config)
-    return rest, network
+    return FixedNetwork.of_scalars(own["weights"], own["bias"], fixed)
 
 
 def _agree(network: FixedNetwork, config: Config) -> None:

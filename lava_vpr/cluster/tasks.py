@@ -119,7 +119,8 @@ class Runner(Protocol):
 class _Threads:
     """Threads of this process."""
 
-    workers, progress = 0, None
+    workers = 0
+    progress: Told | None = None
 
     def __init__(self, jobs: int, stop: threading.Event) -> None:
         self._stop, self._pool = stop, ThreadPoolExecutor(max(1, jobs))

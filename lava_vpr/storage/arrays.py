@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -39,19 +39,36 @@ def narrow(counts: NDArray[Any]) -> NDArray[Any]:
     return counts.astype(np.uint16 if fits else np.int32, copy=False)
 
 
-def check_arrays(arrays: Mapping[str, NDArray[Any]], rules: Mapping[str, ArrayRule]) -> None:
-    """Refuse ``arrays`` that are not what ``rules`` say, or not all of them, or more.
+def check_keys(values: Mapping[str, Any], needed: Collection[str], further: Collection[str], what: str) -> None:
+    """Refuse ``values`` of a file of which one is missing or unexpected.
+
+    Args:
+        values: The values by name.
+        needed: Names that must be there.
+        further: Names that may be there, too.
+        what: An unexpected one, for a message: "array {}".
+    Raises:
+        UnfitError: naming the first.
+    """
+    for name in values:
+        if name not in needed and name not in further:
+            raise UnexpectedError(f"an unexpected {what.format(brief(name))}")
+    for name in needed:
+        if name not in values:
+            raise UnfitError(brief(name))
+
+
+def check_arrays(
+    arrays: Mapping[str, NDArray[Any]], rules: Mapping[str, ArrayRule], optional: Collection[str] = ()
+) -> None:
+    """Refuse ``arrays`` that are not what ``rules`` say, or not all of them but ``optional`` ones, or more.
 
     Raises:
         UnfitError: naming the first, and what is wrong with it.
     """
-    for name in arrays:
-        if name not in rules:
-            raise UnexpectedError(f"an unexpected array {brief(name)}")
-    for name, rule in rules.items():
-        if name not in arrays:
-            raise UnfitError(brief(name))
-        _check_array(arrays[name], name, rule)
+    check_keys(arrays, [name for name in rules if name not in optional], rules, "array {}")
+    for name, array in arrays.items():
+        _check_array(array, name, rules[name])
 
 
 def _check_array(array: NDArray[Any], name: str, rule: ArrayRule) -> None:
