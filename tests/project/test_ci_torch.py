@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import re
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
 from support.common import children
+
+from scripts import ci_torch as ci
 
 ROOT = Path(__file__).resolve().parents[2]
 PINS = (ROOT / "benchmarks" / "exchange" / "requirements.txt").read_text(encoding="utf-8")
@@ -19,18 +19,7 @@ STEP = re.compile(r"^\d+\. (.+): (passed|failed|left out)(?: \((.+)\))?, (\d+) s
 
 
 @pytest.fixture
-def ci() -> ModuleType:
-    """scripts/ci_torch.py."""
-    spec = importlib.util.spec_from_file_location("ci_torch", ROOT / "scripts" / "ci_torch.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-@pytest.fixture
-def tree(ci: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A small tree under git, with one commit, which the script takes for the project's."""
     folder = tmp_path / "tree"
     folder.mkdir()
@@ -53,16 +42,16 @@ def says(*lines: str) -> tuple[str, ...]:
     return ("-c", f"for line in {lines!r}: print(line)")
 
 
-def told(ci: ModuleType, tree: Path, *steps: Any) -> tuple[int, str]:
+def told(tree: Path, *steps: Any) -> tuple[int, str]:
     """The exit code and the log of some steps."""
     code = ci.main(["--log", str(tree / "logs" / "x.log")], steps, lambda line: None)
     assert sorted(path.name for path in (tree / "logs").iterdir()) == ["x.log"]
     return code, (tree / "logs" / "x.log").read_text(encoding="utf-8")
 
 
-def test_a_log_says_when_on_what_and_how_each_step_ended(ci: ModuleType, tree: Path) -> None:
+def test_a_log_says_when_on_what_and_how_each_step_ended(tree: Path) -> None:
     steps = [ci.Step("counts", says("1", "2", "3"), lines=2), ci.Step("is there", ("a.py",))]
-    code, text = told(ci, tree, *steps)
+    code, text = told(tree, *steps)
     assert code == 0
     assert tuple(head(text)) == HEAD
     commit = children.run(["git", "rev-parse", "HEAD"], cwd=tree, capture_output=True, text=True, check=True)
@@ -74,16 +63,16 @@ def test_a_log_says_when_on_what_and_how_each_step_ended(ci: ModuleType, tree: P
     assert re.search(r"^\$ python -c .*\n2\n3\n\n2\. ", text, re.MULTILINE)
     assert text.endswith("$ python a.py\nhere\n")
     # The log of before is no change of the tree.
-    assert head(told(ci, tree, *steps)[1])["commit"] == head(text)["commit"]
+    assert head(told(tree, *steps)[1])["commit"] == head(text)["commit"]
 
 
-def test_a_step_that_fails_is_told_and_the_others_still_run(ci: ModuleType, tree: Path) -> None:
+def test_a_step_that_fails_is_told_and_the_others_still_run(tree: Path) -> None:
     steps = (
         ci.Step("broken", ("-c", "raise SystemExit('no such thing')")),
         ci.Step("slow", ("-c", "import time; time.sleep(60)"), seconds=0.2),
         ci.Step("well", says("all equal")),
     )
-    code, text = told(ci, tree, *steps)
+    code, text = told(tree, *steps)
     assert code == 1
     assert head(text)["result"] == "2 of 3 steps failed"
     results = [found[1:3] for found in STEP.findall(text)]
@@ -92,15 +81,15 @@ def test_a_step_that_fails_is_told_and_the_others_still_run(ci: ModuleType, tree
     assert text.endswith("\nall equal\n")
 
 
-def test_a_tree_with_changes_says_so(ci: ModuleType, tree: Path) -> None:
+def test_a_tree_with_changes_says_so(tree: Path) -> None:
     (tree / "a.py").write_text("print('there')\n")
-    assert "(with changes that are not committed)" in head(told(ci, tree, ci.Step("a", ("a.py",)))[1])["commit"]
+    assert "(with changes that are not committed)" in head(told(tree, ci.Step("a", ("a.py",)))[1])["commit"]
     changes = ("-c", "import pathlib; pathlib.Path('b.py').write_text('')")
     children.run(["git", "checkout", "--quiet", "a.py"], cwd=tree, check=True)
-    assert head(told(ci, tree, ci.Step("b", changes))[1])["commit"].endswith("(clean; it changed under way)")
+    assert head(told(tree, ci.Step("b", changes))[1])["commit"].endswith("(clean; it changed under way)")
 
 
-def test_a_log_elsewhere_and_a_tree_without_git(ci: ModuleType, tree: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_log_elsewhere_and_a_tree_without_git(tree: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     log = tree.parent / "x.log"
     step = ci.Step("a", ("a.py",))
     assert ci.main(["--log", str(log)], [step], lambda line: None) == 0
@@ -111,18 +100,16 @@ def test_a_log_elsewhere_and_a_tree_without_git(ci: ModuleType, tree: Path, monk
     assert head(log.read_text(encoding="utf-8"))["commit"] == "unknown (with changes that are not committed)"
 
 
-def test_without_images_what_needs_them_is_left_out(
-    ci: ModuleType, tree: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_images_what_needs_them_is_left_out(tree: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     steps = ci.Step("images", says("asked"), images=True), ci.Step("none", says("asked"))
-    code, text = told(ci, tree, *steps)
+    code, text = told(tree, *steps)
     assert code == 0
     assert head(text)["result"] == "passed, 1 of 2 steps left out"
     assert STEP.findall(text)[0][1:3] == ("left out", "LAVA_VPR_DATA names no real images")
     (tree.parent / "pictures" / "data").mkdir(parents=True)
     monkeypatch.setenv(ci.IMAGES, str(tree.parent / "pictures"))
     where = ("-c", f"print({str(tree.parent / 'pictures' / 'data')!r}, {str(tree)!r})")
-    code, text = told(ci, tree, *steps, ci.Step("where", where))
+    code, text = told(tree, *steps, ci.Step("where", where))
     assert head(text)["result"] == "passed"
     assert text.endswith("\n$LAVA_VPR_DATA/data .\n")
     assert str(tree.parent) not in text
@@ -138,28 +125,26 @@ def test_without_images_what_needs_them_is_left_out(
         ("nothing", False, ("failed", "no test ran")),
     ],
 )
-def test_skipping_is_no_passing(ci: ModuleType, last: str, images: bool, result: tuple[str, str]) -> None:
+def test_skipping_is_no_passing(last: str, images: bool, result: tuple[str, str]) -> None:
     ended = ci.Ended(0, f"...s [100%]\nSKIPPED [2] a.py:1: 3 passed in 1.0s\n{last}\n", "")
     assert ci.judged(ci.Step("tests", ("-m", "pytest")), ended, images) == result
     assert ci.judged(ci.Step("tests", ("-m", "pytest")), ended._replace(code=1), images) == ("failed", "exit code 1")
 
 
-def test_pytest_is_judged_by_what_it_prints_today(ci: ModuleType, tree: Path) -> None:
+def test_pytest_is_judged_by_what_it_prints_today(tree: Path) -> None:
     (tree / "test_it.py").write_text("import pytest\ndef test_a(): pass\ndef test_b(): pytest.skip('why')\n")
     steps = [ci.Step(which, ci._pytest("test_it.py", "-k", which)) for which in ("test_b", "test_a or test_b")]
-    _, text = told(ci, tree, *steps)
+    _, text = told(tree, *steps)
     assert [found[1:3] for found in STEP.findall(text)] == [("failed", "no test ran"), ("passed", "")]
     assert "-k 'test_a or test_b'\n" in text
 
 
-def test_a_log_that_cannot_be_written_is_one_line(
-    ci: ModuleType, tree: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_log_that_cannot_be_written_is_one_line(tree: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert ci.main(["--log", str(tree / "a.py" / "x.log")], [ci.Step("a", ("a.py",))], lambda line: None) == 1
     assert re.fullmatch(r".*x\.log: the log cannot be written: .+; name another with --log\n", capsys.readouterr().err)
 
 
-def test_the_steps_name_what_is_there(ci: ModuleType) -> None:
+def test_the_steps_name_what_is_there() -> None:
     assert len({step.name for step in ci.STEPS}) == len(ci.STEPS) == 4
     for step in ci.STEPS:
         module = step.words[1].replace(".", "/")
@@ -169,7 +154,7 @@ def test_the_steps_name_what_is_there(ci: ModuleType) -> None:
     assert ci.STEPS[-1].words[-1] in text
 
 
-def test_the_committed_log_is_of_a_clean_run_of_all_steps_with_the_pinned_versions(ci: ModuleType) -> None:
+def test_the_committed_log_is_of_a_clean_run_of_all_steps_with_the_pinned_versions() -> None:
     """Red after a change of what is pinned: run `make ci-torch` on a committed tree, and commit the log."""
     text = ci.LOG.read_text(encoding="utf-8")
     found = head(text)

@@ -3,27 +3,17 @@
 from __future__ import annotations
 
 import ast
-import importlib.util
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
 
+from scripts import mutants
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def script() -> ModuleType:
-    """scripts/mutants.py."""
-    spec = importlib.util.spec_from_file_location("mutants", ROOT / "scripts" / "mutants.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-MUTANTS = script().mutants()
+MUTANTS = mutants.mutants()
 
 
 @pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.name)
@@ -40,7 +30,6 @@ def test_every_fault_has_a_name_of_its_own() -> None:
 
 def test_words_that_choose_no_fault_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without a test to run, pytest would run all."""
-    program = script()
-    monkeypatch.setattr(program, "tested", lambda *_: pytest.fail("it ran tests"))
+    monkeypatch.setattr(mutants, "tested", lambda *_: pytest.fail("it ran tests"))
     with pytest.raises(SystemExit, match="no row has --help in its name or file"):
-        program.main(["--help"])
+        mutants.main(["--help"])

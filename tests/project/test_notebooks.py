@@ -41,10 +41,6 @@ def texts(cell: dict[str, Any]) -> list[str]:
     return found
 
 
-def test_there_are_four() -> None:
-    assert set(NOTEBOOKS) == {"deploy", "first_map", "lava_processes", "learning"}
-
-
 @EACH
 def test_it_is_a_notebook_of_format_4(name: str) -> None:
     cells = READ[name]["cells"]
@@ -120,12 +116,3 @@ def test_other_slashes_are_not(line: str) -> None:
 @EACH
 def test_it_is_small(name: str) -> None:
     assert NOTEBOOKS[name].stat().st_size < 400_000
-
-
-@EACH
-def test_links_lead_somewhere(name: str) -> None:
-    text = "\n".join(source(cell) for cell in READ[name]["cells"] if cell["cell_type"] == "markdown")
-    links = re.findall(r"\]\((?!http)([^)#]+)(?:#[^)]*)?\)", text)
-    assert links
-    for target in links:
-        assert (NOTEBOOKS[name].parent / target).exists(), target

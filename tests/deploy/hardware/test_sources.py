@@ -3,39 +3,27 @@
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 import re
 import sys
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 from support.common import children
 
 from lava_vpr.deploy.hardware.table import BELIEFS
+from scripts import cited_files as cited
 
 ROOT = Path(__file__).resolve().parents[3]
 
 
-@pytest.fixture
-def cited() -> ModuleType:
-    """scripts/cited_files.py."""
-    spec = importlib.util.spec_from_file_location("cited_files", ROOT / "scripts" / "cited_files.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-def test_every_cited_file_is_listed_and_every_listed_file_is_cited(cited: ModuleType) -> None:
+def test_every_cited_file_is_listed_and_every_listed_file_is_cited() -> None:
     done = children.run([sys.executable, "scripts/cited_files.py"], cwd=ROOT, capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, "")
     everything = " ".join(row.evidence for row in BELIEFS.values())
     assert [file.path for file in cited.listed() if Path(file.path).name not in everything] == []
 
 
-def test_every_listed_file_is_of_a_revision_and_clean(cited: ModuleType) -> None:
+def test_every_listed_file_is_of_a_revision_and_clean() -> None:
     files = cited.listed()
     assert len({(file.repository, file.path) for file in files}) == len(files) > 30
     for file in files:
@@ -61,18 +49,18 @@ MODELS = "intel-nrc-ecosystem/models at 3dc53bf, "
         ("somebody's/repository, block.py:8", "block.py: no listed repository is named before it"),
     ],
 )
-def test_a_file_that_is_not_listed_is_found(cited: ModuleType, text: str, fault: str | None) -> None:
+def test_a_file_that_is_not_listed_is_found(text: str, fault: str | None) -> None:
     found = list(cited.faults(text, cited.listed()))
     assert len(found) == (fault is not None)
     assert not found or found[0].endswith(fault)
 
 
-def test_a_listed_file_with_a_closed_header_is_found(cited: ModuleType) -> None:
+def test_a_listed_file_with_a_closed_header_is_found() -> None:
     files = [file._replace(clean="no") for file in cited.listed()]
     assert "its header is not clean" in next(cited.faults(f"{NENGO}nengo_loihi/block.py:8", files))
 
 
-def test_no_tracked_file_names_another_file_of_that_repository(cited: ModuleType) -> None:
+def test_no_tracked_file_names_another_file_of_that_repository() -> None:
     """Beside the table, programs and documents cite, too."""
     listed = {file.path for file in cited.listed()}
     paths = [path for kind in ("*.py", "*.c", "*.md") for path in ROOT.glob(f"[a-z]*/**/{kind}")]
@@ -82,7 +70,7 @@ def test_no_tracked_file_names_another_file_of_that_repository(cited: ModuleType
     assert named - listed == set()
 
 
-def test_header_and_hash_of_listed_files_are_checked(cited: ModuleType, tmp_path: Path) -> None:
+def test_header_and_hash_of_listed_files_are_checked(tmp_path: Path) -> None:
     file = next(file for file in cited.listed() if file.repository == "nengo/nengo-loihi")
     sound = b"# free\n" * 99
     sound_file = file._replace(sha256=hashlib.sha256(sound).hexdigest())
