@@ -7,10 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.boards import kapoho_board, kapoho_bundles
 from support.boards.host_programs import write_queries
-from support.boards.kapoho_board import Board
-from support.boards.kapoho_bundles import layout, make
+from support.boards.kapoho_board import Board, layout, make, random_network
 from support.boards.plans import busy_plan, trains_of
 
 from lava_vpr.deploy.boards.constants import LOIHI_1
@@ -21,15 +19,13 @@ from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference.fixed import count_spikes
 from lava_vpr.engine.presentations import Trains
 
-board = kapoho_board.board
-
 
 @pytest.mark.parametrize("bias_input", [False, True])
 @pytest.mark.parametrize("name", ["one core", "two chips"])
 def test_registers_are_those_that_the_program_accesses(
     board: Board, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, name: str, bias_input: bool
 ) -> None:
-    network = kapoho_bundles.random_network(bias_input=bias_input, regular=bias_input)
+    network = random_network(bias_input=bias_input, regular=bias_input)
     plan = layout(name, network)
     made = make(tmp_path, plan)
     from nxsdk_standin import snips  # the stand-in is on the path only here

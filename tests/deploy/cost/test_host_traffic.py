@@ -8,10 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.boards import kapoho_board, kapoho_bundles
 from support.boards.host_programs import write_queries
-from support.boards.kapoho_board import Board
-from support.boards.kapoho_bundles import layout, make
+from support.boards.kapoho_board import Board, layout, make, random_network
 from support.boards.plans import busy_plan, trains_of
 
 from lava_vpr import loihi
@@ -22,8 +20,6 @@ from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import count_spikes
 from lava_vpr.engine.presentations import Trains
-
-board = kapoho_board.board
 
 
 @pytest.mark.parametrize("relayed", [False, True])
@@ -55,7 +51,7 @@ def test_packets_are_those_of_the_host_program(relayed: bool, monkeypatch: pytes
 def test_the_host_program_sends_so_many_packets(
     board: Board, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, name: str, bias_input: bool
 ) -> None:
-    plan = layout(name, kapoho_bundles.random_network(bias_input=bias_input))
+    plan = layout(name, random_network(bias_input=bias_input))
     made = make(tmp_path, plan)
     packets, link = [0], board.program.board_link.Link
 

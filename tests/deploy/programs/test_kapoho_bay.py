@@ -13,10 +13,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from support.boards import host_programs, kapoho_board
+from support.boards import host_programs
 from support.boards.host_programs import Made, answers, write_queries
-from support.boards.kapoho_board import Board, Ended, altered, child, edited, load_program
-from support.boards.kapoho_bundles import LAYOUTS, layout, make, plan_by_hand, random_network
+from support.boards.kapoho_board import (
+    LAYOUTS,
+    Board,
+    Ended,
+    altered,
+    child,
+    edited,
+    layout,
+    load_program,
+    make,
+    plan_by_hand,
+    random_network,
+)
 from support.common.small_models import small_model
 
 from lava_vpr.configfile import update
@@ -31,7 +42,6 @@ from lava_vpr.engine.inference import biases, fixed
 from lava_vpr.engine.inference.biases import bias_registers, held_biases
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 
-board = kapoho_board.board
 SLOW = settings(deadline=None, max_examples=8, derandomize=True)
 
 

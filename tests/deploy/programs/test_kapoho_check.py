@@ -7,10 +7,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from support.boards import kapoho_board
 from support.boards.host_programs import Made
-from support.boards.kapoho_board import child
-from support.boards.kapoho_bundles import layout, make, random_network
+from support.boards.kapoho_board import SEEDS, child, layout, make, random_network
 from support.common import children
 
 
@@ -22,7 +20,7 @@ def two_chips(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathF
 
 
 def test_check_needs_no_board(two_chips: Made) -> None:
-    without = {name: value for name, value in kapoho_board.SEEDS.items() if name != "KAPOHOBAY"}
+    without = {name: value for name, value in SEEDS.items() if name != "KAPOHOBAY"}
     ended = child(two_chips, "--check", env=without | {"KAPOHOBAY": ""}, version="0.9.9", start_hangs=True)
     assert (ended.code, ended.err) == (0, "")
     intact, ready = ended.out.splitlines()

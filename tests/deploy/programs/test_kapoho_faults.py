@@ -13,10 +13,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.boards import kapoho_board
 from support.boards.host_programs import Made, answers, write_queries
-from support.boards.kapoho_board import ASKED, SEEDS, STANDIN, Board, altered, child, start
-from support.boards.kapoho_bundles import layout, make, random_network
+from support.boards.kapoho_board import (
+    ASKED,
+    SEEDS,
+    STANDIN,
+    Board,
+    altered,
+    child,
+    layout,
+    make,
+    random_network,
+    start,
+)
 
 from lava_vpr.deploy.bundle.folder import load
 from lava_vpr.deploy.running import host_program
@@ -24,7 +33,6 @@ from lava_vpr.errors import BackendUnavailableError, BundleError, LavaRunError, 
 
 pytestmark = pytest.mark.slow  # half a minute of starting programs; CI runs them
 
-board = kapoho_board.board
 BATCH = 2
 
 

@@ -6,10 +6,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from support.boards import kapoho_board
 from support.boards.kapoho_board import Board
 
-board = kapoho_board.board
 UNSHOWN = "is shown by no public source; ask for it by name"
 
 

@@ -9,13 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.boards import host_programs, kapoho_board, loihi2_bundles
-from support.boards.kapoho_board import Board, edited, load_program
-from support.boards.kapoho_bundles import layout, make, plan_by_hand, random_network
+from support.boards import host_programs, loihi2_bundles
+from support.boards.kapoho_board import Board, edited, layout, load_program, make, plan_by_hand, random_network
 
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 
-board = kapoho_board.board
 NAMES = ["one neuron", "one axon", "weights", "signs", "decay", "threshold", "reset", "inhibition"]
 
 

@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner
 from support.boards import host_programs
 from support.boards.host_programs import Made
-from support.boards.kapoho_bundles import layout, make, random_network
+from support.boards.kapoho_board import layout, make, random_network
 from support.common.commands import run
 from support.common.small_models import encoded
 

@@ -127,10 +127,8 @@ class Core:
             raise StandinError(f"{self.where}{n} compartments need {-(-n // GROUP)} updates")
         if len(self.synapses.used) != self.synapses.size:
             raise StandinError(f"{self.where}{len(self.synapses.used)} of {self.synapses.size} synapses are configured")
-        if self.dendriteAccumCfg.delayBits != 3 or [x.tepoch for x in (*self.timeState, *self.dendriteTimeState)] != [
-            2,
-            2,
-        ]:
+        epochs = [x.tepoch for x in (*self.timeState, *self.dendriteTimeState)]
+        if self.dendriteAccumCfg.delayBits != 3 or epochs != [2, 2]:
             raise StandinError(f"{self.where}delayBits or tepoch are not those of other programs")
         for i in range(n):
             if getattr(self.cxMetaState[i // 4], f"phase{i % 4}") != 2:

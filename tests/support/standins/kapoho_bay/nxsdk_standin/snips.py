@@ -16,17 +16,7 @@ from nxsdk_standin.channels import Channel
 from nxsdk_standin.faults import StandinError
 
 INCLUDE = Path(__file__).parents[1] / "include"
-STRICT = [
-    "-std=c99",
-    "-O1",
-    "-Wall",
-    "-Wextra",
-    "-Wconversion",
-    "-Wno-sign-conversion",
-    "-Wshadow",
-    "-Wundef",
-    "-Werror",
-]
+STRICT = "-std=c99 -O1 -Wall -Wextra -Wconversion -Wno-sign-conversion -Wshadow -Wundef -Werror".split()
 CORES = 256
 STATE = np.dtype([("U", "<i4"), ("V", "<i4")])
 CONFIG = np.dtype([(name, "<i4") for name in ("Bias", "BiasExp", "VthProfile", "CxProfile")])
@@ -68,17 +58,8 @@ class Snip:
             raise StandinError("no C compiler: install gcc, the test compiles the program of the embedded processors")
         library = str(Path(self.include) / (self.name + ".so"))
         paths = ["-I", self.include, "-I", str(INCLUDE)]
-        command = [
-            compiler,
-            *STRICT,
-            "-shared",
-            "-fPIC",
-            *paths,
-            self.source,
-            str(INCLUDE / "standin.c"),
-            "-o",
-            library,
-        ]
+        sources = [self.source, str(INCLUDE / "standin.c")]
+        command = [compiler, *STRICT, "-shared", "-fPIC", *paths, *sources, "-o", library]
         done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
         if done.returncode or done.stderr:
             raise StandinError(f"{self.source} does not compile: {done.stderr[:2000]}")

@@ -13,7 +13,7 @@ from lava.utils.weightutils import SignMode
 
 from lava_vpr.deploy.hardware.loihi_2 import LIF as HELD
 from lava_vpr.deploy.hardware.table import BELIEFS
-from standin_chip.options import options
+from standin_chip import options
 
 VARS = tuple(row.name for row in HELD)
 """The Vars of a neuron that the table of hardware knows."""

@@ -13,9 +13,9 @@ from lava.proc.lif.models import PyLifModelBitAcc, PyLifResetModelBitAcc
 from lava.proc.sparse.models import PySparseModelBitAcc
 from numpy.typing import NDArray
 
+from standin_chip import note, options
 from standin_chip.building import BoardBuilder
 from standin_chip.checks import StandinError, check_var
-from standin_chip.options import note, options
 
 MODELS = {
     "LIF": PyLifModelBitAcc,

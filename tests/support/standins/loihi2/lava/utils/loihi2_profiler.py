@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from lava.magma.core.callback_fx import NxSdkCallbackFx
-from standin_chip.options import options
+from standin_chip import options
 
 
 class _Profiler(NxSdkCallbackFx):

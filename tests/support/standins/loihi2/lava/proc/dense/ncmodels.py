@@ -1,7 +1,5 @@
 """Stand-in for the models on neuron cores; `standin_chip.chip` runs Lava's own instead."""
 
-from __future__ import annotations
-
 from lava.magma.core.decorator import implements, requires
 from lava.magma.core.model.nc.model import AbstractNcProcessModel
 from lava.magma.core.resources import Loihi2NeuroCore

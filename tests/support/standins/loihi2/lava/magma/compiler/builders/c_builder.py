@@ -1,7 +1,5 @@
 """Stand-in for the builder of C Processes."""
 
-from __future__ import annotations
-
 from standin_chip.building import BoardBuilder
 
 

@@ -1,7 +1,5 @@
 """Stand-in for channels between host and embedded processors: shared memory, as between Python models."""
 
-from __future__ import annotations
-
 from lava.magma.compiler.channels.pypychannel import PyPyChannel
 
 

@@ -31,7 +31,7 @@ class NxSdkRuntimeService(AbstractRuntimeService):
 
     def run(self) -> None:
         """Serve."""
-        from standin_chip.options import note
+        from standin_chip import note
 
         while True:
             command = self.runtime_to_service.recv()

@@ -1,7 +1,5 @@
 """Stand-in for the models of embedded processors, where run_configs.py and compiler.py import them."""
 
-from __future__ import annotations
-
 from lava.magma.core.model.model import AbstractProcessModel
 
 
