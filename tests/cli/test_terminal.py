@@ -11,9 +11,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 from rich.text import Text
-from support.common.commands import run
+from support.common.commands import opened, run
 from support.common.imagefiles import write_images
-from support.common.terminal import opened
 
 from lava_vpr.cli import common, main
 from lava_vpr.show.table import Table

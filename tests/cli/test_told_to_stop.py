@@ -16,7 +16,7 @@ import h5py
 import numpy as np
 import pytest
 from support.common import surroundings
-from support.common.heaps import damage
+from support.common.eventfiles import damage
 from support.common.surroundings import AT_IMPORT, QUERY, done
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)

@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from support.common.imagefiles import image_bytes, write_images, written
-from support.common.sources import watched
+from support.common.imagefiles import image_bytes, watched, write_images, written
 
 from lava_vpr.cli import main
 from lava_vpr.errors import ConfigError, InputError

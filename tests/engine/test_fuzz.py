@@ -2,55 +2,133 @@
 
 from __future__ import annotations
 
+import itertools
+from collections import Counter
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from support.fuzz.fuzz_compare import Comparison, all_groups, all_places, compare_groups, compare_places
-from support.fuzz.fuzz_networks import block_of
-from support.fuzz.fuzz_places import input_of, place_of
+from support.fuzz.fuzz_networks import (
+    BLOCKS_OF_GROUP,
+    GROUPS_OF_START,
+    KINDS,
+    NETWORKS_OF_START,
+    block_of,
+    events_of,
+    fused_of,
+    input_of,
+    place_of,
+    steps_of,
+)
 from support.literal.integers import as_populations, literal_run
 
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.general.simulation import INPUTS, GeneralNetwork, Population, Synapses, simulate
+from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 from lava_vpr.errors import NetworkLimitError
+from lava_vpr.isolated.runner import run_isolated
 
 
-def judge(found: Comparison, networks: int, enough: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    """No difference, and each of the events ``enough`` in a tenth of the networks."""
+def compare_groups(seed: int, chosen: dict[int, Sequence[int]], *, timeout: float) -> Counter[str]:
+    """Hold blocks of groups in Lava, by our Processes and its library, against the host; how many had which events."""
+    starts: dict[int, list[Any]] = {}
+    for group, blocks in chosen.items():
+        starts.setdefault(group // GROUPS_OF_START, []).append([group, list(blocks)])
+    found = run_isolated(
+        "support.fuzz.fuzz_jobs:groups", {}, {"seed": seed, "starts": list(starts.values())}, timeout=timeout
+    )
+    seen: Counter[str] = Counter()
+    for group, blocks in chosen.items():
+        first, looks = 0, np.array(steps_of(seed, group)) - 1
+        for number in blocks:
+            block = block_of(seed, group, number)
+            done = simulate(block.network, block.train, record=True)
+            seen.update(["networks", *(name for name, did in events_of(block.network, done).items() if did)])
+            part = slice(first, first + block.network.populations[0].size)
+            first = part.stop
+            states = {"spikes": done.spikes[0], "u": done.film_u[0][looks], "v": done.film_v[0][looks]}
+            for kind, what in itertools.product(KINDS, states):
+                same = np.array_equal(found[f"{group}_{kind}_{what}"][:, part], states[what])
+                assert same, f"block_of({seed}, {group}, {number}): {kind} {what}"
+        assert {found[f"{group}_{kind}_u"].shape[1] for kind in KINDS} == {first}, "neurons of no network"
+    return seen
+
+
+def refused(network: FixedNetwork) -> bool:
+    """Whether it could wrap its currents."""
+    try:
+        FixedNetwork.check(network)
+    except NetworkLimitError:
+        return True
+    return False
+
+
+def compare_places(seed: int, chosen: dict[int, Sequence[int]], *, timeout: float) -> Counter[str]:
+    """Hold place networks in Lava (composed, library, fused) against both host engines; how many had which events.
+
+    Lava presents in a row. Where what is taken wraps it excites, and spikes may still be under way when the silent
+    steps are over; then only presentations each by itself equal the engine's.
+    """
+    starts = [[start, list(numbers)] for start, numbers in chosen.items()]
+    found = run_isolated("support.fuzz.fuzz_jobs:places", {}, {"seed": seed, "starts": starts}, timeout=timeout)
+    seen: Counter[str] = Counter()
+    for start, numbers in chosen.items():
+        given = input_of(seed, start)
+        for number in numbers:
+            network, name = place_of(seed, start, number), f"place_of({seed}, {start}, {number})"
+            spec = as_populations(network)
+            _, _, film = count_spikes(network, given.rates, given.keys, raster=True)
+            alone = [simulate(spec, train).spikes[0] for train in np.split(given.trains, len(film))]
+            row = simulate(spec, given.trains, record=True)
+            in_a_row, wraps = row.spikes[0].reshape(film.shape), refused(network)
+            kept = wraps and not np.array_equal(in_a_row, film)
+            events = events_of(spec, row) | {"refused": wraps, "not over after the silent steps": kept}
+            seen.update(["networks", *(name for name, did in events.items() if did)])
+            assert np.array_equal(alone, film), name
+            if number == fused_of(start, numbers):
+                assert np.array_equal(found[f"{start}_fused_spikes"], film), name
+            expected = {"spikes": in_a_row if kept else film, "u": row.u[0], "v": row.v[0]}
+            for kind, what in itertools.product(KINDS, expected):
+                same = np.array_equal(found[f"{start}_{number}_{kind}_{what}"], expected[what])
+                assert same, f"{name}: {kind} {what}"
+    return seen
+
+
+def judge(seen: Counter[str], networks: int, enough: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    """Each of the events ``enough`` in a tenth of the networks, none of which differs."""
     with capsys.disabled():
-        print(f"\n{found}")
-    assert found.differences == []
-    assert found.networks == networks
-    assert min(found.events[name] for name in enough) * 10 >= networks
+        print("\n" + ", ".join(f"{n} {name}" for name, n in sorted(seen.items())))
+    assert seen["networks"] == networks
+    assert min(seen[name] for name in enough) * 10 >= networks
 
 
 @pytest.mark.lava
 def test_100_random_networks_equal_lavas_library(capsys: pytest.CaptureFixture[str]) -> None:
-    found = compare_groups(1, all_groups(4), timeout=400)
-    judge(found, 100, ["wrapped", "saturated", "spiked"], capsys)
-    assert found.events["exactly 2^23"] > 0
+    seen = compare_groups(1, dict.fromkeys(range(4), range(BLOCKS_OF_GROUP)), timeout=400)
+    judge(seen, 100, ["wrapped", "saturated", "spiked"], capsys)
+    assert seen["exactly 2^23"] > 0
 
 
 @pytest.mark.lava
 @pytest.mark.slow
 def test_2000_random_networks_equal_lavas_library(capsys: pytest.CaptureFixture[str]) -> None:
-    found = compare_groups(2, all_groups(80), timeout=1700)
-    judge(found, 2000, ["wrapped", "saturated", "spiked"], capsys)
+    seen = compare_groups(2, dict.fromkeys(range(80), range(BLOCKS_OF_GROUP)), timeout=1700)
+    judge(seen, 2000, ["wrapped", "saturated", "spiked"], capsys)
 
 
 @pytest.mark.lava
 def test_random_place_networks_equal_lavas_library(capsys: pytest.CaptureFixture[str]) -> None:
-    found = compare_places(1, {0: (0, 1), 1: (1, 2)}, timeout=400)
-    judge(found, 4, ["wrapped", "refused", "spiked"], capsys)
+    seen = compare_places(1, {0: (0, 1), 1: (1, 2)}, timeout=400)
+    judge(seen, 4, ["wrapped", "refused", "spiked"], capsys)
 
 
 @pytest.mark.lava
 @pytest.mark.slow
 def test_many_random_place_networks_equal_lavas_library(capsys: pytest.CaptureFixture[str]) -> None:
-    found = compare_places(2, all_places(10), timeout=1700)
-    judge(found, 40, ["wrapped", "refused", "saturated", "spiked"], capsys)
+    seen = compare_places(2, dict.fromkeys(range(10), range(NETWORKS_OF_START)), timeout=1700)
+    judge(seen, 40, ["wrapped", "refused", "saturated", "spiked"], capsys)
 
 
 def hold_against_literal(network: GeneralNetwork, train: NDArray[np.bool_]) -> None:
@@ -124,19 +202,7 @@ def test_a_recorded_run_is_the_same_run() -> None:
         assert np.array_equal(recorded.film_drive[0][1], expected)
 
 
-def test_a_difference_names_its_network_and_the_first_place() -> None:
-    found = Comparison()
-    found.expect("general 1 2 3", "library", "u", np.array([[1, 2], [3, 5]]), np.array([[1, 2], [3, 4]]))
-    found.expect("places 1 2 3", "fused", "spikes", np.zeros((2, 3)), np.zeros((3, 2)))
-    found.expect("general 1 2 4", "ours", "v", np.zeros(2), np.zeros(2))
-    assert found.differences == [
-        "general 1 2 3: library: u differs from the host's in 1 places, first at (1, 1): 5, not 4; "
-        "alone: python tests/support/fuzz/fuzz_compare.py general 1 2 3",
-        "places 1 2 3: fused: spikes has shape (2, 3), not (3, 2)",
-    ]
-
-
-def refused(change: dict[str, Any], **synapses: Any) -> str:
+def refusal(change: dict[str, Any], **synapses: Any) -> str:
     """The error of a network of three inputs and two neurons with this changed."""
     population = Population(**{"threshold": np.array([5, 6]), **change})
     given = {"source": INPUTS, "target": 0, "weights": np.ones((3, 2), np.int64), **synapses}
@@ -147,18 +213,18 @@ def refused(change: dict[str, Any], **synapses: Any) -> str:
 
 
 def test_networks_that_do_not_fit_are_refused() -> None:
-    assert "weights are (2, 3), but must be (pre, post) = (3, 2)" in refused({}, weights=np.ones((2, 3), np.int64))
-    assert "synapses 0: source is 1, but must be in -1..0" in refused({}, source=1)
-    assert "synapses 0: target is -1, but must be in 0..0" in refused({}, target=-1)
-    assert "synapses 0: exponent is 8, but must be in -7..7" in refused({}, exponent=8)
-    assert "excitatory weight is 256" in refused({}, weights=np.full((3, 2), 256))
-    assert "num_weight_bits is 9, but must be in 1..8" in refused({}, bits=9)
-    assert "threshold is 131072" in refused({"threshold": np.array([5, 1 << 17])})
-    assert "population 0: threshold's shape is (1, 2), but must be (n,)" in refused({"threshold": np.ones((1, 2))})
-    assert "bias mantissa" in refused({"bias_mant": np.array([0, 4096])})
-    assert "population 0: bias_exp's shape is (3,), but must be (2,)" in refused({"bias_exp": np.zeros(3, np.int64)})
-    assert "du is 4096" in refused({"parameters": LifParameters(du=4096)})
-    assert "population 0: reset_interval is -1" in refused({"reset_interval": -1})
+    assert "weights are (2, 3), but must be (pre, post) = (3, 2)" in refusal({}, weights=np.ones((2, 3), np.int64))
+    assert "synapses 0: source is 1, but must be in -1..0" in refusal({}, source=1)
+    assert "synapses 0: target is -1, but must be in 0..0" in refusal({}, target=-1)
+    assert "synapses 0: exponent is 8, but must be in -7..7" in refusal({}, exponent=8)
+    assert "excitatory weight is 256" in refusal({}, weights=np.full((3, 2), 256))
+    assert "num_weight_bits is 9, but must be in 1..8" in refusal({}, bits=9)
+    assert "threshold is 131072" in refusal({"threshold": np.array([5, 1 << 17])})
+    assert "population 0: threshold's shape is (1, 2), but must be (n,)" in refusal({"threshold": np.ones((1, 2))})
+    assert "bias mantissa" in refusal({"bias_mant": np.array([0, 4096])})
+    assert "population 0: bias_exp's shape is (3,), but must be (2,)" in refusal({"bias_exp": np.zeros(3, np.int64)})
+    assert "du is 4096" in refusal({"parameters": LifParameters(du=4096)})
+    assert "population 0: reset_interval is -1" in refusal({"reset_interval": -1})
     network = GeneralNetwork(3, (), ())
     with pytest.raises(NetworkLimitError, match=r"input spikes are int64 \(4, 3\), but must be bool \(steps, 3\)"):
         simulate(network, np.zeros((4, 3), np.int64))  # type: ignore[arg-type]

@@ -20,6 +20,7 @@ from support.common.eventfiles import (
     Made,
     aedat4,
     apart,
+    damage,
     described,
     dsec,
     header,
@@ -29,7 +30,6 @@ from support.common.eventfiles import (
     tonic,
     written,
 )
-from support.common.heaps import damage
 
 from lava_vpr.errors import InputError
 from lava_vpr.events.camera import Sent

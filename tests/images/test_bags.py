@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.common.bags import KINDS, START, Message, as_file, bag, frames, text_bag
-from support.common.imagefiles import refused, smooth_picture
-from support.common.sources import watched
+from support.common.imagefiles import refused, smooth_picture, watched
 
 from lava_vpr.errors import InputError
 from lava_vpr.images.bags import bag_samples, is_bag, split_topic

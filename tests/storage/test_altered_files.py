@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.fuzz import corpus, trial
+from support.fuzz import corpus, run
 from support.fuzz.changes import MANIFEST, REFERENCES, Files, held, sealed, sealed_bundle, stored, taken_apart, zipped
 from support.fuzz.corpus import PLACES, Corpus
 
@@ -209,14 +209,14 @@ CONTAINERS = [("model", *row) for row in MODELS] + [("checkpoint", *row) for row
 @pytest.mark.parametrize(("kind", "name", "change"), CONTAINERS, ids=range(len(CONTAINERS)))
 def test_containers(honest: Corpus, kind: str, name: str, change: Change) -> None:
     files = {file: altered(data, change) for file, data in honest.files[kind][name].items()}
-    kind, told = trial.tried(trial.Case(kind, name, files), honest)
-    assert kind == trial.REFUSED, told
+    kind, told = run.tried(run.Case(kind, name, files), honest)
+    assert kind == run.REFUSED, told
 
 
 @pytest.mark.parametrize(("name", "change"), BUNDLES, ids=range(len(BUNDLES)))
 def test_bundles(honest: Corpus, name: str, change: Callable[[Files], Files]) -> None:
-    kind, told = trial.tried(trial.Case("bundle", name, change(honest.files["bundle"][name])), honest)
-    assert kind == trial.REFUSED, told
+    kind, told = run.tried(run.Case("bundle", name, change(honest.files["bundle"][name])), honest)
+    assert kind == run.REFUSED, told
 
 
 @pytest.mark.parametrize(
@@ -227,8 +227,8 @@ def test_bundles(honest: Corpus, name: str, change: Callable[[Files], Files]) ->
     ],
 )
 def test_what_a_board_gets_is_what_is_read(honest: Corpus, name: str, part: str, change: Any) -> None:
-    before, case = open_model(honest.folder / name), trial.Case("bundle", name, change(honest.files["bundle"][name]))
-    assert trial.tried(case, honest) == (trial.SOUND, "")
+    before, case = open_model(honest.folder / name), run.Case("bundle", name, change(honest.files["bundle"][name]))
+    assert run.tried(case, honest) == (run.SOUND, "")
     after = open_model(honest.folder / "work" / "bundle")
     assert (getattr(before.network, part) != getattr(after.network, part)).sum() == 1
 
@@ -240,6 +240,6 @@ def test_models_that_lost_places(honest: Corpus, name: str, tmp_path: Path) -> N
     less = maps.remove(whole, [0, 4])
     for made in (less, maps.merge([less, whole])):
         model_file.save(made, tmp_path / "m.lvpr")
-        case = trial.Case("model", name, {"m.lvpr": (tmp_path / "m.lvpr").read_bytes()})
-        assert trial.tried(case, honest) == (trial.SOUND, "")
+        case = run.Case("model", name, {"m.lvpr": (tmp_path / "m.lvpr").read_bytes()})
+        assert run.tried(case, honest) == (run.SOUND, "")
         assert any(part.removed for part in made.stretches)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from support.common import children
-from support.fuzz import corpus, trial
+from support.fuzz import corpus, run
 from support.fuzz.changes import sealed_bundle
 from support.fuzz.corpus import Corpus
 
@@ -22,9 +22,9 @@ def honest(tmp_path_factory: pytest.TempPathFactory) -> Corpus:
     return corpus.make(tmp_path_factory.mktemp("honest"))
 
 
-def run(*words: object, code: str = "") -> subprocess.CompletedProcess[str]:
+def fuzz(*words: object, code: str = "") -> subprocess.CompletedProcess[str]:
     """Run the fuzzer in a process of its own, after ``code``."""
-    command = f"import sys, time, os\nfrom support.fuzz import run, trial\n{code}\nsys.exit(run.main())"
+    command = f"import sys, time, os\nfrom support.fuzz import run\n{code}\nsys.exit(run.main())"
     environment = {"PYTHONPATH": str(ROOT / "tests"), "PATH": "/usr/bin:/bin", "HOME": str(Path.home())}
     return children.run(
         [sys.executable, "-c", command, *words], cwd=ROOT, env=environment, capture_output=True, text=True, check=False
@@ -32,20 +32,20 @@ def run(*words: object, code: str = "") -> subprocess.CompletedProcess[str]:
 
 
 def test_honest_files_are_equal_when_they_are_written_again(honest: Corpus) -> None:
-    cases = trial.honest(honest)
+    cases = run.honest(honest)
     assert len(cases) == 33
     for case in cases:
-        assert trial.tried(case, honest) == (trial.SOUND, ""), case
+        assert run.tried(case, honest) == (run.SOUND, ""), case
     for files in honest.files["bundle"].values():
         assert sealed_bundle(files).keys() == files.keys()
 
 
 def test_seed_and_number_decide_a_case(honest: Corpus) -> None:
-    first = trial.made(honest, 3, 17)
+    first = run.made(honest, 3, 17)
     random.seed(5)  # nobody's but the case's own generator is asked
-    again = trial.made(honest, 3, 17)
+    again = run.made(honest, 3, 17)
     assert (first, first.files) == (again, again.files)
-    assert trial.made(honest, 3, 18).files != first.files
+    assert run.made(honest, 3, 18).files != first.files
 
 
 FIRST = [pytest.param(0, 250, 0), pytest.param(0, 250, 250)]
@@ -54,15 +54,15 @@ FIRST += [pytest.param(1, 2500, first, marks=pytest.mark.slow) for first in rang
 
 @pytest.mark.parametrize(("seed", "count", "first"), FIRST)
 def test_what_is_taken_is_equal_when_it_is_written_again(seed: int, count: int, first: int, tmp_path: Path) -> None:
-    done = run("--seed", seed, "--count", count, "--first", first, "--log", tmp_path / "log")
+    done = fuzz("--seed", seed, "--count", count, "--first", first, "--log", tmp_path / "log")
     assert done.returncode == 0, (done.stdout + done.stderr)[-4000:] + (tmp_path / "log").read_text()[-200:]
 
 
 PLANTED = {
     "a traceback": ("{}['steps']", 1, "KeyError: seed 0, number 0"),
     "memory": ("bytearray(2 * run.MEMORY)", 1, "MemoryError: seed 0, number 0"),
-    "a message without a remedy": ("raise_(trial.LavaVprError('radius is nan'))", 1, "NOT THE FILE'S NAME FIRST"),
-    "another value": ("trial.equal(1.0, 2.0, 'steps')", 1, "UnequalError: seed 0, number 0"),
+    "a message without a remedy": ("raise_(run.LavaVprError('radius is nan'))", 1, "NOT THE FILE'S NAME FIRST"),
+    "another value": ("run.equal(1.0, 2.0, 'steps')", 1, "UnequalError: seed 0, number 0"),
     "the end of the process": ("os.abort()", -6, ""),
     "no end": ("spin()", -27, ""),
 }
@@ -79,11 +79,11 @@ def spin():
     while True: pass
 run.CPU_SECONDS = 0.5
 corpus.make = lambda folder: corpus.Corpus(folder, {{"list": {{"a": {{"a.txt": b"a"}}}}}})
-trial.SHARES = {{"list": 1}}
-trial.honest = lambda corpus: []
-trial.READERS["list"] = lambda *_: {fault}
+run.SHARES = {{"list": 1}}
+run.honest = lambda corpus: []
+run.READERS["list"] = lambda *_: {fault}
 """
-    done = run("--count", 1, "--log", tmp_path / "log", code=planted)
+    done = fuzz("--count", 1, "--log", tmp_path / "log", code=planted)
     assert done.returncode == code, done.stderr[-2000:]
     assert told in done.stdout
     assert (tmp_path / "log").read_text().startswith("0 list a")
@@ -101,5 +101,5 @@ trial.READERS["list"] = lambda *_: {fault}
     ],
 )
 def test_a_message_is_one_short_printable_line_with_file_and_remedy(message: str) -> None:
-    assert trial.wrong_with(message, Path("/a/b"))
-    assert not trial.wrong_with("/a/b: is empty; train again", Path("/a/b"))
+    assert run.wrong_with(message, Path("/a/b"))
+    assert not run.wrong_with("/a/b: is empty; train again", Path("/a/b"))

@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 import pytest
 from support.common import children
-from support.common.heaps import damage
+from support.common.eventfiles import damage
 
 from lava_vpr.errors import InputError
 from lava_vpr.storage import hdf5

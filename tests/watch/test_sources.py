@@ -11,8 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from support.common.imagefiles import refused, video, write_images
-from support.common.sources import watched
+from support.common.imagefiles import refused, video, watched, write_images
 
 from lava_vpr.errors import InputError
 from lava_vpr.images import cameras

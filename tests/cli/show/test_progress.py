@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from numba.core.caching import FunctionCache
 from support.common import children
-from support.common.terminal import opened
+from support.common.commands import opened
 
 from lava_vpr import kernelcache
 from lava_vpr.cli import common, main

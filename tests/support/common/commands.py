@@ -7,14 +7,18 @@ vectors.
 from __future__ import annotations
 
 import csv
+import io
 import json
 import os
+import re
+import sys
 from pathlib import Path
 from typing import Any
 
+import pytest
 from click.testing import CliRunner, Result
 
-from lava_vpr.cli import main
+from lava_vpr.cli import common, main
 from lava_vpr.synthetic.world import write_traverses
 
 CONFIG = "[network]\nsteps = 256\n[learning]\nsteps = 300\nepochs = 6\n"
@@ -71,3 +75,28 @@ def listed(name: str, paths: list[Path]) -> str:
     """A list file of images."""
     Path(name).write_text("".join(f"{path}\n" for path in paths))
     return name
+
+
+class Terminal(io.StringIO):
+    """What a terminal was sent."""
+
+    def isatty(self) -> bool:
+        return True
+
+    @property
+    def said(self) -> str:
+        """The text, without colours and moves."""
+        return re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", self.getvalue())
+
+
+def opened(monkeypatch: pytest.MonkeyPatch, width: int = 200) -> Terminal:
+    """A terminal of so many columns until the end of the test; not from a fixture: pytest puts its own streams back.
+
+    The console of the commands stays the same object, in another state: a module that is loaded meanwhile keeps it.
+    """
+    shown = Terminal()
+    monkeypatch.setattr(sys, "stderr", shown)
+    monkeypatch.setattr(sys, "stdout", io.StringIO())
+    other = common.PlainConsole(file=shown, width=width, force_terminal=True)
+    monkeypatch.setattr(common.stderr, "__dict__", vars(other))
+    return shown

@@ -1,6 +1,6 @@
 """Files of events, written plainly: AEDAT4 byte by byte, HDF5 and npz in the layouts of the field.
 
-Used by events and vectors.
+Used by cli, events, storage and vectors.
 """
 
 from __future__ import annotations
@@ -167,4 +167,20 @@ def repacked(path: Path, method: int) -> Path:
     with zipfile.ZipFile(path, "w", method) as archive:
         for name, data in entries.items():
             archive.writestr(name, data)
+    return path
+
+
+HEAD = 16
+"""Bytes of the head of a collection of texts, and of each text in it."""
+
+
+def damage(path: Path, text: int, length: int) -> Path:
+    """Damage an HDF5 file so that the HDF5 library never returns from reading its texts of variable length.
+
+    Let text ``text`` of the first collection in a file tell another ``length``; texts have at most 8 bytes.
+    """
+    data = bytearray(path.read_bytes())
+    at = data.index(b"GCOL") + HEAD + text * (HEAD + 8)
+    struct.pack_into("<Q", data, at + 8, length)
+    path.write_bytes(data)
     return path

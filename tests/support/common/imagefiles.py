@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -16,6 +18,7 @@ from hypothesis import settings
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
+from lava_vpr.readers import Frame, open_source
 
 QUICK = settings(deadline=None, derandomize=True, max_examples=25)
 
@@ -159,3 +162,8 @@ def refused(call: object, *parts: str) -> str:
     for part in parts:
         assert part in text, text
     return text
+
+
+def watched(source: str | Path, **options: Any) -> Iterator[Frame]:
+    """The images of a source as they come, as `lava-vpr watch` takes them."""
+    return open_source(str(source), live=True, **options).frames()

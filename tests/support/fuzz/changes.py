@@ -15,7 +15,7 @@ import struct
 import warnings
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -106,48 +106,26 @@ def lying(descr: str, shape: object, data: bytes) -> bytes:
     return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header + data
 
 
+LIES: list[Any] = [(10**12,), (2**62, 4), (-1,), "(0.5,)", f"({'9' * 5000},)", "'many'", "(" * 2000]
+LYING_TYPES = ("<q9", "|V2147483647", "<f4'+__import__('os').name+'")
+"""Shapes and types of headers that lie."""
+
+
 def array(rng: random.Random, honest: NDArray[Any]) -> bytes:
     """The npy file of ``honest`` with another type, shape, order or value, or with a header that lies."""
-    kind = rng.randrange(8)
+    kind, shape = rng.randrange(8), honest.shape
     if kind == 0:
         name = rng.choice(TYPES)
         with np.errstate(all="ignore"), contextlib.suppress(TypeError, ValueError):
             return stored(honest.astype(name)) if rng.random() < 0.8 else stored(honest.astype(object))
-        return stored(np.zeros(honest.shape, name))
+        return stored(np.zeros(shape, name))
     if kind == 1:
-        shapes = (
-            honest[None],
-            honest[:-1],
-            honest[1:],
-            np.concatenate([honest, honest]),
-            honest[:0],
-            honest.T,
-            honest[::-1],
-        )
-        shapes += (
-            honest[..., :-1],
-            honest[..., None],
-            honest.reshape(-1),
-            np.asfortranarray(honest),
-            np.resize(honest, 4096),
-        )
-        return stored(rng.choice(shapes))
+        shapes = [honest[None], honest[:-1], honest[1:], np.concatenate([honest, honest]), honest[:0], honest.T]
+        shapes += [honest[::-1], honest[..., :-1], honest[..., None], honest.reshape(-1), np.asfortranarray(honest)]
+        return stored(rng.choice([*shapes, np.resize(honest, 4096)]))
     if kind == 2:
-        shape = honest.shape
-        lies = [
-            (10**12,),
-            (2**62, 4),
-            (-1,),
-            "(0.5,)",
-            f"({'9' * 5000},)",
-            "'many'",
-            "(" * 2000,
-            (shape[0] + 1, *shape[1:]),
-        ]
-        odd = [lying(honest.dtype.str, lie, honest.tobytes()) for lie in lies]
-        odd += [
-            lying(name, shape, honest.tobytes()) for name in ("<q9", "|V2147483647", "<f4'+__import__('os').name+'")
-        ]
+        own, lies = (honest.dtype.str, honest.tobytes()), [*LIES, (shape[0] + 1, *shape[1:])]
+        odd = [lying(own[0], lie, own[1]) for lie in lies] + [lying(name, shape, own[1]) for name in LYING_TYPES]
         return rng.choice([*odd, stored(honest) + b"more", stored(honest)[:-1], stored(honest)[:20], b"", b"hello"])
     if honest.size == 0:
         return stored(honest)
@@ -176,50 +154,44 @@ def text(rng: random.Random, honest: bytes) -> bytes:
     lines = honest.decode().split("\n")
     at, kind = rng.choice([k for k, line in enumerate(lines) if line]), rng.randrange(8)
     words = re.split(r"([,=:;\s]+)", lines[at])
-    if kind == 0:
-        lines.pop(at)
-    elif kind == 1:
-        lines.insert(rng.randrange(len(lines) + 1), lines[at])
-    elif kind == 2:
-        lines.insert(at, rng.choice(WORDS))
-    elif kind == 3:
-        words.insert(rng.randrange(len(words) + 1), rng.choice([",", " ", rng.choice(WORDS)]))
-    elif kind == 4:
-        words.pop(rng.randrange(len(words)))
-    else:
+
+    def replace() -> None:
         place = rng.randrange(0, len(words), 2)
-        near = [words[place] + end for end in ("0", "000000", ".5", "e3", "e40", "_")] + [
-            "-" + words[place],
-            "0." + words[place],
-        ]
-        words[place] = rng.choice(WORDS) if kind < 7 else rng.choice(near)
+        near = [words[place] + end for end in ("0", "000000", ".5", "e3", "e40", "_")]
+        near += [start + words[place] for start in ("-", "0.")]
+        words[place] = rng.choice(WORDS if kind < 7 else near)
+
+    changes: tuple[Callable[[], object], ...] = (
+        lambda: lines.pop(at),
+        lambda: lines.insert(rng.randrange(len(lines) + 1), lines[at]),
+        lambda: lines.insert(at, rng.choice(WORDS)),
+        lambda: words.insert(rng.randrange(len(words) + 1), rng.choice([",", " ", rng.choice(WORDS)])),
+        lambda: words.pop(rng.randrange(len(words))),
+    )
+    changes[kind]() if kind < len(changes) else replace()
     if kind > 2:
         lines[at] = "".join(words)
     return "\n".join(lines).encode("utf-8", "surrogatepass")
 
 
+INSIDE = [b"\0", b"\r", b"\xff", b"\x1b[2J", b"\xed\xa0\x80", b'"', b"\\", b"\x0c"]
+WHOLE = [b"", b"\n\n", bytes(1000), b"#\n", b"lava-vpr", b"lava-vpr model 1\n"]
+
+
 def raw(rng: random.Random, honest: bytes) -> bytes:
     """A bit turned, bytes cut, added or exchanged, another encoding, or hardly anything."""
-    at, kind = rng.randrange(len(honest) or 1), rng.randrange(8)
-    if kind == 0:
-        return honest[:at] + bytes([honest[at] ^ 1 << rng.randrange(8)]) + honest[at + 1 :]
-    if kind == 1:
-        return honest[:at]
-    if kind == 2:
-        return (
-            honest[:at]
-            + rng.choice([b"\0", b"\r", b"\xff", b"\x1b[2J", b"\xed\xa0\x80", b'"', b"\\", b"\x0c"])
-            + honest[at:]
-        )
-    if kind == 3:
-        return rng.choice([b"\n", b"x", b"\xef\xbb\xbf", bytes(64)]) + honest
-    if kind == 4:
-        return honest + rng.choice([b"\n", b"x", bytes(64), honest])
-    if kind == 5:
-        return honest.decode("latin-1").encode(rng.choice(["utf-16", "utf-32", "utf-16-le"]))
-    if kind == 6:
-        return honest.replace(b"\n", rng.choice([b"\r\n", b"\r", b"\0"]))
-    return rng.choice([b"", b"\n\n", bytes(1000), b"#\n", b"lava-vpr", b"lava-vpr model 1\n", honest[:20], b'"' * 999])
+    at = rng.randrange(len(honest) or 1)
+    changes: tuple[Callable[[], bytes], ...] = (
+        lambda: honest[:at] + bytes([honest[at] ^ 1 << rng.randrange(8)]) + honest[at + 1 :],
+        lambda: honest[:at],
+        lambda: honest[:at] + rng.choice(INSIDE) + honest[at:],
+        lambda: rng.choice([b"\n", b"x", b"\xef\xbb\xbf", bytes(64)]) + honest,
+        lambda: honest + rng.choice([b"\n", b"x", bytes(64), honest]),
+        lambda: honest.decode("latin-1").encode(rng.choice(["utf-16", "utf-32", "utf-16-le"])),
+        lambda: honest.replace(b"\n", rng.choice([b"\r\n", b"\r", b"\0"])),
+        lambda: rng.choice([*WHOLE, honest[:20], b'"' * 999]),
+    )
+    return rng.choice(changes)()
 
 
 def taken_apart(data: bytes) -> tuple[bytes, Entries]:
@@ -257,36 +229,40 @@ def bomb(name: str, head: bytes, size: int, told: int) -> bytes:
     return bytes(payload)
 
 
+OTHERS = ["../up.npy", "/abs.npy", "a.npy", "header", "x" * 3000, "a.extra.npy"]
+"""Names of entries that no container has."""
+
+
 def payload(rng: random.Random, entries: Entries, other: Entries) -> bytes:
     """The archive of ``entries``, some dropped, doubled, renamed, exchanged or of ``other``, or bits of it turned."""
-    at, kind = rng.randrange(len(entries)), rng.randrange(10)
-    name, data = entries[at]
-    if kind == 0:
-        return zipped(entries[:at] + entries[at + 1 :])
-    if kind == 1:
-        return zipped([*entries, (name, array(rng, held(data)))])
-    if kind == 2:
-        return zipped(
-            [*entries, (rng.choice(["../up.npy", "/abs.npy", "a.npy", "header", "x" * 3000, "a.extra.npy"]), data)]
-        )
-    if kind == 3:
-        return zipped([(rng.choice([name.upper(), name[:-4]]) if n == name else n, d) for n, d in entries])
-    if kind == 4:
+    at = rng.randrange(len(entries))
+    (name, data), theirs, plain = entries[at], dict(other), zipped(entries)
+    directory = plain.index(b"PK\x01\x02")
+
+    def exchanged() -> bytes:
         names = rng.sample([n for n, _ in entries], len(entries))
         return zipped([(n, d) for n, (_, d) in zip(names, entries, strict=True)])
-    if kind == 5:
-        theirs = dict(other)
-        return zipped([(n, theirs.get(n, d) if rng.random() < 0.3 else d) for n, d in entries])
-    if kind == 6:
-        return zipped(entries, rng.choice([zipfile.ZIP_STORED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA]))
-    if kind == 7:
-        size = 3 << 30
+
+    def unpacking_to(size: int) -> bytes:
         head = lying("|u1", (size,), b"")
         return bomb(name, head, size, rng.choice([size + len(head), 0xFFFFFFF0, len(head), 1 << 20]))
-    made = bytearray(zipped(entries))
-    directory = made.index(b"PK\x01\x02")
-    made[rng.randrange(directory, len(made)) if kind == 8 else rng.randrange(directory)] ^= 1 << rng.randrange(8)
-    return bytes(made)
+
+    def turned(place: int) -> bytes:
+        return plain[:place] + bytes([plain[place] ^ 1 << rng.randrange(8)]) + plain[place + 1 :]
+
+    changes: tuple[Callable[[], bytes], ...] = (
+        lambda: zipped(entries[:at] + entries[at + 1 :]),
+        lambda: zipped([*entries, (name, array(rng, held(data)))]),
+        lambda: zipped([*entries, (rng.choice(OTHERS), data)]),
+        lambda: zipped([(rng.choice([name.upper(), name[:-4]]) if n == name else n, d) for n, d in entries]),
+        exchanged,
+        lambda: zipped([(n, theirs.get(n, d) if rng.random() < 0.3 else d) for n, d in entries]),
+        lambda: zipped(entries, rng.choice([zipfile.ZIP_STORED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])),
+        lambda: unpacking_to(3 << 30),
+        lambda: turned(rng.randrange(directory, len(plain))),
+        lambda: turned(rng.randrange(directory)),
+    )
+    return rng.choice(changes)()
 
 
 def container(rng: random.Random, honest: bytes, others: Mapping[str, bytes]) -> bytes:

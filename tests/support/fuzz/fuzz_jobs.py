@@ -1,6 +1,6 @@
 """What a child process runs for test_fuzz.py: random networks in Lava, by our Processes and by its library.
 
-Used by support.
+Used by engine.
 """
 
 from __future__ import annotations
@@ -17,8 +17,18 @@ from lava.proc.lif.process import LIF
 from lava.utils.weightutils import SignMode
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
-from support.fuzz.fuzz_networks import Block, Format, block_of, settings_of, steps_of
-from support.fuzz.fuzz_places import SILENT, fused_of, input_of, place_of
+from support.fuzz.fuzz_networks import (
+    KINDS,
+    SILENT,
+    Block,
+    Format,
+    block_of,
+    fused_of,
+    input_of,
+    place_of,
+    settings_of,
+    steps_of,
+)
 
 from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.encoders.process import PoissonEncoder, RegularEncoder
@@ -29,7 +39,6 @@ from lava_vpr.processes.spike_counter.process import SpikeCounter
 from lava_vpr.processes.synapses.process import DenseSynapses
 
 Arrays = dict[str, NDArray[Any]]
-KINDS = ("ours", "library")
 CONFIG = {"select_tag": "fixed_pt"}
 
 
@@ -88,7 +97,7 @@ def _start_groups(seed: int, chosen: dict[int, Sequence[int]]) -> Arrays:
 
 
 def groups(arrays: Arrays, options: dict[str, Any]) -> Arrays:
-    """Run the networks of `fuzz_networks`.
+    """Run general networks of `fuzz_networks`.
 
     Args:
         arrays: None.
@@ -128,7 +137,7 @@ def _start_places(seed: int, start: int, numbers: Sequence[int]) -> Arrays:
 
 
 def places(arrays: Arrays, options: dict[str, Any]) -> Arrays:
-    """Run the networks of `fuzz_places`, those too that would be refused because they can wrap.
+    """Run place networks of `fuzz_networks`, those too that would be refused because they can wrap.
 
     Args:
         arrays: None.
