@@ -19,7 +19,7 @@ import click
 
 from benchmarks.places import TEMPLATES, PlacesSection, learn
 from benchmarks.program import BenchmarkTable, Printed, program, seeds_option
-from benchmarks.results.record import Record, key
+from benchmarks.results.record import Record
 from benchmarks.results.rows import PRINTED, ResultRow, asked, measure
 from benchmarks.results.tables import DEFAULT, FIVE, PAPERS, SIMPLEST
 from lava_vpr.config import INPUT_MODES, preset
@@ -97,8 +97,8 @@ def figures(row: ResultRow, section: PlacesSection, seed: int) -> dict[str, list
 
 def lines(row: ResultRow, seeds: Sequence[int]) -> list[list[str]]:
     """The lines of a row: its network, then its other matchers."""
-    record, cases = Record({}), [(section, seed) for section in row.sections for seed in seeds]
-    record.put(row, "", {key(*case): figures(row, *case) for case in cases})
+    record = Record({}, task=figures)
+    record.bring_up_to_date([row], seeds)
     costs = [f"{value:.3g}" for value in record.mean(row, "costs")] if row.costs and 0 in seeds else []
     named = {row.name: "network"} | {f"  {matcher}": matcher for matcher in row.matchers}
     made = [[name, *(f"{value:.1f}" for value in record.mean(row, of, seeds=seeds))] for name, of in named.items()]

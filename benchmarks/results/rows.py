@@ -1,4 +1,7 @@
-"""A row of results: what is learned, what is asked, and what answers; the one way in which a figure is computed."""
+"""A row of results: what is learned, what is asked, and what answers; the one way in which a figure is computed.
+
+The rows, each on its sections with every seed, are a grid of experiments (`lava_vpr.experiments.grid`).
+"""
 
 from __future__ import annotations
 
@@ -8,16 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.nordland import part
 from benchmarks.places import PlacesSection, learn, places
 from lava_vpr.backends.asking import Asking
 from lava_vpr.backends.rivals import BASELINES
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config
-from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.presentations import cores
-from lava_vpr.experiments.points import Case, current, figures, run_of
+from lava_vpr.experiments.task import Route, modelled
 from lava_vpr.inputs.views import ViewsConfig
 from lava_vpr.matching.decoders import confidence, decode
 from lava_vpr.matching.evaluation import Metrics, Recall, evaluate
@@ -29,8 +30,6 @@ TAU = 30.0
 """Time constant of adaptation, in queries."""
 STANDING = 20
 """Frames that a robot sees of each place where it stands still."""
-COSTED = 100
-"""Costs are those of so many queries, the first ones."""
 
 PRINTED = ", as printed"
 """Behind the name of one of the paper's decoders: as its equations are printed, not as its code was released."""
@@ -86,7 +85,7 @@ def asked(row: ResultRow, model: Model, section: PlacesSection, costs: bool = Fa
         found["network, adapted"] = _percent(result.adapted[result.default])
         found |= {f"{name}, adapted": _percent(result.adapted[name]) for name in row.matchers if name in BASELINES}
     if row.costs and costs:
-        found["costs"] = _costs(model, section)
+        found |= _costs(model, section)
     return found
 
 
@@ -129,11 +128,8 @@ def _standing(queries: EncodedTraverse, seed: int) -> EncodedTraverse:
     )
 
 
-def _costs(model: Model, section: PlacesSection) -> list[float]:
+def _costs(model: Model, section: PlacesSection) -> Figures:
     """Modelled dynamic energy (uJ) and time (ms) of a query on Kapoho Bay: nominal, clearing counted, host I/O not."""
     (queries,) = places(section, 1, model.config, ViewsConfig())
-    some = slice(0, min(COSTED, len(queries)))
-    case = Case(model, part(queries, some), np.eye(len(queries), dtype=bool)[some])
-    run = run_of(case, current(model), KAPOHO_BAY, cores())
-    (measurement,) = figures(run, (np.inf,))
-    return [round(measurement.microjoules, 4), round(measurement.milliseconds, 5)]
+    costs = modelled(model, Route((), queries, np.eye(len(queries), dtype=bool)))
+    return {} if costs is None else {"costs": [round(costs.microjoules, 4), round(costs.milliseconds, 5)]}

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import cache, partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 from lava_vpr.cluster.versions import that_compute
 from lava_vpr.errors import InputError
@@ -23,6 +23,7 @@ from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import write_atomically
 
 T = TypeVar("T")
+P = TypeVar("P", contravariant=True)
 R = TypeVar("R")
 
 ROOTS = ("lava_vpr.processes", "lava_vpr.deploy", "lava_vpr", "benchmarks")
@@ -120,25 +121,38 @@ def content_key(function: Callable[..., Any], decides: Any, *inputs: bytes) -> s
     return digest.hexdigest()
 
 
+class Cache(Protocol[P, R]):
+    """Where the figures of points are kept."""
+
+    def key(self, point: P, /) -> str:
+        """The key of a point's figures (`content_key`), asked for before they are computed."""
+
+    def find(self, point: P, key: str, /) -> R | None:
+        """The figures of a point that are kept under ``key``; None if there are none."""
+
+    def keep(self, point: P, key: str, figures: R, /) -> None:
+        """Keep the figures of a point."""
+
+
 @dataclass(frozen=True)
 class FigureCache(Generic[T, R]):
     """A folder with a file for each task whose figures are known.
 
     Attributes:
-        folder: The folder, made when the first figures are kept; None: nothing is kept.
+        folder: The folder, made when the first figures are kept.
         name: The name of a task's file, without its ending.
         key: The key of a task's figures (`content_key`), asked for before they are computed.
         figures: Makes figures of the JSON values in a file; ValueError, TypeError or KeyError if they are none.
     """
 
-    folder: Path | None
+    folder: Path
     name: Callable[[T], str]
     key: Callable[[T], str]
     figures: Callable[[Any], R]
 
-    def file(self, task: T) -> Path | None:
+    def file(self, task: T) -> Path:
         """Where the figures of a task are kept."""
-        return None if self.folder is None else self.folder / f"{self.name(task)}.json"
+        return self.folder / f"{self.name(task)}.json"
 
     def find(self, task: T, key: str) -> R | None:
         """The figures of a task that are kept under ``key``; None if there are none, or they cannot be read.
@@ -146,7 +160,7 @@ class FigureCache(Generic[T, R]):
         Nothing in a file is trusted but figures of the form that is written.
         """
         path = self.file(task)
-        if path is None or not path.is_file():
+        if not path.is_file():
             return None
         try:
             values = parse_json(read_bytes(path, "text_bytes"))
@@ -161,8 +175,6 @@ class FigureCache(Generic[T, R]):
             InputError: the folder or file cannot be written.
         """
         path = self.file(task)
-        if path is None:
-            return
         text = json.dumps({"fingerprint": key, "figures": figures}) + "\n"
         try:
             path.parent.mkdir(parents=True, exist_ok=True)

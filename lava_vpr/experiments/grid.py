@@ -14,7 +14,7 @@ from contextlib import closing
 from typing import Any, TypeVar
 
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool, Standing
-from lava_vpr.experiments.cache import FigureCache
+from lava_vpr.experiments.cache import Cache
 
 T = TypeVar("T", bound=Hashable)
 R = TypeVar("R")
@@ -32,7 +32,7 @@ def compute(
     points: Sequence[T],
     *,
     shared: Any = None,
-    cache: FigureCache[T, R] | None = None,
+    cache: Cache[T, R] | None = None,
     kept_only: bool = False,
     read: Callable[[T], Any] | None = None,
     called: str = "points",
@@ -60,7 +60,7 @@ def compute(
     found: dict[T, R] = {}
     missing: list[tuple[T, str]] = []
     for point in points:
-        key = "" if cache is None or cache.folder is None else cache.key(point)
+        key = "" if cache is None else cache.key(point)
         before = None if cache is None else cache.find(point, key)
         if before is not None:
             found[point] = before

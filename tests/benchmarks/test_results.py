@@ -12,33 +12,20 @@ from benchmarks.places import PlacesSection
 from benchmarks.results import __main__ as command
 from benchmarks.results import record, rows, tables
 from benchmarks.results.record import REMEDY, Record
-from benchmarks.results.tables import DEFAULT, FIVE, INTEGER, LEARNED
+from benchmarks.results.tables import DEFAULT, FIVE, LEARNED
 from lava_vpr.configfile import update
 from lava_vpr.experiments.cache import modules_of
 
 
-def test_the_file_has_todays_rows_under_todays_settings() -> None:
-    assert Record.read().lacks(tables.ROWS) == [], REMEDY
+def names(row: rows.ResultRow) -> list[str]:
+    """What the figures of a row are kept under."""
+    return [record.key_of(section, seed) for section in row.sections for seed in rows.SEEDS]
 
 
-def test_the_file_has_every_section_and_seed_of_a_row() -> None:
-    kept = Record.read()
-    for row in tables.ROWS:
-        wanted = {record.key(section, seed) for section in row.sections for seed in rows.SEEDS}
-        assert set(kept.rows[row.name]["figures"]) == wanted, row.name
-    assert len({row.name for row in tables.ROWS}) == len(tables.ROWS)
-
-
-@pytest.mark.parametrize("name", INTEGER)
-def test_another_setting_of_a_preset_is_another_row(name: str) -> None:
-    row = LEARNED[name]
-    changed = dataclasses.replace(row, config=update(row.config, {"network": {"inhibition": 0.66}}))
-    others, kept = [other for other in tables.ROWS if other != row], Record({})
-    for one in tables.ROWS:
-        kept.put(one, "of today", {})
-    assert kept.lacks(tables.ROWS) == []
-    assert kept.lacks([*others, changed]) == [row.name]
-    assert kept.lacks(others) == [row.name]
+def test_the_file_has_every_section_and_seed_of_todays_rows_under_todays_settings() -> None:
+    today = {row.name: (record.settings_hash(row), {*names(row)}) for row in tables.ROWS}
+    assert {name: (kept["settings"], {*kept["figures"]}) for name, kept in Record.read().rows.items()} == today, REMEDY
+    assert len(today) == len(tables.ROWS)
 
 
 def test_what_decides_the_figures_is_derived_from_imports() -> None:
@@ -50,47 +37,57 @@ def test_what_decides_the_figures_is_derived_from_imports() -> None:
 
 
 def test_a_record_is_read_as_it_was_written(tmp_path: Path) -> None:
-    row, made = LEARNED[DEFAULT], Record({})
+    row, file = LEARNED[DEFAULT], tmp_path / "results.json"
     figures = {
-        record.key(section, seed): {"network": [90.0 + k + seed, 80.5, 7.25], "costs": [2.0 * k, 1.0]}
+        record.key_of(section, seed): {"network": [90.0 + k + seed, 80.5, 7.25], "costs": [2.0 * k, 1.0]}
         for k, section in enumerate(FIVE)
         for seed in rows.SEEDS
     }
-    made.put(row, "of today", figures)
-    made.write(tmp_path / "results.json")
-    read = Record.read(tmp_path / "results.json")
+    made = Record({row.name: {"settings": "of today", "sources": "of today", "figures": figures}}, file)
+    made.write()
+    read = Record.read(file)
     assert read == made
-    assert read.current(row, "of today")
-    assert not read.current(row, "of yesterday")
-    assert not read.current(dataclasses.replace(row, tolerance=1), "of today")
     assert read.cell(row) == "93.0 / 80.5 / 7.2"
     assert read.cell(row, sections=FIVE[2:]) == "94.0 / 80.5 / 7.2"
     assert read.mean(row, seeds=(0,))[0] == 92.0
     assert read.mean(row, "costs") == [4.0, 1.0]
-    assert Record.read(tmp_path / "none.json") == Record({})
+    assert Record.read(tmp_path / "none.json").rows == {}
 
 
-def test_what_is_up_to_date_is_not_computed_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    file, asked = tmp_path / "results.json", []
-    one, two = LEARNED[DEFAULT], dataclasses.replace(LEARNED[DEFAULT], name="two")
+def test_what_is_up_to_date_is_not_computed_again(tmp_path: Path) -> None:
+    """Under other settings, of a preset or a row, or from other sources it is; an interrupted run goes on."""
+    file, asked = tmp_path / "results.json", list[str]()
+    one = LEARNED[DEFAULT]
+    two = dataclasses.replace(one, name="two")
 
     def measured(row: rows.ResultRow, section: PlacesSection, seed: int) -> rows.Figures:
-        if row == two and (section, seed) == (FIVE[1], 2) and not asked.count("interrupted"):
+        if row.name == "two" and (section, seed) == (FIVE[1], 2) and not asked.count("interrupted"):
             asked.append("interrupted")
             raise KeyboardInterrupt
         asked.append(row.name)
         return {"network": [1.0, 2.0, 3.0]}
 
-    monkeypatch.setattr(command, "measure", measured)
-    old = Record({"gone": {"settings": "", "sources": "", "figures": {}}})
+    old = Record({"gone": {"settings": "", "sources": "", "figures": {}}}, file, measured)
     with pytest.raises(KeyboardInterrupt):
-        command.bring_up_to_date(old, [one, two], file, every=False)
-    assert set(Record.read(file).rows) == {one.name}
-    for every, computed in ((False, ["two"] * 15), (False, []), (True, [one.name] * 15 + ["two"] * 15)):
+        command.bring_up_to_date(old, [one, two], every=False)
+    assert {name: len(kept["figures"]) for name, kept in Record.read(file).rows.items()} == {one.name: 15, "two": 5}
+    anew, other, all_of = ["two"] * 15, dataclasses.replace(two, tolerance=1), [one.name] * 15 + ["two"] * 15
+    inhibited = dataclasses.replace(two, config=update(two.config, {"network": {"inhibition": 0.66}}))
+    for last, every, computed in (
+        (two, False, anew[5:]),
+        (two, False, []),
+        (two, True, all_of),
+        (other, False, anew),
+        (inhibited, False, anew),
+    ):
         asked[:] = ["interrupted"]
-        command.bring_up_to_date(Record.read(file), [one, two], file, every)
+        command.bring_up_to_date(Record.read(file, task=measured), [one, last], every)
         assert asked[1:] == computed
-        assert Record.read(file).lacks([one, two]) == []
+    found = Record.read(file, task=measured)
+    place = (inhibited, FIVE[0], 0)
+    assert found.find(place, found.key(place)) == {"network": [1.0, 2.0, 3.0]}
+    assert found.find(place, Record({}).key(place)) is None  # another program
+    assert {*found.rows["two"]["figures"]} == {*names(two)}
 
 
 def test_what_the_page_says_of_its_tables_is_so() -> None:
@@ -121,4 +118,5 @@ def test_a_section_of_each_row_is_what_the_file_says(kind: str, data_root: Path)
     kept = Record.read()
     for row in tables.KINDS[kind]:
         place = row.sections[0], rows.SEEDS[0]
-        assert rows.measure(row, *place) == kept.figures(row, *place), f"{row.name}: if that is meant, {REMEDY}"
+        known = kept.rows[row.name]["figures"][record.key_of(*place)]
+        assert rows.measure(row, *place) == known, f"{row.name}: if that is meant, {REMEDY}"

@@ -90,6 +90,3 @@ def test_what_is_kept_is_found_under_its_key_alone(tmp_path: Path) -> None:
     assert (tmp_path / "k" / "row-3.json").read_text() == '{"fingerprint": "key", "figures": [0.5]}\n'
     (tmp_path / "k" / "row-3.json").write_text('{"fingerprint": "key", "figures": ["x"]}')
     assert kept.find(3, "key") is None
-    nowhere: FigureCache[int, list[float]] = FigureCache(None, str, str, list)
-    nowhere.keep(3, "key", [0.5])
-    assert nowhere.find(3, "key") is None
