@@ -11,10 +11,10 @@ from lava_vpr.datasets.layouts import DATASETS, Dataset
 from lava_vpr.errors import InputError
 from lava_vpr.experiments import grid
 from lava_vpr.experiments.grid import Advance, ignored
-from lava_vpr.experiments.rows import Spread
+from lava_vpr.experiments.rows import Outcome, Spread, rows
 from lava_vpr.paper_table.methods import DESCRIPTORS, METHODS, NETWORKS, Method
 from lava_vpr.paper_table.printed import printed
-from lava_vpr.paper_table.sections import MethodFigures, Section, SectionTask, kept_in, measure, read
+from lava_vpr.paper_table.sections import SectionTask, kept_in, measure, read
 from lava_vpr.paper_table.sources import Source, tasks
 
 
@@ -74,23 +74,21 @@ class MethodRow:
     Attributes:
         method: The method.
         printed: Mean R@100P that the paper prints, a fraction; None: it prints none.
-        sections: Figures by the section's number, from 1; empty if absent.
+        figures: Each of `FIGURES` over the sections, by their number from 1; empty if absent.
         left: Sections that are wanted and were not computed.
         absent: Why there are no figures; None if there are.
     """
 
     method: Method
     printed: float | None
-    sections: Mapping[int, MethodFigures]
+    figures: Mapping[str, Spread]
     left: tuple[int, ...]
     absent: str | None
 
     @property
-    def spreads(self) -> dict[str, Spread]:
-        """Each field of `MethodFigures` over the sections; none if absent."""
-        columns = zip(*self.sections.values(), strict=True)
-        by_name = dict(zip(MethodFigures._fields, columns, strict=False))
-        return {name: Spread.of(dict(zip(self.sections, column, strict=True))) for name, column in by_name.items()}
+    def sections(self) -> tuple[int, ...]:
+        """The numbers of the sections that were computed."""
+        return tuple(self.figures["released"].by_seed) if self.figures else ()
 
 
 @dataclass(frozen=True)
@@ -145,9 +143,9 @@ def compute(
         LavaVprError: images or descriptors that cannot be used, or figures that cannot be kept.
     """
     found = grid.compute(
-        _measure,
+        measure,
         wanted.tasks(),
-        cache=kept_in(keep),
+        cache=None if keep is None else kept_in(keep),
         kept_only=kept_only,
         read=read,
         called="sections",
@@ -155,31 +153,24 @@ def compute(
         pool=pool,
         advance=advance,
     )
-    return PaperTable(tuple(_part(row, wanted, found) for row in DATASETS.values()), wanted, command)
+    by_dataset = rows(Outcome(task.dataset, None, task.section, figures) for task, figures in found.items())
+    figures = {row.label: row.figures for row in by_dataset}
+    parts = tuple(_part(row, wanted, figures.get(row.name, {})) for row in DATASETS.values())
+    return PaperTable(parts, wanted, command)
 
 
-def _measure(shared: None, section: Section) -> dict[str, MethodFigures]:
-    """`measure` as tasks are run."""
-    return measure(section)
-
-
-def _part(dataset: Dataset, wanted: PaperRequest, found: Mapping[SectionTask, dict[str, MethodFigures]]) -> DatasetRows:
-    """The rows of a dataset."""
+def _part(dataset: Dataset, wanted: PaperRequest, figures: Mapping[str, Mapping[str, Spread]]) -> DatasetRows:
+    """The rows of a dataset, with the figures of each method."""
     source = wanted.sources.get(dataset.name)
-    rows = []
+    there = () if source is None else wanted.sections_of(source)
+    made = []
     for method in METHODS.values():
-        said = printed(dataset.name, method.name)
-        sections = {
-            task.section: figures[method.name]
-            for task, figures in found.items()
-            if task.dataset == dataset.name and method.name in figures
-        }
-        absent = None if sections else _absent(dataset.name, source, method, wanted)
-        left = () if source is None else tuple(k for k in wanted.sections_of(source) if k not in sections)
-        rows.append(
-            MethodRow(method, None if said is None else said / 100, dict(sorted(sections.items())), left, absent)
-        )
-    return DatasetRows(dataset, source, tuple(rows))
+        said, own = printed(dataset.name, method.name), figures.get(method.name, {})
+        absent = None if own else _absent(dataset.name, source, method, wanted)
+        done = own["released"].by_seed if own else ()
+        left = tuple(number for number in there if number not in done)
+        made.append(MethodRow(method, None if said is None else said / 100, own, left, absent))
+    return DatasetRows(dataset, source, tuple(made))
 
 
 def _absent(name: str, source: Source | None, method: Method, wanted: PaperRequest) -> str:

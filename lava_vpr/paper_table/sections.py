@@ -1,12 +1,13 @@
-"""One section by one network: what it needs is read here, and measured by any process."""
+"""A task of the paper's table, one section by one network: what it needs is read here, and measured by any process."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,8 @@ from lava_vpr.configfile import to_dict
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse
 from lava_vpr.errors import InputError
 from lava_vpr.experiments.cache import FigureCache, content_key
+from lava_vpr.experiments.rows import Figures
+from lava_vpr.experiments.task import judged_scores
 from lava_vpr.matching.baselines import cosine_similarities, load_descriptors
 from lava_vpr.matching.decoders import confidence
 from lava_vpr.matching.equations import Scores
@@ -28,6 +31,10 @@ from lava_vpr.storage.reading import open_regular
 from lava_vpr.storage.text import shown
 from lava_vpr.training.loop import train
 from lava_vpr.traverse import Traverse, open_traverse
+
+FIGURES = ("released", "recall_at_100_precision", "recall_at_1", "auc")
+"""The figures of a method on a section, fractions in 0..1: R@100P as the paper's released code counts it (`evaluate`,
+``pr="vprsnn"``) and exactly, every query among all; R@1; area under the exact precision-recall curve."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +119,8 @@ class SectionTask:
         section: Its number, from 1.
         network: Name of a preset, or `DESCRIPTORS`.
         seed: Of start weights and spikes.
-        inputs: The places in each reference traverse, then their queries in the same order: images, or descriptors.
+        inputs: The places in each reference traverse, then their queries in the same order: images or descriptors; in
+            memory, once they were `read`.
         epochs: Times that every image is shown; None: as often as the preset says.
     """
 
@@ -120,7 +128,7 @@ class SectionTask:
     section: int
     network: str
     seed: int
-    inputs: tuple[Taken, ...] | tuple[DescriptorRows, ...]
+    inputs: tuple[Any, ...] = field(repr=False)
     epochs: int | None = None
 
     @property
@@ -136,36 +144,8 @@ class SectionTask:
         return f"{self.dataset}, section {self.section}, {self.network}"
 
 
-class Section(NamedTuple):
-    """A task with all that it needs in memory, for a process that sees no files.
-
-    Attributes:
-        task: The task.
-        inputs: Its inputs: encoded traverses, or descriptors, float64 (n, dimensions).
-    """
-
-    task: SectionTask
-    inputs: tuple[Any, ...]
-
-
-class MethodFigures(NamedTuple):
-    """A method on a section, fractions in 0..1.
-
-    Attributes:
-        released: R@100P as the paper's released code counts it (`evaluate`, ``pr="vprsnn"``).
-        recall_at_100_precision: R@100P counted exactly, every query among all.
-        recall_at_1: R@1.
-        auc: Area under the exact precision-recall curve.
-    """
-
-    released: float
-    recall_at_100_precision: float
-    recall_at_1: float
-    auc: float
-
-
-def kept_in(folder: Path | None) -> FigureCache[SectionTask, dict[str, MethodFigures]]:
-    """Figures of finished sections, in a folder; None: they are not kept."""
+def kept_in(folder: Path) -> FigureCache[SectionTask, Figures]:
+    """Figures of finished sections, in a folder."""
     digests: dict[Taken | DescriptorRows, bytes] = {}
 
     def name(task: SectionTask) -> str:
@@ -179,28 +159,28 @@ def kept_in(folder: Path | None) -> FigureCache[SectionTask, dict[str, MethodFig
     return FigureCache(folder, name, key, _figures)
 
 
-def _figures(values: Any) -> dict[str, MethodFigures]:
+def _figures(values: Any) -> Figures:
     """Figures as they were kept.
 
     Raises:
-        ValueError, TypeError, AttributeError: they are none.
+        ValueError, TypeError, KeyError, AttributeError: they are none.
     """
-    found = {str(name): MethodFigures(*map(float, row)) for name, row in values.items()}
-    if not all(0.0 <= value <= 1.0 for row in found.values() for value in row):
+    found = {str(name): {key: float(row[key]) for key in FIGURES} for name, row in values.items()}
+    if not all(0.0 <= value <= 1.0 for row in found.values() for value in row.values()):
         raise ValueError("no figures")
     return found
 
 
-def read(task: SectionTask) -> Section:
-    """A task with its images, encoded as its network sees them, or its descriptors.
+def read(task: SectionTask) -> SectionTask:
+    """A task with its images, encoded as its network sees them, or its descriptors, float64 (n, dimensions).
 
     Raises:
         LavaVprError: images or descriptors that cannot be used.
     """
-    return Section(task, tuple(part.read(task.config) for part in task.inputs))
+    return replace(task, inputs=tuple(part.read(task.config) for part in task.inputs))
 
 
-def measure(section: Section) -> dict[str, MethodFigures]:
+def measure(shared: None, task: SectionTask) -> Figures:
     """The figures of every method of a task's network on its section, by the method's name.
 
     Query i shows place i and no other is right.
@@ -208,30 +188,29 @@ def measure(section: Section) -> dict[str, MethodFigures]:
     Raises:
         LavaVprError: images or descriptors that cannot be used.
     """
-    network = section.task.network
-    scores = _of_descriptors(section) if network == DESCRIPTORS else _of_network(section)
-    return {method.name: judged(method.matcher, scores[method.matcher]) for method in of_network(network)}
+    scores = (_of_descriptors if task.network == DESCRIPTORS else _of_network)(task)
+    return {method.name: _judged(method.matcher, scores[method.matcher]) for method in of_network(task.network)}
 
 
-def judged(matcher: str, scores: Scores) -> MethodFigures:
-    """The figures of a matcher's scores (places, places), by both rules."""
-    truth, sure = np.eye(len(scores), dtype=np.bool_), confidence(matcher, scores)
-    exact, released = (evaluate(scores, sure, truth, pr=rule) for rule in ("exact", "vprsnn"))
-    return MethodFigures(released.recall_at_100_precision, exact.recall_at_100_precision, exact.recall_at_1, exact.auc)
+def _judged(matcher: str, scores: Scores) -> Mapping[str, float]:
+    """`FIGURES` of a matcher's scores (places, places)."""
+    truth = np.eye(len(scores), dtype=np.bool_)
+    released = evaluate(scores, confidence(matcher, scores), truth, pr="vprsnn").recall_at_100_precision
+    return {"released": released, **judged_scores(matcher, scores, truth)._asdict()}
 
 
-def _of_descriptors(section: Section) -> dict[str, Scores]:
+def _of_descriptors(task: SectionTask) -> dict[str, Scores]:
     """Scores of the descriptors of another program."""
-    references, queries = section.inputs
+    references, queries = task.inputs
     return {"descriptors": cosine_similarities(references, queries, np.arange(len(references)) % len(queries))}
 
 
-def _of_network(section: Section) -> dict[str, Scores]:
+def _of_network(task: SectionTask) -> dict[str, Scores]:
     """Scores of a network's decoders, and of the baselines that come with it."""
-    *references, queries = section.inputs
-    wanted = {method.matcher for method in of_network(section.task.network)}
+    *references, queries = task.inputs
+    wanted = {method.matcher for method in of_network(task.network)}
     rivals = tuple(name for name in BASELINES if name in wanted)
-    model = train(references, section.task.config)
+    model = train(references, task.config)
     found = recognise(model, queries, np.eye(model.places, dtype=np.bool_), Comparison(rivals=rivals))
     own = {name: decode(model, found.counts, name) for name in wanted - set(rivals)}
     return {**own, **{name: found.scores[name] for name in rivals}}

@@ -25,7 +25,7 @@ from lava_vpr.paper_table import run as computing
 from lava_vpr.paper_table.methods import METHODS, NETWORKS
 from lava_vpr.paper_table.printed import COLUMNS, PRINTED, printed
 from lava_vpr.paper_table.run import counted
-from lava_vpr.paper_table.sections import MethodFigures, kept_in, measure, read
+from lava_vpr.paper_table.sections import FIGURES, kept_in, measure, read
 from lava_vpr.paper_table.sources import official, stand_in, tasks
 
 QUICK = ("--only", "fast", "--epochs", "4", "--jobs", "1")
@@ -189,7 +189,7 @@ def test_descriptors_by_place_and_by_image(folder: Path) -> None:
         assert row["mean"]["recall_at_1"] == 0.25
     np.save("ref.npy", np.concatenate([ways, ways]))
     run("paper-table", *words, "--descriptors", "nordland=ref.npy,query.npy", "--json", "t.json")
-    assert rows("t.json")["nordland", "netvlad"]["mean"] == dict.fromkeys(MethodFigures._fields, 1.0)
+    assert rows("t.json")["nordland", "netvlad"]["mean"] == dict.fromkeys(FIGURES, 1.0)
     np.save("ref.npy", ways)
     said = error(*words, "--descriptors", "nordland=ref.npy,query.npy")
     assert "ref.npy: has 9 rows for 18 places, or 144 images; give one row for each, the reference traverses" in said
@@ -203,11 +203,11 @@ def test_an_interrupted_run_goes_on(folder: Path, monkeypatch: pytest.MonkeyPatc
     words = ("--dataset", "spedtest=s", *QUICK, "--keep", "kept")
     done: list[int] = []
 
-    def noted(section: Any) -> Any:
-        done.append(section.task.section)
-        if section.task.section == 2 and done.count(2) == 1:
+    def noted(shared: None, task: Any) -> Any:
+        done.append(task.section)
+        if task.section == 2 and done.count(2) == 1:
             raise KeyboardInterrupt
-        return measure(section)
+        return measure(None, task)
 
     monkeypatch.setattr(computing, "measure", noted)
     result = CliRunner().invoke(main, ["paper-table", *words])
@@ -234,7 +234,7 @@ def test_what_is_kept_is_taken_for_the_same_images_settings_and_program_alone(
     computing.compute(wanted, folder / "kept")
     first, second = tasks(source, "fast", (1, 2), 0, 4)
     keys = [kept.key(task) for task in (first, second)]
-    assert kept.find(first, keys[0]) == measure(read(first))
+    assert kept.find(first, keys[0]) == measure(None, read(first))
     assert kept.find(first, keys[1]) is None
     assert kept.key(tasks(source, "fast", (1,), 0, 5)[0]) != keys[0]
     assert kept.key(tasks(source, "fast", (1,), 1, 4)[0]) != keys[0]
@@ -247,7 +247,8 @@ def test_what_is_kept_is_taken_for_the_same_images_settings_and_program_alone(
     assert kept_in(folder / "kept").key(second) == keys[1]
     path = kept.file(first)
     assert path is not None
-    for text in ("", "[]", "{", '{"fingerprint": "x"}', json.dumps({"fingerprint": keys[0], "figures": {"fast": [2]}})):
+    beyond = json.dumps({"fingerprint": keys[0], "figures": {"fast": dict.fromkeys(FIGURES, 2)}})
+    for text in ("", "[]", "{", '{"fingerprint": "x"}', beyond):
         path.write_text(text)
         assert kept.find(first, keys[0]) is None
 
@@ -256,10 +257,10 @@ def test_a_section_that_was_read_needs_no_files(folder: Path) -> None:
     """So that any process can be given it."""
     task = tasks(stand_in("spedtest", [speds(folder) / "ref", folder / "query"]), "fast", (2,), 0, 4)[0]
     section = pickle.loads(pickle.dumps(read(task)))
-    figures = measure(read(task))
+    figures = measure(None, read(task))
     shutil.rmtree(folder / "ref")
     shutil.rmtree(folder / "query")
-    assert measure(section) == figures
+    assert measure(None, section) == figures
 
 
 @pytest.mark.slow

@@ -2,28 +2,31 @@
 
 from __future__ import annotations
 
+from lava_vpr.experiments.rows import Spread
 from lava_vpr.paper_table.printed import DOI
-from lava_vpr.paper_table.run import PaperTable
-from lava_vpr.paper_table.show import plots
+from lava_vpr.paper_table.run import DatasetRows, PaperTable
 from lava_vpr.paper_table.show.tables import RULES, tables
-from lava_vpr.show.templates import render
 from lava_vpr.show.text import safe
-from lava_vpr.studies.show.page import sheet
+from lava_vpr.studies.show.page import panels, sheet
+from lava_vpr.studies.show.plots import Kind, lines
 
 TITLE = "The paper's table"
+KINDS: tuple[Kind, ...] = (("released", "R@100P released", "c0", "o"), ("printed", "printed", "c1", "D"))
+"""What is drawn of each method: a dot for each section, a mark at their mean; what the paper prints."""
 
 
 def page(table: PaperTable) -> str:
     """The whole page as HTML text; equal results give equal text."""
     facts = {"paper": f"doi {DOI}", "seed": str(table.wanted.seed), "rules": RULES}
-    drawn = "".join(
-        render(
-            "bench_figure.html",
-            heading=safe(part.dataset.title),
-            drawing=plots.sections(part, safe(f"{part.dataset.title}: R@100P of each method on each section")),
-        )
-        for part in table.parts
-        if part.source is not None
-    )
+    drawn = panels((part.dataset.title, _drawing(part)) for part in table.parts if part.source is not None)
     sections = {"Sections": ("sections", drawn), "Tables": ("tables", "".join(one.html() for one in tables(table)))}
     return sheet(TITLE, facts, sections, table.command)
+
+
+def _drawing(part: DatasetRows) -> str:
+    """The sections of each method, and what the paper prints, as SVG."""
+    rows = [row for row in part.rows if row.figures or row.printed is not None]
+    printed = [None if row.printed is None else Spread.of({0: row.printed}) for row in rows]
+    figures = [(row.figures.get("released"), said) for row, said in zip(rows, printed, strict=True)]
+    label = safe(f"{part.dataset.title}: R@100P of each method on each section")
+    return lines([row.method.title for row in rows], KINDS, figures, label, f"sections-{part.dataset.name}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from lava_vpr.paper_table.run import DatasetRows, MethodRow, PaperTable, counted
+from lava_vpr.paper_table.sections import FIGURES
 from lava_vpr.show.numbers import NONE, percent
 from lava_vpr.show.table import Table
 
@@ -42,11 +43,9 @@ def summary(part: DatasetRows) -> Table:
 
 def _summary(row: MethodRow) -> tuple[str, ...]:
     printed = percent(row.printed)
-    spreads = row.spreads
-    released = spreads.get("released")
-    if released is None:
-        return (row.method.title, printed, *[NONE] * 5, row.absent or "")
-    others = (spreads.get(name) for name in ("recall_at_100_precision", "recall_at_1", "auc"))
+    if row.absent is not None:
+        return (row.method.title, printed, *[NONE] * 5, row.absent)
+    released, *others = (row.figures[name] for name in FIGURES)
     spread = "" if released.deviation is None else f" ± {percent(released.deviation)}"
     values = released.by_seed.values()
     return (
@@ -54,8 +53,8 @@ def _summary(row: MethodRow) -> tuple[str, ...]:
         printed,
         percent(released.mean) + spread,
         f"{percent(min(values))} to {percent(max(values))}",
-        *(percent(None if one is None else one.mean) for one in others),
-        counted(list(row.sections)) + (f"; {counted(row.left)} not computed" if row.left else ""),
+        *(percent(one.mean) for one in others),
+        counted(row.sections) + (f"; {counted(row.left)} not computed" if row.left else ""),
     )
 
 
@@ -66,8 +65,7 @@ def by_section(part: DatasetRows, figure: str, heading: str) -> Table:
     cells = []
     for number in numbers:
         first, end = part.dataset.section(number)
-        found = (row.sections.get(number) for row in rows)
-        values = (percent(None if one is None else getattr(one, figure)) for one in found)
+        values = (percent(row.figures[figure].by_seed.get(number)) for row in rows)
         cells.append((f"{number} (places {first}:{end})", *values))
     columns = ("section", *(row.method.title for row in rows))
     return Table(columns, cells, title=f"{part.dataset.title}, section by section: {heading}, percent")

@@ -6,10 +6,10 @@ from typing import Any
 
 from lava_vpr.paper_table.printed import DOI
 from lava_vpr.paper_table.run import DatasetRows, MethodRow, PaperTable
-from lava_vpr.paper_table.sections import MethodFigures
+from lava_vpr.paper_table.sections import FIGURES
 from lava_vpr.show.table import Table
 
-HEADER = ("dataset", "method", "section", *MethodFigures._fields, "printed", "absent")
+HEADER = ("dataset", "method", "section", *FIGURES, "printed", "absent")
 
 
 def as_json(table: PaperTable) -> dict[str, Any]:
@@ -42,15 +42,14 @@ def _part(part: DatasetRows) -> dict[str, Any]:
 
 
 def _row(row: MethodRow) -> dict[str, Any]:
-    spreads = {name: row.spreads.get(name) for name in MethodFigures._fields}
     return {
         "method": row.method.name,
         "printed": row.printed,
         "absent": row.absent,
         "not_computed": list(row.left),
-        "mean": {name: None if one is None else one.mean for name, one in spreads.items()},
-        "deviation": {name: None if one is None else one.deviation for name, one in spreads.items()},
-        "sections": {str(number): figures._asdict() for number, figures in row.sections.items()},
+        "mean": {name: row.figures[name].mean if row.figures else None for name in FIGURES},
+        "deviation": {name: row.figures[name].deviation if row.figures else None for name in FIGURES},
+        "sections": {str(k): {name: row.figures[name].by_seed[k] for name in FIGURES} for k in row.sections},
     }
 
 
@@ -64,9 +63,10 @@ def _lines(dataset: str, row: MethodRow) -> list[tuple[str, ...]]:
     """The lines of a row."""
     start, printed = (dataset, row.method.name), "" if row.printed is None else f"{row.printed:g}"
     if row.absent is not None:
-        return [(*start, "", *[""] * len(MethodFigures._fields), printed, row.absent)]
-    lines = [(*start, str(number), *map(_number, figures), "", "") for number, figures in row.sections.items()]
-    means, deviations = ([_number(getattr(one, of)) for one in row.spreads.values()] for of in ("mean", "deviation"))
+        return [(*start, "", *[""] * len(FIGURES), printed, row.absent)]
+    spreads = [row.figures[name] for name in FIGURES]
+    lines = [(*start, str(k), *(_number(one.by_seed[k]) for one in spreads), "", "") for k in row.sections]
+    means, deviations = ([_number(getattr(one, of)) for one in spreads] for of in ("mean", "deviation"))
     return [*lines, (*start, "mean", *means, printed, ""), (*start, "deviation", *deviations, "", "")]
 
 

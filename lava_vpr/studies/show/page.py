@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
-from lava_vpr.experiments.task import MODELLED
+from lava_vpr.experiments.task import MODELLED, NETWORK
+from lava_vpr.matching.evaluation import Recall
 from lava_vpr.show.page import document
 from lava_vpr.show.templates import render, text
 from lava_vpr.show.text import safe
@@ -17,7 +18,9 @@ def _drawings(found: Studied) -> str:
     """The plots of a study, each in a panel."""
     title, varied, rows = found.study.title, found.study.varied, found.rows
     if found.study.drawn == "rows":
-        drawn = [("Recall: dots are seeds, marks their means", plots.lines(rows, safe(f"{title}: recall of each row")))]
+        figures = [[row.figures[NETWORK][key] for key in Recall._fields] for row in rows]
+        svg = plots.lines([row.label for row in rows], plots.KINDS, figures, safe(f"{title}: recall of each row"))
+        drawn = [("Recall: dots are seeds, marks their means", svg)]
     else:
         drawn = [
             ("Recall: means of the seeds, bars from the least to the most", plots.curve(rows, varied, safe(title)))
@@ -25,6 +28,11 @@ def _drawings(found: Studied) -> str:
     if found.study.costed and sum(MODELLED in row.figures for row in rows) > 1:
         drawing = plots.costs(rows, varied, safe(f"{title}: R@1 against modelled energy and time of a query"))
         drawn.append(("Recall against modelled costs of a query", drawing))
+    return panels(drawn)
+
+
+def panels(drawn: Iterable[tuple[str, str]]) -> str:
+    """Drawings with their headings as HTML text."""
     return "".join(render("bench_figure.html", heading=safe(heading), drawing=svg) for heading, svg in drawn)
 
 

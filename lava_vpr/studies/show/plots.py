@@ -15,8 +15,10 @@ from lava_vpr.show.svg import THEME, Style, canvas, to_svg
 
 WIDTH = 560
 """Width of a drawing, in CSS pixels at its natural size."""
-KINDS = tuple(zip(Recall._fields, titles(), ("c0", "c1", "c2"), ("o", "s", "^"), strict=True))
+Kind = tuple[str, str, str, str]
 """What is drawn: figure, name, colour and marker."""
+KINDS: tuple[Kind, ...] = tuple(zip(Recall._fields, titles(), ("c0", "c1", "c2"), ("o", "s", "^"), strict=True))
+"""What is drawn of a study."""
 
 
 def _legend(axes: Axes, entries: Sequence[tuple[str, str, str, str]]) -> None:
@@ -102,27 +104,43 @@ def costs(rows: Sequence[Row], axis: str, label: str) -> str:
         return to_svg(figure, "costs", label)
 
 
-def lines(rows: Sequence[Row], label: str) -> str:
-    """Recall of points that have no axis, one below the other: every seed a dot, the mean a mark."""
+def lines(
+    labels: Sequence[str],
+    kinds: Sequence[Kind],
+    rows: Sequence[Sequence[Spread | None]],
+    label: str,
+    name: str = "lines",
+) -> str:
+    """Recall of rows one below the other: every seed or section a dot, the mean a mark.
+
+    Args:
+        labels: What the rows are called.
+        kinds: What is drawn of each.
+        rows: A figure of each kind; None: there is none.
+        label: The drawing in words.
+        name: What keeps it apart from the others of its page.
+    """
     with Style():
         height = 60 + 30 * len(rows)
         figure = canvas(WIDTH, height)
-        left = min(0.55, 0.03 + 0.0112 * max(len(row.label) for row in rows))
+        left = min(0.55, 0.03 + 0.0112 * max(map(len, labels)))
         axes = figure.add_axes((left, 40 / height, 0.98 - left, 1 - 68 / height))
         axes.grid(axis="x", color=THEME["line"], linewidth=0.6, alpha=0.6)
         axes.set_axisbelow(True)
         for k, row in enumerate(rows):
-            for shift, (key, _, colour, marker) in zip((-0.22, 0, 0.22), KINDS, strict=True):
-                values = [100 * value for value in row.figures[NETWORK][key].by_seed.values()]
-                axes.plot(values, [k + shift] * len(values), marker, color=THEME[colour], markersize=4, alpha=0.45)
-                mean = _mean(row, key)
-                axes.plot([mean, mean], [k + shift - 0.11, k + shift + 0.11], color=THEME[colour], linewidth=2.4)
+            for number, (kind, spread) in enumerate(zip(kinds, row, strict=True)):
+                if spread is None:
+                    continue
+                place, mean = k + 0.22 * (number - (len(kinds) - 1) / 2), 100 * spread.mean
+                values = [100 * value for value in spread.by_seed.values()]
+                axes.plot(values, [place] * len(values), kind[3], color=THEME[kind[2]], markersize=4, alpha=0.45)
+                axes.plot([mean, mean], [place - 0.11, place + 0.11], color=THEME[kind[2]], linewidth=2.4)
         axes.set(ylim=(len(rows) - 0.5, -0.5), xlabel="percent")
         _in_percent(axes.xaxis)
-        axes.set_yticks(range(len(rows)), [row.label for row in rows])
+        axes.set_yticks(range(len(rows)), labels)
         axes.tick_params(axis="y", length=0, labelcolor=THEME["ink"], labelsize=9)
         top = 1 + 16 / (height - 68)
-        for k, (_, text, colour, marker) in enumerate(KINDS):
+        for k, (_, text, colour, marker) in enumerate(kinds):
             axes.plot(0.3 * k, top, marker, color=THEME[colour], markersize=5, transform=axes.transAxes, clip_on=False)
             axes.text(0.3 * k + 0.03, top, text, va="center", transform=axes.transAxes)
-        return to_svg(figure, "lines", label)
+        return to_svg(figure, name, label)
