@@ -19,8 +19,7 @@ import click
 
 from benchmarks.places import TEMPLATES, PlacesSection, learn
 from benchmarks.program import BenchmarkTable, Printed, program, seeds_option
-from benchmarks.results.record import Record
-from benchmarks.results.rows import PRINTED, ResultRow, asked, measure
+from benchmarks.results.rows import PRINTED, Record, ResultRow, asked, measure
 from benchmarks.results.tables import DEFAULT, FIVE, PAPERS, SIMPLEST
 from lava_vpr.config import INPUT_MODES, preset
 from lava_vpr.configfile import update

@@ -22,8 +22,7 @@ import numpy as np
 from benchmarks.nordland import FOLDERS, images_of
 from benchmarks.places import TEMPLATES, PlacesSection, learn, places
 from benchmarks.program import BenchmarkTable, Printed, program
-from benchmarks.results.record import Record
-from benchmarks.results.rows import SEEDS, Figures, ResultRow, asked
+from benchmarks.results.rows import SEEDS, Figures, Record, ResultRow, asked
 from benchmarks.results.tables import DEFAULT, FIVE, LATE
 from lava_vpr.config import preset
 from lava_vpr.configfile import update

@@ -12,8 +12,7 @@ from collections.abc import Sequence
 
 import click
 
-from benchmarks.results.record import FILE, Record
-from benchmarks.results.rows import ResultRow
+from benchmarks.results.rows import FILE, Record, ResultRow
 from benchmarks.results.tables import ROWS
 from lava_vpr.errors import LavaVprError
 from scripts.pages import bring_up_to_date as write_pages

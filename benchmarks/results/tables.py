@@ -7,8 +7,7 @@ from typing import Any
 
 from benchmarks.figures import markdown
 from benchmarks.places import PlacesSection, sections_of
-from benchmarks.results.record import Record
-from benchmarks.results.rows import SEEDS, STANDING, TAU, ResultRow
+from benchmarks.results.rows import SEEDS, STANDING, TAU, Record, ResultRow
 from lava_vpr.config import PRESETS, preset
 from lava_vpr.configfile import update
 

@@ -33,9 +33,8 @@ from lava_vpr.learning.route import settings_of
 from lava_vpr.matching.evaluation import truth_from_indices
 from lava_vpr.storage.text import shown
 from lava_vpr.studies.registry import STUDIES
-from lava_vpr.studies.run import Studied, planned, run
 from lava_vpr.studies.show.values import as_json, table
-from lava_vpr.studies.study import StudyRequest
+from lava_vpr.studies.study import Studied, StudyRequest, planned, run
 from lava_vpr.training.preparing import check_references
 from lava_vpr.traverse import open_traverse, open_traverses
 

@@ -10,10 +10,8 @@ from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.datasets.layouts import DATASETS, Dataset
 from lava_vpr.errors import InputError
 from lava_vpr.experiments import grid
-from lava_vpr.experiments.grid import Advance, ignored
-from lava_vpr.experiments.rows import Outcome, Spread, rows
-from lava_vpr.paper_table.methods import DESCRIPTORS, METHODS, NETWORKS, Method
-from lava_vpr.paper_table.printed import printed
+from lava_vpr.experiments.grid import Advance, Outcome, Spread, ignored, rows
+from lava_vpr.paper_table.methods import DESCRIPTORS, METHODS, NETWORKS, Method, printed
 from lava_vpr.paper_table.sections import SectionTask, kept_in, measure, read
 from lava_vpr.paper_table.sources import Source, tasks
 

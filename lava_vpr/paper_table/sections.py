@@ -18,7 +18,7 @@ from lava_vpr.configfile import to_dict
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse
 from lava_vpr.errors import InputError
 from lava_vpr.experiments.cache import FigureCache, content_key
-from lava_vpr.experiments.rows import Figures
+from lava_vpr.experiments.grid import Figures
 from lava_vpr.experiments.task import judged_scores
 from lava_vpr.matching.baselines import cosine_similarities, load_descriptors
 from lava_vpr.matching.decoders import confidence

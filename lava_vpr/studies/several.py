@@ -15,7 +15,7 @@ from lava_vpr.configfile import update
 from lava_vpr.encoding import query_rates
 from lava_vpr.engine.random import presentation_key, uniform
 from lava_vpr.errors import ConfigError
-from lava_vpr.experiments.rows import Figures, Outcome
+from lava_vpr.experiments.grid import Figures, Outcome
 from lava_vpr.experiments.task import (
     FACTS,
     MODELLED,

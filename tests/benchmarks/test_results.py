@@ -10,8 +10,8 @@ import pytest
 
 from benchmarks.places import PlacesSection
 from benchmarks.results import __main__ as command
-from benchmarks.results import record, rows, tables
-from benchmarks.results.record import REMEDY, Record
+from benchmarks.results import rows, tables
+from benchmarks.results.rows import REMEDY, Record
 from benchmarks.results.tables import DEFAULT, FIVE, LEARNED
 from lava_vpr.configfile import update
 from lava_vpr.experiments.cache import modules_of
@@ -19,11 +19,11 @@ from lava_vpr.experiments.cache import modules_of
 
 def names(row: rows.ResultRow) -> list[str]:
     """What the figures of a row are kept under."""
-    return [record.key_of(section, seed) for section in row.sections for seed in rows.SEEDS]
+    return [rows.key_of(section, seed) for section in row.sections for seed in rows.SEEDS]
 
 
 def test_the_file_has_every_section_and_seed_of_todays_rows_under_todays_settings() -> None:
-    today = {row.name: (record.settings_hash(row), {*names(row)}) for row in tables.ROWS}
+    today = {row.name: (rows.settings_hash(row), {*names(row)}) for row in tables.ROWS}
     assert {name: (kept["settings"], {*kept["figures"]}) for name, kept in Record.read().rows.items()} == today, REMEDY
     assert len(today) == len(tables.ROWS)
 
@@ -39,7 +39,7 @@ def test_what_decides_the_figures_is_derived_from_imports() -> None:
 def test_a_record_is_read_as_it_was_written(tmp_path: Path) -> None:
     row, file = LEARNED[DEFAULT], tmp_path / "results.json"
     figures = {
-        record.key_of(section, seed): {"network": [90.0 + k + seed, 80.5, 7.25], "costs": [2.0 * k, 1.0]}
+        rows.key_of(section, seed): {"network": [90.0 + k + seed, 80.5, 7.25], "costs": [2.0 * k, 1.0]}
         for k, section in enumerate(FIVE)
         for seed in rows.SEEDS
     }
@@ -104,7 +104,7 @@ def test_what_the_page_says_of_its_tables_is_so() -> None:
     assert np.all(np.array(kept.mean(every, "cosine")) > kept.mean(every))
     adapted = (kept.mean(LEARNED[DEFAULT], f"{name}, adapted") for name in ("cosine", "network"))
     assert np.all(np.greater(*adapted))
-    assert "1.1 µJ, is a hundredth" in (record.ROOT / "docs" / "results.md").read_text(encoding="utf-8").replace(
+    assert "1.1 µJ, is a hundredth" in (rows.ROOT / "docs" / "results.md").read_text(encoding="utf-8").replace(
         "\n  ", " "
     )
     assert f"{kept.mean(LEARNED['fast'], 'costs')[0]:.1f}" == "1.1"
@@ -118,5 +118,5 @@ def test_a_section_of_each_row_is_what_the_file_says(kind: str, data_root: Path)
     kept = Record.read()
     for row in tables.KINDS[kind]:
         place = row.sections[0], rows.SEEDS[0]
-        known = kept.rows[row.name]["figures"][record.key_of(*place)]
+        known = kept.rows[row.name]["figures"][rows.key_of(*place)]
         assert rows.measure(row, *place) == known, f"{row.name}: if that is meant, {REMEDY}"

@@ -1,18 +1,22 @@
-"""Studies on a small made-up route: points that mean what they say, and the same figures every time."""
+"""Studies on a small made-up route: points that mean what they say, and the same figures every time; the command."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
 import pickle
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
 from statistics import mean, stdev
 
 import numpy as np
 import pytest
+from support.common import commands
 from support.common.browser import PHONE, on_phone, visit
+from support.common.commands import images, listed
+from support.common.daskcluster import DaskCluster
 from support.common.small_models import encoded, small_config, tiny_paper
 
 from lava_vpr.cluster.tasks import Pool
@@ -22,21 +26,19 @@ from lava_vpr.deploy.boards.memory import PackedRows
 from lava_vpr.deploy.compression.compression import Changes, requantised
 from lava_vpr.errors import ConfigError
 from lava_vpr.experiments import task as measuring
-from lava_vpr.experiments.rows import Outcome, Row, Spread, rows
+from lava_vpr.experiments.grid import Outcome, Row, Spread, rows
 from lava_vpr.experiments.task import MODELLED, NETWORK, Costs, Route, counted, learned, modelled
 from lava_vpr.matching.decoders import confidence
 from lava_vpr.matching.ensembles import hyperactive
 from lava_vpr.matching.evaluation import Recall, evaluate
-from lava_vpr.model import decode
+from lava_vpr.model import Model, decode
 from lava_vpr.recognition import Comparison, recognise
-from lava_vpr.studies.decoding import BOTH, QUERIES, TRAINING
-from lava_vpr.studies.learning import sections
-from lava_vpr.studies.registry import STUDIES
-from lava_vpr.studies.run import Studied, measured, planned, run
+from lava_vpr.studies.registry import BOTH, QUERIES, STUDIES, TRAINING, sections
 from lava_vpr.studies.several import as_one, member_seed, shuffled_order, side_by_side, theta_of
-from lava_vpr.studies.show.page import page
+from lava_vpr.studies.show.page import costs as drawn_costs
+from lava_vpr.studies.show.page import curve, page
 from lava_vpr.studies.show.values import as_json, baselines_of, table
-from lava_vpr.studies.study import StudyRequest, StudyTask
+from lava_vpr.studies.study import Studied, StudyRequest, StudyTask, measured, planned, run
 
 PLACES = 8
 VALUES: dict[str, tuple[float, ...]] = {
@@ -106,9 +108,10 @@ def means(one: Row, group: str) -> tuple[float, ...]:
     return tuple(value.mean for value in one.figures[group].values())
 
 
-def reference(one: Recall, row_: Row, seed: int) -> None:
-    """``one`` are the figures of a row with a seed."""
-    assert one == Recall(*(row_.figures[NETWORK][name].by_seed[seed] for name in Recall._fields))
+def auc_of(model: Model, place: Route, noise: int | None = None) -> float:
+    """The area under the curve of ``contrast``, from scores to figures without the studies' functions."""
+    scores = decode(model, counted(model, place, noise), "contrast")
+    return evaluate(scores, confidence("contrast", scores), place.truth).auc
 
 
 def test_a_point_is_what_eval_says_of_such_a_model() -> None:
@@ -116,14 +119,11 @@ def test_a_point_is_what_eval_says_of_such_a_model() -> None:
     for seed in (0, 3):
         model = learned(place, update(small_config(), {"seed": seed}))
         result = recognise(model, place.queries, place.truth, Comparison(rivals=("cosine", "sad")))
-        own = result.metrics["contrast"]
-        reference(Recall(own.recall_at_1, own.recall_at_100_precision, own.auc), row("places", "8"), seed)
-        weighted = result.metrics["weighted"]
-        three = Recall(weighted.recall_at_1, weighted.recall_at_100_precision, weighted.auc)
-        reference(three, row("weighting", "a + b + c"), seed)
+        for study, point, matcher in (("places", "8", "contrast"), ("weighting", "a + b + c", "weighted")):
+            by_name = row(study, point).figures[NETWORK]
+            assert Recall.of(result.metrics[matcher]) == tuple(by_name[name].by_seed[seed] for name in Recall._fields)
         if seed == 0:
-            sad = result.metrics["sad"]
-            assert means(row("places", "8"), "sad") == (sad.recall_at_1, sad.recall_at_100_precision, sad.auc)
+            assert means(row("places", "8"), "sad") == Recall.of(result.metrics["sad"])
             assert costs(row("places", "8")) == modelled(model, place)
 
 
@@ -138,9 +138,7 @@ def test_bits_and_steps_quantise_anew_what_was_learned_once() -> None:
             requantised(dataclasses.replace(model, config=update(model.config, {"network": {"steps": 64}}))),
         ),
     ):
-        scores = decode(made, counted(made, place), "contrast")
-        figures = evaluate(scores, confidence("contrast", scores), place.truth)
-        assert row(name, point).figures[NETWORK]["auc"].by_seed[3] == figures.auc
+        assert row(name, point).figures[NETWORK]["auc"].by_seed[3] == auc_of(made, place)
     cheap, dear = costs(row("steps", "64")), costs(row("steps", "128"))
     assert cheap is not None
     assert dear is not None
@@ -154,12 +152,7 @@ def test_seeds_hold_still_what_they_say() -> None:
     for name in Recall._fields:
         assert len({one.figures[NETWORK][name].by_seed[0] for one in (both, queries, training)}) == 1
     for label, model_seed, noise in ((queries, 0, 3), (training, 3, 0), (both, 3, 3)):
-        model = learned(place, configs[model_seed])
-        scores = decode(model, counted(model, place, noise), "contrast")
-        assert (
-            label.figures[NETWORK]["auc"].by_seed[3]
-            == evaluate(scores, confidence("contrast", scores), place.truth).auc
-        )
+        assert label.figures[NETWORK]["auc"].by_seed[3] == auc_of(learned(place, configs[model_seed]), place, noise)
 
 
 def test_modules_apart_are_models_of_their_own() -> None:
@@ -238,15 +231,13 @@ def test_sections_hold_the_route_evenly(places: int, number: int, expected: list
     assert sections(places, number) == expected
 
 
-def test_a_number_of_places_is_the_mean_of_itssections() -> None:
+def test_a_number_of_places_is_the_mean_of_its_sections() -> None:
     place = route()
     for seed in (0, 3):
         figures = []
         for first, end in ((0, 4), (4, 8)):
             part = place.section(first, end)
-            model = learned(part, update(small_config(), {"seed": seed}))
-            scores = decode(model, counted(model, part), "contrast")
-            figures.append(evaluate(scores, confidence("contrast", scores), np.eye(4, dtype=bool)).auc)
+            figures.append(auc_of(learned(part, update(small_config(), {"seed": seed})), part))
         assert row("places", "4").figures[NETWORK]["auc"].by_seed[seed] == pytest.approx(mean(figures), abs=1e-15)
 
 
@@ -303,20 +294,8 @@ def test_a_board_that_cannot_run_a_network_leaves_a_gap(monkeypatch: pytest.Monk
     assert as_json(made)["points"][1]["modelled"] is None
     assert "modelled uJ" not in table(made).columns
     assert as_json(made)["points"][0]["network"]["auc"]["deviation"] is None
-
-
-def test_a_table_shows_a_gap_where_one_network_is_too_large() -> None:
-    whole = found("bits").rows[1]
-    gap = dataclasses.replace(whole, figures={k: v for k, v in whole.figures.items() if k != MODELLED})
-    shown = table(dataclasses.replace(found("bits"), rows=(found("bits").rows[0], gap)))
-    assert shown.rows[1][-2:] == ("-", "-")
-
-
-def test_progress_tells_of_every_model() -> None:
-    told: list[tuple[int, str]] = []
-    run(STUDIES["places"], asked("places"), advance=lambda done, note: told.append((done, note)))
-    assert sum(done for done, _ in told) == len(planned(STUDIES["places"], asked("places")))
-    assert {note for _, note in told} == {"models"}
+    one_gap = dataclasses.replace(found("bits"), rows=(found("bits").rows[0], made.rows[1]))
+    assert table(one_gap).rows[1][-2:] == ("-", "-")
 
 
 @pytest.mark.parametrize("name", ["steps", "weighting"])
@@ -335,3 +314,50 @@ def test_on_a_phone_nothing_sticks_out_and_words_can_be_read(name: str, tmp_path
     assert seen.said == STUDIES[name].title
     assert seen.smallest is not None
     assert seen.smallest >= 7
+
+
+QUICK = ("--config", "quick.toml", "--seeds", "0,1")
+
+
+def study(*words: object) -> str:
+    return commands.run("study", *words, *QUICK).stdout
+
+
+@pytest.mark.slow
+def test_a_cluster_gives_the_bytes_of_this_machine(here: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+    cluster = DaskCluster(tmp_path_factory.mktemp("cluster"))
+    words = ("hyperactive", "reference", "--query", "query", "--values", "4")
+    try:
+        there = study(*words, "--cluster", cluster.address, "--json", "there.json", "--report", "there")
+    finally:
+        cluster.end()
+    alone = study(*words, "--json", "here.json", "--report", "here")
+    assert alone == there.replace("report: there", "report: here")
+    assert Path("there.json").read_bytes() == Path("here.json").read_bytes()
+    assert Path("there/study.html").read_bytes() == Path("here/study.html").read_bytes()
+
+
+def test_places_take_a_part_of_each_traverse(here: Path) -> None:
+    order = listed("part.txt", images("reference")[2:6])
+    asked = listed("asked.txt", images("query")[2:6])
+    whole = study("seeds", "reference", "--query", "query", "--places", "2:6", "--json", "a.json")
+    study("seeds", order, "--query", asked, "--json", "b.json")
+    assert Path("a.json").read_bytes() == Path("b.json").read_bytes()
+    assert "4 queries, 4 places" in whole
+
+
+@pytest.mark.parametrize("draw", [curve, drawn_costs])
+@pytest.mark.parametrize("recall", [(1.0, 1.0), (0.62, 1.0), (0.97, 0.99)])
+def test_no_axis_of_recall_goes_on_beyond_all(draw: Callable[..., str], recall: tuple[float, ...]) -> None:
+    found = rows(
+        Outcome(
+            f"{k}",
+            k,
+            0,
+            {NETWORK: dict.fromkeys(Recall._fields, value), MODELLED: Costs(k / 8, k / 16)._asdict()},
+        )
+        for k, value in enumerate(recall, start=2)
+    )
+    ticks = [float(text) for text in re.findall(r">(\d+(?:\.\d+)?)<", draw(found, "bits", "label"))]
+    assert max(ticks) == 100
+    assert sum(tick <= 100 for tick in ticks if tick >= 90) >= 2

@@ -19,9 +19,7 @@ from lava_vpr.datasets.layouts import DATASETS
 from lava_vpr.errors import InputError
 from lava_vpr.paper_table.methods import NETWORKS
 from lava_vpr.paper_table.run import PaperRequest, PaperTable, compute
-from lava_vpr.paper_table.show.markdown import markdown
-from lava_vpr.paper_table.show.tables import RULES, tables
-from lava_vpr.paper_table.show.values import as_csv, as_json
+from lava_vpr.paper_table.show.tables import RULES, as_csv, as_json, markdown, tables
 from lava_vpr.paper_table.sources import Source, official, stand_in
 from lava_vpr.storage.text import shown
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from lava_vpr.experiments.rows import Spread
-from lava_vpr.paper_table.printed import DOI
+from lava_vpr.experiments.grid import Spread
+from lava_vpr.paper_table.methods import DOI
 from lava_vpr.paper_table.run import DatasetRows, PaperTable
 from lava_vpr.paper_table.show.tables import RULES, tables
 from lava_vpr.show.text import safe
-from lava_vpr.studies.show.page import panels, sheet
-from lava_vpr.studies.show.plots import Kind, lines
+from lava_vpr.studies.show.page import Kind, lines, panels, sheet
 
 TITLE = "The paper's table"
 KINDS: tuple[Kind, ...] = (("released", "R@100P released", "c0", "o"), ("printed", "printed", "c1", "D"))

@@ -1,7 +1,11 @@
-"""The table as plain text cells, which terminal, Markdown and page only render."""
+"""The paper's table: plain text cells of terminal, Markdown and page, the whole as Markdown, JSON and CSV; equal
+results give equal bytes, and none holds a path or a time."""
 
 from __future__ import annotations
 
+from typing import Any
+
+from lava_vpr.paper_table.methods import DOI
 from lava_vpr.paper_table.run import DatasetRows, MethodRow, PaperTable, counted
 from lava_vpr.paper_table.sections import FIGURES
 from lava_vpr.show.numbers import NONE, percent
@@ -97,3 +101,98 @@ def tables(table: PaperTable) -> list[Table]:
                 found.append(by_section(part, "recall_at_1", "R@1"))
     last = absent(table)
     return found if last is None else [*found, last]
+
+
+def markdown(table: PaperTable) -> str:
+    """The whole page; equal results give equal text."""
+    wanted = table.wanted
+    shown = "as many epochs as each preset says" if wanted.epochs is None else f"{wanted.epochs} epochs"
+    lines = [
+        "# The paper's table",
+        "",
+        "<!-- Written by the command below. -->",
+        "",
+        f"What Hussaini, Milford and Fischer (RA-L 2022, [doi {DOI}](https://doi.org/{DOI})) print of recall at 100 % "
+        "precision, mean over sections, beside what this package measures: VPRSNN's network as coded (preset `paper`) "
+        "with the paper's four decoders, SAD, vectors of NetVLAD where they are given, and this package's own presets "
+        f"and matchers on the same images. Seed {wanted.seed}, {shown}; ± is the sample standard deviation over "
+        "sections.",
+        "",
+        RULES,
+        "",
+        "```sh",
+        table.command,
+        "```",
+    ]
+    for one in tables(table):
+        lines += ["", f"## {one.title[0].upper()}{one.title[1:]}", ""]
+        if one.notes:
+            lines += [*one.notes, ""]
+        lines.append(one.markdown())
+    return "\n".join(lines) + "\n"
+
+
+HEADER = ("dataset", "method", "section", *FIGURES, "printed", "absent")
+
+
+def as_json(table: PaperTable) -> dict[str, Any]:
+    """The table in the layout that scripts rely on: fractions in 0..1, None where there is nothing."""
+    return {
+        "doi": DOI,
+        "seed": table.wanted.seed,
+        "epochs": table.wanted.epochs,
+        "datasets": [_part(part) for part in table.parts],
+    }
+
+
+def _part(part: DatasetRows) -> dict[str, Any]:
+    source = part.source
+    return {
+        "dataset": part.dataset.name,
+        "sections_of_the_paper": part.dataset.sections,
+        "places_of_a_section": part.dataset.places,
+        "paper": {"learned": list(part.dataset.learned), "recognised": part.dataset.recognised},
+        "here": None
+        if source is None
+        else {
+            "learned": list(source.learned),
+            "recognised": source.recognised,
+            "official": source.official,
+            "places": source.places,
+        },
+        "rows": [_row(row) for row in part.rows],
+    }
+
+
+def _row(row: MethodRow) -> dict[str, Any]:
+    return {
+        "method": row.method.name,
+        "printed": row.printed,
+        "absent": row.absent,
+        "not_computed": list(row.left),
+        "mean": {name: row.figures[name].mean if row.figures else None for name in FIGURES},
+        "deviation": {name: row.figures[name].deviation if row.figures else None for name in FIGURES},
+        "sections": {str(k): {name: row.figures[name].by_seed[k] for name in FIGURES} for k in row.sections},
+    }
+
+
+def as_csv(table: PaperTable) -> str:
+    """The table as CSV: a line for each section, then ``mean`` and ``deviation``; one line says why a row is absent."""
+    lines = [line for part in table.parts for row in part.rows for line in _lines(part.dataset.name, row)]
+    return Table(HEADER, lines).csv()
+
+
+def _lines(dataset: str, row: MethodRow) -> list[tuple[str, ...]]:
+    """The lines of a row."""
+    start, printed = (dataset, row.method.name), "" if row.printed is None else f"{row.printed:g}"
+    if row.absent is not None:
+        return [(*start, "", *[""] * len(FIGURES), printed, row.absent)]
+    spreads = [row.figures[name] for name in FIGURES]
+    lines = [(*start, str(k), *(_number(one.by_seed[k]) for one in spreads), "", "") for k in row.sections]
+    means, deviations = ([_number(getattr(one, of)) for one in spreads] for of in ("mean", "deviation"))
+    return [*lines, (*start, "mean", *means, printed, ""), (*start, "deviation", *deviations, "", "")]
+
+
+def _number(value: float | None) -> str:
+    """A fraction with as many digits as sections of 100 queries have, and some more; nothing for none."""
+    return "" if value is None else f"{value:.6f}"

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from lava_vpr.configfile import to_dict
-from lava_vpr.experiments.rows import Row, Spread
+from lava_vpr.experiments.grid import Row, Spread
 from lava_vpr.experiments.task import BOARD, COSTED, FACTS, MODELLED, NETWORK, Costs
 from lava_vpr.matching.evaluation import Recall, titles
 from lava_vpr.show.numbers import NONE, figure, named, percent
 from lava_vpr.show.table import Table
-from lava_vpr.studies.run import Studied
+from lava_vpr.studies.study import Studied
 
 SHARES = ("covered", "removed")
 """Facts that are shares, shown in percent; all others are counts."""
